@@ -1,0 +1,85 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/imaging/camera.h"
+#include "tileflight/imaging/image.h"
+
+namespace tileflight::dataset {
+
+struct Frame {
+  std::string id;             ///< "000000"
+  std::filesystem::path image;
+  double time_s = 0.0;
+  double exposure_ms = 0.0;   ///< 0: unknown
+};
+
+/// A line of gps.csv: t,lat,lon,height,horizontal_sigma,vertical_sigma.
+struct GpsFix {
+  double time_s = 0.0;
+  geometry::Geodetic place;
+  double horizontal_sigma_m = 0.0;
+  double vertical_sigma_m = 0.0;
+};
+
+/// A sensor dataset on disk (contract: "A dataset folder"). Images stay on disk; frames are in time order.
+struct Dataset {
+  std::filesystem::path folder;
+  std::vector<Frame> frames;
+  imaging::Calibration calibration;
+  std::filesystem::path pcalib;    ///< empty where there is none
+  std::filesystem::path vignette;  ///< empty where there is none
+  std::optional<geometry::Trajectory> groundtruth;
+  std::vector<GpsFix> gps;
+  std::map<std::string, std::string> about;  ///< dataset.yaml, flattened "a.b" -> text
+};
+
+/// Reads and checks a dataset folder: every frame's image is there and every line well-formed, times strictly increase, the
+/// calibration is for the images' size (the first image is looked at). Also reads a folder that has only images/, times.txt and
+/// camera.txt or camera.yaml (DSO's layout). Throws InputError (file, line, cause).
+Dataset read_dataset(const std::filesystem::path& folder);
+
+std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
+void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
+
+/// Writes a dataset folder frame by frame (frames may come in any order and from several threads; the files are the same).
+/// Nothing is at `folder` until finish(): it is built beside and renamed; destroyed without finish(), it is removed.
+class DatasetWriter {
+ public:
+  struct Options {
+    bool replace = false;
+    bool depth = false;        ///< depth/000000.exr
+    bool png = false;          ///< images as PNG instead of JPEG
+    int jpeg_quality = 95;
+  };
+  DatasetWriter(std::filesystem::path folder, imaging::Calibration calibration, Options options);
+  ~DatasetWriter();
+  DatasetWriter(const DatasetWriter&) = delete;
+  DatasetWriter& operator=(const DatasetWriter&) = delete;
+
+  /// Where files of this dataset go before finish(); for extras such as pcalib.txt.
+  const std::filesystem::path& temporary_folder() const { return temporary_; }
+
+  void add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image,
+                 const imaging::FloatImage* depth_m = nullptr);
+  void set_groundtruth(geometry::Trajectory trajectory);
+  void set_gps(std::vector<GpsFix> fixes);
+  /// A line of dataset.yaml, "a.b.c" nests.
+  void describe(const std::string& key, const std::string& value);
+  void finish();
+
+ private:
+  struct Impl;
+  std::filesystem::path temporary_;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::dataset

@@ -1,0 +1,111 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/mesh.h"
+#include "tileflight/geometry/point_cloud.h"
+#include "tileflight/geometry/trajectory.h"
+
+namespace tileflight::evaluation {
+
+/// Mean, spread and shape of a set of distances, metres.
+struct DistanceStatistics {
+  std::size_t count = 0;
+  double mean = 0, std = 0, median = 0, rmse = 0;  ///< std: divisor n - 1
+};
+
+struct Histogram {
+  std::vector<double> edges;         ///< 51 of them for 50 bins from 0 to the cut-off
+  std::vector<std::size_t> counts;
+};
+
+/// The paper's numbers (design: science.md): distance from each map point to the nearest voxel centre, kept up to the cut-off.
+struct MapMetrics {
+  std::size_t points = 0;
+  std::size_t correspondences = 0;
+  DistanceStatistics distances;      ///< of the kept ones
+  Histogram histogram;
+  double cutoff_m = 1.0;
+  DistanceStatistics quantization_floor;  ///< the score of points sampled on the true surface
+};
+
+/// Distance to the exact surface, nothing cut off; shares by threshold.
+struct SurfaceMetrics {
+  DistanceStatistics distances;
+  std::map<double, double> accuracy, completeness, f_score;  ///< by threshold, metres
+};
+
+struct RelativePoseError {
+  double delta_m = 0;                ///< path length between the two poses of a pair
+  std::size_t pairs = 0;
+  double translation_rmse_m = 0, rotation_rmse_deg = 0;
+};
+
+struct TrajectoryMetrics {
+  double ate_rmse_m = 0, ate_mean_m = 0, ate_max_m = 0;
+  std::vector<RelativePoseError> rpe;
+  double path_length_m = 0;          ///< of the truth over the compared poses
+  double scale = 1;                  ///< of the Sim(3) that aligned the estimate
+  std::size_t poses = 0;
+};
+
+struct MapMetricsOptions {
+  double cutoff_m = 1.0;
+  int bins = 50;
+};
+
+/// `surface_samples`: points evenly on the true surface, for the floor.
+MapMetrics evaluate_map(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers,
+                        const geometry::PointCloud& surface_samples, const MapMetricsOptions& options = {});
+
+/// `seen_samples`: samples of the true surface that the flight's camera saw, for completeness.
+SurfaceMetrics evaluate_surface(const geometry::PointCloud& aligned_map, const geometry::TriangleMesh& surface,
+                                const geometry::PointCloud& seen_samples,
+                                const std::vector<double>& thresholds_m = {0.1, 0.2, 0.5, 1.0});
+
+enum class TrajectoryAlignment { kSim3, kSE3, kNone };
+
+/// ATE after alignment of the camera positions (Umeyama), RPE over the given path lengths. Poses are paired by time. Throws InputError
+/// when fewer than 3 pairs share a time.
+TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
+                                      TrajectoryAlignment alignment, const std::vector<double>& rpe_deltas_m = {1, 10, 50});
+
+/// The two runs side by side.
+struct Comparison {
+  double mean_difference_m = 0, std_difference_m = 0, points_ratio = 0;
+  double ks_statistic = 0, wasserstein_m = 0;
+  std::array<double, 2> mean_difference_ci95{};
+  double equivalence_margin_m = 0.05;
+  std::string verdict;                    ///< "equivalent", "different" or "undecided"
+  std::optional<double> equivalent_within_m;  ///< the smallest margin at which they would count as equivalent
+};
+
+struct ComparisonOptions {
+  double equivalence_margin_m = 0.05;
+  double block_m = 5.0;      ///< edge of the blocks of the bootstrap
+  int resamples = 2000;
+  std::uint64_t seed = 1;
+};
+
+/// Kept distances of a run with the positions they belong to (blocks need them).
+struct KeptDistances {
+  std::vector<geometry::Vec3> positions;
+  std::vector<double> distances;
+  std::size_t points = 0;  ///< of the map, kept or not
+};
+KeptDistances kept_distances(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers, double cutoff_m);
+
+Comparison compare(const KeptDistances& simulated, const KeptDistances& real, const ComparisonOptions& options = {});
+
+/// The keys of the contract.
+nlohmann::json to_json(const MapMetrics& m);
+nlohmann::json to_json(const SurfaceMetrics& m);
+nlohmann::json to_json(const TrajectoryMetrics& m);
+nlohmann::json to_json(const Comparison& c);
+
+}  // namespace tileflight::evaluation

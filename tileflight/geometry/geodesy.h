@@ -1,0 +1,49 @@
+#pragma once
+
+#include "tileflight/geometry/transform.h"
+
+namespace tileflight::geometry {
+
+/// Height above the WGS84 ellipsoid, metres.
+struct EllipsoidalHeight {
+  double m = 0.0;
+};
+
+/// Height above mean sea level (the EGM96 geoid), metres. A type of its own, so that the two are never mixed.
+struct OrthometricHeight {
+  double m = 0.0;
+};
+
+/// A place on WGS84. Degrees only here and in files that people write.
+struct Geodetic {
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  EllipsoidalHeight height;
+};
+
+/// WGS84 geodetic to earth-centred earth-fixed metres, and back (GeographicLib).
+Vec3 ecef_from_geodetic(const Geodetic& place);
+Geodetic geodetic_from_ecef(const Vec3& ecef_m);
+
+/// Adds the geoid undulation at that place (PROJ, EGM96). Throws InputError when the geoid grid is not installed.
+EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longitude_deg, OrthometricHeight height);
+
+/// Right-handed east-north-up frame that touches the ellipsoid's normal at `origin`.
+class LocalFrame {
+ public:
+  explicit LocalFrame(const Geodetic& origin);
+
+  const Geodetic& origin() const { return origin_; }
+  const SE3& T_ecef_local() const { return T_ecef_local_; }
+  const SE3& T_local_ecef() const { return T_local_ecef_; }
+
+  Vec3 local_from_geodetic(const Geodetic& place) const;
+  Geodetic geodetic_from_local(const Vec3& local_m) const;
+
+ private:
+  Geodetic origin_;
+  SE3 T_ecef_local_;
+  SE3 T_local_ecef_;
+};
+
+}  // namespace tileflight::geometry

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+
+namespace tileflight::geometry {
+
+struct Neighbor {
+  std::size_t index = 0;  ///< into the points that the index was built from
+  double distance_m = 0.0;
+};
+
+/// Exact nearest neighbours among fixed points (k-d tree, nanoflann). Queries are const and may run in parallel.
+/// Copies the points. Equal distances: the lowest index wins, so that answers do not depend on the tree.
+class NearestIndex {
+ public:
+  explicit NearestIndex(const std::vector<Vec3>& points);
+  ~NearestIndex();
+  NearestIndex(NearestIndex&&) noexcept;
+  NearestIndex& operator=(NearestIndex&&) noexcept;
+
+  std::size_t size() const;
+
+  /// The nearest point within `radius_m` (inclusive); nullopt if there is none.
+  std::optional<Neighbor> nearest(const Vec3& query,
+                                  double radius_m = std::numeric_limits<double>::infinity()) const;
+  /// The `count` nearest, nearest first (fewer if there are fewer points).
+  std::vector<Neighbor> nearest_k(const Vec3& query, std::size_t count) const;
+  /// All within the radius, nearest first.
+  std::vector<Neighbor> within(const Vec3& query, double radius_m) const;
+
+ private:
+  struct Tree;
+  std::unique_ptr<Tree> tree_;
+};
+
+}  // namespace tileflight::geometry

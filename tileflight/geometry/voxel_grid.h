@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "tileflight/geometry/mesh.h"
+#include "tileflight/geometry/point_cloud.h"
+
+namespace tileflight::geometry {
+
+/// A cell by its indices along east, north, up from the grid's minimum corner.
+struct Cell {
+  std::int32_t x = 0, y = 0, z = 0;
+  friend auto operator<=>(const Cell&, const Cell&) = default;
+};
+
+/// A regular grid of cubes and which of them are occupied. Sparse: memory follows the occupied cells.
+/// Cell (x, y, z) covers origin + edge * [x, x+1) x [y, y+1) x [z, z+1).
+struct VoxelGrid {
+  Vec3 origin = Vec3::Zero();            ///< minimum corner, metres, local frame
+  double edge_m = 1.0;                   ///< edge of a cell
+  std::array<std::int32_t, 3> dims{};    ///< cells along east, north, up
+  std::vector<Cell> occupied;            ///< sorted (x, then y, then z), no duplicates
+
+  Vec3 center(const Cell& c) const { return origin + edge_m * (Vec3(c.x, c.y, c.z) + Vec3::Constant(0.5)); }
+};
+
+/// Cell centres by the paper's equation (1), ((i+0.5)/d, (j+0.5)/d, (k+0.5)/d), then scaled by d * edge and moved
+/// by the origin; in the order of `occupied`.
+PointCloud centers(const VoxelGrid& grid);
+
+/// binvox version 1 (P. Min): `dim DEPTH WIDTH HEIGHT`, first axis slowest, then the up axis, the remaining
+/// horizontal axis fastest; `translate` is the minimum corner, `scale` the longest side in metres. The grid
+/// that is written is a cube-celled box with any dims. Reading accepts zero-length runs (AirSim writes them),
+/// checks run totals against the header and throws InputError (file, byte, cause).
+void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid);
+VoxelGrid read_binvox(const std::filesystem::path& file);
+
+}  // namespace tileflight::geometry

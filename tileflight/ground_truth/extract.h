@@ -1,0 +1,38 @@
+#pragma once
+
+#include <filesystem>
+
+#include "tileflight/geometry/progress.h"
+#include "tileflight/ground_truth/voxelize.h"
+#include "tileflight/scene/scene.h"
+
+namespace tileflight::ground_truth {
+
+/// Writes what `tileflight extract` leaves of a region, apart from extract.json: mesh.glb (textured, triangles that meet the box),
+/// surface.ply (samples with normals), voxels.binvox, voxels.ply, octree.bt (OctoMap).
+struct ExtractOptions {
+  double voxel_m = 1.0;
+  double samples_per_m2 = 16.0;
+  bool textured_mesh = true;
+};
+
+struct ExtractResult {
+  geometry::VoxelGrid voxels;
+  std::size_t triangles = 0;       ///< that meet the box
+  std::size_t surface_points = 0;
+};
+
+ExtractResult write_ground_truth(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Box3& box,
+                                 const ExtractOptions& options, const std::filesystem::path& folder,
+                                 const Progress& progress = {});
+
+/// The parts of a folder that `extract` wrote, for scoring. Positions in the local frame.
+struct GroundTruth {
+  geometry::TriangleMesh mesh;       ///< mesh.glb
+  geometry::PointCloud surface;      ///< surface.ply
+  geometry::PointCloud voxel_centers;///< voxels.ply
+  double voxel_m = 1.0;
+};
+GroundTruth read_ground_truth(const std::filesystem::path& folder);
+
+}  // namespace tileflight::ground_truth

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <array>
+#include <cassert>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace tileflight::imaging {
+
+using Rgb8 = std::array<std::uint8_t, 3>;  ///< red, green, blue; sRGB-like encoding as it comes from files
+
+/// Pixels in rows from the top, no padding: pixel (x, y) is pixels[y * width + x]; its centre is at (x, y).
+template <class Pixel>
+struct Image {
+  int width = 0;
+  int height = 0;
+  std::vector<Pixel> pixels;
+
+  Image() = default;
+  Image(int w, int h, Pixel fill = Pixel{}) : width(w), height(h), pixels(static_cast<std::size_t>(w) * h, fill) {}
+
+  bool empty() const { return pixels.empty(); }
+  Pixel& operator()(int x, int y) {
+    assert(x >= 0 && x < width && y >= 0 && y < height);
+    return pixels[static_cast<std::size_t>(y) * width + x];
+  }
+  const Pixel& operator()(int x, int y) const {
+    assert(x >= 0 && x < width && y >= 0 && y < height);
+    return pixels[static_cast<std::size_t>(y) * width + x];
+  }
+  Pixel* row(int y) { return pixels.data() + static_cast<std::size_t>(y) * width; }
+  const Pixel* row(int y) const { return pixels.data() + static_cast<std::size_t>(y) * width; }
+};
+
+using GrayImage = Image<std::uint8_t>;
+using Gray16Image = Image<std::uint16_t>;
+using RgbImage = Image<Rgb8>;
+using FloatImage = Image<float>;
+
+/// Luma of Rec. 601 (0.299, 0.587, 0.114), rounded.
+GrayImage to_gray(const RgbImage& image);
+RgbImage to_rgb(const GrayImage& image);
+
+}  // namespace tileflight::imaging

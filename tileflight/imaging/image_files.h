@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/imaging/image.h"
+
+namespace tileflight::imaging {
+
+/// Limits that hold before anything is allocated for an image of unknown origin.
+struct DecodeLimits {
+  std::int64_t max_pixels = 512LL * 1024 * 1024;
+};
+
+/// JPEG, PNG (8 and 16 bit, grey, palette, alpha dropped) or WebP, told apart by their first bytes. `name` is for
+/// error messages. Throws InputError (name, cause) when truncated, malformed or too large. A JPEG that ends early is an
+/// error, not a grey half.
+RgbImage decode_rgb(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits = {});
+GrayImage decode_gray(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits = {});
+
+RgbImage read_rgb(const std::filesystem::path& file, const DecodeLimits& limits = {});
+/// Colour files become luma; 16-bit ones are scaled to 8.
+GrayImage read_gray(const std::filesystem::path& file, const DecodeLimits& limits = {});
+Gray16Image read_gray16(const std::filesystem::path& file, const DecodeLimits& limits = {});
+
+/// `quality` 1..100 (libjpeg), 4:4:4 chroma from 90 up, else 4:2:0. Same pixels, same bytes.
+std::vector<std::byte> encode_jpeg(const RgbImage& image, int quality);
+std::vector<std::byte> encode_png(const RgbImage& image);
+std::vector<std::byte> encode_png(const Gray16Image& image);
+std::vector<std::byte> encode_png(const GrayImage& image);
+
+/// By the file's ending: .jpg/.jpeg (quality 95) or .png.
+void write_rgb(const std::filesystem::path& file, const RgbImage& image, int jpeg_quality = 95);
+void write_gray(const std::filesystem::path& file, const GrayImage& image, int jpeg_quality = 95);
+
+/// OpenEXR, one 32-bit float channel (named "Z" for depth along the axis, in metres; lossless ZIP compression).
+void write_exr(const std::filesystem::path& file, const FloatImage& image, const std::string& channel = "Z");
+FloatImage read_exr(const std::filesystem::path& file);
+
+}  // namespace tileflight::imaging

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/mesh.h"
+#include "tileflight/imaging/image.h"
+
+namespace tileflight::imaging {
+
+/// How texture coordinates outside 0..1 are read (glTF sampler).
+enum class Wrap { kRepeat, kClampToEdge, kMirroredRepeat };
+
+/// Triangles of one material. Positions are double, in the frame that the owner says (a tile: the tileset's frame;
+/// a scene: local). `uv` follows glTF: (0, 0) is the top left corner of the image.
+struct TexturedMesh {
+  geometry::TriangleMesh mesh;
+  std::vector<Eigen::Vector2f> uv;                     ///< one a vertex, or empty
+  std::vector<std::array<std::uint8_t, 4>> colors;     ///< one a vertex (RGBA), or empty
+  std::shared_ptr<const RgbImage> texture;             ///< shared between meshes that name the same image; may be null
+  Wrap wrap_u = Wrap::kRepeat;
+  Wrap wrap_v = Wrap::kRepeat;
+  std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< linear factor of glTF, multiplies texture and colours
+  std::string name;                                    ///< tile or object that it comes from, for messages and labels
+};
+
+}  // namespace tileflight::imaging

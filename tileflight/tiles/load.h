@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/progress.h"
+#include "tileflight/imaging/textured_mesh.h"
+#include "tileflight/tiles/region.h"
+
+namespace tileflight::tiles {
+
+class TileSource;  // tile_source.h: bytes by URI; injected, so that a test can stage a fault
+
+/// What part of which place, how fine.
+struct LoadOptions {
+  /// Where the region is, one of: a geodetic centre, or a local one (tileset that is not georeferenced, or local to `origin`).
+  std::optional<geometry::Geodetic> center;
+  std::optional<geometry::Vec3> center_local;
+  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, else InputError.
+  std::optional<geometry::Vec3> size;
+  /// Geometric error wanted, metres; 0: the finest there is.
+  double error_m = 0.0;
+  /// Origin of the local frame of a georeferenced tileset; default: the region's centre on the ellipsoid
+  /// (height = the region's centre height), else the centre of the root's bounding volume.
+  std::optional<geometry::Geodetic> origin;
+  /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
+  bool allow_incomplete = false;
+  /// Read textures (off for ground truth only).
+  bool textures = true;
+};
+
+/// A cut of the tree as meshes in the local frame, and whether it is whole.
+struct LoadedTiles {
+  std::vector<imaging::TexturedMesh> meshes;        ///< local frame, in the cut's defined order
+  std::optional<geometry::LocalFrame> local_frame;  ///< nullopt: not georeferenced, local is the tileset's own z-up frame
+  Region region;                                    ///< in the local frame
+  std::int64_t tiles_wanted = 0;
+  std::int64_t tiles_loaded = 0;
+  std::int64_t tiles_failed = 0;
+  std::vector<std::string> failures;                ///< one line a failed tile
+  bool complete = false;
+  double geometric_error_max_m = 0.0;               ///< largest geometric error in the cut
+  std::int64_t triangles = 0;
+  std::int64_t bytes_read = 0;
+  std::string cut_hash;                             ///< SHA-256 over the ordered tile identities
+  std::vector<std::string> attribution;             ///< distinct, most frequent first
+  std::vector<std::string> warnings;                ///< distinct
+};
+
+/// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no ancestors.
+/// `source`: tileset.json, its folder (http and archives: later). Throws InputError.
+LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
+
+}  // namespace tileflight::tiles
