@@ -15,6 +15,11 @@ if(TILEFLIGHT_SANITIZE)
   add_link_options(-fsanitize=address,undefined)
 endif()
 
+if(TILEFLIGHT_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined)
+  add_link_options(-fsanitize=address,undefined)
+endif()
+
 find_program(CCACHE ccache)
 if(CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})

@@ -27,7 +27,7 @@ function(tileflight_stage NAME)
     PUBLIC ${STAGES} ${STAGE_PUBLIC}
     PRIVATE ${STAGE_PRIVATE} tileflight_compiler)
 
-  if(TESTS)
+  if(TESTS AND NOT TILEFLIGHT_FUZZ)
     add_executable(${NAME}_test ${TESTS})
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${STAGE_PRIVATE} tileflight_compiler
                           GTest::gmock GTest::gtest_main)

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/alignment/align_map.h"
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/odometry/options.h"
+#include "tileflight/sensors/image_formation.h"
+
+namespace tileflight::experiment {
+
+/// `place:` what is flown over. Keys: source, center | center_local, size, error, origin.
+struct Place {
+  std::string source;                              ///< tileset (SOURCE of the contract), or `stadium:twin`, `stadium:world`
+  std::optional<geometry::Geodetic> center;        ///< center: [lat, lon] or [lat, lon, height]
+  std::optional<geometry::Vec3> center_local;      ///< center_local: [x, y, z], metres
+  std::optional<geometry::Vec3> size;              ///< size: [east, north, up], metres
+  double error_m = 0.0;                            ///< error: geometric error wanted; 0: the finest there is
+  std::optional<geometry::Geodetic> origin;        ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
+};
+
+/// `truth:` what is taken from the place to score against. Keys: voxel, samples_per_m2.
+struct Truth {
+  double voxel_m = 1.0;
+  double samples_per_m2 = 16.0;
+};
+
+/// `render:` a flight through the place's tiles. Keys: flight, source, width, height, samples_per_pixel, max_frames, degrade, gps.
+struct RenderFlight {
+  std::filesystem::path flight;              ///< FLIGHT file
+  std::string source;                        ///< another model of the same place; empty: the place's
+  std::optional<int> width, height;          ///< the flight's camera over another image size; both or none
+  int samples_per_pixel = 1;
+  std::optional<int> max_frames;
+  std::optional<sensors::ImageFormation> degrade;  ///< what makes the second flight's camera less than perfect
+  std::optional<int> video_crf;              ///< through H.264 and back at this rate factor; none: no compression
+};
+
+/// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, telemetry_offset, groundtruth, from, to, every, fps.
+struct IngestFlight {
+  std::filesystem::path video;               ///< video file or folder of images
+  std::filesystem::path camera;
+  std::filesystem::path telemetry;           ///< DJI .srt; empty: none
+  std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; what the log's heights are above
+  std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated while aligning
+  std::filesystem::path groundtruth;         ///< TUM poses for scoring; empty: none
+  double from_s = 0.0;
+  std::optional<double> to_s;
+  int every = 1;
+  std::optional<double> fps;                 ///< of a folder of images without times
+};
+
+/// One flight of the experiment: rendered or ingested.
+struct Flight {
+  std::string kind;                          ///< "simulated", "video" or "surrogate"
+  std::optional<RenderFlight> render;
+  std::optional<IngestFlight> ingest;
+};
+
+/// `odometry:` our own with its settings, or an outside program.
+struct Odometry {
+  odometry::OdometryOptions options;
+  /// A shell command with {dataset} and {out} filled in; it must leave trajectory.txt and map.ply in {out}.
+  std::string command;
+};
+
+/// `evaluation:` Keys: cutoff, thresholds, equivalence_margin, completeness_samples_per_m2.
+struct EvaluationSettings {
+  double cutoff_m = 1.0;
+  std::vector<double> thresholds_m{0.1, 0.2, 0.5, 1.0};
+  double equivalence_margin_m = 0.05;
+  double completeness_samples_per_m2 = 4.0;
+};
+
+/// EXPERIMENT.yaml, paths resolved (relative to the file), `${VAR}` filled in.
+struct Experiment {
+  std::filesystem::path file;
+  std::string name;
+  std::uint64_t seed = 1;
+  Place place;
+  Truth truth;
+  std::optional<Flight> simulated;
+  std::optional<Flight> real;
+  Odometry odometry;
+  alignment::AlignMapOptions alignment;
+  EvaluationSettings evaluation;
+};
+
+/// Throws InputError (file, line, key): unknown keys name the nearest known one; wrong types; missing files; unset variables.
+Experiment read_experiment(const std::filesystem::path& file);
+
+}  // namespace tileflight::experiment
