@@ -1,0 +1,320 @@
+// Lens models. Notation: a point (x, y, z) in the camera frame, rho = |(x, y)|, theta = atan2(rho, z) its angle from the
+// optical axis, r its distance from the principal point in units of the focal length. A pixel is
+// (fx mx + cx, fy my + cy) with (mx, my) the distorted coordinates. The valid cone is where r(theta) still grows: beyond
+// it two directions share a pixel and no inverse exists.
+#include "tileflight/imaging/camera.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/polynomial.h"
+
+namespace tileflight::imaging {
+
+namespace {
+
+using geometry::Vec2;
+using geometry::Vec3;
+using Mat2 = Eigen::Matrix2d;
+using Jacobian = Eigen::Matrix<double, 2, 3>;
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kTolerance = 1e-14;  ///< Newton stops at this relative step: below 1e-9 px at any focal length in use
+constexpr int kMaxIterations = 60;    ///< bisection alone needs about 52; Newton takes 3 to 6
+constexpr double kOnAxis = 1e-30;     ///< rho^2 / z^2 below which the limit on the optical axis is used
+
+// ---- radially symmetric models: r as a function of (rho, z), with its derivatives ----
+
+struct Radius {
+  double r = 0.0;
+  double d_rho = 0.0;
+  double d_z = 0.0;
+};
+
+/// r = theta + k1 theta^3 + k2 theta^5 + k3 theta^7 + k4 theta^9 (Kannala and Brandt 2006, eq. 6).
+double kannala_radius(const std::array<double, 4>& k, double theta) {
+  const double t = theta * theta;
+  return theta * (1.0 + t * (k[0] + t * (k[1] + t * (k[2] + t * k[3]))));
+}
+
+double kannala_slope(const std::array<double, 4>& k, double theta) {
+  const double t = theta * theta;
+  return 1.0 + t * (3.0 * k[0] + t * (5.0 * k[1] + t * (7.0 * k[2] + t * 9.0 * k[3])));
+}
+
+Radius radius_of(const KannalaBrandt& m, double rho, double z, double theta) {
+  const double slope = kannala_slope(m.k, theta);
+  const double squared_range = rho * rho + z * z;
+  return {kannala_radius(m.k, theta), slope * z / squared_range, -slope * rho / squared_range};
+}
+
+/// r = atan(2 tan(theta) tan(w/2)) / w (Devernay and Faugeras 2001, eq. 13); tan(theta) for w = 0.
+Radius radius_of(const FovModel& m, double rho, double z, double /*theta*/) {
+  if (m.w == 0.0) return {rho / z, 1.0 / z, -rho / (z * z)};
+  const double a = 2.0 * std::tan(0.5 * m.w);
+  const double denominator = m.w * (a * a * rho * rho + z * z);
+  return {std::atan2(a * rho, z) / m.w, a * z / denominator, -a * rho / denominator};
+}
+
+/// Distorted coordinates of a point off or on the axis, for both radial models.
+template <class Model>
+std::optional<Vec2> project_radial(const Model& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
+  const double rho2 = p.x() * p.x() + p.y() * p.y();
+  const double rho = std::sqrt(rho2);
+  const double theta = std::atan2(rho, p.z());
+  if (!(theta <= max_theta) || (rho2 == 0.0 && !(p.z() > 0.0))) return std::nullopt;
+  const bool on_axis = rho2 <= kOnAxis * p.z() * p.z() && p.z() > 0.0;
+  const Radius radius = radius_of(m, rho, p.z(), theta);
+  const double scale = on_axis ? radius.d_rho : radius.r / rho;
+  if (jacobian != nullptr) {
+    const double bend = on_axis ? 0.0 : (radius.d_rho - scale) / rho2;
+    const double along = on_axis ? -radius.d_rho / p.z() : radius.d_z / rho;
+    *jacobian << m.fx * (scale + p.x() * p.x() * bend), m.fx * p.x() * p.y() * bend, m.fx * p.x() * along,
+        m.fy * p.x() * p.y() * bend, m.fy * (scale + p.y() * p.y() * bend), m.fy * p.y() * along;
+  }
+  return Vec2(m.fx * scale * p.x() + m.cx, m.fy * scale * p.y() + m.cy);
+}
+
+/// Solves value(t) = target for a growing function on [lower, upper] by Newton, kept inside a shrinking bracket.
+template <class Value, class Slope>
+double solve_growing(double target, double start, double lower, double upper, const Value& value, const Slope& slope) {
+  double t = std::clamp(start, lower, upper);
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const double excess = value(t) - target;
+    (excess > 0.0 ? upper : lower) = t;
+    double next = t - excess / slope(t);
+    if (!(next >= lower && next <= upper)) next = 0.5 * (lower + upper);
+    const double step = std::abs(next - t);
+    t = next;
+    if (step <= kTolerance * (1.0 + std::abs(t))) break;
+  }
+  return t;
+}
+
+Vec3 ray_at_angle(const Vec2& m, double r, double theta) {
+  const double sideways = r > 0.0 ? std::sin(theta) / r : 1.0;
+  return {sideways * m.x(), sideways * m.y(), std::cos(theta)};
+}
+
+std::optional<Vec3> unproject_normalized(const KannalaBrandt& m, double max_theta, const Vec2& d) {
+  const double r = d.norm();
+  if (!(r <= kannala_radius(m.k, max_theta))) return std::nullopt;
+  const double theta = solve_growing(
+      r, r, 0.0, max_theta, [&](double t) { return kannala_radius(m.k, t); },
+      [&](double t) { return kannala_slope(m.k, t); });
+  return ray_at_angle(d, r, theta);
+}
+
+std::optional<Vec3> unproject_normalized(const FovModel& m, double /*max_theta*/, const Vec2& d) {
+  const double r = d.norm();
+  if (m.w == 0.0) return Vec3(d.x(), d.y(), 1.0).normalized();
+  if (!(r * m.w < 0.5 * kPi)) return std::nullopt;
+  return ray_at_angle(d, r, std::atan(std::tan(r * m.w) / (2.0 * std::tan(0.5 * m.w))));
+}
+
+// ---- Brown-Conrady (Brown 1966; the parameters' order is OpenCV's k1 k2 p1 p2) ----
+
+struct Distorted {
+  Vec2 m;
+  Mat2 d_m;  ///< by the undistorted coordinates
+};
+
+bool has_distortion(const PinholeRadtan& m) {
+  return std::any_of(m.d.begin(), m.d.end(), [](double value) { return value != 0.0; });
+}
+
+Distorted distort(const std::array<double, 4>& d, double x, double y) {
+  const auto [k1, k2, p1, p2] = d;
+  const double r2 = x * x + y * y;
+  const double radial = 1.0 + r2 * (k1 + r2 * k2);
+  const double slope = 2.0 * (k1 + 2.0 * k2 * r2);  // d radial / d x = slope * x
+  Distorted out;
+  out.m = {x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+           y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y};
+  const double mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
+  out.d_m << radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x, mixed,  //
+      mixed, radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
+  return out;
+}
+
+std::optional<Vec2> project_radtan(const PinholeRadtan& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
+  if (!(p.z() > 0.0)) return std::nullopt;
+  const double inverse_z = 1.0 / p.z();
+  const double x = p.x() * inverse_z;
+  const double y = p.y() * inverse_z;
+  const double max_r = std::tan(max_theta);
+  if (max_theta < 0.5 * kPi && x * x + y * y > max_r * max_r) return std::nullopt;
+  const Distorted distorted = distort(m.d, x, y);
+  if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;  // folded by the tangential part
+  if (jacobian != nullptr) {
+    const Mat2 d = Vec2(m.fx, m.fy).asDiagonal() * distorted.d_m * inverse_z;
+    *jacobian << d, -d * Vec2(x, y);
+  }
+  return Vec2(m.fx * distorted.m.x() + m.cx, m.fy * distorted.m.y() + m.cy);
+}
+
+/// Inverse of the radial part alone; nullopt beyond the radius at which it stops growing.
+std::optional<Vec2> undistort_radial(const std::array<double, 4>& d, double max_theta, const Vec2& target) {
+  const auto value = [&](double r) { return r * (1.0 + r * r * (d[0] + r * r * d[1])); };
+  const auto slope = [&](double r) { return 1.0 + r * r * (3.0 * d[0] + r * r * 5.0 * d[1]); };
+  const double wanted = target.norm();
+  if (wanted == 0.0) return target;
+  double upper = std::max(1.0, wanted);
+  if (max_theta < 0.5 * kPi) {
+    upper = std::tan(max_theta);
+    if (wanted > value(upper)) return std::nullopt;
+  }
+  while (value(upper) < wanted) upper *= 2.0;  // grows without end, so this ends
+  return target * (solve_growing(wanted, wanted, 0.0, upper, value, slope) / wanted);
+}
+
+/// Newton in two dimensions with step halving, from the radial solution.
+std::optional<Vec2> undistort(const std::array<double, 4>& d, double max_theta, const Vec2& target) {
+  const std::optional<Vec2> start = undistort_radial(d, max_theta, target);
+  if (d[2] == 0.0 && d[3] == 0.0) return start;
+  Vec2 m = start.value_or(target);
+  Distorted at = distort(d, m.x(), m.y());
+  for (int i = 0; i < kMaxIterations; ++i) {
+    if (!(at.d_m.determinant() > 0.0)) return std::nullopt;
+    Vec2 step = at.d_m.inverse() * (target - at.m);
+    const double error = (target - at.m).norm();
+    if (error <= kTolerance * (1.0 + target.norm())) return m;
+    Distorted next = distort(d, m.x() + step.x(), m.y() + step.y());
+    while ((target - next.m).norm() > error && step.norm() > kTolerance * (1.0 + m.norm())) {
+      step *= 0.5;
+      next = distort(d, m.x() + step.x(), m.y() + step.y());
+    }
+    m += step;
+    at = next;
+    if (step.norm() <= kTolerance * (1.0 + m.norm())) break;
+  }
+  constexpr double kAccepted = 1e-12;  // rounding may keep the residual just above the stopping threshold
+  if ((target - at.m).norm() > kAccepted * (1.0 + target.norm())) return std::nullopt;
+  return m;
+}
+
+std::optional<Vec3> unproject_normalized(const PinholeRadtan& m, double max_theta, const Vec2& d) {
+  if (!has_distortion(m)) return Vec3(d.x(), d.y(), 1.0).normalized();
+  const std::optional<Vec2> flat = undistort(m.d, max_theta, d);
+  if (!flat) return std::nullopt;
+  if (max_theta < 0.5 * kPi && flat->norm() > std::tan(max_theta)) return std::nullopt;
+  return Vec3(flat->x(), flat->y(), 1.0).normalized();
+}
+
+// ---- one entry for each, so that callers visit the variant once ----
+
+std::optional<Vec2> project_by(const KannalaBrandt& m, double max_theta, const Vec3& p, Jacobian* j) {
+  return project_radial(m, max_theta, p, j);
+}
+std::optional<Vec2> project_by(const FovModel& m, double max_theta, const Vec3& p, Jacobian* j) {
+  if (!(p.z() > 0.0)) return std::nullopt;
+  return project_radial(m, max_theta, p, j);
+}
+std::optional<Vec2> project_by(const PinholeRadtan& m, double max_theta, const Vec3& p, Jacobian* j) {
+  return project_radtan(m, max_theta, p, j);
+}
+
+/// Angle at which r(theta) stops growing, at most 180 degrees.
+double max_theta_of(const KannalaBrandt& m) {
+  const std::array<double, 5> slope{1.0, 3.0 * m.k[0], 5.0 * m.k[1], 7.0 * m.k[2], 9.0 * m.k[3]};  // in theta^2
+  return std::sqrt(first_nonpositive(slope, kPi * kPi).value_or(kPi * kPi));
+}
+double max_theta_of(const FovModel& /*m*/) { return 0.5 * kPi; }
+double max_theta_of(const PinholeRadtan& m) {
+  constexpr double kLargestSquaredRadius = 1e12;  // a point at this r is at 90 degrees for every purpose
+  const std::array<double, 3> slope{1.0, 3.0 * m.d[0], 5.0 * m.d[1]};  // of r (1 + k1 r^2 + k2 r^4), in r^2
+  const std::optional<double> r2 = first_nonpositive(slope, kLargestSquaredRadius);
+  return r2 ? std::atan(std::sqrt(*r2)) : 0.5 * kPi;
+}
+
+}  // namespace
+
+Camera::Camera(CameraModel model, int width, int height)
+    : model_(std::move(model)),
+      width_(width),
+      height_(height),
+      max_theta_rad_(std::visit([](const auto& m) { return max_theta_of(m); }, model_)) {
+  assert(width > 0 && height > 0);
+  assert(std::visit([](const auto& m) { return m.fx > 0 && m.fy > 0 && std::isfinite(m.cx + m.cy); }, model_));
+}
+
+std::optional<Vec2> Camera::project(const Vec3& point_camera) const {
+  return std::visit([&](const auto& m) { return project_by(m, max_theta_rad_, point_camera, nullptr); }, model_);
+}
+
+std::optional<Vec2> Camera::project(const Vec3& point_camera, Jacobian& d_pixel_d_point) const {
+  return std::visit([&](const auto& m) { return project_by(m, max_theta_rad_, point_camera, &d_pixel_d_point); },
+                    model_);
+}
+
+std::optional<Vec3> Camera::unproject(const Vec2& pixel) const {
+  return std::visit(
+      [&](const auto& m) {
+        return unproject_normalized(m, max_theta_rad_, Vec2((pixel.x() - m.cx) / m.fx, (pixel.y() - m.cy) / m.fy));
+      },
+      model_);
+}
+
+double Camera::horizontal_fov_deg() const {
+  const double row = 0.5 * (height_ - 1);
+  const double middle = 0.5 * (width_ - 1);
+  // From the middle to an edge of the image, or as far as the lens sees.
+  const auto angle_at = [&](double edge) {
+    if (!unproject({middle, row})) return 0.0;
+    double seen = 0.0;
+    double unseen = 1.0;
+    if (unproject({edge, row})) seen = 1.0;
+    while (seen < 1.0 && unseen - seen > 1e-12) {
+      const double half = 0.5 * (seen + unseen);
+      (unproject({middle + half * (edge - middle), row}) ? seen : unseen) = half;
+    }
+    const std::optional<Vec3> ray = unproject({middle + seen * (edge - middle), row});
+    return ray ? std::atan2(ray->x(), ray->z()) : 0.0;
+  };
+  return (angle_at(width_ - 0.5) - angle_at(-0.5)) * 180.0 / kPi;
+}
+
+Camera Camera::scaled_to(int width, int height) const {
+  const auto sizes = [&] {
+    return std::to_string(width_) + "x" + std::to_string(height_) + " to " + std::to_string(width) + "x" +
+           std::to_string(height);
+  };
+  if (width <= 0 || height <= 0) throw InputError("camera", "cannot be scaled from " + sizes());
+  const double matching_height = static_cast<double>(width) * height_ / width_;
+  const double matching_width = static_cast<double>(height) * width_ / height_;
+  if (std::abs(height - matching_height) > 1.0 && std::abs(width - matching_width) > 1.0)
+    throw InputError("camera", "cannot be scaled from " + sizes() + ": the aspect ratio differs");
+  const double scale_x = static_cast<double>(width) / width_;
+  const double scale_y = static_cast<double>(height) / height_;
+  CameraModel scaled = model_;
+  std::visit(
+      [&](auto& m) {
+        m.fx *= scale_x;
+        m.fy *= scale_y;
+        m.cx = (m.cx + 0.5) * scale_x - 0.5;
+        m.cy = (m.cy + 0.5) * scale_y - 0.5;
+      },
+      scaled);
+  return {scaled, width, height};
+}
+
+Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4> k) {
+  KannalaBrandt model{1.0, 1.0, 0.5 * (width - 1), 0.5 * (height - 1), k};
+  const double theta = 0.5 * fov_deg * kPi / 180.0;
+  if (!(theta > 0.0 && theta <= max_theta_of(model)))
+    throw InputError("field of view", std::to_string(fov_deg) + " degrees is outside what this fisheye lens can see");
+  model.fx = model.fy = 0.5 * width / kannala_radius(k, theta);
+  return {model, width, height};
+}
+
+Camera make_pinhole(int width, int height, double fov_deg) {
+  if (!(fov_deg > 0.0 && fov_deg < 180.0))
+    throw InputError("field of view", std::to_string(fov_deg) + " degrees: a pinhole sees more than 0 and less than 180");
+  const double f = 0.5 * width / std::tan(0.5 * fov_deg * kPi / 180.0);
+  return {PinholeRadtan{f, f, 0.5 * (width - 1), 0.5 * (height - 1), {}}, width, height};
+}
+
+}  // namespace tileflight::imaging
