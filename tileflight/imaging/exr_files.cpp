@@ -1,0 +1,139 @@
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
+#include <ImfHeader.h>
+#include <ImfIO.h>
+#include <ImfInputFile.h>
+#include <ImfOutputFile.h>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/codecs.h"
+
+namespace tileflight::imaging {
+
+namespace {
+
+constexpr int kNoThreads = 0;  ///< compressed in the caller's thread: callers run several images at once
+
+class MemoryWriter : public Imf::OStream {
+ public:
+  MemoryWriter() : Imf::OStream("memory") {}
+  void write(const char bytes[], int count) override {
+    if (bytes_.size() < at_ + count) bytes_.resize(at_ + count);
+    std::memcpy(bytes_.data() + at_, bytes, static_cast<std::size_t>(count));
+    at_ += static_cast<std::size_t>(count);
+  }
+  std::uint64_t tellp() override { return at_; }
+  void seekp(std::uint64_t position) override { at_ = position; }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+  std::size_t at_ = 0;
+};
+
+class MemoryReader : public Imf::IStream {
+ public:
+  explicit MemoryReader(std::span<const std::byte> bytes) : Imf::IStream("memory"), bytes_(bytes) {}
+  bool read(char to[], int count) override {
+    if (count < 0 || at_ > bytes_.size() || bytes_.size() - at_ < static_cast<std::size_t>(count))
+      throw std::runtime_error("the file ends early");
+    std::memcpy(to, bytes_.data() + at_, static_cast<std::size_t>(count));
+    at_ += static_cast<std::size_t>(count);
+    return at_ < bytes_.size();
+  }
+  std::uint64_t tellg() override { return at_; }
+  void seekg(std::uint64_t position) override { at_ = position; }
+
+ private:
+  std::span<const std::byte> bytes_;
+  std::size_t at_ = 0;
+};
+
+/// Size and channels are looked at before Imf::InputFile, whose buffers are as large as the header says.
+Imf::Header read_header(std::span<const std::byte> bytes, const std::string& name) {
+  constexpr std::size_t kMagicAndVersion = 8;
+  constexpr unsigned char kMagic[] = {0x76, 0x2f, 0x31, 0x01};
+  if (bytes.size() < kMagicAndVersion || std::memcmp(bytes.data(), kMagic, sizeof kMagic) != 0)
+    throw InputError(name, "is not an OpenEXR file");
+  std::int32_t version = 0;
+  std::memcpy(&version, bytes.data() + sizeof kMagic, sizeof version);
+  MemoryReader stream(bytes);
+  stream.seekg(kMagicAndVersion);
+  Imf::Header header;
+  header.readFrom(stream, version);
+  const Imath::Box2i window = header.dataWindow();
+  codecs::check_size(name, std::int64_t{window.max.x} - window.min.x + 1, std::int64_t{window.max.y} - window.min.y + 1,
+                     {});
+  return header;
+}
+
+/// "Z", else the only channel.
+std::string channel_to_read(const Imf::Header& header, const std::string& name) {
+  if (header.channels().findChannel("Z") != nullptr) return "Z";
+  std::string only;
+  std::string all;
+  int count = 0;
+  for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel, ++count) {
+    only = channel.name();
+    all += (count > 0 ? ", " : "") + only;
+  }
+  if (count == 1) return only;
+  throw InputError(name, "has no channel Z, but " + (count == 0 ? "none at all" : all));
+}
+
+Imf::Slice slice_of(FloatImage& image, int min_x, int min_y) {
+  const std::size_t stride = sizeof(float) * image.width;
+  char* base = reinterpret_cast<char*>(image.pixels.data()) - std::int64_t{min_x} * static_cast<std::int64_t>(sizeof(float)) -
+               min_y * static_cast<std::int64_t>(stride);
+  return Imf::Slice(Imf::FLOAT, base, sizeof(float), stride);
+}
+
+FloatImage decode_exr(std::span<const std::byte> bytes, const std::string& name) {
+  const Imf::Header header = read_header(bytes, name);
+  const std::string channel = channel_to_read(header, name);
+  MemoryReader stream(bytes);
+  Imf::InputFile file(stream, kNoThreads);
+  const Imath::Box2i window = file.header().dataWindow();
+  FloatImage image(window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
+  Imf::FrameBuffer buffer;
+  buffer.insert(channel, slice_of(image, window.min.x, window.min.y));
+  file.setFrameBuffer(buffer);
+  file.readPixels(window.min.y, window.max.y);
+  return image;
+}
+
+}  // namespace
+
+void write_exr(const std::filesystem::path& file, const FloatImage& image, const std::string& channel) {
+  Imf::Header header(image.width, image.height);
+  header.compression() = Imf::ZIP_COMPRESSION;
+  header.channels().insert(channel, Imf::Channel(Imf::FLOAT));
+  MemoryWriter stream;
+  {
+    Imf::OutputFile output(stream, header, kNoThreads);
+    Imf::FrameBuffer buffer;
+    buffer.insert(channel, slice_of(const_cast<FloatImage&>(image), 0, 0));  // only read by OutputFile
+    output.setFrameBuffer(buffer);
+    output.writePixels(image.height);
+  }
+  geometry::write_file(file, stream.bytes());
+}
+
+FloatImage read_exr(const std::filesystem::path& file) {
+  const std::vector<std::byte> bytes = geometry::read_bytes(file);
+  try {
+    return decode_exr(bytes, file.string());
+  } catch (const InputError&) {
+    throw;
+  } catch (const std::exception& error) {
+    const std::string cause = error.what();
+    throw InputError(file.string(), "the OpenEXR file is truncated or damaged: " + cause.substr(0, cause.find('\n')));
+  }
+}
+
+}  // namespace tileflight::imaging

@@ -1,0 +1,24 @@
+#include "tileflight/imaging/image.h"
+
+#include <algorithm>
+
+namespace tileflight::imaging {
+
+GrayImage to_gray(const RgbImage& image) {
+  GrayImage gray(image.width, image.height);
+  // Weights times 2^16, summing to it; half is added for rounding.
+  const auto luma = [](const Rgb8& p) {
+    return static_cast<std::uint8_t>((19595U * p[0] + 38470U * p[1] + 7471U * p[2] + 32768U) >> 16);
+  };
+  std::transform(image.pixels.begin(), image.pixels.end(), gray.pixels.begin(), luma);
+  return gray;
+}
+
+RgbImage to_rgb(const GrayImage& image) {
+  RgbImage rgb(image.width, image.height);
+  std::transform(image.pixels.begin(), image.pixels.end(), rgb.pixels.begin(),
+                 [](std::uint8_t value) { return Rgb8{value, value, value}; });
+  return rgb;
+}
+
+}  // namespace tileflight::imaging
