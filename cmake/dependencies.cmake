@@ -14,6 +14,7 @@ find_package(JPEG REQUIRED)
 find_package(OpenEXR REQUIRED CONFIG)
 find_package(embree 3 REQUIRED CONFIG)
 find_package(Ceres REQUIRED)
+find_package(meshoptimizer REQUIRED CONFIG)
 find_package(benchmark REQUIRED)
 
 pkg_check_modules(proj REQUIRED IMPORTED_TARGET proj)
