@@ -1,0 +1,192 @@
+#include "tileflight/geometry/files.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <system_error>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::geometry {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// "No space left on device" of an errno value, as the second half of a message.
+std::string cause(int error) { return std::system_category().message(error); }
+
+/// An open file descriptor, closed with the object.
+class Descriptor {
+ public:
+  Descriptor(const fs::path& file, int flags) : file_(file.string()), fd_(::open(file.c_str(), flags | O_CLOEXEC, 0666)) {
+    if (fd_ < 0) throw InputError(file_, "cannot be opened: " + cause(errno));
+  }
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+
+  /// Fewer bytes than `size` only at the file's end.
+  std::size_t read(char* data, std::size_t size) const {
+    std::size_t done = 0;
+    while (done < size) {
+      const ssize_t n = ::read(fd_, data + done, size - done);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) throw InputError(file_, "cannot be read: " + cause(errno));
+      if (n == 0) break;
+      done += static_cast<std::size_t>(n);
+    }
+    return done;
+  }
+
+  void write(std::string_view bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) throw InputError(file_, "cannot be written: " + cause(errno));
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+    }
+  }
+
+  /// Network and quota file systems report a full disk only here.
+  void close() {
+    const int result = ::close(fd_);
+    fd_ = -1;
+    if (result != 0) throw InputError(file_, "cannot be written: " + cause(errno));
+  }
+
+ private:
+  std::string file_;
+  int fd_;
+};
+
+/// A name beside `target` that nothing has yet; the process's id keeps parallel runs apart.
+fs::path sibling_temporary(const fs::path& target) {
+  for (int attempt = 0;; ++attempt) {
+    const std::string name =
+        "." + target.filename().string() + "." + std::to_string(::getpid()) + "-" + std::to_string(attempt) + ".tmp";
+    const fs::path candidate = target.parent_path() / name;
+    std::error_code error;
+    if (!fs::exists(fs::symlink_status(candidate, error))) return candidate;
+  }
+}
+
+/// Removes a temporary file or folder unless it was renamed away.
+class RemovedOnExit {
+ public:
+  explicit RemovedOnExit(fs::path path) : path_(std::move(path)) {}
+  ~RemovedOnExit() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  RemovedOnExit(const RemovedOnExit&) = delete;
+  RemovedOnExit& operator=(const RemovedOnExit&) = delete;
+
+ private:
+  fs::path path_;
+};
+
+void rename_or_throw(const fs::path& from, const fs::path& to) {
+  std::error_code error;
+  fs::rename(from, to, error);
+  if (error) throw InputError(to.string(), "cannot be written: " + error.message());
+}
+
+/// Size that a regular file reports; 0 for pipes and devices, which are read until they end.
+std::uintmax_t size_hint(const fs::path& file) {
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0) throw InputError(file.string(), "cannot be opened: " + cause(errno));
+  if (S_ISDIR(status.st_mode)) throw InputError(file.string(), "is a folder where a file is needed");
+  return S_ISREG(status.st_mode) ? static_cast<std::uintmax_t>(status.st_size) : 0;
+}
+
+template <typename Buffer>
+Buffer read_whole(const fs::path& file, std::uintmax_t max_bytes) {
+  const auto too_large = [&] {
+    return InputError(file.string(), "is larger than the " + std::to_string(max_bytes) + " bytes that are read");
+  };
+  const std::uintmax_t size = size_hint(file);
+  if (size > max_bytes) throw too_large();
+  const Descriptor descriptor(file, O_RDONLY);
+  Buffer buffer;
+  std::size_t done = 0;
+  // One byte more than is expected, so that the usual file ends within the first round.
+  std::size_t room = static_cast<std::size_t>(size) + 1;
+  while (true) {
+    buffer.resize(done + room);
+    const std::size_t n = descriptor.read(reinterpret_cast<char*>(buffer.data()) + done, room);
+    done += n;
+    if (done > max_bytes) throw too_large();
+    if (n < room) break;
+    room = std::max<std::size_t>(done, 4096);
+  }
+  buffer.resize(done);
+  return buffer;
+}
+
+/// Puts the finished `temporary` in place of `folder`, which may exist.
+void move_into_place(const fs::path& temporary, const fs::path& folder) {
+  if (!fs::exists(folder)) return rename_or_throw(temporary, folder);
+  // Both exist: exchange them in one step, so that the place is never empty; the old one goes with `temporary`.
+  if (::renameat2(AT_FDCWD, temporary.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) return;
+  const fs::path old = sibling_temporary(folder);
+  rename_or_throw(folder, old);
+  const RemovedOnExit remove_old(old);
+  rename_or_throw(temporary, folder);
+}
+
+}  // namespace
+
+std::string read_text(const fs::path& file, std::uintmax_t max_bytes) {
+  return read_whole<std::string>(file, max_bytes);
+}
+
+std::vector<std::byte> read_bytes(const fs::path& file, std::uintmax_t max_bytes) {
+  return read_whole<std::vector<std::byte>>(file, max_bytes);
+}
+
+void write_file(const fs::path& file, std::string_view bytes) {
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (fs::is_directory(status)) throw InputError(file.string(), "is a folder where a file is to be written");
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    // A device or pipe is written to, never replaced.
+    Descriptor descriptor(file, O_WRONLY);
+    descriptor.write(bytes);
+    return descriptor.close();
+  }
+  const fs::path target = fs::is_symlink(fs::symlink_status(file, error)) ? fs::weakly_canonical(file) : file;
+  const fs::path temporary = sibling_temporary(target);
+  const RemovedOnExit remove_temporary(temporary);
+  Descriptor descriptor(temporary, O_WRONLY | O_CREAT | O_EXCL);
+  descriptor.write(bytes);
+  descriptor.close();
+  rename_or_throw(temporary, target);
+}
+
+void write_folder(const fs::path& folder, bool replace, const std::function<void(const fs::path& temporary)>& fill) {
+  // "out/" and "out" name one folder; an absolute path has a parent to put the temporary one in.
+  fs::path target = fs::absolute(folder).lexically_normal();
+  if (!target.has_filename()) target = target.parent_path();
+  std::error_code error;
+  if (fs::exists(target) && !replace) throw InputError(folder.string(), "exists already; --force replaces it");
+  if (fs::exists(target) && !fs::is_directory(target)) throw InputError(folder.string(), "is not a folder");
+  fs::create_directories(target.parent_path(), error);
+  const fs::path temporary = sibling_temporary(target);
+  if (!fs::create_directory(temporary, error)) {
+    throw InputError(folder.string(), "cannot be made: " + error.message());
+  }
+  const RemovedOnExit remove_temporary(temporary);
+  fill(temporary);
+  move_into_place(temporary, target);
+}
+
+std::string sha256_hex_of_file(const fs::path& file) { return sha256_hex(read_text(file)); }
+
+}  // namespace tileflight::geometry

@@ -1,0 +1,129 @@
+#include "tileflight/geometry/trajectory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+
+namespace tileflight::geometry {
+namespace {
+
+/// One line of TUM text, eight numbers. `where`: file and line.
+StampedPose parse_pose(std::string_view line, const std::string& where) {
+  const auto fields = split_fields(line);
+  if (fields.size() != 8) {
+    throw InputError(where, "expected 8 numbers (timestamp tx ty tz qx qy qz qw), found " +
+                                std::to_string(fields.size()) + " fields");
+  }
+  std::array<double, 8> v{};
+  for (std::size_t i = 0; i < v.size(); ++i) {
+    const auto value = parse_number<double>(fields[i]);
+    if (!value || !std::isfinite(*value)) {
+      throw InputError(where, "'" + std::string(fields[i]) + "' is not a finite number");
+    }
+    v[i] = *value;
+  }
+  const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
+  if (rotation.norm() < 1e-6) throw InputError(where, "the quaternion has no length");
+  return {v[0], SE3(rotation, Vec3(v[1], v[2], v[3]))};
+}
+
+/// Index of the pose nearest in time, the earlier of two equally near. `trajectory` is not empty.
+std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
+  const auto& poses = trajectory.poses;
+  const auto after = std::lower_bound(poses.begin(), poses.end(), time_s,
+                                      [](const StampedPose& pose, double t) { return pose.time_s < t; });
+  if (after == poses.begin()) return 0;
+  const auto before = after - 1;
+  if (after == poses.end() || time_s - before->time_s <= after->time_s - time_s) {
+    return static_cast<std::size_t>(before - poses.begin());
+  }
+  return static_cast<std::size_t>(after - poses.begin());
+}
+
+}  // namespace
+
+Trajectory read_tum(const std::filesystem::path& file) {
+  const std::string text = read_text(file);
+  Trajectory trajectory;
+  std::size_t line_number = 0;
+  for (std::string_view rest = text; const auto line = take_line(rest);) {
+    ++line_number;
+    std::string_view content = *line;
+    const std::string_view first = take_field(content);
+    if (first.empty() || first.starts_with('#')) continue;
+    const std::string where = file.string() + ", line " + std::to_string(line_number);
+    const StampedPose pose = parse_pose(*line, where);
+    if (!trajectory.empty() && pose.time_s <= trajectory.poses.back().time_s) {
+      throw InputError(where, "times do not increase: sort the file and drop poses of the same time");
+    }
+    trajectory.poses.push_back(pose);
+  }
+  return trajectory;
+}
+
+void write_tum(const std::filesystem::path& file, const Trajectory& trajectory) {
+  std::string text = "# timestamp tx ty tz qx qy qz qw\n";
+  for (const StampedPose& pose : trajectory.poses) {
+    const Vec3& t = pose.T_local_camera.translation;
+    const Eigen::Quaterniond& q = pose.T_local_camera.rotation;
+    append_number(text, pose.time_s);
+    for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) {
+      text += ' ';
+      append_number(text, value);
+    }
+    text += '\n';
+  }
+  write_file(file, text);
+}
+
+double path_length_m(const Trajectory& trajectory) {
+  double length_m = 0.0;
+  for (std::size_t i = 1; i < trajectory.size(); ++i) {
+    length_m += (trajectory.poses[i].T_local_camera.translation - trajectory.poses[i - 1].T_local_camera.translation)
+                    .norm();
+  }
+  return length_m;
+}
+
+std::optional<SE3> interpolate(const Trajectory& trajectory, double time_s) {
+  const auto& poses = trajectory.poses;
+  const auto after = std::lower_bound(poses.begin(), poses.end(), time_s,
+                                      [](const StampedPose& pose, double t) { return pose.time_s < t; });
+  if (after == poses.end()) return std::nullopt;
+  if (after->time_s == time_s) return after->T_local_camera;
+  if (after == poses.begin()) return std::nullopt;
+  const auto before = after - 1;
+  const double share = (time_s - before->time_s) / (after->time_s - before->time_s);
+  const SE3& a = before->T_local_camera;
+  const SE3& b = after->T_local_camera;
+  return SE3(a.rotation.slerp(share, b.rotation), a.translation + share * (b.translation - a.translation));
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> associate(const Trajectory& a, const Trajectory& b,
+                                                           double max_difference_s) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  if (b.empty()) return pairs;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const double time_s = a.poses[i].time_s;
+    const std::size_t j = nearest_in_time(b, time_s);
+    // Mutually nearest, so that no index is taken twice.
+    const bool mutual = nearest_in_time(a, b.poses[j].time_s) == i;
+    if (mutual && std::abs(b.poses[j].time_s - time_s) <= max_difference_s) pairs.emplace_back(i, j);
+  }
+  return pairs;
+}
+
+Trajectory transformed(const Sim3& T_target_source, const Trajectory& trajectory) {
+  Trajectory result;
+  result.poses.reserve(trajectory.size());
+  for (const StampedPose& pose : trajectory.poses) {
+    result.poses.push_back({pose.time_s, T_target_source * pose.T_local_camera});
+  }
+  return result;
+}
+
+}  // namespace tileflight::geometry
