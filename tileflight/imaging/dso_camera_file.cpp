@@ -1,0 +1,180 @@
+// DSO's camera.txt: "MODEL parameters" / "width height" / how to rectify / rectified size. The last two lines are for
+// DSO's own rectification to a pinhole, which is not made here: they are checked and not used.
+#include <cctype>
+#include <map>
+#include <vector>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+#include "tileflight/imaging/calibration_checks.h"
+
+namespace tileflight::imaging {
+
+namespace {
+
+constexpr std::uintmax_t kMaxFileSize = std::uintmax_t{1} << 20;
+
+struct Line {
+  int number = 0;
+  std::vector<std::string_view> fields;
+};
+
+/// Lines with something on them.
+std::vector<Line> lines_of(std::string_view text) {
+  std::vector<Line> lines;
+  for (int number = 1; const auto line = geometry::take_line(text); ++number) {
+    std::vector<std::string_view> fields = geometry::split_fields(*line);
+    if (!fields.empty()) lines.push_back({number, std::move(fields)});
+  }
+  return lines;
+}
+
+std::string place(const std::string& file, const Line& line) { return file + ": line " + std::to_string(line.number); }
+
+std::vector<double> numbers_from(const std::string& file, const Line& line, std::size_t first) {
+  std::vector<double> values;
+  for (std::size_t i = first; i < line.fields.size(); ++i) {
+    const auto value = geometry::parse_number<double>(line.fields[i]);
+    if (!value) throw InputError(place(file, line), "\"" + std::string(line.fields[i]) + "\" is not a number");
+    values.push_back(*value);
+  }
+  return values;
+}
+
+/// DSO's name of a lens to Kalibr's.
+std::string distortion_of(const std::string& file, const Line& line) {
+  static const std::map<std::string, std::string, std::less<>> kModels{{"Pinhole", "none"},
+                                                                       {"FOV", "fov"},
+                                                                       {"RadTan", "radtan"},
+                                                                       {"EquiDistant", "equidistant"},
+                                                                       {"KannalaBrandt", "equidistant"}};
+  const auto model = kModels.find(line.fields.front());
+  if (model != kModels.end()) return model->second;
+  throw InputError(place(file, line), "camera model \"" + std::string(line.fields.front()) +
+                                          "\" is not known: use Pinhole, FOV, RadTan, EquiDistant or KannalaBrandt");
+}
+
+struct ModelLine {
+  std::string distortion;
+  std::vector<double> numbers;  ///< fx fy cx cy and the coefficients
+};
+
+/// The first line; without a name, five numbers are Pinhole (last 0) or FOV and eight are RadTan, as DSO reads them.
+ModelLine read_model(const std::string& file, const Line& line) {
+  ModelLine model;
+  if (std::isalpha(static_cast<unsigned char>(line.fields.front().front())) != 0 && line.fields.front() != "nan") {
+    model.distortion = distortion_of(file, line);
+    model.numbers = numbers_from(file, line, 1);
+  } else {
+    model.numbers = numbers_from(file, line, 0);
+    model.distortion = model.numbers.size() == 8 ? "radtan" : "fov";
+    if (model.numbers.size() == 5 && model.numbers[4] == 0.0) model.distortion = "none";
+  }
+  const std::size_t wanted = model.distortion == "none" || model.distortion == "fov" ? 5 : 8;
+  if (model.numbers.size() != wanted)
+    throw InputError(place(file, line), "this camera model must have " + std::to_string(wanted) + " numbers, not " +
+                                            std::to_string(model.numbers.size()));
+  if (model.distortion == "none") {
+    if (model.numbers.back() != 0.0) throw InputError(place(file, line), "the fifth number of Pinhole must be 0");
+    model.numbers.pop_back();
+  }
+  return model;
+}
+
+struct Size {
+  int width = 0, height = 0;
+};
+
+Size read_size(const std::string& file, const Line& line) {
+  if (line.fields.size() == 2) {
+    const auto width = geometry::parse_number<int>(line.fields[0]);
+    const auto height = geometry::parse_number<int>(line.fields[1]);
+    if (width && height && *width > 0 && *height > 0) return {*width, *height};
+  }
+  throw InputError(place(file, line), "must be the width and height in pixels");
+}
+
+void check_rectification(const std::string& file, const Line& line) {
+  const std::string_view word = line.fields.front();
+  const bool named = line.fields.size() == 1 && (word == "crop" || word == "full" || word == "none");
+  if (named || (line.fields.size() == 5 && numbers_from(file, line, 0).size() == 5)) return;
+  throw InputError(place(file, line), "must be crop, full, none or the five numbers of a pinhole");
+}
+
+/// Relative numbers (cx < 1 and cy < 1) to pixels with centres at integers.
+void make_absolute(std::vector<double>& k, const Size& size) {
+  if (!(k[2] < 1.0 && k[3] < 1.0)) return;
+  k[0] *= size.width;
+  k[1] *= size.height;
+  k[2] = k[2] * size.width - 0.5;
+  k[3] = k[3] * size.height - 0.5;
+}
+
+std::string coefficients(std::initializer_list<double> values) {
+  std::string text;
+  for (const double value : values) text += " " + number_text(value);
+  return text;
+}
+
+bool is_plain(const PinholeRadtan& m) { return m.d == std::array<double, 4>{}; }
+bool is_plain(const KannalaBrandt&) { return false; }
+bool is_plain(const FovModel&) { return false; }
+
+std::string name_of(const PinholeRadtan& m) { return is_plain(m) ? "Pinhole" : "RadTan"; }
+std::string name_of(const KannalaBrandt&) { return "KannalaBrandt"; }
+std::string name_of(const FovModel&) { return "FOV"; }
+
+std::string tail_of(const PinholeRadtan& m) {
+  return is_plain(m) ? coefficients({0.0}) : coefficients({m.d[0], m.d[1], m.d[2], m.d[3]});
+}
+std::string tail_of(const KannalaBrandt& m) { return coefficients({m.k[0], m.k[1], m.k[2], m.k[3]}); }
+std::string tail_of(const FovModel& m) { return coefficients({m.w}); }
+
+/// fx fy cx cy as DSO reads them back: a principal point below pixel 1 would be taken as relative, so it is written so.
+template <class Model>
+std::string focal_of(const Model& m, int width, int height) {
+  if (m.cx < 1.0 && m.cy < 1.0)
+    return coefficients({m.fx / width, m.fy / height, (m.cx + 0.5) / width, (m.cy + 0.5) / height});
+  return coefficients({m.fx, m.fy, m.cx, m.cy});
+}
+
+}  // namespace
+
+Calibration read_dso_camera(const std::filesystem::path& file) {
+  const std::string name = file.string();
+  const std::string text = geometry::read_text(file, kMaxFileSize);
+  const std::vector<Line> lines = lines_of(text);
+  if (lines.size() < 2) throw InputError(name, "must have a line with the camera model and one with the image size");
+  ModelLine model = read_model(name, lines[0]);
+  const Size size = read_size(name, lines[1]);
+  if (lines.size() > 2) check_rectification(name, lines[2]);
+  if (lines.size() > 3) read_size(name, lines[3]);
+  make_absolute(model.numbers, size);
+  const std::span<const double> numbers = model.numbers;
+  Calibration calibration;
+  calibration.camera =
+      checked_camera(name, {model.distortion, numbers.first(4), numbers.subspan(4), size.width, size.height});
+  return calibration;
+}
+
+void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration) {
+  const Camera& camera = calibration.camera;
+  const std::string size = std::to_string(camera.width()) + " " + std::to_string(camera.height()) + "\n";
+  const std::string text = std::visit(
+      [&](const auto& m) {
+        return name_of(m) + focal_of(m, camera.width(), camera.height()) + tail_of(m) + "\n" + size +
+               (is_plain(m) ? "none\n" : "crop\n") + size;
+      },
+      camera.model());
+  geometry::write_file(file, text);
+}
+
+Calibration read_calibration(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  if (extension == ".yaml" || extension == ".yml") return read_kalibr(file);
+  if (extension == ".txt") return read_dso_camera(file);
+  throw InputError(file.string(), "calibrations are read from .yaml (Kalibr) or .txt (DSO) files");
+}
+
+}  // namespace tileflight::imaging

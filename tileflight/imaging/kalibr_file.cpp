@@ -1,0 +1,147 @@
+// Kalibr's camchain YAML: https://github.com/ethz-asl/kalibr/wiki/yaml-formats and /supported-models.
+#include <yaml-cpp/yaml.h>
+
+#include <cmath>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/calibration_checks.h"
+
+namespace tileflight::imaging {
+
+namespace {
+
+using geometry::Mat4;
+
+constexpr std::uintmax_t kMaxFileSize = std::uintmax_t{1} << 20;
+
+YAML::Node load(const std::filesystem::path& file) {
+  const std::string text = geometry::read_text(file, kMaxFileSize);
+  try {
+    return YAML::Load(text);
+  } catch (const YAML::Exception& error) {
+    throw InputError(file.string(), "line " + std::to_string(error.mark.line + 1) + ": not valid YAML: " + error.msg);
+  }
+}
+
+YAML::Node required(const YAML::Node& camera, const std::string& key, const std::string& file) {
+  const YAML::Node node = camera[key];
+  if (!node) throw InputError(file, "cam0 has no key \"" + key + "\"");
+  return node;
+}
+
+template <class T>
+T scalar(const YAML::Node& node, const std::string& key, const std::string& file) {
+  try {
+    return node.as<T>();
+  } catch (const YAML::Exception&) {
+    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" is not as expected: " +
+                               (std::is_same_v<T, std::string> ? "a word" : "a number"));
+  }
+}
+
+std::vector<double> numbers(const YAML::Node& node, const std::string& key, const std::string& file) {
+  if (!node.IsSequence() && !node.IsNull())
+    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be a list of numbers");
+  std::vector<double> values;
+  for (const YAML::Node& value : node) values.push_back(scalar<double>(value, key, file));
+  return values;
+}
+
+int whole(double value, const std::string& file) {
+  if (value >= 1.0 && value <= kMaxImageSide_px && value == std::floor(value)) return static_cast<int>(value);
+  throw InputError(file, "\"resolution\" must be two whole numbers from 1 to " + std::to_string(kMaxImageSide_px));
+}
+
+geometry::SE3 read_transform(const YAML::Node& node, const std::string& file) {
+  const std::string key = "T_cam_imu";
+  if (!node.IsSequence() || node.size() != 4) throw InputError(file, "\"T_cam_imu\" must have 4 rows of 4 numbers");
+  Mat4 m;
+  for (int row = 0; row < 4; ++row) {
+    const std::vector<double> values = numbers(node[row], key, file);
+    if (values.size() != 4) throw InputError(file, "\"T_cam_imu\" must have 4 rows of 4 numbers");
+    for (int column = 0; column < 4; ++column) m(row, column) = values[column];
+  }
+  const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
+  constexpr double kRounding = 1e-3;  // files are written with few digits
+  const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) && rotation.determinant() > 0 &&
+                     m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
+  if (!rigid) throw InputError(file, "\"T_cam_imu\" is not a rigid motion (rotation and translation)");
+  return {rotation, m.topRightCorner<3, 1>()};
+}
+
+Camera read_lens(const YAML::Node& camera, const std::string& file) {
+  const auto model = scalar<std::string>(required(camera, "camera_model", file), "camera_model", file);
+  if (model != "pinhole")
+    throw InputError(file, "camera model \"" + model + "\" is not supported: use pinhole (with radtan, equidistant, fov or none)");
+  const auto distortion = scalar<std::string>(required(camera, "distortion_model", file), "distortion_model", file);
+  const std::vector<double> intrinsics = numbers(required(camera, "intrinsics", file), "intrinsics", file);
+  const YAML::Node coefficient_node = camera["distortion_coeffs"];
+  std::vector<double> coefficients;
+  if (coefficient_node) coefficients = numbers(coefficient_node, "distortion_coeffs", file);
+  const std::vector<double> resolution = numbers(required(camera, "resolution", file), "resolution", file);
+  if (resolution.size() != 2) throw InputError(file, "\"resolution\" must be width and height");
+  return checked_camera(file, {distortion, intrinsics, coefficients, whole(resolution[0], file), whole(resolution[1], file)});
+}
+
+double read_line_delay(const YAML::Node& camera, const std::string& file) {
+  const YAML::Node node = camera["line_delay"];
+  if (!node) return 0.0;
+  const double delay = scalar<double>(node, "line_delay", file);
+  if (!std::isfinite(delay) || delay < 0.0) throw InputError(file, "\"line_delay\" must be 0 or more seconds");
+  return delay;
+}
+
+std::string list(std::initializer_list<double> values) {
+  std::string text = "[";
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + number_text(value);
+  return text + "]";
+}
+
+std::string distortion_lines(const std::string& name, const std::string& coefficients) {
+  return "  distortion_model: " + name + "\n  distortion_coeffs: " + coefficients + "\n";
+}
+
+std::string lens_lines(const PinholeRadtan& m) { return distortion_lines("radtan", list({m.d[0], m.d[1], m.d[2], m.d[3]})); }
+std::string lens_lines(const KannalaBrandt& m) {
+  return distortion_lines("equidistant", list({m.k[0], m.k[1], m.k[2], m.k[3]}));
+}
+std::string lens_lines(const FovModel& m) { return distortion_lines("fov", list({m.w})); }
+
+std::string transform_lines(const geometry::SE3& T_cam_imu) {
+  const geometry::Mat3 r = T_cam_imu.rotation.toRotationMatrix();
+  std::string text = "  T_cam_imu:\n";
+  for (int row = 0; row < 3; ++row)
+    text += "  - " + list({r(row, 0), r(row, 1), r(row, 2), T_cam_imu.translation[row]}) + "\n";
+  return text + "  - " + list({0, 0, 0, 1}) + "\n";
+}
+
+}  // namespace
+
+Calibration read_kalibr(const std::filesystem::path& file) {
+  const std::string name = file.string();
+  const YAML::Node root = load(file);
+  if (!root.IsMap() || !root["cam0"] || !root["cam0"].IsMap())
+    throw InputError(name, "has no camera \"cam0\": this is not a Kalibr camchain");
+  const YAML::Node camera = root["cam0"];
+  Calibration calibration;
+  calibration.camera = read_lens(camera, name);
+  if (camera["T_cam_imu"]) calibration.T_cam_imu = read_transform(camera["T_cam_imu"], name);
+  calibration.line_delay_s = read_line_delay(camera, name);
+  return calibration;
+}
+
+void write_kalibr(const std::filesystem::path& file, const Calibration& calibration) {
+  const Camera& camera = calibration.camera;
+  std::string text = "cam0:\n  camera_model: pinhole\n";
+  std::visit(
+      [&](const auto& m) { text += "  intrinsics: " + list({m.fx, m.fy, m.cx, m.cy}) + "\n" + lens_lines(m); },
+      camera.model());
+  text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
+  text += "  rostopic: /cam0/image_raw\n";
+  text += transform_lines(calibration.T_cam_imu);
+  if (calibration.line_delay_s > 0.0) text += "  line_delay: " + number_text(calibration.line_delay_s) + "\n";
+  geometry::write_file(file, text);
+}
+
+}  // namespace tileflight::imaging
