@@ -1,0 +1,92 @@
+#include "tileflight/geometry/geodesy.h"
+
+#include <proj.h>
+
+#include <GeographicLib/Geocentric.hpp>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::geometry {
+namespace {
+
+constexpr double kRadPerDeg = 0.017453292519943295;
+
+void check_latitude_longitude(double latitude_deg, double longitude_deg) {
+  const std::string where = "latitude " + std::to_string(latitude_deg) + ", longitude " + std::to_string(longitude_deg);
+  if (!std::isfinite(latitude_deg) || !std::isfinite(longitude_deg)) throw InputError(where, "is not finite");
+  if (std::abs(latitude_deg) > 90.0) throw InputError(where, "a latitude lies between -90 and 90 degrees");
+  if (std::abs(longitude_deg) > 360.0) throw InputError(where, "a longitude lies between -180 and 180 degrees");
+}
+
+/// East-north-up axes at `origin` as columns in ECEF, and its position.
+SE3 make_T_ecef_local(const Geodetic& origin) {
+  check_latitude_longitude(origin.latitude_deg, origin.longitude_deg);
+  if (!std::isfinite(origin.height.m)) throw InputError("origin", "the height is not finite");
+  Vec3 ecef_m;
+  std::vector<double> axes(9);  // row-major: columns are east, north, up
+  GeographicLib::Geocentric::WGS84().Forward(origin.latitude_deg, origin.longitude_deg, origin.height.m, ecef_m.x(),
+                                             ecef_m.y(), ecef_m.z(), axes);
+  const Mat3 rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(axes.data());
+  return {rotation, ecef_m};
+}
+
+struct ProjDeleter {
+  void operator()(PJ_CONTEXT* context) const { proj_context_destroy(context); }
+  void operator()(PJ* transformation) const { proj_destroy(transformation); }
+};
+
+}  // namespace
+
+Vec3 ecef_from_geodetic(const Geodetic& place) {
+  check_latitude_longitude(place.latitude_deg, place.longitude_deg);
+  Vec3 ecef_m;
+  GeographicLib::Geocentric::WGS84().Forward(place.latitude_deg, place.longitude_deg, place.height.m, ecef_m.x(),
+                                             ecef_m.y(), ecef_m.z());
+  return ecef_m;
+}
+
+Geodetic geodetic_from_ecef(const Vec3& ecef_m) {
+  if (!ecef_m.allFinite()) throw InputError("earth-centred position", "is not finite");
+  Geodetic place;
+  GeographicLib::Geocentric::WGS84().Reverse(ecef_m.x(), ecef_m.y(), ecef_m.z(), place.latitude_deg,
+                                             place.longitude_deg, place.height.m);
+  return place;
+}
+
+EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longitude_deg, OrthometricHeight height) {
+  check_latitude_longitude(latitude_deg, longitude_deg);
+  if (!std::isfinite(height.m)) throw InputError("height above sea level", "is not finite");
+  const std::unique_ptr<PJ_CONTEXT, ProjDeleter> context(proj_context_create());
+  proj_context_set_enable_network(context.get(), 0);
+  proj_log_level(context.get(), PJ_LOG_NONE);
+  // The multiplier 1 adds the grid's undulation to the height (PROJ manual, vgridshift).
+  const std::unique_ptr<PJ, ProjDeleter> add_undulation(
+      proj_create(context.get(), "+proj=vgridshift +grids=egm96_15.gtx +multiplier=1"));
+  if (!add_undulation) {
+    throw InputError("geoid grid egm96_15.gtx",
+                     "is not installed, so heights above sea level cannot be used: install the package proj-data or "
+                     "give heights above the ellipsoid");
+  }
+  const PJ_COORD in = proj_coord(longitude_deg * kRadPerDeg, latitude_deg * kRadPerDeg, height.m, 0.0);
+  const PJ_COORD out = proj_trans(add_undulation.get(), PJ_FWD, in);
+  if (!std::isfinite(out.xyz.z)) throw InputError("geoid grid egm96_15.gtx", "has no value at this place");
+  return {out.xyz.z};
+}
+
+LocalFrame::LocalFrame(const Geodetic& origin)
+    : origin_(origin), T_ecef_local_(make_T_ecef_local(origin)), T_local_ecef_(T_ecef_local_.inverse()) {}
+
+Vec3 LocalFrame::local_from_geodetic(const Geodetic& place) const {
+  // The difference first: a rotation of Earth-sized numbers would lose the last digits.
+  return T_local_ecef_.rotation * (ecef_from_geodetic(place) - T_ecef_local_.translation);
+}
+
+Geodetic LocalFrame::geodetic_from_local(const Vec3& local_m) const {
+  return geodetic_from_ecef(T_ecef_local_ * local_m);
+}
+
+}  // namespace tileflight::geometry

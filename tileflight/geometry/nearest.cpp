@@ -1,0 +1,153 @@
+#include "tileflight/geometry/nearest.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nanoflann.hpp>
+#include <utility>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::geometry {
+namespace {
+
+/// The points as nanoflann wants to see them.
+struct PointsAdaptor {
+  std::vector<Vec3> points;
+
+  std::size_t kdtree_get_point_count() const { return points.size(); }
+  double kdtree_get_pt(std::size_t index, std::size_t axis) const { return points[index][static_cast<int>(axis)]; }
+  template <typename Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointsAdaptor>, PointsAdaptor,
+                                                   3, std::size_t>;
+
+/// Squared distance, then index: the order of neighbours that does not depend on the tree.
+using Candidate = std::pair<double, std::size_t>;
+
+/// Distance up to which the tree must still look, a little above `distance2`: points equally far have to be seen so that
+/// the lowest index can win, and the tree's own bounds carry rounding errors. The exact test is ours.
+double search_bound(double distance2) {
+  return distance2 * (1.0 + 1e-9) + std::numeric_limits<double>::min();
+}
+
+/// nanoflann result set: the best candidate.
+class BestOne {
+ public:
+  explicit BestOne(double radius2) : best_(radius2, std::numeric_limits<std::size_t>::max()) {}
+  bool full() const { return true; }
+  double worstDist() const { return search_bound(best_.first); }
+  bool addPoint(double distance2, std::size_t index) {
+    best_ = std::min(best_, Candidate(distance2, index));
+    return true;
+  }
+  bool found() const { return best_.second != std::numeric_limits<std::size_t>::max(); }
+  const Candidate& best() const { return best_; }
+
+ private:
+  Candidate best_;
+};
+
+/// nanoflann result set: the `count` best candidates, as a heap with the worst on top.
+class BestMany {
+ public:
+  explicit BestMany(std::size_t count) : count_(count) { heap_.reserve(count + 1); }
+  bool full() const { return heap_.size() == count_; }
+  double worstDist() const {
+    return full() ? search_bound(heap_.front().first) : std::numeric_limits<double>::infinity();
+  }
+  bool addPoint(double distance2, std::size_t index) {
+    const Candidate candidate(distance2, index);
+    if (full() && !(candidate < heap_.front())) return true;
+    heap_.push_back(candidate);
+    std::push_heap(heap_.begin(), heap_.end());
+    if (heap_.size() > count_) {
+      std::pop_heap(heap_.begin(), heap_.end());
+      heap_.pop_back();
+    }
+    return true;
+  }
+  std::vector<Candidate>& candidates() { return heap_; }
+
+ private:
+  std::size_t count_;
+  std::vector<Candidate> heap_;
+};
+
+/// nanoflann result set: every candidate within a radius.
+class AllWithin {
+ public:
+  explicit AllWithin(double radius2) : radius2_(radius2) {}
+  bool full() const { return true; }
+  double worstDist() const { return search_bound(radius2_); }
+  bool addPoint(double distance2, std::size_t index) {
+    if (distance2 <= radius2_) found_.emplace_back(distance2, index);
+    return true;
+  }
+  std::vector<Candidate>& candidates() { return found_; }
+
+ private:
+  double radius2_;
+  std::vector<Candidate> found_;
+};
+
+std::vector<Neighbor> sorted_neighbors(std::vector<Candidate>& candidates) {
+  std::sort(candidates.begin(), candidates.end());
+  std::vector<Neighbor> neighbors;
+  neighbors.reserve(candidates.size());
+  for (const auto& [distance2, index] : candidates) neighbors.push_back({index, std::sqrt(distance2)});
+  return neighbors;
+}
+
+PointsAdaptor checked(const std::vector<Vec3>& points) {
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!points[i].allFinite()) throw InputError("point " + std::to_string(i), "a coordinate is not finite");
+  }
+  return {points};
+}
+
+}  // namespace
+
+struct NearestIndex::Tree {
+  explicit Tree(const std::vector<Vec3>& given)
+      : points(checked(given)), index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
+
+  static constexpr std::size_t kLeafSize = 10;
+  PointsAdaptor points;
+  KdTree index;
+};
+
+NearestIndex::NearestIndex(const std::vector<Vec3>& points) : tree_(std::make_unique<Tree>(points)) {}
+NearestIndex::~NearestIndex() = default;
+NearestIndex::NearestIndex(NearestIndex&&) noexcept = default;
+NearestIndex& NearestIndex::operator=(NearestIndex&&) noexcept = default;
+
+std::size_t NearestIndex::size() const { return tree_->points.points.size(); }
+
+std::optional<Neighbor> NearestIndex::nearest(const Vec3& query, double radius_m) const {
+  if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return std::nullopt;
+  BestOne best(radius_m * radius_m);
+  tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
+  if (!best.found()) return std::nullopt;
+  return Neighbor{best.best().second, std::sqrt(best.best().first)};
+}
+
+std::vector<Neighbor> NearestIndex::nearest_k(const Vec3& query, std::size_t count) const {
+  count = std::min(count, size());
+  if (count == 0 || !query.allFinite()) return {};
+  BestMany best(count);
+  tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
+  return sorted_neighbors(best.candidates());
+}
+
+std::vector<Neighbor> NearestIndex::within(const Vec3& query, double radius_m) const {
+  if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return {};
+  AllWithin all(radius_m * radius_m);
+  tree_->index.findNeighbors(all, query.data(), nanoflann::SearchParams());
+  return sorted_neighbors(all.candidates());
+}
+
+}  // namespace tileflight::geometry
