@@ -23,7 +23,8 @@ std::string cause(int error) { return std::system_category().message(error); }
 /// An open file descriptor, closed with the object.
 class Descriptor {
  public:
-  Descriptor(const fs::path& file, int flags) : file_(file.string()), fd_(::open(file.c_str(), flags | O_CLOEXEC, 0666)) {
+  Descriptor(const fs::path& file, int flags)
+      : file_(file.string()), fd_(::open(file.c_str(), flags | O_CLOEXEC, 0666)) {
     if (fd_ < 0) throw InputError(file_, "cannot be opened: " + cause(errno));
   }
   ~Descriptor() {

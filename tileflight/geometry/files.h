@@ -12,7 +12,8 @@ namespace tileflight::geometry {
 
 /// The whole file; throws InputError when it cannot be opened or read, or is larger than `max_bytes`.
 std::string read_text(const std::filesystem::path& file, std::uintmax_t max_bytes = std::uintmax_t{1} << 32);
-std::vector<std::byte> read_bytes(const std::filesystem::path& file, std::uintmax_t max_bytes = std::uintmax_t{1} << 32);
+std::vector<std::byte> read_bytes(const std::filesystem::path& file,
+                                  std::uintmax_t max_bytes = std::uintmax_t{1} << 32);
 
 /// Writes all or nothing: into a sibling temporary name, flushed and checked, then renamed. Throws InputError
 /// ("no space left", "permission denied", …).

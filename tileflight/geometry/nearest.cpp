@@ -28,11 +28,9 @@ using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<
 /// Squared distance, then index: the order of neighbours that does not depend on the tree.
 using Candidate = std::pair<double, std::size_t>;
 
-/// Distance up to which the tree must still look, a little above `distance2`: points equally far have to be seen so that
-/// the lowest index can win, and the tree's own bounds carry rounding errors. The exact test is ours.
-double search_bound(double distance2) {
-  return distance2 * (1.0 + 1e-9) + std::numeric_limits<double>::min();
-}
+/// Distance up to which the tree must still look, a little above `distance2`: points equally far have to be seen so
+/// that the lowest index can win, and the tree's own bounds carry rounding errors. The exact test is ours.
+double search_bound(double distance2) { return distance2 * (1.0 + 1e-9) + std::numeric_limits<double>::min(); }
 
 /// nanoflann result set: the best candidate.
 class BestOne {

@@ -27,8 +27,7 @@ class NearestIndex {
   std::size_t size() const;
 
   /// The nearest point within `radius_m` (inclusive); nullopt if there is none.
-  std::optional<Neighbor> nearest(const Vec3& query,
-                                  double radius_m = std::numeric_limits<double>::infinity()) const;
+  std::optional<Neighbor> nearest(const Vec3& query, double radius_m = std::numeric_limits<double>::infinity()) const;
   /// The `count` nearest, nearest first (fewer if there are fewer points).
   std::vector<Neighbor> nearest_k(const Vec3& query, std::size_t count) const;
   /// All within the radius, nearest first.

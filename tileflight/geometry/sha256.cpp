@@ -60,7 +60,8 @@ State compressed(const State& state, const char* block) {
     b = a;
     a = t1 + t2;
   }
-  return {state[0] + a, state[1] + b, state[2] + c, state[3] + d, state[4] + e, state[5] + f, state[6] + g, state[7] + h};
+  return {state[0] + a, state[1] + b, state[2] + c, state[3] + d,
+          state[4] + e, state[5] + f, state[6] + g, state[7] + h};
 }
 
 /// Section 5.1.1: what follows the message's last whole block: its rest, a one bit, zeros, the length in bits.

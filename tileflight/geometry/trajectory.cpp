@@ -83,8 +83,8 @@ void write_tum(const std::filesystem::path& file, const Trajectory& trajectory) 
 double path_length_m(const Trajectory& trajectory) {
   double length_m = 0.0;
   for (std::size_t i = 1; i < trajectory.size(); ++i) {
-    length_m += (trajectory.poses[i].T_local_camera.translation - trajectory.poses[i - 1].T_local_camera.translation)
-                    .norm();
+    length_m +=
+        (trajectory.poses[i].T_local_camera.translation - trajectory.poses[i - 1].T_local_camera.translation).norm();
   }
   return length_m;
 }

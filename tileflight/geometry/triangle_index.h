@@ -9,7 +9,7 @@
 namespace tileflight::geometry {
 
 struct SurfacePoint {
-  Vec3 position;           ///< nearest point on the surface, metres
+  Vec3 position;  ///< nearest point on the surface, metres
   double distance_m = 0.0;
   std::size_t triangle = 0;
 };

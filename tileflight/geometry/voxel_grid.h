@@ -18,10 +18,10 @@ struct Cell {
 /// A regular grid of cubes and which of them are occupied. Sparse: memory follows the occupied cells.
 /// Cell (x, y, z) covers origin + edge * [x, x+1) x [y, y+1) x [z, z+1).
 struct VoxelGrid {
-  Vec3 origin = Vec3::Zero();            ///< minimum corner, metres, local frame
-  double edge_m = 1.0;                   ///< edge of a cell
-  std::array<std::int32_t, 3> dims{};    ///< cells along east, north, up
-  std::vector<Cell> occupied;            ///< sorted (x, then y, then z), no duplicates
+  Vec3 origin = Vec3::Zero();          ///< minimum corner, metres, local frame
+  double edge_m = 1.0;                 ///< edge of a cell
+  std::array<std::int32_t, 3> dims{};  ///< cells along east, north, up
+  std::vector<Cell> occupied;          ///< sorted (x, then y, then z), no duplicates
 
   Vec3 center(const Cell& c) const { return origin + edge_m * (Vec3(c.x, c.y, c.z) + Vec3::Constant(0.5)); }
 };

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/point_cloud.h"
+
+namespace tileflight::geometry {
+
+/// How a column's numbers become a colour's 0 to 255.
+enum class ColorRange { kByte, kShort, kUnit };
+
+/// A named column of a point file, before its values are known.
+struct CloudColumn {
+  std::string name;
+  ColorRange color_range = ColorRange::kByte;  ///< of the file's number type: bytes, 16-bit numbers, or floats 0 to 1
+};
+
+/// Sorts the columns of a point file into the arrays of a cloud by the names that PLY and PCD files use: x y z, nx ny
+/// nz or normal_x normal_y normal_z, red green blue (also r g b, diffuse_red …), rgb and rgba (packed 0xAARRGGBB); all
+/// others become scalars.
+class CloudColumns {
+ public:
+  /// Throws InputError when x, y or z is missing or a name comes twice. `where` stands in front of messages.
+  CloudColumns(const std::vector<CloudColumn>& columns, std::size_t points, std::string where);
+
+  void set(std::size_t column, std::size_t point, double value) {
+    const Target& target = targets_[column];
+    switch (target.kind) {
+      case Kind::kPosition:
+        cloud_.positions[point][target.axis] = value;
+        break;
+      case Kind::kNormal:
+        cloud_.normals[point][target.axis] = static_cast<float>(value);
+        break;
+      case Kind::kColor:
+        set_color(target, point, value);
+        break;
+      case Kind::kPackedColor:
+        set_packed_color(point, static_cast<std::uint32_t>(value));
+        break;
+      case Kind::kScalar:
+        (*target.scalar)[point] = static_cast<float>(value);
+        break;
+      case Kind::kIgnored:
+        break;
+    }
+  }
+
+  /// The cloud; throws InputError when a position or normal is not finite.
+  PointCloud take();
+
+  /// The same without the points whose position is not finite.
+  PointCloud take_valid();
+
+ private:
+  enum class Kind { kPosition, kNormal, kColor, kPackedColor, kScalar, kIgnored };
+  struct Target {
+    Kind kind = Kind::kIgnored;
+    int axis = 0;
+    double color_scale = 1.0;
+    std::vector<float>* scalar = nullptr;
+  };
+
+  static Target target_of(const CloudColumn& column);
+  void allocate(std::size_t points, const std::vector<CloudColumn>& columns);
+  void set_color(const Target& target, std::size_t point, double value);
+  void set_packed_color(std::size_t point, std::uint32_t argb);
+
+  std::string where_;
+  std::vector<Target> targets_;
+  PointCloud cloud_;
+};
+
+}  // namespace tileflight::geometry

@@ -1,0 +1,221 @@
+#include "tileflight/geometry/cloud_files.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "tileflight/geometry/cloud_columns.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/pcd.h"
+#include "tileflight/geometry/ply.h"
+#include "tileflight/geometry/text_fields.h"
+
+namespace tileflight::geometry {
+namespace {
+
+/// Clouds of some hundred million points are still read.
+constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 36;
+
+/// ".ply" of "map.PLY".
+std::string ending_of(const std::filesystem::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return ending;
+}
+
+InputError unknown_ending(const std::filesystem::path& file) {
+  return {file.string(), "is no point file that is known: the name must end in .ply, .pcd or .xyz"};
+}
+
+ColorRange color_range_of(PlyType type) {
+  if (type == PlyType::kFloat32 || type == PlyType::kFloat64) return ColorRange::kUnit;
+  return type == PlyType::kUint16 ? ColorRange::kShort : ColorRange::kByte;
+}
+
+PointCloud parse_ply_cloud(std::string_view bytes, const std::string& file) {
+  const PlyHeader header = parse_ply_header(bytes, file);
+  const PlyElement* vertex = header.find("vertex");
+  if (vertex == nullptr) throw InputError(file, "has no element 'vertex'");
+  check_ply_sizes(bytes, header, file);
+  std::vector<CloudColumn> columns;
+  std::vector<int> column_of_property;
+  for (const PlyProperty& p : vertex->properties) {
+    column_of_property.push_back(p.is_list ? -1 : static_cast<int>(columns.size()));
+    if (!p.is_list) columns.push_back({p.name, color_range_of(p.type)});
+  }
+  CloudColumns cloud(columns, vertex->count, file);
+  visit_ply_element(bytes, header, "vertex", file,
+                    [&](std::uint64_t row, std::size_t property, const std::vector<double>& values) {
+                      const int column = column_of_property[property];
+                      if (column >= 0) cloud.set(static_cast<std::size_t>(column), row, values[0]);
+                    });
+  return cloud.take();
+}
+
+/// Names of the columns of XYZ text: those of a comment "# x y z …" if the first line is one, else x y z column_4
+/// column_5 ….
+std::vector<CloudColumn> xyz_columns(std::string_view first_comment, std::size_t count) {
+  std::vector<std::string_view> names = split_fields(first_comment);
+  const bool named =
+      names.size() == count && names.size() >= 3 && names[0] == "x" && names[1] == "y" && names[2] == "z";
+  std::vector<CloudColumn> columns;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::string unnamed = i < 3 ? std::string(1, "xyz"[i]) : "column_" + std::to_string(i + 1);
+    columns.push_back({named ? std::string(names[i]) : unnamed});
+  }
+  return columns;
+}
+
+std::vector<double> parse_xyz_line(std::string_view line, const std::string& where) {
+  std::vector<double> values;
+  for (const std::string_view field : split_fields(line, " \t,;")) {
+    const auto value = parse_number<double>(field);
+    if (!value) throw InputError(where, "'" + std::string(field.substr(0, 40)) + "' is not a number");
+    values.push_back(*value);
+  }
+  return values;
+}
+
+PointCloud parse_xyz(std::string_view text, const std::string& file) {
+  std::string_view first_comment;
+  std::vector<std::vector<double>> rows;
+  std::size_t line_number = 0;
+  while (const auto line = take_line(text)) {
+    ++line_number;
+    std::string_view content = *line;
+    content.remove_prefix(std::min(content.find_first_not_of(" \t"), content.size()));
+    if (content.starts_with('#') && first_comment.empty()) first_comment = content.substr(1);
+    if (content.empty() || content.starts_with('#')) continue;
+    const std::string where = file + ", line " + std::to_string(line_number);
+    rows.push_back(parse_xyz_line(content, where));
+    if (rows.back().size() < 3) throw InputError(where, "expected at least x y z");
+    if (rows.back().size() != rows[0].size()) throw InputError(where, "has another number of columns than the first");
+  }
+  if (rows.empty()) throw InputError(file, "holds no points");
+  CloudColumns cloud(xyz_columns(first_comment, rows[0].size()), rows.size(), file);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    for (std::size_t c = 0; c < rows[i].size(); ++c) cloud.set(c, i, rows[i][c]);
+  }
+  return cloud.take();
+}
+
+template <typename Number>
+void append_value(std::string& text, Number value, CloudEncoding encoding) {
+  if (encoding == CloudEncoding::kBinary) {
+    text.append(reinterpret_cast<const char*>(&value), sizeof(value));
+    return;
+  }
+  append_number(text, value);
+  text += ' ';
+}
+
+/// One row for each point: position, normal, colour, scalars, as far as the cloud has them.
+std::string point_rows(const PointCloud& cloud, CloudEncoding encoding) {
+  std::string text;
+  text.reserve(cloud.size() * 48);
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    for (const double value : cloud.positions[i]) append_value(text, value, encoding);
+    if (!cloud.normals.empty()) {
+      for (const float value : cloud.normals[i]) append_value(text, value, encoding);
+    }
+    if (!cloud.colors.empty()) {
+      for (const std::uint8_t value : cloud.colors[i]) append_value(text, value, encoding);
+    }
+    for (const auto& scalar : cloud.scalars) append_value(text, scalar.second[i], encoding);
+    if (encoding == CloudEncoding::kAscii) text.back() = '\n';
+  }
+  return text;
+}
+
+std::string ply_format_line(CloudEncoding encoding) {
+  return encoding == CloudEncoding::kAscii ? "format ascii 1.0\n" : "format binary_little_endian 1.0\n";
+}
+
+std::string ply_text(const PointCloud& cloud, CloudEncoding encoding) {
+  std::string text = "ply\n" + ply_format_line(encoding) + "element vertex " + std::to_string(cloud.size()) + "\n";
+  for (const char* name : {"x", "y", "z"}) text += std::string("property double ") + name + "\n";
+  if (!cloud.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
+  if (!cloud.colors.empty()) text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  for (const auto& scalar : cloud.scalars) text += "property float " + scalar.first + "\n";
+  return text + "end_header\n" + point_rows(cloud, encoding);
+}
+
+std::string xyz_text(const PointCloud& cloud) {
+  std::string text = "# x y z";
+  if (!cloud.normals.empty()) text += " nx ny nz";
+  if (!cloud.colors.empty()) text += " red green blue";
+  for (const auto& scalar : cloud.scalars) text += " " + scalar.first;
+  return text + "\n" + point_rows(cloud, CloudEncoding::kAscii);
+}
+
+/// Appends a polygon as a fan of triangles.
+void append_fan(const std::vector<double>& corners, std::size_t vertices, const std::string& where,
+                std::vector<Triangle>& triangles) {
+  if (corners.size() < 3) throw InputError(where, "has fewer than three corners");
+  for (const double corner : corners) {
+    if (!(corner >= 0.0) || corner != std::floor(corner) || corner >= static_cast<double>(vertices)) {
+      throw InputError(where, "names a vertex that does not exist");
+    }
+  }
+  const auto index = [&](std::size_t i) { return static_cast<std::uint32_t>(corners[i]); };
+  for (std::size_t i = 2; i < corners.size(); ++i) triangles.push_back({index(0), index(i - 1), index(i)});
+}
+
+}  // namespace
+
+PointCloud read_cloud(const std::filesystem::path& file) {
+  const std::string ending = ending_of(file);
+  if (ending != ".ply" && ending != ".pcd" && ending != ".xyz") throw unknown_ending(file);
+  const std::string bytes = read_text(file, kMostBytes);
+  if (ending == ".ply") return parse_ply_cloud(bytes, file.string());
+  if (ending == ".pcd") return parse_pcd(bytes, file.string());
+  return parse_xyz(bytes, file.string());
+}
+
+void write_cloud(const std::filesystem::path& file, const PointCloud& cloud, CloudEncoding encoding) {
+  const std::string ending = ending_of(file);
+  if (ending == ".ply") return write_file(file, ply_text(cloud, encoding));
+  if (ending == ".xyz") return write_file(file, xyz_text(cloud));
+  if (ending != ".pcd") throw unknown_ending(file);
+  write_file(file, pcd_text(cloud, encoding == CloudEncoding::kAscii ? PcdEncoding::kAscii : PcdEncoding::kBinary));
+}
+
+TriangleMesh read_ply_mesh(const std::filesystem::path& file) {
+  const std::string bytes = read_text(file, kMostBytes);
+  const PlyHeader header = parse_ply_header(bytes, file.string());
+  TriangleMesh mesh;
+  mesh.vertices = parse_ply_cloud(bytes, file.string()).positions;
+  const PlyElement* face = header.find("face");
+  if (face == nullptr || face->count == 0)
+    throw InputError(file.string(), "has no faces: a mesh is needed, not a cloud");
+  const auto corners = std::find_if(face->properties.begin(), face->properties.end(), [](const PlyProperty& p) {
+    return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
+  });
+  if (corners == face->properties.end()) throw InputError(file.string(), "its faces have no list 'vertex_indices'");
+  const auto wanted = static_cast<std::size_t>(corners - face->properties.begin());
+  visit_ply_element(bytes, header, "face", file.string(),
+                    [&](std::uint64_t row, std::size_t property, const std::vector<double>& values) {
+                      if (property != wanted) return;
+                      const std::string where = file.string() + ", face " + std::to_string(row);
+                      append_fan(values, mesh.vertices.size(), where, mesh.triangles);
+                    });
+  return mesh;
+}
+
+void write_ply_mesh(const std::filesystem::path& file, const TriangleMesh& mesh) {
+  std::string text = "ply\n" + ply_format_line(CloudEncoding::kBinary) + "element vertex " +
+                     std::to_string(mesh.vertices.size()) +
+                     "\nproperty double x\nproperty double y\nproperty double z\nelement face " +
+                     std::to_string(mesh.triangles.size()) + "\nproperty list uchar uint vertex_indices\nend_header\n";
+  for (const Vec3& v : mesh.vertices) {
+    for (const double value : v) append_value(text, value, CloudEncoding::kBinary);
+  }
+  for (const Triangle& t : mesh.triangles) {
+    append_value(text, std::uint8_t{3}, CloudEncoding::kBinary);
+    for (const std::uint32_t corner : t) append_value(text, corner, CloudEncoding::kBinary);
+  }
+  write_file(file, text);
+}
+
+}  // namespace tileflight::geometry

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "tileflight/geometry/cloud_files.h"
+
+namespace tileflight::geometry {
+
+/// The content of a PCD file (Point Cloud Library, versions .5 to .7; ascii, binary, binary_compressed) as a cloud. Of
+/// an organised cloud (HEIGHT above 1) the invalid points, which PCD marks with NaN, are left out. `file` is for
+/// messages. Throws InputError.
+PointCloud parse_pcd(std::string_view bytes, const std::string& file);
+
+/// A cloud as PCD version 0.7. Positions, normals and scalars are floats, colours a packed "rgb".
+enum class PcdEncoding { kAscii, kBinary, kBinaryCompressed };
+std::string pcd_text(const PointCloud& cloud, PcdEncoding encoding);
+
+}  // namespace tileflight::geometry

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tileflight::geometry {
+
+/// Number types of the PLY format (Turk 1994), under either of their names.
+enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
+
+struct PlyProperty {
+  std::string name;
+  PlyType type = PlyType::kFloat32;
+  bool is_list = false;
+  PlyType count_type = PlyType::kUint8;  ///< of a list's length
+};
+
+struct PlyElement {
+  std::string name;
+  std::uint64_t count = 0;
+  std::vector<PlyProperty> properties;
+};
+
+enum class PlyFormat { kAscii, kLittleEndian, kBigEndian };
+
+struct PlyHeader {
+  PlyFormat format = PlyFormat::kAscii;
+  std::vector<PlyElement> elements;
+  std::size_t size_bytes = 0;  ///< up to and with the line "end_header"
+
+  /// nullptr if there is none.
+  const PlyElement* find(std::string_view element) const;
+};
+
+/// Reads the header at the front of `bytes`; `file` is for messages. Throws InputError (file, line, cause).
+PlyHeader parse_ply_header(std::string_view bytes, const std::string& file);
+
+/// Checks that the counts in the header can be in a file of this size, before memory is taken for them. Throws
+/// InputError.
+void check_ply_sizes(std::string_view bytes, const PlyHeader& header, const std::string& file);
+
+/// Called for each value of a wanted element: row, property, its numbers (one, or a list's).
+using PlyVisitor = std::function<void(std::uint64_t row, std::size_t property, const std::vector<double>& values)>;
+
+/// Reads all values of `element` in order. Values of elements before it are skipped. Throws InputError (file, element,
+/// row, cause).
+void visit_ply_element(std::string_view bytes, const PlyHeader& header, std::string_view element,
+                       const std::string& file, const PlyVisitor& visit);
+
+}  // namespace tileflight::geometry
