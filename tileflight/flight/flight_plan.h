@@ -13,10 +13,10 @@ class Path;  // path.h
 
 /// A waypoint of a mission, in the local frame.
 struct Waypoint {
-  geometry::Vec3 position;          ///< camera position, metres, east north up
+  geometry::Vec3 position;                ///< camera position, metres, east north up
   std::optional<geometry::Vec3> look_at;  ///< a point to look at; else yaw and pitch
-  double yaw_deg = 0.0;             ///< heading clockwise from north
-  double pitch_deg = 0.0;           ///< of the optical axis, positive up; -90 is straight down
+  double yaw_deg = 0.0;                   ///< heading clockwise from north
+  double pitch_deg = 0.0;                 ///< of the optical axis, positive up; -90 is straight down
   double roll_deg = 0.0;
 };
 
@@ -28,11 +28,11 @@ struct SpeedLimits {
 
 /// FLIGHT file of the contract. Paths in it are relative to the file and already resolved here.
 struct FlightPlan {
-  std::filesystem::path camera;             ///< Kalibr camchain or DSO camera.txt
-  std::optional<geometry::Trajectory> poses; ///< as in the file (TUM), when the plan names one
-  std::vector<Waypoint> waypoints;           ///< else these
+  std::filesystem::path camera;               ///< Kalibr camchain or DSO camera.txt
+  std::optional<geometry::Trajectory> poses;  ///< as in the file (TUM), when the plan names one
+  std::vector<Waypoint> waypoints;            ///< else these
   SpeedLimits limits;
-  std::optional<double> fps;                 ///< without: one frame at each pose of the file
+  std::optional<double> fps;  ///< without: one frame at each pose of the file
   std::optional<int> max_frames;
 };
 
@@ -40,7 +40,8 @@ struct FlightPlan {
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
 /// The poses at which frames are taken: the file's own, or the path sampled at `fps` from its start. Times start at the
-/// file's (or 0 for waypoints). Waypoint paths are smooth (positions twice differentiable, orientation continuous in rate) and keep the limits.
+/// file's (or 0 for waypoints). Waypoint paths are smooth (positions twice differentiable, orientation continuous in
+/// rate) and keep the limits.
 geometry::Trajectory frame_poses(const FlightPlan& plan);
 
 }  // namespace tileflight::flight

@@ -14,7 +14,7 @@ struct TelemetryFix {
   double time_s = 0.0;
   double latitude_deg = 0.0;
   double longitude_deg = 0.0;
-  std::optional<double> absolute_height_m;   ///< as the log names it; its datum is Telemetry::height_datum
+  std::optional<double> absolute_height_m;  ///< as the log names it; its datum is Telemetry::height_datum
   std::optional<double> height_above_takeoff_m;
   std::optional<double> gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg;
 };
@@ -27,8 +27,15 @@ struct Telemetry {
   std::vector<std::string> warnings;  ///< e.g. entries dropped, one line each
 };
 
-/// DJI's subtitle telemetry (.srt), several dialects. Entries without a position fix (0, 0) are dropped and counted.
-/// Throws InputError (file, entry, cause) when nothing usable is in it.
+/// DJI's subtitle telemetry (.srt). Times are the subtitles' own stamps, so that 0 is the first picture of the video
+/// beside it; the one dialect without stamps (Mavic 2, 2017) gives seconds from its first entry. Entries without a
+/// position fix ("N/A" or 0, 0), off the earth, or out of order are dropped and counted in `warnings`. docs/formats.md
+/// has the dialects; telemetry.cpp says how each is read. Throws InputError (file, entry, cause) when nothing usable is
+/// in it.
 Telemetry read_dji_srt(const std::filesystem::path& file);
+
+/// Logs repeat a position until the receiver has the next one (10 Hz positions in 30 Hz subtitles): only the first
+/// entry of each run of equal latitude, longitude and heights, which is the entry whose time belongs to the position.
+std::vector<TelemetryFix> distinct_fixes(const Telemetry& telemetry);
 
 }  // namespace tileflight::flight

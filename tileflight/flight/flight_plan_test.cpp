@@ -1,0 +1,132 @@
+#include "tileflight/flight/flight_plan.h"
+
+#include <gmock/gmock.h>
+#include <stdlib.h>
+
+#include <fstream>
+
+#include "tests/temporary_folder.h"
+#include "tests/test_data.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::flight {
+namespace {
+
+using testing::HasSubstr;
+
+class FlightPlanFile : public testing::Test {
+ protected:
+  std::filesystem::path write(const std::string& name, const std::string& text) {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+  FlightPlan read(const std::string& text) { return read_flight_plan(write("flight.yaml", text)); }
+  std::string fault(const std::string& text) {
+    try {
+      read(text);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "no error";
+  }
+  tests::TemporaryFolder folder_;
+};
+
+constexpr const char* kMission = R"(camera: lens/camera.yaml
+speed_m_s: 12
+fps: 5
+max_frames: 40
+waypoints:
+  - {position: [0, 0, 50], yaw_deg: 90, pitch_deg: -20}
+  - {position: [80, 0, 55], look_at: [100, 40, 0], roll_deg: 2}
+  - {position: [120, 60, 60], yaw_deg: 10}
+)";
+
+TEST_F(FlightPlanFile, Waypoints) {
+  const FlightPlan plan = read(kMission);
+  EXPECT_EQ(plan.camera, folder_ / "lens/camera.yaml");
+  EXPECT_FALSE(plan.poses.has_value());
+  ASSERT_EQ(plan.waypoints.size(), 3u);
+  EXPECT_EQ(plan.waypoints[0].yaw_deg, 90);
+  EXPECT_EQ(plan.waypoints[0].pitch_deg, -20);
+  EXPECT_EQ(plan.waypoints[1].look_at, geometry::Vec3(100, 40, 0));
+  EXPECT_EQ(plan.waypoints[1].roll_deg, 2);
+  EXPECT_EQ(plan.limits.speed_m_s, 12);
+  EXPECT_EQ(plan.limits.acceleration_m_s2, SpeedLimits{}.acceleration_m_s2);
+  EXPECT_EQ(plan.fps, 5);
+  EXPECT_EQ(plan.max_frames, 40);
+  const geometry::Trajectory frames = frame_poses(plan);
+  ASSERT_EQ(frames.size(), 40u);
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    EXPECT_DOUBLE_EQ(frames.poses[i].time_s, 0.2 * static_cast<double>(i));
+}
+
+TEST_F(FlightPlanFile, PosesOfAFileAsTheyAreOrSampled) {
+  write("poses.txt", "10 0 0 0 0 0 0 1\n11 1 0 0 0 0 0 1\n12 2 0 0 0 0 0 1\n");
+  const geometry::Trajectory as_they_are = frame_poses(read("camera: c.yaml\ntrajectory: poses.txt\n"));
+  ASSERT_EQ(as_they_are.size(), 3u);
+  EXPECT_EQ(as_they_are.poses[1].time_s, 11);
+  EXPECT_EQ(frame_poses(read("camera: c.yaml\ntrajectory: poses.txt\nmax_frames: 2\n")).size(), 2u);
+  const geometry::Trajectory sampled = frame_poses(read("camera: c.yaml\ntrajectory: poses.txt\nfps: 4\n"));
+  ASSERT_EQ(sampled.size(), 9u);
+  EXPECT_DOUBLE_EQ(sampled.poses[8].time_s, 12);
+  EXPECT_NEAR(sampled.poses[5].T_local_camera.translation.x(), 1.25, 1e-12);
+}
+
+TEST_F(FlightPlanFile, VariablesAreFilledIn) {
+  setenv("TILEFLIGHT_FLIGHT_TEST", (folder_ / "deep").c_str(), 1);
+  EXPECT_EQ(read(std::string(kMission).replace(8, 4, "${TILEFLIGHT_FLIGHT_TEST}")).camera,
+            folder_ / "deep/camera.yaml");
+  EXPECT_THAT(fault("camera: ${TILEFLIGHT_NOT_SET}/c.yaml\n"),
+              HasSubstr("flight.yaml:1: the environment variable TILEFLIGHT_NOT_SET is not set"));
+  EXPECT_THAT(fault("camera: ${TILEFLIGHT\n"), HasSubstr("'${' without '}'"));
+}
+
+TEST_F(FlightPlanFile, MistakesAreNamedWithTheirLine) {
+  const std::string waypoints = "waypoints:\n  - {position: [0, 0, 1]}\n  - {position: [9, 0, 1]}\n";
+  const std::string start = "camera: c.yaml\nfps: 5\n";
+  EXPECT_THAT(fault(start + "sped_m_s: 3\n" + waypoints),
+              HasSubstr("flight.yaml:3: 'sped_m_s' is not a key here; did you mean 'speed_m_s'?"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, 1], lok_at: [1, 2, 3]}\n"),
+              HasSubstr("flight.yaml:4: 'waypoints[0].lok_at' is not a key here; did you mean 'look_at'?"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0]}\n"),
+              HasSubstr("'waypoints[0].position' must be [east, north, up]"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, .nan]}\n"), HasSubstr("must be a number"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - {yaw_deg: 3}\n"), HasSubstr("'waypoints[0].position' is missing"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - 7\n"), HasSubstr("'waypoints[0]' must be a map of keys"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, 1], look_at: [1, 0, 0], yaw_deg: 4}\n"),
+              HasSubstr("both look_at and yaw_deg"));
+  EXPECT_THAT(fault(start + "waypoints: 5\n"), HasSubstr("'waypoints' must be a list"));
+  EXPECT_THAT(fault(start), HasSubstr("needs 'trajectory' (a TUM file) or at least two 'waypoints'"));
+  EXPECT_THAT(fault("camera: c.yaml\n" + waypoints), HasSubstr("'fps' is missing"));
+  EXPECT_THAT(fault("fps: 5\n" + waypoints), HasSubstr("'camera' is missing"));
+  EXPECT_THAT(fault("camera: c.yaml\nfps: -5\n" + waypoints), HasSubstr("flight.yaml:2: 'fps' must be more than 0"));
+  EXPECT_THAT(fault(start + "max_frames: 2.5\n" + waypoints), HasSubstr("'max_frames' must be a whole number"));
+  EXPECT_THAT(fault(start + "trajectory: absent.txt\n"), HasSubstr("absent.txt"));
+  EXPECT_THAT(fault("camera: [\n"), HasSubstr("not valid YAML"));
+  EXPECT_THAT(fault("just text"), HasSubstr("the file must be a map of keys"));
+  EXPECT_THAT(fault(""), HasSubstr("the file must be a map of keys"));
+}
+
+TEST_F(FlightPlanFile, TooManyFramesAreRefused) {
+  EXPECT_THROW(
+      frame_poses(read("camera: c.yaml\nfps: 1e9\nwaypoints:\n  - {position: [0, 0, 1]}\n  - {position: [9, 0, 1]}\n")),
+      InputError);
+}
+
+TEST(RealFlight, MachangaraPosesComeBackAtTheirFrames) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "flights/machangara-a");
+  FlightPlan plan;
+  plan.poses = geometry::read_tum(folder / "groundtruth.txt");
+  EXPECT_EQ(frame_poses(plan).size(), 600u);
+  plan.fps = 30;
+  const geometry::Trajectory frames = frame_poses(plan);
+  ASSERT_EQ(frames.size(), 600u);
+  for (std::size_t i = 0; i < 600; ++i) {  // the file's times are rounded to a microsecond
+    EXPECT_LT((frames.poses[i].T_local_camera.translation - plan.poses->poses[i].T_local_camera.translation).norm(),
+              1e-4);
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::flight

@@ -1,0 +1,256 @@
+#include "tileflight/flight/path.h"
+
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "tileflight/flight/cubic_spline.h"
+#include "tileflight/flight/speed_plan.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::flight {
+namespace {
+
+using geometry::Mat3;
+using geometry::SE3;
+using geometry::Vec3;
+
+constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
+/// Grid cells between two waypoints, over which speeds are planned.
+constexpr int kCellsPerSegment = 64;
+/// What lies between the grid's samples can be a little worse than they are.
+constexpr double kSamplingMargin = 1.01;
+/// A look_at nearer to the vertical than this has no heading that means anything.
+constexpr double kLeastAngleFromVerticalRad = 1.0 * kRadiansPerDegree;
+constexpr double kLeastDistance_m = 1e-3;
+
+/// Blends unit quaternions by a spline in four dimensions, brought back to unit length. Turning all of them from either
+/// side is a rotation of the four-dimensional space, which splines commute with: the blend does not depend on the
+/// choice of frames.
+struct BlendedOrientation {
+  CubicSpline<4> quaternion;  ///< x, y, z, w
+
+  Eigen::Quaterniond at(double u) const {
+    const Eigen::Vector4d q = quaternion.value(u);
+    return Eigen::Quaterniond(q.data()).normalized();
+  }
+};
+
+/// Looks from the curve at a moving target, with a roll.
+struct TargetOrientation {
+  CubicSpline<4> target_and_roll;  ///< target in metres, roll in degrees
+
+  Eigen::Quaterniond at(double u, const Vec3& position) const;
+};
+
+Mat3 rolled(const Vec3& forward, const Vec3& right, double roll_deg) {
+  const Vec3 down = forward.cross(right);
+  const double c = std::cos(roll_deg * kRadiansPerDegree), s = std::sin(roll_deg * kRadiansPerDegree);
+  Mat3 R_local_camera;
+  R_local_camera << c * right + s * down, c * down - s * right, forward;
+  return R_local_camera;
+}
+
+/// `to_target` is not vertical.
+Eigen::Quaterniond looking_along(const Vec3& to_target, double roll_deg) {
+  const Vec3 forward = to_target.normalized();
+  return Eigen::Quaterniond(rolled(forward, forward.cross(Vec3::UnitZ()).normalized(), roll_deg));
+}
+
+Eigen::Quaterniond TargetOrientation::at(double u, const Vec3& position) const {
+  const Eigen::Vector4d value = target_and_roll.value(u);
+  return looking_along(value.head<3>() - position, value[3]);
+}
+
+/// A curve of camera poses over a parameter u.
+struct Curve {
+  CubicSpline<3> position;
+  std::variant<BlendedOrientation, TargetOrientation> orientation;
+
+  Eigen::Quaterniond rotation(double u) const {
+    if (const auto* blended = std::get_if<BlendedOrientation>(&orientation)) return blended->at(u);
+    return std::get<TargetOrientation>(orientation).at(u, position.value(u));
+  }
+  SE3 pose(double u) const { return {rotation(u), position.value(u)}; }
+};
+
+std::string name_of(std::size_t waypoint) { return "waypoint " + std::to_string(waypoint + 1); }
+
+double angle_from_vertical_rad(const Vec3& direction) {
+  return std::atan2(direction.head<2>().norm(), std::abs(direction.z()));
+}
+
+void check_look_at(const Vec3& to_target, const std::string& where) {
+  if (to_target.norm() < kLeastDistance_m) throw InputError(where, "look_at is where the camera is; move one of them");
+  if (angle_from_vertical_rad(to_target) < kLeastAngleFromVerticalRad) {
+    throw InputError(
+        where,
+        "look_at is straight above or below the camera, which leaves its heading open; give yaw_deg and pitch_deg");
+  }
+}
+
+void check(const std::vector<Waypoint>& waypoints) {
+  if (waypoints.size() < 2) throw InputError("waypoints", "a path needs at least two");
+  for (std::size_t i = 0; i < waypoints.size(); ++i) {
+    const Waypoint& w = waypoints[i];
+    const double sum = w.position.sum() + w.yaw_deg + w.pitch_deg + w.roll_deg + (w.look_at ? w.look_at->sum() : 0.0);
+    if (!std::isfinite(sum)) throw InputError(name_of(i), "a number is not finite");
+    if (w.look_at) check_look_at(*w.look_at - w.position, name_of(i));
+    if (i > 0 && (w.position - waypoints[i - 1].position).norm() < kLeastDistance_m) {
+      throw InputError(name_of(i), "is at the same place as " + name_of(i - 1) + "; leave one of them out");
+    }
+  }
+}
+
+void check(const SpeedLimits& limits) {
+  const auto positive = [](double value) { return std::isfinite(value) && value > 0.0; };
+  if (!positive(limits.speed_m_s)) throw InputError("speed_m_s", "must be more than 0");
+  if (!positive(limits.acceleration_m_s2)) throw InputError("acceleration_m_s2", "must be more than 0");
+  if (!positive(limits.yaw_rate_deg_s)) throw InputError("yaw_rate_deg_s", "must be more than 0");
+}
+
+/// Quaternions in the half-space of the one before: q and -q are one rotation, and the shorter way is wanted.
+std::vector<Eigen::Vector4d> on_one_side(const std::vector<Eigen::Quaterniond>& rotations) {
+  std::vector<Eigen::Vector4d> result;
+  for (const Eigen::Quaterniond& rotation : rotations) {
+    const Eigen::Vector4d q = rotation.normalized().coeffs();
+    result.push_back(!result.empty() && result.back().dot(q) < 0 ? Eigen::Vector4d(-q) : q);
+  }
+  return result;
+}
+
+Eigen::Quaterniond orientation_at(const Waypoint& w) {
+  return w.look_at ? looking_along(*w.look_at - w.position, w.roll_deg)
+                   : camera_orientation(w.yaw_deg, w.pitch_deg, w.roll_deg);
+}
+
+std::vector<double> centripetal_knots(const std::vector<Waypoint>& waypoints) {
+  std::vector<double> knots{0.0};
+  for (std::size_t i = 1; i < waypoints.size(); ++i) {
+    knots.push_back(knots.back() + std::sqrt((waypoints[i].position - waypoints[i - 1].position).norm()));
+  }
+  return knots;
+}
+
+std::variant<BlendedOrientation, TargetOrientation> orientation_along(const std::vector<Waypoint>& waypoints,
+                                                                      const std::vector<double>& knots) {
+  std::vector<Eigen::Quaterniond> rotations;
+  std::vector<Eigen::Vector4d> targets;
+  for (const Waypoint& w : waypoints) {
+    rotations.push_back(orientation_at(w));
+    if (w.look_at) targets.push_back((Eigen::Vector4d() << *w.look_at, w.roll_deg).finished());
+  }
+  if (targets.size() == waypoints.size()) return TargetOrientation{CubicSpline<4>(knots, targets)};
+  return BlendedOrientation{CubicSpline<4>(knots, on_one_side(rotations))};
+}
+
+Curve curve_through(const std::vector<Waypoint>& waypoints) {
+  const std::vector<double> knots = centripetal_knots(waypoints);
+  std::vector<Vec3> positions;
+  for (const Waypoint& w : waypoints) positions.push_back(w.position);
+  return {CubicSpline<3>(knots, positions), orientation_along(waypoints, knots)};
+}
+
+std::vector<double> grid_over(const std::vector<double>& knots) {
+  std::vector<double> grid{knots.front()};
+  for (std::size_t i = 0; i + 1 < knots.size(); ++i) {
+    const double step = (knots[i + 1] - knots[i]) / kCellsPerSegment;
+    for (int k = 1; k < kCellsPerSegment; ++k) grid.push_back(knots[i] + k * step);
+    grid.push_back(knots[i + 1]);
+  }
+  return grid;
+}
+
+/// A moving target must not pass straight below or above the camera on the way either.
+void check_targets(const Curve& curve, const std::vector<double>& grid) {
+  const auto* target = std::get_if<TargetOrientation>(&curve.orientation);
+  if (target == nullptr) return;
+  for (std::size_t k = 0; k < grid.size(); ++k) {
+    const std::size_t segment = k / kCellsPerSegment;
+    const Vec3 to_target = target->target_and_roll.value(grid[k]).head<3>() - curve.position.value(grid[k]);
+    check_look_at(to_target, "between " + name_of(segment) + " and " + name_of(segment + 1));
+  }
+}
+
+CurveBounds bounds_of(const Curve& curve, const std::vector<double>& grid) {
+  CurveBounds bounds{grid, {}, {}, {}};
+  for (std::size_t k = 0; k + 1 < grid.size(); ++k) {
+    const double a = grid[k], b = grid[k + 1], middle = (a + b) / 2;
+    const auto speed = [&](double u) { return curve.position.first_derivative(u).norm(); };
+    const auto bend = [&](double u) { return curve.position.second_derivative(u).norm(); };
+    const auto turn = [&](double u, double v) {
+      return curve.rotation(u).angularDistance(curve.rotation(v)) / (v - u);
+    };
+    bounds.first_m.push_back(kSamplingMargin * std::max({speed(a), speed(middle), speed(b)}));
+    bounds.second_m.push_back(kSamplingMargin * std::max(bend(a), bend(b)));
+    bounds.rotation_rad.push_back(kSamplingMargin * std::max(turn(a, middle), turn(middle, b)));
+  }
+  return bounds;
+}
+
+}  // namespace
+
+struct Path::Motion {
+  Curve curve;
+  std::optional<SpeedPlan> plan;  ///< none: the curve's parameter is the time
+
+  Progression at(double time_s) const {
+    if (plan) return plan->at(time_s);
+    const bool inside = time_s >= curve.position.start() && time_s <= curve.position.end();
+    return {std::clamp(time_s, curve.position.start(), curve.position.end()), inside ? 1.0 : 0.0, 0.0};
+  }
+};
+
+Path::Path(std::shared_ptr<const Motion> motion) : motion_(std::move(motion)) {}
+
+double Path::start_s() const { return motion_->plan ? 0.0 : motion_->curve.position.start(); }
+double Path::end_s() const { return motion_->plan ? motion_->plan->duration_s() : motion_->curve.position.end(); }
+
+SE3 Path::pose(double time_s) const { return motion_->curve.pose(motion_->at(time_s).u); }
+
+Vec3 Path::velocity(double time_s) const {
+  const Progression p = motion_->at(time_s);
+  return motion_->curve.position.first_derivative(p.u) * p.rate;
+}
+
+Vec3 Path::acceleration(double time_s) const {
+  const Progression p = motion_->at(time_s);
+  const CubicSpline<3>& position = motion_->curve.position;
+  return position.second_derivative(p.u) * (p.rate * p.rate) + position.first_derivative(p.u) * p.acceleration;
+}
+
+Eigen::Quaterniond camera_orientation(double yaw_deg, double pitch_deg, double roll_deg) {
+  const double yaw = yaw_deg * kRadiansPerDegree, pitch = pitch_deg * kRadiansPerDegree;
+  const Vec3 forward(std::sin(yaw) * std::cos(pitch), std::cos(yaw) * std::cos(pitch), std::sin(pitch));
+  const Vec3 right(std::cos(yaw), -std::sin(yaw), 0.0);
+  return Eigen::Quaterniond(rolled(forward, right, roll_deg));
+}
+
+Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedLimits& limits) {
+  check(waypoints);
+  check(limits);
+  Curve curve = curve_through(waypoints);
+  const std::vector<double> grid = grid_over(curve.position.knots());
+  check_targets(curve, grid);
+  const SpeedPlan plan(bounds_of(curve, grid),
+                       {limits.speed_m_s, limits.acceleration_m_s2, limits.yaw_rate_deg_s * kRadiansPerDegree});
+  return Path(std::make_shared<const Path::Motion>(Path::Motion{std::move(curve), plan}));
+}
+
+Path path_through_poses(const geometry::Trajectory& trajectory) {
+  if (trajectory.size() < 2) throw InputError("trajectory", "a path needs at least two poses");
+  std::vector<double> times;
+  std::vector<Vec3> positions;
+  std::vector<Eigen::Quaterniond> rotations;
+  for (const geometry::StampedPose& pose : trajectory.poses) {
+    times.push_back(pose.time_s);
+    positions.push_back(pose.T_local_camera.translation);
+    rotations.push_back(pose.T_local_camera.rotation);
+  }
+  Curve curve{CubicSpline<3>(times, positions), BlendedOrientation{CubicSpline<4>(times, on_one_side(rotations))}};
+  return Path(std::make_shared<const Path::Motion>(Path::Motion{std::move(curve), std::nullopt}));
+}
+
+}  // namespace tileflight::flight

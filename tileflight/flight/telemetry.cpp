@@ -1,0 +1,332 @@
+// DJI's subtitle telemetry. What an entry looks like depends on the aircraft and its firmware; seen in real logs:
+//
+//   [latitude: 41.4] [longitude: 2.2] [altitude: 117.0]            Air 2, Air 2S; "longtitude" on Mavic 2 Pro
+//   [latitude: ..] [longitude: ..] [rel_alt: 38.0 abs_alt: 2933.4] [gb_yaw: 139.7 gb_pitch: -27.8 gb_roll: 0.0]   Mini
+//   3, Mavic 3, M30 GPS(-1.2218,42.4668,17) BAROMETER:20.1                         Mavic Pro: longitude, latitude,
+//   number of satellites GPS (8.2090, 47.4692, 18), D 49.21m, H 45.60m                  Phantom 4 Pro, Mavic Mini: the
+//   same order, H is above take-off GPS (..), HOME (..), H 17.39m, G.PRY (-27.3°, 0.0°, -76.0°)    Phantom 4 RTK:
+//   gimbal's pitch, roll, yaw GPS(36.6146,-6.1120,0.0M) BAROMETER:0.3M                       Matrice 300: latitude,
+//   longitude, height with its unit
+//
+// That the third number of the Mavic Pro counts satellites shows where it has no fix: GPS(N/A,N/A,3). A third number
+// with a unit or a fraction is a height, and those firmwares write the latitude first. One file may hold several
+// dialects (joined recordings).
+#include "tileflight/flight/telemetry.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <string_view>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::flight {
+namespace {
+
+/// An hour of 60 Hz subtitles is about 60 MB.
+constexpr std::uintmax_t kLargestLogBytes = std::uintmax_t{1} << 30;
+
+/// The lines of one subtitle: its number, then the stamps' line, then the payload.
+struct Entry {
+  std::string_view number;
+  std::vector<std::string_view> lines;
+};
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+std::string_view without_byte_order_mark(std::string_view text) {
+  return text.starts_with("\xEF\xBB\xBF") ? text.substr(3) : text;
+}
+
+/// A line of digits alone starts a subtitle; what stands before the first is ignored.
+std::vector<Entry> split_entries(std::string_view text) {
+  std::vector<Entry> entries;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view line = trimmed(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (!line.empty() && std::all_of(line.begin(), line.end(), is_digit)) {
+      entries.push_back({line, {}});
+    } else if (!line.empty() && !entries.empty()) {
+      entries.back().lines.push_back(line);
+    }
+  }
+  return entries;
+}
+
+/// Takes a number from the front (spaces before it and a leading '+' are skipped); nullopt and `text` as it was if
+/// there is none.
+std::optional<double> take_number(std::string_view& text) {
+  std::string_view rest = text;
+  while (!rest.empty() && is_blank(rest.front())) rest.remove_prefix(1);
+  if (!rest.empty() && rest.front() == '+') rest.remove_prefix(1);
+  double value = 0;
+  const auto [end, fault] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
+  if (fault != std::errc() || !std::isfinite(value)) return std::nullopt;
+  text = rest.substr(static_cast<std::size_t>(end - rest.data()));
+  return value;
+}
+
+/// Takes `expected` from the front if it is there.
+bool take(std::string_view& text, std::string_view expected) {
+  if (!text.starts_with(expected)) return false;
+  text.remove_prefix(expected.size());
+  return true;
+}
+
+/// Whole number of exactly the next digits, for dates and stamps ("08" is 8).
+std::optional<int> take_digits(std::string_view& text) {
+  std::size_t count = 0;
+  while (count < text.size() && count < 9 && is_digit(text[count])) ++count;
+  if (count == 0) return std::nullopt;
+  int value = 0;
+  std::from_chars(text.data(), text.data() + count, value);
+  text.remove_prefix(count);
+  return value;
+}
+
+/// HH:MM:SS, then milliseconds after a comma or a point.
+std::optional<double> take_clock(std::string_view& text) {
+  std::array<int, 3> parts{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (i > 0 && !take(text, ":")) return std::nullopt;
+    const std::optional<int> part = take_digits(text);
+    if (!part) return std::nullopt;
+    parts[i] = *part;
+  }
+  double milliseconds = 0;
+  if (take(text, ",") || take(text, ".")) milliseconds = take_digits(text).value_or(0);
+  return 3600.0 * parts[0] + 60.0 * parts[1] + parts[2] + milliseconds / 1000.0;
+}
+
+/// Start of `HH:MM:SS,mmm --> HH:MM:SS,mmm`.
+std::optional<double> stamp_s(std::string_view line) {
+  const std::optional<double> start = take_clock(line);
+  return start && trimmed(line).starts_with("-->") ? start : std::nullopt;
+}
+
+/// `2017.08.05 14:11:51,393` as seconds since 1970, for the dialect that has no stamps.
+std::optional<double> date_s(std::string_view line) {
+  std::array<int, 3> date{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (i > 0 && !take(line, ".") && !take(line, "-")) return std::nullopt;
+    const std::optional<int> part = take_digits(line);
+    if (!part) return std::nullopt;
+    date[i] = *part;
+  }
+  const std::chrono::year_month_day day{std::chrono::year{date[0]}, std::chrono::month(static_cast<unsigned>(date[1])),
+                                        std::chrono::day(static_cast<unsigned>(date[2]))};
+  line = trimmed(line);
+  const std::optional<double> clock = take_clock(line);
+  if (!clock || !day.ok() || date[0] > 9999) return std::nullopt;
+  return 86400.0 * static_cast<double>(std::chrono::sys_days(day).time_since_epoch().count()) + *clock;
+}
+
+/// What follows `key` in the line where `key` stands as a word of its own; nullopt if it does not.
+std::optional<std::string_view> after_key(std::string_view line, std::string_view key) {
+  const auto is_word = [](char c) {
+    return is_digit(c) || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || c == '.';
+  };
+  for (std::size_t at = line.find(key); at != std::string_view::npos; at = line.find(key, at + 1)) {
+    const std::size_t end = at + key.size();
+    if (at > 0 && is_word(line[at - 1])) continue;
+    if (end < line.size() && is_word(line[end])) continue;
+    return line.substr(end);
+  }
+  return std::nullopt;
+}
+
+/// The number of `key: 1.5`, `key 1.5m`, `key(1.5)`.
+std::optional<double> value_of(std::string_view line, std::string_view key) {
+  std::optional<std::string_view> rest = after_key(line, key);
+  if (!rest) return std::nullopt;
+  std::string_view text = trimmed(*rest);
+  if (!take(text, ":")) take(text, "(");
+  return take_number(text);
+}
+
+/// A number with the text right behind it up to the comma or bracket ("0.0M").
+struct Item {
+  std::optional<double> value;  ///< nullopt for "N/A"
+  bool is_height = false;       ///< has a unit or a fraction
+};
+
+/// The comma-separated items of `key (a, b, c)`; empty if the key is not there.
+std::vector<Item> tuple_of(std::string_view line, std::string_view key) {
+  const std::optional<std::string_view> rest = after_key(line, key);
+  if (!rest) return {};
+  std::string_view text = trimmed(*rest);
+  if (!take(text, "(")) return {};
+  text = text.substr(0, text.find(')'));
+  std::vector<Item> items;
+  while (!text.empty() && items.size() < 8) {
+    const std::size_t end = std::min(text.find(','), text.size());
+    const std::string_view item = text.substr(0, end);
+    std::string_view behind = item;
+    const std::optional<double> value = take_number(behind);
+    items.push_back({value, value && (item.find('.') != std::string_view::npos || !trimmed(behind).empty())});
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return items;
+}
+
+/// An entry as it is written; a position is there when both of its numbers are.
+struct Reading {
+  std::optional<double> stamp_s, date_s;
+  TelemetryFix fix;
+  bool has_position = false;
+};
+
+void fill(std::optional<double>& field, const std::optional<double>& value) {
+  if (!field) field = value;
+}
+
+void read_bracketed_position(std::string_view line, Reading& reading) {
+  const std::optional<double> latitude = value_of(line, "latitude");
+  std::optional<double> longitude = value_of(line, "longitude");
+  fill(longitude, value_of(line, "longtitude"));  // as Mavic 2 firmware spells it
+  if (!latitude || !longitude) return;
+  reading.fix.latitude_deg = *latitude;
+  reading.fix.longitude_deg = *longitude;
+  reading.has_position = true;
+}
+
+void read_gps_tuple(std::string_view line, Reading& reading) {
+  const std::vector<Item> items = tuple_of(line, "GPS");
+  if (items.size() < 2 || !items[0].value || !items[1].value) return;
+  const bool latitude_first = items.size() > 2 && items[2].is_height;
+  reading.fix.latitude_deg = *items[latitude_first ? 0 : 1].value;
+  reading.fix.longitude_deg = *items[latitude_first ? 1 : 0].value;
+  if (latitude_first) reading.fix.absolute_height_m = items[2].value;
+  reading.has_position = true;
+}
+
+void read_heights(std::string_view line, Reading& reading) {
+  fill(reading.fix.absolute_height_m, value_of(line, "abs_alt"));
+  fill(reading.fix.absolute_height_m, value_of(line, "altitude"));
+  fill(reading.fix.height_above_takeoff_m, value_of(line, "rel_alt"));
+  fill(reading.fix.height_above_takeoff_m, value_of(line, "BAROMETER"));
+  fill(reading.fix.height_above_takeoff_m, value_of(line, "H"));
+}
+
+void read_gimbal(std::string_view line, Reading& reading) {
+  fill(reading.fix.gimbal_yaw_deg, value_of(line, "gb_yaw"));
+  fill(reading.fix.gimbal_pitch_deg, value_of(line, "gb_pitch"));
+  fill(reading.fix.gimbal_roll_deg, value_of(line, "gb_roll"));
+  const std::vector<Item> pitch_roll_yaw = tuple_of(line, "G.PRY");
+  if (pitch_roll_yaw.size() != 3) return;
+  fill(reading.fix.gimbal_pitch_deg, pitch_roll_yaw[0].value);
+  fill(reading.fix.gimbal_roll_deg, pitch_roll_yaw[1].value);
+  fill(reading.fix.gimbal_yaw_deg, pitch_roll_yaw[2].value);
+}
+
+Reading read_entry(const Entry& entry) {
+  Reading reading;
+  for (const std::string_view line : entry.lines) {
+    fill(reading.stamp_s, stamp_s(line));
+    fill(reading.date_s, date_s(line));
+    if (!reading.has_position) read_bracketed_position(line, reading);
+    if (!reading.has_position) read_gps_tuple(line, reading);
+    read_heights(line, reading);
+    read_gimbal(line, reading);
+  }
+  return reading;
+}
+
+bool is_on_earth(const TelemetryFix& fix) {
+  return std::abs(fix.latitude_deg) <= 90.0 && std::abs(fix.longitude_deg) <= 180.0;
+}
+bool is_null_island(const TelemetryFix& fix) { return fix.latitude_deg == 0.0 && fix.longitude_deg == 0.0; }
+
+/// How many entries were dropped for each reason.
+struct Dropped {
+  std::size_t without_time = 0, without_fix = 0, off_the_earth = 0, out_of_order = 0;
+};
+
+void describe(const Dropped& dropped, std::vector<std::string>& warnings) {
+  const auto tell = [&](std::size_t count, const std::string& reason) {
+    if (count > 0) warnings.push_back(std::to_string(count) + " entries dropped: " + reason);
+  };
+  tell(dropped.without_time, "no time");
+  tell(dropped.without_fix, "no position fix");
+  tell(dropped.off_the_earth, "latitude or longitude out of range");
+  tell(dropped.out_of_order, "time does not increase");
+}
+
+/// Matrice 300 without RTK writes 0.0M throughout: a height that never leaves exactly 0 is a field that was not filled
+/// in.
+void forget_unfilled_heights(Telemetry& telemetry) {
+  const auto is_zero = [](const TelemetryFix& fix) { return fix.absolute_height_m == 0.0; };
+  if (!std::all_of(telemetry.fixes.begin(), telemetry.fixes.end(), is_zero)) return;
+  for (TelemetryFix& fix : telemetry.fixes) fix.absolute_height_m.reset();
+  telemetry.warnings.push_back("the absolute height is 0 in every entry and is taken as not recorded");
+}
+
+Telemetry collect(const std::vector<Reading>& readings) {
+  const bool by_stamp =
+      std::any_of(readings.begin(), readings.end(), [](const Reading& r) { return r.stamp_s.has_value(); });
+  Telemetry telemetry;
+  Dropped dropped;
+  std::optional<double> first_date_s;
+  for (const Reading& reading : readings) {
+    fill(first_date_s, reading.date_s);
+    std::optional<double> time_s = reading.stamp_s;
+    if (!by_stamp && reading.date_s) time_s = *reading.date_s - *first_date_s;
+    if (!time_s) {
+      ++dropped.without_time;
+    } else if (!reading.has_position || is_null_island(reading.fix)) {
+      ++dropped.without_fix;
+    } else if (!is_on_earth(reading.fix)) {
+      ++dropped.off_the_earth;
+    } else if (!telemetry.fixes.empty() && *time_s <= telemetry.fixes.back().time_s) {
+      ++dropped.out_of_order;
+    } else {
+      telemetry.fixes.push_back(reading.fix);
+      telemetry.fixes.back().time_s = *time_s;
+    }
+  }
+  describe(dropped, telemetry.warnings);
+  return telemetry;
+}
+
+}  // namespace
+
+Telemetry read_dji_srt(const std::filesystem::path& file) {
+  const std::string text = geometry::read_text(file, kLargestLogBytes);
+  const std::vector<Entry> entries = split_entries(without_byte_order_mark(text));
+  if (entries.empty()) throw InputError(file.string(), "no subtitle entries; is this a DJI .srt log?");
+  std::vector<Reading> readings;
+  readings.reserve(entries.size());
+  std::transform(entries.begin(), entries.end(), std::back_inserter(readings), read_entry);
+  Telemetry telemetry = collect(readings);
+  if (telemetry.fixes.empty()) {
+    const std::string cause = telemetry.warnings.empty() ? "" : " (" + telemetry.warnings.front() + ")";
+    throw InputError(file.string(), "none of the " + std::to_string(entries.size()) +
+                                        " entries holds a time and a position" + cause +
+                                        "; switch on captions with position in the camera's settings");
+  }
+  forget_unfilled_heights(telemetry);
+  return telemetry;
+}
+
+std::vector<TelemetryFix> distinct_fixes(const Telemetry& telemetry) {
+  const auto is_held = [](const TelemetryFix& a, const TelemetryFix& b) {
+    return a.latitude_deg == b.latitude_deg && a.longitude_deg == b.longitude_deg &&
+           a.absolute_height_m == b.absolute_height_m && a.height_above_takeoff_m == b.height_above_takeoff_m;
+  };
+  std::vector<TelemetryFix> fixes;
+  std::unique_copy(telemetry.fixes.begin(), telemetry.fixes.end(), std::back_inserter(fixes), is_held);
+  return fixes;
+}
+
+}  // namespace tileflight::flight
