@@ -41,7 +41,8 @@ Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
   require_count(file, "distortion coefficients of \"" + numbers.distortion + "\"", wanted, k.size());
   require_finite(file, "distortion coefficients", k);
   if (!(f[0] > 0.0 && f[1] > 0.0)) throw InputError(file, "focal lengths must be above 0 pixels");
-  if (numbers.width <= 0 || numbers.height <= 0 || numbers.width > kMaxImageSide_px || numbers.height > kMaxImageSide_px)
+  if (numbers.width <= 0 || numbers.height <= 0 || numbers.width > kMaxImageSide_px ||
+      numbers.height > kMaxImageSide_px)
     throw InputError(file, "resolution must be two numbers from 1 to " + std::to_string(kMaxImageSide_px));
   if (numbers.distortion == "fov" && !(k[0] >= 0.0 && k[0] < std::numbers::pi))
     throw InputError(file, "the field-of-view parameter must be from 0 to below pi radians");

@@ -1,7 +1,7 @@
-// Lens models. Notation: a point (x, y, z) in the camera frame, rho = |(x, y)|, theta = atan2(rho, z) its angle from the
-// optical axis, r its distance from the principal point in units of the focal length. A pixel is
-// (fx mx + cx, fy my + cy) with (mx, my) the distorted coordinates. The valid cone is where r(theta) still grows: beyond
-// it two directions share a pixel and no inverse exists.
+// Lens models. Notation: a point (x, y, z) in the camera frame, rho = |(x, y)|, theta = atan2(rho, z) its angle from
+// the optical axis, r its distance from the principal point in units of the focal length. A pixel is (fx mx + cx, fy my
+// + cy) with (mx, my) the distorted coordinates. The valid cone is where r(theta) still grows: beyond it two directions
+// share a pixel and no inverse exists.
 #include "tileflight/imaging/camera.h"
 
 #include <algorithm>
@@ -283,9 +283,9 @@ Camera Camera::scaled_to(int width, int height) const {
            std::to_string(height);
   };
   if (width <= 0 || height <= 0) throw InputError("camera", "cannot be scaled from " + sizes());
-  const double matching_height = static_cast<double>(width) * height_ / width_;
-  const double matching_width = static_cast<double>(height) * width_ / height_;
-  if (std::abs(height - matching_height) > 1.0 && std::abs(width - matching_width) > 1.0)
+  // Heights of both images at the smaller one's width: rounding to whole pixels may part them by one.
+  const double smaller_width = std::min(width, width_);
+  if (std::abs(height * smaller_width / width - height_ * smaller_width / width_) > 1.0 + 1e-9)
     throw InputError("camera", "cannot be scaled from " + sizes() + ": the aspect ratio differs");
   const double scale_x = static_cast<double>(width) / width_;
   const double scale_y = static_cast<double>(height) / height_;
@@ -312,7 +312,8 @@ Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4>
 
 Camera make_pinhole(int width, int height, double fov_deg) {
   if (!(fov_deg > 0.0 && fov_deg < 180.0))
-    throw InputError("field of view", std::to_string(fov_deg) + " degrees: a pinhole sees more than 0 and less than 180");
+    throw InputError("field of view",
+                     std::to_string(fov_deg) + " degrees: a pinhole sees more than 0 and less than 180");
   const double f = 0.5 * width / std::tan(0.5 * fov_deg * kPi / 180.0);
   return {PinholeRadtan{f, f, 0.5 * (width - 1), 0.5 * (height - 1), {}}, width, height};
 }

@@ -1,13 +1,13 @@
-#include <cstdint>
-#include <cstring>
-#include <span>
-
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfIO.h>
 #include <ImfInputFile.h>
 #include <ImfOutputFile.h>
+
+#include <cstdint>
+#include <cstring>
+#include <span>
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -88,7 +88,8 @@ std::string channel_to_read(const Imf::Header& header, const std::string& name) 
 
 Imf::Slice slice_of(FloatImage& image, int min_x, int min_y) {
   const std::size_t stride = sizeof(float) * image.width;
-  char* base = reinterpret_cast<char*>(image.pixels.data()) - std::int64_t{min_x} * static_cast<std::int64_t>(sizeof(float)) -
+  char* base = reinterpret_cast<char*>(image.pixels.data()) -
+               std::int64_t{min_x} * static_cast<std::int64_t>(sizeof(float)) -
                min_y * static_cast<std::int64_t>(stride);
   return Imf::Slice(Imf::FLOAT, base, sizeof(float), stride);
 }

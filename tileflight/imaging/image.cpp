@@ -6,9 +6,8 @@ namespace tileflight::imaging {
 
 GrayImage to_gray(const RgbImage& image) {
   GrayImage gray(image.width, image.height);
-  // Weights times 2^16, summing to it; half is added for rounding.
   const auto luma = [](const Rgb8& p) {
-    return static_cast<std::uint8_t>((19595U * p[0] + 38470U * p[1] + 7471U * p[2] + 32768U) >> 16);
+    return static_cast<std::uint8_t>((299U * p[0] + 587U * p[1] + 114U * p[2] + 500U) / 1000U);
   };
   std::transform(image.pixels.begin(), image.pixels.end(), gray.pixels.begin(), luma);
   return gray;
@@ -16,8 +15,9 @@ GrayImage to_gray(const RgbImage& image) {
 
 RgbImage to_rgb(const GrayImage& image) {
   RgbImage rgb(image.width, image.height);
-  std::transform(image.pixels.begin(), image.pixels.end(), rgb.pixels.begin(),
-                 [](std::uint8_t value) { return Rgb8{value, value, value}; });
+  std::transform(image.pixels.begin(), image.pixels.end(), rgb.pixels.begin(), [](std::uint8_t value) {
+    return Rgb8{value, value, value};
+  });
   return rgb;
 }
 

@@ -46,13 +46,12 @@ Gray16Image widened(const GrayImage& gray) {
   return wide;
 }
 
-GrayImage gray_of(Decoded decoded) {
-  return decoded.rgb.empty() ? std::move(decoded.gray) : to_gray(decoded.rgb);
-}
+GrayImage gray_of(Decoded decoded) { return decoded.rgb.empty() ? std::move(decoded.gray) : to_gray(decoded.rgb); }
 
 std::string lower_extension(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
   return extension;
 }
 
@@ -102,8 +101,9 @@ void write_rgb(const std::filesystem::path& file, const RgbImage& image, int jpe
 }
 
 void write_gray(const std::filesystem::path& file, const GrayImage& image, int jpeg_quality) {
-  write_bytes(file, is_png(file) ? encode_png(image)
-                                 : codecs::encode_jpeg(image.pixels.data(), image.width, image.height, 1, jpeg_quality));
+  write_bytes(file, is_png(file)
+                        ? encode_png(image)
+                        : codecs::encode_jpeg(image.pixels.data(), image.width, image.height, 1, jpeg_quality));
 }
 
 }  // namespace tileflight::imaging

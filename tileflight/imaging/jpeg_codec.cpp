@@ -1,12 +1,12 @@
-#include <csetjmp>
+// clang-format off: jpeglib.h needs cstdio before it, jerror.h needs jpeglib.h.
 #include <cstdio>
+#include <jpeglib.h>
+#include <jerror.h>
+// clang-format on
+
+#include <csetjmp>
 #include <cstdlib>
 #include <cstring>
-#include <memory>
-
-#include <jpeglib.h>
-// After jpeglib.h, which it needs.
-#include <jerror.h>
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/codecs.h"
@@ -15,8 +15,8 @@ namespace tileflight::imaging::codecs {
 
 namespace {
 
-/// libjpeg reports a fatal error by calling back; the callback jumps to where `jump` was set. The functions that set it hold no
-/// object with a destructor, so that the jump skips none.
+/// libjpeg reports a fatal error by calling back; the callback jumps to where `jump` was set. The functions that set it
+/// hold no object with a destructor, so that the jump skips none.
 struct ErrorManager {
   jpeg_error_mgr base;
   std::jmp_buf jump;
@@ -126,7 +126,8 @@ class Compressor {
     jpeg_set_defaults(&info_);
     jpeg_set_quality(&info_, quality, TRUE);
     info_.dct_method = JDCT_ISLOW;
-    if (channels == 3 && quality >= 90) info_.comp_info[0].h_samp_factor = info_.comp_info[0].v_samp_factor = 1;  // 4:4:4
+    if (channels == 3 && quality >= 90)
+      info_.comp_info[0].h_samp_factor = info_.comp_info[0].v_samp_factor = 1;  // 4:4:4
     jpeg_start_compress(&info_, TRUE);
     const std::size_t stride = static_cast<std::size_t>(width) * channels;
     while (info_.next_scanline < info_.image_height) {
@@ -150,9 +151,7 @@ class Compressor {
   unsigned long size_ = 0;
 };
 
-bool is_convertible(J_COLOR_SPACE space) {
-  return space == JCS_GRAYSCALE || space == JCS_YCbCr || space == JCS_RGB;
-}
+bool is_convertible(J_COLOR_SPACE space) { return space == JCS_GRAYSCALE || space == JCS_YCbCr || space == JCS_RGB; }
 
 }  // namespace
 
@@ -168,8 +167,8 @@ Decoded decode_jpeg(std::span<const std::byte> bytes, const std::string& name, W
   const int width = static_cast<int>(info.image_width);
   const int height = static_cast<int>(info.image_height);
   // The luma of a YCbCr file is stored as such: reading it alone costs no conversion.
-  const bool gray = info.jpeg_color_space == JCS_GRAYSCALE ||
-                    (wanted != Wanted::kRgb && info.jpeg_color_space == JCS_YCbCr);
+  const bool gray =
+      info.jpeg_color_space == JCS_GRAYSCALE || (wanted != Wanted::kRgb && info.jpeg_color_space == JCS_YCbCr);
   Decoded out;
   std::uint8_t* pixels = nullptr;
   if (gray) {

@@ -35,14 +35,15 @@ T scalar(const YAML::Node& node, const std::string& key, const std::string& file
   try {
     return node.as<T>();
   } catch (const YAML::Exception&) {
-    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" is not as expected: " +
-                               (std::is_same_v<T, std::string> ? "a word" : "a number"));
+    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key +
+                               "\" is not as expected: " + (std::is_same_v<T, std::string> ? "a word" : "a number"));
   }
 }
 
 std::vector<double> numbers(const YAML::Node& node, const std::string& key, const std::string& file) {
   if (!node.IsSequence() && !node.IsNull())
-    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be a list of numbers");
+    throw InputError(file,
+                     "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be a list of numbers");
   std::vector<double> values;
   for (const YAML::Node& value : node) values.push_back(scalar<double>(value, key, file));
   return values;
@@ -64,8 +65,8 @@ geometry::SE3 read_transform(const YAML::Node& node, const std::string& file) {
   }
   const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
   constexpr double kRounding = 1e-3;  // files are written with few digits
-  const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) && rotation.determinant() > 0 &&
-                     m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
+  const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) &&
+                     rotation.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
   if (!rigid) throw InputError(file, "\"T_cam_imu\" is not a rigid motion (rotation and translation)");
   return {rotation, m.topRightCorner<3, 1>()};
 }
@@ -73,7 +74,8 @@ geometry::SE3 read_transform(const YAML::Node& node, const std::string& file) {
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
   const auto model = scalar<std::string>(required(camera, "camera_model", file), "camera_model", file);
   if (model != "pinhole")
-    throw InputError(file, "camera model \"" + model + "\" is not supported: use pinhole (with radtan, equidistant, fov or none)");
+    throw InputError(
+        file, "camera model \"" + model + "\" is not supported: use pinhole (with radtan, equidistant, fov or none)");
   const auto distortion = scalar<std::string>(required(camera, "distortion_model", file), "distortion_model", file);
   const std::vector<double> intrinsics = numbers(required(camera, "intrinsics", file), "intrinsics", file);
   const YAML::Node coefficient_node = camera["distortion_coeffs"];
@@ -81,7 +83,8 @@ Camera read_lens(const YAML::Node& camera, const std::string& file) {
   if (coefficient_node) coefficients = numbers(coefficient_node, "distortion_coeffs", file);
   const std::vector<double> resolution = numbers(required(camera, "resolution", file), "resolution", file);
   if (resolution.size() != 2) throw InputError(file, "\"resolution\" must be width and height");
-  return checked_camera(file, {distortion, intrinsics, coefficients, whole(resolution[0], file), whole(resolution[1], file)});
+  return checked_camera(file,
+                        {distortion, intrinsics, coefficients, whole(resolution[0], file), whole(resolution[1], file)});
 }
 
 double read_line_delay(const YAML::Node& camera, const std::string& file) {
@@ -102,7 +105,9 @@ std::string distortion_lines(const std::string& name, const std::string& coeffic
   return "  distortion_model: " + name + "\n  distortion_coeffs: " + coefficients + "\n";
 }
 
-std::string lens_lines(const PinholeRadtan& m) { return distortion_lines("radtan", list({m.d[0], m.d[1], m.d[2], m.d[3]})); }
+std::string lens_lines(const PinholeRadtan& m) {
+  return distortion_lines("radtan", list({m.d[0], m.d[1], m.d[2], m.d[3]}));
+}
 std::string lens_lines(const KannalaBrandt& m) {
   return distortion_lines("equidistant", list({m.k[0], m.k[1], m.k[2], m.k[3]}));
 }
@@ -135,7 +140,9 @@ void write_kalibr(const std::filesystem::path& file, const Calibration& calibrat
   const Camera& camera = calibration.camera;
   std::string text = "cam0:\n  camera_model: pinhole\n";
   std::visit(
-      [&](const auto& m) { text += "  intrinsics: " + list({m.fx, m.fy, m.cx, m.cy}) + "\n" + lens_lines(m); },
+      [&](const auto& m) {
+        text += "  intrinsics: " + list({m.fx, m.fy, m.cx, m.cy}) + "\n" + lens_lines(m);
+      },
       camera.model());
   text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
   text += "  rostopic: /cam0/image_raw\n";

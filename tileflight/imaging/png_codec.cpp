@@ -1,7 +1,7 @@
+#include <png.h>
+
 #include <csetjmp>
 #include <cstring>
-
-#include <png.h>
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/codecs.h"
@@ -46,7 +46,9 @@ class Reader {
 
   std::int64_t width() const { return png_get_image_width(png_, info_); }
   std::int64_t height() const { return png_get_image_height(png_, info_); }
-  bool is_gray() const { return (png_get_color_type(png_, info_) & (PNG_COLOR_MASK_COLOR | PNG_COLOR_MASK_PALETTE)) == 0; }
+  bool is_gray() const {
+    return (png_get_color_type(png_, info_) & (PNG_COLOR_MASK_COLOR | PNG_COLOR_MASK_PALETTE)) == 0;
+  }
   bool is_16_bit() const { return png_get_bit_depth(png_, info_) == 16; }
 
   /// Rows through `rows` (one pointer a row): 8 bits a sample, or 16 in the machine's own byte order.
@@ -101,7 +103,7 @@ Gray16Image luma16(const Image<std::array<std::uint16_t, 3>>& rgb) {
   Gray16Image gray(rgb.width, rgb.height);
   for (std::size_t i = 0; i < rgb.pixels.size(); ++i) {
     const auto [r, g, b] = rgb.pixels[i];
-    gray.pixels[i] = static_cast<std::uint16_t>((19595ULL * r + 38470ULL * g + 7471ULL * b + 32768ULL) >> 16);
+    gray.pixels[i] = static_cast<std::uint16_t>((299U * r + 587U * g + 114U * b + 500U) / 1000U);
   }
   return gray;
 }

@@ -1,0 +1,220 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/temporary_folder.h"
+#include "tests/test_data.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/camera.h"
+
+namespace tileflight::imaging {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+struct Parameters {
+  std::vector<double> values;
+  void operator()(const PinholeRadtan& m) { values = {0, m.fx, m.fy, m.cx, m.cy, m.d[0], m.d[1], m.d[2], m.d[3]}; }
+  void operator()(const KannalaBrandt& m) { values = {1, m.fx, m.fy, m.cx, m.cy, m.k[0], m.k[1], m.k[2], m.k[3]}; }
+  void operator()(const FovModel& m) { values = {2, m.fx, m.fy, m.cx, m.cy, m.w}; }
+};
+
+std::vector<double> parameters(const Camera& camera) {
+  Parameters parameters;
+  std::visit([&](const auto& m) { parameters(m); }, camera.model());
+  return parameters.values;
+}
+
+std::vector<Camera> cameras() {
+  return {{PinholeRadtan{458.654, 457.296, 367.215, 248.375, {}}, 752, 480},
+          {PinholeRadtan{458.654, 457.296, 367.215, 248.375, {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}},
+           752, 480},
+          {KannalaBrandt{
+               190.97847715, 190.97330798, 254.93170605, 256.89744203, {0.00348238, 0.00071503, -0.00205323, 0.0002}},
+           512, 512},
+          {FovModel{342.1, 321.9, 315.25, 238.125, 0.897966326944875}, 640, 480}};
+}
+
+std::string read_error(const std::string& extension, const std::string& content) {
+  tests::TemporaryFolder folder;
+  const auto file = folder / ("camera" + extension);
+  geometry::write_file(file, content);
+  try {
+    read_calibration(file);
+  } catch (const InputError& error) {
+    const std::string message = error.what();
+    EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+    EXPECT_THAT(message, HasSubstr("camera" + extension));
+    return message;
+  }
+  ADD_FAILURE() << "accepted:\n" << content;
+  return "";
+}
+
+TEST(Kalibr, RoundTripKeepsEveryBit) {
+  tests::TemporaryFolder folder;
+  for (const Camera& camera : cameras()) {
+    Calibration calibration;
+    calibration.camera = camera;
+    calibration.T_cam_imu = geometry::SE3(geometry::so3_exp({0.1, -0.2, 1.5}), {0.01, 0.02, -0.03});
+    calibration.line_delay_s = 2.5e-5;
+    write_kalibr(folder / "camera.yaml", calibration);
+    const Calibration back = read_calibration(folder / "camera.yaml");
+    EXPECT_EQ(parameters(back.camera), parameters(camera));
+    EXPECT_EQ(back.camera.width(), camera.width());
+    EXPECT_EQ(back.camera.height(), camera.height());
+    EXPECT_EQ(back.line_delay_s, calibration.line_delay_s);
+    EXPECT_TRUE(back.T_cam_imu.matrix().isApprox(calibration.T_cam_imu.matrix(), 1e-14));
+  }
+}
+
+TEST(Kalibr, FileAsKalibrWritesIt) {
+  tests::TemporaryFolder folder;
+  geometry::write_file(folder / "camchain.yaml", R"(cam0:
+  T_cam_imu:
+  - [0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975]
+  - [0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768]
+  - [-0.0257744366974, 0.00375618835797, 0.999660727178, 0.00981073058949]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]
+  distortion_model: radtan
+  intrinsics: [458.654, 457.296, 367.215, 248.375]
+  resolution: [752, 480]
+  rostopic: /cam0/image_raw
+  timeshift_cam_imu: 0.001
+cam1:
+  camera_model: omni
+)");
+  const Calibration calibration = read_kalibr(folder / "camchain.yaml");
+  EXPECT_EQ(parameters(calibration.camera), parameters(cameras()[1]));
+  EXPECT_NEAR(calibration.T_cam_imu.translation.y(), -0.064676986768, 1e-15);
+  EXPECT_NEAR(calibration.T_cam_imu.rotation.toRotationMatrix()(0, 1), -0.999880929698, 1e-9);
+  EXPECT_EQ(calibration.line_delay_s, 0.0);
+}
+
+TEST(Kalibr, NoDistortion) {
+  tests::TemporaryFolder folder;
+  const std::string lens =
+      "cam0:\n  camera_model: pinhole\n  intrinsics: [500, 500, 320, 240]\n  resolution: [640, 480]\n";
+  for (const std::string tail : {"  distortion_model: none\n  distortion_coeffs: []\n", "  distortion_model: none\n"}) {
+    geometry::write_file(folder / "camera.yaml", lens + tail);
+    EXPECT_EQ(parameters(read_kalibr(folder / "camera.yaml").camera),
+              (std::vector<double>{0, 500, 500, 320, 240, 0, 0, 0, 0}));
+  }
+}
+
+TEST(Kalibr, BadFilesAreOneClearLine) {
+  const auto file = [](const std::string& model, const std::string& intrinsics, const std::string& distortion,
+                       const std::string& coefficients, const std::string& resolution, const std::string& more = "") {
+    return "cam0:\n  camera_model: " + model + "\n  intrinsics: " + intrinsics + "\n  distortion_model: " + distortion +
+           "\n  distortion_coeffs: " + coefficients + "\n  resolution: " + resolution + "\n" + more;
+  };
+  const std::string k = "[500, 500, 320, 240]";
+  const std::string d = "[0, 0, 0, 0]";
+  const std::string size = "[640, 480]";
+  EXPECT_THAT(read_error(".yaml", file("omni", k, "radtan", d, size)), HasSubstr("\"omni\""));
+  EXPECT_THAT(read_error(".yaml", file("ds", k, "none", "[]", size)), HasSubstr("\"ds\""));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "equi8", d, size)), HasSubstr("\"equi8\""));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", "[500, 500, 320]", "radtan", d, size)),
+              HasSubstr("4 numbers, not 3"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", "500", "radtan", d, size)), HasSubstr("intrinsics"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", "[500, .nan, 320, 240]", "radtan", d, size)), HasSubstr("finite"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", "[500, x, 320, 240]", "radtan", d, size)), HasSubstr("intrinsics"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", "[-500, 500, 320, 240]", "radtan", d, size)), HasSubstr("focal"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", "[0, 0]", size)), HasSubstr("4 numbers, not 2"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", "[0, 0, .inf, 0]", size)), HasSubstr("finite"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "fov", "[4]", size)), HasSubstr("pi"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "none", d, size)), HasSubstr("0 numbers, not 4"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, "[640, 0]")), HasSubstr("resolution"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, "[640.5, 480]")), HasSubstr("resolution"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, "[640]")), HasSubstr("resolution"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, "[1e30, 480]")), HasSubstr("resolution"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, size, "  line_delay: -1\n")),
+              HasSubstr("line_delay"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, size, "  line_delay: .nan\n")),
+              HasSubstr("line_delay"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, size, "  T_cam_imu: [[1, 0, 0, 0]]\n")),
+              HasSubstr("T_cam_imu"));
+  EXPECT_THAT(read_error(".yaml", file("pinhole", k, "radtan", d, size,
+                                       "  T_cam_imu: [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n")),
+              HasSubstr("rigid"));
+  EXPECT_THAT(read_error(".yaml", "cam0:\n  camera_model: pinhole\n"), HasSubstr("no key"));
+  EXPECT_THAT(read_error(".yaml", "cam0: 3\n"), HasSubstr("cam0"));
+  EXPECT_THAT(read_error(".yaml", ""), HasSubstr("cam0"));
+  EXPECT_THAT(read_error(".yaml", "cam0: [1, 2\n b: {"), HasSubstr("YAML"));
+  EXPECT_THAT(read_error(".yaml", "- a\n- b\n"), HasSubstr("cam0"));
+  EXPECT_THAT(read_error(".xml", "<a/>"), HasSubstr(".yaml"));
+}
+
+TEST(DsoCamera, RoundTripKeepsEveryBit) {
+  tests::TemporaryFolder folder;
+  for (const Camera& camera : cameras()) {
+    Calibration calibration;
+    calibration.camera = camera;
+    write_dso_camera(folder / "camera.txt", calibration);
+    const Camera back = read_calibration(folder / "camera.txt").camera;
+    EXPECT_EQ(parameters(back), parameters(camera));
+    EXPECT_EQ(back.width(), camera.width());
+    EXPECT_EQ(back.height(), camera.height());
+  }
+}
+
+TEST(DsoCamera, PrincipalPointInTheFirstPixel) {
+  tests::TemporaryFolder folder;
+  Calibration calibration;
+  calibration.camera = Camera(PinholeRadtan{50, 60, 0.25, -0.25, {}}, 64, 48);
+  write_dso_camera(folder / "camera.txt", calibration);
+  const std::vector<double> back = parameters(read_dso_camera(folder / "camera.txt").camera);
+  for (std::size_t i = 0; i < back.size(); ++i) EXPECT_NEAR(back[i], parameters(calibration.camera)[i], 1e-12);
+}
+
+TEST(DsoCamera, Dialects) {
+  tests::TemporaryFolder folder;
+  const auto read = [&](const std::string& text) {
+    geometry::write_file(folder / "camera.txt", text);
+    return parameters(read_dso_camera(folder / "camera.txt").camera);
+  };
+  EXPECT_EQ(read("Pinhole 525 526 320 240 0\n640 480\nnone\n640 480\n"),
+            (std::vector<double>{0, 525, 526, 320, 240, 0, 0, 0, 0}));
+  // Relative: cx below 1; the image's middle (0.5 w) is at w / 2 - 0.5 where pixel centres are integers.
+  EXPECT_EQ(read("FOV 0.5 0.75 0.5 0.5 0.9\n640 480\ncrop\n320 240"),
+            (std::vector<double>{2, 320, 360, 319.5, 239.5, 0.9}));
+  EXPECT_EQ(read("0.5 0.75 0.5 0.5 0.9\n640 480\n0.4 0.6 0.5 0.5 0\n640 480"),
+            (std::vector<double>{2, 320, 360, 319.5, 239.5, 0.9}));
+  EXPECT_EQ(read("525 526 320 240 0\n640 480\n"), (std::vector<double>{0, 525, 526, 320, 240, 0, 0, 0, 0}));
+  EXPECT_EQ(read("RadTan 1 2 3 4 5e-1 6e-1 7e-3 8e-3\r\n640 480\r\nfull\r\n640 480\r\n"),
+            (std::vector<double>{0, 1, 2, 3, 4, 0.5, 0.6, 7e-3, 8e-3}));
+  EXPECT_EQ(read("1 2 3 4 .5 .6 7e-3 8e-3\n640 480"), (std::vector<double>{0, 1, 2, 3, 4, 0.5, 0.6, 7e-3, 8e-3}));
+  EXPECT_EQ(read("EquiDistant 1 2 3 4 5 6 7 8\n640 480"), (std::vector<double>{1, 1, 2, 3, 4, 5, 6, 7, 8}));
+  EXPECT_EQ(read("KannalaBrandt 1 2 3 4 5 6 7 8\n640 480"), (std::vector<double>{1, 1, 2, 3, 4, 5, 6, 7, 8}));
+}
+
+TEST(DsoCamera, BadFilesAreOneClearLine) {
+  EXPECT_THAT(read_error(".txt", "Omni 1 2 3 4 5\n640 480\n"), AllOf(HasSubstr("\"Omni\""), HasSubstr("line 1")));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 3 4\n640 480\n"), HasSubstr("5 numbers, not 4"));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 3 4 5\n640 480\n"), HasSubstr("must be 0"));
+  EXPECT_THAT(read_error(".txt", "RadTan 1 2 3 4 5\n640 480\n"), HasSubstr("8 numbers, not 5"));
+  EXPECT_THAT(read_error(".txt", "1 2 3\n640 480\n"), HasSubstr("numbers"));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 x 4 0\n640 480\n"), HasSubstr("\"x\""));
+  EXPECT_THAT(read_error(".txt", "Pinhole nan 2 3 4 0\n640 480\n"), HasSubstr("finite"));
+  EXPECT_THAT(read_error(".txt", "nan 2 3 4 0\n640 480\n"), HasSubstr("finite"));
+  EXPECT_THAT(read_error(".txt", "Pinhole 0 2 3 4 0\n640 480\n"), HasSubstr("focal"));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 3 4 0\n640 -1\n"), AllOf(HasSubstr("line 2"), HasSubstr("width")));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 3 4 0\n640 480\nshrink\n"),
+              AllOf(HasSubstr("line 3"), HasSubstr("crop")));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 3 4 0\n640 480\ncrop\n640\n"), HasSubstr("line 4"));
+  EXPECT_THAT(read_error(".txt", "Pinhole 1 2 3 4 0\n"), HasSubstr("image size"));
+  EXPECT_THAT(read_error(".txt", ""), HasSubstr("image size"));
+}
+
+TEST(DsoCamera, SevenScenes) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "sequences/seven_scenes_500");
+  EXPECT_EQ(parameters(read_dso_camera(folder / "camera.txt").camera),
+            parameters(read_kalibr(folder / "camera.yaml").camera));
+}
+
+}  // namespace
+}  // namespace tileflight::imaging

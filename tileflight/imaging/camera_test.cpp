@@ -1,0 +1,226 @@
+#include "tileflight/imaging/camera.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "tests/test_data.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::imaging {
+namespace {
+
+using geometry::Vec2;
+using geometry::Vec3;
+using Jacobian = Eigen::Matrix<double, 2, 3>;
+constexpr double kPi = std::numbers::pi;
+
+// Series of r = 2 sin(theta / 2), the equisolid lens.
+constexpr std::array<double, 4> kEquisolid{-1.0 / 24, 1.0 / 1920, -1.0 / 322560, 1.0 / 92897280};
+
+struct Lens {
+  const char* name;
+  Camera camera;
+  bool sees_whole_image = true;
+};
+
+std::vector<Lens> lenses() {
+  return {
+      {"pinhole", make_pinhole(640, 480, 90.0)},
+      {"radtan of EuRoC",
+       {PinholeRadtan{458.654, 457.296, 367.215, 248.375, {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}}, 752,
+        480}},
+      {"radtan with strong tangential part", {PinholeRadtan{500, 510, 330, 235, {0.1, -0.02, 0.01, -0.008}}, 640, 480}},
+      {"radial only", {PinholeRadtan{458.654, 457.296, 367.215, 248.375, {-0.28340811, 0.07395907, 0, 0}}, 752, 480}},
+      {"fov", {FovModel{0.535719308086809 * 640, 0.669566858850269 * 480, 315, 238, 0.897966326944875}, 640, 480}},
+      {"fov without bend", {FovModel{400, 410, 315, 238, 0.0}, 640, 480}},
+      {"kannala-brandt of TUM VI",
+       {KannalaBrandt{
+            190.97847715, 190.97330798, 254.93170605, 256.89744203, {0.00348238, 0.00071503, -0.00205323, 0.00020293}},
+        512, 512}},
+      {"equisolid of 155 degrees", make_fisheye(1008, 566, 155.0, kEquisolid)},
+      {"equidistant of 155 degrees", make_fisheye(2688, 1512, 155.0)},
+      {"equisolid of 200 degrees", make_fisheye(1000, 500, 200.0, kEquisolid)},
+      {"equidistant of 300 degrees", make_fisheye(1000, 300, 300.0)},
+  };
+}
+
+TEST(Camera, ProjectUndoesUnprojectOverTheWholeImage) {
+  for (const Lens& lens : lenses()) {
+    const Camera& camera = lens.camera;
+    double worst = 0.0;
+    for (double y = -0.5; y <= camera.height() - 0.5; y += 5.0)
+      for (double x = -0.5; x <= camera.width() - 0.5; x += 5.0) {
+        const auto ray = camera.unproject({x, y});
+        ASSERT_TRUE(ray.has_value()) << lens.name << " at " << x << " " << y;
+        ASSERT_NEAR(ray->norm(), 1.0, 1e-14);
+        const auto pixel = camera.project(*ray);
+        ASSERT_TRUE(pixel.has_value()) << lens.name << " at " << x << " " << y;
+        worst = std::max(worst, (*pixel - Vec2(x, y)).norm());
+      }
+    EXPECT_LT(worst, 1e-9) << lens.name;
+  }
+}
+
+TEST(Camera, UnprojectUndoesProjectOverTheCone) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  for (const Lens& lens : lenses()) {
+    const bool flat = !std::holds_alternative<KannalaBrandt>(lens.camera.model());
+    for (int i = 0; i < 2000; ++i) {
+      // Near the edge of the cone the inverse is ill-conditioned by nature, so tests stay a little inside it.
+      const double theta = 0.98 * uniform(random) * std::min(lens.camera.max_theta_rad(), flat ? 1.0 : kPi);
+      const double azimuth = 2.0 * kPi * uniform(random);
+      const Vec3 ray(std::sin(theta) * std::cos(azimuth), std::sin(theta) * std::sin(azimuth), std::cos(theta));
+      const auto pixel = lens.camera.project(37.0 * ray);
+      if (!pixel) continue;  // a tangential part may fold earlier than the radial one
+      const auto back = lens.camera.unproject(*pixel);
+      ASSERT_TRUE(back.has_value()) << lens.name;
+      EXPECT_LT((*back - ray).norm(), 1e-10) << lens.name << " at " << theta;
+    }
+  }
+}
+
+/// Central differences with Richardson's step.
+Jacobian numeric_jacobian(const Camera& camera, const Vec3& p) {
+  Jacobian j;
+  for (int i = 0; i < 3; ++i) {
+    const double h = 1e-4 * p.norm();
+    const auto slope = [&](double step) -> Vec2 {
+      return (*camera.project(p + step * Vec3::Unit(i)) - *camera.project(p - step * Vec3::Unit(i))) / (2.0 * step);
+    };
+    j.col(i) = (4.0 * slope(h) - slope(2.0 * h)) / 3.0;
+  }
+  return j;
+}
+
+TEST(Camera, JacobianMatchesDifferences) {
+  for (const Lens& lens : lenses()) {
+    const Camera& camera = lens.camera;
+    for (double y = 3.0; y < camera.height(); y += 37.0)
+      for (double x = 3.0; x < camera.width(); x += 37.0) {
+        const Vec3 p = 12.5 * *camera.unproject({x, y});
+        Jacobian analytic;
+        const auto pixel = camera.project(p, analytic);
+        ASSERT_TRUE(pixel.has_value());
+        EXPECT_EQ(*pixel, *camera.project(p));
+        const Jacobian numeric = numeric_jacobian(camera, p);
+        EXPECT_LT((analytic - numeric).norm(), 1e-6 * std::max(1.0, numeric.norm()))
+            << lens.name << " at " << x << " " << y;
+      }
+  }
+}
+
+TEST(Camera, JacobianOnTheAxisIsTheLimit) {
+  for (const Lens& lens : lenses()) {
+    Jacobian on_axis;
+    Jacobian beside;
+    ASSERT_TRUE(lens.camera.project({0, 0, 4}, on_axis).has_value());
+    ASSERT_TRUE(lens.camera.project({1e-9, -1e-9, 4}, beside).has_value());
+    EXPECT_LT((on_axis - beside).norm(), 1e-5) << lens.name;
+    EXPECT_TRUE(on_axis.allFinite());
+  }
+}
+
+TEST(Camera, KnownValues) {
+  const Camera pinhole(PinholeRadtan{500, 400, 320, 240, {}}, 640, 480);
+  EXPECT_EQ(*pinhole.project({1, -2, 10}), Vec2(370, 160));
+  // Equidistant: r = f theta exactly.
+  const Camera fisheye(KannalaBrandt{100, 100, 200, 200, {}}, 401, 401);
+  EXPECT_NEAR(fisheye.project({1, 0, 1})->x(), 200 + 100 * kPi / 4, 1e-12);
+  EXPECT_NEAR(fisheye.project({0, -1, 0})->y(), 200 - 100 * kPi / 2, 1e-12);
+  EXPECT_NEAR(fisheye.project({1, 0, -1})->x(), 200 + 100 * 3 * kPi / 4, 1e-12);
+  // By hand: x = 0.1, y = 0.2, r2 = 0.05, radial = 1 + 0.1 * 0.05 + 0.2 * 0.0025 = 1.0055.
+  const Camera radtan(PinholeRadtan{1000, 1000, 0, 0, {0.1, 0.2, 0.01, 0.02}}, 100, 100);
+  const Vec2 pixel = *radtan.project({0.1, 0.2, 1});
+  EXPECT_NEAR(pixel.x(), 1000 * (0.10055 + 2 * 0.01 * 0.02 + 0.02 * (0.05 + 0.02)), 1e-9);
+  EXPECT_NEAR(pixel.y(), 1000 * (0.2011 + 0.01 * (0.05 + 0.08) + 2 * 0.02 * 0.02), 1e-9);
+  // Field of view: at the angle whose tangent is 1 / (2 tan(w/2)), r = atan(1) / w.
+  const Camera fov(FovModel{100, 100, 0, 0, 0.9}, 100, 100);
+  EXPECT_NEAR(fov.project({1.0 / (2 * std::tan(0.45)), 0, 1})->x(), 100 * (kPi / 4) / 0.9, 1e-10);
+}
+
+TEST(Camera, ValidCone) {
+  const Camera pinhole = make_pinhole(100, 100, 60);
+  EXPECT_FALSE(pinhole.project({0, 0, 0}).has_value());
+  EXPECT_FALSE(pinhole.project({1, 1, 0}).has_value());
+  EXPECT_FALSE(pinhole.project({0, 0, -1}).has_value());
+  const double nan = std::nan("");
+  EXPECT_FALSE(pinhole.project({nan, 0, nan}).has_value());
+
+  const Camera fisheye = make_fisheye(100, 100, 220);
+  EXPECT_TRUE(fisheye.project({1, 0, -2}).has_value());
+  EXPECT_FALSE(fisheye.project({0, 0, -1}).has_value());  // no direction in the image
+  EXPECT_FALSE(fisheye.project({0, 0, 0}).has_value());
+  EXPECT_FALSE(fisheye.project({nan, 0, 1}).has_value());
+  EXPECT_DOUBLE_EQ(fisheye.max_theta_rad(), kPi);
+}
+
+TEST(Camera, ConeEndsWhereTheRadiusStopsGrowing) {
+  // r = theta - theta^3 / 3: slope 1 - theta^2, so the cone ends at 1 rad, with r = 2/3.
+  const Camera camera(KannalaBrandt{300, 300, 200, 200, {-1.0 / 3, 0, 0, 0}}, 401, 401);
+  EXPECT_NEAR(camera.max_theta_rad(), 1.0, 1e-12);
+  EXPECT_TRUE(camera.project({std::sin(0.999), 0, std::cos(0.999)}).has_value());
+  EXPECT_FALSE(camera.project({std::sin(1.001), 0, std::cos(1.001)}).has_value());
+  EXPECT_TRUE(camera.unproject({200 + 300 * 0.6666, 200}).has_value());
+  EXPECT_FALSE(camera.unproject({200 + 300 * 0.6667, 200}).has_value());
+
+  // r (1 - r^2 / 3) of radtan: the cone ends at r = 1, 45 degrees.
+  const Camera radtan(PinholeRadtan{300, 300, 200, 200, {-1.0 / 3, 0, 0, 0}}, 401, 401);
+  EXPECT_NEAR(radtan.max_theta_rad(), kPi / 4, 1e-12);
+  EXPECT_FALSE(radtan.project({1.001, 0, 1}).has_value());
+  EXPECT_FALSE(radtan.unproject({200 + 300 * 0.6667, 200}).has_value());
+}
+
+TEST(Camera, HorizontalFieldOfView) {
+  EXPECT_NEAR(make_pinhole(640, 480, 90).horizontal_fov_deg(), 90, 1e-9);
+  EXPECT_NEAR(make_fisheye(2688, 1512, 155, kEquisolid).horizontal_fov_deg(), 155, 1e-9);
+  EXPECT_NEAR(make_fisheye(640, 480, 250).horizontal_fov_deg(), 250, 1e-9);
+  // An image wider than the lens's circle: what the lens sees.
+  const Camera camera(KannalaBrandt{100, 100, 499.5, 499.5, {-1.0 / 3, 0, 0, 0}}, 1000, 1000);
+  EXPECT_NEAR(camera.horizontal_fov_deg(), 2.0 * 180 / kPi, 1e-3);
+}
+
+TEST(Camera, ScaledToSeesTheSameDirections) {
+  for (const Lens& lens : lenses()) {
+    const Camera half = lens.camera.scaled_to(lens.camera.width() / 2, lens.camera.height() / 2);
+    // The corner of the image stays the corner of the image: -0.5 maps to -0.5.
+    const Vec3 corner = *lens.camera.unproject({-0.5, -0.5});
+    EXPECT_LT((*half.project(corner) - Vec2(-0.5, -0.5)).norm(), 1e-9) << lens.name;
+    const Vec3 ray = *lens.camera.unproject({100.5, 60.5});
+    EXPECT_LT((*half.project(ray) - Vec2(50, 30)).norm(), 1e-9) << lens.name;
+  }
+  EXPECT_NO_THROW(make_pinhole(1008, 566, 90).scaled_to(2688, 1512));  // 16:9 within a pixel
+  EXPECT_THROW(make_pinhole(640, 480, 90).scaled_to(640, 360), InputError);
+  EXPECT_THROW(make_pinhole(640, 480, 90).scaled_to(0, 0), InputError);
+}
+
+TEST(Camera, ImpossibleFieldsOfViewAreRefused) {
+  EXPECT_THROW(make_pinhole(640, 480, 180), InputError);
+  EXPECT_THROW(make_pinhole(640, 480, 0), InputError);
+  EXPECT_THROW(make_fisheye(640, 480, 150, {-1.0 / 3, 0, 0, 0}), InputError);
+  EXPECT_THROW(make_fisheye(640, 480, std::nan("")), InputError);
+}
+
+TEST(Camera, MachangaraIsTheEquisolidLensItSaysItIs) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, "flights/machangara-a/camera.yaml");
+  const Camera camera = read_kalibr(file).camera;
+  EXPECT_EQ(camera.width(), 1008);
+  EXPECT_EQ(camera.height(), 566);
+  EXPECT_NEAR(camera.horizontal_fov_deg(), 155.0, 0.05);
+  const double f = 402.605129;
+  double worst = 0.0;
+  for (int y = 0; y < 566; y += 5)
+    for (int x = 0; x < 1008; x += 5) {
+      const Vec3 ray = *camera.unproject({static_cast<double>(x), static_cast<double>(y)});
+      const double r = 2.0 * f * std::sin(0.5 * std::acos(ray.z()));  // equisolid, closed form
+      const double azimuth = std::atan2(ray.y(), ray.x());
+      worst = std::max(worst, std::hypot(503.5 + r * std::cos(azimuth) - x, 283.0 + r * std::sin(azimuth) - y));
+    }
+  EXPECT_LT(worst, 0.1);
+}
+
+}  // namespace
+}  // namespace tileflight::imaging
