@@ -1,21 +1,23 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
 
 namespace tileflight::scene {
 
+struct RayPacket8;  // packets.h
+
 /// Where a ray met the scene.
 struct Hit {
-  double distance_m = 0.0;        ///< along the unit ray
-  std::uint32_t mesh = 0;         ///< index into Scene::meshes()
-  std::uint32_t triangle = 0;     ///< index into that mesh's triangles
-  float u = 0.0F, v = 0.0F;       ///< barycentric weights of corners 1 and 2
+  double distance_m = 0.0;     ///< along the unit ray, from the triangle's plane in double precision
+  std::uint32_t mesh = 0;      ///< index into Scene::meshes()
+  std::uint32_t triangle = 0;  ///< index into that mesh's triangles
+  float u = 0.0F, v = 0.0F;    ///< barycentric weights of corners 1 and 2
 };
 
 struct Ray {
@@ -23,27 +25,34 @@ struct Ray {
   geometry::Vec3 direction;  ///< unit length
 };
 
-/// One place in a local frame: textured triangles and an Embree tree over them. Positions are held relative to
-/// `anchor()`, so that floats keep their millimetres whatever the frame's origin. Immutable; queries may run in parallel.
+/// One place in a local frame: textured triangles and an Embree tree over them. Embree holds the positions as floats
+/// relative to `anchor()`, so that they keep their millimetres wherever the frame's origin lies. Watertight along
+/// edges: a ray through an edge that two triangles share meets one of them (aimed to the micrometre at a corner, it may
+/// slip through). Immutable; queries may run in parallel, and answers do not depend on the number of threads.
 class Scene {
  public:
-  /// Takes the meshes (positions in the local frame). Throws InputError when there is no triangle or a coordinate is not finite.
+  /// Takes the meshes (positions in the local frame). Throws InputError (mesh name, cause) when there is no triangle,
+  /// a coordinate is not finite, a triangle names a vertex that is not there, or an attribute has not one value a
+  /// vertex.
   explicit Scene(std::vector<imaging::TexturedMesh> meshes);
   ~Scene();
   Scene(Scene&&) noexcept;
   Scene& operator=(Scene&&) noexcept;
 
   const std::vector<imaging::TexturedMesh>& meshes() const;
-  const geometry::Box3& bounds() const;
-  const geometry::Vec3& anchor() const;
+  const geometry::Box3& bounds() const;  ///< of all vertices, local frame
+  const geometry::Vec3& anchor() const;  ///< centre of the bounds
   std::size_t triangle_count() const;
 
+  /// The nearest surface along the ray, seen from either side.
   std::optional<Hit> intersect(const Ray& ray, double max_distance_m = 1e9) const;
+  /// Whether any surface lies within `max_distance_m` along the ray.
   bool occluded(const Ray& ray, double max_distance_m) const;
-  /// Nearest hit of each of 8 rays given in floats relative to anchor(); for renderers. Details in the header's packet section.
+  /// Nearest hits of eight rays at once, in floats relative to anchor(): see packets.h.
+  void intersect(RayPacket8& packet) const;
 
   geometry::Vec3 position(const Hit& hit) const;
-  geometry::Vec3 normal(const Hit& hit) const;  ///< unit, by the triangle's winding
+  geometry::Vec3 normal(const Hit& hit) const;  ///< unit, by the triangle's winding; zero for a triangle without area
 
  private:
   struct Impl;

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <memory>
+#include <type_traits>
+#include <vector>
+
+#include "tileflight/imaging/textured_mesh.h"
+
+namespace tileflight::scene {
+
+struct ReleaseDevice {
+  void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
+};
+struct ReleaseScene {
+  void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
+};
+using DeviceHandle = std::unique_ptr<std::remove_pointer_t<RTCDevice>, ReleaseDevice>;
+using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseScene>;
+
+/// Embree's objects for a list of meshes: geometry i is mesh i, positions are floats relative to the anchor.
+struct EmbreeTree {
+  DeviceHandle device;
+  SceneHandle scene;
+};
+
+/// Builds the tree. The meshes' triangle arrays are shared with Embree, so `meshes` must outlive it, unmoved. Throws
+/// std::runtime_error when Embree fails (no memory).
+EmbreeTree build_embree_tree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor);
+
+}  // namespace tileflight::scene

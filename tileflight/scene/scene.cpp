@@ -1,0 +1,195 @@
+#include "tileflight/scene/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/scene/embree_tree.h"
+#include "tileflight/scene/packets.h"
+
+namespace tileflight::scene {
+
+// RayPacket8 is handed to Embree as it is.
+static_assert(sizeof(RayPacket8) == sizeof(RTCRayHit8) && alignof(RayPacket8) == alignof(RTCRayHit8));
+static_assert(offsetof(RayPacket8, near) == offsetof(RTCRayHit8, ray.tnear));
+static_assert(offsetof(RayPacket8, direction_x) == offsetof(RTCRayHit8, ray.dir_x));
+static_assert(offsetof(RayPacket8, far) == offsetof(RTCRayHit8, ray.tfar));
+static_assert(offsetof(RayPacket8, flags) == offsetof(RTCRayHit8, ray.flags));
+static_assert(offsetof(RayPacket8, normal_x) == offsetof(RTCRayHit8, hit.Ng_x));
+static_assert(offsetof(RayPacket8, u) == offsetof(RTCRayHit8, hit.u));
+static_assert(offsetof(RayPacket8, triangle) == offsetof(RTCRayHit8, hit.primID));
+static_assert(offsetof(RayPacket8, mesh) == offsetof(RTCRayHit8, hit.geomID));
+static_assert(RayPacket8::kMiss == RTC_INVALID_GEOMETRY_ID);
+
+namespace {
+
+std::string mesh_label(const imaging::TexturedMesh& mesh, std::size_t index) {
+  return mesh.name.empty() ? "mesh " + std::to_string(index) : mesh.name;
+}
+
+void check_attributes(const imaging::TexturedMesh& mesh, const std::string& where) {
+  const std::size_t vertices = mesh.mesh.vertices.size();
+  if (!mesh.uv.empty() && mesh.uv.size() != vertices) {
+    throw InputError(where, std::to_string(mesh.uv.size()) + " texture coordinates for " + std::to_string(vertices) +
+                                " vertices; give one a vertex");
+  }
+  if (!mesh.colors.empty() && mesh.colors.size() != vertices) {
+    throw InputError(where, std::to_string(mesh.colors.size()) + " colours for " + std::to_string(vertices) +
+                                " vertices; give one a vertex");
+  }
+  const auto finite = [](const Eigen::Vector2f& uv) { return uv.allFinite(); };
+  if (!std::ranges::all_of(mesh.uv, finite))
+    throw InputError(where, "a texture coordinate is not finite; repair the mesh");
+  if (mesh.texture && mesh.texture->empty()) throw InputError(where, "its texture has no pixels; leave it out");
+}
+
+void check_mesh(const imaging::TexturedMesh& mesh, std::size_t index) {
+  const std::string where = mesh_label(mesh, index);
+  const std::size_t vertices = mesh.mesh.vertices.size();
+  const auto finite = [](const geometry::Vec3& p) { return p.allFinite(); };
+  if (!std::ranges::all_of(mesh.mesh.vertices, finite)) {
+    throw InputError(where, "a vertex is not finite; repair the mesh");
+  }
+  const auto inside = [&](const geometry::Triangle& t) {
+    return t[0] < vertices && t[1] < vertices && t[2] < vertices;
+  };
+  if (!std::ranges::all_of(mesh.mesh.triangles, inside)) {
+    throw InputError(where, "a triangle names a vertex that is not there; repair the mesh");
+  }
+  check_attributes(mesh, where);
+}
+
+geometry::Box3 bounds_of(const std::vector<imaging::TexturedMesh>& meshes) {
+  geometry::Box3 box;
+  for (const imaging::TexturedMesh& mesh : meshes) {
+    if (mesh.mesh.triangles.empty()) continue;
+    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
+  }
+  return box;
+}
+
+RTCRay embree_ray(const Ray& ray, const geometry::Vec3& anchor, double max_distance_m) {
+  const geometry::Vec3 origin = ray.origin - anchor;
+  RTCRay r{};
+  r.org_x = static_cast<float>(origin.x());
+  r.org_y = static_cast<float>(origin.y());
+  r.org_z = static_cast<float>(origin.z());
+  r.dir_x = static_cast<float>(ray.direction.x());
+  r.dir_y = static_cast<float>(ray.direction.y());
+  r.dir_z = static_cast<float>(ray.direction.z());
+  r.tfar = static_cast<float>(max_distance_m);
+  r.mask = 0xFFFFFFFFU;
+  return r;
+}
+
+std::array<geometry::Vec3, 3> corners(const geometry::TriangleMesh& mesh, std::uint32_t triangle) {
+  const geometry::Triangle& t = mesh.triangles[triangle];
+  return {mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]};
+}
+
+/// Distance along the ray to the triangle's plane in double precision; `distance_m` where the plane is edge-on.
+double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, double distance_m) {
+  const geometry::Vec3 normal = (p[1] - p[0]).cross(p[2] - p[0]);
+  const double slope = normal.dot(ray.direction);
+  if (std::abs(slope) < 1e-3 * normal.norm()) return distance_m;
+  return normal.dot(p[0] - ray.origin) / slope;
+}
+
+}  // namespace
+
+struct Scene::Impl {
+  std::vector<imaging::TexturedMesh> meshes;
+  geometry::Box3 bounds;
+  geometry::Vec3 anchor;
+  std::size_t triangle_count = 0;
+  EmbreeTree tree;
+};
+
+Scene::Scene(std::vector<imaging::TexturedMesh> meshes) : impl_(std::make_unique<Impl>()) {
+  for (std::size_t i = 0; i < meshes.size(); ++i) {
+    check_mesh(meshes[i], i);
+    impl_->triangle_count += meshes[i].mesh.triangles.size();
+  }
+  if (impl_->triangle_count == 0) throw InputError("scene", "there is no triangle in it; is the region empty?");
+  impl_->meshes = std::move(meshes);
+  impl_->bounds = bounds_of(impl_->meshes);
+  impl_->anchor = impl_->bounds.center();
+  impl_->tree = build_embree_tree(impl_->meshes, impl_->anchor);
+}
+
+Scene::~Scene() = default;
+Scene::Scene(Scene&&) noexcept = default;
+Scene& Scene::operator=(Scene&&) noexcept = default;
+
+const std::vector<imaging::TexturedMesh>& Scene::meshes() const { return impl_->meshes; }
+const geometry::Box3& Scene::bounds() const { return impl_->bounds; }
+const geometry::Vec3& Scene::anchor() const { return impl_->anchor; }
+std::size_t Scene::triangle_count() const { return impl_->triangle_count; }
+
+std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRayHit query{};
+  query.ray = embree_ray(ray, impl_->anchor, max_distance_m);
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  rtcIntersect1(impl_->tree.scene.get(), &context, &query);
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  const auto triangle = corners(impl_->meshes[query.hit.geomID].mesh, query.hit.primID);
+  const double distance_m = plane_distance(ray, triangle, query.ray.tfar);
+  return Hit{distance_m, query.hit.geomID, query.hit.primID, query.hit.u, query.hit.v};
+}
+
+bool Scene::occluded(const Ray& ray, double max_distance_m) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  RTCRay query = embree_ray(ray, impl_->anchor, max_distance_m);
+  rtcOccluded1(impl_->tree.scene.get(), &context, &query);
+  return query.tfar < 0.0F;
+}
+
+void Scene::intersect(RayPacket8& packet) const {
+  alignas(32) static constexpr int kAllLanes[8] = {-1, -1, -1, -1,
+                                                   -1, -1, -1, -1};  // a lane is switched off by its far limit
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  rtcIntersect8(kAllLanes, impl_->tree.scene.get(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+}
+
+geometry::Vec3 Scene::position(const Hit& hit) const {
+  assert(hit.mesh < impl_->meshes.size());
+  const auto p = corners(impl_->meshes[hit.mesh].mesh, hit.triangle);
+  const double u = hit.u;
+  const double v = hit.v;
+  return p[0] + u * (p[1] - p[0]) + v * (p[2] - p[0]);
+}
+
+geometry::Vec3 Scene::normal(const Hit& hit) const {
+  assert(hit.mesh < impl_->meshes.size());
+  const auto p = corners(impl_->meshes[hit.mesh].mesh, hit.triangle);
+  const geometry::Vec3 area_normal = (p[1] - p[0]).cross(p[2] - p[0]);
+  const double length = area_normal.norm();
+  return length > 0.0 ? geometry::Vec3(area_normal / length) : geometry::Vec3(geometry::Vec3::Zero());
+}
+
+geometry::TriangleMesh merged(const std::vector<imaging::TexturedMesh>& meshes) {
+  geometry::TriangleMesh all;
+  std::size_t triangles = 0;
+  for (const imaging::TexturedMesh& part : meshes) triangles += part.mesh.triangles.size();
+  all.triangles.reserve(triangles);
+  for (const imaging::TexturedMesh& part : meshes) {
+    const auto offset = static_cast<std::uint32_t>(all.vertices.size());
+    all.vertices.insert(all.vertices.end(), part.mesh.vertices.begin(), part.mesh.vertices.end());
+    for (const geometry::Triangle& t : part.mesh.triangles) {
+      all.triangles.push_back({t[0] + offset, t[1] + offset, t[2] + offset});
+    }
+  }
+  return all;
+}
+
+}  // namespace tileflight::scene
