@@ -1,10 +1,11 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,11 +41,15 @@ struct Dataset {
   std::optional<geometry::Trajectory> groundtruth;
   std::vector<GpsFix> gps;
   std::map<std::string, std::string> about;  ///< dataset.yaml, flattened "a.b" -> text
+  std::vector<std::string> warnings;         ///< what was put up with, one line each (no times.txt, images left out, ...)
 };
 
 /// Reads and checks a dataset folder: every frame's image is there and every line well-formed, times strictly increase, the
-/// calibration is for the images' size (the first image is looked at). Also reads a folder that has only images/, times.txt and
-/// camera.txt or camera.yaml (DSO's layout). Throws InputError (file, line, cause).
+/// calibration is for the images' size (the first image is looked at). Layouts, told apart by what is there:
+///   images/   the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames are 1/30 s apart (warned);
+///   image_l/ or image_0/   KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
+///   mav0/cam0/ or cam0/    EuRoC (ASL): data.csv, sensor.yaml, data/; frames without a file are left out (warned).
+/// Throws InputError (file, line, cause).
 Dataset read_dataset(const std::filesystem::path& folder);
 
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
@@ -52,6 +57,7 @@ void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>&
 
 /// Writes a dataset folder frame by frame (frames may come in any order and from several threads; the files are the same).
 /// Nothing is at `folder` until finish(): it is built beside and renamed; destroyed without finish(), it is removed.
+/// An existing `folder` is an InputError at once unless `replace`.
 class DatasetWriter {
  public:
   struct Options {
@@ -70,10 +76,15 @@ class DatasetWriter {
 
   void add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image,
                  const imaging::FloatImage* depth_m = nullptr);
+  /// A frame whose file is copied as it is; `extension` is ".jpg" or ".png".
+  void add_encoded_frame(std::size_t index, double time_s, double exposure_ms, std::span<const std::byte> bytes,
+                         const std::string& extension);
   void set_groundtruth(geometry::Trajectory trajectory);
   void set_gps(std::vector<GpsFix> fixes);
-  /// A line of dataset.yaml, "a.b.c" nests.
+  /// A line of dataset.yaml, "a.b.c" nests. The same key again replaces its value.
   void describe(const std::string& key, const std::string& value);
+  /// Writes the lists and puts the folder in its place. Throws InputError: no frames, times that do not increase with the
+  /// index, or what the file system says (nothing is left behind then either).
   void finish();
 
  private:

@@ -57,6 +57,9 @@ Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
 std::string number_text(double value) {
   std::string text;
   geometry::append_number(text, value);
+  // "1e-08" is a word to YAML 1.1 readers (PyYAML, so Kalibr's own tools); "1.0e-08" is a number to all.
+  const std::size_t exponent = text.find('e');
+  if (exponent != std::string::npos && text.find('.') == std::string::npos) text.insert(exponent, ".0");
   return text;
 }
 

@@ -1,0 +1,153 @@
+#include <unistd.h>
+
+#include <cstdio>
+#include <mutex>
+
+#include "tileflight/dataset/about_file.h"
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/number_text.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::dataset {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Stamp {
+  double time_s = 0.0;
+  double exposure_ms = 0.0;
+};
+
+std::string frame_id(std::size_t index) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%06zu", index);
+  return text;
+}
+
+/// "out/" and "out" name one folder, and an absolute path has a parent to build the temporary one in.
+fs::path target_of(const fs::path& folder) {
+  const fs::path target = fs::absolute(folder).lexically_normal();
+  return target.has_filename() ? target : target.parent_path();
+}
+
+fs::path make_temporary(const fs::path& target, bool replace) {
+  if (fs::exists(target) && !replace) throw InputError(target.string(), "exists already; --force replaces it");
+  if (fs::exists(target) && !fs::is_directory(target)) throw InputError(target.string(), "is not a folder");
+  std::error_code error;
+  fs::create_directories(target.parent_path(), error);
+  for (int attempt = 0;; ++attempt) {
+    const fs::path temporary = target.parent_path() / ("." + target.filename().string() + "." + std::to_string(::getpid()) +
+                                                       "-writing-" + std::to_string(attempt) + ".tmp");
+    if (fs::create_directory(temporary, error)) return temporary;
+    if (error) throw InputError(target.string(), "cannot be made: " + error.message());
+  }
+}
+
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directory(folder, error);
+  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+}
+
+std::string times_text(const std::map<std::size_t, Stamp>& stamps) {
+  std::string text;
+  for (const auto& [index, stamp] : stamps)
+    text += frame_id(index) + " " + fixed_text(stamp.time_s) + " " + fixed_text(stamp.exposure_ms) + "\n";
+  return text;
+}
+
+void require_increasing(const std::string& folder, const std::map<std::size_t, Stamp>& stamps) {
+  const Stamp* before = nullptr;
+  for (const auto& [index, stamp] : stamps) {
+    if (before != nullptr && !(stamp.time_s > before->time_s))
+      throw InputError(folder, "the time of frame " + frame_id(index) + " is not after the one before it");
+    before = &stamp;
+  }
+}
+
+}  // namespace
+
+struct DatasetWriter::Impl {
+  fs::path target;
+  imaging::Calibration calibration;
+  Options options;
+  std::mutex mutex;  // guards what follows
+  std::map<std::size_t, Stamp> stamps;
+  std::optional<geometry::Trajectory> groundtruth;
+  std::vector<GpsFix> gps;
+  std::map<std::string, std::string> about;
+
+  void write_lists(const fs::path& folder) const {
+    require_increasing(target.string(), stamps);
+    geometry::write_file(folder / "times.txt", times_text(stamps));
+    imaging::write_kalibr(folder / "camera.yaml", calibration);
+    imaging::write_dso_camera(folder / "camera.txt", calibration);
+    if (groundtruth) geometry::write_tum(folder / "groundtruth.txt", *groundtruth);
+    if (!gps.empty()) write_gps_csv(folder / "gps.csv", gps);
+    geometry::write_file(folder / "dataset.yaml", about_text(about));
+  }
+};
+
+DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, Options options)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->target = target_of(folder);
+  impl_->calibration = std::move(calibration);
+  impl_->options = options;
+  temporary_ = make_temporary(impl_->target, options.replace);
+  make_folder(temporary_ / "images");
+  if (options.depth) make_folder(temporary_ / "depth");
+}
+
+DatasetWriter::~DatasetWriter() {
+  std::error_code ignored;
+  fs::remove_all(temporary_, ignored);  // renamed away after finish()
+}
+
+void DatasetWriter::add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image,
+                              const imaging::FloatImage* depth_m) {
+  const bool png = impl_->options.png;
+  const std::vector<std::byte> bytes =
+      png ? imaging::encode_png(image) : imaging::encode_jpeg(image, impl_->options.jpeg_quality);
+  if (impl_->options.depth && depth_m != nullptr)
+    imaging::write_exr(temporary_ / "depth" / (frame_id(index) + ".exr"), *depth_m);
+  add_encoded_frame(index, time_s, exposure_ms, bytes, png ? ".png" : ".jpg");
+}
+
+void DatasetWriter::add_encoded_frame(std::size_t index, double time_s, double exposure_ms,
+                                      std::span<const std::byte> bytes, const std::string& extension) {
+  geometry::write_file(temporary_ / "images" / (frame_id(index) + extension),
+                       {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  const std::lock_guard lock(impl_->mutex);
+  impl_->stamps[index] = {time_s, exposure_ms};
+}
+
+void DatasetWriter::set_groundtruth(geometry::Trajectory trajectory) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->groundtruth = std::move(trajectory);
+}
+
+void DatasetWriter::set_gps(std::vector<GpsFix> fixes) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->gps = std::move(fixes);
+}
+
+void DatasetWriter::describe(const std::string& key, const std::string& value) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->about[key] = value;
+}
+
+void DatasetWriter::finish() {
+  const std::lock_guard lock(impl_->mutex);
+  if (impl_->stamps.empty()) throw InputError(impl_->target.string(), "no frames were written");
+  impl_->write_lists(temporary_);
+  geometry::write_folder(impl_->target, impl_->options.replace, [&](const fs::path& empty_folder) {
+    std::error_code error;
+    fs::rename(temporary_, empty_folder, error);  // takes the place of an empty folder
+    if (error) throw InputError(impl_->target.string(), "cannot be written: " + error.message());
+  });
+}
+
+}  // namespace tileflight::dataset

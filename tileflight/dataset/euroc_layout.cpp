@@ -1,0 +1,103 @@
+// EuRoC's ASL layout (Burri et al., IJRR 2016): cam0/data.csv "time_ns,file", cam0/data/, cam0/sensor.yaml.
+#include <yaml-cpp/yaml.h>
+
+#include <cstdint>
+
+#include "tileflight/dataset/frame_list.h"
+#include "tileflight/dataset/layouts.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+#include "tileflight/imaging/calibration_checks.h"
+
+namespace tileflight::dataset::layouts {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path camera_folder(const fs::path& folder) {
+  for (const char* name : {"mav0/cam0", "cam0"})
+    if (fs::is_regular_file(folder / name / "data.csv")) return folder / name;
+  return {};
+}
+
+std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
+  const fs::path file = camera / "data.csv";
+  const std::string text = geometry::read_text(file);
+  std::string_view rest = text;
+  std::vector<Frame> frames;
+  std::size_t missing = 0;
+  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = geometry::split_fields(*line, ", \t");
+    if (fields.empty() || fields.front().starts_with('#')) continue;
+    const std::string where = file.string() + ": line " + std::to_string(number);
+    const auto time_ns = geometry::parse_number<std::int64_t>(fields.front());
+    if (!time_ns || fields.size() != 2) throw InputError(where, "expected \"time_in_nanoseconds,file\"");
+    const fs::path image = camera / "data" / fs::path(fields[1]).filename();
+    if (fs::is_regular_file(image))
+      frames.push_back({image.stem().string(), image, 1e-9 * static_cast<double>(*time_ns), 0.0});
+    else
+      ++missing;
+  }
+  if (missing > 0)
+    warnings.push_back(file.string() + ": " + std::to_string(missing) + " of " + std::to_string(missing + frames.size()) +
+                       " frames have no image and are left out");
+  if (frames.empty()) throw InputError(file.string(), "none of its frames has an image");
+  require_increasing_times(frames, file);
+  return frames;
+}
+
+/// EuRoC's name of a lens to Kalibr's.
+std::string distortion_name(const std::string& name) {
+  if (name == "radial-tangential" || name == "radtan") return "radtan";
+  if (name == "equidistant") return "equidistant";
+  return name;  // refused by its name where it is checked
+}
+
+geometry::SE3 read_T_cam_imu(const YAML::Node& T_BS, const fs::path& file) {
+  const auto values = T_BS["data"].as<std::vector<double>>();
+  if (values.size() != 16) throw InputError(file.string(), "T_BS must have 16 numbers");
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(values.data());
+  const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
+  if (!m.allFinite() || !(rotation.transpose() * rotation).isIdentity(1e-3))
+    throw InputError(file.string(), "T_BS is not a rigid motion");
+  return geometry::SE3(rotation, m.topRightCorner<3, 1>()).inverse();  // T_BS maps camera to body
+}
+
+imaging::Calibration read_sensor(const fs::path& file) {
+  std::string text = geometry::read_text(file);
+  // "%YAML:1.0" is OpenCV's own first line; YAML wants "%YAML 1.0".
+  if (text.starts_with("%YAML:")) text.replace(0, std::min(text.find('\n'), text.size()), "");
+  try {
+    const YAML::Node node = YAML::Load(text);
+    const auto intrinsics = node["intrinsics"].as<std::vector<double>>();
+    const auto coefficients = node["distortion_coefficients"].as<std::vector<double>>();
+    const auto resolution = node["resolution"].as<std::vector<int>>();
+    if (resolution.size() != 2) throw InputError(file.string(), "resolution must be width and height");
+    imaging::Calibration calibration;
+    calibration.camera =
+        imaging::checked_camera(file.string(), {distortion_name(node["distortion_model"].as<std::string>()), intrinsics,
+                                                coefficients, resolution[0], resolution[1]});
+    if (node["T_BS"]) calibration.T_cam_imu = read_T_cam_imu(node["T_BS"], file);
+    return calibration;
+  } catch (const YAML::Exception& error) {
+    throw InputError(file.string(), "is not EuRoC's sensor.yaml with intrinsics, distortion_model, "
+                                    "distortion_coefficients and resolution: " + error.msg);
+  }
+}
+
+}  // namespace
+
+bool is_euroc(const fs::path& folder) { return !camera_folder(folder).empty(); }
+
+Dataset read_euroc(const fs::path& folder) {
+  Dataset dataset;
+  dataset.folder = folder;
+  const fs::path camera = camera_folder(folder);
+  dataset.frames = read_frames(camera, dataset.warnings);
+  dataset.calibration = read_sensor(camera / "sensor.yaml");
+  return dataset;
+}
+
+}  // namespace tileflight::dataset::layouts

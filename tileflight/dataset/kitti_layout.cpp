@@ -1,0 +1,91 @@
+// KITTI odometry (Geiger, Lenz, Urtasun, CVPR 2012): images rectified to one pinhole; calib.txt has the projection
+// matrices P0..P3 as 12 numbers a line; poses.txt has camera-to-world 3x4 matrices, 12 numbers a frame.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tileflight/dataset/frame_list.h"
+#include "tileflight/dataset/layouts.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::dataset::layouts {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Row12 = std::array<double, 12>;
+
+fs::path image_folder(const fs::path& folder) {
+  for (const char* name : {"image_0", "image_l"})
+    if (fs::is_directory(folder / name)) return folder / name;
+  return {};
+}
+
+/// Lines of 12 numbers, each with or without a label ("P0:").
+std::vector<Row12> read_rows(const fs::path& file) {
+  const std::string text = geometry::read_text(file);
+  std::string_view rest = text;
+  std::vector<Row12> rows;
+  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
+    std::vector<std::string_view> fields = geometry::split_fields(*line);
+    if (!fields.empty() && fields.front().ends_with(':')) fields.erase(fields.begin());
+    if (fields.empty()) continue;
+    const std::string where = file.string() + ": line " + std::to_string(number);
+    if (fields.size() != 12) throw InputError(where, "expected 12 numbers, found " + std::to_string(fields.size()));
+    Row12 row{};
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      const auto value = geometry::parse_number<double>(fields[i]);
+      if (!value || !std::isfinite(*value)) throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
+      row[i] = *value;
+    }
+    rows.push_back(row);
+  }
+  if (rows.empty()) throw InputError(file.string(), "is empty");
+  return rows;
+}
+
+imaging::Calibration read_calib(const fs::path& file, const fs::path& first_image) {
+  const Row12 p0 = read_rows(file).front();
+  if (!(p0[0] > 0.0 && p0[5] > 0.0)) throw InputError(file.string(), "the focal lengths of P0 must be above 0");
+  const imaging::GrayImage image = imaging::read_gray(first_image);  // the file does not name the image's size
+  imaging::Calibration calibration;
+  calibration.camera = imaging::Camera(imaging::PinholeRadtan{p0[0], p0[5], p0[2], p0[6], {}}, image.width, image.height);
+  return calibration;
+}
+
+geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& frames) {
+  const std::vector<Row12> rows = read_rows(file);
+  if (rows.size() != frames.size())
+    throw InputError(file.string(), "has " + std::to_string(rows.size()) + " poses for " + std::to_string(frames.size()) + " images");
+  geometry::Trajectory trajectory;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> m(rows[i].data());
+    trajectory.poses.push_back({frames[i].time_s, geometry::SE3(geometry::Mat3(m.leftCols<3>()), m.col(3))});
+  }
+  return trajectory;
+}
+
+}  // namespace
+
+bool is_kitti(const fs::path& folder) { return !image_folder(folder).empty(); }
+
+Dataset read_kitti(const fs::path& folder) {
+  Dataset dataset;
+  dataset.folder = folder;
+  const std::vector<fs::path> images = list_images(image_folder(folder));
+  if (fs::is_regular_file(folder / "times.txt")) {
+    dataset.frames = frames_with_times(images, folder / "times.txt", dataset.warnings);
+  } else {
+    constexpr double kKittiPeriod_s = 0.1;
+    dataset.frames = frames_at_rate(images, kKittiPeriod_s);
+    dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 0.1 s apart");
+  }
+  dataset.calibration = read_calib(folder / "calib.txt", images.front());
+  if (fs::is_regular_file(folder / "poses.txt")) dataset.groundtruth = read_poses(folder / "poses.txt", dataset.frames);
+  return dataset;
+}
+
+}  // namespace tileflight::dataset::layouts

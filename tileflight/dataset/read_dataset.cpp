@@ -1,0 +1,83 @@
+#include <filesystem>
+
+#include "tileflight/dataset/about_file.h"
+#include "tileflight/dataset/frame_list.h"
+#include "tileflight/dataset/layouts.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::dataset {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+void check_image_size(const Dataset& dataset) {
+  const imaging::GrayImage image = imaging::read_gray(dataset.frames.front().image);
+  const imaging::Camera& camera = dataset.calibration.camera;
+  if (image.width == camera.width() && image.height == camera.height()) return;
+  throw InputError(dataset.folder.string(), "the calibration is for images of " + size_text(camera.width(), camera.height()) +
+                                                ", but " + dataset.frames.front().image.filename().string() + " has " +
+                                                size_text(image.width, image.height));
+}
+
+/// The first of the names that is a file in the folder; empty if none is.
+fs::path first_file(const fs::path& folder, std::initializer_list<const char*> names) {
+  for (const char* name : names)
+    if (fs::is_regular_file(folder / name)) return folder / name;
+  return {};
+}
+
+imaging::Calibration read_camera(const fs::path& folder) {
+  const fs::path file = first_file(folder, {"camera.yaml", "camera.txt"});
+  if (!file.empty()) return imaging::read_calibration(file);
+  throw InputError(folder.string(), "has no camera calibration: add camera.yaml (Kalibr) or camera.txt (DSO)");
+}
+
+}  // namespace
+
+namespace layouts {
+
+Dataset read_images_folder(const fs::path& folder) {
+  Dataset dataset;
+  dataset.folder = folder;
+  dataset.calibration = read_camera(folder);
+  const std::vector<fs::path> images = list_images(folder / "images");
+  const fs::path times = folder / "times.txt";
+  if (fs::is_regular_file(times)) {
+    dataset.frames = frames_with_times(images, times, dataset.warnings);
+  } else {
+    dataset.frames = frames_at_rate(images, kDefaultPeriod_s);
+    dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 1/30 s apart");
+  }
+  dataset.pcalib = first_file(folder, {"pcalib.txt"});
+  dataset.vignette = first_file(folder, {"vignette.png"});
+  if (const fs::path file = first_file(folder, {"groundtruth.txt"}); !file.empty())
+    dataset.groundtruth = geometry::read_tum(file);
+  if (const fs::path file = first_file(folder, {"gps.csv"}); !file.empty()) dataset.gps = read_gps_csv(file);
+  if (const fs::path file = first_file(folder, {"dataset.yaml"}); !file.empty()) dataset.about = read_about(file);
+  return dataset;
+}
+
+}  // namespace layouts
+
+Dataset read_dataset(const fs::path& folder) {
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is not a dataset folder: there is no such folder");
+  Dataset dataset;
+  if (fs::is_directory(folder / "images")) {
+    dataset = layouts::read_images_folder(folder);
+  } else if (layouts::is_kitti(folder)) {
+    dataset = layouts::read_kitti(folder);
+  } else if (layouts::is_euroc(folder)) {
+    dataset = layouts::read_euroc(folder);
+  } else {
+    throw InputError(folder.string(),
+                     "is not a dataset folder: it has neither images/ (DSO) nor image_0/ (KITTI) nor mav0/cam0/ (EuRoC)");
+  }
+  check_image_size(dataset);
+  return dataset;
+}
+
+}  // namespace tileflight::dataset
