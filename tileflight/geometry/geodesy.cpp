@@ -61,19 +61,20 @@ EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longi
   check_latitude_longitude(latitude_deg, longitude_deg);
   if (!std::isfinite(height.m)) throw InputError("height above sea level", "is not finite");
   const std::unique_ptr<PJ_CONTEXT, ProjDeleter> context(proj_context_create());
-  proj_context_set_enable_network(context.get(), 0);
   proj_log_level(context.get(), PJ_LOG_NONE);
+  proj_context_set_enable_network(context.get(), 0);
   // The multiplier 1 adds the grid's undulation to the height (PROJ manual, vgridshift).
   const std::unique_ptr<PJ, ProjDeleter> add_undulation(
       proj_create(context.get(), "+proj=vgridshift +grids=egm96_15.gtx +multiplier=1"));
-  if (!add_undulation) {
+  const PJ_COORD in = proj_coord(longitude_deg * kRadPerDeg, latitude_deg * kRadPerDeg, height.m, 0.0);
+  const PJ_COORD out = add_undulation ? proj_trans(add_undulation.get(), PJ_FWD, in)
+                                      : proj_coord(HUGE_VAL, HUGE_VAL, HUGE_VAL, HUGE_VAL);
+  // The grid covers the whole Earth: where it gives no value, it is not there.
+  if (!std::isfinite(out.xyz.z)) {
     throw InputError("geoid grid egm96_15.gtx",
                      "is not installed, so heights above sea level cannot be used: install the package proj-data or "
                      "give heights above the ellipsoid");
   }
-  const PJ_COORD in = proj_coord(longitude_deg * kRadPerDeg, latitude_deg * kRadPerDeg, height.m, 0.0);
-  const PJ_COORD out = proj_trans(add_undulation.get(), PJ_FWD, in);
-  if (!std::isfinite(out.xyz.z)) throw InputError("geoid grid egm96_15.gtx", "has no value at this place");
   return {out.xyz.z};
 }
 

@@ -58,7 +58,8 @@ Trajectory read_tum(const std::filesystem::path& file) {
     const std::string where = file.string() + ", line " + std::to_string(line_number);
     const StampedPose pose = parse_pose(*line, where);
     if (!trajectory.empty() && pose.time_s <= trajectory.poses.back().time_s) {
-      throw InputError(where, "times do not increase: sort the file and drop poses of the same time");
+      if (pose.time_s == trajectory.poses.back().time_s) continue;
+      throw InputError(where, "times go back: sort the file by time");
     }
     trajectory.poses.push_back(pose);
   }

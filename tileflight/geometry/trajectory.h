@@ -24,7 +24,8 @@ struct Trajectory {
 };
 
 /// TUM text: `timestamp tx ty tz qx qy qz qw` a line, '#' comments. Reading throws InputError (file, line, cause)
-/// on malformed numbers, NaN, a quaternion without length, or times that do not increase.
+/// on malformed numbers, NaN, a quaternion without length, or times that go back. Of poses with one time (published
+/// ground truth has such, from rounded clocks) the first is kept.
 Trajectory read_tum(const std::filesystem::path& file);
 void write_tum(const std::filesystem::path& file, const Trajectory& trajectory);
 

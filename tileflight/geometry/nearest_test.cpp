@@ -1,0 +1,112 @@
+#include "tileflight/geometry/nearest.h"
+
+#include <gtest/gtest.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::geometry {
+namespace {
+
+std::vector<Vec3> random_points(std::size_t count, unsigned seed, double size_m = 10.0) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(0.0, size_m);
+  std::vector<Vec3> points(count);
+  for (Vec3& p : points) p = Vec3(uniform(random), uniform(random), uniform(random));
+  return points;
+}
+
+/// Points on a lattice: many exactly equal distances.
+std::vector<Vec3> lattice(int side) {
+  std::vector<Vec3> points;
+  for (int i = 0; i < side * side * side; ++i) points.emplace_back(i % side, i / side % side, i / side / side);
+  std::shuffle(points.begin(), points.end(), std::mt19937(3));
+  return points;
+}
+
+/// All points, nearest first, the lower index first of equals.
+std::vector<Neighbor> brute_force(const std::vector<Vec3>& points, const Vec3& query) {
+  std::vector<Neighbor> all;
+  for (std::size_t i = 0; i < points.size(); ++i) all.push_back({i, (points[i] - query).norm()});
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Neighbor& a, const Neighbor& b) { return a.distance_m < b.distance_m; });
+  return all;
+}
+
+void expect_equal(const std::vector<Neighbor>& actual, const std::vector<Neighbor>& expected) {
+  ASSERT_EQ(actual.size(), expected.size());
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    EXPECT_EQ(actual[i].index, expected[i].index) << i;
+    EXPECT_DOUBLE_EQ(actual[i].distance_m, expected[i].distance_m) << i;
+  }
+}
+
+TEST(NearestIndex, EqualsBruteForceOnRandomPoints) {
+  const auto points = random_points(2000, 1);
+  const NearestIndex index(points);
+  EXPECT_EQ(index.size(), 2000U);
+  for (const Vec3& query : random_points(200, 2, 12.0)) {
+    const auto expected = brute_force(points, query);
+    EXPECT_EQ(index.nearest(query)->index, expected[0].index);
+    expect_equal(index.nearest_k(query, 17), {expected.begin(), expected.begin() + 17});
+    const auto end =
+        std::find_if(expected.begin(), expected.end(), [](const Neighbor& n) { return n.distance_m > 1.5; });
+    expect_equal(index.within(query, 1.5), {expected.begin(), end});
+  }
+}
+
+TEST(NearestIndex, LowestIndexOfEqualDistancesWins) {
+  const auto points = lattice(7);
+  const NearestIndex index(points);
+  for (int i = 0; i < 13 * 13 * 13; ++i) {
+    const Vec3 query = 0.5 * Vec3(i % 13, i / 13 % 13, i / 169);
+    const auto expected = brute_force(points, query);
+    EXPECT_EQ(index.nearest(query)->index, expected[0].index) << query.transpose();
+    expect_equal(index.nearest_k(query, 9), {expected.begin(), expected.begin() + 9});
+  }
+}
+
+TEST(NearestIndex, DuplicatesAndOnePoint) {
+  const NearestIndex index(std::vector<Vec3>(100, Vec3(1, 2, 3)));
+  EXPECT_EQ(index.nearest(Vec3(1, 2, 3))->index, 0U);
+  EXPECT_EQ(index.nearest(Vec3(4, 2, 3))->distance_m, 3.0);
+  EXPECT_EQ(index.nearest_k(Vec3::Zero(), 3)[2].index, 2U);
+  EXPECT_EQ(index.nearest_k(Vec3::Zero(), 1000).size(), 100U);
+  const NearestIndex one({Vec3(1, 0, 0)});
+  EXPECT_EQ(one.nearest(Vec3::Zero())->index, 0U);
+}
+
+TEST(NearestIndex, RadiusIsInclusive) {
+  const NearestIndex index({Vec3(3, 4, 0)});
+  EXPECT_TRUE(index.nearest(Vec3::Zero(), 5.0));
+  EXPECT_FALSE(index.nearest(Vec3::Zero(), 4.999999));
+  EXPECT_EQ(index.within(Vec3::Zero(), 5.0).size(), 1U);
+  EXPECT_TRUE(index.nearest(Vec3(3, 4, 0), 0.0));
+}
+
+TEST(NearestIndex, EmptyAndNotFinite) {
+  const NearestIndex empty({});
+  EXPECT_FALSE(empty.nearest(Vec3::Zero()));
+  EXPECT_TRUE(empty.nearest_k(Vec3::Zero(), 3).empty());
+  EXPECT_TRUE(empty.within(Vec3::Zero(), 1.0).empty());
+  const NearestIndex index({Vec3::Zero()});
+  EXPECT_FALSE(index.nearest(Vec3(std::nan(""), 0, 0)));
+  EXPECT_FALSE(index.nearest(Vec3::Zero(), -1.0));
+  EXPECT_THROW(NearestIndex({Vec3::Zero(), Vec3(0, INFINITY, 0)}), InputError);
+}
+
+TEST(NearestIndex, MovesAndAnswersInParallel) {
+  const auto points = random_points(5000, 4);
+  NearestIndex built(points);
+  const NearestIndex index = std::move(built);
+  std::vector<std::size_t> found(points.size());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) { found[i] = index.nearest(points[i])->index; });
+  for (std::size_t i = 0; i < found.size(); ++i) EXPECT_EQ(found[i], i);
+}
+
+}  // namespace
+}  // namespace tileflight::geometry
