@@ -90,15 +90,16 @@ void check_header(const PcdHeader& header, std::size_t body_bytes, const std::st
     const bool known = f.type == 'F' ? f.size == 4 || f.size == 8
                                      : (f.type == 'I' || f.type == 'U') && std::has_single_bit(f.size) && f.size <= 8;
     if (!known) throw InputError(file, "field '" + f.name + "' has a TYPE and SIZE that PCD does not know");
-    if (f.count > body_bytes) throw InputError(file, "field '" + f.name + "' has a COUNT larger than the file");
+    if (f.count > 1 && f.count > body_bytes)
+      throw InputError(file, "field '" + f.name + "' has a COUNT larger than the file");
     least_bytes += header.encoding == PcdEncoding::kBinary ? f.size * f.count : f.count;
   }
   if (header.width != 0 && header.points / header.width != header.height) {
     throw InputError(file, "POINTS is not WIDTH times HEIGHT");
   }
-  // Compressed data says its own sizes; LZF shrinks to an 88th at most.
-  const std::uint64_t most_bytes =
-      header.encoding == PcdEncoding::kBinaryCompressed ? std::uint64_t{88} * body_bytes : body_bytes + 1;
+  std::uint64_t most_bytes = body_bytes;
+  if (header.encoding == PcdEncoding::kAscii) most_bytes += 1;              // the last line needs no end
+  if (header.encoding == PcdEncoding::kBinaryCompressed) most_bytes *= 88;  // LZF shrinks no further
   if (header.points > most_bytes / std::max<std::uint64_t>(least_bytes, 1)) {
     throw InputError(file, "POINTS " + std::to_string(header.points) +
                                " is more than fit into the file: it is truncated or damaged");
