@@ -15,35 +15,68 @@ namespace tileflight::alignment {
 
 enum class IcpMethod { kPointToPoint, kPointToPlane, kPointToMesh };
 
+enum class IcpStop {
+  kRmsChange,  ///< the paper's: the RMS changes by less than rms_change_m from one iteration to the next
+  kStep        ///< the next step would move the points by less than step_m
+};
+
 /// Defaults are the paper's settings: radius 1 m, RMS change 1e-5, at most 1500 iterations.
 struct IcpOptions {
   IcpMethod method = IcpMethod::kPointToPoint;
-  double radius_m = 1.0;               ///< correspondences farther apart do not count
-  double rms_change_m = 1e-5;          ///< stop when the RMS changes by less from one iteration to the next
+  double radius_m = 1.0;       ///< correspondences farther apart do not count
+  double rms_change_m = 1e-5;  ///< stop when the RMS changes by less from one iteration to the next
   int max_iterations = 1500;
   ScaleMode scale = ScaleMode::kEstimated;
-  double max_scale_change = 1.2;       ///< scale stays within [1/x, x] of the start, so that it cannot collapse
-  std::vector<geometry::Box3> regions; ///< source points (after the initial transform) inside any of these take part; none: all
+  double max_scale_change = 1.2;  ///< scale stays within [1/x, x] of the start, so that it cannot collapse
+  std::vector<geometry::Box3>
+      regions{};  ///< source points (after the initial transform) inside any of these take part; none: all
+
+  IcpStop stop = IcpStop::kRmsChange;
+  double step_m = 1e-4;     ///< of IcpStop::kStep, and of the check of the other rule (RMS over the points)
+  bool accelerate = false;  ///< Anderson acceleration: the same fixed point in a fraction of the iterations
+  double false_stop_m =
+      0.01;            ///< a stop by RMS change is false if going on would move the points farther than this (RMS)
+  bool go_on = false;  ///< after a false stop the result is where going on leads, instead of where the rule stopped
+};
+
+/// Settings that reach the fixed point, and fast: accelerated, stopped by step length. Same radius and scale bound as
+/// the paper's.
+IcpOptions converging_icp();
+
+/// How firmly the matched surface holds the transform.
+struct Constraint {
+  std::vector<double>
+      strengths;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
+  geometry::Vec7 weakest = geometry::Vec7::Zero();  ///< motion of the first: translation, rotation about the points'
+                                                    ///< centre, stretch; unit length
+  std::string weakest_motion;                       ///< its largest part in words, e.g. "translation along x"
+  bool well_constrained = true;                     ///< no strength below 0.003 (a plane has zeros)
 };
 
 struct AlignmentResult {
   geometry::Sim3 T_target_source;
-  double rmse_m = 0.0;          ///< over the correspondences at the end
-  double fitness = 0.0;         ///< share of the source points that take part which have a correspondence
+  double rmse_m = 0.0;   ///< over the correspondences at the end
+  double fitness = 0.0;  ///< share of the source points that take part which have a correspondence
   std::size_t correspondences = 0;
   int iterations = 0;
-  bool converged = false;       ///< stop rule met before max_iterations, and checked: no large step is left (see note)
+  bool converged = false;  ///< stop rule met before max_iterations, and checked: no large step is left (see note)
   std::string method;
-  std::string note;             ///< empty, or one line: what is doubtful about this result
+  std::string note;  ///< empty, or one line: what is doubtful about this result
+
+  double left_to_move_m = 0.0;  ///< how far going on after a stop by RMS change moved the points (RMS); 0 if not tried
+  std::size_t points = 0;       ///< source points that took part
+  Constraint constraint;        ///< of the end
 };
 
-/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; no correspondence within the radius is a
-/// result with converged = false and a note.
+/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; no correspondence within
+/// the radius is a result with converged = false and a note. Point-to-plane takes the target's normals, or estimates
+/// them where it has none.
 AlignmentResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target,
                     const geometry::Sim3& initial, const IcpOptions& options = {});
 
 /// Against the triangles themselves (nearest point of the surface, point-to-plane step).
 AlignmentResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
-                    const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial, const IcpOptions& options);
+                    const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial,
+                    const IcpOptions& options);
 
 }  // namespace tileflight::alignment

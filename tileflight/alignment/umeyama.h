@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -11,22 +12,36 @@ enum class ScaleMode { kFixed, kEstimated };
 
 struct UmeyamaResult {
   geometry::Sim3 T_target_source;
-  double rmse_m = 0.0;           ///< over the inliers
+  double rmse_m = 0.0;  ///< over the inliers
   std::size_t inliers = 0;
   bool well_conditioned = true;  ///< false: points on a line or at one place, rotation not determined
 };
 
-/// Least-squares similarity from paired points. Umeyama, IEEE TPAMI 13(4), 1991. Throws InputError for fewer than 3 pairs or NaN.
+/// Least-squares similarity from paired points. Umeyama, IEEE TPAMI 13(4), 1991. Points on a line or at one place give
+/// the least rotation that fits (well_conditioned = false). Throws InputError for fewer than 3 pairs, lists of
+/// different lengths, or NaN.
 UmeyamaResult umeyama(const std::vector<geometry::Vec3>& source, const std::vector<geometry::Vec3>& target,
                       ScaleMode scale = ScaleMode::kEstimated);
 
+/// The same with a weight (>= 0) for each pair; `inliers` counts the pairs of positive weight, `rmse_m` is weighted.
+UmeyamaResult weighted_umeyama(const std::vector<geometry::Vec3>& source, const std::vector<geometry::Vec3>& target,
+                               const std::vector<double>& weights, ScaleMode scale = ScaleMode::kEstimated);
+
 struct RobustOptions {
-  double inlier_m = 3.0;   ///< residual up to which a pair counts fully (then Geman-McClure by iteratively reweighted least squares)
-  int iterations = 50;
+  double inlier_m = 3.0;  ///< residual up to which a pair counts as an inlier; Geman-McClure's scale in the reweighting
+  int iterations = 50;    ///< of the reweighting at most; it ends early when the transform no longer changes
+  int samples = 500;      ///< triples that are tried
+  std::uint64_t seed = 1;  ///< of the choice of triples
 };
 
-/// The same against outliers: seeded RANSAC over triples, then iterative reweighting. Deterministic.
+/// The same against outliers: seeded RANSAC over triples (Fischler and Bolles, CACM 24(6), 1981), then reweighting with
+/// the Geman-McClure kernel. Deterministic. Throws InputError as umeyama() does.
 UmeyamaResult robust_umeyama(const std::vector<geometry::Vec3>& source, const std::vector<geometry::Vec3>& target,
                              ScaleMode scale, const RobustOptions& options);
+
+/// Mean of the Geman-McClure cost r^2 / (1 + r^2 / inlier_m^2) over the pairs, square metres: what the reweighting
+/// minimises.
+double robust_cost_m2(const geometry::Sim3& T_target_source, const std::vector<geometry::Vec3>& source,
+                      const std::vector<geometry::Vec3>& target, double inlier_m);
 
 }  // namespace tileflight::alignment

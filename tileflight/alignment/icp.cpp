@@ -1,0 +1,265 @@
+#include "tileflight/alignment/icp.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tileflight/alignment/matcher.h"
+#include "tileflight/alignment/normals.h"
+#include "tileflight/alignment/registration.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::alignment {
+
+using geometry::PointCloud;
+using geometry::Sim3;
+using geometry::Vec3;
+
+IcpOptions converging_icp() {
+  IcpOptions options;
+  options.stop = IcpStop::kStep;
+  options.accelerate = true;
+  return options;
+}
+
+namespace {
+
+void check_points(const char* where, const std::vector<Vec3>& points) {
+  if (points.empty()) throw InputError(where, "has no points; there is nothing to align");
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!points[i].allFinite()) throw InputError(where, "point " + std::to_string(i) + " is not finite");
+  }
+}
+
+void check_start(const Sim3& T, const IcpOptions& options) {
+  if (!T.matrix().allFinite() || !(T.scale > 0.0)) {
+    throw InputError("initial transform", "is not a finite similarity with a scale above zero");
+  }
+  if (!(options.radius_m > 0.0) || !std::isfinite(options.radius_m)) {
+    throw InputError("radius", "must be above zero, in metres");
+  }
+  if (!(options.max_scale_change >= 1.0)) throw InputError("max_scale_change", "must be at least 1");
+}
+
+bool takes_part(const Vec3& moved, const std::vector<geometry::Box3>& regions) {
+  return regions.empty() ||
+         std::any_of(regions.begin(), regions.end(), [&](const geometry::Box3& box) { return box.contains(moved); });
+}
+
+std::vector<Vec3> points_of_regions(const PointCloud& source, const Sim3& T,
+                                    const std::vector<geometry::Box3>& regions) {
+  std::vector<Vec3> points;
+  points.reserve(source.size());
+  for (const Vec3& p : source.positions) {
+    if (takes_part(T * p, regions)) points.push_back(p);
+  }
+  return points;
+}
+
+CenteredSource centered(std::vector<Vec3> points, const Sim3& T) {
+  CenteredSource source;
+  const auto n = static_cast<double>(points.size());
+  for (const Vec3& p : points) source.source_center += p / n;
+  for (Vec3& p : points) {
+    p -= source.source_center;
+    source.spread.second_moment += p * p.transpose() / n;
+  }
+  source.target_center = T * source.source_center;
+  source.start = {T.scale, T.rotation, Vec3::Zero()};
+  const double rms_m = T.scale * std::sqrt(source.spread.second_moment.trace());
+  source.length_m = rms_m > 0.0 ? rms_m : 1.0;
+  source.points = std::move(points);
+  return source;
+}
+
+ScaleRange scale_range(const Sim3& T, const IcpOptions& options) {
+  if (options.scale == ScaleMode::kFixed) return {T.scale, T.scale};
+  return {T.scale / options.max_scale_change, T.scale * options.max_scale_change};
+}
+
+bool at_bound(double scale, const ScaleRange& range, const IcpOptions& options) {
+  constexpr double kClose = 1e-9;
+  return options.scale == ScaleMode::kEstimated && options.max_scale_change > 1.0 &&
+         (scale <= range.least * (1.0 + kClose) || scale >= range.most * (1.0 - kClose));
+}
+
+std::string with_digits(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+void add_note(AlignmentResult& result, const std::string& text) {
+  result.note += (result.note.empty() ? "" : "; ") + text;
+}
+
+const char* name_of(const IcpOptions& options) {
+  switch (options.method) {
+    case IcpMethod::kPointToPoint:
+      return "icp-point-to-point";
+    case IcpMethod::kPointToPlane:
+      return "icp-point-to-plane";
+    case IcpMethod::kPointToMesh:
+      return "icp-point-to-mesh";
+  }
+  return "";
+}
+
+/// Against single planes of a cloud the cost need not fall: a point that changes its partner changes its plane.
+StepRule step_rule(const IcpOptions& options, bool accelerate) {
+  if (options.method == IcpMethod::kPointToPlane) return {accelerate, 1e-3, 1};
+  return {accelerate};
+}
+
+/// After a stop by RMS change: is this really where the iteration ends? Runs on, accelerated, to a stop by step length.
+FixedPointResult check_stop(const Evaluate& evaluate, FixedPointResult stopped, const CenteredSource& source,
+                            const IcpOptions& options, AlignmentResult& result) {
+  if (options.stop != IcpStop::kRmsChange || !stopped.stopped_by_rule || options.step_m <= 0.0) return stopped;
+  constexpr int kMoreIterations = 300;
+  const FixedPointResult further = iterate(evaluate, stopped.T, step_rule(options, true),
+                                           {0.0, options.step_m, kMoreIterations}, source.spread, source.length_m);
+  result.left_to_move_m = rms_motion_m(stopped.T, further.T, source.spread);
+  if (result.left_to_move_m <= options.false_stop_m) return stopped;
+
+  const std::string moved = with_digits(result.left_to_move_m) + " m (RMS) farther on after " +
+                            std::to_string(further.iterations) + " accelerated iterations";
+  add_note(result, "the rule of RMS change stopped falsely after " + std::to_string(stopped.iterations) +
+                       " iterations: going on ends " + moved + (options.go_on ? ", which is the result" : ""));
+  if (options.go_on) return further;
+  stopped.stopped_by_rule = false;
+  return stopped;
+}
+
+void note_convergence(const FixedPointResult& end, const IcpOptions& options, AlignmentResult& result) {
+  result.converged = end.stopped_by_rule;
+  if (end.stopped_by_rule || result.left_to_move_m > options.false_stop_m) return;
+  add_note(result, "not converged after " + std::to_string(end.iterations) +
+                       " iterations, the next step would move the points by " + with_digits(end.last_step_m) +
+                       " m (RMS)");
+}
+
+void note_fit(const AlignmentResult& found, const CenteredSource& source, const ScaleRange& range,
+              const IcpOptions& options, AlignmentResult& result) {
+  constexpr std::size_t kFew = 10;
+  constexpr double kLowFitness = 0.1;
+  if (found.correspondences < kFew) {
+    result.converged = false;
+    add_note(result, "only " + std::to_string(found.correspondences) + " correspondences");
+  } else if (found.fitness < kLowFitness) {
+    add_note(result, "only " + with_digits(100.0 * found.fitness) + " % of " + std::to_string(source.points.size()) +
+                         " points have a correspondence within " + with_digits(options.radius_m) + " m");
+  }
+  if (at_bound(found.T_target_source.scale, range, options)) {
+    result.converged = false;
+    add_note(result, "the scale ended at its bound, " + with_digits(found.T_target_source.scale / source.start.scale) +
+                         " of the start's");
+  }
+}
+
+void note_constraint(AlignmentResult& result) {
+  if (result.constraint.well_constrained) return;
+  add_note(result, "ill-constrained: the matched surface hardly holds " +
+                       (result.constraint.weakest_motion.empty() ? "any motion" : result.constraint.weakest_motion));
+}
+
+/// Constraint from at most about 4000 of the matches.
+template <class Matcher, class NormalOf>
+Constraint constraint_at(Registration<Matcher>& registration, const Sim3& T, const CenteredSource& source,
+                         const IcpOptions& options, const NormalOf& normal_of) {
+  constexpr std::size_t kEnough = 4000;
+  PlaneSystem planes;
+  std::size_t used = 0;
+  for (const auto& [y, match] : registration.sample(T, 1 + source.points.size() / kEnough)) {
+    const Vec3 normal = normal_of(match);
+    if (normal.isZero()) continue;
+    planes.add(y, y, normal, source.length_m);
+    ++used;
+  }
+  return constraint_of(planes, used, options.scale == ScaleMode::kEstimated);
+}
+
+/// Everything but the matching.
+template <class Matcher, class NormalOf>
+AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, const Sim3& initial,
+                                const IcpOptions& options, const NormalOf& normal_of) {
+  AlignmentResult result;
+  result.method = name_of(options);
+  result.points = source.points.size();
+  const ScaleRange range = scale_range(initial, options);
+  Registration<Matcher> registration(matcher, source, range, options.method, options.radius_m);
+  const Evaluate evaluate = [&](const Sim3& T) { return registration.evaluate(T); };
+  const bool by_step = options.stop == IcpStop::kStep;
+  const StopRule stop{by_step ? 0.0 : options.rms_change_m, by_step ? options.step_m : 0.0, options.max_iterations};
+
+  FixedPointResult end =
+      iterate(evaluate, source.start, step_rule(options, options.accelerate), stop, source.spread, source.length_m);
+  result.T_target_source = initial;
+  result.iterations = end.iterations;
+  if (end.evaluation.matched == 0) {
+    add_note(result,
+             "no correspondence within " + with_digits(options.radius_m) + " m; start closer or widen the radius");
+    return result;
+  }
+  end = check_stop(evaluate, end, source, options, result);
+  result.iterations = std::max(result.iterations, end.iterations);
+  result.T_target_source = source.uncentered(end.T);
+  result.rmse_m = end.evaluation.rms_m;
+  result.correspondences = end.evaluation.matched;
+  result.fitness = static_cast<double>(end.evaluation.matched) / static_cast<double>(source.points.size());
+  result.constraint = constraint_at(registration, end.T, source, options, normal_of);
+  note_convergence(end, options, result);
+  note_fit(AlignmentResult(result), source, range, options, result);
+  note_constraint(result);
+  return result;
+}
+
+CenteredSource checked_source(const PointCloud& source, const Sim3& initial, const IcpOptions& options) {
+  check_points("source cloud", source.positions);
+  check_start(initial, options);
+  return centered(points_of_regions(source, initial, options.regions), initial);
+}
+
+AlignmentResult nothing_in_regions(const Sim3& initial, const IcpOptions& options) {
+  AlignmentResult result;
+  result.T_target_source = initial;
+  result.method = name_of(options);
+  result.note = "no source point lies in the regions";
+  return result;
+}
+
+}  // namespace
+
+AlignmentResult icp(const PointCloud& source, const PointCloud& target, const Sim3& initial,
+                    const IcpOptions& options) {
+  if (options.method == IcpMethod::kPointToMesh) {
+    throw InputError("method", "point-to-mesh needs a mesh as its target, this one is a cloud");
+  }
+  const CenteredSource points = checked_source(source, initial, options);
+  check_points("target cloud", target.positions);
+  if (points.points.empty()) return nothing_in_regions(initial, options);
+
+  const bool needs_normals = options.method == IcpMethod::kPointToPlane && target.normals.empty();
+  CloudMatcher matcher(needs_normals ? with_normals(target) : target, points.target_center, points.points.size(),
+                       options.radius_m);
+  const geometry::NearestIndex index(target.positions);
+  constexpr std::size_t kNeighbors = 32;
+  return register_points(matcher, points, initial, options, [&](const Match& match) {
+    return match.normal.isZero() ? estimate_normal(target.positions, index, target.positions[match.index], kNeighbors)
+                                 : match.normal;
+  });
+}
+
+AlignmentResult icp(const PointCloud& source, const geometry::TriangleIndex& target,
+                    const geometry::TriangleMesh& target_mesh, const Sim3& initial, const IcpOptions& options) {
+  const CenteredSource points = checked_source(source, initial, options);
+  if (target_mesh.triangles.empty()) throw InputError("target mesh", "has no triangles; there is nothing to align to");
+  if (points.points.empty()) return nothing_in_regions(initial, options);
+
+  MeshMatcher matcher(target, target_mesh, points.target_center, points.points.size(), options.radius_m);
+  IcpOptions mesh_options = options;
+  mesh_options.method = IcpMethod::kPointToMesh;
+  return register_points(matcher, points, initial, mesh_options,
+                         [&](const Match& match) { return matcher.triangle_normal(match.index); });
+}
+
+}  // namespace tileflight::alignment

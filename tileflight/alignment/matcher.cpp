@@ -1,0 +1,145 @@
+#include "tileflight/alignment/matcher.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nanoflann.hpp>
+
+namespace tileflight::alignment {
+
+using geometry::Vec3;
+
+namespace {
+
+/// How nanoflann sees the target.
+struct Points {
+  const std::vector<Vec3>* positions;
+
+  std::size_t kdtree_get_point_count() const { return positions->size(); }
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
+    return (*positions)[i][static_cast<Eigen::Index>(axis)];
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+/// The two nearest points within a radius, for nanoflann's search.
+class TwoNearest {
+ public:
+  using DistanceType = double;
+
+  explicit TwoNearest(double squared_radius) : first_(squared_radius), second_(squared_radius) {}
+
+  bool addPoint(double squared, std::uint32_t index) {
+    if (squared < first_ || (squared == first_ && index < index_)) {
+      second_ = first_;
+      first_ = squared;
+      index_ = index;
+    } else if (squared < second_) {
+      second_ = squared;
+    }
+    return true;
+  }
+  double worstDist() const { return second_; }
+  bool full() const { return true; }
+  std::size_t size() const { return 2; }
+
+  std::uint32_t index() const { return index_; }
+  double second() const { return second_; }
+
+ private:
+  double first_;
+  double second_;
+  std::uint32_t index_ = 0xffffffffu;
+};
+
+}  // namespace
+
+struct CloudMatcher::Tree {
+  using Index =
+      nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Points>, Points, 3, std::uint32_t>;
+
+  explicit Tree(const std::vector<Vec3>& positions) : points{&positions}, index(3, points, {10}) {}
+
+  Points points;
+  Index index;
+};
+
+CloudMatcher::CloudMatcher(const geometry::PointCloud& target, const Vec3& shift, std::size_t source_points,
+                           double radius_m)
+    : target_(target.positions), memory_(source_points), radius_m_(radius_m) {
+  for (Vec3& p : target_) p -= shift;
+  normals_.reserve(target.normals.size());
+  for (const Eigen::Vector3f& n : target.normals) normals_.push_back(n.cast<double>().normalized());
+  tree_ = std::make_unique<Tree>(target_);
+}
+
+CloudMatcher::~CloudMatcher() = default;
+CloudMatcher::CloudMatcher(CloudMatcher&&) noexcept = default;
+CloudMatcher& CloudMatcher::operator=(CloudMatcher&&) noexcept = default;
+
+void CloudMatcher::search(const Vec3& position, Memory& memory) const {
+  // Looking beyond the radius costs little and tells how far an unmatched point may move before it must be asked for
+  // again.
+  const double reach = 1.5 * radius_m_;
+  TwoNearest nearest(reach * reach);
+  tree_->index.findNeighbors(nearest, position.data(), nanoflann::SearchParams());
+  memory.position = position;
+  memory.nearest = nearest.index();
+  memory.others_m = std::sqrt(nearest.second());
+}
+
+bool CloudMatcher::find(std::size_t i, const Vec3& position, Match& match) {
+  Memory& memory = memory_[i];
+  const double others_m = memory.others_m - (position - memory.position).norm();  // triangle inequality
+  const bool known = memory.nearest != kNobody ? (position - target_[memory.nearest]).norm() < others_m  //
+                                               : others_m > radius_m_;
+  if (!known) search(position, memory);
+  if (memory.nearest == kNobody) return false;
+
+  match.index = memory.nearest;
+  match.point = target_[match.index];
+  match.distance_m = (position - match.point).norm();
+  if (!normals_.empty()) match.normal = normals_[match.index];
+  return match.distance_m <= radius_m_;
+}
+
+MeshMatcher::MeshMatcher(const geometry::TriangleIndex& index, const geometry::TriangleMesh& mesh, const Vec3& shift,
+                         std::size_t source_points, double radius_m)
+    : index_(&index), mesh_(&mesh), shift_(shift), memory_(source_points), radius_m_(radius_m) {}
+
+bool MeshMatcher::find(std::size_t i, const Vec3& position, Match& match) {
+  Memory& memory = memory_[i];
+  if (!memory.found && memory.empty_m - (position - memory.position).norm() > radius_m_) return false;
+
+  const double reach = 1.5 * radius_m_;
+  const double bound =
+      memory.found ? std::min(reach, (position - memory.nearest).norm() * (1.0 + 1e-9) + 1e-12) : reach;
+  const auto hit = index_->nearest(position + shift_, bound);
+  memory.position = position;
+  memory.found = hit.has_value();
+  if (!hit) {
+    memory.empty_m = bound;
+    return false;
+  }
+  memory.nearest = hit->position - shift_;
+  match.index = hit->triangle;
+  match.point = memory.nearest;
+  match.distance_m = hit->distance_m;
+  constexpr double kOnSurface_m = 1e-9;
+  match.normal =
+      match.distance_m > kOnSurface_m ? Vec3((position - match.point).normalized()) : triangle_normal(hit->triangle);
+  return match.distance_m <= radius_m_;
+}
+
+Vec3 MeshMatcher::triangle_normal(std::size_t triangle) const {
+  const auto& [a, b, c] = mesh_->triangles[triangle];
+  const Vec3& origin = mesh_->vertices[a];
+  const Vec3 normal = (mesh_->vertices[b] - origin).cross(mesh_->vertices[c] - origin);
+  const double length = normal.norm();
+  return length > 0.0 ? Vec3(normal / length) : Vec3::Zero();
+}
+
+}  // namespace tileflight::alignment

@@ -1,0 +1,62 @@
+#include "tileflight/alignment/plane_system.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace tileflight::alignment {
+
+using geometry::Sim3;
+using geometry::Vec3;
+using geometry::Vec6;
+using geometry::Vec7;
+
+Vec7 plane_jacobian(const Vec3& y, const Vec3& normal, double length_m) {
+  Vec7 jacobian;
+  jacobian << normal, y.cross(normal) / length_m, y.dot(normal) / length_m;
+  return jacobian;
+}
+
+void PlaneSystem::add(const Vec3& y, const Vec3& q, const Vec3& normal, double length_m) {
+  const Vec7 jacobian = plane_jacobian(y, normal, length_m);
+  hessian.noalias() += jacobian * jacobian.transpose();
+  gradient += jacobian * normal.dot(y - q);
+}
+
+PlaneSystem& PlaneSystem::operator+=(const PlaneSystem& other) {
+  hessian += other.hessian;
+  gradient += other.gradient;
+  return *this;
+}
+
+namespace {
+
+/// Solves with a trace of damping, so that open directions stay where they are instead of dividing by zero.
+template <int N>
+Eigen::Matrix<double, N, 1> damped_solve(const Eigen::Matrix<double, N, N>& a, const Eigen::Matrix<double, N, 1>& b) {
+  const double damping = 1e-9 * a.trace() / N;
+  const Eigen::Matrix<double, N, N> damped = a + damping * Eigen::Matrix<double, N, N>::Identity();
+  return damped.ldlt().solve(b);
+}
+
+/// The rigid part for a given stretch (in metres, as the unknowns are).
+Vec7 solve_with_stretch(const PlaneSystem& system, double stretch_m) {
+  const Eigen::Matrix<double, 6, 6> rigid = system.hessian.topLeftCorner<6, 6>();
+  const Vec6 right = -system.gradient.head<6>() - system.hessian.topRightCorner<6, 1>() * stretch_m;
+  Vec7 x;
+  x << damped_solve<6>(rigid, right), stretch_m;
+  return x;
+}
+
+}  // namespace
+
+Sim3 solve(const PlaneSystem& system, const ScaleRange& range, double length_m) {
+  if (!(system.hessian.trace() > 0.0)) return {};
+  Vec7 x = damped_solve<7>(system.hessian, -system.gradient);
+  const double least = std::log(range.least) * length_m;
+  const double most = std::log(range.most) * length_m;
+  if (x[6] < least || x[6] > most) x = solve_with_stretch(system, std::clamp(x[6], least, most));
+  return {std::exp(x[6] / length_m), geometry::so3_exp(x.segment<3>(3) / length_m), x.head<3>()};
+}
+
+}  // namespace tileflight::alignment

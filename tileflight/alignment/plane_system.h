@@ -1,0 +1,25 @@
+#pragma once
+
+#include "tileflight/alignment/point_moments.h"
+
+namespace tileflight::alignment {
+
+/// Normal equations of sum (n . (y - q))^2 for a small similarity motion of the points y about the origin:
+/// y' = y + translation + rotation x y + stretch y. The unknowns are, in this order, translation, rotation * length and
+/// stretch * length, all in metres. Chen and Medioni, Image and Vision Computing 10(3), 1992.
+struct PlaneSystem {
+  Eigen::Matrix<double, 7, 7> hessian = Eigen::Matrix<double, 7, 7>::Zero();
+  geometry::Vec7 gradient = geometry::Vec7::Zero();
+
+  void add(const geometry::Vec3& y, const geometry::Vec3& q, const geometry::Vec3& normal, double length_m);
+  PlaneSystem& operator+=(const PlaneSystem& other);
+};
+
+/// How a residual along `normal` at `y` changes with the seven unknowns.
+geometry::Vec7 plane_jacobian(const geometry::Vec3& y, const geometry::Vec3& normal, double length_m);
+
+/// The motion that minimises the system, as a similarity that is applied after the present one; the stretch is held
+/// within `range` (factors of the present scale). Directions that the planes leave open do not move.
+geometry::Sim3 solve(const PlaneSystem& system, const ScaleRange& range, double length_m);
+
+}  // namespace tileflight::alignment

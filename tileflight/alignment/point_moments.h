@@ -1,0 +1,37 @@
+#pragma once
+
+#include "tileflight/geometry/transform.h"
+
+namespace tileflight::alignment {
+
+/// Sums over weighted pairs (source p, target q) from which the least-squares similarity follows in closed form.
+/// Coordinates should be near zero (subtract a common centre first), since second moments are formed from raw sums.
+struct PointMoments {
+  double weight = 0.0;
+  geometry::Vec3 source = geometry::Vec3::Zero();         ///< sum of w p
+  geometry::Vec3 target = geometry::Vec3::Zero();         ///< sum of w q
+  geometry::Mat3 target_source = geometry::Mat3::Zero();  ///< sum of w q p^T
+  double source_squared = 0.0;                            ///< sum of w |p|^2
+  double target_squared = 0.0;                            ///< sum of w |q|^2
+
+  void add(const geometry::Vec3& p, const geometry::Vec3& q, double w = 1.0);
+  PointMoments& operator+=(const PointMoments& other);
+};
+
+/// Scale of the fit: free, or held within [least, most].
+struct ScaleRange {
+  double least = 1.0;
+  double most = 1.0;
+};
+
+struct SimilarityFit {
+  geometry::Sim3 T_target_source;
+  double mean_squared_residual = 0.0;
+  bool well_conditioned = true;  ///< the points spread along two directions at least
+};
+
+/// Minimum of sum w |q - (s R p + t)|^2 over rotations R, translations t and scales s of the range. Umeyama 1991,
+/// equations (40) to (42); the range is exact, since for the best R the cost is a parabola in s.
+SimilarityFit fit_similarity(const PointMoments& moments, const ScaleRange& range);
+
+}  // namespace tileflight::alignment

@@ -1,0 +1,31 @@
+#pragma once
+
+#include "tileflight/geometry/transform.h"
+
+namespace tileflight::alignment {
+
+/// Seven numbers, all in metres, for the similarities near a base one: translation, rotation vector and logarithm of
+/// the scale, the last two times a length (the spread of the points), so that equal numbers move points about equally
+/// far.
+class SimilarityChart {
+ public:
+  SimilarityChart(const geometry::Sim3& base, double length_m) : base_(base), length_m_(length_m) {}
+
+  geometry::Vec7 coordinates(const geometry::Sim3& T) const;
+  geometry::Sim3 similarity(const geometry::Vec7& x) const;
+
+ private:
+  geometry::Sim3 base_;
+  double length_m_;
+};
+
+/// First and second moments of a point set about the origin: enough to say how far a motion moves it.
+struct PointSpread {
+  geometry::Vec3 mean = geometry::Vec3::Zero();
+  geometry::Mat3 second_moment = geometry::Mat3::Zero();  ///< mean of p p^T
+};
+
+/// Root mean square of |A p - B p| over the points, metres.
+double rms_motion_m(const geometry::Sim3& A, const geometry::Sim3& B, const PointSpread& points);
+
+}  // namespace tileflight::alignment
