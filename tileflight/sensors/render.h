@@ -1,34 +1,78 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
 
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/scene/scene.h"
+#include "tileflight/sensors/light.h"
 
 namespace tileflight::sensors {
 
+class Appearance;  // appearance.h
+
 struct RenderOptions {
   bool depth = true;
-  int samples_per_pixel = 1;                     ///< n x n stratified grid for n^2 samples: 1, 4, 9, 16
-  imaging::Rgb8 background{135, 180, 225};       ///< where no surface is (sky)
+  int samples_per_pixel = 1;                ///< n x n even grid for n^2 samples: 1, 4, 9, 16
+  imaging::Rgb8 background{135, 180, 225};  ///< where no surface is (sky)
+};
+
+/// What the pixels' central rays met, for the checks of a flight.
+struct FrameView {
+  double nearest_m = std::numeric_limits<double>::infinity();  ///< distance of the nearest surface seen
+  double surface_share = 0.0;  ///< of the pixels within the lens's valid cone: those that see a surface
+  double back_share = 0.0;     ///< of the pixels that see a surface: those that see it from behind
 };
 
 struct RenderedFrame {
-  imaging::RgbImage rgb;
-  imaging::FloatImage depth_m;  ///< along the optical axis; +infinity where nothing is hit, NaN outside the lens's valid cone
+  imaging::RgbImage rgb;  ///< black outside the lens's valid cone
+  imaging::FloatImage
+      depth_m;  ///< along the optical axis (negative behind the camera, where a lens sees there), by
+                ///< the ray through the pixel's centre; +infinity where nothing is hit, NaN outside the valid cone
+  FrameView view;
 };
 
-/// One frame by casting each pixel's own ray, textured, unlit. Texture reads are filtered by the ray's footprint (mip levels, trilinear), so that
-/// frames do not shimmer. Same bytes for any thread count.
+/// A frame before its exposure.
+struct LightFrame {
+  LightImage light;
+  imaging::FloatImage depth_m;  ///< as in RenderedFrame, at moment times / 2 of the exposure
+  FrameView view;
+};
+
+/// Where the camera is while it takes one frame: the pose at each of `times` moments of the exposure, for the whole
+/// image or for each row (rolling shutter).
+struct ShutterPoses {
+  int times = 1;
+  int rows = 1;                               ///< 1 or the image's height
+  std::vector<geometry::SE3> T_local_camera;  ///< times x rows: moment k of row y is [k * rows + y]
+};
+
+/// Frames of one camera in one scene, by casting each pixel's own ray; textured, unlit, either side of a surface.
+/// Texture reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), so
+/// that frames neither shimmer nor blur where surfaces recede; samples, rows and moments are averaged in linear light.
+/// The scene must outlive it. Immutable: several threads may render at once. Same bytes for any thread count.
 class CameraRenderer {
  public:
   CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options);
+  /// With an appearance that another camera in the same scene uses too.
+  CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, imaging::Camera camera,
+                 RenderOptions options);
   ~CameraRenderer();
   CameraRenderer(const CameraRenderer&) = delete;
   CameraRenderer& operator=(const CameraRenderer&) = delete;
+
+  const imaging::Camera& camera() const;
+  std::shared_ptr<const Appearance> appearance() const;
+
   RenderedFrame render(const geometry::SE3& T_local_camera) const;
+  /// Each row from its own pose (rolling shutter): one pose a row.
+  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const;
+  /// Linear light averaged over the exposure. Throws std::invalid_argument when the number of poses is wrong.
+  LightFrame render_light(const ShutterPoses& poses) const;
 
  private:
   struct Impl;

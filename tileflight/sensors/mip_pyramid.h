@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "tileflight/imaging/image.h"
+
+namespace tileflight::sensors {
+
+/// One level: rows of 3-byte texels without padding. Eight bytes may be read from anywhere up to `last_load`.
+struct MipLevel {
+  const std::uint8_t* texels = nullptr;
+  const std::uint8_t* last_load = nullptr;
+  int width = 0;
+  int height = 0;
+};
+
+/// A texture and its coarser versions, each half as large (rounded up), down to 1 x 1. Level 0 is the image itself, not
+/// a copy, so that the pyramid adds a third to the texture's memory. Texels are averaged in linear light, as a sensor's
+/// pixel does, and stored as sRGB bytes again.
+class MipPyramid {
+ public:
+  /// `coverage`: 255 where some triangle shows the texel, 0 elsewhere (an atlas's padding), or empty for all shown.
+  /// Coarser texels average the covered ones only, and uncovered ones take the colour of covered neighbours, so that
+  /// padding does not bleed into surfaces that are seen from afar.
+  explicit MipPyramid(std::shared_ptr<const imaging::RgbImage> image, imaging::GrayImage coverage = {});
+
+  int levels() const { return static_cast<int>(levels_.size()); }
+  const MipLevel& level(int i) const { return levels_[static_cast<std::size_t>(i)]; }
+  imaging::Rgb8 texel(int level, int x, int y) const;
+
+ private:
+  void use_as_level(const std::uint8_t* texels, int width, int height);
+
+  std::shared_ptr<const imaging::RgbImage> image_;
+  std::vector<std::vector<std::uint8_t>>
+      storage_;  // of the levels that are our own, eight bytes longer than their texels
+  std::vector<MipLevel> levels_;
+};
+
+}  // namespace tileflight::sensors

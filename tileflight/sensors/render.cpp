@@ -1,0 +1,287 @@
+#include "tileflight/sensors/render.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/sensors/appearance.h"
+#include "tileflight/sensors/block_tracer.h"
+#include "tileflight/sensors/ray_table.h"
+
+namespace tileflight::sensors {
+namespace {
+
+constexpr int kTileWidth = 64;  // pixels; a multiple of a block's columns, as the height is of its rows
+constexpr int kTileHeight = 32;
+
+int samples_along_axis(int samples_per_pixel) {
+  for (int n = 1; n <= 4; ++n) {
+    if (n * n == samples_per_pixel) return n;
+  }
+  throw InputError("samples per pixel", "1, 4, 9 or 16 are possible, not " + std::to_string(samples_per_pixel));
+}
+
+struct Tile {
+  int x0, y0, x1, y1;  // pixels, end exclusive
+};
+
+/// Counts over the central rays of a part of the image; sums are of integers, so their order does not matter.
+struct ViewCounts {
+  float nearest_m = std::numeric_limits<float>::infinity();
+  std::int64_t valid = 0, surface = 0, back = 0;
+
+  void add(const ViewCounts& other) {
+    nearest_m = std::min(nearest_m, other.nearest_m);
+    valid += other.valid;
+    surface += other.surface;
+    back += other.back;
+  }
+  void add_lane(const scene::RayPacket8& packet, int i) {
+    ++valid;
+    if (packet.mesh[i] == scene::RayPacket8::kMiss) return;
+    ++surface;
+    nearest_m = std::min(nearest_m, packet.far[i]);
+    const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
+                        packet.normal_z[i] * packet.direction_z[i];
+    if (slope > 0.0F) ++back;
+  }
+  FrameView view() const {
+    const auto share = [](std::int64_t part, std::int64_t all) {
+      return all > 0 ? static_cast<double>(part) / static_cast<double>(all) : 0.0;
+    };
+    return {nearest_m, share(surface, valid), share(back, surface)};
+  }
+};
+
+imaging::Rgb8 encoded(const Float4& squares) {
+  imaging::Rgb8 pixel;
+  for (int c = 0; c < 3; ++c) {
+    pixel[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(std::sqrt(squares[c]) + 0.5F);
+  }
+  return pixel;
+}
+
+/// Poses of the rows at one moment of the exposure.
+class RowPoses {
+ public:
+  RowPoses(std::span<const geometry::SE3> T_local_camera, const geometry::Vec3& anchor, int height)
+      : last_row_(height - 1) {
+    for (const geometry::SE3& T : T_local_camera) poses_.emplace_back(T, anchor);
+  }
+  const TracerPose& of(int row) const {
+    return poses_.size() == 1 ? poses_[0] : poses_[static_cast<std::size_t>(std::min(row, last_row_))];
+  }
+
+ private:
+  int last_row_;
+  std::vector<TracerPose> poses_;
+};
+
+}  // namespace
+
+struct CameraRenderer::Impl {
+  const scene::Scene& scene;
+  std::shared_ptr<const Appearance> appearance;
+  imaging::Camera camera;
+  RenderOptions options;
+  BlockTracer tracer;
+  RayTable central;                 // one ray a pixel
+  std::optional<RayTable> samples;  // when there are several a pixel
+
+  Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, imaging::Camera c, const RenderOptions& o)
+      : scene(s),
+        appearance(std::move(a)),
+        camera(std::move(c)),
+        options(o),
+        tracer(scene, *appearance, options.background),
+        central(camera, 1) {
+    const int n = samples_along_axis(options.samples_per_pixel);
+    if (n > 1) samples.emplace(camera, n);
+  }
+
+  int width() const { return camera.width(); }
+  int height() const { return camera.height(); }
+  Tile tile(int index) const;
+  int tile_count() const;
+  template <class Work>
+  FrameView for_each_tile(const Work& work) const;
+
+  imaging::FloatImage empty_depth() const;
+  RowPoses rows_at(const ShutterPoses& poses, int moment) const;
+  ViewCounts trace_central(const Tile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
+                           imaging::FloatImage* depth_m) const;
+  void write_block(const TracedBlock& block, std::uint8_t valid, int x, int y, imaging::RgbImage* rgb,
+                   imaging::FloatImage* depth_m, const RayBlock& rays) const;
+  void add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const;
+  void scale_light(const Tile& tile, int moments, LightImage& sum) const;
+  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows) const;
+  LightFrame render_light(const ShutterPoses& poses) const;
+};
+
+int CameraRenderer::Impl::tile_count() const {
+  return ((width() + kTileWidth - 1) / kTileWidth) * ((height() + kTileHeight - 1) / kTileHeight);
+}
+
+Tile CameraRenderer::Impl::tile(int index) const {
+  const int columns = (width() + kTileWidth - 1) / kTileWidth;
+  const int x0 = index % columns * kTileWidth;
+  const int y0 = index / columns * kTileHeight;
+  return {x0, y0, std::min(width(), x0 + kTileWidth), std::min(height(), y0 + kTileHeight)};
+}
+
+template <class Work>
+FrameView CameraRenderer::Impl::for_each_tile(const Work& work) const {
+  std::vector<ViewCounts> counts(static_cast<std::size_t>(tile_count()));
+  tbb::parallel_for(0, tile_count(), [&](int i) { counts[static_cast<std::size_t>(i)] = work(tile(i)); });
+  ViewCounts all;
+  for (const ViewCounts& part : counts) all.add(part);
+  return all.view();
+}
+
+imaging::FloatImage CameraRenderer::Impl::empty_depth() const {
+  if (!options.depth) return {};
+  return {width(), height(), std::numeric_limits<float>::quiet_NaN()};
+}
+
+RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) const {
+  const std::span<const geometry::SE3> all(poses.T_local_camera);
+  const auto rows = static_cast<std::size_t>(poses.rows);
+  return {all.subspan(static_cast<std::size_t>(moment) * rows, rows), scene.anchor(), height()};
+}
+
+ViewCounts CameraRenderer::Impl::trace_central(const Tile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
+                                               imaging::FloatImage* depth_m) const {
+  ViewCounts counts;
+  TracedBlock block;
+  for (int y = tile.y0; y < tile.y1; y += RayBlock::kRows) {
+    for (int x = tile.x0; x < tile.x1; x += RayBlock::kColumns) {
+      const int column = x / RayBlock::kColumns;
+      const int row = y / RayBlock::kRows;
+      const std::uint8_t valid = central.valid(column, row);
+      if (valid == 0) continue;
+      const RayBlock& rays = central.block(column, row);
+      tracer.cast(rays, valid, poses.of(y), poses.of(y + 1), block.packet);
+      if (rgb != nullptr) tracer.shade(valid, block);
+      for (int i = 0; i < RayBlock::kLanes; ++i) {
+        if ((valid >> i & 1) != 0) counts.add_lane(block.packet, i);
+      }
+      write_block(block, valid, x, y, rgb, depth_m, rays);
+    }
+  }
+  return counts;
+}
+
+void CameraRenderer::Impl::write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
+                                       imaging::RgbImage* rgb, imaging::FloatImage* depth_m,
+                                       const RayBlock& rays) const {
+  for (int i = 0; i < RayBlock::kLanes; ++i) {
+    if ((valid >> i & 1) == 0) continue;
+    const int column = x + i % RayBlock::kColumns;
+    const int row = y + i / RayBlock::kColumns;
+    if (rgb != nullptr) (*rgb)(column, row) = encoded(block.squares[static_cast<std::size_t>(i)]);
+    if (depth_m == nullptr) continue;
+    const bool hit = block.packet.mesh[i] != scene::RayPacket8::kMiss;
+    (*depth_m)(column, row) = hit ? block.packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
+  }
+}
+
+void CameraRenderer::Impl::add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const {
+  const RayTable& table = samples ? *samples : central;
+  const SrgbTables& srgb = SrgbTables::get();
+  const int n = table.samples_along_axis();
+  TracedBlock block;
+  for (int y = tile.y0 * n; y < tile.y1 * n; y += RayBlock::kRows) {
+    for (int x = tile.x0 * n; x < tile.x1 * n; x += RayBlock::kColumns) {
+      const int column = x / RayBlock::kColumns;
+      const int row = y / RayBlock::kRows;
+      const std::uint8_t valid = table.valid(column, row);
+      if (valid == 0) continue;
+      tracer.cast(table.block(column, row), valid, poses.of(y / n), poses.of((y + 1) / n), block.packet);
+      tracer.shade(valid, block);
+      for (int i = 0; i < RayBlock::kLanes; ++i) {
+        if ((valid >> i & 1) == 0) continue;
+        Light& light = sum((x + i % RayBlock::kColumns) / n, (y + i / RayBlock::kColumns) / n);
+        const Float4& squares = block.squares[static_cast<std::size_t>(i)];
+        for (int c = 0; c < 3; ++c) light[static_cast<std::size_t>(c)] += srgb.decode(std::sqrt(squares[c]));
+      }
+    }
+  }
+}
+
+void CameraRenderer::Impl::scale_light(const Tile& tile, int moments, LightImage& sum) const {
+  const float scale = 1.0F / static_cast<float>(moments * options.samples_per_pixel);
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      for (float& light : sum(x, y)) light *= scale;
+    }
+  }
+}
+
+RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows) const {
+  const RowPoses poses(poses_of_rows, scene.anchor(), height());
+  RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
+  imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
+  frame.view = for_each_tile([&](const Tile& tile) { return trace_central(tile, poses, &frame.rgb, depth_m); });
+  return frame;
+}
+
+LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter) const {
+  LightFrame frame{LightImage(width(), height()), empty_depth(), {}};
+  std::vector<RowPoses> moments;
+  for (int k = 0; k < shutter.times; ++k) moments.push_back(rows_at(shutter, k));
+  const RowPoses& middle = moments[static_cast<std::size_t>(shutter.times / 2)];
+  imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
+  frame.view = for_each_tile([&](const Tile& tile) {
+    for (const RowPoses& poses : moments) add_light(tile, poses, frame.light);
+    scale_light(tile, shutter.times, frame.light);
+    return trace_central(tile, middle, nullptr, depth_m);
+  });
+  return frame;
+}
+
+CameraRenderer::CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options)
+    : CameraRenderer(scene, std::make_shared<const Appearance>(scene), std::move(camera), options) {}
+
+CameraRenderer::CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
+                               imaging::Camera camera, RenderOptions options)
+    : impl_(std::make_unique<Impl>(scene, std::move(appearance), std::move(camera), options)) {}
+
+CameraRenderer::~CameraRenderer() = default;
+
+const imaging::Camera& CameraRenderer::camera() const { return impl_->camera; }
+std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
+
+RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera) const {
+  return render_rows(std::span(&T_local_camera, 1));
+}
+
+RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const {
+  const std::size_t rows = T_local_camera_of_row.size();
+  if (rows != 1 && rows != static_cast<std::size_t>(impl_->height())) throw std::invalid_argument("one pose a row");
+  if (!impl_->samples) return impl_->render(T_local_camera_of_row);
+  ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
+  LightFrame light = impl_->render_light(shutter);
+  RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
+  const SrgbTables& srgb = SrgbTables::get();
+  tbb::parallel_for(0, impl_->height(), [&](int y) {
+    for (int x = 0; x < frame.rgb.width; ++x) frame.rgb(x, y) = srgb.encode(light.light(x, y));
+  });
+  return frame;
+}
+
+LightFrame CameraRenderer::render_light(const ShutterPoses& poses) const {
+  const auto wanted = static_cast<std::size_t>(poses.times) * static_cast<std::size_t>(poses.rows);
+  if (poses.times < 1 || poses.T_local_camera.size() != wanted || (poses.rows != 1 && poses.rows != impl_->height())) {
+    throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
+  }
+  return impl_->render_light(poses);
+}
+
+}  // namespace tileflight::sensors
