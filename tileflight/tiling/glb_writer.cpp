@@ -1,0 +1,204 @@
+#include "tileflight/tiling/glb_writer.h"
+
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::tiling {
+namespace {
+
+using geometry::Vec3;
+using imaging::TexturedMesh;
+using nlohmann::json;
+
+// glTF 2.0, section 5: numbers of component types, buffer targets, filters, wraps.
+enum : int {
+  kUnsignedShort = 5123,
+  kUnsignedInt = 5125,
+  kFloat = 5126,
+  kArrayBuffer = 34962,
+  kElementArrayBuffer = 34963,
+  kLinear = 9729,
+  kLinearMipmapLinear = 9987,
+  kClampToEdge = 33071,
+  kMirroredRepeat = 33648,
+  kRepeat = 10497
+};
+
+/// y up from z up: (x, y, z) becomes (x, z, -y).
+Vec3 y_up(const Vec3& p) { return {p.x(), p.z(), -p.y()}; }
+
+/// The document under construction: JSON beside its binary chunk.
+class Document {
+ public:
+  explicit Document(const GlbOptions& options) : options_(options) {
+    json_["asset"] = {{"version", "2.0"}, {"generator", "tileflight"}};
+    if (!options.copyright.empty()) json_["asset"]["copyright"] = options.copyright;
+    json_["extensionsUsed"] = {"KHR_materials_unlit"};
+  }
+
+  void add_mesh(const TexturedMesh& mesh, const Vec3& node) {
+    json primitive;
+    primitive["attributes"]["POSITION"] = add_positions(mesh.mesh.vertices, node);
+    if (!mesh.uv.empty()) primitive["attributes"]["TEXCOORD_0"] = add_uv(mesh.uv);
+    primitive["indices"] = add_indices(mesh.mesh);
+    primitive["material"] = add_material(mesh);
+    primitives_.push_back(std::move(primitive));
+  }
+
+  /// Container of glTF 2.0, section 4: header, JSON chunk padded with blanks, binary chunk padded with zeros.
+  std::string finish(const Vec3& node) {
+    json_["meshes"] = json::array({{{"primitives", primitives_}}});
+    const Vec3 translation = y_up(node);
+    json_["nodes"] = json::array({{{"mesh", 0}, {"translation", {translation.x(), translation.y(), translation.z()}}}});
+    json_["scenes"] = json::array({{{"nodes", {0}}}});
+    json_["scene"] = 0;
+    pad(binary_, '\0');
+    json_["buffers"] = json::array({{{"byteLength", binary_.size()}}});
+    std::string text = json_.dump();
+    pad(text, ' ');
+    std::string glb("glTF");
+    append_u32(glb, 2);
+    append_u32(glb, static_cast<std::uint32_t>(12 + 8 + text.size() + 8 + binary_.size()));
+    append_u32(glb, static_cast<std::uint32_t>(text.size()));
+    glb += "JSON" + text;
+    append_u32(glb, static_cast<std::uint32_t>(binary_.size()));
+    return glb.append("BIN\0", 4) + binary_;
+  }
+
+ private:
+  static void pad(std::string& bytes, char with) { bytes.resize((bytes.size() + 3) / 4 * 4, with); }
+
+  static void append_u32(std::string& bytes, std::uint32_t value) {
+    for (unsigned shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<char>(value >> shift & 0xffU));
+  }
+
+  template <class T>
+  std::size_t add_view(const std::vector<T>& values, int target) {
+    pad(binary_, '\0');
+    const std::size_t offset = binary_.size(), bytes = values.size() * sizeof(T);
+    binary_.resize(offset + bytes);
+    std::memcpy(binary_.data() + offset, values.data(), bytes);
+    json view{{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes}};
+    if (target != 0) view["target"] = target;
+    return add("bufferViews", std::move(view));
+  }
+
+  std::size_t add(const char* list, json item) {
+    json& array = json_[list];
+    array.push_back(std::move(item));
+    return array.size() - 1;
+  }
+
+  std::size_t add_positions(const std::vector<Vec3>& vertices, const Vec3& node) {
+    std::vector<float> values;
+    std::array<float, 3> low{}, high{};
+    for (const Vec3& vertex : vertices) {
+      const Vec3 p = y_up(vertex - node);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto value = static_cast<float>(p[static_cast<Eigen::Index>(axis)]);
+        const bool first = values.size() < 3;
+        low[axis] = first ? value : std::min(low[axis], value);
+        high[axis] = first ? value : std::max(high[axis], value);
+        values.push_back(value);
+      }
+    }
+    return add("accessors", {{"bufferView", add_view(values, kArrayBuffer)},
+                             {"componentType", kFloat},
+                             {"type", "VEC3"},
+                             {"count", vertices.size()},
+                             {"min", low},
+                             {"max", high}});
+  }
+
+  std::size_t add_uv(const std::vector<Eigen::Vector2f>& uv) {
+    std::vector<std::uint16_t> values;
+    for (const Eigen::Vector2f& at : uv) {
+      assert(at.minCoeff() >= 0.0F && at.maxCoeff() <= 1.0F);
+      values.push_back(static_cast<std::uint16_t>(at.x() * 65535.0F + 0.5F));
+      values.push_back(static_cast<std::uint16_t>(at.y() * 65535.0F + 0.5F));
+    }
+    return add("accessors", {{"bufferView", add_view(values, kArrayBuffer)},
+                             {"componentType", kUnsignedShort},
+                             {"normalized", true},
+                             {"type", "VEC2"},
+                             {"count", uv.size()}});
+  }
+
+  std::size_t add_indices(const geometry::TriangleMesh& mesh) {
+    const bool is_short = mesh.vertices.size() < 65535;
+    std::vector<std::uint16_t> shorts;
+    std::vector<std::uint32_t> longs;
+    for (const geometry::Triangle& t : mesh.triangles)
+      for (const std::uint32_t corner : t)
+        is_short ? shorts.push_back(static_cast<std::uint16_t>(corner)) : longs.push_back(corner);
+    const std::size_t view = is_short ? add_view(shorts, kElementArrayBuffer) : add_view(longs, kElementArrayBuffer);
+    return add("accessors", {{"bufferView", view},
+                             {"componentType", is_short ? kUnsignedShort : kUnsignedInt},
+                             {"type", "SCALAR"},
+                             {"count", 3 * mesh.triangles.size()}});
+  }
+
+  std::size_t add_material(const TexturedMesh& mesh) {
+    json pbr{{"metallicFactor", 0.0}, {"roughnessFactor", 1.0}, {"baseColorFactor", mesh.base_color}};
+    if (mesh.texture) pbr["baseColorTexture"] = {{"index", add_texture(mesh)}};
+    return add("materials", {{"pbrMetallicRoughness", pbr},
+                             {"doubleSided", true},
+                             {"extensions", {{"KHR_materials_unlit", json::object()}}}});
+  }
+
+  /// One image however many meshes share it.
+  std::size_t add_texture(const TexturedMesh& mesh) {
+    const auto found = image_of_.find(mesh.texture.get());
+    std::size_t image = 0;
+    if (found != image_of_.end()) {
+      image = found->second;
+    } else {
+      const std::size_t view = add_view(imaging::encode_jpeg(*mesh.texture, options_.jpeg_quality), 0);
+      image = add("images", {{"bufferView", view}, {"mimeType", "image/jpeg"}});
+      image_of_[mesh.texture.get()] = image;
+    }
+    const std::size_t sampler = add("samplers", {{"magFilter", kLinear},
+                                                 {"minFilter", kLinearMipmapLinear},
+                                                 {"wrapS", wrap(mesh.wrap_u)},
+                                                 {"wrapT", wrap(mesh.wrap_v)}});
+    return add("textures", {{"source", image}, {"sampler", sampler}});
+  }
+
+  static int wrap(imaging::Wrap wrap) {
+    if (wrap == imaging::Wrap::kRepeat) return kRepeat;
+    return wrap == imaging::Wrap::kClampToEdge ? kClampToEdge : kMirroredRepeat;
+  }
+
+  const GlbOptions& options_;
+  json json_;
+  json primitives_ = json::array();
+  std::string binary_;
+  std::map<const imaging::RgbImage*, std::size_t> image_of_;
+};
+
+Vec3 node_of(const std::vector<TexturedMesh>& meshes) {
+  geometry::Box3 box;
+  for (const TexturedMesh& mesh : meshes)
+    for (const Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
+  return box.isEmpty() ? Vec3(Vec3::Zero()) : Vec3(box.center().array().round());
+}
+
+}  // namespace
+
+std::string write_glb(const std::vector<TexturedMesh>& meshes, const GlbOptions& options) {
+  Document document(options);
+  const Vec3 node = node_of(meshes);
+  for (const TexturedMesh& mesh : meshes) {
+    assert(mesh.colors.empty());
+    if (!mesh.mesh.triangles.empty()) document.add_mesh(mesh, node);
+  }
+  return document.finish(node);
+}
+
+}  // namespace tileflight::tiling

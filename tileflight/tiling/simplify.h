@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "tileflight/imaging/textured_mesh.h"
+
+namespace tileflight::tiling {
+
+/// The meshes with fewer triangles, simplified together by edge collapses (meshoptimizer: quadric error), so that what
+/// met still meets. Vertices stay where they were, with their texture coordinates; seams between charts are kept.
+/// `error_m` bounds the quadric error of a collapse, metres; measure the true distance with surface_distance_m. One
+/// mesh out for each in.
+std::vector<imaging::TexturedMesh> simplified(const std::vector<imaging::TexturedMesh>& meshes, double error_m);
+
+/// Only the vertices that triangles use, in order of first use.
+void drop_unused_vertices(imaging::TexturedMesh& mesh);
+
+/// Triangles of all meshes as one, without appearance.
+geometry::TriangleMesh joined(const std::vector<imaging::TexturedMesh>& meshes);
+
+/// Largest distance between two surfaces, taken both ways (Hausdorff), over the corners, edge middles and centres of
+/// all triangles.
+double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b);
+
+}  // namespace tileflight::tiling

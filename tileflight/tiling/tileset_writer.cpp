@@ -1,0 +1,205 @@
+#include "tileflight/tiling/tileset_writer.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/tiling/glb_writer.h"
+#include "tileflight/tiling/simplify.h"
+#include "tileflight/tiling/texture_sheet.h"
+
+namespace tileflight::tiling {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+using nlohmann::json;
+
+/// A square of the quadtree: level 0 is the root; x, y count its squares from the south-west.
+struct TileId {
+  int level = 0, x = 0, y = 0;
+  friend auto operator<=>(const TileId&, const TileId&) = default;
+
+  TileId parent() const { return {level - 1, x / 2, y / 2}; }
+  std::string uri() const {
+    return "tiles/" + std::to_string(level) + "-" + std::to_string(x) + "-" + std::to_string(y) + ".glb";
+  }
+};
+
+struct Tile {
+  std::vector<std::size_t> meshes;  ///< of the input, in its order
+  Box3 content, bounds;             ///< bounds: content and children
+};
+
+using Tree = std::map<TileId, Tile>;
+
+Box3 box_of(const TexturedMesh& mesh) {
+  Box3 box;
+  for (const geometry::Triangle& t : mesh.mesh.triangles)
+    for (const std::uint32_t corner : t) box.extend(mesh.mesh.vertices[corner]);
+  return box;
+}
+
+/// Which meshes each tile of each level holds.
+Tree make_tree(const std::vector<TexturedMesh>& meshes, int depth) {
+  std::vector<Box3> boxes;
+  Box3 all;
+  for (const TexturedMesh& mesh : meshes) all.extend(boxes.emplace_back(box_of(mesh)));
+  const double edge_m = std::max(all.sizes().x(), all.sizes().y());
+  const Vec3 low = all.center() - Vec3::Constant(edge_m / 2);
+  const int leaves = 1 << depth;
+  const auto cell = [&](double place_m) {
+    return edge_m > 0 ? std::clamp(static_cast<int>(place_m / edge_m * leaves), 0, leaves - 1) : 0;
+  };
+  Tree tree;
+  for (std::size_t i = 0; i < meshes.size(); ++i) {
+    if (boxes[i].isEmpty()) continue;
+    const Vec3 middle = boxes[i].center() - low;
+    for (TileId id{depth, cell(middle.x()), cell(middle.y())}; id.level >= 0; id = id.parent())
+      tree[id].meshes.push_back(i);
+  }
+  return tree;
+}
+
+/// The finest meshes, and for each level of the tree the meshes as it shows them.
+struct Levels {
+  std::vector<std::vector<TexturedMesh>> coarse;  ///< from the root; the finest level is not among them
+  const std::vector<TexturedMesh>& finest;
+
+  const std::vector<TexturedMesh>& at(int level) const {
+    return level < static_cast<int>(coarse.size()) ? coarse[static_cast<std::size_t>(level)] : finest;
+  }
+  int depth() const { return static_cast<int>(coarse.size()); }
+};
+
+Levels simplify_levels(const std::vector<TexturedMesh>& meshes, const TilesetOptions& options) {
+  Levels levels{std::vector<std::vector<TexturedMesh>>(options.level_errors_m.size()), meshes};
+  tbb::parallel_for(std::size_t{0}, levels.coarse.size(),
+                    [&](std::size_t i) { levels.coarse[i] = simplified(meshes, options.level_errors_m[i]); });
+  return levels;
+}
+
+/// Measured errors, never smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
+std::vector<double> measure_errors(const Levels& levels) {
+  const geometry::TriangleMesh finest = joined(levels.finest);
+  std::vector<double> errors_m(levels.coarse.size() + 1, 0.0);
+  for (int level = levels.depth() - 1; level >= 0; --level) {
+    const auto i = static_cast<std::size_t>(level);
+    errors_m[i] = std::max(errors_m[i + 1], surface_distance_m(joined(levels.coarse[i]), finest));
+  }
+  return errors_m;
+}
+
+std::vector<TexturedMesh> tile_content(const Tile& tile, const TileId& id, const Levels& levels) {
+  std::vector<TexturedMesh> content;
+  std::vector<const TexturedMesh*> parts;
+  for (const std::size_t i : tile.meshes) parts.push_back(&levels.at(id.level)[i]);
+  if (id.level < levels.depth()) {
+    content.push_back(on_one_sheet(parts, levels.depth() - id.level));
+  } else {
+    for (const TexturedMesh* part : parts) content.push_back(*part);
+  }
+  return content;
+}
+
+struct Written {
+  std::int64_t bytes = 0, triangles = 0, texels = 0;
+};
+
+Written write_tile(const std::filesystem::path& folder, const TileId& id, Tile& tile, const Levels& levels,
+                   const TilesetOptions& options) {
+  const std::vector<TexturedMesh> content = tile_content(tile, id, levels);
+  const std::string glb = write_glb(content, {options.jpeg_quality, options.copyright});
+  geometry::write_file(folder / id.uri(), glb);
+  Written written{static_cast<std::int64_t>(glb.size()), 0, 0};
+  for (const TexturedMesh& mesh : content) {
+    tile.content.extend(box_of(mesh));
+    written.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
+    if (mesh.texture) written.texels += static_cast<std::int64_t>(mesh.texture->pixels.size());
+  }
+  return written;
+}
+
+/// A box of 3D Tiles 1.1, section 6.6.1: centre and three half axes; a millimetre wider than the content for the floats
+/// in the glb.
+json box_json(const Box3& box) {
+  const Vec3 c = box.center(), h = box.sizes() / 2 + Vec3::Constant(1e-3);
+  return {{"box", {c.x(), c.y(), c.z(), h.x(), 0, 0, 0, h.y(), 0, 0, 0, h.z()}}};
+}
+
+json tile_json(const TileId& id, const Tree& tree, const std::vector<double>& errors_m) {
+  const Tile& tile = tree.at(id);
+  json out{{"boundingVolume", box_json(tile.bounds)}, {"geometricError", errors_m[static_cast<std::size_t>(id.level)]}};
+  out["content"] = {{"uri", id.uri()}, {"boundingVolume", box_json(tile.content)}};
+  for (int child = 0; child < 4; ++child) {
+    const TileId child_id{id.level + 1, 2 * id.x + child % 2, 2 * id.y + child / 2};
+    if (tree.contains(child_id)) out["children"].push_back(tile_json(child_id, tree, errors_m));
+  }
+  return out;
+}
+
+json tileset_json(const Tree& tree, const std::vector<double>& errors_m, const TilesetOptions& options) {
+  json root = tile_json({}, tree, errors_m);
+  root["refine"] = "REPLACE";
+  if (options.T_ecef_local) {
+    const geometry::Mat4 m = options.T_ecef_local->matrix();
+    root["transform"] = std::vector<double>(m.data(), m.data() + 16);  // column-major, as the specification wants
+  }
+  const double whole_m = tree.at({}).bounds.diagonal().norm();
+  return {{"asset", {{"version", "1.1"}, {"generator", "tileflight"}}},
+          {"geometricError", std::max(whole_m, errors_m.front())},
+          {"root", root}};
+}
+
+/// Bounds from the leaves up, so that each contains its content and its children.
+void set_bounds(Tree& tree) {
+  for (auto it = tree.rbegin(); it != tree.rend(); ++it) {
+    it->second.bounds.extend(it->second.content);
+    if (it->first.level > 0) tree[it->first.parent()].bounds.extend(it->second.bounds);
+  }
+}
+
+}  // namespace
+
+TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vector<TexturedMesh>& meshes,
+                             const TilesetOptions& options, const Progress& progress) {
+  Tree tree = make_tree(meshes, static_cast<int>(options.level_errors_m.size()));
+  if (tree.empty()) throw InputError(folder.string(), "there is no triangle to write");
+  const auto total = static_cast<std::int64_t>(tree.size());
+  report_progress(progress, 0, total, "simplifying");
+  const Levels levels = simplify_levels(meshes, options);
+  const std::vector<double> errors_m = measure_errors(levels);
+  std::filesystem::create_directories(folder / "tiles");
+  std::vector<std::pair<TileId, Tile*>> order;
+  for (auto& [id, tile] : tree) order.emplace_back(id, &tile);
+  std::vector<Written> written(order.size());
+  std::mutex mutex;
+  std::int64_t done = 0;
+  tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t i) {
+    written[i] = write_tile(folder, order[i].first, *order[i].second, levels, options);
+    const std::lock_guard lock(mutex);
+    report_progress(progress, ++done, total, "writing tiles");
+  });
+  set_bounds(tree);
+  const std::string text = tileset_json(tree, errors_m, options).dump(1);
+  geometry::write_file(folder / "tileset.json", text);
+  TilesetSummary summary{std::vector<TilesetLevel>(errors_m.size()), static_cast<std::int64_t>(text.size())};
+  for (std::size_t i = 0; i < errors_m.size(); ++i) summary.levels[i].geometric_error_m = errors_m[i];
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    TilesetLevel& level = summary.levels[static_cast<std::size_t>(order[i].first.level)];
+    ++level.tiles;
+    level.triangles += written[i].triangles;
+    level.texels += written[i].texels;
+    summary.bytes += written[i].bytes;
+  }
+  return summary;
+}
+
+}  // namespace tileflight::tiling
