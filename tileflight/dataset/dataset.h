@@ -17,10 +17,10 @@
 namespace tileflight::dataset {
 
 struct Frame {
-  std::string id;             ///< "000000"
+  std::string id;  ///< "000000"
   std::filesystem::path image;
   double time_s = 0.0;
-  double exposure_ms = 0.0;   ///< 0: unknown
+  double exposure_ms = 0.0;  ///< 0: unknown
 };
 
 /// A line of gps.csv: t,lat,lon,height,horizontal_sigma,vertical_sigma.
@@ -41,13 +41,13 @@ struct Dataset {
   std::optional<geometry::Trajectory> groundtruth;
   std::vector<GpsFix> gps;
   std::map<std::string, std::string> about;  ///< dataset.yaml, flattened "a.b" -> text
-  std::vector<std::string> warnings;         ///< what was put up with, one line each (no times.txt, images left out, ...)
+  std::vector<std::string> warnings;  ///< what was put up with, one line each (no times.txt, images left out, ...)
 };
 
-/// Reads and checks a dataset folder: every frame's image is there and every line well-formed, times strictly increase, the
-/// calibration is for the images' size (the first image is looked at). Layouts, told apart by what is there:
-///   images/   the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames are 1/30 s apart (warned);
-///   image_l/ or image_0/   KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
+/// Reads and checks a dataset folder: every frame's image is there and every line well-formed, times strictly increase,
+/// the calibration is for the images' size (the first image is looked at). Layouts, told apart by what is there:
+///   images/   the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames are 1/30 s
+///   apart (warned); image_l/ or image_0/   KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
 ///   mav0/cam0/ or cam0/    EuRoC (ASL): data.csv, sensor.yaml, data/; frames without a file are left out (warned).
 /// Throws InputError (file, line, cause).
 Dataset read_dataset(const std::filesystem::path& folder);
@@ -55,15 +55,15 @@ Dataset read_dataset(const std::filesystem::path& folder);
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
 
-/// Writes a dataset folder frame by frame (frames may come in any order and from several threads; the files are the same).
-/// Nothing is at `folder` until finish(): it is built beside and renamed; destroyed without finish(), it is removed.
-/// An existing `folder` is an InputError at once unless `replace`.
+/// Writes a dataset folder frame by frame (frames may come in any order and from several threads; the files are the
+/// same). Nothing is at `folder` until finish(): it is built beside and renamed; destroyed without finish(), it is
+/// removed. An existing `folder` is an InputError at once unless `replace`.
 class DatasetWriter {
  public:
   struct Options {
     bool replace = false;
-    bool depth = false;        ///< depth/000000.exr
-    bool png = false;          ///< images as PNG instead of JPEG
+    bool depth = false;  ///< depth/000000.exr
+    bool png = false;    ///< images as PNG instead of JPEG
     int jpeg_quality = 95;
   };
   DatasetWriter(std::filesystem::path folder, imaging::Calibration calibration, Options options);
@@ -83,8 +83,8 @@ class DatasetWriter {
   void set_gps(std::vector<GpsFix> fixes);
   /// A line of dataset.yaml, "a.b.c" nests. The same key again replaces its value.
   void describe(const std::string& key, const std::string& value);
-  /// Writes the lists and puts the folder in its place. Throws InputError: no frames, times that do not increase with the
-  /// index, or what the file system says (nothing is left behind then either).
+  /// Writes the lists and puts the folder in its place. Throws InputError: no frames, times that do not increase with
+  /// the index, or what the file system says (nothing is left behind then either).
   void finish();
 
  private:

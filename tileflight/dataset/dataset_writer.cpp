@@ -39,8 +39,9 @@ fs::path make_temporary(const fs::path& target, bool replace) {
   std::error_code error;
   fs::create_directories(target.parent_path(), error);
   for (int attempt = 0;; ++attempt) {
-    const fs::path temporary = target.parent_path() / ("." + target.filename().string() + "." + std::to_string(::getpid()) +
-                                                       "-writing-" + std::to_string(attempt) + ".tmp");
+    const fs::path temporary =
+        target.parent_path() / ("." + target.filename().string() + "." + std::to_string(::getpid()) + "-writing-" +
+                                std::to_string(attempt) + ".tmp");
     if (fs::create_directory(temporary, error)) return temporary;
     if (error) throw InputError(target.string(), "cannot be made: " + error.message());
   }

@@ -41,8 +41,8 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
       ++missing;
   }
   if (missing > 0)
-    warnings.push_back(file.string() + ": " + std::to_string(missing) + " of " + std::to_string(missing + frames.size()) +
-                       " frames have no image and are left out");
+    warnings.push_back(file.string() + ": " + std::to_string(missing) + " of " +
+                       std::to_string(missing + frames.size()) + " frames have no image and are left out");
   if (frames.empty()) throw InputError(file.string(), "none of its frames has an image");
   require_increasing_times(frames, file);
   return frames;
@@ -82,8 +82,10 @@ imaging::Calibration read_sensor(const fs::path& file) {
     if (node["T_BS"]) calibration.T_cam_imu = read_T_cam_imu(node["T_BS"], file);
     return calibration;
   } catch (const YAML::Exception& error) {
-    throw InputError(file.string(), "is not EuRoC's sensor.yaml with intrinsics, distortion_model, "
-                                    "distortion_coefficients and resolution: " + error.msg);
+    throw InputError(file.string(),
+                     "is not EuRoC's sensor.yaml with intrinsics, distortion_model, "
+                     "distortion_coefficients and resolution: " +
+                         error.msg);
   }
 }
 

@@ -19,7 +19,8 @@ namespace fs = std::filesystem;
 
 bool is_image(const fs::path& file) {
   std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
   const bool known = extension == ".jpg" || extension == ".jpeg" || extension == ".png" || extension == ".webp";
   return known && !file.filename().string().starts_with('.');
 }
@@ -71,7 +72,8 @@ std::vector<Frame> matched_by_order(const std::vector<fs::path>& images, const s
                                     const fs::path& file) {
   if (images.size() != lines.size())
     throw InputError(file.string(), "has " + std::to_string(lines.size()) + " times for " +
-                                        std::to_string(images.size()) + " images: without names there must be one for each");
+                                        std::to_string(images.size()) +
+                                        " images: without names there must be one for each");
   std::vector<Frame> frames;
   for (std::size_t i = 0; i < images.size(); ++i)
     frames.push_back({images[i].stem().string(), images[i], lines[i].time_s, lines[i].exposure_ms});
@@ -86,7 +88,8 @@ std::vector<Frame> matched_by_name(const std::vector<fs::path>& images, const st
   for (const TimesLine& line : lines) {
     const auto image = by_name.find(line.id);
     if (image == by_name.end())
-      throw InputError(place(file, line.number), "frame \"" + line.id + "\" has no image in " + images.front().parent_path().string());
+      throw InputError(place(file, line.number),
+                       "frame \"" + line.id + "\" has no image in " + images.front().parent_path().string());
     frames.push_back({line.id, image->second, line.time_s, line.exposure_ms});
   }
   if (images.size() > lines.size())

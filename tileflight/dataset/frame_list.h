@@ -14,8 +14,8 @@ inline constexpr double kDefaultPeriod_s = 1.0 / 30.0;
 /// Image files (.jpg, .jpeg, .png, .webp) of a folder, by name. Throws InputError when there are none.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 
-/// Images with the times of `times_file`: lines "id seconds [exposure_ms]" (DSO, TUM monoVO) matched by the image's name
-/// without extension, or bare seconds (KITTI) in the images' order. What is put up with goes to `warnings`. Throws
+/// Images with the times of `times_file`: lines "id seconds [exposure_ms]" (DSO, TUM monoVO) matched by the image's
+/// name without extension, or bare seconds (KITTI) in the images' order. What is put up with goes to `warnings`. Throws
 /// InputError: malformed lines, a line without its image, times that do not increase.
 std::vector<Frame> frames_with_times(const std::vector<std::filesystem::path>& images,
                                      const std::filesystem::path& times_file, std::vector<std::string>& warnings);

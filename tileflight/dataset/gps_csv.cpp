@@ -17,7 +17,8 @@ constexpr std::size_t kColumns = 6;
 
 GpsFix parse_fix(const std::string& where, const std::vector<std::string_view>& fields) {
   if (fields.size() != kColumns)
-    throw InputError(where, "expected 6 numbers (" + std::string(kHeader) + "), found " + std::to_string(fields.size()));
+    throw InputError(where,
+                     "expected 6 numbers (" + std::string(kHeader) + "), found " + std::to_string(fields.size()));
   std::array<double, kColumns> v{};
   for (std::size_t i = 0; i < kColumns; ++i) {
     const auto value = geometry::parse_number<double>(fields[i]);

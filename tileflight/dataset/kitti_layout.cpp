@@ -38,7 +38,8 @@ std::vector<Row12> read_rows(const fs::path& file) {
     Row12 row{};
     for (std::size_t i = 0; i < row.size(); ++i) {
       const auto value = geometry::parse_number<double>(fields[i]);
-      if (!value || !std::isfinite(*value)) throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
+      if (!value || !std::isfinite(*value))
+        throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
       row[i] = *value;
     }
     rows.push_back(row);
@@ -52,14 +53,16 @@ imaging::Calibration read_calib(const fs::path& file, const fs::path& first_imag
   if (!(p0[0] > 0.0 && p0[5] > 0.0)) throw InputError(file.string(), "the focal lengths of P0 must be above 0");
   const imaging::GrayImage image = imaging::read_gray(first_image);  // the file does not name the image's size
   imaging::Calibration calibration;
-  calibration.camera = imaging::Camera(imaging::PinholeRadtan{p0[0], p0[5], p0[2], p0[6], {}}, image.width, image.height);
+  calibration.camera =
+      imaging::Camera(imaging::PinholeRadtan{p0[0], p0[5], p0[2], p0[6], {}}, image.width, image.height);
   return calibration;
 }
 
 geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& frames) {
   const std::vector<Row12> rows = read_rows(file);
   if (rows.size() != frames.size())
-    throw InputError(file.string(), "has " + std::to_string(rows.size()) + " poses for " + std::to_string(frames.size()) + " images");
+    throw InputError(file.string(),
+                     "has " + std::to_string(rows.size()) + " poses for " + std::to_string(frames.size()) + " images");
   geometry::Trajectory trajectory;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> m(rows[i].data());

@@ -29,7 +29,8 @@ std::string error_text(int code);
 /// A local file's name as libav* wants it, so that names such as "http:x" or "concat:a" are files too.
 std::string url_of(const std::filesystem::path& file);
 
-/// libav* writes to stderr by itself, and only a setting of the whole process keeps it quiet; errors are returned anyway.
+/// libav* writes to stderr by itself, and only a setting of the whole process keeps it quiet; errors are returned
+/// anyway.
 void silence();
 
 }  // namespace tileflight::dataset::libav

@@ -18,8 +18,9 @@ void check_image_size(const Dataset& dataset) {
   const imaging::GrayImage image = imaging::read_gray(dataset.frames.front().image);
   const imaging::Camera& camera = dataset.calibration.camera;
   if (image.width == camera.width() && image.height == camera.height()) return;
-  throw InputError(dataset.folder.string(), "the calibration is for images of " + size_text(camera.width(), camera.height()) +
-                                                ", but " + dataset.frames.front().image.filename().string() + " has " +
+  throw InputError(dataset.folder.string(), "the calibration is for images of " +
+                                                size_text(camera.width(), camera.height()) + ", but " +
+                                                dataset.frames.front().image.filename().string() + " has " +
                                                 size_text(image.width, image.height));
 }
 
@@ -73,8 +74,9 @@ Dataset read_dataset(const fs::path& folder) {
   } else if (layouts::is_euroc(folder)) {
     dataset = layouts::read_euroc(folder);
   } else {
-    throw InputError(folder.string(),
-                     "is not a dataset folder: it has neither images/ (DSO) nor image_0/ (KITTI) nor mav0/cam0/ (EuRoC)");
+    throw InputError(
+        folder.string(),
+        "is not a dataset folder: it has neither images/ (DSO) nor image_0/ (KITTI) nor mav0/cam0/ (EuRoC)");
   }
   check_image_size(dataset);
   return dataset;

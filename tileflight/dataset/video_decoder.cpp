@@ -31,7 +31,8 @@ int thread_count() {
 
 }  // namespace
 
-VideoDecoder::VideoDecoder(const std::filesystem::path& file) : file_(file), frame_(av_frame_alloc()), packet_(av_packet_alloc()) {
+VideoDecoder::VideoDecoder(const std::filesystem::path& file)
+    : file_(file), frame_(av_frame_alloc()), packet_(av_packet_alloc()) {
   libav::silence();
   try {
     open();
@@ -49,7 +50,9 @@ void VideoDecoder::open() {
   av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist must not reach the network
   const int opened = avformat_open_input(&format_, libav::url_of(file_).c_str(), nullptr, &options);
   av_dict_free(&options);
-  if (opened < 0) throw InputError(file_.string(), "is not a readable video (cut short or another kind of file): " + error_text(opened));
+  if (opened < 0)
+    throw InputError(file_.string(),
+                     "is not a readable video (cut short or another kind of file): " + error_text(opened));
   const int probed = avformat_find_stream_info(format_, nullptr);
   if (probed < 0) throw InputError(file_.string(), "is not a readable video: " + error_text(probed));
   open_decoder();
@@ -59,7 +62,8 @@ void VideoDecoder::open() {
 void VideoDecoder::open_decoder() {
   const AVCodec* decoder = nullptr;
   const int stream = av_find_best_stream(format_, AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
-  if (stream == AVERROR_DECODER_NOT_FOUND) throw InputError(file_.string(), "its video codec is not known: re-encode it as H.264");
+  if (stream == AVERROR_DECODER_NOT_FOUND)
+    throw InputError(file_.string(), "its video codec is not known: re-encode it as H.264");
   if (stream < 0 || is_no_video(*format_)) throw InputError(file_.string(), "holds no video");
   stream_ = format_->streams[stream];
   for (unsigned i = 0; i < format_->nb_streams; ++i)
@@ -73,7 +77,8 @@ void VideoDecoder::open_decoder() {
 }
 
 void VideoDecoder::read_rotation() {
-  const auto* matrix = reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
+  const auto* matrix =
+      reinterpret_cast<const std::int32_t*>(av_stream_get_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, nullptr));
   if (matrix == nullptr) return;
   const double counter_clockwise_deg = av_display_rotation_get(matrix);
   const double turns = -counter_clockwise_deg / 90.0;
@@ -164,7 +169,8 @@ const AVFrame* VideoDecoder::next() {
     }
     if (received < 0) throw InputError(file_.string(), "is damaged " + place_text() + ": " + error_text(received));
     const double time = time_of(*frame_);
-    if (!(time > time_s_) && frames_ > 0) throw InputError(file_.string(), "two frames have the same time " + place_text());
+    if (!(time > time_s_) && frames_ > 0)
+      throw InputError(file_.string(), "two frames have the same time " + place_text());
     time_s_ = time;
     ++frames_;
     return frame_.get();

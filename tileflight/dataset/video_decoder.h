@@ -21,15 +21,16 @@ class VideoDecoder {
   /// Size after the rotation flag, rate, length; nothing is decoded.
   VideoInfo info() const;
 
-  /// The next frame; nullptr after the last. It is valid until the next call. When the file is cut short or damaged, the frames
-  /// before that place are given first, then it throws.
+  /// The next frame; nullptr after the last. It is valid until the next call. When the file is cut short or damaged,
+  /// the frames before that place are given first, then it throws.
   const AVFrame* next();
   /// Of the frame that next() gave, seconds after the file's first frame.
   double time_s() const { return time_s_; }
   /// Whether parts of that frame could not be decoded. Frames just after seek_before() may be so in a sound file.
   bool is_damaged() const;
 
-  /// Goes on at a frame at or before `time_s`, where the file's index allows; else at the first frame. Call after at least one next().
+  /// Goes on at a frame at or before `time_s`, where the file's index allows; else at the first frame. Call after at
+  /// least one next().
   void seek_before(double time_s);
 
   /// Quarter turns clockwise that a player makes (the container's display matrix), 0 to 3.
@@ -56,9 +57,9 @@ class VideoDecoder {
   int quarter_turns_ = 0;
   std::optional<std::int64_t> first_timestamp_;
   double time_s_ = -1.0;
-  bool searched_ = false;  ///< seek_before() moved on
-  std::int64_t frames_ = 0;        ///< given since the file's start or the last seek
-  std::int64_t packets_ = 0;       ///< read since the last seek
+  bool searched_ = false;                         ///< seek_before() moved on
+  std::int64_t frames_ = 0;                       ///< given since the file's start or the last seek
+  std::int64_t packets_ = 0;                      ///< read since the last seek
   std::int64_t last_timestamp_ = AV_NOPTS_VALUE;  ///< decoding time of the last whole packet
   bool drained_ = false;
   std::string fault_;  ///< why reading stopped before the end; thrown once the frames before it are given

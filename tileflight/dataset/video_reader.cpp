@@ -32,7 +32,8 @@ class RgbConverter {
  public:
   RgbImage convert(const AVFrame& frame, const std::string& file) {
     const auto format = static_cast<AVPixelFormat>(frame.format);
-    if (scaler_ == nullptr || format != format_ || frame.width != width_ || frame.height != height_) set_up(frame, file);
+    if (scaler_ == nullptr || format != format_ || frame.width != width_ || frame.height != height_)
+      set_up(frame, file);
     RgbImage image(frame.width, frame.height);
     std::uint8_t* const planes[] = {image.pixels.data()->data()};
     const int strides[] = {3 * frame.width};
@@ -48,7 +49,8 @@ class RgbConverter {
     width_ = frame.width;
     height_ = frame.height;
     constexpr int kFlags = SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_BITEXACT;
-    scaler_.reset(sws_getContext(width_, height_, format_, width_, height_, AV_PIX_FMT_RGB24, kFlags, nullptr, nullptr, nullptr));
+    scaler_.reset(
+        sws_getContext(width_, height_, format_, width_, height_, AV_PIX_FMT_RGB24, kFlags, nullptr, nullptr, nullptr));
     if (scaler_ == nullptr) throw InputError(file, "its pixel format cannot be converted to RGB");
     const int full_range = frame.color_range == AVCOL_RANGE_JPEG ? 1 : 0;
     sws_setColorspaceDetails(scaler_.get(), sws_getCoefficients(frame.colorspace), full_range,

@@ -110,8 +110,8 @@ void VideoWriter::Impl::make_scaler() {
   scaler.reset(sws_getContext(codec->width, codec->height, AV_PIX_FMT_RGB24, codec->width, codec->height,
                               AV_PIX_FMT_YUV420P, kFlags, nullptr, nullptr, nullptr));
   if (scaler == nullptr) throw std::bad_alloc();
-  sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(SWS_CS_DEFAULT), 1, sws_getCoefficients(SWS_CS_ITU709), 0, 0,
-                           1 << 16, 1 << 16);
+  sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(SWS_CS_DEFAULT), 1, sws_getCoefficients(SWS_CS_ITU709), 0,
+                           0, 1 << 16, 1 << 16);
 }
 
 /// Encodes a frame, or what the encoder still holds (nullptr), into the file.
@@ -134,7 +134,8 @@ VideoWriter::VideoWriter(const fs::path& file, int width, int height, const Vide
   libav::silence();
   impl_->file = file;
   if (width <= 0 || height <= 0 || width % 2 != 0 || height % 2 != 0)
-    throw InputError(file.string(), "a video's width and height must be even, not " + std::to_string(width) + "x" + std::to_string(height));
+    throw InputError(file.string(), "a video's width and height must be even, not " + std::to_string(width) + "x" +
+                                        std::to_string(height));
   if (!(options.frames_per_second > 0.0 && options.frames_per_second <= 1000.0))
     throw InputError(file.string(), "the frame rate must be above 0 and at most 1000 frames a second");
   if (options.crf < 0 || options.crf > 51) throw InputError(file.string(), "crf must be from 0 to 51");
@@ -148,8 +149,8 @@ VideoWriter::~VideoWriter() = default;
 
 void VideoWriter::add(const imaging::RgbImage& image) {
   if (image.width != impl_->codec->width || image.height != impl_->codec->height)
-    throw InputError(impl_->file.string(), "a frame of " + std::to_string(image.width) + "x" + std::to_string(image.height) +
-                                               " does not fit the video's size");
+    throw InputError(impl_->file.string(), "a frame of " + std::to_string(image.width) + "x" +
+                                               std::to_string(image.height) + " does not fit the video's size");
   AVFrame* frame = impl_->frame.get();
   impl_->require(av_frame_make_writable(frame), "no memory for a frame");
   const std::uint8_t* const planes[] = {image.pixels.data()->data()};

@@ -42,8 +42,8 @@ class Camera {
   int height() const { return height_; }
   const CameraModel& model() const { return model_; }
 
-  /// Pixel of a point (any length; only its direction counts). nullopt outside the model's valid cone; pixels outside the
-  /// image are returned as they are.
+  /// Pixel of a point (any length; only its direction counts). nullopt outside the model's valid cone; pixels outside
+  /// the image are returned as they are.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera) const;
   /// As project, with the 2x3 derivative of the pixel by the point.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera,
@@ -56,8 +56,8 @@ class Camera {
   /// Full horizontal angle seen along the middle row, degrees.
   double horizontal_fov_deg() const;
 
-  /// The same lens over an image of another size with the same aspect ratio (within a pixel). Pixel centres at integers:
-  /// cx' = (cx + 0.5) s - 0.5. Throws InputError when the aspect ratio differs.
+  /// The same lens over an image of another size with the same aspect ratio (within a pixel). Pixel centres at
+  /// integers: cx' = (cx + 0.5) s - 0.5. Throws InputError when the aspect ratio differs.
   Camera scaled_to(int width, int height) const;
 
  private:
@@ -74,12 +74,12 @@ Camera make_pinhole(int width, int height, double fov_deg);
 /// A calibration file: the lens, and what the file says beside it.
 struct Calibration {
   Camera camera;
-  geometry::SE3 T_cam_imu;      ///< identity where the file has none
-  double line_delay_s = 0.0;    ///< rolling shutter: time from one row to the next; 0 is a global shutter
+  geometry::SE3 T_cam_imu;    ///< identity where the file has none
+  double line_delay_s = 0.0;  ///< rolling shutter: time from one row to the next; 0 is a global shutter
 };
 
-/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none). Throws InputError (file, key, cause): unknown models,
-/// NaN, wrong counts, resolution <= 0.
+/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none). Throws InputError (file, key, cause):
+/// unknown models, NaN, wrong counts, resolution <= 0.
 Calibration read_kalibr(const std::filesystem::path& file);
 void write_kalibr(const std::filesystem::path& file, const Calibration& calibration);
 

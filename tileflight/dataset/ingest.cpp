@@ -1,0 +1,235 @@
+#include "tileflight/dataset/ingest.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <mutex>
+
+#include "tileflight/dataset/encode_queue.h"
+#include "tileflight/dataset/frame_list.h"
+#include "tileflight/dataset/number_text.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::dataset {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Span_s {
+  double first = 0.0, last = 0.0;
+};
+
+std::string seconds(double time_s) { return rounded_text(time_s, 2) + " s"; }
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+/// The calibration for frames of this size.
+imaging::Calibration calibration_for(int width, int height, const IngestOptions& options,
+                                     std::vector<std::string>& notes) {
+  imaging::Calibration calibration = imaging::read_calibration(options.calibration);
+  const imaging::Camera& camera = calibration.camera;
+  if (camera.width() == width && camera.height() == height) return calibration;
+  const std::string sizes = "is for images of " + size_text(camera.width(), camera.height()) + ", the frames have " +
+                            size_text(width, height);
+  try {
+    calibration.line_delay_s *=
+        static_cast<double>(camera.height()) / height;  // the same read-out time over other rows
+    calibration.camera = camera.scaled_to(width, height);
+  } catch (const InputError&) {
+    throw InputError(options.calibration.string(),
+                     sizes + ": the aspect ratio differs, so calibrate at the video's size");
+  }
+  notes.push_back(options.calibration.string() + ": " + sizes + "; the calibration was scaled");
+  return calibration;
+}
+
+/// The times' range of things within the span, with one more on each side so that values at its ends can be
+/// interpolated.
+template <class Thing, class TimeOf>
+std::vector<Thing> within(const std::vector<Thing>& things, const Span_s& span, const TimeOf& time_of) {
+  std::vector<Thing> kept;
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    const bool next_is_inside = i + 1 < things.size() && time_of(things[i + 1]) > span.first;
+    const bool previous_is_inside = i > 0 && time_of(things[i - 1]) < span.last;
+    const double time = time_of(things[i]);
+    const bool inside = time >= span.first && time <= span.last;
+    if (inside || (time < span.first && next_is_inside) || (time > span.last && previous_is_inside))
+      kept.push_back(things[i]);
+  }
+  return kept;
+}
+
+/// Throws unless a stretch of things and the frames have a moment in common.
+void require_overlap(const std::string& what, const Span_s& things, const Span_s& frames) {
+  if (things.first <= frames.last && things.last >= frames.first) return;
+  throw InputError(what, "covers " + seconds(things.first) + " to " + seconds(things.last) + ", the frames " +
+                             seconds(frames.first) + " to " + seconds(frames.last) +
+                             ": they have no moment in common, check the time offset");
+}
+
+void add_gps(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames, IngestResult& result) {
+  if (options.gps.empty()) return;
+  std::vector<GpsFix> fixes = options.gps;
+  for (GpsFix& fix : fixes) fix.time_s += options.gps_time_offset_s;
+  require_overlap("telemetry", {fixes.front().time_s, fixes.back().time_s}, frames);
+  fixes = within(fixes, frames, [](const GpsFix& fix) { return fix.time_s; });
+  result.gps_fixes = fixes.size();
+  writer.set_gps(std::move(fixes));
+}
+
+void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, const std::string& name,
+                     const Span_s& frames, IngestResult& result) {
+  if (all.empty()) return;
+  require_overlap(name, {all.poses.front().time_s, all.poses.back().time_s}, frames);
+  geometry::Trajectory trajectory;
+  trajectory.poses = within(all.poses, frames, [](const geometry::StampedPose& pose) { return pose.time_s; });
+  result.groundtruth_poses = trajectory.size();
+  writer.set_groundtruth(std::move(trajectory));
+}
+
+void describe(DatasetWriter& writer, const IngestOptions& options) {
+  writer.describe("source", options.video_or_images.filename().string());
+  writer.describe("excerpt.from_s", fixed_text(options.excerpt.from_s));
+  if (options.excerpt.to_s) writer.describe("excerpt.to_s", fixed_text(*options.excerpt.to_s));
+  writer.describe("excerpt.every", std::to_string(options.excerpt.every));
+  if (!options.gps.empty()) writer.describe("gps_time_offset_s", fixed_text(options.gps_time_offset_s));
+  for (const auto& [key, value] : options.description) writer.describe(key, value);
+}
+
+/// Nothing may be missing at the end of the excerpt: frames lie `period_s` apart and the video ends at `end_s`.
+void require_reaches(const IngestOptions& options, double end_s, double period_s) {
+  if (!options.excerpt.to_s || end_s >= *options.excerpt.to_s - 0.5 * period_s) return;
+  throw InputError(
+      options.video_or_images.string(),
+      "ends at " + seconds(end_s) + ", before the end of the excerpt at " + seconds(*options.excerpt.to_s));
+}
+
+DatasetWriter::Options writer_options(const IngestOptions& options) {
+  DatasetWriter::Options out;
+  out.replace = options.replace;
+  out.jpeg_quality = options.jpeg_quality;
+  return out;
+}
+
+void ingest_video(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
+                  const Progress& progress, IngestResult& result) {
+  const VideoInfo info = probe_video(options.video_or_images);
+  const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultPeriod_s;
+  if (info.duration_s > 0.0) require_reaches(options, info.duration_s, period_s);
+  result.width = info.width;
+  result.height = info.height;
+  DatasetWriter writer(folder, calibration_for(info.width, info.height, options, result.notes),
+                       writer_options(options));
+
+  const double end_s = options.excerpt.to_s.value_or(info.duration_s);
+  const auto expected =
+      static_cast<std::int64_t>((end_s - options.excerpt.from_s) / (period_s * options.excerpt.every));
+  EncodeQueue queue(writer);
+  const auto on_frame = [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {
+    if (index == 0) result.first_time_s = time_s;
+    result.last_time_s = time_s;
+    result.frames = static_cast<std::size_t>(index) + 1;
+    queue.add(static_cast<std::size_t>(index), time_s, image);
+    report_progress(progress, index + 1, std::max(expected, index + 1), "decoding video");
+    return true;
+  };
+  read_video(options.video_or_images, options.excerpt, on_frame);
+  queue.finish();
+  // The container's own length may be wrong; the frames are not.
+  require_reaches(options, result.last_time_s + period_s * options.excerpt.every, period_s);
+
+  const Span_s frames{result.first_time_s, result.last_time_s};
+  add_gps(writer, options, frames, result);
+  add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
+  describe(writer, options);
+  writer.finish();
+}
+
+std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::string>& notes) {
+  const fs::path& given = options.video_or_images;
+  const fs::path folder = fs::is_directory(given / "images") ? given / "images" : given;
+  const std::vector<fs::path> images = list_images(folder);
+  for (const fs::path& times :
+       {folder / "times.txt", fs::absolute(folder).lexically_normal().parent_path() / "times.txt"})
+    if (fs::is_regular_file(times)) return frames_with_times(images, times, notes);
+  if (!(options.image_rate_hz > 0.0)) throw InputError(given.string(), "the frame rate of the images must be above 0");
+  notes.push_back(given.string() + ": no times.txt, so the images are taken to be " +
+                  rounded_text(options.image_rate_hz, 3) + " a second");
+  return frames_at_rate(images, 1.0 / options.image_rate_hz);
+}
+
+std::vector<Frame> excerpt_of(const std::vector<Frame>& frames, const IngestOptions& options) {
+  const VideoExcerpt& excerpt = options.excerpt;
+  if (excerpt.every < 1)
+    throw InputError(options.video_or_images.string(), "the step of the excerpt must be 1 or more frames");
+  const double period_s =
+      frames.size() > 1 ? (frames.back().time_s - frames.front().time_s) / static_cast<double>(frames.size() - 1) : 0.0;
+  require_reaches(options, frames.back().time_s + period_s, period_s);
+  std::vector<Frame> inside;
+  for (const Frame& frame : frames)
+    if (frame.time_s >= excerpt.from_s && (!excerpt.to_s || frame.time_s < *excerpt.to_s)) inside.push_back(frame);
+  std::vector<Frame> kept;
+  for (std::size_t i = 0; i < inside.size(); i += static_cast<std::size_t>(excerpt.every)) kept.push_back(inside[i]);
+  if (kept.empty()) throw InputError(options.video_or_images.string(), "no image lies within the excerpt");
+  return kept;
+}
+
+/// Copies a JPEG or PNG as it is (after decoding it once, which finds damage and its size); other kinds are encoded
+/// anew.
+void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int width, int height) {
+  const std::vector<std::byte> bytes = geometry::read_bytes(frame.image);
+  const imaging::RgbImage image = imaging::decode_rgb(bytes, frame.image.string());
+  if (image.width != width || image.height != height)
+    throw InputError(frame.image.string(), "has " + size_text(image.width, image.height) + " pixels, the first image " +
+                                               size_text(width, height));
+  if (bytes[0] == std::byte{0xFF})
+    return writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, bytes, ".jpg");
+  if (bytes[0] == std::byte{0x89})
+    return writer.add_encoded_frame(index, frame.time_s, frame.exposure_ms, bytes, ".png");
+  writer.add_frame(index, frame.time_s, frame.exposure_ms, image);
+}
+
+void ingest_images(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
+                   const Progress& progress, IngestResult& result) {
+  const std::vector<Frame> frames = excerpt_of(image_frames(options, result.notes), options);
+  const imaging::RgbImage first = imaging::read_rgb(frames.front().image);
+  result.width = first.width;
+  result.height = first.height;
+  result.frames = frames.size();
+  result.first_time_s = frames.front().time_s;
+  result.last_time_s = frames.back().time_s;
+  DatasetWriter writer(folder, calibration_for(first.width, first.height, options, result.notes),
+                       writer_options(options));
+  std::mutex mutex;
+  std::int64_t done = 0;
+  tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
+    add_image(writer, i, frames[i], first.width, first.height);
+    const std::lock_guard lock(mutex);
+    report_progress(progress, ++done, static_cast<std::int64_t>(frames.size()), "copying images");
+  });
+  const Span_s span{result.first_time_s, result.last_time_s};
+  add_gps(writer, options, span, result);
+  add_groundtruth(writer, groundtruth, options.groundtruth.string(), span, result);
+  describe(writer, options);
+  writer.finish();
+}
+
+}  // namespace
+
+IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder, const Progress& progress) {
+  if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
+  if (!fs::exists(options.video_or_images))
+    throw InputError(options.video_or_images.string(), "there is no such video or folder of images");
+  const geometry::Trajectory groundtruth =
+      options.groundtruth.empty() ? geometry::Trajectory{} : geometry::read_tum(options.groundtruth);
+  IngestResult result;
+  if (fs::is_directory(options.video_or_images))
+    ingest_images(options, dataset_folder, groundtruth, progress, result);
+  else
+    ingest_video(options, dataset_folder, groundtruth, progress, result);
+  return result;
+}
+
+}  // namespace tileflight::dataset

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/video.h"
+#include "tileflight/geometry/progress.h"
+
+namespace tileflight::dataset {
+
+/// A real flight, as it comes from the camera and the log.
+struct IngestOptions {
+  std::filesystem::path video_or_images;  ///< a video file, or a folder of images (with times.txt in it or beside it,
+                                          ///< else `image_rate_hz`)
+  std::filesystem::path calibration;      ///< Kalibr camchain or DSO camera.txt
+  VideoExcerpt excerpt;                   ///< on the video's clock (first frame at 0; images: the times of times.txt)
+  double image_rate_hz = 30.0;            ///< of an image folder without times.txt
+  std::vector<GpsFix> gps;                ///< of the flight's log, on the log's clock
+  double gps_time_offset_s = 0.0;         ///< video time = log time + this
+  std::filesystem::path groundtruth;      ///< TUM poses on the video's clock; may be empty
+  int jpeg_quality = 95;                  ///< of a video's frames; image files are copied as they are
+  bool replace = false;                   ///< an existing dataset folder
+  std::map<std::string, std::string> description;  ///< further lines of dataset.yaml, "a.b" nests
+};
+
+struct IngestResult {
+  std::size_t frames = 0;
+  double first_time_s = 0.0, last_time_s = 0.0;  ///< on the video's clock, which is the dataset's
+  int width = 0, height = 0;
+  std::size_t gps_fixes = 0;          ///< within the excerpt (and one either side)
+  std::size_t groundtruth_poses = 0;  ///< the same
+  std::vector<std::string> notes;     ///< e.g. that the calibration was scaled
+};
+
+/// Writes the flight as a dataset folder, whole or not at all; the bytes do not depend on the number of threads. A
+/// calibration for another size of the same aspect ratio is scaled (and noted). Throws InputError (file, cause, cure):
+/// an excerpt that the video does not cover, a calibration for another shape, telemetry or ground truth without a
+/// moment in common with the frames, and what read_video, read_calibration and DatasetWriter say.
+IngestResult ingest(const IngestOptions& options, const std::filesystem::path& dataset_folder,
+                    const Progress& progress = {});
+
+}  // namespace tileflight::dataset
