@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tileflight::report {
+
+/// Markup that is safe to put on a page: made from plain text by `text`, from other markup by `element`, so that nothing a user or
+/// a file gave can reach the page unescaped. Written so that the page is well-formed XML too, which tests check.
+class Html {
+ public:
+  Html() = default;
+  /// Markup that this program itself holds, never input.
+  static Html trusted(std::string markup);
+
+  const std::string& str() const { return markup_; }
+  bool empty() const { return markup_.empty(); }
+  Html& operator+=(const Html& other);
+  friend Html operator+(Html a, const Html& b) { return a += b; }
+
+ private:
+  std::string markup_;
+};
+
+using Attributes = std::vector<std::pair<std::string_view, std::string>>;
+
+/// Plain text (UTF-8). Markup characters are escaped; bytes that no XML text may hold become U+FFFD.
+Html text(std::string_view plain);
+
+/// `<name attributes>content</name>`. Attribute values are plain text.
+Html element(std::string_view name, const Attributes& attributes, const Html& content);
+Html element(std::string_view name, const Html& content);
+
+/// `<name attributes/>`, for elements of HTML that have no content (img, meta, input) and shapes of SVG.
+Html empty_element(std::string_view name, const Attributes& attributes);
+
+/// `data:TYPE;base64,…` (RFC 2397, RFC 4648).
+std::string data_uri(std::string_view media_type, std::string_view bytes);
+
+}  // namespace tileflight::report

@@ -1,0 +1,134 @@
+#include "tileflight/report/run_folder.h"
+
+#include <sstream>
+
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/report/key_figures.h"
+#include "tileflight/report/numbers.h"
+
+namespace tileflight::report {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+json read_object(const fs::path& file) {
+  json value = json::parse(geometry::read_text(file), nullptr, false);
+  if (!value.is_object()) throw InputError(file.string(), "not a JSON object; run the experiment again");
+  return value;
+}
+
+/// "000000 TIMESTAMP_S EXPOSURE_MS" a line; the picture is images/ID with whatever ending it has.
+std::vector<FrameFile> read_frames(const fs::path& dataset) {
+  std::vector<FrameFile> frames;
+  if (!fs::exists(dataset / "times.txt")) return frames;
+  std::istringstream lines(geometry::read_text(dataset / "times.txt"));
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream fields(line);
+    std::string id;
+    double time_s = 0;
+    if (line.starts_with("#") || !(fields >> id >> time_s)) continue;
+    for (const char* ending : {".jpg", ".png"}) {
+      const fs::path image = dataset / "images" / (id + ending);
+      if (fs::exists(image)) frames.push_back({image, time_s});
+    }
+  }
+  return frames;
+}
+
+geometry::Sim3 read_transform(const fs::path& file) {
+  const json transform = read_object(file);
+  geometry::Mat4 matrix;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) {
+      const auto nested = number_at(transform, "/matrix/" + std::to_string(row) + "/" + std::to_string(column));
+      const auto value = nested ? nested : number_at(transform, "/matrix/" + std::to_string(4 * row + column));
+      if (!value) throw InputError(file.string(), "'matrix' must be 4 x 4 numbers, row by row");
+      matrix(row, column) = *value;
+    }
+  }
+  return geometry::Sim3::from_matrix(matrix);
+}
+
+std::optional<geometry::LocalFrame> local_frame(const json& results) {
+  const auto latitude = number_at(results, "/truth/frame/origin_lat"), longitude = number_at(results, "/truth/frame/origin_lon"),
+             height = number_at(results, "/truth/frame/origin_height");
+  if (!latitude || !longitude || !height) return std::nullopt;
+  return geometry::LocalFrame({*latitude, *longitude, {*height}});
+}
+
+/// gps.csv: t,lat,lon,height,… a line after its header.
+std::vector<geometry::Vec3> read_telemetry(const fs::path& file, const geometry::LocalFrame& frame) {
+  std::vector<geometry::Vec3> positions;
+  std::istringstream lines(geometry::read_text(file));
+  for (std::string line; std::getline(lines, line);) {
+    double time_s = 0, latitude = 0, longitude = 0, height = 0;
+    char comma = 0;
+    std::istringstream fields(line);
+    if (!(fields >> time_s >> comma >> latitude >> comma >> longitude >> comma >> height)) continue;
+    positions.push_back(frame.local_from_geodetic({latitude, longitude, {height}}));
+  }
+  return positions;
+}
+
+/// Reads one part of the folder into `part` if it is there, else notes that it is missing.
+template <class Read>
+void read_part(const fs::path& folder, const fs::path& file, const std::string& purpose, std::vector<std::string>& missing, const Read& read) {
+  if (fs::exists(folder / file)) {
+    read(folder / file);
+  } else {
+    missing.push_back(file.string() + " is not there: " + purpose);
+  }
+}
+
+void read_estimate(const fs::path& folder, FlightRun& flight, std::vector<std::string>& missing) {
+  const fs::path poses = fs::path(flight.key) / "odometry/trajectory.txt", transform = fs::path(flight.key) / "transform.json";
+  read_part(folder, transform, "no estimated path", missing, [&](const fs::path& transform_file) {
+    read_part(folder, poses, "no estimated path", missing, [&](const fs::path& poses_file) {
+      flight.estimate = geometry::transformed(read_transform(transform_file), geometry::read_tum(poses_file));
+    });
+  });
+}
+
+FlightRun read_flight(const fs::path& folder, const std::string& key, const json& results, std::vector<std::string>& missing) {
+  FlightRun flight;
+  flight.key = key;
+  flight.values = results[key];
+  flight.label = flight_label(key, flight.values);
+  const fs::path dataset = folder / key / "dataset";
+  flight.frames = read_frames(dataset);
+  if (flight.frames.empty()) missing.push_back(key + "/dataset holds no pictures");
+  if (fs::exists(dataset / "groundtruth.txt")) flight.truth = geometry::read_tum(dataset / "groundtruth.txt");
+  const std::optional<geometry::LocalFrame> frame = local_frame(results);
+  if (frame && fs::exists(dataset / "gps.csv")) flight.telemetry = read_telemetry(dataset / "gps.csv", *frame);
+  read_estimate(folder, flight, missing);
+  read_part(folder, fs::path(key) / "errors.ply", "no map and no cumulative curve", missing,
+            [&](const fs::path& file) { flight.errors = geometry::read_cloud(file); });
+  return flight;
+}
+
+}  // namespace
+
+RunFolder read_run_folder(const std::filesystem::path& folder) {
+  if (!fs::exists(folder / "results.json")) {
+    throw InputError(folder.string(), "no results.json here; make it with `tileflight run EXPERIMENT.yaml --out DIR`");
+  }
+  RunFolder run;
+  run.results = read_object(folder / "results.json");
+  run.voxel_m = number_at(run.results, "/truth/voxel_size").value_or(1.0);
+  read_part(folder, "truth/voxels.ply", "no ground truth under the maps", run.missing,
+            [&](const fs::path& file) { run.voxel_centers = geometry::read_cloud(file); });
+  for (const char* key : {"simulated", "real"}) {
+    if (run.results.contains(key) && run.results[key].is_object()) {
+      run.flights.push_back(read_flight(folder, key, run.results, run.missing));
+    } else {
+      run.missing.push_back(std::string("the experiment has no ") + (key == std::string("real") ? "second" : key) + " flight");
+    }
+  }
+  return run;
+}
+
+}  // namespace tileflight::report

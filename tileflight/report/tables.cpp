@@ -1,0 +1,239 @@
+#include "tileflight/report/tables.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "tileflight/report/numbers.h"
+
+namespace tileflight::report {
+namespace {
+
+using nlohmann::json;
+using Cell = std::function<std::string(const json&)>;
+
+Html cell(const std::string& content) { return element("td", text(content)); }
+Html row_head(const std::string& content) { return element("th", {{"scope", "row"}}, text(content)); }
+Html column_head(const std::string& content) { return element("th", {{"scope", "col"}}, text(content)); }
+
+/// Wide tables scroll in a frame of their own, which a keyboard can reach.
+Html framed(const std::string& name, const Html& table) {
+  return element("div", {{"class", "table-frame"}, {"role", "region"}, {"tabindex", "0"}, {"aria-label", name}}, table);
+}
+
+std::vector<std::string> head_of(const std::string& first, const std::vector<FlightRun>& flights) {
+  std::vector<std::string> head{first};
+  for (const FlightRun& flight : flights) head.push_back(flight.label);
+  return head;
+}
+
+std::vector<std::string> row(const std::string& label, const std::vector<FlightRun>& flights, const Cell& value) {
+  std::vector<std::string> result{label};
+  for (const FlightRun& flight : flights) result.push_back(value(flight.values));
+  return result;
+}
+
+Cell metres(const std::string& pointer, int decimals = 3) {
+  return [=](const json& values) { return fixed(number_at(values, pointer), decimals); };
+}
+Cell whole(const std::string& pointer) {
+  return [=](const json& values) { return count(number_at(values, pointer)); };
+}
+Cell short_number(const std::string& pointer) {
+  return [=](const json& values) { return shortest(number_at(values, pointer)); };
+}
+Cell yes_or_no(const std::string& pointer) {
+  return [=](const json& values) -> std::string {
+    const json::json_pointer place(pointer);
+    if (!values.contains(place) || !values.at(place).is_boolean()) return kUnknown;
+    return values.at(place).get<bool>() ? "yes" : "no";
+  };
+}
+Cell words(const std::string& pointer) {
+  return [=](const json& values) {
+    const std::string value = text_at(values, pointer).value_or("");
+    return value.empty() ? kUnknown : value;
+  };
+}
+
+/// Thresholds of all flights in increasing order, by how they are written.
+std::map<double, std::string> thresholds_of(const std::vector<FlightRun>& flights) {
+  std::map<double, std::string> result;
+  for (const FlightRun& flight : flights) {
+    const json surface = flight.values.value("surface", json::object());
+    for (const char* key : {"accuracy", "completeness", "f_score"}) {
+      if (!surface.is_object() || !surface.contains(key) || !surface[key].is_object()) continue;
+      for (const auto& [name, value] : surface[key].items()) result[std::strtod(name.c_str(), nullptr)] = name;
+    }
+  }
+  return result;
+}
+
+std::string escaped_token(const std::string& key) {
+  std::string token;
+  for (const char c : key) token += c == '~' ? std::string("~0") : c == '/' ? std::string("~1") : std::string(1, c);
+  return token;
+}
+
+std::string text_of(const json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_number_float()) return shortest(value.get<double>());
+  return value.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+Html program_table(const json& provenance) {
+  Table table{"Program", {"What", "Value"}, {}};
+  for (const auto& [key, value] : provenance.items()) {
+    if (key == "inputs" || key == "seconds" || key == "attribution" || value.is_null()) continue;
+    std::string name = key;
+    std::replace(name.begin(), name.end(), '_', ' ');
+    table.rows.push_back({name, text_of(value)});
+  }
+  return table.rows.empty() ? Html() : draw(table);
+}
+
+Html inputs_table(const json& inputs) {
+  Table table{"Inputs", {"File", "SHA-256"}, {}};
+  if (inputs.is_array()) {
+    for (const json& input : inputs) {
+      const std::string path = text_at(input, "/path").value_or(text_at(input, "/name").value_or(kUnknown));
+      table.rows.push_back({path, text_at(input, "/sha256").value_or(kUnknown)});
+    }
+  } else if (inputs.is_object()) {
+    for (const auto& [path, hash] : inputs.items()) table.rows.push_back({path, text_of(hash)});
+  }
+  return table.rows.empty() ? Html() : draw(table);
+}
+
+Html seconds_table(const json& seconds) {
+  if (!seconds.is_object() || seconds.empty()) return {};
+  Table table{"Time taken", {"Stage", "Seconds"}, {}};
+  for (const auto& [stage, value] : seconds.items()) {
+    table.rows.push_back({stage, value.is_number() ? fixed(value.get<double>(), 2) : text_of(value)});
+  }
+  return draw(table);
+}
+
+Html attribution_list(const json& attribution) {
+  Html list;
+  if (attribution.is_array()) {
+    for (const json& line : attribution) list += element("li", text(text_of(line)));
+  } else if (attribution.is_string()) {
+    list += element("li", text(attribution.get<std::string>()));
+  }
+  return list.empty() ? Html() : element("h3", text("Attribution of the tiles")) + element("ul", list);
+}
+
+json member(const json& object, const char* key) { return object.is_object() && object.contains(key) ? object[key] : json(nullptr); }
+
+Html figure_rows(const std::vector<FigureRow>& rows, const std::vector<FlightColumn>& columns) {
+  Html result;
+  for (const FigureRow& figure : rows) {
+    Html cells = row_head(figure.label);
+    for (std::size_t i = 0; i < figure.cells.size(); ++i) {
+      cells += element("td", {{"class", columns[i].published ? "published" : columns[i].key}}, text(figure.cells[i]));
+    }
+    result += element("tr", cells);
+  }
+  return result;
+}
+
+}  // namespace
+
+Html draw(const Table& table) {
+  Html head, body;
+  for (const std::string& name : table.head) head += column_head(name);
+  for (const std::vector<std::string>& cells : table.rows) {
+    Html content = row_head(cells.front());
+    for (std::size_t i = 1; i < cells.size(); ++i) content += cell(cells[i]);
+    body += element("tr", content);
+  }
+  return framed(table.caption,
+                element("table", element("caption", text(table.caption)) + element("thead", element("tr", head)) + element("tbody", body)));
+}
+
+Html key_figures_table(const KeyFigures& figures) {
+  Html groups = element("td", Html()), labels = element("td", Html());
+  const auto published = std::count_if(figures.columns.begin(), figures.columns.end(), [](const FlightColumn& c) { return c.published; });
+  const auto own = static_cast<std::ptrdiff_t>(figures.columns.size()) - published;
+  if (published > 0) groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(published)}}, text("Paper"));
+  if (own > 0) groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(own)}}, text("This run"));
+  for (const FlightColumn& column : figures.columns) labels += column_head(column.label);
+  const std::string caption = "Map error against voxel centres, as published and in this run";
+  const Html table = element("caption", text(caption)) + element("thead", element("tr", groups) + element("tr", labels)) +
+                     element("tbody", figure_rows(figures.as_published, figures.columns)) +
+                     element("tbody", {{"class", "beyond"}}, figure_rows(figures.beyond, figures.columns));
+  return framed(caption, element("table", {{"class", "key-figures"}}, table));
+}
+
+Html surface_table(const std::vector<FlightRun>& flights) {
+  Table table{"Distance to the exact surface: accuracy (share of map points), completeness (share of the surface seen), F-score",
+              {"Within"}, {}};
+  for (const FlightRun& flight : flights) {
+    for (const char* name : {"accuracy", "completeness", "F-score"}) table.head.push_back(flight.label + ": " + name);
+  }
+  for (const auto& [threshold_m, name] : thresholds_of(flights)) {
+    std::vector<std::string> cells{shortest(threshold_m) + " m"};
+    for (const FlightRun& flight : flights) {
+      for (const char* key : {"accuracy", "completeness", "f_score"}) {
+        cells.push_back(percent(number_at(flight.values, "/surface/" + std::string(key) + "/" + escaped_token(name))));
+      }
+    }
+    table.rows.push_back(cells);
+  }
+  return table.rows.empty() ? Html() : draw(table);
+}
+
+Html tracking_table(const std::vector<FlightRun>& flights) {
+  return draw(Table{"Odometry and alignment",
+                    head_of("", flights),
+                    {row("Frames given", flights, whole("/odometry/frames")), row("Frames tracked", flights, whole("/odometry/frames_tracked")),
+                     row("Lost before the end", flights, yes_or_no("/odometry/lost")), row("Keyframes", flights, whole("/odometry/keyframes")),
+                     row("Odometry, frames/s", flights, short_number("/odometry/frames_per_second")),
+                     row("Alignment method", flights, words("/alignment/method")), row("Alignment converged", flights, yes_or_no("/alignment/converged")),
+                     row("Iterations", flights, whole("/alignment/iterations")), row("Scale", flights, short_number("/alignment/scale")),
+                     row("RMS of the aligned points, m", flights, metres("/alignment/rmse", 4)),
+                     row("Remark", flights, words("/alignment/note"))}});
+}
+
+Html trajectory_table(const std::vector<FlightRun>& flights) {
+  const bool any = std::any_of(flights.begin(), flights.end(), [](const FlightRun& f) { return number_at(f.values, "/trajectory/ate_rmse").has_value(); });
+  if (!any) return {};
+  Table table{"Error of the estimated path after alignment to the true positions", head_of("", flights),
+              {row("Path length, m", flights, metres("/trajectory/path_length", 1)), row("ATE (RMS), m", flights, metres("/trajectory/ate_rmse")),
+               row("ATE (mean), m", flights, metres("/trajectory/ate_mean")), row("ATE (largest), m", flights, metres("/trajectory/ate_max"))}};
+  for (std::size_t i = 0; i < 8; ++i) {
+    const std::string rpe = "/trajectory/rpe/" + std::to_string(i);
+    const auto delta = std::find_if(flights.begin(), flights.end(), [&](const FlightRun& f) { return number_at(f.values, rpe + "/delta_m").has_value(); });
+    if (delta == flights.end()) break;
+    const std::string label = "RPE over " + shortest(number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
+    table.rows.push_back(row(label, flights, metres(rpe + "/translation_rmse_m")));
+  }
+  return draw(table);
+}
+
+Html comparison_table(const nlohmann::json& results) {
+  const json c = member(results, "comparison");
+  if (!c.is_object() || c.empty()) return {};
+  const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
+  const std::string interval = low && high ? with_sign(low, 4) + " to " + with_sign(high, 4) : kUnknown;
+  return draw(Table{"Second flight against simulated",
+                    {"", "Value"},
+                    {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
+                     {"95 % interval (block bootstrap), m", interval},
+                     {"Difference of standard deviations, m", with_sign(number_at(c, "/std_difference"), 4)},
+                     {"Ratio of map points", fixed(number_at(c, "/points_ratio"), 3)},
+                     {"Kolmogorov\u2013Smirnov statistic", fixed(number_at(c, "/ks_statistic"), 4)},
+                     {"1-Wasserstein distance, m", fixed(number_at(c, "/wasserstein_m"), 4)},
+                     {"Equivalent within, m", fixed(number_at(c, "/equivalent_within_m"), 4)}}});
+}
+
+Html provenance_tables(const nlohmann::json& results) {
+  const json provenance = member(results, "provenance");
+  if (!provenance.is_object()) return element("p", text("results.json has no provenance."));
+  return program_table(provenance) + inputs_table(member(provenance, "inputs")) + seconds_table(member(provenance, "seconds")) +
+         attribution_list(member(provenance, "attribution"));
+}
+
+}  // namespace tileflight::report
