@@ -66,7 +66,7 @@ void VideoDecoder::open_decoder() {
     throw InputError(file_.string(), "its video codec is not known: re-encode it as H.264");
   if (stream < 0 || is_no_video(*format_)) throw InputError(file_.string(), "holds no video");
   stream_ = format_->streams[stream];
-  for (unsigned i = 0; i < format_->nb_streams; ++i)
+  for (unsigned i = 0; i < format_->nb_streams && has_full_index(); ++i)
     if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
   codec_.reset(avcodec_alloc_context3(decoder));
   avcodec_parameters_to_context(codec_.get(), stream_->codecpar);
@@ -109,11 +109,26 @@ bool VideoDecoder::has_full_index() const {
          avformat_index_get_entries_count(stream_) > 0;
 }
 
-/// Whether packets that the container announces were not there.
+/// Whether packets that the container announces were not there: by its index, else by its count or length.
 bool VideoDecoder::is_incomplete() const {
-  if (!has_full_index()) return packets_ < stream_->nb_frames;
-  const AVIndexEntry* last = avformat_index_get_entry(stream_, avformat_index_get_entries_count(stream_) - 1);
-  return last_timestamp_ < last->timestamp;
+  if (has_full_index()) {
+    const AVIndexEntry* last = avformat_index_get_entry(stream_, avformat_index_get_entries_count(stream_) - 1);
+    return last_timestamp_ < last->timestamp;
+  }
+  if (packets_ < stream_->nb_frames) return true;
+  constexpr double kTolerance_s = 0.25;  // lengths in headers are rounded, and the last frame's own is often unknown
+  const bool guessed =
+      format_->duration == AV_NOPTS_VALUE || format_->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE;
+  return !guessed && end_s_ < static_cast<double>(format_->duration) / AV_TIME_BASE - kTolerance_s;
+}
+
+/// Keeps the end of the latest packet of any stream, seconds after the file's start.
+void VideoDecoder::note_time(const AVPacket& packet) {
+  if (packet.pts == AV_NOPTS_VALUE) return;
+  const double start_s =
+      format_->start_time == AV_NOPTS_VALUE ? 0.0 : static_cast<double>(format_->start_time) / AV_TIME_BASE;
+  const double end_s = static_cast<double>(packet.pts + packet.duration) * av_q2d(packet.time_base);
+  end_s_ = std::max(end_s_, end_s - start_s);
 }
 
 void VideoDecoder::note_end(int code) {
@@ -130,6 +145,8 @@ void VideoDecoder::feed() {
     av_packet_unref(packet_.get());
     const int read = av_read_frame(format_, packet_.get());
     if (read < 0) return note_end(read);
+    packet_->time_base = format_->streams[packet_->stream_index]->time_base;
+    note_time(*packet_);
     if (packet_->stream_index != stream_->index) continue;
     if ((packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {  // the file ends within it
       note_end(AVERROR_EOF);

@@ -44,6 +44,7 @@ class VideoDecoder {
   void feed();
   void note_end(int code);
   bool is_incomplete() const;
+  void note_time(const AVPacket& packet);
   std::string place_text() const;
   void restart_at(std::int64_t timestamp);
   double time_of(const AVFrame& frame);
@@ -61,6 +62,7 @@ class VideoDecoder {
   std::int64_t frames_ = 0;                       ///< given since the file's start or the last seek
   std::int64_t packets_ = 0;                      ///< read since the last seek
   std::int64_t last_timestamp_ = AV_NOPTS_VALUE;  ///< decoding time of the last whole packet
+  double end_s_ = 0.0;                            ///< end of the latest packet of any stream
   bool drained_ = false;
   std::string fault_;  ///< why reading stopped before the end; thrown once the frames before it are given
 };
