@@ -8,8 +8,8 @@
 
 namespace tileflight::ground_truth {
 
-/// Writes what `tileflight extract` leaves of a region, apart from extract.json: mesh.glb (textured, triangles that meet the box),
-/// surface.ply (samples with normals), voxels.binvox, voxels.ply, octree.bt (OctoMap).
+/// Writes what `tileflight extract` leaves of a region, apart from extract.json: mesh.glb (textured, triangles that
+/// meet the box), surface.ply (samples with normals), voxels.binvox, voxels.ply, octree.bt (OctoMap).
 struct ExtractOptions {
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
@@ -18,7 +18,7 @@ struct ExtractOptions {
 
 struct ExtractResult {
   geometry::VoxelGrid voxels;
-  std::size_t triangles = 0;       ///< that meet the box
+  std::size_t triangles = 0;  ///< that meet the box
   std::size_t surface_points = 0;
 };
 
@@ -28,9 +28,9 @@ ExtractResult write_ground_truth(const std::vector<imaging::TexturedMesh>& meshe
 
 /// The parts of a folder that `extract` wrote, for scoring. Positions in the local frame.
 struct GroundTruth {
-  geometry::TriangleMesh mesh;       ///< mesh.glb
-  geometry::PointCloud surface;      ///< surface.ply
-  geometry::PointCloud voxel_centers;///< voxels.ply
+  geometry::TriangleMesh mesh;         ///< mesh.glb
+  geometry::PointCloud surface;        ///< surface.ply
+  geometry::PointCloud voxel_centers;  ///< voxels.ply
   double voxel_m = 1.0;
 };
 GroundTruth read_ground_truth(const std::filesystem::path& folder);

@@ -10,13 +10,13 @@
 
 namespace tileflight::ground_truth {
 
-/// Points evenly by area with the triangle's normal: stratified along the cumulative area, `per_m2` of them a square metre,
-/// clipped to the box. The same seed gives the same points.
+/// Points evenly by area with the triangle's normal: stratified along the cumulative area, `per_m2` of them a square
+/// metre, clipped to the box. The same seed gives the same points.
 geometry::PointCloud sample_surface(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double per_m2,
                                     std::uint64_t seed = 1);
 
-/// For each point, whether at least one pose's camera sees it: inside the image and the lens's valid cone, in front, nearer than
-/// `max_range_m`, and nothing in between (a ray to within `tolerance_m` of it).
+/// For each point, whether at least one pose's camera sees it: inside the image and the lens's valid cone, in front,
+/// nearer than `max_range_m`, and nothing in between (a ray to within `tolerance_m` of it).
 std::vector<bool> seen_by_camera(const scene::Scene& scene, const geometry::PointCloud& points,
                                  const geometry::Trajectory& poses, const imaging::Camera& camera,
                                  double max_range_m = 500.0, double tolerance_m = 0.05);

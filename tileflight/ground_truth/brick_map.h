@@ -1,0 +1,67 @@
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "tileflight/geometry/voxel_grid.h"
+
+namespace tileflight::ground_truth {
+
+/// A sparse set of cells: bits in bricks of 8 x 8 x 8, found by a hash table. Memory follows the bricks that hold a
+/// cell.
+class BrickMap {
+ public:
+  /// Cells lie at 0 to 2^24 - 1 along each axis.
+  static constexpr std::int32_t kMostCellsPerAxis = std::int32_t{1} << 24;
+
+  /// 512 cells: plane[x], bit 8 y + z.
+  struct Brick {
+    std::array<std::uint64_t, 8> plane{};
+  };
+
+  BrickMap();
+
+  void insert(std::int32_t x, std::int32_t y, std::int32_t z) {
+    brick_of(x >> 3, y >> 3, z >> 3).plane[static_cast<std::size_t>(x & 7)] |= std::uint64_t{1}
+                                                                               << ((y & 7) * 8 + (z & 7));
+  }
+
+  /// Inserts the cells from `cell` along `axis` up to index `last`.
+  void insert_run(const std::array<std::int32_t, 3>& cell, std::size_t axis, std::int32_t last);
+
+  /// Inserts all cells of the other.
+  void merge(const BrickMap& other);
+
+  std::size_t brick_count() const { return bricks_.size(); }
+
+  /// All cells, sorted by x, then y, then z. Runs in parallel.
+  std::vector<geometry::Cell> sorted_cells() const;
+
+ private:
+  static std::uint64_t key_of(std::int32_t bx, std::int32_t by, std::int32_t bz) {
+    return static_cast<std::uint64_t>(bx) << 42 | static_cast<std::uint64_t>(by) << 21 | static_cast<std::uint64_t>(bz);
+  }
+
+  Brick& brick_of(std::int32_t bx, std::int32_t by, std::int32_t bz) {
+    const std::uint64_t key = key_of(bx, by, bz);
+    // Neighbouring triangles mostly meet in one brick.
+    if (key != last_key_) {
+      last_brick_ = find_or_add(key);
+      last_key_ = key;
+    }
+    return bricks_[last_brick_];
+  }
+
+  std::uint32_t find_or_add(std::uint64_t key);
+  void grow();
+
+  std::vector<std::uint32_t> slots_;  ///< hash table of brick numbers plus one; 0: free. Its size is a power of two
+  std::vector<std::uint64_t> keys_;   ///< of each brick
+  std::vector<Brick> bricks_;
+  std::uint64_t last_key_ = ~std::uint64_t{0};
+  std::uint32_t last_brick_ = 0;
+};
+
+}  // namespace tileflight::ground_truth
