@@ -1,0 +1,170 @@
+#include "tileflight/sensors/fly.h"
+
+#include <tbb/parallel_pipeline.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <mutex>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+#include "tileflight/flight/path.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::sensors {
+namespace {
+
+using geometry::SE3;
+using geometry::StampedPose;
+using geometry::Trajectory;
+
+bool has_shutter(const ImageFormation& formation) {
+  return formation.exposure_time_s > 0.0 || formation.line_delay_s != 0.0;
+}
+
+/// The poses that a shutter is asked for: the given function, else a spline through the frames.
+PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames, const ImageFormation& formation) {
+  if (pose_at || !has_shutter(formation)) return pose_at;
+  if (frames.size() == 1) return [T = frames.poses[0].T_local_camera](double) { return T; };
+  return [path = flight::path_through_poses(frames)](double time_s) { return path.pose(time_s); };
+}
+
+/// Makes one frame after another; several threads may each make one.
+class FrameMaker {
+ public:
+  FrameMaker(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
+             const PoseFunction& pose_at, const FlightOptions& options)
+      : renderer_(scene, camera, options.render),
+        formation_(options.formation),
+        pose_at_(shutter_path(pose_at, frames, options.formation)),
+        vignette_(vignette_of(formation_, camera.width(), camera.height())) {}
+
+  RenderedFrame make(std::size_t index, const StampedPose& pose) const {
+    if (is_ideal(formation_)) return renderer_.render(pose.T_local_camera);
+    LightFrame light = renderer_.render_light(poses_of(pose));
+    const double gain = exposure_gain(formation_, pose.time_s);
+    return {develop(light.light, vignette_, formation_, gain, index), std::move(light.depth_m), light.view};
+  }
+  double exposure_ms(double time_s) const {
+    return 1e3 * formation_.exposure_time_s * exposure_gain(formation_, time_s);
+  }
+
+ private:
+  ShutterPoses poses_of(const StampedPose& pose) const {
+    if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}};
+    return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height());
+  }
+
+  CameraRenderer renderer_;
+  ImageFormation formation_;
+  PoseFunction pose_at_;
+  imaging::FloatImage vignette_;
+};
+
+/// "frame 3", "frames 3 to 7".
+std::string range_name(std::size_t first, std::size_t last) {
+  if (first == last) return "frame " + std::to_string(first);
+  return "frames " + std::to_string(first) + " to " + std::to_string(last);
+}
+
+/// One line for each run of frames for which `found` holds.
+template <class Found>
+void warn_of_runs(std::size_t count, const Found& found, const std::string& what, std::vector<std::string>& warnings) {
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!found(i)) continue;
+    const std::size_t first = i;
+    while (i + 1 < count && found(i + 1)) ++i;
+    warnings.push_back(range_name(first, i) + ": " + what);
+  }
+}
+
+bool passes_through(const scene::Scene& scene, const SE3& from, const SE3& to) {
+  const geometry::Vec3 step = to.translation - from.translation;
+  const double length_m = step.norm();
+  return length_m > 1e-6 && scene.occluded({from.translation, step / length_m}, length_m);
+}
+
+std::vector<std::string> path_warnings(const scene::Scene& scene, const Trajectory& frames,
+                                       const std::vector<FrameView>& views, double clearance_m) {
+  std::vector<std::string> warnings;
+  std::ostringstream near;
+  near << "a surface is nearer to the camera than " << clearance_m << " m";
+  const auto& poses = frames.poses;
+  warn_of_runs(
+      views.size(), [&](std::size_t i) { return views[i].nearest_m < clearance_m; }, near.str(), warnings);
+  warn_of_runs(
+      views.size(), [&](std::size_t i) { return views[i].surface_share == 0.0; }, "no surface is in view", warnings);
+  warn_of_runs(
+      views.size(), [&](std::size_t i) { return views[i].back_share > 0.5; },
+      "most surfaces are seen from behind; is the camera inside something?", warnings);
+  const auto collides = [&](std::size_t i) {
+    return i + 1 < poses.size() && passes_through(scene, poses[i].T_local_camera, poses[i + 1].T_local_camera);
+  };
+  warn_of_runs(views.size(), collides, "the path to the next frame goes through a surface", warnings);
+  return warnings;
+}
+
+struct MadeFrame {
+  std::size_t index = 0;
+  RenderedFrame frame;
+};
+
+FlightReport report_of(const std::vector<FrameView>& views, double seconds) {
+  FlightReport report;
+  report.frames = static_cast<std::int64_t>(views.size());
+  report.seconds = seconds;
+  report.frames_per_second = seconds > 0.0 ? static_cast<double>(views.size()) / seconds : 0.0;
+  report.nearest_m = std::numeric_limits<double>::infinity();
+  for (const FrameView& view : views) {
+    report.mean_surface_share += view.surface_share / static_cast<double>(views.size());
+    report.nearest_m = std::min(report.nearest_m, view.nearest_m);
+  }
+  return report;
+}
+
+}  // namespace
+
+FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
+                           const PoseFunction& pose_at, const FlightOptions& options, const FrameSink& sink,
+                           const Progress& progress) {
+  check(options.formation);
+  if (frames.empty()) throw InputError("flight", "there are no frames to render");
+  if (options.frames_in_flight < 1) throw InputError("frames in flight", "must be at least 1");
+  const auto start = std::chrono::steady_clock::now();
+  const FrameMaker maker(scene, camera, frames, pose_at, options);
+  std::vector<FrameView> views(frames.size());
+  std::size_t next = 0;
+  std::int64_t done = 0;
+  std::mutex progress_mutex;
+
+  const auto take = [&](tbb::flow_control& flow) -> std::size_t {
+    if (next == frames.size()) flow.stop();
+    return next++;
+  };
+  const auto make = [&](std::size_t index) {
+    MadeFrame made{index, maker.make(index, frames.poses[index])};
+    views[index] = made.frame.view;
+    return made;
+  };
+  const auto hand_over = [&](const MadeFrame& made) {
+    const double time_s = frames.poses[made.index].time_s;
+    const imaging::FloatImage* depth_m = made.frame.depth_m.empty() ? nullptr : &made.frame.depth_m;
+    sink(made.index, time_s, maker.exposure_ms(time_s), made.frame.rgb, depth_m);
+    const std::scoped_lock lock(progress_mutex);
+    report_progress(progress, ++done, static_cast<std::int64_t>(frames.size()), "frames rendered");
+  };
+  // While one thread encodes a frame, the others render tiles of the next ones; the tokens bound the memory.
+  tbb::parallel_pipeline(static_cast<std::size_t>(options.frames_in_flight),
+                         tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, take) &
+                             tbb::make_filter<std::size_t, MadeFrame>(tbb::filter_mode::parallel, make) &
+                             tbb::make_filter<MadeFrame, void>(tbb::filter_mode::parallel, hand_over));
+
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  FlightReport report = report_of(views, seconds.count());
+  report.warnings = path_warnings(scene, frames, views, options.clearance_m);
+  return report;
+}
+
+}  // namespace tileflight::sensors

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/progress.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/sensors/image_formation.h"
+#include "tileflight/sensors/render.h"
+
+namespace tileflight::sensors {
+
+struct FlightOptions {
+  RenderOptions render;
+  ImageFormation formation;
+  int frames_in_flight = 4;  ///< frames that may be in memory at once, rendered or being written
+  double clearance_m = 0.3;  ///< a surface nearer than this to the camera is reported
+};
+
+/// Takes a finished frame (encode, write). Called once a frame, from several threads at once and in any order.
+/// `exposure_ms`: how long the shutter was open, 0 where the formation has no exposure time. `depth_m`: null where no
+/// depth is wanted.
+using FrameSink = std::function<void(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
+                                     const imaging::FloatImage* depth_m)>;
+
+struct FlightReport {
+  std::int64_t frames = 0;
+  double seconds = 0.0;  ///< wall clock, rendering and sink together
+  double frames_per_second = 0.0;
+  double mean_surface_share = 0.0;  ///< of pixels that see a surface
+  double nearest_m = 0.0;           ///< of all surfaces seen
+  std::vector<std::string>
+      warnings;  ///< path through or too near a surface, frames that see none; one line each, with the frames
+};
+
+/// Renders a frame at each of `frames`' poses and hands it to `sink`; rendering and sink overlap. Frames (pixels and
+/// exposures) do not depend on the number of threads. `pose_at` is asked for the moments and rows of a shutter; without
+/// it, they come from a spline through `frames`. Throws InputError for options out of range or no frames; what `sink`
+/// throws is passed on.
+FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& camera, const geometry::Trajectory& frames,
+                           const PoseFunction& pose_at, const FlightOptions& options, const FrameSink& sink,
+                           const Progress& progress = {});
+
+}  // namespace tileflight::sensors

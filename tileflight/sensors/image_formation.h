@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "tileflight/imaging/image.h"
+#include "tileflight/imaging/photometric.h"
+#include "tileflight/sensors/light.h"
+#include "tileflight/sensors/render.h"
+
+namespace tileflight::sensors {
+
+/// T_local_camera at any time, seconds. May be asked from several threads at once.
+using PoseFunction = std::function<geometry::SE3(double time_s)>;
+
+/// From `time_s` on, the exposure is `gain` times as long.
+struct ExposureStep {
+  double time_s = 0.0;
+  double gain = 1.0;
+};
+
+/// What a real camera does to light on its way into a file. Every effect is off by default; then frames are the
+/// textures' own colours. The order is that of a camera: light gathered while the shutter is open (motion blur; each
+/// row at its own time) -> vignetting -> exposure -> photon and read noise -> full well -> response curve -> 8 bits.
+struct ImageFormation {
+  std::uint64_t seed = 1;  ///< of the noise; the same seed gives the same bytes
+
+  // Shutter.
+  double exposure_time_s = 0.0;  ///< at gain 1; centred on the frame's time. 0: an instant, no motion blur
+  int exposure_samples = 9;      ///< moments of the exposure that are averaged; odd
+  double line_delay_s = 0.0;     ///< time from one row to the next; the middle row is taken at the frame's time
+
+  // Optics: V(r) = 1 - vignetting (r / r_corner)^2, r from the image's centre.
+  double vignetting = 0.0;  ///< share of the light that is lost in the corners, 0..1
+
+  // Exposure: a slow drift and steps, as an automatic exposure makes them; both change the time that the shutter is
+  // open.
+  double exposure_drift = 0.0;               ///< amplitude of the gain's oscillation, 0..1
+  double exposure_drift_period_s = 8.0;      ///< of the oscillation, which starts rising at time 0
+  std::vector<ExposureStep> exposure_steps;  ///< in time order; each holds until the next
+
+  // Sensor.
+  double white_electrons = 0.0;       ///< electrons of a pixel at white; their number is Poisson-like. 0: no noise
+  double read_noise_electrons = 0.0;  ///< standard deviation; needs white_electrons
+
+  // Response: sRGB, as the textures are encoded, or a power.
+  double gamma = 0.0;  ///< value = light^(1 / gamma); 0: sRGB's curve
+};
+
+/// Throws InputError (option, cause) where a value is out of its range.
+void check(const ImageFormation& formation);
+
+/// Whether every effect is off, so that frames are the textures' own colours.
+bool is_ideal(const ImageFormation& formation);
+
+/// Factor on the time that the shutter is open, for a frame at `time_s`.
+double exposure_gain(const ImageFormation& formation, double time_s);
+
+/// The moments and rows of a frame at `time_s`: row y is taken around time_s + (y - (height - 1) / 2) line_delay_s.
+ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height);
+
+/// V of every pixel, in (0, 1]; empty where there is no vignetting.
+imaging::FloatImage vignette_of(const ImageFormation& formation, int width, int height);
+
+/// From light to the file's bytes. `vignette` as vignette_of gives it; `frame` tells the noise of frames apart.
+imaging::RgbImage develop(const LightImage& light, const imaging::FloatImage& vignette, const ImageFormation& formation,
+                          double gain, std::uint64_t frame);
+
+/// The photometric calibration that undoes response and vignetting: I = G(t V B) as in imaging/photometric.h.
+imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height);
+
+}  // namespace tileflight::sensors
