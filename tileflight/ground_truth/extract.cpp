@@ -1,0 +1,101 @@
+#include "tileflight/ground_truth/extract.h"
+
+#include <limits>
+#include <string>
+
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/ground_truth/mesh_glb.h"
+#include "tileflight/ground_truth/octree.h"
+#include "tileflight/ground_truth/surface_samples.h"
+#include "tileflight/ground_truth/triangle_cells.h"
+
+namespace tileflight::ground_truth {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+
+constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max();
+
+/// Whether a triangle touches the box: the separating axis test with the box as the only cell.
+bool meets(const geometry::TriangleMesh& mesh, const geometry::Triangle& t, const Box3& box) {
+  CellTriangle in_boxes;
+  for (std::size_t k = 0; k < 3; ++k) in_boxes[k] = (mesh.vertices[t[k]] - box.min()).cwiseQuotient(box.sizes());
+  bool met = false;
+  visit_touched_cells(in_boxes, {1, 1, 1}, [&](const auto&, std::size_t, std::int32_t) { met = true; });
+  return met;
+}
+
+/// The triangles of a mesh that meet the box, with only the vertices that they use.
+TexturedMesh part_in_box(const TexturedMesh& whole, const Box3& box) {
+  TexturedMesh part = whole;
+  part.mesh = {};
+  part.uv.clear();
+  part.colors.clear();
+  std::vector<std::uint32_t> new_index(whole.mesh.vertices.size(), kUnused);
+  const auto moved = [&](std::uint32_t vertex) {
+    if (new_index[vertex] == kUnused) {
+      new_index[vertex] = static_cast<std::uint32_t>(part.mesh.vertices.size());
+      part.mesh.vertices.push_back(whole.mesh.vertices[vertex]);
+      if (!whole.uv.empty()) part.uv.push_back(whole.uv[vertex]);
+      if (!whole.colors.empty()) part.colors.push_back(whole.colors[vertex]);
+    }
+    return new_index[vertex];
+  };
+  for (const geometry::Triangle& t : whole.mesh.triangles) {
+    if (meets(whole.mesh, t, box)) part.mesh.triangles.push_back({moved(t[0]), moved(t[1]), moved(t[2])});
+  }
+  return part;
+}
+
+std::vector<TexturedMesh> parts_in_box(const std::vector<TexturedMesh>& meshes, const Box3& box) {
+  std::vector<TexturedMesh> parts;
+  for (const TexturedMesh& mesh : meshes) {
+    TexturedMesh part = part_in_box(mesh, box);
+    if (!part.mesh.triangles.empty()) parts.push_back(std::move(part));
+  }
+  return parts;
+}
+
+}  // namespace
+
+ExtractResult write_ground_truth(const std::vector<TexturedMesh>& meshes, const Box3& box,
+                                 const ExtractOptions& options, const std::filesystem::path& folder,
+                                 const Progress& progress) {
+  if (box.isEmpty() || !(box.sizes().minCoeff() > 0.0)) throw InputError("region", "is empty");
+  const std::vector<TexturedMesh> parts = parts_in_box(meshes, box);
+  if (parts.empty()) throw InputError("region", "holds no triangle: check its centre, size and height");
+  const geometry::TriangleMesh mesh = scene::merged(parts);
+
+  ExtractResult result;
+  result.triangles = mesh.triangles.size();
+  result.voxels = voxelize(mesh, box, options.voxel_m, progress);
+  const geometry::PointCloud surface = sample_surface(mesh, box, options.samples_per_m2);
+  result.surface_points = surface.size();
+
+  write_mesh_glb(folder / "mesh.glb", parts, options.textured_mesh, progress);
+  constexpr int kFiles = 4;
+  report_progress(progress, 0, kFiles, "ground truth files");
+  geometry::write_cloud(folder / "surface.ply", surface);
+  report_progress(progress, 1, kFiles, "ground truth files");
+  geometry::write_binvox(folder / "voxels.binvox", result.voxels);
+  report_progress(progress, 2, kFiles, "ground truth files");
+  geometry::write_cloud(folder / "voxels.ply", geometry::centers(result.voxels));
+  report_progress(progress, 3, kFiles, "ground truth files");
+  write_octree(folder / "octree.bt", result.voxels);
+  report_progress(progress, kFiles, kFiles, "ground truth files");
+  return result;
+}
+
+GroundTruth read_ground_truth(const std::filesystem::path& folder) {
+  GroundTruth truth;
+  truth.mesh = read_mesh_glb(folder / "mesh.glb");
+  truth.surface = geometry::read_cloud(folder / "surface.ply");
+  truth.voxel_centers = geometry::read_cloud(folder / "voxels.ply");
+  truth.voxel_m = geometry::read_binvox(folder / "voxels.binvox").edge_m;
+  return truth;
+}
+
+}  // namespace tileflight::ground_truth

@@ -1,0 +1,212 @@
+#include "tileflight/ground_truth/surface_samples.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::ground_truth {
+namespace {
+
+using geometry::Box3;
+using geometry::PointCloud;
+using geometry::TriangleMesh;
+using geometry::Vec3;
+
+/// Points that are still sampled: 48 bytes each.
+constexpr double kMostPoints = 5e8;
+
+/// A number in [0, 1) that depends on (seed, index) alone: SplitMix64 (Steele, Lea and Flood 2014) as a counter's hash.
+double uniform(std::uint64_t seed, std::uint64_t index) {
+  std::uint64_t z = seed * 0xD1B54A32D192ED03U + (index + 1) * 0x9E3779B97F4A7C15U;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9U;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBU;
+  return static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
+}
+
+/// A convex polygon of at most nine corners: a triangle cut by the six faces of a box.
+struct Polygon {
+  std::array<Vec3, 9> corners;
+  std::size_t size = 0;
+
+  void add(const Vec3& p) { corners[size++] = p; }
+};
+
+/// The part where sign * (p[axis] - at) >= 0 (Sutherland and Hodgman 1974).
+Polygon cut(const Polygon& polygon, int axis, double at, double sign) {
+  Polygon kept;
+  for (std::size_t i = 0; i < polygon.size; ++i) {
+    const Vec3& p = polygon.corners[i];
+    const Vec3& q = polygon.corners[(i + 1) % polygon.size];
+    const double depth_p = sign * (p[axis] - at);
+    const double depth_q = sign * (q[axis] - at);
+    if (depth_p >= 0.0) kept.add(p);
+    if ((depth_p >= 0.0) != (depth_q >= 0.0)) kept.add(p + depth_p / (depth_p - depth_q) * (q - p));
+  }
+  return kept;
+}
+
+Polygon cut_by_box(const Vec3& a, const Vec3& b, const Vec3& c, const Box3& box) {
+  Polygon polygon;
+  for (const Vec3& p : {a, b, c}) polygon.add(p);
+  for (int axis = 0; axis < 3; ++axis) {
+    polygon = cut(polygon, axis, box.min()[axis], 1.0);
+    polygon = cut(polygon, axis, box.max()[axis], -1.0);
+  }
+  return polygon;
+}
+
+/// Lays samples along the area, one in each stretch of 1 / per_m2 square metres.
+class AreaSampler {
+ public:
+  AreaSampler(double per_m2, std::uint64_t seed) : per_m2_(per_m2), seed_(seed) { place_next(); }
+
+  /// `normal`: unit, of the whole triangle.
+  void add(const Vec3& a, const Vec3& b, const Vec3& c, const Eigen::Vector3f& normal) {
+    const double area_m2 = 0.5 * (b - a).cross(c - a).norm();
+    for (; next_m2_ < done_m2_ + area_m2; place_next()) {
+      // The place within the triangle's area is one of the two random numbers: samples of one triangle keep apart.
+      const double r = std::sqrt((next_m2_ - done_m2_) / area_m2);
+      const double s = uniform(seed_, 2 * count_ + 1);
+      cloud_.positions.push_back((1.0 - r) * a + r * ((1.0 - s) * b + s * c));
+      cloud_.normals.push_back(normal);
+      ++count_;
+    }
+    done_m2_ += area_m2;
+  }
+
+  PointCloud take() { return std::move(cloud_); }
+
+ private:
+  void place_next() { next_m2_ = (static_cast<double>(count_) + uniform(seed_, 2 * count_)) / per_m2_; }
+
+  double per_m2_;
+  std::uint64_t seed_;
+  std::uint64_t count_ = 0;
+  double done_m2_ = 0.0;  ///< area of the triangles so far
+  double next_m2_ = 0.0;  ///< where on the area the next sample lies
+  PointCloud cloud_;
+};
+
+void check_samples(const TriangleMesh& mesh, const Box3& box, double per_m2) {
+  if (!(per_m2 > 0.0) || !std::isfinite(per_m2)) {
+    throw InputError("samples per square metre " + std::to_string(per_m2), "must be a number above zero");
+  }
+  if (box.isEmpty()) throw InputError("region", "is empty: give a box with sides above zero");
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    if (!mesh.vertices[i].allFinite()) throw InputError("vertex " + std::to_string(i), "is not finite");
+  }
+}
+
+/// Largest angle between the optical axis and a ray of the image, radians: found on the image's border.
+double widest_angle_rad(const imaging::Camera& camera) {
+  double widest = 0.0;
+  const auto take = [&](double x, double y) {
+    const auto ray = camera.unproject({x, y});
+    widest = std::max(widest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : camera.max_theta_rad());
+  };
+  const double right = camera.width() - 0.5;
+  const double bottom = camera.height() - 0.5;
+  constexpr int kSteps = 32;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double share = static_cast<double>(i) / kSteps;
+    for (const double y : {-0.5, bottom}) take(-0.5 + share * (right + 0.5), y);
+    for (const double x : {-0.5, right}) take(x, -0.5 + share * (bottom + 0.5));
+  }
+  return widest;
+}
+
+/// Whether a camera that stands somewhere sees a point.
+class Viewer {
+ public:
+  Viewer(const scene::Scene& scene, const geometry::Trajectory& poses, const imaging::Camera& camera,
+         double max_range_m, double tolerance_m)
+      : scene_(scene), camera_(camera), max_range_m_(max_range_m), tolerance_m_(tolerance_m) {
+    for (const auto& pose : poses.poses) T_camera_local_.push_back(pose.T_local_camera.inverse());
+    for (const auto& pose : poses.poses) centers_.push_back(pose.T_local_camera.translation);
+    // A little wider than the image: this only spares the full projection.
+    cos_widest_ = std::cos(std::min(std::numbers::pi, 1.02 * widest_angle_rad(camera) + 0.01));
+  }
+
+  std::size_t poses() const { return centers_.size(); }
+
+  bool sees(std::size_t pose, const Vec3& point) const {
+    const Vec3 offset = point - centers_[pose];
+    const double distance_m = offset.norm();
+    if (!(distance_m < max_range_m_)) return false;
+    const Vec3 point_camera = T_camera_local_[pose].rotation * offset;
+    if (point_camera.z() < cos_widest_ * distance_m || !in_image(point_camera)) return false;
+    const double free_m = distance_m - tolerance_m_;
+    return free_m <= 0.0 || !scene_.occluded({centers_[pose], offset / distance_m}, free_m);
+  }
+
+ private:
+  bool in_image(const Vec3& point_camera) const {
+    const auto pixel = camera_.project(point_camera);
+    return pixel && pixel->x() >= -0.5 && pixel->y() >= -0.5 && pixel->x() < camera_.width() - 0.5 &&
+           pixel->y() < camera_.height() - 0.5;
+  }
+
+  const scene::Scene& scene_;
+  const imaging::Camera& camera_;
+  double max_range_m_, tolerance_m_;
+  double cos_widest_ = -1.0;
+  std::vector<geometry::SE3> T_camera_local_;
+  std::vector<Vec3> centers_;
+};
+
+}  // namespace
+
+PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_m2, std::uint64_t seed) {
+  check_samples(mesh, box, per_m2);
+  AreaSampler sampler(per_m2, seed);
+  double area_m2 = 0.0;
+  for (const auto& t : mesh.triangles) {
+    const Vec3& a = mesh.vertices[t[0]];
+    const Vec3& b = mesh.vertices[t[1]];
+    const Vec3& c = mesh.vertices[t[2]];
+    Box3 around(a);
+    around.extend(b).extend(c);
+    if (!box.intersects(around)) continue;
+    const Vec3 normal = (b - a).cross(c - a);
+    if (!(normal.norm() > 0.0)) continue;
+    const Eigen::Vector3f unit = normal.normalized().cast<float>();
+    const Polygon polygon = cut_by_box(a, b, c, box);
+    for (std::size_t i = 2; i < polygon.size; ++i) {
+      const auto& p = polygon.corners;
+      area_m2 += 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
+      if (area_m2 * per_m2 > kMostPoints) {
+        throw InputError("samples per square metre " + std::to_string(per_m2),
+                         "would give more than 500 million points: choose fewer, or a smaller region");
+      }
+      sampler.add(p[0], p[i - 1], p[i], unit);
+    }
+  }
+  return sampler.take();
+}
+
+std::vector<bool> seen_by_camera(const scene::Scene& scene, const PointCloud& points, const geometry::Trajectory& poses,
+                                 const imaging::Camera& camera, double max_range_m, double tolerance_m) {
+  const Viewer viewer(scene, poses, camera, max_range_m, tolerance_m);
+  std::vector<std::uint8_t> seen(points.size(), 0);  // bytes: threads may not share a word of bits
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
+    // Neighbouring points are mostly seen from the same pose: that one is asked first.
+    std::size_t last_seen_from = 0;
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      for (std::size_t k = 0; k < viewer.poses() && seen[i] == 0; ++k) {
+        const std::size_t pose = (last_seen_from + k) % viewer.poses();
+        if (!viewer.sees(pose, points.positions[i])) continue;
+        seen[i] = 1;
+        last_seen_from = pose;
+      }
+    }
+  });
+  return {seen.begin(), seen.end()};
+}
+
+}  // namespace tileflight::ground_truth
