@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,7 +14,7 @@
 
 namespace tileflight::experiment {
 
-/// `place:` what is flown over. Keys: source, center | center_local, size, error, origin.
+/// `place:` what is flown over. Keys: source, center | center_local, size, error, origin, view_margin, texture_scale.
 struct Place {
   std::string source;                              ///< tileset (SOURCE of the contract), or `stadium:twin`, `stadium:world`
   std::optional<geometry::Geodetic> center;        ///< center: [lat, lon] or [lat, lon, height]
@@ -21,6 +22,8 @@ struct Place {
   std::optional<geometry::Vec3> size;              ///< size: [east, north, up], metres
   double error_m = 0.0;                            ///< error: geometric error wanted; 0: the finest there is
   std::optional<geometry::Geodetic> origin;        ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
+  double view_margin_m = 250.0;                    ///< view_margin: how much of the place around the region the cameras can see
+  double texture_scale = 1.0;                      ///< texture_scale: of the built-in place (smaller: quicker, blurrier)
 };
 
 /// `truth:` what is taken from the place to score against. Keys: voxel, samples_per_m2.
@@ -29,7 +32,7 @@ struct Truth {
   double samples_per_m2 = 16.0;
 };
 
-/// `render:` a flight through the place's tiles. Keys: flight, source, width, height, samples_per_pixel, max_frames, degrade, gps.
+/// `render:` a flight through the place's tiles. Keys: flight, source, resolution, samples_per_pixel, max_frames, degrade.
 struct RenderFlight {
   std::filesystem::path flight;              ///< FLIGHT file
   std::string source;                        ///< another model of the same place; empty: the place's
@@ -40,12 +43,14 @@ struct RenderFlight {
   std::optional<int> video_crf;              ///< through H.264 and back at this rate factor; none: no compression
 };
 
-/// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, telemetry_offset, groundtruth, from, to, every, fps.
+/// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, takeoff_height, telemetry_offset,
+/// groundtruth, from, to, every, fps.
 struct IngestFlight {
   std::filesystem::path video;               ///< video file or folder of images
   std::filesystem::path camera;
   std::filesystem::path telemetry;           ///< DJI .srt; empty: none
   std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; what the log's heights are above
+  std::optional<double> takeoff_height_m;    ///< of the take-off place above the ellipsoid, where heights are above it
   std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated while aligning
   std::filesystem::path groundtruth;         ///< TUM poses for scoring; empty: none
   double from_s = 0.0;
@@ -88,6 +93,7 @@ struct Experiment {
   Odometry odometry;
   alignment::AlignMapOptions alignment;
   EvaluationSettings evaluation;
+  std::map<std::string, std::string> sections;  ///< each top-level section as text, to tell whether it changed
 };
 
 /// Throws InputError (file, line, key): unknown keys name the nearest known one; wrong types; missing files; unset variables.

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tileflight/geometry/progress.h"
+
+namespace tileflight::app {
+
+/// What every command takes.
+struct CommonOptions {
+  bool json = false;   ///< one JSON object on stdout, nothing else
+  bool quiet = false;  ///< nothing on stdout, no progress
+  bool force = false;  ///< replace what is at the output's place
+  int threads = 0;     ///< 0: one a core
+};
+
+/// What a command leaves to print: for programs and for people.
+struct Output {
+  nlohmann::json json;
+  std::string text;
+};
+
+/// The command that was asked for, bound to its options; filled by the parser.
+struct Selection {
+  std::function<Output(const CommonOptions&, const Progress&)> run;
+};
+
+/// Adds the options that every command has.
+inline void add_common_options(CLI::App& command, CommonOptions& common) {
+  command.add_flag("--json", common.json, "print one JSON object and nothing else on stdout");
+  command.add_flag("--quiet", common.quiet, "print nothing but errors");
+  command.add_flag("--force", common.force, "replace existing output");
+  command.add_option("--threads", common.threads, "threads to use (default: one for each core)")->check(CLI::Range(1, 1024));
+}
+
+// One function a command, each in the file of its name: adds the subcommand and binds it to `selection`.
+void add_scene(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_extract(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_render(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_align(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_compare(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_run(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_report(CLI::App& app, CommonOptions& common, Selection& selection);
+
+}  // namespace tileflight::app

@@ -1,0 +1,48 @@
+#include <sstream>
+
+#include "command.h"
+#include "tileflight/experiment/fly.h"
+
+namespace tileflight::app {
+
+void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
+  struct Options {
+    experiment::IngestFlight flight;
+    std::string video, camera, telemetry, groundtruth, out;
+    double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("ingest", "a filmed flight as a dataset");
+  command->footer("Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height ellipsoid --every 4 --out dataset");
+  command->add_option("VIDEO", options->video, "video file or folder of images")->required();
+  command->add_option("--camera", options->camera, "calibration: Kalibr camchain (.yaml) or DSO camera (.txt)")->required();
+  command->add_option("--telemetry", options->telemetry, "flight log (DJI .srt)");
+  command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")
+      ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
+  CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m, "of the take-off place above the ellipsoid, metres");
+  command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
+  command->add_option("--from", options->flight.from_s, "start of the excerpt, seconds");
+  CLI::Option* to = command->add_option("--to", options->to_s, "end of the excerpt, seconds");
+  command->add_option("--every", options->flight.every, "each n-th frame")->check(CLI::PositiveNumber);
+  CLI::Option* fps = command->add_option("--fps", options->fps, "of a folder of images without times")->check(CLI::PositiveNumber);
+  command->add_option("--out", options->out, "dataset folder to write")->required();
+  add_common_options(*command, common);
+  command->callback([options, to, fps, takeoff, &selection] {
+    options->flight.video = options->video;
+    options->flight.camera = options->camera;
+    options->flight.telemetry = options->telemetry;
+    options->flight.groundtruth = options->groundtruth;
+    if (to->count() > 0) options->flight.to_s = options->to_s;
+    if (fps->count() > 0) options->flight.fps = options->fps;
+    if (takeoff->count() > 0) options->flight.takeoff_height_m = options->takeoff_height_m;
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      const nlohmann::json r = experiment::ingest_dataset(options->flight, options->out, shared.force, progress);
+      std::ostringstream text;
+      text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions\n";
+      for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
+      return {r, text.str()};
+    };
+  });
+}
+
+}  // namespace tileflight::app

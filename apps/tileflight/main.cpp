@@ -1,0 +1,96 @@
+// tileflight COMMAND: parse, call, print, exit code. 0 done, 1 the work failed (one line on stderr), 2 wrong usage.
+#include <oneapi/tbb/global_control.h>
+
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <iostream>
+#include <new>
+#include <thread>
+
+#include "command.h"
+#include "terminal_progress.h"
+#include "tileflight/experiment/version.h"
+
+namespace {
+
+using tileflight::app::CommonOptions;
+using tileflight::app::Output;
+using tileflight::app::Selection;
+
+void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
+  namespace commands = tileflight::app;
+  commands::add_scene(app, common, selection);
+  commands::add_inspect(app, common, selection);
+  commands::add_extract(app, common, selection);
+  commands::add_render(app, common, selection);
+  commands::add_ingest(app, common, selection);
+  commands::add_odometry(app, common, selection);
+  commands::add_align(app, common, selection);
+  commands::add_evaluate(app, common, selection);
+  commands::add_compare(app, common, selection);
+  commands::add_run(app, common, selection);
+  commands::add_report(app, common, selection);
+}
+
+/// One line, whatever the cause put into it.
+void print_error(std::string message) {
+  for (char& c : message) {
+    if (c == '\n' || c == '\r') c = ' ';
+  }
+  std::cerr << "tileflight: " << message << "\n";
+}
+
+void print_output(const CommonOptions& common, const Output& output) {
+  if (common.json) {
+    std::cout << output.json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+  } else if (!common.quiet) {
+    std::cout << output.text;
+  }
+  if (!std::cout.flush()) throw std::runtime_error("cannot write to standard output");
+}
+
+int run_selected(const CommonOptions& common, const Selection& selection) {
+  const std::size_t threads = common.threads > 0 ? static_cast<std::size_t>(common.threads)
+                                                 : std::max(1U, std::thread::hardware_concurrency());
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+  tileflight::app::TerminalProgress terminal(!common.quiet);
+  const tileflight::Progress progress = [&terminal](std::int64_t done, std::int64_t total, std::string_view what) {
+    terminal.update(done, total, what);
+  };
+  try {
+    const Output output = selection.run(common, progress);
+    terminal.clear();
+    print_output(common, output);
+    return 0;
+  } catch (const std::bad_alloc&) {
+    terminal.clear();
+    print_error("out of memory; choose a smaller region, a larger voxel or a smaller image");
+  } catch (const std::exception& fault) {
+    terminal.clear();
+    print_error(fault.what());
+  }
+  return 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  // A closed pipe or a file over the size limit is an error of that write, not the end of the process.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  CLI::App app{"Fly a drone's camera through 3D Tiles of a real place, and measure how true SLAM's map is."};
+  app.name("tileflight");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", std::string("tileflight ") + tileflight::experiment::version());
+
+  CommonOptions common;
+  Selection selection;
+  add_commands(app, common, selection);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& fault) {
+    return app.exit(fault) == 0 ? 0 : 2;
+  }
+  return run_selected(common, selection);
+}

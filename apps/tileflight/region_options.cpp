@@ -1,0 +1,45 @@
+#include "region_options.h"
+
+#include "tileflight/experiment/region_file.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::app {
+namespace {
+
+geometry::Geodetic geodetic(const std::vector<double>& numbers) {
+  return {numbers.at(0), numbers.at(1), geometry::EllipsoidalHeight{numbers.size() > 2 ? numbers[2] : 0.0}};
+}
+
+geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers.at(0), numbers.at(1), numbers.at(2)}; }
+
+}  // namespace
+
+void add_region_options(CLI::App& command, RegionOptions& options) {
+  auto* center = command.add_option("--center", options.center, "LAT,LON[,HEIGHT] of the region's centre, degrees and metres above the ellipsoid")
+                     ->delimiter(',')->expected(2, 3);
+  auto* local = command.add_option("--center-local", options.center_local, "X,Y,Z of the region's centre in the tileset's own frame, metres")
+                    ->delimiter(',')->expected(3)->excludes(center);
+  command.add_option("--size", options.size, "EAST,NORTH,UP of the region, metres")->delimiter(',')->expected(3);
+  command.add_option("--region", options.region_file, "GeoJSON file whose area is the region")->excludes(center)->excludes(local);
+  command.add_option("--origin", options.origin, "LAT,LON,HEIGHT of the local frame's origin (default: the region's centre)")
+      ->delimiter(',')->expected(3);
+  command.add_option("--error", options.error_m, "geometric error wanted, metres (0: the finest there is)")->check(CLI::NonNegativeNumber);
+  command.add_flag("--allow-incomplete", options.allow_incomplete, "go on without tiles that are missing or broken");
+}
+
+tiles::LoadOptions load_options(const RegionOptions& options) {
+  tiles::LoadOptions load;
+  load.error_m = options.error_m;
+  load.allow_incomplete = options.allow_incomplete;
+  if (!options.region_file.empty()) experiment::set_region_from_geojson(options.region_file, load);
+  if (!options.center.empty()) load.center = geodetic(options.center);
+  if (!options.center_local.empty()) load.center_local = vec3(options.center_local);
+  if (!options.size.empty()) load.size = vec3(options.size);
+  if (!options.origin.empty()) load.origin = geodetic(options.origin);
+  const bool has_center = load.center || load.center_local;
+  if (has_center && !load.size) throw InputError("--size", "is needed with a centre: EAST,NORTH,UP in metres");
+  if (load.size && !has_center) throw InputError("--size", "is of no use without --center or --center-local");
+  return load;
+}
+
+}  // namespace tileflight::app

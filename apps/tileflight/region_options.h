@@ -1,0 +1,27 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::app {
+
+/// REGION of the contract as command line options.
+struct RegionOptions {
+  std::vector<double> center;        ///< lat, lon[, height]
+  std::vector<double> center_local;  ///< x, y, z
+  std::vector<double> size;          ///< east, north, up
+  std::vector<double> origin;        ///< lat, lon, height
+  std::string region_file;           ///< GeoJSON
+  double error_m = 0.0;
+  bool allow_incomplete = false;
+};
+
+void add_region_options(CLI::App& command, RegionOptions& options);
+
+/// Throws InputError for options that do not go together or a GeoJSON file that names no area.
+tiles::LoadOptions load_options(const RegionOptions& options);
+
+}  // namespace tileflight::app

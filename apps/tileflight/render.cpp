@@ -1,0 +1,41 @@
+#include <sstream>
+
+#include "command.h"
+#include "region_options.h"
+#include "tileflight/experiment/fly.h"
+
+namespace tileflight::app {
+
+void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
+  struct Options {
+    RegionOptions region;
+    experiment::RenderSettings settings;
+    std::string flight, out;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("render", "a simulated sensor dataset of a flight through tiles");
+  command->footer("Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out dataset");
+  command->add_option("SOURCE", options->settings.source, "tileset.json or its folder")->required();
+  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")->required();
+  command->add_option("--out", options->out, "dataset folder to write")->required();
+  command->add_option("--samples", options->settings.flight.samples_per_pixel, "samples per pixel: 1, 4, 9 or 16 (default 1)")
+      ->check(CLI::IsMember({1, 4, 9, 16}));
+  command->add_flag("--depth", options->settings.depth, "write depth/000000.exr as well");
+  command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
+  command->add_option("--seed", options->settings.seed, "seed of everything that is random (default 1)");
+  add_region_options(*command, options->region);
+  add_common_options(*command, common);
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      options->settings.load = load_options(options->region);
+      options->settings.flight.flight = options->flight;
+      const nlohmann::json r = experiment::render_dataset(options->settings, options->out, shared.force, progress);
+      std::ostringstream text;
+      text << options->out << ": " << r["frames"] << " frames, " << r["frames_per_second"] << " a second\n";
+      for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
+      return {r, text.str()};
+    };
+  });
+}
+
+}  // namespace tileflight::app

@@ -1,0 +1,30 @@
+#include "tileflight/experiment/run.h"
+
+#include "command.h"
+#include "tileflight/report/report.h"
+
+namespace tileflight::app {
+
+void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
+  struct Options {
+    std::string experiment;
+    std::string out;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("run", "an experiment, from tiles to report");
+  command->footer("Example:\n  tileflight run examples/stadium.yaml --out out/stadium");
+  command->add_option("EXPERIMENT", options->experiment, "experiment file (YAML)")->required();
+  command->add_option("--out", options->out, "folder for results.json, report.html and what they were made from")->required();
+  add_common_options(*command, common);
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      const experiment::Experiment experiment = experiment::read_experiment(options->experiment);
+      if (shared.force) experiment::forget_run(options->out);
+      const nlohmann::json results = experiment::run(experiment, options->out, progress);
+      const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
+      return {results, report::results_table(results) + "\nreport: " + report + "\n"};
+    };
+  });
+}
+
+}  // namespace tileflight::app

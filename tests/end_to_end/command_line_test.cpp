@@ -1,0 +1,70 @@
+// The outside of the program: help, exit codes, one line of error, JSON alone on stdout.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/run_program.h"
+
+namespace tileflight {
+namespace {
+
+using tests::ProgramResult;
+using tests::run_tileflight;
+using ::testing::HasSubstr;
+
+const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"}, {"inspect"}, {"extract"}, {"render"},
+                                                      {"ingest"},           {"odometry"}, {"align"}, {"evaluate"},
+                                                      {"compare"},          {"run"},      {"report"}};
+
+TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
+  for (std::vector<std::string> command : kCommands) {
+    command.push_back("--help");
+    const ProgramResult result = run_tileflight(command);
+    EXPECT_EQ(result.exit_code, 0) << command[0];
+    EXPECT_THAT(result.out, HasSubstr("Example")) << command[0];
+    EXPECT_THAT(result.out, HasSubstr("tileflight " + command[0])) << command[0];
+    for (const char* option : {"--json", "--quiet", "--threads", "--force"}) EXPECT_THAT(result.out, HasSubstr(option));
+  }
+}
+
+TEST(CommandLine, WrongUsageIsExitCodeTwo) {
+  EXPECT_EQ(run_tileflight({}).exit_code, 2);
+  EXPECT_EQ(run_tileflight({"fly"}).exit_code, 2);
+  EXPECT_EQ(run_tileflight({"extract"}).exit_code, 2);
+  EXPECT_EQ(run_tileflight({"extract", "a", "--out", "b", "--voxel", "-1"}).exit_code, 2);
+  EXPECT_EQ(run_tileflight({"run", "a.yaml", "--out", "b", "--threads", "0"}).exit_code, 2);
+}
+
+TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
+  const tests::TemporaryFolder folder;
+  const std::string out = (folder / "out").string();
+  const std::vector<std::vector<std::string>> calls{
+      {"inspect", "/nonexistent/tileset.json"},
+      {"extract", "/nonexistent/tileset.json", "--out", out},
+      {"render", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
+      {"ingest", "/nonexistent.mp4", "--camera", "/nonexistent.yaml", "--out", out},
+      {"odometry", "/nonexistent", "--out", out},
+      {"align", "/nonexistent", "--to", "/nonexistent", "--out", out},
+      {"evaluate", "/nonexistent", "--truth", "/nonexistent", "--transform", "/nonexistent", "--out", out},
+      {"compare", "/nonexistent/a.json", "/nonexistent/b.json"},
+      {"run", "/nonexistent.yaml", "--out", out},
+      {"report", "/nonexistent"}};
+  for (const std::vector<std::string>& call : calls) {
+    const ProgramResult result = run_tileflight(call);
+    EXPECT_EQ(result.exit_code, 1) << call[0];
+    EXPECT_EQ(tests::line_count(result.err), 1) << call[0] << ": " << result.err;
+    EXPECT_THAT(result.err, HasSubstr("nonexistent")) << call[0];
+    EXPECT_EQ(result.out, "") << call[0];
+    EXPECT_FALSE(std::filesystem::exists(out)) << call[0];
+  }
+}
+
+TEST(CommandLine, VersionIsPrinted) {
+  const ProgramResult result = run_tileflight({"--version"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_THAT(result.out, HasSubstr("tileflight "));
+}
+
+}  // namespace
+}  // namespace tileflight

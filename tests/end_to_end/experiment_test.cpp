@@ -1,0 +1,164 @@
+// A whole experiment over a small place: what it leaves, that it does no work twice, that threads change no byte.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "tests/run_program.h"
+#include "tests/tiny_place.h"
+
+namespace tileflight {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using tests::file_text;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyPlace;
+
+constexpr const char* kCamera = R"(cam0:
+  camera_model: pinhole
+  intrinsics: [152.0, 152.0, 159.5, 119.5]
+  distortion_model: equidistant
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  resolution: [320, 240]
+)";
+
+constexpr const char* kFlight = R"(camera: camera.yaml
+fps: 10
+speed_m_s: 4
+acceleration_m_s2: 4
+max_frames: 70
+waypoints:
+  - {position: [-18, -12, 116], yaw_deg: 55, pitch_deg: -45}
+  - {position: [0, 2, 117], yaw_deg: 60, pitch_deg: -45}
+  - {position: [18, 10, 116], yaw_deg: 70, pitch_deg: -45}
+)";
+
+constexpr const char* kExperiment = R"(name: tiny
+place:
+  source: place/tileset.json
+  center_local: [0, 0, 100]
+  size: [80, 80, 20]
+truth: {voxel: 1.0}
+simulated:
+  render: {flight: flight.yaml}
+real:
+  kind: surrogate
+  render: {flight: flight.yaml, resolution: [256, 192]}
+)";
+
+class Experiment : public ::testing::Test {
+ protected:
+  Experiment() {
+    TinyPlace::write(folder_ / "place");
+    TinyPlace::write_file(folder_ / "camera.yaml", kCamera);
+    TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
+    TinyPlace::write_file(folder_ / "experiment.yaml", kExperiment);
+  }
+
+  ProgramResult run(const std::string& out, const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> call{"run", (folder_ / "experiment.yaml").string(), "--out", (folder_ / out).string()};
+    call.insert(call.end(), more.begin(), more.end());
+    return run_tileflight(call);
+  }
+
+  std::map<std::string, fs::file_time_type> stage_times(const std::string& out) const {
+    std::map<std::string, fs::file_time_type> times;
+    for (const auto& entry : fs::directory_iterator(folder_ / out / "stages")) {
+      times[entry.path().filename().string()] = entry.last_write_time();
+    }
+    return times;
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+void expect_keys(const json& object, const std::vector<std::string>& keys) {
+  for (const std::string& key : keys) EXPECT_TRUE(object.contains(key)) << key << " is missing";
+}
+
+void expect_flight_results(const json& flight, double fov_deg) {
+  expect_keys(flight, {"map", "surface", "trajectory", "frames", "fov_deg", "resolution", "fps", "duration_s", "kind"});
+  expect_keys(flight["map"], {"points", "correspondences", "mean", "std", "median", "rmse", "histogram", "cutoff", "truth", "quantization_floor"});
+  expect_keys(flight["surface"], {"mean", "std", "median", "rmse", "accuracy", "completeness", "f_score"});
+  EXPECT_NEAR(flight["fov_deg"].get<double>(), fov_deg, 1.0);
+  EXPECT_NEAR(flight["fps"].get<double>(), 10.0, 1e-3);
+  EXPECT_LT(flight["trajectory"]["ate_rmse"].get<double>(), 0.01 * flight["trajectory"]["path_length"].get<double>());
+  EXPECT_GT(flight["map"]["points"].get<int>(), 500);
+  EXPECT_LT(flight["surface"]["median"].get<double>(), 0.2);
+}
+
+TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
+  const ProgramResult first = run("a", {"--json"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const json results = json::parse(first.out);
+  expect_keys(results, {"simulated", "real", "comparison", "paper", "provenance"});
+  expect_flight_results(results["simulated"], 120.0);
+  expect_flight_results(results["real"], 120.0);
+  EXPECT_EQ(results["simulated"]["resolution"], json({320, 240}));
+  EXPECT_EQ(results["real"]["resolution"], json({256, 192}));
+  EXPECT_EQ(results["real"]["kind"], "surrogate");
+  expect_keys(results["comparison"], {"mean_difference", "std_difference", "points_ratio", "ks_statistic", "wasserstein_m",
+                                      "mean_difference_ci95", "equivalent_within_m"});
+  expect_keys(results["provenance"], {"version", "commit", "seed", "inputs", "seconds"});
+  EXPECT_TRUE(fs::exists(folder_ / "a/report.html"));
+  EXPECT_EQ(json::parse(file_text(folder_ / "a/results.json")), results);
+
+  const auto before = stage_times("a");
+  const ProgramResult second = run("a", {"--json"});
+  ASSERT_EQ(second.exit_code, 0) << second.err;
+  EXPECT_EQ(stage_times("a"), before) << "a stage was done again";
+  EXPECT_EQ(second.out, first.out);
+
+  // As if it had been interrupted before the second flight was tracked: only what is missing is done.
+  fs::remove(folder_ / "a/stages/real-odometry.json");
+  fs::remove_all(folder_ / "a/real/odometry");
+  ASSERT_EQ(run("a").exit_code, 0);
+  const auto after = stage_times("a");
+  for (const char* kept : {"truth.json", "simulated-odometry.json", "real-dataset.json", "real-evaluation.json"}) {
+    EXPECT_EQ(after.at(kept), before.at(kept)) << kept;
+  }
+  EXPECT_NE(after.at("real-odometry.json"), before.at("real-odometry.json"));
+}
+
+TEST_F(Experiment, ThreadsChangeNoByte) {
+  ASSERT_EQ(run("one", {"--threads", "1"}).exit_code, 0);
+  ASSERT_EQ(run("two", {"--threads", "2"}).exit_code, 0);
+  std::set<std::string> compared;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "one")) {
+    const std::string name = fs::relative(entry.path(), folder_ / "one").string();
+    const bool times_inside = name.ends_with("extract.json") || name.ends_with("odometry.json") || name == "results.json" ||
+                              name == "report.html" || name.starts_with("stages");
+    if (!entry.is_regular_file() || times_inside) continue;
+    EXPECT_EQ(file_text(entry.path()), file_text(folder_ / "two" / name)) << name;
+    compared.insert(name);
+  }
+  for (const char* name : {"simulated/metrics.json", "real/metrics.json", "simulated/odometry/map.ply", "truth/voxels.binvox",
+                           "simulated/dataset/images/000000.jpg", "comparison.json", "truth/mesh.glb"}) {
+    EXPECT_TRUE(compared.contains(name)) << name;
+  }
+}
+
+TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
+  ASSERT_EQ(run("own").exit_code, 0);
+  const std::string own = (folder_ / "own/simulated/odometry").string();
+  TinyPlace::write_file(folder_ / "experiment.yaml",
+                        std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) +
+                            "odometry:\n  command: test -e {dataset}/times.txt && cp " + own + "/trajectory.txt " + own + "/map.ply {out}\n");
+  const ProgramResult result = run("outside", {"--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(json::parse(result.out)["simulated"]["map"], json::parse(file_text(folder_ / "own/simulated/metrics.json"))["map"]);
+
+  TinyPlace::write_file(folder_ / "experiment.yaml",
+                        std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) +
+                            "odometry:\n  command: echo cannot start; false\n");
+  const ProgramResult failed = run("failed");
+  EXPECT_EQ(failed.exit_code, 1);
+  EXPECT_THAT(failed.err, ::testing::HasSubstr("cannot start"));
+}
+
+}  // namespace
+}  // namespace tileflight

@@ -1,0 +1,64 @@
+// A real place and an independent flight: a drone survey of a ravine as 3D Tiles, and a video of a flight over it by another renderer.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/run_program.h"
+#include "tests/test_data.h"
+#include "tileflight/evaluation/metrics.h"
+#include "tileflight/geometry/trajectory.h"
+
+namespace tileflight {
+namespace {
+
+using nlohmann::json;
+using tests::ProgramResult;
+using tests::run_tileflight;
+
+TEST(Machangara, TheFinestCutIsWholeAndCounted) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(tileset, "tilesets/machangara_photogrammetry/tileset.json");
+  const tests::TemporaryFolder folder;
+  const ProgramResult result = run_tileflight({"extract", tileset.string(), "--out", (folder / "truth").string(), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json extract = json::parse(result.out);
+  EXPECT_TRUE(extract["complete"].get<bool>());
+  EXPECT_EQ(extract["tiles_wanted"], 462);
+  EXPECT_EQ(extract["tiles_loaded"], 462);
+  EXPECT_EQ(extract["triangles_loaded"], 3029330);
+  EXPECT_EQ(extract["geometric_error_max"], 0);
+}
+
+/// ATE over path length of the odometry on machangara-a, played from frame `from`, forwards or backwards.
+class MachangaraFlight : public ::testing::TestWithParam<std::tuple<int, bool>> {};
+
+TEST_P(MachangaraFlight, IsTrackedToHalfAPercentOfThePath) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(flight, "flights/machangara-a");
+  const auto [from, reverse] = GetParam();
+  const tests::TemporaryFolder folder;
+  const std::string dataset = (folder / "dataset").string();
+  const std::string out = (folder / "odometry").string();
+  ProgramResult result = run_tileflight({"ingest", (flight / "video.mp4").string(), "--camera", (flight / "camera.yaml").string(),
+                                         "--telemetry", (flight / "telemetry.srt").string(), "--telemetry-height", "ellipsoid",
+                                         "--out", dataset});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  std::vector<std::string> call{"odometry", dataset, "--out", out, "--from", std::to_string(from), "--json"};
+  if (reverse) call.push_back("--reverse");
+  result = run_tileflight(call);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json odometry = json::parse(result.out);
+  EXPECT_FALSE(odometry["lost"].get<bool>());
+  EXPECT_EQ(odometry["frames"], 600 - from);
+  EXPECT_GE(odometry["frames_tracked"].get<int>(), 600 - from - 5);
+
+  const evaluation::TrajectoryMetrics metrics = evaluation::evaluate_trajectory(
+      geometry::read_tum(folder / "odometry/trajectory.txt"), geometry::read_tum(flight / "groundtruth.txt"),
+      evaluation::TrajectoryAlignment::kSim3);
+  RecordProperty("ate_share_of_path", std::to_string(metrics.ate_rmse_m / metrics.path_length_m));
+  EXPECT_LE(metrics.ate_rmse_m, 0.005 * metrics.path_length_m);
+}
+
+INSTANTIATE_TEST_SUITE_P(Starts, MachangaraFlight, ::testing::Values(std::tuple(0, false), std::tuple(330, false), std::tuple(240, true)));
+
+}  // namespace
+}  // namespace tileflight

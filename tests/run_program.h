@@ -1,0 +1,53 @@
+#pragma once
+
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tests/temporary_folder.h"
+
+namespace tileflight::tests {
+
+struct ProgramResult {
+  int exit_code = -1;  ///< -1: ended by a signal
+  std::string out;
+  std::string err;
+};
+
+inline std::string shell_quoted(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text) result += c == '\'' ? "'\\''" : std::string(1, c);
+  return result + "'";
+}
+
+inline std::string file_text(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  return text.str();
+}
+
+/// Runs the tileflight binary with these arguments, without input, and keeps what it prints.
+inline ProgramResult run_tileflight(const std::vector<std::string>& arguments, const std::string& environment = "") {
+  const TemporaryFolder folder;
+  std::string command = environment + " " + shell_quoted(TILEFLIGHT_BINARY);
+  for (const std::string& argument : arguments) command += " " + shell_quoted(argument);
+  command += " > " + shell_quoted((folder / "out").string()) + " 2> " + shell_quoted((folder / "err").string()) + " < /dev/null";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(folder / "out"), file_text(folder / "err")};
+}
+
+/// Number of lines, as a person would count them.
+inline int line_count(const std::string& text) {
+  int lines = 0;
+  for (const char c : text) lines += c == '\n';
+  return lines;
+}
+
+}  // namespace tileflight::tests

@@ -1,0 +1,126 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace tileflight::tests {
+
+/// A place made by hand, independent of the program's own writer: a hilly 80 m x 80 m square in a local z-up frame, coloured by
+/// vertex, as 3D Tiles 1.1: root.glb (coarse, error 4) refined by the quarters 0.glb to 3.glb (error 0).
+class TinyPlace {
+ public:
+  static constexpr double kHalf = 40.0;  ///< metres; x and y from -40 to 40
+
+  static double height(double x, double y) { return 100.0 + 3.0 * std::sin(x / 7.0) * std::cos(y / 9.0); }
+
+  /// Writes tileset.json and its five tiles into `folder`.
+  static void write(const std::filesystem::path& folder) {
+    std::filesystem::create_directories(folder);
+    write_file(folder / "tileset.json", tileset().dump(1));
+    write_file(folder / "root.glb", glb(-kHalf, -kHalf, 2 * kHalf, 10));
+    for (int i = 0; i < 4; ++i) {
+      write_file(folder / (std::to_string(i) + ".glb"), glb(i % 2 == 0 ? -kHalf : 0.0, i / 2 == 0 ? -kHalf : 0.0, kHalf, 40));
+    }
+  }
+
+  static nlohmann::json tileset() {
+    nlohmann::json children = nlohmann::json::array();
+    for (int i = 0; i < 4; ++i) {
+      const double x = i % 2 == 0 ? -kHalf / 2 : kHalf / 2;
+      const double y = i / 2 == 0 ? -kHalf / 2 : kHalf / 2;
+      children.push_back({{"boundingVolume", {{"box", box(x, y, kHalf / 2)}}},
+                          {"geometricError", 0},
+                          {"content", {{"uri", std::to_string(i) + ".glb"}}}});
+    }
+    return {{"asset", {{"version", "1.1"}, {"copyright", "Tiny Place, CC0"}}},
+            {"geometricError", 16},
+            {"root",
+             {{"boundingVolume", {{"box", box(0, 0, kHalf)}}},
+              {"geometricError", 4},
+              {"refine", "REPLACE"},
+              {"content", {{"uri", "root.glb"}}},
+              {"children", children}}}};
+  }
+
+  static void write_file(const std::filesystem::path& file, const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+
+ private:
+  static nlohmann::json box(double x, double y, double half) { return {x, y, 100, half, 0, 0, 0, half, 0, 0, 0, 4}; }
+
+  template <class T>
+  static void append(std::string& bytes, const std::vector<T>& values) {
+    bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+  }
+
+  static void append_chunk(std::string& bytes, const std::string& kind, std::string content, char padding) {
+    while (content.size() % 4 != 0) content += padding;
+    append(bytes, std::vector<std::uint32_t>{static_cast<std::uint32_t>(content.size())});
+    bytes += kind + content;
+  }
+
+  /// A grid of n x n squares from (x0, y0), `size` metres wide; glTF is y-up, so (x, y, z) is stored as (x, z, -y).
+  static std::string glb(double x0, double y0, double size, std::uint32_t n) {
+    std::vector<float> positions;
+    std::vector<std::uint8_t> colors;
+    std::vector<std::uint32_t> indices;
+    for (std::uint32_t j = 0; j <= n; ++j) {
+      for (std::uint32_t i = 0; i <= n; ++i) {
+        const double x = x0 + size * i / n;
+        const double y = y0 + size * j / n;
+        for (const double v : {x, height(x, y), -y}) positions.push_back(static_cast<float>(v));
+        const auto shade = static_cast<std::uint8_t>(40 + (i * 2654435761U ^ j * 40503U) % 180);
+        for (const std::uint8_t c : {shade, static_cast<std::uint8_t>(255 - shade), std::uint8_t{90}, std::uint8_t{255}}) colors.push_back(c);
+        if (i == n || j == n) continue;
+        const std::uint32_t a = j * (n + 1) + i;
+        for (const std::uint32_t k : {a, a + 1, a + n + 2, a, a + n + 2, a + n + 1}) indices.push_back(k);
+      }
+    }
+    std::string binary;
+    append(binary, positions);
+    append(binary, colors);
+    append(binary, indices);
+    const nlohmann::json gltf = document(positions, colors.size(), indices.size());
+    std::string chunks;
+    append_chunk(chunks, "JSON", gltf.dump(), ' ');
+    append_chunk(chunks, std::string("BIN\0", 4), binary, '\0');
+    std::string bytes = "glTF";
+    append(bytes, std::vector<std::uint32_t>{2, static_cast<std::uint32_t>(12 + chunks.size())});
+    return bytes + chunks;
+  }
+
+  static nlohmann::json document(const std::vector<float>& positions, std::size_t color_bytes, std::size_t index_count) {
+    const std::size_t position_bytes = positions.size() * 4;
+    const std::size_t count = positions.size() / 3;
+    std::array<float, 3> low{1e9F, 1e9F, 1e9F};
+    std::array<float, 3> high{-1e9F, -1e9F, -1e9F};
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+      low[i % 3] = std::min(low[i % 3], positions[i]);
+      high[i % 3] = std::max(high[i % 3], positions[i]);
+    }
+    return {{"asset", {{"version", "2.0"}}},
+            {"scene", 0},
+            {"scenes", {{{"nodes", {0}}}}},
+            {"nodes", {{{"mesh", 0}}}},
+            {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}, {"COLOR_0", 1}}}, {"indices", 2}}}}}}},
+            {"buffers", {{{"byteLength", position_bytes + color_bytes + index_count * 4}}}},
+            {"bufferViews",
+             {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", position_bytes}},
+              {{"buffer", 0}, {"byteOffset", position_bytes}, {"byteLength", color_bytes}},
+              {{"buffer", 0}, {"byteOffset", position_bytes + color_bytes}, {"byteLength", index_count * 4}}}},
+            {"accessors",
+             {{{"bufferView", 0}, {"componentType", 5126}, {"count", count}, {"type", "VEC3"}, {"min", low}, {"max", high}},
+              {{"bufferView", 1}, {"componentType", 5121}, {"normalized", true}, {"count", count}, {"type", "VEC4"}},
+              {{"bufferView", 2}, {"componentType", 5125}, {"count", index_count}, {"type", "SCALAR"}}}}};
+  }
+};
+
+}  // namespace tileflight::tests

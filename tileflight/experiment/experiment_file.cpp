@@ -1,0 +1,171 @@
+#include "tileflight/experiment/experiment_file.h"
+
+#include "tileflight/experiment/settings.h"
+#include "tileflight/experiment/yaml_section.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+/// `origin: [lat, lon, height]`, `center: [lat, lon]` or `[lat, lon, height]`.
+geometry::Geodetic geodetic(const YamlSection& section, const std::string& key, const std::vector<double>& numbers) {
+  if (std::abs(numbers[0]) > 90.0 || std::abs(numbers[1]) > 360.0) {
+    throw section.error(key, "must be latitude, longitude in degrees (and height in metres)");
+  }
+  return {numbers[0], numbers[1], geometry::EllipsoidalHeight{numbers.size() > 2 ? numbers[2] : 0.0}};
+}
+
+geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers[0], numbers[1], numbers[2]}; }
+
+/// A tileset is named as SOURCE is on the command line; a path is relative to the file.
+std::string source_text(YamlSection& section, const std::string& key) {
+  const std::optional<std::string> text = section.text(key);
+  if (!text) return "";
+  const bool is_path = text->find(':') == std::string::npos && *text != "google";
+  return is_path ? (section.file().parent_path() / *text).lexically_normal().string() : *text;
+}
+
+double positive(YamlSection& section, const std::string& key, double otherwise) {
+  const double value = section.number(key).value_or(otherwise);
+  if (value <= 0) throw section.error(key, "must be positive");
+  return value;
+}
+
+Place read_place(YamlSection section) {
+  Place place;
+  place.source = source_text(section, "source");
+  if (place.source.empty()) throw section.error("source", "is missing: the tileset, e.g. `source: tiles/tileset.json`");
+  if (const auto v = section.numbers("center", 2, 3)) place.center = geodetic(section, "center", *v);
+  if (const auto v = section.numbers("center_local", 3, 3)) place.center_local = vec3(*v);
+  if (const auto v = section.numbers("size", 3, 3)) place.size = vec3(*v);
+  if (const auto v = section.numbers("origin", 3, 3)) place.origin = geodetic(section, "origin", *v);
+  place.error_m = section.number("error").value_or(0.0);
+  place.view_margin_m = section.number("view_margin").value_or(place.view_margin_m);
+  if (place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
+  place.texture_scale = positive(section, "texture_scale", place.texture_scale);
+  if (place.error_m < 0) throw section.error("error", "must not be negative");
+  if (place.center && place.center_local) throw section.error("center_local", "does not go together with 'center'");
+  if ((place.center || place.center_local) != place.size.has_value()) {
+    throw section.error("size", "goes together with 'center' or 'center_local'");
+  }
+  section.finish();
+  return place;
+}
+
+Truth read_truth(YamlSection section) {
+  Truth truth;
+  truth.voxel_m = positive(section, "voxel", truth.voxel_m);
+  truth.samples_per_m2 = positive(section, "samples_per_m2", truth.samples_per_m2);
+  section.finish();
+  return truth;
+}
+
+fs::path required_path(YamlSection& section, const std::string& key) {
+  const std::optional<fs::path> path = section.path(key);
+  if (!path) throw section.error(key, "is missing");
+  if (!fs::exists(*path)) throw section.error(key, "names " + path->string() + ", which is not there");
+  return *path;
+}
+
+fs::path optional_path(YamlSection& section, const std::string& key) {
+  return section.has(key) ? required_path(section, key) : fs::path();
+}
+
+RenderFlight read_render(YamlSection section) {
+  RenderFlight render;
+  render.flight = required_path(section, "flight");
+  render.source = source_text(section, "source");
+  if (const auto v = section.numbers("resolution", 2, 2)) {
+    render.width = static_cast<int>((*v)[0]);
+    render.height = static_cast<int>((*v)[1]);
+    if (*render.width < 16 || *render.height < 16) throw section.error("resolution", "must be at least 16 x 16");
+  }
+  render.samples_per_pixel = section.integer("samples_per_pixel").value_or(render.samples_per_pixel);
+  render.max_frames = section.integer("max_frames");
+  if (render.max_frames && *render.max_frames < 2) throw section.error("max_frames", "must be at least 2");
+  if (auto degrade = section.section("degrade")) {
+    render.video_crf = degrade->integer("video_crf");
+    render.degrade = read_image_formation(*degrade);
+  }
+  section.finish();
+  return render;
+}
+
+IngestFlight read_ingest(YamlSection section) {
+  IngestFlight ingest;
+  ingest.video = required_path(section, "video");
+  ingest.camera = required_path(section, "camera");
+  ingest.telemetry = optional_path(section, "telemetry");
+  ingest.groundtruth = optional_path(section, "groundtruth");
+  ingest.telemetry_height =
+      section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
+  ingest.takeoff_height_m = section.number("takeoff_height");
+  ingest.telemetry_offset_s = section.number("telemetry_offset");
+  ingest.from_s = section.number("from").value_or(0.0);
+  ingest.to_s = section.number("to");
+  ingest.every = section.integer("every").value_or(1);
+  ingest.fps = section.number("fps");
+  if (ingest.every < 1) throw section.error("every", "must be at least 1");
+  if (ingest.to_s && *ingest.to_s <= ingest.from_s) throw section.error("to", "must be later than 'from'");
+  section.finish();
+  return ingest;
+}
+
+Flight read_flight(YamlSection section, const std::string& default_kind) {
+  Flight flight;
+  flight.kind = section.choice("kind", {"simulated", "video", "surrogate"}).value_or(default_kind);
+  if (auto render = section.section("render")) flight.render = read_render(*render);
+  if (auto ingest = section.section("ingest")) flight.ingest = read_ingest(*ingest);
+  section.finish();
+  if (flight.render.has_value() == flight.ingest.has_value()) {
+    throw section.error("", "needs either 'render' or 'ingest'");
+  }
+  // A picture that was made from tiles is never called real (science.md: a surrogate is called a surrogate).
+  if (flight.render && flight.kind == "video") throw section.error("kind", "cannot be 'video' for a rendered flight");
+  return flight;
+}
+
+Odometry read_odometry(YamlSection section) {
+  Odometry odometry;
+  odometry.command = section.text("command").value_or("");
+  odometry.options = read_odometry_options(section);
+  section.finish();
+  return odometry;
+}
+
+EvaluationSettings read_evaluation(YamlSection section) {
+  EvaluationSettings settings;
+  settings.cutoff_m = positive(section, "cutoff", settings.cutoff_m);
+  if (const auto v = section.numbers("thresholds", 1, 16)) settings.thresholds_m = *v;
+  settings.equivalence_margin_m = positive(section, "equivalence_margin", settings.equivalence_margin_m);
+  settings.completeness_samples_per_m2 =
+      positive(section, "completeness_samples_per_m2", settings.completeness_samples_per_m2);
+  section.finish();
+  return settings;
+}
+
+}  // namespace
+
+Experiment read_experiment(const fs::path& file) {
+  YamlSection root = YamlSection::load(file);
+  Experiment experiment;
+  experiment.file = file;
+  experiment.name = root.text("name").value_or(file.stem().string());
+  experiment.seed = static_cast<std::uint64_t>(root.integer("seed").value_or(1));
+
+  auto place = root.section("place");
+  if (!place) throw root.error("place", "is missing: what is flown over, e.g. `place: {source: tiles/tileset.json}`");
+  experiment.place = read_place(*place);
+  if (auto truth = root.section("truth")) experiment.truth = read_truth(*truth);
+  if (auto flight = root.section("simulated")) experiment.simulated = read_flight(*flight, "simulated");
+  if (auto flight = root.section("real")) experiment.real = read_flight(*flight, "video");
+  if (auto odometry = root.section("odometry")) experiment.odometry = read_odometry(*odometry);
+  if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment(*alignment);
+  if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
+  root.finish();
+  for (const std::string& key : root.keys()) experiment.sections[key] = root.raw(key);
+  if (!experiment.simulated && !experiment.real) throw root.error("simulated", "or 'real' is needed: at least one flight");
+  return experiment;
+}
+
+}  // namespace tileflight::experiment

@@ -1,0 +1,89 @@
+#include "tileflight/experiment/extract.h"
+
+#include <chrono>
+
+#include "tileflight/experiment/version.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/ground_truth/extract.h"
+
+namespace tileflight::experiment {
+namespace {
+
+using nlohmann::json;
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+json to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+json frame_json(const std::optional<geometry::LocalFrame>& frame) {
+  if (!frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
+  const geometry::Geodetic& origin = frame->origin();
+  return {{"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
+}
+
+json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
+              const ground_truth::ExtractResult& truth) {
+  return {
+      {"source", settings.source},
+      {"tiles_wanted", loaded.tiles_wanted},
+      {"tiles_loaded", loaded.tiles_loaded},
+      {"tiles_failed", loaded.tiles_failed},
+      {"failures", loaded.failures},
+      {"complete", loaded.complete},
+      {"geometric_error_wanted", settings.load.error_m},
+      {"geometric_error_max", loaded.geometric_error_max_m},
+      {"triangles", truth.triangles},
+      {"triangles_loaded", loaded.triangles},
+      {"bytes_read", loaded.bytes_read},
+      {"cut_sha256", loaded.cut_hash},
+      {"voxel_size", truth.voxels.edge_m},
+      {"voxel_dims", truth.voxels.dims},
+      {"voxels_occupied", truth.voxels.occupied.size()},
+      {"surface_points", truth.surface_points},
+      {"region", {{"center", to_json(loaded.region.center)}, {"size", to_json(loaded.region.size)}}},
+      {"frame", frame_json(loaded.local_frame)},
+      {"attribution", loaded.attribution},
+      {"warnings", loaded.warnings},
+      {"version", version()},
+  };
+}
+
+}  // namespace
+
+nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                       const Progress& progress) {
+  const auto start = std::chrono::steady_clock::now();
+  const tiles::LoadedTiles loaded = tiles::load_region(settings.source, settings.load, progress);
+  const double load_seconds = seconds_since(start);
+
+  json result;
+  geometry::write_folder(folder, replace, [&](const std::filesystem::path& temporary) {
+    const auto truth_start = std::chrono::steady_clock::now();
+    const ground_truth::ExtractResult truth = ground_truth::write_ground_truth(
+        loaded.meshes, loaded.region.box(), {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2},
+        temporary, progress);
+    result = describe(settings, loaded, truth);
+    result["seconds"] = {{"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};
+    geometry::write_file(temporary / "extract.json", result.dump(2) + "\n");
+  });
+  return result;
+}
+
+nlohmann::json read_extract_json(const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / "extract.json";
+  const json result = json::parse(geometry::read_text(file), nullptr, false);
+  if (!result.is_object()) throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
+  return result;
+}
+
+std::optional<geometry::Geodetic> origin_of(const nlohmann::json& extract_json) {
+  const json frame = extract_json.value("frame", json::object());
+  if (!frame.is_object() || !frame.contains("origin_lat") || frame["origin_lat"].is_null()) return std::nullopt;
+  return geometry::Geodetic{frame.at("origin_lat").get<double>(), frame.at("origin_lon").get<double>(),
+                            geometry::EllipsoidalHeight{frame.at("origin_height").get<double>()}};
+}
+
+}  // namespace tileflight::experiment

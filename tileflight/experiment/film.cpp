@@ -1,0 +1,42 @@
+#include "tileflight/dataset/ingest.h"
+#include "tileflight/experiment/fly.h"
+#include "tileflight/experiment/positions.h"
+#include "tileflight/experiment/version.h"
+#include "tileflight/flight/telemetry.h"
+
+namespace tileflight::experiment {
+namespace {
+
+void add_telemetry(const IngestFlight& flight, dataset::IngestOptions& options, std::vector<std::string>& warnings) {
+  if (flight.telemetry.empty()) return;
+  const flight::Telemetry telemetry = flight::read_dji_srt(flight.telemetry);
+  warnings.insert(warnings.end(), telemetry.warnings.begin(), telemetry.warnings.end());
+  options.gps = gps_fixes(telemetry, flight);
+  options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);
+}
+
+}  // namespace
+
+nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem::path& out, bool replace,
+                              const Progress& progress) {
+  dataset::IngestOptions options{.video_or_images = flight.video,
+                                 .calibration = flight.camera,
+                                 .excerpt = {.from_s = flight.from_s, .to_s = flight.to_s, .every = flight.every},
+                                 .groundtruth = flight.groundtruth,
+                                 .replace = replace,
+                                 .description = {{"made_by", "tileflight ingest " + version()}}};
+  if (flight.fps) options.image_rate_hz = *flight.fps;
+  std::vector<std::string> warnings;
+  add_telemetry(flight, options, warnings);
+  const dataset::IngestResult result = dataset::ingest(options, out, progress);
+  warnings.insert(warnings.end(), result.notes.begin(), result.notes.end());
+  return {{"frames", result.frames},
+          {"first_time_s", result.first_time_s},
+          {"last_time_s", result.last_time_s},
+          {"resolution", {result.width, result.height}},
+          {"positions", result.gps_fixes},
+          {"true_poses", result.groundtruth_poses},
+          {"warnings", warnings}};
+}
+
+}  // namespace tileflight::experiment

@@ -1,0 +1,156 @@
+#include "tileflight/experiment/pipeline.h"
+
+#include "tileflight/flight/flight_plan.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/tiling/stadium.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+constexpr std::string_view kStadiumPrefix = "stadium:";
+
+bool is_stadium(const std::string& source) { return source.starts_with(kStadiumPrefix); }
+
+/// A tileset is its tileset.json and everything beside and below it.
+fs::path tileset_folder(const std::string& source) {
+  const fs::path path(source);
+  return fs::is_directory(path) ? path : path.parent_path();
+}
+
+/// What of a flight plan lies in other files: the lens, the poses.
+std::string plan_fingerprint(const fs::path& flight_file) {
+  const flight::FlightPlan plan = flight::read_flight_plan(flight_file);
+  std::string text = fingerprint(flight_file) + fingerprint(plan.camera);
+  if (plan.poses) {
+    for (const geometry::StampedPose& pose : plan.poses->poses) {
+      text.append(reinterpret_cast<const char*>(&pose.time_s), sizeof pose.time_s);
+      text.append(reinterpret_cast<const char*>(pose.T_local_camera.translation.data()), 3 * sizeof(double));
+      text.append(reinterpret_cast<const char*>(pose.T_local_camera.rotation.coeffs().data()), 4 * sizeof(double));
+    }
+  }
+  return geometry::sha256_hex(text);
+}
+
+}  // namespace
+
+void check_run_folder(const fs::path& folder) {
+  if (!fs::exists(folder)) return;
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is a file; --out must name a folder");
+  if (!fs::is_empty(folder) && !fs::is_directory(folder / "stages")) {
+    throw InputError(folder.string(), "holds something else than an earlier run; choose another folder for --out");
+  }
+}
+
+Pipeline::Pipeline(const Experiment& experiment, fs::path folder, const StageCache& cache)
+    : experiment_(experiment), folder_(std::move(folder)), cache_(cache) {
+  if (experiment_.simulated) flights_.push_back({"simulated", *experiment_.simulated, folder_ / "simulated"});
+  if (experiment_.real) flights_.push_back({"real", *experiment_.real, folder_ / "real"});
+}
+
+bool Pipeline::uses_built_in_place() const {
+  bool uses = is_stadium(experiment_.place.source);
+  for (const FlightStages& f : flights_) uses = uses || (f.flight.render && is_stadium(f.flight.render->source));
+  return uses;
+}
+
+std::vector<std::string> Pipeline::place_products() const {
+  return uses_built_in_place() ? std::vector<std::string>{"place"} : std::vector<std::string>{};
+}
+
+void Pipeline::make_place(const Progress& progress) const {
+  if (!uses_built_in_place()) return;
+  geometry::write_folder(folder_ / "place", false, [&](const fs::path& temporary) {
+    tiling::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale}, progress);
+  });
+}
+
+std::string Pipeline::resolved(const std::string& source) const {
+  if (!is_stadium(source)) return source;
+  const std::string model = source.substr(kStadiumPrefix.size());
+  if (model != "twin" && model != "world") {
+    throw InputError(experiment_.file.string(), "the built-in place has no '" + source + "'; there are stadium:twin and stadium:world");
+  }
+  return (folder_ / "place" / model / "tileset.json").string();
+}
+
+std::string Pipeline::source_fingerprint(const std::string& source) const {
+  return is_stadium(source) ? cache_.key("place") : fingerprint(tileset_folder(source));
+}
+
+std::string Pipeline::section(const std::string& name) const {
+  const auto found = experiment_.sections.find(name);
+  return found == experiment_.sections.end() ? "" : found->second;
+}
+
+ExtractSettings Pipeline::extract_settings() const {
+  const Place& place = experiment_.place;
+  return {.source = resolved(place.source),
+          .load = {.center = place.center, .center_local = place.center_local, .size = place.size,
+                   .error_m = place.error_m, .origin = place.origin},
+          .voxel_m = experiment_.truth.voxel_m,
+          .samples_per_m2 = experiment_.truth.samples_per_m2};
+}
+
+/// The cameras see more of the place than is scored: the region grown on every side, in the truth's own frame.
+RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
+  const RenderFlight& render = *flight.flight.render;
+  const json truth = read_extract_json(folder_ / "truth");
+  const std::vector<double> center = truth.at("region").at("center");
+  const std::vector<double> size = truth.at("region").at("size");
+  const double margin = 2 * experiment_.place.view_margin_m;
+  return {.source = resolved(render.source.empty() ? experiment_.place.source : render.source),
+          .load = {.center_local = geometry::Vec3(center[0], center[1], center[2]),
+                   .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
+                   .error_m = experiment_.place.error_m, .origin = origin_of(truth)},
+          .flight = render,
+          .seed = experiment_.seed};
+}
+
+json Pipeline::place_inputs() const {
+  return {{"built_in", uses_built_in_place()}, {"seed", experiment_.seed}, {"texture_scale", experiment_.place.texture_scale}};
+}
+
+json Pipeline::truth_inputs() const {
+  return {{"place", section("place")}, {"truth", section("truth")}, {"tiles", source_fingerprint(experiment_.place.source)}};
+}
+
+json Pipeline::dataset_inputs(const FlightStages& f) const {
+  json inputs{{"settings", section(f.name)}, {"seed", experiment_.seed}, {"truth", cache_.key("truth")}};
+  if (f.flight.render) {
+    const std::string& own = f.flight.render->source;
+    inputs["tiles"] = source_fingerprint(own.empty() ? experiment_.place.source : own);
+    inputs["flight"] = plan_fingerprint(f.flight.render->flight);
+  }
+  if (f.flight.ingest) {
+    const IngestFlight& ingest = *f.flight.ingest;
+    for (const fs::path& file : {ingest.video, ingest.camera, ingest.telemetry, ingest.groundtruth}) {
+      if (!file.empty()) inputs["files"].push_back(fingerprint(file));
+    }
+  }
+  return inputs;
+}
+
+json Pipeline::odometry_inputs(const FlightStages& f) const {
+  return {{"dataset", cache_.key(f.name + "/dataset")}, {"odometry", section("odometry")}};
+}
+
+json Pipeline::alignment_inputs(const FlightStages& f) const {
+  return {{"odometry", cache_.key(f.name + "/odometry")}, {"truth", cache_.key("truth")}, {"alignment", section("alignment")}};
+}
+
+json Pipeline::evaluation_inputs(const FlightStages& f) const {
+  return {{"alignment", cache_.key(f.name + "/alignment")}, {"evaluation", section("evaluation")}};
+}
+
+json Pipeline::comparison_inputs() const {
+  return {{"simulated", cache_.key("simulated/evaluation")},
+          {"real", cache_.key("real/evaluation")},
+          {"evaluation", section("evaluation")},
+          {"seed", experiment_.seed}};
+}
+
+}  // namespace tileflight::experiment

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/experiment/experiment_file.h"
+#include "tileflight/experiment/extract.h"
+#include "tileflight/experiment/fly.h"
+#include "tileflight/experiment/stage_cache.h"
+
+namespace tileflight::experiment {
+
+/// One of the experiment's flights and where its stages leave their results.
+struct FlightStages {
+  std::string name;              ///< "simulated" or "real"
+  const Flight& flight;
+  std::filesystem::path folder;  ///< DIR/simulated or DIR/real
+};
+
+/// An experiment in its run folder: what each stage is made from (for the cache) and with which settings.
+class Pipeline {
+ public:
+  Pipeline(const Experiment& experiment, std::filesystem::path folder, const StageCache& cache);
+
+  const std::vector<FlightStages>& flights() const { return flights_; }
+
+  /// The built-in place, where a source asks for it.
+  void make_place(const Progress& progress) const;
+  std::vector<std::string> place_products() const;
+
+  ExtractSettings extract_settings() const;
+  RenderSettings render_settings(const FlightStages& flight) const;
+
+  nlohmann::json place_inputs() const;
+  nlohmann::json truth_inputs() const;
+  nlohmann::json dataset_inputs(const FlightStages& flight) const;
+  nlohmann::json odometry_inputs(const FlightStages& flight) const;
+  nlohmann::json alignment_inputs(const FlightStages& flight) const;
+  nlohmann::json evaluation_inputs(const FlightStages& flight) const;
+  nlohmann::json comparison_inputs() const;
+
+ private:
+  bool uses_built_in_place() const;
+  std::string resolved(const std::string& source) const;
+  std::string source_fingerprint(const std::string& source) const;
+  std::string section(const std::string& name) const;
+
+  const Experiment& experiment_;
+  std::filesystem::path folder_;
+  const StageCache& cache_;
+  std::vector<FlightStages> flights_;
+};
+
+/// Throws InputError when `folder` is there and holds something else than an earlier run.
+void check_run_folder(const std::filesystem::path& folder);
+
+}  // namespace tileflight::experiment

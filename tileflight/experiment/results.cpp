@@ -1,0 +1,94 @@
+#include "tileflight/experiment/results.h"
+
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/evaluation/paper.h"
+#include "tileflight/experiment/extract.h"
+#include "tileflight/experiment/version.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+json read_json(const fs::path& file) {
+  json value = json::parse(geometry::read_text(file), nullptr, false);
+  if (value.is_discarded()) throw InputError(file.string(), "not valid JSON");
+  return value;
+}
+
+/// What was filmed: how many pictures, how wide, how large, how often.
+json describe_dataset(const fs::path& folder) {
+  const dataset::Dataset data = dataset::read_dataset(folder);
+  const imaging::Camera& camera = data.calibration.camera;
+  const double duration_s = data.frames.back().time_s - data.frames.front().time_s;
+  const double intervals = static_cast<double>(data.frames.size()) - 1.0;
+  return {{"frames", data.frames.size()},
+          {"fov_deg", camera.horizontal_fov_deg()},
+          {"resolution", {camera.width(), camera.height()}},
+          {"fps", duration_s > 0 ? intervals / duration_s : 0.0},
+          {"duration_s", duration_s}};
+}
+
+json describe_flight(const Flight& flight, const fs::path& folder) {
+  json result = read_json(folder / "metrics.json");
+  result.update(describe_dataset(folder / "dataset"));
+  result["kind"] = flight.kind;
+  result["odometry"] = read_json(folder / "odometry/odometry.json");
+  result["alignment"] = read_json(folder / "transform.json");
+  return result;
+}
+
+json describe_inputs(const Experiment& experiment) {
+  json inputs = json::array();
+  for (const fs::path& file : input_files(experiment)) {
+    inputs.push_back({{"path", file.string()}, {"sha256", fingerprint(file)}});
+  }
+  return inputs;
+}
+
+}  // namespace
+
+std::vector<fs::path> input_files(const Experiment& experiment) {
+  std::vector<fs::path> files{experiment.file};
+  const auto add = [&files](const fs::path& file) {
+    if (!file.empty() && fs::exists(file)) files.push_back(file);
+  };
+  add(experiment.place.source);
+  for (const auto* flight : {&experiment.simulated, &experiment.real}) {
+    if (!flight->has_value()) continue;
+    if ((*flight)->render) {
+      add((*flight)->render->flight);
+      add((*flight)->render->source);
+    }
+    if ((*flight)->ingest) {
+      for (const fs::path& file : {(*flight)->ingest->video, (*flight)->ingest->camera, (*flight)->ingest->telemetry,
+                                   (*flight)->ingest->groundtruth}) {
+        add(file);
+      }
+    }
+  }
+  return files;
+}
+
+nlohmann::json collect_results(const Experiment& experiment, const StageCache& cache) {
+  const fs::path& run = cache.run_folder();
+  const json truth = read_extract_json(run / "truth");
+  json results{{"name", experiment.name}, {"paper", evaluation::paper_table()}, {"truth", truth}};
+  if (experiment.simulated) results["simulated"] = describe_flight(*experiment.simulated, run / "simulated");
+  if (experiment.real) results["real"] = describe_flight(*experiment.real, run / "real");
+  results["comparison"] = experiment.simulated && experiment.real ? read_json(run / "comparison.json") : json(nullptr);
+  results["provenance"] = {{"version", version()},
+                           {"commit", commit()},
+                           {"seed", experiment.seed},
+                           {"command", "tileflight run " + experiment.file.string() + " --out " + run.string()},
+                           {"inputs", describe_inputs(experiment)},
+                           {"cut_sha256", truth.at("cut_sha256")},
+                           {"attribution", truth.at("attribution")},
+                           {"seconds", cache.seconds()}};
+  return results;
+}
+
+}  // namespace tileflight::experiment

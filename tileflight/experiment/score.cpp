@@ -1,0 +1,195 @@
+#include "tileflight/experiment/score.h"
+
+#include <algorithm>
+
+#include "tileflight/alignment/align_map.h"
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/experiment/extract.h"
+#include "tileflight/experiment/positions.h"
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/ground_truth/extract.h"
+#include "tileflight/ground_truth/surface_samples.h"
+#include "tileflight/imaging/camera.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+/// Poses from which visibility is asked: neighbouring frames see nearly the same.
+constexpr std::size_t kVisibilityPoses = 200;
+
+geometry::PointCloud read_map(const fs::path& map) {
+  const fs::path file = fs::is_directory(map) ? map / "map.ply" : map;
+  geometry::PointCloud cloud = geometry::read_cloud(file);
+  if (cloud.empty()) throw InputError(file.string(), "the map has no points; there is nothing to score");
+  return cloud;
+}
+
+geometry::Box3 region_box(const json& extract_json) {
+  const std::vector<double> center = extract_json.at("region").at("center");
+  const std::vector<double> size = extract_json.at("region").at("size");
+  const geometry::Vec3 c(center[0], center[1], center[2]);
+  const geometry::Vec3 half = 0.5 * geometry::Vec3(size[0], size[1], size[2]);
+  return {c - half, c + half};
+}
+
+geometry::Trajectory thinned(const geometry::Trajectory& trajectory) {
+  const std::size_t step = std::max<std::size_t>(1, trajectory.size() / kVisibilityPoses);
+  geometry::Trajectory result;
+  for (std::size_t i = 0; i < trajectory.size(); i += step) result.poses.push_back(trajectory.poses[i]);
+  return result;
+}
+
+/// The true poses where they are known, else the estimated ones, moved to the local frame.
+geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_local_map) {
+  if (!map.truth_trajectory.empty()) return geometry::read_tum(map.truth_trajectory);
+  if (!map.trajectory.empty()) return geometry::transformed(T_local_map, geometry::read_tum(map.trajectory));
+  return {};
+}
+
+/// Even samples of the true surface that the flight's camera saw; all of them where it is not known where or what the camera was.
+geometry::PointCloud seen_samples(const MapInputs& map, const ground_truth::GroundTruth& truth, const geometry::Box3& box,
+                                  const geometry::Sim3& T_local_map, double per_m2) {
+  const geometry::PointCloud samples = ground_truth::sample_surface(truth.mesh, box, per_m2);
+  const geometry::Trajectory poses = thinned(local_poses(map, T_local_map));
+  if (map.camera.empty() || poses.empty()) return samples;
+  const scene::Scene scene({imaging::TexturedMesh{.mesh = truth.mesh}});
+  const imaging::Camera camera = imaging::read_calibration(map.camera).camera;
+  return geometry::filtered(samples, ground_truth::seen_by_camera(scene, samples, poses, camera));
+}
+
+/// Points over the scored region; what lies beside it has no truth to be measured against.
+geometry::PointCloud over_region(const geometry::PointCloud& cloud, const geometry::Box3& box) {
+  std::vector<bool> keep(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const geometry::Vec3& p = cloud.positions[i];
+    keep[i] = (p.head<2>().array() >= box.min().head<2>().array()).all() && (p.head<2>().array() <= box.max().head<2>().array()).all();
+  }
+  return geometry::filtered(cloud, keep);
+}
+
+/// What a map is aligned to, held together with what it points into.
+struct Target {
+  geometry::PointCloud cloud;
+  geometry::TriangleMesh mesh;
+  std::optional<geometry::TriangleIndex> index;
+  std::optional<geometry::Geodetic> origin;
+  std::vector<geometry::Box3> regions;  ///< over which there is truth; empty: not known
+
+  alignment::AlignmentTarget view() const {
+    return {.cloud = &cloud, .index = index ? &*index : nullptr, .mesh = index ? &mesh : nullptr};
+  }
+};
+
+/// Over the region at any height: a map's points above or below the truth must be pulled in as well.
+geometry::Box3 column(const geometry::Box3& box) {
+  geometry::Box3 tall = box;
+  tall.min().z() -= 1e6;
+  tall.max().z() += 1e6;
+  return tall;
+}
+
+Target read_target(const fs::path& path) {
+  Target target;
+  if (!fs::is_directory(path)) {
+    target.cloud = geometry::read_cloud(path);
+    return target;
+  }
+  const json about = read_extract_json(path);
+  ground_truth::GroundTruth truth = ground_truth::read_ground_truth(path);
+  target.cloud = std::move(truth.voxel_centers);
+  target.mesh = std::move(truth.mesh);
+  target.index.emplace(target.mesh);
+  target.origin = origin_of(about);
+  target.regions = {column(region_box(about))};
+  return target;
+}
+
+std::vector<alignment::PositionFix> receiver_positions(const fs::path& gps_csv, const geometry::Geodetic& origin) {
+  const std::vector<dataset::GpsFix> gps = dataset::read_gps_csv(gps_csv);
+  const std::vector<geometry::Vec3> positions = local_positions(gps, geometry::LocalFrame(origin));
+  std::vector<alignment::PositionFix> fixes;
+  for (std::size_t i = 0; i < gps.size(); ++i) {
+    fixes.push_back({gps[i].time_s, positions[i], gps[i].horizontal_sigma_m, gps[i].vertical_sigma_m});
+  }
+  return fixes;
+}
+
+std::vector<alignment::PositionFix> true_positions(const fs::path& trajectory) {
+  std::vector<alignment::PositionFix> fixes;
+  for (const geometry::StampedPose& pose : geometry::read_tum(trajectory).poses) {
+    fixes.push_back({pose.time_s, pose.T_local_camera.translation, 0.0, 0.0});
+  }
+  return fixes;
+}
+
+}  // namespace
+
+MapInputs map_inputs(const fs::path& map, const fs::path& dataset_folder) {
+  const auto if_there = [](const fs::path& file) { return fs::exists(file) ? file : fs::path(); };
+  MapInputs inputs{.map = map};
+  if (fs::is_directory(map)) inputs.trajectory = if_there(map / "trajectory.txt");
+  if (dataset_folder.empty()) return inputs;
+  if (!fs::is_directory(dataset_folder)) throw InputError(dataset_folder.string(), "no such dataset folder");
+  inputs.truth_trajectory = if_there(dataset_folder / "groundtruth.txt");
+  inputs.gps = if_there(dataset_folder / "gps.csv");
+  inputs.camera = if_there(dataset_folder / "camera.yaml");
+  return inputs;
+}
+
+nlohmann::json align(const MapInputs& map, const fs::path& target_path, const alignment::AlignMapOptions& options,
+                     const fs::path& out, const Progress& progress) {
+  const geometry::PointCloud cloud = read_map(map.map);
+  const Target target = read_target(target_path);
+  alignment::AlignMapOptions chosen = options;
+  if (chosen.icp.regions.empty()) chosen.icp.regions = target.regions;
+
+  const bool by_receiver = !map.trajectory.empty() && !map.gps.empty() && target.origin;
+  const bool by_true_poses = !map.trajectory.empty() && !map.truth_trajectory.empty();
+  alignment::MapAlignment aligned;
+  if (by_receiver || by_true_poses) {
+    // True poses are on the pictures' own clock; a receiver lags by an unknown time.
+    if (!by_receiver) chosen.trajectory.estimate_time_offset = false;
+    aligned = alignment::align_map(cloud, geometry::read_tum(map.trajectory),
+                                   by_receiver ? receiver_positions(map.gps, *target.origin) : true_positions(map.truth_trajectory),
+                                   target.view(), chosen, progress);
+  } else {
+    aligned = alignment::align_map(cloud, geometry::Sim3(), target.view(), chosen, progress);
+  }
+  json result = alignment::to_json(aligned);
+  result["start"] = by_receiver ? "receiver positions" : by_true_poses ? "true poses" : "as it is";
+  geometry::write_file(out, result.dump(2) + "\n");
+  return result;
+}
+
+nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
+                        const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
+  const geometry::Sim3 T_local_map = alignment::read_transform(transform_file).T_target_source;
+  const geometry::PointCloud aligned = geometry::transformed(T_local_map, read_map(map.map));
+  const geometry::Box3 box = region_box(read_extract_json(truth_folder));
+  const ground_truth::GroundTruth truth = ground_truth::read_ground_truth(truth_folder);
+
+  report_progress(progress, 0, 3, "distances to voxel centres");
+  const evaluation::MapMetrics map_metrics =
+      evaluation::evaluate_map(aligned, truth.voxel_centers, truth.surface, {.cutoff_m = settings.cutoff_m});
+  report_progress(progress, 1, 3, "distances to the surface");
+  const geometry::PointCloud seen = seen_samples(map, truth, box, T_local_map, settings.completeness_samples_per_m2);
+  const evaluation::SurfaceMetrics surface_metrics =
+      evaluation::evaluate_surface(over_region(aligned, box), truth.mesh, seen, settings.thresholds_m);
+  report_progress(progress, 2, 3, "trajectory");
+  std::optional<evaluation::TrajectoryMetrics> trajectory;
+  if (!map.trajectory.empty() && !map.truth_trajectory.empty()) {
+    trajectory = evaluation::evaluate_trajectory(geometry::read_tum(map.trajectory), geometry::read_tum(map.truth_trajectory),
+                                                 evaluation::TrajectoryAlignment::kSim3);
+  }
+  return write_scores(aligned, truth, map_metrics, surface_metrics, trajectory, out);
+}
+
+}  // namespace tileflight::experiment

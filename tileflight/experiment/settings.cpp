@@ -1,0 +1,99 @@
+#include "tileflight/experiment/settings.h"
+
+namespace tileflight::experiment {
+namespace {
+
+double positive(YamlSection& section, const std::string& key, double otherwise) {
+  const double value = section.number(key).value_or(otherwise);
+  if (value <= 0) throw section.error(key, "must be positive");
+  return value;
+}
+
+int at_least(YamlSection& section, const std::string& key, int least, int otherwise) {
+  const int value = section.integer(key).value_or(otherwise);
+  if (value < least) throw section.error(key, "must be at least " + std::to_string(least));
+  return value;
+}
+
+alignment::IcpMethod icp_method(YamlSection& section, const std::string& key, alignment::IcpMethod otherwise) {
+  const auto word = section.choice(key, {"point-to-point", "point-to-plane", "point-to-mesh"});
+  if (!word) return otherwise;
+  if (*word == "point-to-point") return alignment::IcpMethod::kPointToPoint;
+  return *word == "point-to-plane" ? alignment::IcpMethod::kPointToPlane : alignment::IcpMethod::kPointToMesh;
+}
+
+/// `regions: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
+std::vector<geometry::Box3> read_regions(YamlSection& section) {
+  std::vector<geometry::Box3> regions;
+  for (YamlSection& region : section.sections("regions")) {
+    const auto center = region.numbers("center", 3, 3);
+    const auto size = region.numbers("size", 3, 3);
+    if (!center) throw region.error("center", "is missing");
+    if (!size) throw region.error("size", "is missing");
+    const geometry::Vec3 c((*center)[0], (*center)[1], (*center)[2]);
+    const geometry::Vec3 half = 0.5 * geometry::Vec3((*size)[0], (*size)[1], (*size)[2]);
+    if (half.minCoeff() <= 0) throw region.error("size", "must be positive");
+    regions.emplace_back(c - half, c + half);
+    region.finish();
+  }
+  return regions;
+}
+
+}  // namespace
+
+/// Keys: exposure_time, exposure_samples, line_delay (s), vignetting, exposure_drift, exposure_drift_period (s),
+/// exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma.
+sensors::ImageFormation read_image_formation(YamlSection& section) {
+  sensors::ImageFormation f;
+  const auto number = [&section](const std::string& key, double& value) { value = section.number(key).value_or(value); };
+  number("exposure_time", f.exposure_time_s);
+  f.exposure_samples = section.integer("exposure_samples").value_or(f.exposure_samples);
+  number("line_delay", f.line_delay_s);
+  number("vignetting", f.vignetting);
+  number("exposure_drift", f.exposure_drift);
+  number("exposure_drift_period", f.exposure_drift_period_s);
+  for (YamlSection& step : section.sections("exposure_steps")) {
+    f.exposure_steps.push_back({step.number("time").value_or(0.0), step.number("gain").value_or(1.0)});
+    step.finish();
+  }
+  number("white_electrons", f.white_electrons);
+  number("read_noise_electrons", f.read_noise_electrons);
+  number("gamma", f.gamma);
+  section.finish();
+  sensors::check(f);
+  return f;
+}
+
+alignment::AlignMapOptions read_alignment(YamlSection& section) {
+  alignment::AlignMapOptions options;
+  options.icp.method = icp_method(section, "method", options.icp.method);
+  options.icp.radius_m = positive(section, "radius", options.icp.radius_m);
+  options.icp.rms_change_m = positive(section, "rms_change", options.icp.rms_change_m);
+  options.icp.max_iterations = at_least(section, "max_iterations", 1, options.icp.max_iterations);
+  if (section.choice("scale", {"estimated", "fixed"}).value_or("estimated") == "fixed") {
+    options.icp.scale = alignment::ScaleMode::kFixed;
+  }
+  options.icp.max_scale_change = positive(section, "max_scale_change", options.icp.max_scale_change);
+  if (options.icp.max_scale_change < 1) throw section.error("max_scale_change", "must be at least 1");
+  options.icp.regions = read_regions(section);
+  if (const auto radii = section.numbers("coarse_radii", 0, 16)) options.coarse_radii_m = *radii;
+  options.trajectory.estimate_time_offset =
+      section.boolean("estimate_time_offset").value_or(options.trajectory.estimate_time_offset);
+  section.finish();
+  return options;
+}
+
+odometry::OdometryOptions read_odometry_options(YamlSection& section) {
+  odometry::OdometryOptions options;
+  options.selection.points_per_keyframe = at_least(section, "points_per_keyframe", 50, options.selection.points_per_keyframe);
+  options.window.active_points = at_least(section, "active_points", 100, options.window.active_points);
+  options.window.min_keyframes = at_least(section, "min_keyframes", 3, options.window.min_keyframes);
+  options.window.max_keyframes = at_least(section, "max_keyframes", options.window.min_keyframes, options.window.max_keyframes);
+  options.window.iterations = at_least(section, "iterations", 1, options.window.iterations);
+  options.map.min_observations = at_least(section, "min_observations", 1, options.map.min_observations);
+  options.map.max_relative_deviation = positive(section, "max_relative_deviation", options.map.max_relative_deviation);
+  options.start.seed = static_cast<std::uint32_t>(at_least(section, "seed", 0, static_cast<int>(options.start.seed)));
+  return options;
+}
+
+}  // namespace tileflight::experiment
