@@ -74,7 +74,8 @@ CenteredSource centered(std::vector<Vec3> points, const Sim3& T) {
 
 ScaleRange scale_range(const Sim3& T, const IcpOptions& options) {
   if (options.scale == ScaleMode::kFixed) return {T.scale, T.scale};
-  return {T.scale / options.max_scale_change, T.scale * options.max_scale_change};
+  const double center = options.scale_center > 0.0 ? options.scale_center : T.scale;
+  return {center / options.max_scale_change, center * options.max_scale_change};
 }
 
 bool at_bound(double scale, const ScaleRange& range, const IcpOptions& options) {
@@ -151,8 +152,8 @@ void note_fit(const AlignmentResult& found, const CenteredSource& source, const 
   }
   if (at_bound(found.T_target_source.scale, range, options)) {
     result.converged = false;
-    add_note(result, "the scale ended at its bound, " + with_digits(found.T_target_source.scale / source.start.scale) +
-                         " of the start's");
+    add_note(result, "the scale ended at its bound, " + with_digits(found.T_target_source.scale) + ", whose range is " +
+                         with_digits(range.least) + " to " + with_digits(range.most));
   }
 }
 

@@ -28,6 +28,7 @@ struct IcpOptions {
   int max_iterations = 1500;
   ScaleMode scale = ScaleMode::kEstimated;
   double max_scale_change = 1.2;  ///< scale stays within [1/x, x] of the start, so that it cannot collapse
+  double scale_center = 0.0;      ///< the bound is about this scale instead; 0: the start's
   std::vector<geometry::Box3>
       regions{};  ///< source points (after the initial transform) inside any of these take part; none: all
 

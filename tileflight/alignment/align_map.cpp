@@ -1,0 +1,134 @@
+#include "tileflight/alignment/align_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tileflight/alignment/similarity_chart.h"
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::alignment {
+
+using geometry::PointCloud;
+using geometry::Sim3;
+using geometry::Vec3;
+using nlohmann::json;
+
+IcpOptions final_icp() {
+  IcpOptions options;
+  options.go_on = true;
+  return options;
+}
+
+namespace {
+
+AlignmentResult step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
+                     const IcpOptions& options) {
+  if (options.method == IcpMethod::kPointToMesh) {
+    if (!target.index || !target.mesh)
+      throw InputError("alignment method", "point-to-mesh needs a ground truth with a mesh");
+    return icp(map, *target.index, *target.mesh, start, options);
+  }
+  if (!target.cloud)
+    throw InputError("alignment method", "point-to-point and point-to-plane need a ground truth cloud");
+  return icp(map, *target.cloud, start, options);
+}
+
+IcpOptions coarse_options(const AlignMapOptions& options, const AlignmentTarget& target, std::size_t level) {
+  IcpOptions coarse = converging_icp();
+  coarse.method = options.coarse_method;
+  if (coarse.method == IcpMethod::kPointToMesh && !target.index) coarse.method = IcpMethod::kPointToPoint;
+  coarse.radius_m = options.coarse_radii_m[level];
+  coarse.step_m = std::max(options.icp.step_m, 1e-3 * coarse.radius_m);
+  coarse.max_iterations = 200;
+  coarse.regions = options.icp.regions;
+  coarse.scale = level == 0 ? ScaleMode::kFixed : options.icp.scale;
+  coarse.max_scale_change = options.icp.max_scale_change;
+  coarse.scale_center = options.icp.scale_center;
+  return coarse;
+}
+
+PointSpread spread_of(const PointCloud& cloud) {
+  PointSpread spread;
+  const auto n = static_cast<double>(cloud.size());
+  for (const Vec3& p : cloud.positions) {
+    spread.mean += p / n;
+    spread.second_moment += p * p.transpose() / n;
+  }
+  return spread;
+}
+
+void add_note(std::string& note, const std::string& text) {
+  if (!text.empty()) note += (note.empty() ? "" : "; ") + text;
+}
+
+/// Farther than telemetry is ever wrong: the surface may have been matched with another one.
+void note_distance(MapAlignment& alignment) {
+  const TrajectoryAlignment& start = *alignment.trajectory;
+  const double expected_m = std::max(5.0, 3.0 * start.rmse_m);
+  if (alignment.moved_from_start_m <= expected_m || start.roll_sigma_rad > 0.1) return;
+  char text[96];
+  std::snprintf(text, sizeof text, "ICP moved the map %.1f m (RMS) away from where telemetry had put it",
+                alignment.moved_from_start_m);
+  add_note(alignment.result.note, text);
+}
+
+json telemetry_json(const TrajectoryAlignment& t) {
+  return {{"scale", t.T_local_map.scale},
+          {"time_offset", t.time_offset_s},
+          {"time_offset_sigma", t.time_offset_sigma_s},
+          {"pairs", t.pairs},
+          {"inliers", t.inliers},
+          {"rmse", t.rmse_m},
+          {"roll_sigma", t.roll_sigma_rad},
+          {"note", t.note}};
+}
+
+}  // namespace
+
+MapAlignment align_map(const PointCloud& map, const Sim3& T_local_map_start, const AlignmentTarget& target,
+                       const AlignMapOptions& options, const Progress& progress) {
+  MapAlignment alignment;
+  AlignMapOptions centered = options;
+  if (!(centered.icp.scale_center > 0.0)) centered.icp.scale_center = T_local_map_start.scale;
+  const auto steps = static_cast<std::int64_t>(options.coarse_radii_m.size()) + 1;
+  Sim3 T = T_local_map_start;
+  for (std::size_t level = 0; level < options.coarse_radii_m.size(); ++level) {
+    report_progress(progress, static_cast<std::int64_t>(level), steps, "aligning the map");
+    alignment.steps.push_back(step(map, T, target, coarse_options(centered, target, level)));
+    T = alignment.steps.back().T_target_source;
+  }
+  report_progress(progress, steps - 1, steps, "aligning the map");
+  alignment.result = step(map, T, target, centered.icp);
+  report_progress(progress, steps, steps, "aligning the map");
+  alignment.moved_from_start_m = rms_motion_m(T_local_map_start, alignment.result.T_target_source, spread_of(map));
+  return alignment;
+}
+
+MapAlignment align_map(const PointCloud& map, const geometry::Trajectory& T_map_camera,
+                       const std::vector<PositionFix>& fixes, const AlignmentTarget& target,
+                       const AlignMapOptions& options, const Progress& progress) {
+  const TrajectoryAlignment start = align_trajectory(T_map_camera, fixes, options.trajectory);
+  MapAlignment alignment = align_map(map, start.T_local_map, target, options, progress);
+  alignment.trajectory = start;
+  add_note(alignment.result.note, start.note);
+  note_distance(alignment);
+  return alignment;
+}
+
+json to_json(const MapAlignment& alignment) {
+  json object = to_json(alignment.result);
+  object["moved_from_start"] = alignment.moved_from_start_m;
+  object["telemetry"] = alignment.trajectory ? telemetry_json(*alignment.trajectory) : json(nullptr);
+  object["steps"] = json::array();
+  for (const AlignmentResult& s : alignment.steps) object["steps"].push_back(to_json(s));
+  return object;
+}
+
+void write_transform(const std::filesystem::path& file, const MapAlignment& alignment) {
+  geometry::write_file(file, to_json(alignment).dump(2) + "\n");
+}
+
+}  // namespace tileflight::alignment

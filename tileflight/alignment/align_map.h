@@ -1,0 +1,60 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/alignment/align_trajectory.h"
+#include "tileflight/alignment/icp.h"
+#include "tileflight/geometry/progress.h"
+
+namespace tileflight::alignment {
+
+/// The paper's ICP settings, but that a false stop of its rule is not left where it is.
+IcpOptions final_icp();
+
+struct AlignMapOptions {
+  AlignTrajectoryOptions trajectory{};
+  /// Radii of the steps that pull in the error of the telemetry, metres; the first keeps the scale. Empty: the final
+  /// step only.
+  std::vector<double> coarse_radii_m = {8.0, 4.0, 2.0, 1.0};
+  IcpMethod coarse_method = IcpMethod::kPointToMesh;  ///< without a mesh: point-to-point
+  IcpOptions icp = final_icp();  ///< of the final step; its regions and scale mode hold for all steps
+};
+
+/// Ground truth to align to. The mesh may be missing (both null), then only the methods between clouds can be used.
+struct AlignmentTarget {
+  const geometry::PointCloud* cloud =
+      nullptr;  ///< voxel centres, or any cloud; needed for point-to-point and point-to-plane
+  const geometry::TriangleIndex* index = nullptr;
+  const geometry::TriangleMesh* mesh = nullptr;
+};
+
+struct MapAlignment {
+  AlignmentResult result;  ///< T_local_map and its diagnostics, of the final step; notes of all steps
+  std::optional<TrajectoryAlignment> trajectory;  ///< the step from telemetry, where there was one
+  std::vector<AlignmentResult> steps;             ///< coarse ones, in order
+  double moved_from_start_m = 0.0;                ///< how far all ICP steps together moved the map's points (RMS)
+};
+
+/// From a start (telemetry, or known otherwise) to the map's place: ICP steps with a radius that shrinks, then the
+/// final step, by default with the paper's settings. Regions choose the points that take part; the transform is for the
+/// whole map. Throws InputError as icp() does, and where a method lacks its target.
+MapAlignment align_map(const geometry::PointCloud& map, const geometry::Sim3& T_local_map_start,
+                       const AlignmentTarget& target, const AlignMapOptions& options = {},
+                       const Progress& progress = {});
+
+/// The same, started from the camera's trajectory (map frame) and a receiver's positions (local frame).
+MapAlignment align_map(const geometry::PointCloud& map, const geometry::Trajectory& T_map_camera,
+                       const std::vector<PositionFix>& fixes, const AlignmentTarget& target,
+                       const AlignMapOptions& options = {}, const Progress& progress = {});
+
+/// The final result's keys (transform.json), with `telemetry` and `steps` for the diagnostics.
+nlohmann::json to_json(const MapAlignment& alignment);
+
+/// `transform.json` with those keys. Throws InputError.
+void write_transform(const std::filesystem::path& file, const MapAlignment& alignment);
+
+}  // namespace tileflight::alignment

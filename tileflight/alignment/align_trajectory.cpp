@@ -1,0 +1,249 @@
+#include "tileflight/alignment/align_trajectory.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::alignment {
+
+using geometry::Trajectory;
+using geometry::Vec3;
+
+namespace {
+
+struct Pairs {
+  std::vector<Vec3> map, local;
+};
+
+bool moves(const Trajectory& trajectory) {
+  const Vec3& first = trajectory.poses.front().T_local_camera.translation;
+  constexpr double kRounding = 1e-9;
+  return std::any_of(trajectory.poses.begin(), trajectory.poses.end(), [&](const geometry::StampedPose& pose) {
+    return (pose.T_local_camera.translation - first).norm() > kRounding * (1.0 + first.norm());
+  });
+}
+
+void check_input(const Trajectory& trajectory, const std::vector<PositionFix>& fixes) {
+  if (trajectory.empty()) throw InputError("trajectory", "has no poses; there is nothing to align");
+  if (fixes.empty()) throw InputError("telemetry", "has no positions; there is nothing to align to");
+  for (const auto& pose : trajectory.poses) {
+    if (!pose.T_local_camera.translation.allFinite() || !std::isfinite(pose.time_s)) {
+      throw InputError("trajectory", "a pose is not finite");
+    }
+  }
+  if (!moves(trajectory)) throw InputError("trajectory", "the camera does not move, so that its scale is unknown");
+  for (const PositionFix& fix : fixes) {
+    if (!fix.position.allFinite() || !std::isfinite(fix.time_s))
+      throw InputError("telemetry", "a position is not finite");
+  }
+}
+
+/// Logs repeat a position until the receiver has a new one; only the first of a run is a measurement.
+std::vector<PositionFix> without_repeats(const std::vector<PositionFix>& fixes) {
+  std::vector<PositionFix> result;
+  for (const PositionFix& fix : fixes) {
+    if (result.empty() || fix.position != result.back().position) result.push_back(fix);
+  }
+  return result;
+}
+
+Pairs pairs_at(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, double offset_s) {
+  Pairs pairs;
+  for (const PositionFix& fix : fixes) {
+    const auto pose = geometry::interpolate(trajectory, fix.time_s + offset_s);
+    if (!pose) continue;
+    pairs.map.push_back(pose->translation);
+    pairs.local.push_back(fix.position);
+  }
+  return pairs;
+}
+
+/// Fixes that stay within the trajectory's time for every offset of +-`margin_s`, so that the residuals of all offsets
+/// are over the same fixes.
+std::vector<PositionFix> inner(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, double margin_s) {
+  const double from_s = trajectory.poses.front().time_s + margin_s, to_s = trajectory.poses.back().time_s - margin_s;
+  std::vector<PositionFix> result;
+  for (const PositionFix& fix : fixes) {
+    if (fix.time_s >= from_s && fix.time_s <= to_s) result.push_back(fix);
+  }
+  return result;
+}
+
+/// How many independent measurements the residuals are worth: errors of a receiver stay alike for seconds. Count over
+/// the integrated autocorrelation, summed up to where it fades (Sokal, Monte Carlo methods in statistical mechanics,
+/// 1997, section 3).
+double independent(const std::vector<Vec3>& residuals) {
+  const auto n = static_cast<double>(residuals.size());
+  Vec3 mean = Vec3::Zero();
+  for (const Vec3& r : residuals) mean += r / n;
+  const auto covariance = [&](std::size_t lag) {
+    double sum = 0.0;
+    for (std::size_t i = lag; i < residuals.size(); ++i) sum += (residuals[i] - mean).dot(residuals[i - lag] - mean);
+    return sum / n;
+  };
+  const double variance = covariance(0);
+  if (!(variance > 0.0)) return n;
+  double time = 1.0;
+  constexpr double kFaded = 0.05;
+  for (std::size_t lag = 1; lag < residuals.size() / 2; ++lag) {
+    const double correlation = covariance(lag) / variance;
+    if (correlation < kFaded) break;
+    time += 2.0 * correlation;
+  }
+  return std::max(3.0, n / time);
+}
+
+/// Residuals of the pairs that fit, in the fixes' order.
+std::vector<Vec3> inlier_residuals(const Pairs& pairs, const geometry::Sim3& T, double inlier_m) {
+  std::vector<Vec3> residuals;
+  for (std::size_t i = 0; i < pairs.map.size(); ++i) {
+    const Vec3 residual = pairs.local[i] - T * pairs.map[i];
+    if (residual.norm() <= inlier_m) residuals.push_back(residual);
+  }
+  return residuals;
+}
+
+/// The robust residual as a function of the offset.
+class OffsetCost {
+ public:
+  OffsetCost(const Trajectory& trajectory, std::vector<PositionFix> fixes, ScaleMode scale, RobustOptions robust)
+      : trajectory_(trajectory), fixes_(std::move(fixes)), scale_(scale), robust_(robust) {
+    constexpr int kFewTriples = 60;  // for each of many offsets; the final fit takes them all
+    robust_.samples = std::min(robust_.samples, kFewTriples);
+  }
+
+  double operator()(double offset_s) const {
+    const Pairs pairs = pairs_at(trajectory_, fixes_, offset_s);
+    const auto fit = robust_umeyama(pairs.map, pairs.local, scale_, robust_);
+    return robust_cost_m2(fit.T_target_source, pairs.map, pairs.local, robust_.inlier_m);
+  }
+
+  /// Independent measurements among the residuals at an offset.
+  double measurements(double offset_s) const {
+    const Pairs pairs = pairs_at(trajectory_, fixes_, offset_s);
+    const auto fit = robust_umeyama(pairs.map, pairs.local, scale_, robust_);
+    return independent(inlier_residuals(pairs, fit.T_target_source, robust_.inlier_m));
+  }
+
+ private:
+  const Trajectory& trajectory_;
+  std::vector<PositionFix> fixes_;
+  ScaleMode scale_;
+  RobustOptions robust_;
+};
+
+struct Minimum {
+  double at = 0.0;
+  double value = 0.0;
+  double curvature = 0.0;  ///< second derivative
+  bool inside = false;     ///< a dip, not an end of the range
+};
+
+/// Least value of `cost` on the grid of +-`reach` about `center`, refined by the parabola through it and its
+/// neighbours.
+Minimum grid_minimum(const OffsetCost& cost, double center, double reach, double step) {
+  const int half = static_cast<int>(std::lround(reach / step));
+  std::vector<double> values;
+  for (int k = -half; k <= half; ++k) values.push_back(cost(center + k * step));
+  const auto best = std::min_element(values.begin(), values.end()) - values.begin();
+  Minimum minimum{center + (static_cast<double>(best) - half) * step, values[static_cast<std::size_t>(best)], 0.0,
+                  false};
+  if (best == 0 || best + 1 == static_cast<std::ptrdiff_t>(values.size())) return minimum;
+  const double left = values[static_cast<std::size_t>(best - 1)], right = values[static_cast<std::size_t>(best + 1)];
+  const double second = left - 2.0 * minimum.value + right;
+  if (!(second > 0.0)) return minimum;
+  minimum.inside = true;
+  minimum.curvature = second / (step * step);
+  minimum.at += 0.5 * step * (left - right) / second;
+  return minimum;
+}
+
+void add_note(TrajectoryAlignment& result, const std::string& text) {
+  result.note += (result.note.empty() ? "" : "; ") + text;
+}
+
+/// Of c(o) = c0 + k/2 (o - best)^2, with c0 the mean squared residual of n measurements: sigma^2 = 2 c0 / (k n).
+double offset_sigma_s(const Minimum& minimum, double measurements) {
+  return std::sqrt(2.0 * minimum.value / (minimum.curvature * measurements));
+}
+
+void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, const RobustOptions& robust,
+                     const AlignTrajectoryOptions& options, TrajectoryAlignment& result) {
+  const double span_s = trajectory.poses.back().time_s - trajectory.poses.front().time_s;
+  const double reach_s = std::min(options.max_time_offset_s, 0.2 * span_s);
+  const auto within = inner(trajectory, fixes, reach_s);
+  constexpr std::size_t kEnough = 10;
+  if (within.size() < kEnough) return add_note(result, "too few positions for the time offset, taken as 0 s");
+
+  const OffsetCost cost(trajectory, within, options.scale, robust);
+  const double coarse_s = reach_s / 20.0;
+  const Minimum coarse = grid_minimum(cost, 0.0, reach_s, coarse_s);
+  constexpr double kTooUncertain_s = 0.3;
+  const double sigma_s = coarse.inside ? offset_sigma_s(coarse, cost.measurements(coarse.at)) : reach_s;
+  if (!(sigma_s < kTooUncertain_s)) {
+    return add_note(result, "the path does not tell the time offset of the telemetry, taken as 0 s");
+  }
+  const Minimum fine = grid_minimum(cost, coarse.at, coarse_s, coarse_s / 4.0);
+  result.time_offset_s = fine.inside ? fine.at : coarse.at;
+  result.time_offset_sigma_s = sigma_s;
+}
+
+RobustOptions widened(RobustOptions robust, const std::vector<PositionFix>& fixes) {
+  double largest_m = 0.0;
+  for (const PositionFix& fix : fixes) largest_m = std::max({largest_m, fix.horizontal_sigma_m, fix.vertical_sigma_m});
+  robust.inlier_m = std::max(robust.inlier_m, 3.0 * largest_m);
+  return robust;
+}
+
+/// Spread of the path across its best line, metres.
+double spread_across_m(const std::vector<Vec3>& points) {
+  Vec3 mean = Vec3::Zero();
+  for (const Vec3& p : points) mean += p / static_cast<double>(points.size());
+  geometry::Mat3 covariance = geometry::Mat3::Zero();
+  for (const Vec3& p : points) covariance += (p - mean) * (p - mean).transpose() / static_cast<double>(points.size());
+  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<geometry::Mat3>(covariance).eigenvalues()[1]));
+}
+
+void judge_roll(const Pairs& pairs, double inlier_m, TrajectoryAlignment& result) {
+  const double across_m = result.T_local_map.scale * spread_across_m(pairs.map);
+  const double measurements = independent(inlier_residuals(pairs, result.T_local_map, inlier_m));
+  const double error_m = result.rmse_m / std::sqrt(measurements);
+  result.roll_sigma_rad = across_m > 0.0 ? std::min(3.14, error_m / across_m) : 3.14;
+  constexpr double kTooUncertain_rad = 0.1;
+  if (result.roll_sigma_rad > kTooUncertain_rad) {
+    add_note(result, "the path is nearly straight, the roll about it is hardly determined by positions");
+  }
+}
+
+}  // namespace
+
+TrajectoryAlignment align_trajectory(const Trajectory& T_map_camera, const std::vector<PositionFix>& fixes,
+                                     const AlignTrajectoryOptions& options) {
+  check_input(T_map_camera, fixes);
+  const auto measured = without_repeats(fixes);
+  const RobustOptions robust = widened(options.robust, measured);
+  TrajectoryAlignment result;
+  if (options.estimate_time_offset) estimate_offset(T_map_camera, measured, robust, options, result);
+
+  const Pairs pairs = pairs_at(T_map_camera, measured, result.time_offset_s);
+  if (pairs.map.size() < 3) {
+    throw InputError("telemetry",
+                     "only " + std::to_string(pairs.map.size()) +
+                         " of its positions lie within the trajectory's time; check that both use one clock");
+  }
+  const UmeyamaResult fit = robust_umeyama(pairs.map, pairs.local, options.scale, robust);
+  if (!(fit.T_target_source.scale > 0.0))
+    throw InputError("telemetry", "its positions do not move with the trajectory");
+  result.T_local_map = fit.T_target_source;
+  result.pairs = pairs.map.size();
+  result.inliers = fit.inliers;
+  result.rmse_m = fit.rmse_m;
+  if (2 * result.inliers < result.pairs) add_note(result, "more than half of the positions do not fit the path");
+  judge_roll(pairs, robust.inlier_m, result);
+  return result;
+}
+
+}  // namespace tileflight::alignment
