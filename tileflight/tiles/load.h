@@ -19,14 +19,18 @@ class TileSource;  // tile_source.h: bytes by URI; injected, so that a test can 
 /// What part of which place, how fine.
 struct LoadOptions {
   /// Where the region is, one of: a geodetic centre, or a local one (tileset that is not georeferenced, or local to `origin`).
+  /// A height (z) of NaN means that none was given: the middle of the tileset's own extent is taken.
   std::optional<geometry::Geodetic> center;
   std::optional<geometry::Vec3> center_local;
-  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, else InputError.
+  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, else InputError. An
+  /// up of 0 or NaN means that none was given: the region is as high as the tileset. A size without a centre lies about the
+  /// tileset's middle; a centre without a size is an InputError.
   std::optional<geometry::Vec3> size;
   /// Geometric error wanted, metres; 0: the finest there is.
   double error_m = 0.0;
   /// Origin of the local frame of a georeferenced tileset; default: the region's centre on the ellipsoid
-  /// (height = the region's centre height), else the centre of the root's bounding volume.
+  /// (height = the region's centre height), else the centre of the root's bounding volume. With a tileset that is not
+  /// georeferenced: its frame is taken as the east-north-up frame at this origin (whose height is that of its z = 0).
   std::optional<geometry::Geodetic> origin;
   /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
   bool allow_incomplete = false;
@@ -39,7 +43,7 @@ struct LoadedTiles {
   std::vector<imaging::TexturedMesh> meshes;        ///< local frame, in the cut's defined order
   std::optional<geometry::LocalFrame> local_frame;  ///< nullopt: not georeferenced, local is the tileset's own z-up frame
   Region region;                                    ///< in the local frame
-  std::int64_t tiles_wanted = 0;
+  std::int64_t tiles_wanted = 0;   ///< contents of the cut, and parts of the tree that could not be followed
   std::int64_t tiles_loaded = 0;
   std::int64_t tiles_failed = 0;
   std::vector<std::string> failures;                ///< one line a failed tile
@@ -55,5 +59,8 @@ struct LoadedTiles {
 /// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no ancestors.
 /// `source`: tileset.json, its folder (http and archives: later). Throws InputError.
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
+/// The same from any source of bytes; `name` stands in messages.
+LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,
+                        const Progress& progress = {});
 
 }  // namespace tileflight::tiles

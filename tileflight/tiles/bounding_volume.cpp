@@ -1,0 +1,132 @@
+#include "tileflight/tiles/bounding_volume.h"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/geometry/geodesy.h"
+
+namespace tileflight::tiles {
+namespace {
+
+using geometry::Box3;
+using geometry::Mat3;
+using geometry::Mat4;
+using geometry::SE3;
+using geometry::Vec3;
+
+/// Earth-centred doubles carry about a nanometre of rounding; a tile that is nearer than this counts as met.
+constexpr double kSlack_m = 1e-6;
+
+OrientedBox in_local(const OrientedBox& box, const SE3& T_local_tileset) {
+  return {T_local_tileset * box.center, T_local_tileset.rotation.toRotationMatrix() * box.half_axes};
+}
+
+double longitude_width_rad(const GeographicRegion& region) {
+  const double width = region.east_rad - region.west_rad;
+  return width >= 0 ? width : width + 2 * std::numbers::pi;
+}
+
+Vec3 ecef(double latitude_rad, double longitude_rad, double height_m) {
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  return geometry::ecef_from_geodetic({latitude_rad * kDegrees, longitude_rad * kDegrees, {height_m}});
+}
+
+/// Samples of the patch on a grid, plus what a curved surface can leave the grid's convex hull by: linear interpolation
+/// over a step d misses a function with second derivative M by at most M d^2 / 8, and both second derivatives of a point on
+/// the ellipsoid (and at a height above it) stay under the largest radius of curvature.
+Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset) {
+  constexpr int kSteps = 8;
+  constexpr double kLargestRadius_m = 6.5e6;
+  const double latitude_step = (region.north_rad - region.south_rad) / kSteps;
+  const double longitude_step = longitude_width_rad(region) / kSteps;
+  Box3 box;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      for (const double height_m : {region.min_height_m, region.max_height_m}) {
+        box.extend(T_local_tileset *
+                   ecef(region.south_rad + i * latitude_step, region.west_rad + j * longitude_step, height_m));
+      }
+    }
+  }
+  const double radius_m = kLargestRadius_m + std::max(std::abs(region.min_height_m), std::abs(region.max_height_m));
+  const double bulge_m = radius_m * (latitude_step * latitude_step + longitude_step * longitude_step) / 8;
+  return {box.min() - Vec3::Constant(bulge_m), box.max() + Vec3::Constant(bulge_m)};
+}
+
+/// Whether the axis separates: the projections of both bodies on it, as intervals about their centres.
+bool separated_along(const Vec3& axis, const Vec3& offset, const Mat3& half_axes, const Vec3& half_size) {
+  const double length = axis.norm();
+  if (!(length > 0)) return false;  // parallel edges or a flat box: no axis
+  const double reach =
+      (half_axes.transpose() * axis).cwiseAbs().sum() + half_size.dot(axis.cwiseAbs());
+  return std::abs(offset.dot(axis)) > reach + kSlack_m * length;
+}
+
+/// Separating axis theorem for a parallelepiped and an upright box: their face normals and the cross products of their edges.
+bool box_meets(const OrientedBox& a, const Box3& box) {
+  const Vec3 offset = a.center - box.center();
+  const Vec3 half_size = box.sizes() / 2;
+  const auto separates = [&](const Vec3& axis) { return separated_along(axis, offset, a.half_axes, half_size); };
+  for (int i = 0; i < 3; ++i) {
+    if (separates(Vec3::Unit(i))) return false;
+    const Vec3 edge = a.half_axes.col(i);
+    if (separates(edge.cross(Vec3(a.half_axes.col((i + 1) % 3))))) return false;
+    for (int j = 0; j < 3; ++j) {
+      if (separates(edge.cross(Vec3::Unit(j)))) return false;
+    }
+  }
+  return true;
+}
+
+bool intervals_meet(const Box3& a, const Box3& b) {
+  return (a.min().array() <= b.max().array() + kSlack_m).all() && (b.min().array() <= a.max().array() + kSlack_m).all();
+}
+
+}  // namespace
+
+BoundingVolume transformed(const Mat4& T_a_b, const BoundingVolume& volume_b) {
+  const Mat3 linear = T_a_b.topLeftCorner<3, 3>();
+  const Vec3 translation = T_a_b.topRightCorner<3, 1>();
+  if (const auto* box = std::get_if<OrientedBox>(&volume_b)) {
+    return OrientedBox{linear * box->center + translation, linear * box->half_axes};
+  }
+  if (const auto* sphere = std::get_if<BoundingSphere>(&volume_b)) {
+    const double stretch = Eigen::JacobiSVD<Mat3>(linear).singularValues()(0);
+    return BoundingSphere{linear * sphere->center + translation, stretch * sphere->radius_m};
+  }
+  return volume_b;
+}
+
+Vec3 center_of(const BoundingVolume& volume) {
+  if (const auto* box = std::get_if<OrientedBox>(&volume)) return box->center;
+  if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) return sphere->center;
+  const auto& region = std::get<GeographicRegion>(volume);
+  return ecef((region.south_rad + region.north_rad) / 2, region.west_rad + longitude_width_rad(region) / 2,
+              (region.min_height_m + region.max_height_m) / 2);
+}
+
+Box3 bounds_local(const BoundingVolume& volume, const SE3& T_local_tileset) {
+  if (const auto* box = std::get_if<OrientedBox>(&volume)) {
+    const OrientedBox local = in_local(*box, T_local_tileset);
+    const Vec3 reach = local.half_axes.cwiseAbs().rowwise().sum();
+    return {local.center - reach, local.center + reach};
+  }
+  if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) {
+    const Vec3 center = T_local_tileset * sphere->center;
+    return {center - Vec3::Constant(sphere->radius_m), center + Vec3::Constant(sphere->radius_m)};
+  }
+  return bounds_of_region(std::get<GeographicRegion>(volume), T_local_tileset);
+}
+
+bool meets(const BoundingVolume& volume, const SE3& T_local_tileset, const Box3& box_local) {
+  if (const auto* box = std::get_if<OrientedBox>(&volume)) return box_meets(in_local(*box, T_local_tileset), box_local);
+  if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) {
+    return box_local.exteriorDistance(T_local_tileset * sphere->center) <= sphere->radius_m + kSlack_m;
+  }
+  return intervals_meet(bounds_local(volume, T_local_tileset), box_local);
+}
+
+}  // namespace tileflight::tiles

@@ -1,0 +1,187 @@
+#include "tileflight/tiles/placement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::tiles {
+namespace {
+
+using geometry::Box3;
+using geometry::Geodetic;
+using geometry::LocalFrame;
+using geometry::SE3;
+using geometry::Vec3;
+
+/// A tileset is loaded whole without being asked twice up to here.
+constexpr double kLargestWhole_m2 = 4e6;
+/// A root volume higher than this is one of a continent or the globe, and says nothing of the ground at a place.
+constexpr double kTallestKnown_m = 2e4;
+constexpr double kEarthRadius_m = 6.2e6;  ///< less than the polar radius
+
+std::string format(const char* pattern, double a, double b) {
+  char text[96];
+  std::snprintf(text, sizeof text, pattern, a, b);
+  return text;
+}
+
+/// A LocalFrame in place, since Placement wants it optional.
+LocalFrame frame_at(const Geodetic& origin, const std::string& source) {
+  const bool valid = std::abs(origin.latitude_deg) <= 90 && std::abs(origin.longitude_deg) <= 360 &&
+                     std::isfinite(origin.height.m);
+  if (!valid) throw InputError(source, "the origin or centre is not a place: latitude is from -90 to 90 degrees");
+  return LocalFrame(origin);
+}
+
+Box3 root_bounds(const TilesetTree& tree, const SE3& T_local_tileset) {
+  return bounds_local(tree.volume(tree.root()), T_local_tileset);
+}
+
+Box3 bounds_in_frame(const TilesetTree& tree, const LocalFrame& frame) { return root_bounds(tree, frame.T_local_ecef()); }
+
+bool wants_height(const LoadOptions& options) { return options.size && options.size->z() > 0; }
+
+void check_options(const LoadOptions& options, const std::string& source) {
+  if (options.center && options.center_local) throw InputError(source, "give either --center or --center-local, not both");
+  if ((options.center || options.center_local) && !options.size) {
+    throw InputError(source, "a centre without a size: give --size EAST,NORTH,UP in metres");
+  }
+  if (options.size && !(options.size->x() > 0 && options.size->y() > 0)) {
+    throw InputError(source, "--size must be above 0 metres east and north");
+  }
+  if (!(options.error_m >= 0)) throw InputError(source, "--error must be 0 metres or more");
+  if (options.center_local && !options.center_local->head<2>().allFinite()) {
+    throw InputError(source, "--center-local is not finite");
+  }
+}
+
+/// The region about `center` (z NaN: not given). What the user did not say of the height, the tileset's own extent gives.
+Region region_about(const Vec3& center, const LoadOptions& options, const Box3& tileset, const std::string& source) {
+  const bool has_height = std::isfinite(center.z()) && wants_height(options);
+  if (!has_height && tileset.sizes().z() > kTallestKnown_m) {
+    throw InputError(source, "the tileset does not tell how high the ground is there: give the height in --center and the "
+                             "third number of --size");
+  }
+  Region region;
+  region.size = *options.size;
+  region.center = center;
+  if (!std::isfinite(center.z())) region.center.z() = tileset.center().z();
+  if (wants_height(options)) return region;
+  // Keep the given centre height: the box reaches as far as the tileset does on its farther side.
+  const double up = std::max(tileset.max().z() - region.center.z(), region.center.z() - tileset.min().z());
+  region.size.z() = 2 * std::max(up, 0.5);
+  return region;
+}
+
+Region whole_tileset(const Box3& tileset, const LoadOptions& options, const TilesetTree& tree, const std::string& source) {
+  if (options.size) return region_about(tileset.center(), options, tileset, source);
+  const double area_m2 = tileset.sizes().x() * tileset.sizes().y();
+  if (area_m2 > kLargestWhole_m2) {
+    throw InputError(source, "the whole tileset covers " + format("%.1f km²", area_m2 / 1e6, 0) +
+                                 ", more than 4 km²; give --center and --size. It spans " + extent_text(tree));
+  }
+  return {tileset.center(), tileset.sizes()};
+}
+
+/// Origin of the local frame of a georeferenced tileset.
+Geodetic origin_on_earth(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
+  if (options.origin) return *options.origin;
+  if (!options.center) return geometry::geodetic_from_ecef(center_of(tree.volume(tree.root())));
+  Geodetic origin = *options.center;
+  if (std::isfinite(origin.height.m)) return origin;
+  origin.height.m = 0;
+  origin.height.m = bounds_in_frame(tree, frame_at(origin, source)).center().z();
+  return origin;
+}
+
+/// The frame, without the region.
+Placement frame_of(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
+  const bool georeferenced = is_georeferenced(tree);
+  if (georeferenced && options.center_local && !options.origin) {
+    throw InputError(source, "the tileset is georeferenced: give --center LAT,LON[,H] instead of --center-local. It spans " +
+                                 extent_text(tree));
+  }
+  if (!georeferenced && options.center && !options.origin) {
+    throw InputError(source, "the tileset is not georeferenced: give --center-local X,Y,Z in its own frame instead of "
+                             "--center. It spans " + extent_text(tree));
+  }
+  Placement placement;
+  if (georeferenced) {
+    placement.local_frame = frame_at(origin_on_earth(tree, options, source), source);
+    placement.T_local_tileset = placement.local_frame->T_local_ecef();
+  } else {
+    if (options.origin) placement.local_frame = frame_at(*options.origin, source);
+    placement.T_local_tileset = T_own_tileset(tree);
+    if (!placement.T_local_tileset.matrix().isIdentity()) {
+      placement.warnings.push_back(
+          "the transform by which Cesium ion puts down this movable model is undone: local coordinates are the model's own");
+    }
+  }
+  return placement;
+}
+
+/// The centre that the user gave, in the local frame; z is NaN where they gave no height.
+Vec3 center_in_frame(const LoadOptions& options, const Placement& placement, const std::string& source) {
+  if (options.center_local) return *options.center_local;
+  Geodetic center = *options.center;
+  const bool has_height = std::isfinite(center.height.m);
+  if (!has_height) center.height = placement.local_frame->origin().height;
+  frame_at(center, source);  // throws where it is no place
+  Vec3 center_local = placement.local_frame->local_from_geodetic(center);
+  if (!has_height) center_local.z() = NAN;
+  return center_local;
+}
+
+}  // namespace
+
+bool is_georeferenced(const TilesetTree& tree) {
+  const BoundingVolume volume = tree.volume(tree.root());
+  if (std::holds_alternative<GeographicRegion>(volume)) return true;
+  if (!tree.tileset(tree.root()).georeferenced.value_or(true)) return false;
+  const Vec3 center = center_of(volume);
+  const double radius_m = bounds_local(volume, SE3()).sizes().norm() / 2;
+  if (center.norm() < radius_m && radius_m > kEarthRadius_m) return true;
+  if (center.norm() < kEarthRadius_m) return false;
+  return std::abs(geometry::geodetic_from_ecef(center).height.m) < 1e5 + radius_m;
+}
+
+SE3 T_own_tileset(const TilesetTree& tree) {
+  const Tileset& tileset = tree.tileset(tree.root());
+  const Tile& root = tree.tile(tree.root());
+  if (tileset.georeferenced.value_or(true) || !tileset.movable) return {};
+  if (!root.contents.empty() || root.children.size() != 1) return {};
+  const geometry::Mat4& T_tileset_model = tree.node(tree.children(tree.root())[0]).T_tileset_tile;
+  const geometry::Mat3 linear = T_tileset_model.topLeftCorner<3, 3>();
+  if (!(linear * linear.transpose()).isIdentity(1e-9) || linear.determinant() < 0) return {};
+  return SE3(linear, T_tileset_model.topRightCorner<3, 1>()).inverse();
+}
+
+std::string extent_text(const Box3& box) {
+  return "x " + format("%.1f … %.1f", box.min().x(), box.max().x()) + ", y " +
+         format("%.1f … %.1f", box.min().y(), box.max().y()) + ", z " + format("%.1f … %.1f m", box.min().z(), box.max().z());
+}
+
+std::string extent_text(const TilesetTree& tree) {
+  const BoundingVolume volume = tree.volume(tree.root());
+  if (!is_georeferenced(tree)) return extent_text(bounds_local(volume, T_own_tileset(tree)));
+  const Geodetic center = geometry::geodetic_from_ecef(center_of(volume));
+  const Vec3 size = bounds_local(volume, LocalFrame(center).T_local_ecef()).sizes();
+  return format("%.0f m × %.0f m", size.x(), size.y()) +
+         format(" about latitude %.6f, longitude %.6f", center.latitude_deg, center.longitude_deg) +
+         format(", heights %.1f … %.1f m", center.height.m - size.z() / 2, center.height.m + size.z() / 2);
+}
+
+Placement place(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
+  check_options(options, source);
+  Placement placement = frame_of(tree, options, source);
+  const Box3 tileset = root_bounds(tree, placement.T_local_tileset);
+  placement.region = options.center || options.center_local
+                         ? region_about(center_in_frame(options, placement, source), options, tileset, source)
+                         : whole_tileset(tileset, options, tree, source);
+  return placement;
+}
+
+}  // namespace tileflight::tiles

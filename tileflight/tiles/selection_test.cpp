@@ -1,0 +1,216 @@
+#include "tileflight/tiles/selection.h"
+
+#include <gmock/gmock.h>
+
+#include "tileflight/tiles/test_tilesets.h"
+
+namespace tileflight::tiles {
+namespace {
+
+using geometry::Vec3;
+using testing::box_volume;
+using testing::error_of;
+using testing::Json;
+using testing::MemorySource;
+using testing::tile;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr double kWorld = 1000;
+
+TileCut cut_of(MemorySource& source, const Region& region = {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, double error_m = 0) {
+  TilesetTree tree(source);
+  return select_cut(tree, wanted_region(region, geometry::SE3(), error_m));
+}
+
+std::vector<std::string> uris(const TileCut& cut) {
+  std::vector<std::string> out;
+  for (const CutContent& content : cut.contents) out.push_back(content.uri);
+  return out;
+}
+
+/// Four quarters of a square of 200 m, each with two halves; errors 20, 10, 0.
+Json quadtree(const std::string& refine) {
+  Json root = tile(box_volume(0, 0, 0, 100, 100, 10), 20, "root.glb");
+  root["refine"] = refine;
+  int i = 0;
+  for (const double y : {-50.0, 50.0}) {
+    for (const double x : {-50.0, 50.0}) {
+      const std::string name = "q" + std::to_string(i++);
+      Json quarter = tile(box_volume(x, y, 0, 50, 50, 10), 10, name + ".glb");
+      quarter["children"] = {tile(box_volume(x - 25, y, 0, 25, 50, 10), 0, name + "w.glb"),
+                             tile(box_volume(x + 25, y, 0, 25, 50, 10), 0, name + "e.glb")};
+      root["children"].push_back(quarter);
+    }
+  }
+  return testing::tileset(root);
+}
+
+TEST(SelectCut, replace_takes_the_finest_that_is_wanted) {
+  MemorySource source(quadtree("REPLACE"));
+  EXPECT_THAT(uris(cut_of(source)), ElementsAre("q0w.glb", "q0e.glb", "q1w.glb", "q1e.glb", "q2w.glb", "q2e.glb", "q3w.glb",
+                                                "q3e.glb"));
+  const TileCut middle = cut_of(source, {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, 10);
+  EXPECT_THAT(uris(middle), ElementsAre("q0.glb", "q1.glb", "q2.glb", "q3.glb"));
+  EXPECT_EQ(middle.geometric_error_max_m, 10);
+  EXPECT_THAT(uris(cut_of(source, {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, 20)), ElementsAre("root.glb"));
+}
+
+TEST(SelectCut, leaves_out_what_does_not_meet_the_region) {
+  MemorySource source(quadtree("REPLACE"));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)})), ElementsAre("q3e.glb"));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(60, -60, 0), Vec3(50, 10, 10)})), ElementsAre("q1w.glb", "q1e.glb"));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(0, 0, 50), Vec3(10, 10, 10)})), IsEmpty());
+}
+
+TEST(SelectCut, add_keeps_the_ancestors) {
+  MemorySource source(quadtree("ADD"));
+  const TileCut cut = cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)});
+  EXPECT_THAT(uris(cut), ElementsAre("root.glb", "q3.glb", "q3e.glb"));
+  EXPECT_EQ(cut.geometric_error_max_m, 0);  // of where refinement stopped
+}
+
+TEST(SelectCut, reads_no_contents) {
+  MemorySource source(quadtree("REPLACE"));
+  cut_of(source);
+  EXPECT_THAT(source.reads(), ElementsAre(::testing::Pair("tileset.json", 1)));
+}
+
+TEST(SelectCut, hash_names_the_cut) {
+  MemorySource source(quadtree("REPLACE"));
+  const std::string all = cut_of(source).hash;
+  EXPECT_EQ(all, cut_of(source).hash);
+  EXPECT_EQ(all.size(), 64U);
+  EXPECT_NE(all, cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)}).hash);
+}
+
+TEST(SelectCut, passes_through_tiles_without_content) {
+  Json json = quadtree("REPLACE");
+  json["root"].erase("content");
+  json["root"]["children"][3]["content"] = nullptr;
+  MemorySource source(json);
+  // Fine enough at the root already, but the root shows nothing.
+  EXPECT_THAT(uris(cut_of(source, {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, 1e6)),
+              ElementsAre("q0.glb", "q1.glb", "q2.glb", "q3w.glb", "q3e.glb"));
+}
+
+TEST(SelectCut, child_with_a_larger_error_than_its_parent) {
+  Json json = quadtree("REPLACE");
+  json["root"]["geometricError"] = 5;
+  MemorySource source(json);
+  EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)}, 5)), ElementsAre("root.glb"));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)}, 4)), ElementsAre("q3e.glb"));
+}
+
+TEST(SelectCut, enormous_error_is_only_a_number) {
+  Json json = quadtree("REPLACE");
+  json["root"]["geometricError"] = 9007199254740991.0;
+  MemorySource source(json);
+  EXPECT_EQ(cut_of(source).contents.size(), 8U);
+}
+
+TEST(SelectCut, children_that_miss_the_region_stand_for_nothing_there) {
+  Json json = quadtree("REPLACE");
+  json["root"]["children"].erase(3);  // nothing of the quarter is there, though the root's box says so
+  MemorySource source(json);
+  EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)})), IsEmpty());
+}
+
+TEST(SelectCut, transforms_move_volumes) {
+  Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 10);
+  root["transform"] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 100, 0, 0, 1};  // quarter turn, twice as large, then east
+  root["children"] = {tile(box_volume(10, 0, 0, 1, 1, 1), 0, "a.glb")};     // at (100, 20, 0) +- 2
+  root["boundingVolume"] = box_volume(0, 0, 0, 20, 20, 20);
+  MemorySource source(testing::tileset(root));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(100, 21.9, 0), Vec3(1, 0.1, 1)})), ElementsAre("a.glb"));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(100, 22.2, 0), Vec3(1, 0.1, 1)})), IsEmpty());
+  EXPECT_THAT(uris(cut_of(source, {Vec3(110, 0, 0), Vec3(1, 1, 1)})), IsEmpty());
+}
+
+TEST(SelectCut, content_volumes_tighten) {
+  Json root = tile(box_volume(0, 0, 0, 10, 10, 10), 0);
+  root["contents"] = {{{"uri", "a.glb"}, {"boundingVolume", box_volume(-5, 0, 0, 1, 1, 1)}}, {{"uri", "b.glb"}}};
+  MemorySource source(testing::tileset(root));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(5, 0, 0), Vec3(1, 1, 1)})), ElementsAre("b.glb"));
+  EXPECT_THAT(uris(cut_of(source, {Vec3(-5, 0, 0), Vec3(1, 1, 1)})), ElementsAre("a.glb", "b.glb"));
+}
+
+TEST(SelectCut, external_tilesets_are_followed_where_they_are_wanted) {
+  Json root = tile(box_volume(0, 0, 0, 100, 100, 10), 50);
+  root["refine"] = "ADD";
+  root["children"] = {tile(box_volume(-50, 0, 0, 50, 100, 10), 20, "west/t.json"),
+                      tile(box_volume(50, 0, 0, 50, 100, 10), 20, "east/t.json?v=2")};
+  root["children"][1]["transform"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 50, 0, 0, 1};
+  root["children"][1]["boundingVolume"] = box_volume(0, 0, 0, 50, 100, 10);
+  MemorySource source(testing::tileset(root));
+  Json east = tile(box_volume(0, 0, 0, 50, 100, 10), 10, "a.glb");  // no refine: ADD from outside
+  east["children"] = {tile(box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")};
+  source.add("east/t.json?v=2", testing::tileset(east).dump());
+
+  EXPECT_THAT(uris(cut_of(source, {Vec3(90, 0, 0), Vec3(5, 5, 5)})), ElementsAre("east/a.glb", "b%20c.glb"));
+  EXPECT_EQ(source.reads().count("west/t.json"), 0U);
+  const TileCut all = cut_of(source);
+  EXPECT_THAT(all.failures, ElementsAre(HasSubstr("tileset.json: tile root/0: west/t.json: is missing")));
+  EXPECT_EQ(all.contents.size(), 2U);
+}
+
+TEST(SelectCut, external_tileset_without_a_telling_name) {
+  MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "node?id=7")));
+  source.add("node?id=7", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 0, "node?id=8")).dump());
+  source.add("node?id=8", testing::triangle_glb());
+  EXPECT_THAT(uris(cut_of(source)), ElementsAre("node?id=8"));
+}
+
+TEST(SelectCut, cycles_are_named) {
+  MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "a/b.json")));
+  source.add("a/b.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json")).dump());
+  EXPECT_THAT(cut_of(source).failures,
+              ElementsAre(HasSubstr("form a cycle: tileset.json → a/b.json → tileset.json")));
+  source.add("a/b.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json")).dump());
+  EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: a/b.json → a/b.json")));
+}
+
+TEST(SelectCut, one_file_may_stand_in_several_places) {
+  Json root = tile(box_volume(0, 0, 0, 100, 100, 10), 50);
+  for (const double x : {0.0, 10.0}) {
+    Json child = tile(box_volume(0, 0, 0, 1, 1, 1), 20, "t.json");
+    child["transform"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, 0, 0, 1};
+    root["children"].push_back(child);
+  }
+  MemorySource source(testing::tileset(root));
+  source.add("t.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 0, "a.glb")).dump());
+  EXPECT_EQ(cut_of(source).contents.size(), 2U);
+  EXPECT_EQ(cut_of(source, {Vec3(10, 0, 0), Vec3(1, 1, 1)}).contents.size(), 1U);
+  EXPECT_EQ(source.reads().at("t.json"), 2);  // once a tree
+}
+
+TEST(SelectCut, limits_on_external_tilesets) {
+  // Each level names the next twice: 2^40 tiles without a limit.
+  MemorySource source;
+  for (int i = 0; i < 40; ++i) {
+    Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 1);
+    const std::string next = "t" + std::to_string(i + 1) + ".json";
+    root["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 1, next), tile(box_volume(0, 0, 0, 1, 1, 1), 1, next)};
+    source.add(i == 0 ? "tileset.json" : "t" + std::to_string(i) + ".json", testing::tileset(root).dump());
+  }
+  const Wanted everything = wanted_region({Vec3::Zero(), Vec3::Constant(kWorld)}, geometry::SE3(), 0);
+  TilesetTree narrow(source, {.file = {}, .max_external_chain = 5});
+  const TileCut chain = select_cut(narrow, everything);
+  EXPECT_EQ(chain.failures.size(), 32U);
+  EXPECT_THAT(chain.failures[0], HasSubstr("more than 5 deep"));
+  TilesetTree small(source, {.file = {}, .max_external_chain = 100, .max_nodes = 1000});
+  EXPECT_THAT(select_cut(small, everything).failures, ::testing::Contains(HasSubstr("more than 1000 tiles")));
+}
+
+TEST(SelectCut, names_the_tile_that_needs_what_is_lacking) {
+  Json json = quadtree("REPLACE");
+  json["root"]["children"][2]["implicitTiling"] = {{"subdivisionScheme", "OCTREE"}};
+  MemorySource source(json);
+  EXPECT_THAT(cut_of(source).failures,
+              ElementsAre("tileset.json: tile root/2: implicit tiling (OCTREE) is not supported"));
+  EXPECT_THAT(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)}).failures, IsEmpty());
+}
+
+}  // namespace
+}  // namespace tileflight::tiles

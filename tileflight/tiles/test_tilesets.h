@@ -1,0 +1,175 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/mesh.h"
+#include "tileflight/tiles/tile_source.h"
+
+/// Small tilesets that tests build by code, and a source that keeps them in memory.
+namespace tileflight::tiles::testing {
+
+using Json = nlohmann::json;
+using Bytes = std::vector<std::byte>;
+
+inline Bytes to_bytes(const std::string& text) {
+  const auto* data = reinterpret_cast<const std::byte*>(text.data());
+  return {data, data + text.size()};
+}
+
+inline std::string to_text(const Bytes& bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
+
+/// Files in memory that remembers what was read.
+class MemorySource : public TileSource {
+ public:
+  MemorySource() = default;
+  explicit MemorySource(const Json& tileset) { add("tileset.json", tileset.dump()); }
+
+  void add(const std::string& uri, const std::string& content) { files_[uri] = to_bytes(content); }
+  void add(const std::string& uri, const Bytes& content) { files_[uri] = content; }
+  void remove(const std::string& uri) { files_.erase(uri); }
+
+  std::string root_uri() const override { return "tileset.json"; }
+  Bytes read(const std::string& uri) override {
+    const std::lock_guard lock(mutex_);
+    ++reads_[uri];
+    const auto it = files_.find(uri);
+    if (it == files_.end()) throw InputError(uri, "is missing");
+    return it->second;
+  }
+  std::optional<std::uintmax_t> size(const std::string& uri) override {
+    const auto it = files_.find(uri);
+    return it == files_.end() ? std::nullopt : std::optional<std::uintmax_t>(it->second.size());
+  }
+
+  const Bytes& file(const std::string& uri) const { return files_.at(uri); }
+  /// URI to number of reads.
+  const std::map<std::string, int>& reads() const { return reads_; }
+
+ private:
+  std::map<std::string, Bytes> files_;
+  std::map<std::string, int> reads_;
+  std::mutex mutex_;
+};
+
+/// Collects binary data and the JSON that describes it.
+class GltfWriter {
+ public:
+  GltfWriter() { json_ = {{"asset", {{"version", "2.0"}}}, {"scene", 0}, {"scenes", {{{"nodes", {0}}}}}}; }
+
+  Json& json() { return json_; }
+
+  /// A bufferView over `values`; returns its index.
+  template <class T>
+  std::size_t add_view(const std::vector<T>& values) {
+    while (binary_.size() % 4 != 0) binary_ += '\0';
+    json_["bufferViews"].push_back(
+        {{"buffer", 0}, {"byteOffset", binary_.size()}, {"byteLength", values.size() * sizeof(T)}});
+    binary_.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+    return json_["bufferViews"].size() - 1;
+  }
+
+  /// An accessor over `values`, `components` an element; returns its index.
+  template <class T>
+  std::size_t add_accessor(const std::vector<T>& values, std::size_t components, bool normalized = false) {
+    static const char* const kTypes[] = {"", "SCALAR", "VEC2", "VEC3", "VEC4"};
+    const std::size_t view = add_view(values);
+    json_["accessors"].push_back({{"bufferView", view},
+                                  {"componentType", component_type<T>()},
+                                  {"type", kTypes[components]},
+                                  {"count", values.size() / components},
+                                  {"normalized", normalized}});
+    return json_["accessors"].size() - 1;
+  }
+
+  /// A mesh with this primitive in a node of its own; returns the node.
+  Json& add_primitive(const Json& primitive) {
+    json_["meshes"].push_back({{"primitives", {primitive}}});
+    json_["nodes"].push_back({{"mesh", json_["meshes"].size() - 1}});
+    json_["scenes"][0]["nodes"] = Json::array();
+    for (std::size_t i = 0; i < json_["nodes"].size(); ++i) json_["scenes"][0]["nodes"].push_back(i);
+    return json_["nodes"].back();
+  }
+
+  std::string glb() const {
+    Json json = json_;
+    std::string binary = binary_;
+    while (binary.size() % 4 != 0) binary += '\0';
+    if (!binary.empty()) json["buffers"] = {{{"byteLength", binary.size()}}};
+    std::string text = json.dump();
+    while (text.size() % 4 != 0) text += ' ';
+    std::string out = "glTF" + u32(2) + u32(static_cast<std::uint32_t>(20 + text.size() + (binary.empty() ? 0 : 8 + binary.size())));
+    out += u32(static_cast<std::uint32_t>(text.size())) + "JSON" + text;
+    if (!binary.empty()) out += u32(static_cast<std::uint32_t>(binary.size())) + std::string("BIN\0", 4) + binary;
+    return out;
+  }
+
+  const std::string& binary() const { return binary_; }
+
+  static std::string u32(std::uint32_t value) { return {reinterpret_cast<const char*>(&value), sizeof value}; }
+
+ private:
+  template <class T>
+  static int component_type() {
+    if constexpr (std::is_same_v<T, std::int8_t>) return 5120;
+    if constexpr (std::is_same_v<T, std::uint8_t>) return 5121;
+    if constexpr (std::is_same_v<T, std::int16_t>) return 5122;
+    if constexpr (std::is_same_v<T, std::uint16_t>) return 5123;
+    if constexpr (std::is_same_v<T, std::uint32_t>) return 5125;
+    return 5126;
+  }
+
+  Json json_;
+  std::string binary_;
+};
+
+/// A GLB of one triangle with these corners (x y z of each, in the glTF's y-up frame).
+inline std::string triangle_glb(const std::vector<float>& corners = {0, 0, 0, 1, 0, 0, 0, 1, 0}) {
+  GltfWriter writer;
+  writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor(corners, 3)}}}});
+  return writer.glb();
+}
+
+/// A GLB as b3dm with this feature table.
+inline std::string b3dm(const std::string& glb, const Json& feature_table = {{"BATCH_LENGTH", 0}}) {
+  std::string table = feature_table.dump();
+  while ((28 + table.size()) % 8 != 0) table += ' ';
+  const auto u32 = GltfWriter::u32;
+  return "b3dm" + u32(1) + u32(static_cast<std::uint32_t>(28 + table.size() + glb.size())) +
+         u32(static_cast<std::uint32_t>(table.size())) + u32(0) + u32(0) + u32(0) + table + glb;
+}
+
+/// An upright box as a boundingVolume.
+inline Json box_volume(double cx, double cy, double cz, double hx, double hy, double hz) {
+  return {{"box", {cx, cy, cz, hx, 0, 0, 0, hy, 0, 0, 0, hz}}};
+}
+
+inline Json tile(const Json& volume, double geometric_error, const std::string& uri = "") {
+  Json out = {{"boundingVolume", volume}, {"geometricError", geometric_error}};
+  if (!uri.empty()) out["content"] = {{"uri", uri}};
+  return out;
+}
+
+inline Json tileset(const Json& root, const std::string& version = "1.1") {
+  return {{"asset", {{"version", version}}}, {"geometricError", 1000}, {"root", root}};
+}
+
+/// What an InputError says; empty where none is thrown.
+inline std::string error_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace tileflight::tiles::testing

@@ -1,0 +1,108 @@
+#include "tileflight/tiles/tile_source.h"
+
+#include <algorithm>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/uri.h"
+
+namespace tileflight::tiles {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A file name as a URI's last segment: what would mean something else in a URI is escaped.
+std::string escaped(const std::string& name) {
+  static constexpr char kHex[] = "0123456789ABCDEF";
+  std::string out;
+  for (const char c : name) {
+    if (std::string_view("%?#\\").find(c) != std::string_view::npos) {
+      const auto byte = static_cast<unsigned char>(c);
+      out += {'%', kHex[byte >> 4U], kHex[byte & 15U]};
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
+bool leaves_folder(const fs::path& relative) {
+  return relative.is_absolute() ||
+         std::any_of(relative.begin(), relative.end(), [](const fs::path& segment) { return segment == ".."; });
+}
+
+}  // namespace
+
+FolderSource::FolderSource(const fs::path& tileset_json, const FolderSourceOptions& options)
+    : folder_(tileset_json.parent_path()),
+      root_uri_("./" + escaped(tileset_json.filename().string())),
+      options_(options) {
+  root_uri_ = resolve_uri("", root_uri_);
+  if (!fs::is_regular_file(tileset_json)) throw InputError(tileset_json.string(), "is not a file");
+}
+
+fs::path FolderSource::file_of(const std::string& uri) const {
+  const std::string shown = uri_for_message(uri);
+  const std::string scheme = uri_scheme(uri);
+  if (!scheme.empty() && !(scheme == "file" && options_.allow_outside_folder)) {
+    throw InputError(shown, "a tileset in a folder may name only files beside it, not a URI with '" + scheme + ":'");
+  }
+  const std::string path = uri_path(uri);
+  if (uri.starts_with("//")) throw InputError(shown, "a tileset in a folder may name only files beside it, no other host");
+  if (!options_.allow_outside_folder && leaves_folder(path)) {
+    throw InputError(shown, "leaves the folder of the tileset, " + folder_.string() + "; refused");
+  }
+  return folder_ / path;
+}
+
+std::vector<std::byte> FolderSource::read(const std::string& uri) {
+  const fs::path file = file_of(uri);
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (!fs::exists(status)) throw InputError(uri_for_message(uri), "is missing (no file " + file.string() + ")");
+  // A device or pipe would block or never end.
+  if (!fs::is_regular_file(status)) throw InputError(uri_for_message(uri), "is not a regular file (" + file.string() + ")");
+  return geometry::read_bytes(file, options_.max_file_bytes);
+}
+
+std::optional<std::uintmax_t> FolderSource::size(const std::string& uri) {
+  try {
+    const fs::path file = file_of(uri);
+    std::error_code error;
+    if (!fs::is_regular_file(file, error)) return std::nullopt;
+    const std::uintmax_t bytes = fs::file_size(file, error);
+    return error ? std::nullopt : std::optional(bytes);
+  } catch (const InputError&) {
+    return std::nullopt;  // a path that may not be read has no size to tell
+  }
+}
+
+std::vector<std::byte> CountingSource::read(const std::string& uri) {
+  std::vector<std::byte> bytes = inner_.read(uri);
+  bytes_ += static_cast<std::int64_t>(bytes.size());
+  return bytes;
+}
+
+std::vector<std::byte> read_uri(TileSource& source, const std::string& uri) {
+  return is_data_uri(uri) ? decode_data_uri(uri, uri_for_message(uri)) : source.read(uri);
+}
+
+std::unique_ptr<TileSource> open_source(const std::string& source) {
+  const std::string scheme = uri_scheme(source);
+  if (scheme == "http" || scheme == "https" || scheme == "ion" || source == "google") {
+    throw InputError(source, "tilesets are read from files so far: give a tileset.json or its folder");
+  }
+  const fs::path path(source);
+  if (fs::is_directory(path)) {
+    if (!fs::exists(path / "tileset.json")) throw InputError(source, "the folder has no tileset.json");
+    return std::make_unique<FolderSource>(path / "tileset.json");
+  }
+  if (!fs::exists(path)) throw InputError(source, "no such file or folder");
+  const std::string ending = uri_ending(path.filename().string());
+  if (ending == "3tz" || ending == "3dtiles") {
+    throw InputError(source, "tileset archives are not read so far: unpack it and give its tileset.json");
+  }
+  return std::make_unique<FolderSource>(path);
+}
+
+}  // namespace tileflight::tiles

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace tileflight::tiles {
+
+/// Where the bytes of a tileset come from. Injected, so that a test can stage a fault; folders now, archives and HTTP
+/// later. URIs are those that resolve_uri makes of `root_uri` and the references in the files.
+class TileSource {
+ public:
+  virtual ~TileSource() = default;
+
+  /// URI of the tileset.json that everything starts from.
+  virtual std::string root_uri() const = 0;
+  /// The whole content behind a URI. May be called from several threads at once. Throws InputError (uri, cause).
+  virtual std::vector<std::byte> read(const std::string& uri) = 0;
+  /// Size in bytes, where the source can tell it without reading; nullopt: not known, or not there.
+  virtual std::optional<std::uintmax_t> size(const std::string& uri) = 0;
+};
+
+/// Limits and permissions of a folder of files.
+struct FolderSourceOptions {
+  /// A tileset names its files itself, and may come from anywhere: without permission no path leaves the folder of
+  /// its tileset.json ("../../secret", "/etc/passwd", "file:///…").
+  bool allow_outside_folder = false;
+  std::uintmax_t max_file_bytes = std::uintmax_t{2} << 30;
+};
+
+/// The files below the folder of a tileset.json.
+class FolderSource : public TileSource {
+ public:
+  /// `tileset_json`: the file that the root URI names. Throws InputError when it is not there.
+  explicit FolderSource(const std::filesystem::path& tileset_json, const FolderSourceOptions& options = {});
+
+  std::string root_uri() const override { return root_uri_; }
+  std::vector<std::byte> read(const std::string& uri) override;
+  std::optional<std::uintmax_t> size(const std::string& uri) override;
+
+ private:
+  std::filesystem::path file_of(const std::string& uri) const;
+
+  std::filesystem::path folder_;
+  std::string root_uri_;
+  FolderSourceOptions options_;
+};
+
+/// Passes reads on and counts them.
+class CountingSource : public TileSource {
+ public:
+  explicit CountingSource(TileSource& inner) : inner_(inner) {}
+
+  std::string root_uri() const override { return inner_.root_uri(); }
+  std::vector<std::byte> read(const std::string& uri) override;
+  std::optional<std::uintmax_t> size(const std::string& uri) override { return inner_.size(uri); }
+
+  std::int64_t bytes() const { return bytes_; }
+
+ private:
+  TileSource& inner_;
+  std::atomic<std::int64_t> bytes_ = 0;
+};
+
+/// The bytes behind a URI: a "data:" URI carries them itself, all else is the source's.
+std::vector<std::byte> read_uri(TileSource& source, const std::string& uri);
+
+/// What a user writes as SOURCE: a tileset.json or its folder. Throws InputError when it is neither.
+std::unique_ptr<TileSource> open_source(const std::string& source);
+
+}  // namespace tileflight::tiles
