@@ -36,9 +36,9 @@ struct ImageFormation {
 
   // Exposure: a slow drift and steps, as an automatic exposure makes them; both change the time that the shutter is
   // open.
-  double exposure_drift = 0.0;               ///< amplitude of the gain's oscillation, 0..1
-  double exposure_drift_period_s = 8.0;      ///< of the oscillation, which starts rising at time 0
-  std::vector<ExposureStep> exposure_steps;  ///< in time order; each holds until the next
+  double exposure_drift = 0.0;                 ///< amplitude of the gain's oscillation, 0..1
+  double exposure_drift_period_s = 8.0;        ///< of the oscillation, which starts rising at time 0
+  std::vector<ExposureStep> exposure_steps{};  ///< in time order; each holds until the next
 
   // Sensor.
   double white_electrons = 0.0;       ///< electrons of a pixel at white; their number is Poisson-like. 0: no noise

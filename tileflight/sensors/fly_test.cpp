@@ -1,0 +1,167 @@
+#include "tileflight/sensors/fly.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <atomic>
+#include <map>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/sensors/test_scenes.h"
+
+namespace tileflight::sensors {
+namespace {
+
+using geometry::SE3;
+using geometry::Trajectory;
+using geometry::Vec3;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+scene::Scene hilly_scene() {
+  const auto image =
+      test_scenes::texture(256, 256, [](int x, int y) { return test_scenes::grey(test_scenes::noise(x / 3, y / 3)); });
+  return scene::Scene({test_scenes::hills(Vec3(0, 0, 2880), 120.0, 50, image)});
+}
+
+Trajectory flight_over_hills(int frames) {
+  Trajectory trajectory;
+  for (int i = 0; i < frames; ++i) {
+    trajectory.poses.push_back(
+        {0.1 * i, test_scenes::looking_along(Vec3(-10 + 0.5 * i, -20, 2905), Vec3(0.1, 0.8, -0.8))});
+  }
+  return trajectory;
+}
+
+struct Collected {
+  imaging::RgbImage rgb;
+  double time_s = 0.0;
+  double exposure_ms = 0.0;
+  bool depth = false;
+};
+
+struct Collector {
+  std::mutex mutex;
+  std::map<std::size_t, Collected> frames;
+
+  FrameSink sink() {
+    return [this](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
+                  const imaging::FloatImage* depth_m) {
+      const std::scoped_lock lock(mutex);
+      frames[index] = {rgb, time_s, exposure_ms, depth_m != nullptr};
+    };
+  }
+};
+
+const ImageFormation kDegraded{.seed = 2,
+                               .exposure_time_s = 0.02,
+                               .exposure_samples = 3,
+                               .line_delay_s = 1e-4,
+                               .vignetting = 0.3,
+                               .exposure_drift = 0.1,
+                               .white_electrons = 3000,
+                               .read_noise_electrons = 8};
+
+TEST(Fly, EveryFrameArrivesOnceAndTheSameForAnyNumberOfThreads) {
+  const scene::Scene scene = hilly_scene();
+  const imaging::Camera camera = imaging::make_fisheye(90, 60, 140.0);
+  const Trajectory frames = flight_over_hills(9);
+  for (const ImageFormation& formation : {ImageFormation{}, kDegraded}) {
+    std::map<std::size_t, Collected> reference;
+    for (const std::size_t threads : {1U, 2U, 4U}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      Collector collector;
+      FlightOptions options;
+      options.formation = formation;
+      const FlightReport report = render_flight(scene, camera, frames, {}, options, collector.sink());
+      EXPECT_EQ(report.frames, 9);
+      EXPECT_THAT(report.warnings, testing::IsEmpty());
+      ASSERT_EQ(collector.frames.size(), 9U);
+      if (reference.empty()) reference = collector.frames;
+      for (const auto& [index, frame] : collector.frames) {
+        EXPECT_EQ(frame.rgb.pixels, reference[index].rgb.pixels) << index;
+        EXPECT_DOUBLE_EQ(frame.time_s, frames.poses[index].time_s);
+        EXPECT_TRUE(frame.depth);
+        EXPECT_DOUBLE_EQ(frame.exposure_ms, 1e3 * formation.exposure_time_s * exposure_gain(formation, frame.time_s));
+      }
+    }
+  }
+}
+
+TEST(Fly, FramesAreThoseOfTheRenderer) {
+  const scene::Scene scene = hilly_scene();
+  const imaging::Camera camera = imaging::make_fisheye(90, 60, 140.0);
+  const Trajectory frames = flight_over_hills(3);
+  Collector collector;
+  FlightOptions options;
+  options.render.depth = false;
+  render_flight(scene, camera, frames, {}, options, collector.sink());
+  const CameraRenderer renderer(scene, camera, {});
+  EXPECT_EQ(collector.frames[2].rgb.pixels, renderer.render(frames.poses[2].T_local_camera).rgb.pixels);
+  EXPECT_FALSE(collector.frames[2].depth);
+}
+
+TEST(Fly, MemoryIsBoundedByTheFramesInFlight) {
+  const scene::Scene scene = hilly_scene();
+  std::atomic<int> taken{0};
+  std::atomic<int> most{0};
+  FlightOptions options;
+  options.frames_in_flight = 2;
+  const FrameSink slow = [&](std::size_t, double, double, const imaging::RgbImage&, const imaging::FloatImage*) {
+    const int now = ++taken;
+    int before = most;
+    while (before < now && !most.compare_exchange_weak(before, now)) {
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(3));
+    --taken;
+  };
+  render_flight(scene, imaging::make_fisheye(60, 40, 120.0), flight_over_hills(8), {}, options, slow);
+  EXPECT_LE(most, 2);
+}
+
+TEST(Fly, WarnsOfBadPaths) {
+  const auto grey = test_scenes::texture(2, 2, [](int, int) { return test_scenes::grey(120); });
+  const scene::Scene scene({test_scenes::ground(Vec3(0, 0, 100), 50.0, grey)});
+  const auto down = [](double z) { return test_scenes::looking_down(Vec3(0, 0, z)); };
+  const SE3 up(geometry::Mat3(geometry::Mat3::Identity()), Vec3(0, 0, 110));
+  Trajectory frames;
+  frames.poses = {{0, down(110)}, {1, down(100.2)}, {2, down(100.1)}, {3, down(110)}, {4, up}, {5, down(95)}};
+  const FlightReport report =
+      render_flight(scene, imaging::make_pinhole(33, 21, 40.0), frames, {}, {}, [](auto&&...) {});
+  EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("frames 1 to 2: a surface is nearer to the camera than 0.3 m"),
+                                           HasSubstr("frames 4 to 5: no surface is in view"),
+                                           HasSubstr("frame 4: the path to the next frame goes through a surface")));
+  EXPECT_NEAR(report.nearest_m, 0.1, 1e-4);
+}
+
+TEST(Fly, ProgressCountsUpAndErrorsOfTheSinkComeThrough) {
+  const scene::Scene scene = hilly_scene();
+  const imaging::Camera camera = imaging::make_fisheye(40, 30, 120.0);
+  std::vector<std::int64_t> seen;
+  render_flight(
+      scene, camera, flight_over_hills(5), {}, {}, [](auto&&...) {},
+      [&](std::int64_t done, std::int64_t total, std::string_view) {
+        EXPECT_EQ(total, 5);
+        seen.push_back(done);
+      });
+  EXPECT_THAT(seen, ElementsAre(1, 2, 3, 4, 5));
+  const FrameSink full_disk = [](auto&&...) { throw std::runtime_error("no space left"); };
+  EXPECT_THROW(render_flight(scene, camera, flight_over_hills(5), {}, {}, full_disk), std::runtime_error);
+}
+
+TEST(Fly, RefusesNothingToDoAndOptionsOutOfRange) {
+  const scene::Scene scene = hilly_scene();
+  const imaging::Camera camera = imaging::make_fisheye(40, 30, 120.0);
+  const FrameSink ignore = [](auto&&...) {};
+  EXPECT_THROW(render_flight(scene, camera, {}, {}, {}, ignore), InputError);
+  FlightOptions options;
+  options.formation.vignetting = 2.0;
+  EXPECT_THROW(render_flight(scene, camera, flight_over_hills(1), {}, options, ignore), InputError);
+}
+
+}  // namespace
+}  // namespace tileflight::sensors

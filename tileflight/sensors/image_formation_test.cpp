@@ -1,0 +1,175 @@
+#include "tileflight/sensors/image_formation.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/sensors/test_scenes.h"
+
+namespace tileflight::sensors {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+
+LightImage even_light(int width, int height, float value) { return {width, height, Light{value, value, value}}; }
+
+/// `light` through the formation, without vignette image or gain.
+imaging::RgbImage developed(const LightImage& light, const ImageFormation& formation, double gain = 1.0) {
+  return develop(light, vignette_of(formation, light.width, light.height), formation, gain, 0);
+}
+
+TEST(ImageFormation, IdealCameraGivesTheTexturesColours) {
+  EXPECT_TRUE(is_ideal(ImageFormation{}));
+  LightImage light(256, 1);
+  for (int x = 0; x < 256; ++x) light(x, 0).fill(static_cast<float>(srgb_decode(x)));
+  const imaging::RgbImage image = developed(light, {});
+  for (int x = 0; x < 256; ++x) EXPECT_EQ(image(x, 0)[1], x);
+}
+
+TEST(ImageFormation, VignettingFallsWithTheSquareOfTheRadius) {
+  const ImageFormation formation{.vignetting = 0.4};
+  const imaging::FloatImage v = vignette_of(formation, 101, 51);
+  EXPECT_FLOAT_EQ(v(50, 25), 1.0F);
+  EXPECT_NEAR(v(0, 0), 0.6, 1e-6);
+  EXPECT_NEAR(v(100, 50), 0.6, 1e-6);
+  EXPECT_NEAR(v(50, 0), 1.0 - 0.4 * 625.0 / 3125.0, 1e-6);
+  const imaging::RgbImage image = developed(even_light(101, 51, 0.5F), formation);
+  EXPECT_NEAR(image(0, 0)[0], srgb_encode(0.3), 0.51);
+}
+
+TEST(ImageFormation, ExposureScalesLightBeforeTheResponse) {
+  EXPECT_NEAR(developed(even_light(1, 1, 0.2F), {}, 1.7)(0, 0)[2], srgb_encode(0.34), 0.51);
+  EXPECT_EQ(developed(even_light(1, 1, 0.8F), {}, 1.7)(0, 0)[2], 255);  // full well
+}
+
+TEST(ImageFormation, GainDriftsAndSteps) {
+  const ImageFormation formation{
+      .exposure_drift = 0.16, .exposure_drift_period_s = 4.0, .exposure_steps = {{2.0, 1.25}, {6.0, 0.8}}};
+  EXPECT_NEAR(exposure_gain(formation, 0.0), 1.0, 1e-12);
+  EXPECT_NEAR(exposure_gain(formation, 1.0), 1.16, 1e-12);
+  EXPECT_NEAR(exposure_gain(formation, 2.0), 1.25, 1e-9);
+  EXPECT_NEAR(exposure_gain(formation, 3.0), 1.25 * 0.84, 1e-9);
+  EXPECT_NEAR(exposure_gain(formation, 7.0), 0.8 * 0.84, 1e-9);
+}
+
+TEST(ImageFormation, NoiseHasTheVarianceOfPhotonsAndReading) {
+  const double white = 2000.0;
+  const double read = 12.0;
+  for (const double light : {0.02, 0.1, 0.5}) {
+    // A response of power 1: values are proportional to electrons.
+    const ImageFormation formation{.seed = 3, .white_electrons = white, .read_noise_electrons = read, .gamma = 1.0};
+    const imaging::RgbImage image = developed(even_light(200, 150, static_cast<float>(light)), formation);
+    double sum = 0.0;
+    double squares = 0.0;
+    for (const imaging::Rgb8& pixel : image.pixels) {
+      sum += pixel[0];
+      squares += pixel[0] * pixel[0];
+    }
+    const auto n = static_cast<double>(image.pixels.size());
+    const double mean = sum / n;
+    const double rounding = 1.0 / 12.0;
+    const double grey_an_electron = 255.0 / white;
+    const double expected = (light * white + read * read) * grey_an_electron * grey_an_electron + rounding;
+    EXPECT_NEAR(mean, 255.0 * light, 0.1);
+    EXPECT_NEAR(squares / n - mean * mean, expected, 0.04 * expected);
+  }
+}
+
+TEST(ImageFormation, NoiseDiffersByFrameChannelAndSeedAndNotByThreads) {
+  ImageFormation formation{.seed = 3, .white_electrons = 500.0};
+  const LightImage light = even_light(64, 48, 0.3F);
+  const auto make = [&](std::uint64_t frame, std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return develop(light, {}, formation, 1.0, frame).pixels;
+  };
+  const auto reference = make(0, 1);
+  EXPECT_EQ(make(0, 2), reference);
+  EXPECT_NE(make(1, 2), reference);
+  EXPECT_NE(reference[0][0] - reference[1][0], reference[0][1] - reference[1][1]);
+  formation.seed = 4;
+  EXPECT_NE(make(0, 1), reference);
+}
+
+TEST(ImageFormation, PhotometricCalibrationUndoesResponseAndVignette) {
+  for (const double gamma : {0.0, 2.2}) {
+    const ImageFormation formation{.vignetting = 0.5, .gamma = gamma};
+    const imaging::PhotometricCalibration calibration = photometric_calibration(formation, 40, 30);
+    const LightImage light = even_light(40, 30, 0.4F);
+    const imaging::RgbImage image = developed(light, formation);
+    for (const auto& [x, y] : {std::pair{0, 0}, {20, 15}, {39, 7}}) {
+      const float irradiance = calibration.inverse_response[image(x, y)[0]] / calibration.vignette(x, y);
+      EXPECT_NEAR(irradiance, 255.0 * 0.4, 1.5) << gamma;
+    }
+    for (std::size_t i = 1; i < 256; ++i) {
+      EXPECT_GT(calibration.inverse_response[i], calibration.inverse_response[i - 1]);
+    }
+  }
+}
+
+TEST(ImageFormation, ShutterAsksForEachRowAndMoment) {
+  const ImageFormation formation{.exposure_time_s = 0.02, .exposure_samples = 5, .line_delay_s = 1e-4};
+  const auto pose_at = [](double t) { return SE3(Eigen::Quaterniond::Identity(), Vec3(t, 0, 0)); };
+  const ShutterPoses poses = shutter_poses(formation, pose_at, 7.0, 101);
+  ASSERT_EQ(poses.times, 5);
+  ASSERT_EQ(poses.rows, 101);
+  ASSERT_EQ(poses.T_local_camera.size(), 505U);
+  const auto time_of = [&](int k, int y) {
+    return poses.T_local_camera[static_cast<std::size_t>(k * 101 + y)].translation.x();
+  };
+  EXPECT_NEAR(time_of(2, 50), 7.0, 1e-12);         // the middle of the frame at its time
+  EXPECT_NEAR(time_of(2, 0), 7.0 - 0.005, 1e-12);  // the first row is taken first
+  EXPECT_NEAR(time_of(0, 50), 7.0 - 0.008, 1e-12);
+  EXPECT_NEAR(time_of(4, 100), 7.0 + 0.008 + 0.005, 1e-12);
+  const ShutterPoses instant = shutter_poses({}, pose_at, 7.0, 101);
+  EXPECT_EQ(instant.T_local_camera.size(), 1U);
+}
+
+TEST(ImageFormation, MotionBlurIsTheShareOfTimeOverEachSide) {
+  // A white-to-black edge moves 8 pixels while the shutter is open: the ramp between them is linear in light.
+  const auto white = test_scenes::texture(2, 2, [](int, int) { return test_scenes::grey(255); });
+  const scene::Scene scene({test_scenes::ground(Vec3(-500, 0, 0), 1000.0, white)});
+  const imaging::Camera camera(imaging::PinholeRadtan{100, 100, 20, 10, {}}, 41, 21);
+  const CameraRenderer renderer(scene, camera, {.background = {0, 0, 0}});
+  const ImageFormation formation{.exposure_time_s = 0.1, .exposure_samples = 49};
+  const auto pose_at = [](double t) { return test_scenes::looking_down({40.0 * t, 0, 50}); };  // 80 pixels a second
+  const LightFrame frame = renderer.render_light(shutter_poses(formation, pose_at, 0.0, 21));
+  for (int x = 0; x < 41; ++x) {
+    const double covered = std::clamp(0.5 - (x - 20) / 8.0, 0.0, 1.0);
+    EXPECT_NEAR(frame.light(x, 10)[0], covered, 0.03) << x;
+  }
+}
+
+TEST(ImageFormation, RollingShutterShearsAMovingEdge) {
+  const auto white = test_scenes::texture(2, 2, [](int, int) { return test_scenes::grey(255); });
+  const scene::Scene scene({test_scenes::ground(Vec3(-500, 0, 0), 1000.0, white)});
+  const imaging::Camera camera(imaging::PinholeRadtan{100, 100, 40, 20, {}}, 81, 41);
+  const CameraRenderer renderer(scene, camera, {.background = {0, 0, 0}});
+  const ImageFormation formation{.line_delay_s = 0.01};
+  const auto pose_at = [](double t) { return test_scenes::looking_down({50.0 * t, 0, 50}); };  // a pixel a row
+  const LightFrame frame = renderer.render_light(shutter_poses(formation, pose_at, 0.0, 41));
+  for (int y = 1; y < 40; ++y) {
+    const int edge = 40 - (y - 20);  // the camera moves right, so the edge moves left
+    EXPECT_EQ(frame.light(edge - 2, y)[0], 1.0F) << y;
+    EXPECT_EQ(frame.light(edge + 2, y)[0], 0.0F) << y;
+  }
+}
+
+TEST(ImageFormation, RefusesValuesOutOfRange) {
+  EXPECT_NO_THROW(check({}));
+  EXPECT_THROW(check({.exposure_time_s = -1.0}), InputError);
+  EXPECT_THROW(check({.exposure_time_s = std::numeric_limits<double>::quiet_NaN()}), InputError);
+  EXPECT_THROW(check({.exposure_samples = 8}), InputError);
+  EXPECT_THROW(check({.vignetting = 1.0}), InputError);
+  EXPECT_THROW(check({.exposure_drift = 1.5}), InputError);
+  EXPECT_THROW(check({.exposure_steps = {{1.0, 0.0}}}), InputError);
+  EXPECT_THROW(check({.exposure_steps = {{1.0, 1.0}, {1.0, 2.0}}}), InputError);
+  EXPECT_THROW(check({.read_noise_electrons = 3.0}), InputError);
+  EXPECT_THROW(check({.gamma = -2.2}), InputError);
+}
+
+}  // namespace
+}  // namespace tileflight::sensors
