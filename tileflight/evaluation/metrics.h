@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -13,22 +16,28 @@
 
 namespace tileflight::evaluation {
 
-/// Mean, spread and shape of a set of distances, metres.
+/// Mean, spread and shape of a set of distances, metres. What too few distances leave undefined is NaN (null in JSON).
 struct DistanceStatistics {
   std::size_t count = 0;
-  double mean = 0, std = 0, median = 0, rmse = 0;  ///< std: divisor n - 1
+  double mean = std::numeric_limits<double>::quiet_NaN();
+  double std = std::numeric_limits<double>::quiet_NaN();  ///< divisor n - 1
+  double median = std::numeric_limits<double>::quiet_NaN();
+  double rmse = std::numeric_limits<double>::quiet_NaN();
 };
 
+DistanceStatistics statistics_of(std::vector<double> distances);
+
 struct Histogram {
-  std::vector<double> edges;         ///< 51 of them for 50 bins from 0 to the cut-off
+  std::vector<double> edges;  ///< 51 of them for 50 bins from 0 to the cut-off
   std::vector<std::size_t> counts;
 };
 
-/// The paper's numbers (design: science.md): distance from each map point to the nearest voxel centre, kept up to the cut-off.
+/// The paper's numbers (design: science.md): distance from each map point to the nearest voxel centre, kept up to the
+/// cut-off.
 struct MapMetrics {
   std::size_t points = 0;
   std::size_t correspondences = 0;
-  DistanceStatistics distances;      ///< of the kept ones
+  DistanceStatistics distances;  ///< of the kept ones
   Histogram histogram;
   double cutoff_m = 1.0;
   DistanceStatistics quantization_floor;  ///< the score of points sampled on the true surface
@@ -37,20 +46,22 @@ struct MapMetrics {
 /// Distance to the exact surface, nothing cut off; shares by threshold.
 struct SurfaceMetrics {
   DistanceStatistics distances;
-  std::map<double, double> accuracy, completeness, f_score;  ///< by threshold, metres
+  std::map<double, double> accuracy, completeness,
+      f_score;  ///< by threshold, metres; the last two empty where no surface was seen
 };
 
 struct RelativePoseError {
-  double delta_m = 0;                ///< path length between the two poses of a pair
-  std::size_t pairs = 0;
-  double translation_rmse_m = 0, rotation_rmse_deg = 0;
+  double delta_m = 0;     ///< path length of the estimate between the two poses of a pair
+  std::size_t pairs = 0;  ///< none: the path is too short, the errors are NaN
+  double translation_rmse_m = std::numeric_limits<double>::quiet_NaN();
+  double rotation_rmse_deg = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct TrajectoryMetrics {
   double ate_rmse_m = 0, ate_mean_m = 0, ate_max_m = 0;
   std::vector<RelativePoseError> rpe;
-  double path_length_m = 0;          ///< of the truth over the compared poses
-  double scale = 1;                  ///< of the Sim(3) that aligned the estimate
+  double path_length_m = 0;  ///< of the truth over the compared poses
+  double scale = 1;          ///< of the Sim(3) that aligned the estimate
   std::size_t poses = 0;
 };
 
@@ -59,35 +70,43 @@ struct MapMetricsOptions {
   int bins = 50;
 };
 
-/// `surface_samples`: points evenly on the true surface, for the floor.
+/// `surface_samples`: points evenly on the true surface, for the floor; none: no floor. Throws InputError: empty map or
+/// truth, not finite.
 MapMetrics evaluate_map(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers,
                         const geometry::PointCloud& surface_samples, const MapMetricsOptions& options = {});
 
-/// `seen_samples`: samples of the true surface that the flight's camera saw, for completeness.
+/// `seen_samples`: samples of the true surface that the flight's camera saw, for completeness; none: no completeness.
+/// Throws InputError as evaluate_map() does.
 SurfaceMetrics evaluate_surface(const geometry::PointCloud& aligned_map, const geometry::TriangleMesh& surface,
                                 const geometry::PointCloud& seen_samples,
                                 const std::vector<double>& thresholds_m = {0.1, 0.2, 0.5, 1.0});
 
 enum class TrajectoryAlignment { kSim3, kSE3, kNone };
 
-/// ATE after alignment of the camera positions (Umeyama), RPE over the given path lengths. Poses are paired by time. Throws InputError
-/// when fewer than 3 pairs share a time.
+/// ATE after alignment of the camera positions (Umeyama), RPE over the given path lengths. Poses are paired by time (10
+/// ms). Definitions: Sturm et al., IROS 2012, sections V-A and V-B, on the aligned estimate; pairs of the RPE as evo
+/// takes them: consecutive stretches of the estimate's path, each from the pose where the stretch before reached the
+/// length. Throws InputError when fewer than 3 pairs share a time.
 TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
-                                      TrajectoryAlignment alignment, const std::vector<double>& rpe_deltas_m = {1, 10, 50});
+                                      TrajectoryAlignment alignment,
+                                      const std::vector<double>& rpe_deltas_m = {1, 10, 50});
 
-/// The two runs side by side.
+/// The two runs side by side. Differences are simulated minus real.
 struct Comparison {
   double mean_difference_m = 0, std_difference_m = 0, points_ratio = 0;
   double ks_statistic = 0, wasserstein_m = 0;
   std::array<double, 2> mean_difference_ci95{};
   double equivalence_margin_m = 0.05;
-  std::string verdict;                    ///< "equivalent", "different" or "undecided"
+  /// "equivalent": the 90 % interval (two one-sided tests at 5 %, Schuirmann 1987) lies within the margin; "different":
+  /// the 95 % interval lies outside it; else "undecided".
+  std::string verdict;
   std::optional<double> equivalent_within_m;  ///< the smallest margin at which they would count as equivalent
+  std::size_t blocks = 0;                     ///< of the bootstrap; below 2 there is no interval and nothing is decided
 };
 
 struct ComparisonOptions {
   double equivalence_margin_m = 0.05;
-  double block_m = 5.0;      ///< edge of the blocks of the bootstrap
+  double block_m = 5.0;  ///< edge of the blocks of the bootstrap
   int resamples = 2000;
   std::uint64_t seed = 1;
 };
@@ -98,8 +117,14 @@ struct KeptDistances {
   std::vector<double> distances;
   std::size_t points = 0;  ///< of the map, kept or not
 };
-KeptDistances kept_distances(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers, double cutoff_m);
+/// Distances of the points that lie within the cut-off of a voxel centre.
+KeptDistances kept_distances(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers,
+                             double cutoff_m);
 
+/// Interval by bootstrap over places: cubes of block_m, each with the points of both runs in it, are drawn with
+/// replacement, since neighbours' errors are alike (and alike in both runs where the truth is coarse). Kuensch 1989;
+/// Efron and Tibshirani, An Introduction to the Bootstrap, 1993. Deterministic. Throws InputError when a run has no
+/// kept distance.
 Comparison compare(const KeptDistances& simulated, const KeptDistances& real, const ComparisonOptions& options = {});
 
 /// The keys of the contract.

@@ -1,0 +1,101 @@
+#include "tileflight/evaluation/block_bootstrap.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <map>
+
+namespace tileflight::evaluation {
+
+namespace {
+
+/// A small generator whose start can be any number (Steele, Lea and Flood, SplitMix64, OOPSLA 2014): one for each
+/// resample.
+class SplitMix64 {
+ public:
+  explicit SplitMix64(std::uint64_t seed) : state_(seed) {}
+
+  std::uint64_t next() {
+    state_ += 0x9e3779b97f4a7c15ull;
+    std::uint64_t z = state_;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
+    return z ^ (z >> 31);
+  }
+
+  /// Below n, for n below 2^32: the high half of a product (Lemire 2019), whose bias is below n / 2^32.
+  std::size_t below(std::size_t n) { return static_cast<std::size_t>(((next() >> 32) * n) >> 32); }
+
+ private:
+  std::uint64_t state_;
+};
+
+using Place = std::array<std::int64_t, 3>;
+
+Place place_of(const geometry::Vec3& p, double block_m) {
+  Place place{};
+  for (int axis = 0; axis < 3; ++axis)
+    place[static_cast<std::size_t>(axis)] = static_cast<std::int64_t>(std::floor(p[axis] / block_m));
+  return place;
+}
+
+double difference_of_means(const Block& total) {
+  if (total.count[0] == 0.0 || total.count[1] == 0.0) return std::numeric_limits<double>::quiet_NaN();
+  return total.sum[0] / total.count[0] - total.sum[1] / total.count[1];
+}
+
+double one_resample(const std::vector<Block>& blocks, std::uint64_t seed) {
+  SplitMix64 random(seed);
+  Block total;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const Block& drawn = blocks[random.below(blocks.size())];
+    for (std::size_t run = 0; run < 2; ++run) {
+      total.sum[run] += drawn.sum[run];
+      total.count[run] += drawn.count[run];
+    }
+  }
+  return difference_of_means(total);
+}
+
+}  // namespace
+
+std::vector<Block> blocks_of(const KeptDistances& simulated, const KeptDistances& real, double block_m) {
+  std::map<Place, Block> by_place;
+  std::size_t run = 0;
+  for (const KeptDistances* kept : {&simulated, &real}) {
+    for (std::size_t i = 0; i < kept->distances.size(); ++i) {
+      Block& block = by_place[place_of(kept->positions[i], block_m)];
+      block.sum[run] += kept->distances[i];
+      block.count[run] += 1.0;
+    }
+    ++run;
+  }
+  std::vector<Block> blocks;
+  for (const auto& [place, block] : by_place) blocks.push_back(block);
+  return blocks;
+}
+
+std::vector<double> resampled_differences(const std::vector<Block>& blocks, int resamples, std::uint64_t seed) {
+  std::vector<double> differences(static_cast<std::size_t>(std::max(0, resamples)));
+  SplitMix64 seeds(seed);
+  std::vector<std::uint64_t> start(differences.size());
+  for (std::uint64_t& s : start) s = seeds.next();
+  tbb::parallel_for(std::size_t{0}, differences.size(),
+                    [&](std::size_t k) { differences[k] = one_resample(blocks, start[k]); });
+  std::erase_if(differences, [](double d) { return std::isnan(d); });
+  std::sort(differences.begin(), differences.end());
+  return differences;
+}
+
+double quantile(const std::vector<double>& sorted, double share) {
+  assert(!sorted.empty());
+  const double at = share * static_cast<double>(sorted.size() - 1);
+  const auto below = static_cast<std::size_t>(at);
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  return sorted[below] + (at - static_cast<double>(below)) * (sorted[above] - sorted[below]);
+}
+
+}  // namespace tileflight::evaluation

@@ -1,0 +1,168 @@
+#include "tileflight/evaluation/distances.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/nearest.h"
+
+namespace tileflight::evaluation {
+
+using geometry::PointCloud;
+using geometry::Vec3;
+
+namespace {
+
+void check(const PointCloud& cloud, const char* name) {
+  if (cloud.empty()) throw InputError(name, "has no points; there is nothing to score");
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!cloud.positions[i].allFinite()) throw InputError(name, "point " + std::to_string(i) + " is not finite");
+  }
+}
+
+double share_within(const std::vector<double>& distances, double threshold_m) {
+  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
+  return static_cast<double>(within) / static_cast<double>(distances.size());
+}
+
+double harmonic_mean(double a, double b) { return a + b > 0.0 ? 2.0 * a * b / (a + b) : 0.0; }
+
+std::vector<double> up_to(const std::vector<double>& distances, double cutoff_m) {
+  std::vector<double> kept;
+  std::copy_if(distances.begin(), distances.end(), std::back_inserter(kept), [&](double d) { return d <= cutoff_m; });
+  return kept;
+}
+
+/// Bins from 0 to the cut-off; the cut-off itself falls into the last.
+Histogram histogram_of(const std::vector<double>& kept, double cutoff_m, int bins) {
+  Histogram histogram;
+  for (int k = 0; k <= bins; ++k) histogram.edges.push_back(cutoff_m * k / bins);
+  histogram.counts.assign(static_cast<std::size_t>(bins), 0);
+  for (const double d : kept) {
+    const int bin = std::min(bins - 1, static_cast<int>(d / cutoff_m * bins));
+    ++histogram.counts[static_cast<std::size_t>(bin)];
+  }
+  return histogram;
+}
+
+double median_of(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  return 0.5 * (*std::max_element(values.begin(), middle) + *middle);
+}
+
+}  // namespace
+
+DistanceStatistics statistics_of(std::vector<double> distances) {
+  DistanceStatistics result;
+  result.count = distances.size();
+  if (distances.empty()) return result;
+  const auto n = static_cast<double>(distances.size());
+  double sum = 0.0, squares = 0.0, deviations = 0.0;
+  for (const double d : distances) {
+    sum += d;
+    squares += d * d;
+  }
+  result.mean = sum / n;
+  result.rmse = std::sqrt(squares / n);
+  for (const double d : distances) deviations += (d - result.mean) * (d - result.mean);
+  if (distances.size() > 1) result.std = std::sqrt(deviations / (n - 1.0));
+  result.median = median_of(distances);
+  return result;
+}
+
+std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& targets, const char* what,
+                                    const char* target_name, double radius_m) {
+  check(points, what);
+  check(targets, target_name);
+  const geometry::NearestIndex index(targets.positions);
+  std::vector<double> distances(points.size());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    const auto nearest = index.nearest(points.positions[i], radius_m);
+    distances[i] = nearest ? nearest->distance_m : std::numeric_limits<double>::infinity();
+  });
+  return distances;
+}
+
+std::vector<double> surface_distances(const PointCloud& points, const geometry::TriangleIndex& surface) {
+  check(points, "map");
+  std::vector<double> distances(points.size());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    const auto nearest = surface.nearest(points.positions[i]);
+    distances[i] = nearest ? nearest->distance_m : std::numeric_limits<double>::infinity();
+  });
+  return distances;
+}
+
+KeptDistances keep(const std::vector<Vec3>& positions, const std::vector<double>& distances, double cutoff_m) {
+  KeptDistances kept;
+  kept.points = distances.size();
+  for (std::size_t i = 0; i < distances.size(); ++i) {
+    if (!(distances[i] <= cutoff_m)) continue;
+    kept.positions.push_back(positions[i]);
+    kept.distances.push_back(distances[i]);
+  }
+  return kept;
+}
+
+MapMetrics score_map(const std::vector<double>& distances, const std::vector<double>& floor_distances,
+                     const MapMetricsOptions& options) {
+  if (!(options.cutoff_m > 0.0) || !std::isfinite(options.cutoff_m))
+    throw InputError("cut-off", "must be above zero, in metres");
+  if (options.bins < 1) throw InputError("bins", "must be at least 1");
+  const std::vector<double> kept = up_to(distances, options.cutoff_m);
+  MapMetrics result;
+  result.points = distances.size();
+  result.correspondences = kept.size();
+  result.distances = statistics_of(kept);
+  result.histogram = histogram_of(kept, options.cutoff_m, options.bins);
+  result.cutoff_m = options.cutoff_m;
+  result.quantization_floor = statistics_of(up_to(floor_distances, options.cutoff_m));
+  return result;
+}
+
+SurfaceMetrics score_surface(const std::vector<double>& distances, const std::vector<double>& sample_distances,
+                             const std::vector<double>& thresholds_m) {
+  SurfaceMetrics result;
+  result.distances = statistics_of(distances);
+  for (const double t : thresholds_m) {
+    if (!(t > 0.0) || !std::isfinite(t)) throw InputError("threshold", "must be above zero, in metres");
+    const double accuracy = share_within(distances, t);
+    result.accuracy[t] = accuracy;
+    if (sample_distances.empty()) continue;
+    const double completeness = share_within(sample_distances, t);
+    result.completeness[t] = completeness;
+    result.f_score[t] = harmonic_mean(accuracy, completeness);
+  }
+  return result;
+}
+
+MapMetrics evaluate_map(const PointCloud& aligned_map, const PointCloud& voxel_centers,
+                        const PointCloud& surface_samples, const MapMetricsOptions& options) {
+  const auto distances = cloud_distances(aligned_map, voxel_centers, "map", "voxel centres");
+  std::vector<double> floor;
+  if (!surface_samples.empty())
+    floor = cloud_distances(surface_samples, voxel_centers, "surface samples", "voxel centres");
+  return score_map(distances, floor, options);
+}
+
+SurfaceMetrics evaluate_surface(const PointCloud& aligned_map, const geometry::TriangleMesh& surface,
+                                const PointCloud& seen_samples, const std::vector<double>& thresholds_m) {
+  if (surface.triangles.empty()) throw InputError("surface", "has no triangles; there is nothing to measure to");
+  const auto distances = surface_distances(aligned_map, geometry::TriangleIndex(surface));
+  std::vector<double> samples;
+  if (!seen_samples.empty()) {
+    const double farthest = thresholds_m.empty() ? 0.0 : *std::max_element(thresholds_m.begin(), thresholds_m.end());
+    samples = cloud_distances(seen_samples, aligned_map, "surface samples", "map", farthest);
+  }
+  return score_surface(distances, samples, thresholds_m);
+}
+
+KeptDistances kept_distances(const PointCloud& aligned_map, const PointCloud& voxel_centers, double cutoff_m) {
+  return keep(aligned_map.positions, cloud_distances(aligned_map, voxel_centers, "map", "voxel centres"), cutoff_m);
+}
+
+}  // namespace tileflight::evaluation

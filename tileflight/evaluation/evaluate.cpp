@@ -1,0 +1,55 @@
+#include "tileflight/evaluation/evaluate.h"
+
+#include <algorithm>
+
+#include "tileflight/evaluation/distances.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::evaluation {
+
+using geometry::PointCloud;
+
+namespace {
+
+bool given(const PointCloud* cloud) { return cloud && !cloud->empty(); }
+
+std::vector<double> floor_distances(const ScoreInputs& against) {
+  if (!given(against.surface_samples)) return {};
+  return cloud_distances(*against.surface_samples, *against.voxel_centers, "surface samples", "voxel centres");
+}
+
+std::vector<double> sample_distances(const PointCloud& aligned_map, const ScoreInputs& against,
+                                     const ScoreOptions& options) {
+  if (!given(against.seen_samples) || options.thresholds_m.empty()) return {};
+  const double farthest = *std::max_element(options.thresholds_m.begin(), options.thresholds_m.end());
+  return cloud_distances(*against.seen_samples, aligned_map, "surface samples", "map", farthest);
+}
+
+}  // namespace
+
+Score evaluate(const PointCloud& aligned_map, const ScoreInputs& against, const ScoreOptions& options,
+               const Progress& progress) {
+  if (!against.voxel_centers) throw InputError("ground truth", "has no voxel centres");
+  constexpr std::int64_t kParts = 4;
+  Score score;
+  score.errors.aligned_map = aligned_map;
+  report_progress(progress, 0, kParts, "distances to voxel centres");
+  score.errors.voxel_m = cloud_distances(aligned_map, *against.voxel_centers, "map", "voxel centres");
+  score.metrics.map = score_map(score.errors.voxel_m, floor_distances(against), options.map);
+  if (against.surface && !against.surface->triangles.empty()) {
+    report_progress(progress, 1, kParts, "distances to the surface");
+    score.errors.surface_m = surface_distances(aligned_map, geometry::TriangleIndex(*against.surface));
+    report_progress(progress, 2, kParts, "completeness");
+    score.metrics.surface =
+        score_surface(score.errors.surface_m, sample_distances(aligned_map, against, options), options.thresholds_m);
+  }
+  report_progress(progress, 3, kParts, "trajectory");
+  if (against.estimate && against.truth) {
+    score.metrics.trajectory =
+        evaluate_trajectory(*against.estimate, *against.truth, options.trajectory_alignment, options.rpe_deltas_m);
+  }
+  report_progress(progress, kParts, kParts, "scored");
+  return score;
+}
+
+}  // namespace tileflight::evaluation

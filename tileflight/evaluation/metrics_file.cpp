@@ -1,0 +1,185 @@
+#include "tileflight/evaluation/metrics_file.h"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "tileflight/evaluation/distances.h"
+#include "tileflight/evaluation/json_reader.h"
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::evaluation {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr const char* kVoxelScalar = "voxel_distance";
+constexpr const char* kSurfaceScalar = "surface_distance";
+
+DistanceStatistics read_statistics(JsonReader& reader, std::size_t count) {
+  DistanceStatistics s;
+  s.count = count;
+  s.mean = reader.number("mean");
+  s.std = reader.number("std");
+  s.median = reader.number("median");
+  s.rmse = reader.number("rmse");
+  return s;
+}
+
+Histogram read_histogram(JsonReader reader) {
+  Histogram histogram{reader.numbers("edges"), reader.counts("counts")};
+  if (histogram.edges.size() != histogram.counts.size() + 1)
+    reader.fail("edges", "must have one entry more than counts");
+  reader.expect_all_read();
+  return histogram;
+}
+
+DistanceStatistics read_floor(JsonReader reader) {
+  const DistanceStatistics floor = read_statistics(reader, reader.count("count"));
+  reader.expect_all_read();
+  return floor;
+}
+
+MapMetrics read_map(JsonReader reader) {
+  MapMetrics m;
+  m.points = reader.count("points");
+  m.correspondences = reader.count("correspondences");
+  if (m.correspondences > m.points) reader.fail("correspondences", "are more than the points");
+  m.distances = read_statistics(reader, m.correspondences);
+  m.histogram = read_histogram(reader.object("histogram"));
+  m.cutoff_m = reader.number("cutoff");
+  m.quantization_floor = read_floor(reader.object("quantization_floor"));
+  reader.number("share_kept");  // follows from the counts
+  if (reader.text("truth") != "voxel-centres") reader.fail("truth", "must be \"voxel-centres\"");
+  reader.expect_all_read();
+  return m;
+}
+
+std::map<double, double> read_shares(JsonReader reader) {
+  std::map<double, double> shares;
+  for (const std::string& key : reader.keys()) {
+    double threshold_m = 0.0;
+    const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), threshold_m);
+    if (error != std::errc() || end != key.data() + key.size()) reader.fail(key, "must be a threshold in metres");
+    shares[threshold_m] = reader.number(key);
+  }
+  return shares;
+}
+
+std::optional<SurfaceMetrics> read_surface(JsonReader& parent) {
+  if (parent.value("surface").is_null()) return std::nullopt;
+  JsonReader reader = parent.object("surface");
+  SurfaceMetrics m;
+  m.distances = read_statistics(reader, reader.count("points"));
+  m.accuracy = read_shares(reader.object("accuracy"));
+  m.completeness = read_shares(reader.object("completeness"));
+  m.f_score = read_shares(reader.object("f_score"));
+  reader.expect_all_read();
+  return m;
+}
+
+RelativePoseError read_relative_error(JsonReader reader) {
+  RelativePoseError e;
+  e.delta_m = reader.number("delta_m");
+  e.pairs = reader.count("pairs");
+  e.translation_rmse_m = reader.number("translation_rmse_m");
+  e.rotation_rmse_deg = reader.number("rotation_rmse_deg");
+  reader.expect_all_read();
+  return e;
+}
+
+std::optional<TrajectoryMetrics> read_trajectory(JsonReader& parent, const std::string& where) {
+  if (parent.value("trajectory").is_null()) return std::nullopt;
+  JsonReader reader = parent.object("trajectory");
+  TrajectoryMetrics m;
+  m.ate_rmse_m = reader.number("ate_rmse");
+  m.ate_mean_m = reader.number("ate_mean");
+  m.ate_max_m = reader.number("ate_max");
+  m.path_length_m = reader.number("path_length");
+  m.scale = reader.number("scale");
+  m.poses = reader.count("poses");
+  const json& list = reader.value("rpe");
+  if (!list.is_array()) reader.fail("rpe", "must be a list");
+  for (const json& entry : list) m.rpe.push_back(read_relative_error({entry, where, reader.name("rpe")}));
+  reader.expect_all_read();
+  return m;
+}
+
+/// The nearest float that lies on the same side of the cut-off.
+float on_same_side(double distance_m, double cutoff_m) {
+  float rounded = static_cast<float>(distance_m);
+  if (distance_m <= cutoff_m && static_cast<double>(rounded) > cutoff_m) rounded = std::nextafter(rounded, 0.0f);
+  if (distance_m > cutoff_m && static_cast<double>(rounded) <= cutoff_m) {
+    rounded = std::nextafter(rounded, std::numeric_limits<float>::infinity());
+  }
+  return rounded;
+}
+
+std::vector<float> as_floats(const std::vector<double>& distances, double cutoff_m) {
+  std::vector<float> result;
+  result.reserve(distances.size());
+  for (const double d : distances) result.push_back(on_same_side(d, cutoff_m));
+  return result;
+}
+
+std::vector<double> scalar_of(const geometry::PointCloud& cloud, const char* name, const std::filesystem::path& file) {
+  const auto found = cloud.scalars.find(name);
+  if (found == cloud.scalars.end()) throw InputError(file.string(), std::string("has no property '") + name + "'");
+  return {found->second.begin(), found->second.end()};
+}
+
+}  // namespace
+
+json to_json(const Metrics& metrics) {
+  return {{"map", to_json(metrics.map)},
+          {"surface", metrics.surface ? to_json(*metrics.surface) : json(nullptr)},
+          {"trajectory", metrics.trajectory ? to_json(*metrics.trajectory) : json(nullptr)}};
+}
+
+Metrics metrics_from_json(const json& object, const std::string& where) {
+  JsonReader reader(object, where, "");
+  Metrics metrics;
+  metrics.map = read_map(reader.object("map"));
+  metrics.surface = read_surface(reader);
+  metrics.trajectory = read_trajectory(reader, where);
+  reader.expect_all_read();
+  return metrics;
+}
+
+std::filesystem::path errors_file(const std::filesystem::path& metrics_json) {
+  return metrics_json.parent_path() / "errors.ply";
+}
+
+void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, const PointErrors& errors) {
+  geometry::PointCloud cloud = errors.aligned_map;
+  cloud.scalars[kVoxelScalar] = as_floats(errors.voxel_m, metrics.map.cutoff_m);
+  if (!errors.surface_m.empty()) cloud.scalars[kSurfaceScalar] = as_floats(errors.surface_m, metrics.map.cutoff_m);
+  geometry::write_cloud(errors_file(metrics_json), cloud);
+  geometry::write_file(metrics_json, to_json(metrics).dump(2) + "\n");
+}
+
+MetricsFile read_metrics(const std::filesystem::path& metrics_json) {
+  const json object = json::parse(geometry::read_text(metrics_json), nullptr, false);
+  if (object.is_discarded()) throw InputError(metrics_json.string(), "is not valid JSON");
+  MetricsFile result;
+  result.metrics = metrics_from_json(object, metrics_json.string());
+  const std::filesystem::path file = errors_file(metrics_json);
+  const geometry::PointCloud cloud = geometry::read_cloud(file);
+  const MapMetrics& map = result.metrics.map;
+  result.voxel = keep(cloud.positions, scalar_of(cloud, kVoxelScalar, file), map.cutoff_m);
+  if (result.voxel.points != map.points || result.voxel.distances.size() != map.correspondences) {
+    throw InputError(file.string(), "is of another run than " + metrics_json.string() + ": " +
+                                        std::to_string(result.voxel.distances.size()) + " correspondences instead of " +
+                                        std::to_string(map.correspondences) + "; evaluate the map again");
+  }
+  if (result.metrics.surface) {
+    result.surface =
+        keep(cloud.positions, scalar_of(cloud, kSurfaceScalar, file), std::numeric_limits<double>::infinity());
+  }
+  return result;
+}
+
+}  // namespace tileflight::evaluation

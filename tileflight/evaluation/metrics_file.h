@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "tileflight/evaluation/metrics.h"
+
+namespace tileflight::evaluation {
+
+/// All that a scored map has in `metrics.json`.
+struct Metrics {
+  MapMetrics map;
+  std::optional<SurfaceMetrics> surface;
+  std::optional<TrajectoryMetrics> trajectory;  ///< null where there is no true trajectory
+};
+
+nlohmann::json to_json(const Metrics& metrics);
+
+/// The inverse. Throws InputError (`where`, key, cause) for a key that is missing, unknown or of the wrong type.
+Metrics metrics_from_json(const nlohmann::json& json, const std::string& where);
+
+/// Aligned map with each point's distances, metres; `surface` may be empty.
+struct PointErrors {
+  geometry::PointCloud aligned_map;
+  std::vector<double> voxel_m, surface_m;
+};
+
+/// Writes `metrics.json` and beside it `errors.ply`: the aligned map with the scalars `voxel_distance` and
+/// `surface_distance`. Floats of the scalars stay on the distance's side of the cut-off, so that reading gives the same
+/// correspondences. Throws InputError.
+void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, const PointErrors& errors);
+
+/// What is needed to compare a run with another.
+struct MetricsFile {
+  Metrics metrics;
+  KeptDistances voxel;                   ///< within the cut-off
+  std::optional<KeptDistances> surface;  ///< nothing cut off
+};
+
+/// Reads both. Throws InputError: broken JSON, keys as above, errors.ply missing, without its scalars, or of another
+/// run (its correspondences are not those of metrics.json).
+MetricsFile read_metrics(const std::filesystem::path& metrics_json);
+
+/// Where the errors of a metrics file lie.
+std::filesystem::path errors_file(const std::filesystem::path& metrics_json);
+
+}  // namespace tileflight::evaluation

@@ -1,0 +1,81 @@
+#include <charconv>
+
+#include "tileflight/evaluation/metrics.h"
+
+namespace tileflight::evaluation {
+
+using nlohmann::json;
+
+namespace {
+
+/// Shortest text that reads back as the same number: "0.1", "1".
+std::string key_of(double threshold_m) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof text, threshold_m).ptr;
+  return {text, end};
+}
+
+json by_threshold(const std::map<double, double>& shares) {
+  json object = json::object();
+  for (const auto& [threshold_m, share] : shares) object[key_of(threshold_m)] = share;
+  return object;
+}
+
+json statistics(const DistanceStatistics& s) {
+  return {{"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
+}
+
+double share_kept(const MapMetrics& m) {
+  return m.points > 0 ? static_cast<double>(m.correspondences) / static_cast<double>(m.points) : 0.0;
+}
+
+}  // namespace
+
+json to_json(const MapMetrics& m) {
+  json object = statistics(m.distances);
+  object["points"] = m.points;
+  object["correspondences"] = m.correspondences;
+  object["share_kept"] = share_kept(m);
+  object["histogram"] = {{"edges", m.histogram.edges}, {"counts", m.histogram.counts}};
+  object["cutoff"] = m.cutoff_m;
+  object["truth"] = "voxel-centres";
+  object["quantization_floor"] = statistics(m.quantization_floor);
+  object["quantization_floor"]["count"] = m.quantization_floor.count;
+  return object;
+}
+
+json to_json(const SurfaceMetrics& m) {
+  json object = statistics(m.distances);
+  object["points"] = m.distances.count;
+  object["accuracy"] = by_threshold(m.accuracy);
+  object["completeness"] = by_threshold(m.completeness);
+  object["f_score"] = by_threshold(m.f_score);
+  return object;
+}
+
+json to_json(const TrajectoryMetrics& m) {
+  json rpe = json::array();
+  for (const RelativePoseError& e : m.rpe) {
+    rpe.push_back({{"delta_m", e.delta_m},
+                   {"pairs", e.pairs},
+                   {"translation_rmse_m", e.translation_rmse_m},
+                   {"rotation_rmse_deg", e.rotation_rmse_deg}});
+  }
+  return {{"ate_rmse", m.ate_rmse_m},       {"ate_mean", m.ate_mean_m}, {"ate_max", m.ate_max_m}, {"rpe", rpe},
+          {"path_length", m.path_length_m}, {"scale", m.scale},         {"poses", m.poses}};
+}
+
+json to_json(const Comparison& c) {
+  return {{"mean_difference", c.mean_difference_m},
+          {"std_difference", c.std_difference_m},
+          {"points_ratio", c.points_ratio},
+          {"ks_statistic", c.ks_statistic},
+          {"wasserstein_m", c.wasserstein_m},
+          {"mean_difference_ci95", c.mean_difference_ci95},
+          {"equivalence_margin_m", c.equivalence_margin_m},
+          {"verdict", c.verdict},
+          {"equivalent_within_m", c.equivalent_within_m ? json(*c.equivalent_within_m) : json(nullptr)},
+          {"blocks", c.blocks}};
+}
+
+}  // namespace tileflight::evaluation
