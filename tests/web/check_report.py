@@ -2,7 +2,7 @@
 
 Fails on markup that a strict parser refuses, on anything that would be loaded from elsewhere, on a message in the browser's console, on
 content wider than the window, and on a picture that is blank or that does not change with the reader's colour scheme.
-Usage: check_report.py WRITE_SYNTHETIC_REPORT [CHROMIUM [KEEP_PICTURES_IN]]; exit code 77: no browser.
+Usage: check_report.py WRITE_SYNTHETIC_REPORT [CHROMIUM [KEEP_PICTURES_IN [HEIGHT]]]; exit code 77: no browser.
 """
 import pathlib
 import re
@@ -150,7 +150,8 @@ def encoded(page):
     return base64.b64encode(page.read_bytes()).decode()
 
 
-def main(writer, chromium=None, keep=None):
+def main(writer, chromium=None, keep=None, height=None):
+    height = int(height) if height else None
     with tempfile.TemporaryDirectory() as folder:
         run = pathlib.Path(folder) / "run"
         subprocess.run([writer, run], check=True)
@@ -161,9 +162,9 @@ def main(writer, chromium=None, keep=None):
             sys.exit(77)
         pictures = pathlib.Path(keep or folder)
         pictures.mkdir(parents=True, exist_ok=True)
-        light = screenshot(chromium, page, pictures / "light.png", (1280, 4600), False)
-        dark = screenshot(chromium, page, pictures / "dark.png", (1280, 4600), True)
-        narrow = screenshot(chromium, page, pictures / "narrow.png", (500, 7500), False)
+        light = screenshot(chromium, page, pictures / "light.png", (1280, height or 2400), False)
+        dark = screenshot(chromium, page, pictures / "dark.png", (1280, height or 1400), True)
+        narrow = screenshot(chromium, page, pictures / "narrow.png", (500, height or 2400), False)
         for name, picture in (("light", light), ("dark", dark), ("narrow", narrow)):
             check_picture(name, picture)
         if mean_brightness(dark) > 0.5 * mean_brightness(light):
