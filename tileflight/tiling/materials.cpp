@@ -39,7 +39,7 @@ Color lawn(double x, double y, std::uint32_t seed) {
   const float tufts = fractal_noise(x / 1.1, y / 1.1, seed + 1, 3, 0.6F);
   const float blades = grain(x, y, 0.09, seed + 2);
   Color color = mixed({0.29F, 0.38F, 0.16F}, {0.44F, 0.47F, 0.23F}, clamp01(0.45F + 0.5F * broad));
-  color *= 1.0F + 0.22F * tufts + 0.17F * blades;
+  color *= 1.0F + 0.24F * tufts + 0.24F * blades;
   const float dry = fractal_noise(x / 4.7, y / 4.7, seed + 3, 4, 0.6F);
   color = mixed(color, {0.58F, 0.53F, 0.33F}, 0.7F * step(0.28F, 0.75F, dry));
   const float bare = fractal_noise(x / 7.9, y / 7.9, seed + 4, 5, 0.6F);
@@ -61,8 +61,8 @@ Color turf(double x, double y, std::uint32_t seed) {
   const bool light_stripe = (floor_to_int(y / 4.572) & 1) != 0;
   const float broad = fractal_noise(x / 13.0, y / 13.0, seed, 3);
   const float clumps = fractal_noise(x / 0.8, y / 0.8, seed + 1, 4, 0.65F);
-  Color color = light_stripe ? Color(0.31F, 0.46F, 0.20F) : Color(0.24F, 0.38F, 0.15F);
-  color *= 1.0F + 0.12F * broad + 0.18F * clumps + 0.12F * grain(x, y, 0.08, seed + 2);
+  Color color = light_stripe ? Color(0.34F, 0.45F, 0.22F) : Color(0.27F, 0.37F, 0.17F);
+  color *= 1.0F + 0.12F * broad + 0.24F * clumps + 0.22F * grain(x, y, 0.09, seed + 2);
   const float use = 0.25F - static_cast<float>(std::fabs(x)) / 60.0F;  // the middle is played on most
   const float wear = fractal_noise(x / 5.3, y / 5.3, seed + 3, 5, 0.6F) + use;
   return mixed(color, Color(0.50F, 0.45F, 0.28F) * (1.0F + 0.2F * clumps), 0.75F * step(0.40F, 0.80F, wear));
@@ -136,8 +136,8 @@ Color metal(double x, double y, const Color& base, std::uint32_t seed) {
 }
 
 Color foliage(double x, double y, double z, const Color& base, std::uint32_t seed) {
-  const float boughs = fractal_noise(x / 1.6, y / 1.6, z / 1.6, seed, 2);
-  const float twigs = fractal_noise(x / 0.42, y / 0.42, z / 0.42, seed + 1, 2, 0.7F);
+  const float boughs = fractal_noise_3d(x / 1.6, y / 1.6, z / 1.6, seed, 2);
+  const float twigs = fractal_noise_3d(x / 0.42, y / 0.42, z / 0.42, seed + 1, 2, 0.7F);
   Color color = base * (0.92F + 0.36F * boughs + 0.42F * twigs);
   const float gap = 0.6F * boughs + 0.6F * twigs;
   color = mixed(color, {0.08F, 0.10F, 0.05F}, 0.75F * step(0.12F, 0.55F, -gap));

@@ -35,11 +35,11 @@ inline float cell_random(double x, double y, std::uint32_t seed) {
 /// Value noise in [-1, 1]: random values at integer points, smooth between (Perlin, "Improving noise", SIGGRAPH 2002,
 /// for the weight 3t^2 - 2t^3's role).
 float value_noise(double x, double y, std::uint32_t seed);
-float value_noise(double x, double y, double z, std::uint32_t seed);
+float value_noise_3d(double x, double y, double z, std::uint32_t seed);
 
 /// Sum of `octaves` of value noise, each twice as fine and `gain` times as strong, scaled back to about [-1, 1].
 float fractal_noise(double x, double y, std::uint32_t seed, int octaves, float gain = 0.5F);
-float fractal_noise(double x, double y, double z, std::uint32_t seed, int octaves, float gain = 0.5F);
+float fractal_noise_3d(double x, double y, double z, std::uint32_t seed, int octaves, float gain = 0.5F);
 
 /// A sequence of random numbers from a seed: the n-th is the hash of n (counter based), equal everywhere.
 class Random {

@@ -22,7 +22,7 @@ Vec3 surface_error(const Vec3& p, const PhotogrammetryOptions& options) {
   const Vec3 q = p / options.noise_length_m;
   Vec3 error;
   for (std::uint32_t axis = 0; axis < 3; ++axis)
-    error[axis] = fractal_noise(q.x(), q.y(), q.z(), options.seed + 0x1000U * (axis + 1), 3);
+    error[axis] = fractal_noise_3d(q.x(), q.y(), q.z(), options.seed + 0x1000U * (axis + 1), 3);
   return options.noise_m / kNoiseDeviation * error;
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <limits>
 
 #include "tileflight/geometry/triangle_index.h"
@@ -43,7 +44,7 @@ std::vector<unsigned int> collapsed(const Pool& pool, double error_m) {
   std::vector<unsigned int> result(pool.indices.size());
   const std::size_t count =
       meshopt_simplify(result.data(), pool.indices.data(), pool.indices.size(), pool.positions.data(), vertices, stride,
-                       0, static_cast<float>(error_m) / scale_m, 0, nullptr);
+                       0, static_cast<float>(error_m) / scale_m, meshopt_SimplifyLockBorder, nullptr);
   result.resize(count);
   return result;
 }
@@ -67,12 +68,23 @@ double farthest_m(const std::vector<geometry::Vec3>& samples, const geometry::Tr
       [](double x, double y) { return std::max(x, y); });
 }
 
-std::vector<geometry::Vec3> samples_of(const geometry::TriangleMesh& mesh) {
-  std::vector<geometry::Vec3> samples;
-  for (const geometry::Triangle& t : mesh.triangles) {
-    const geometry::Vec3 &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
-    samples.insert(samples.end(), {a, (a + b) / 2, (b + c) / 2, (c + a) / 2, (a + b + c) / 3});
+/// The middles of the n x n small triangles that cut (a, b, c) into pieces of at most `spacing_m`.
+void add_samples(const geometry::Vec3& a, const geometry::Vec3& b, const geometry::Vec3& c, double spacing_m,
+                 std::vector<geometry::Vec3>& samples) {
+  const double longest_m = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+  const int n = std::max(1, static_cast<int>(std::ceil(longest_m / spacing_m)));
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; i + j < n; ++j) {
+      samples.push_back(a + (b - a) * ((i + 1.0 / 3) / n) + (c - a) * ((j + 1.0 / 3) / n));
+      if (i + j + 1 < n) samples.push_back(a + (b - a) * ((i + 2.0 / 3) / n) + (c - a) * ((j + 2.0 / 3) / n));
+    }
   }
+}
+
+std::vector<geometry::Vec3> samples_of(const geometry::TriangleMesh& mesh, double spacing_m) {
+  std::vector<geometry::Vec3> samples = mesh.vertices;
+  for (const geometry::Triangle& t : mesh.triangles)
+    add_samples(mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]], spacing_m, samples);
   return samples;
 }
 
@@ -125,9 +137,9 @@ geometry::TriangleMesh joined(const std::vector<TexturedMesh>& meshes) {
   return out;
 }
 
-double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b) {
-  const geometry::TriangleIndex index_a(a), index_b(b);
-  return std::max(farthest_m(samples_of(a), index_b), farthest_m(samples_of(b), index_a));
+double surface_distance_m(const geometry::TriangleMesh& coarse, const geometry::TriangleMesh& fine, double spacing_m) {
+  const geometry::TriangleIndex coarse_index(coarse), fine_index(fine);
+  return std::max(farthest_m(samples_of(coarse, spacing_m), fine_index), farthest_m(fine.vertices, coarse_index));
 }
 
 }  // namespace tileflight::tiling

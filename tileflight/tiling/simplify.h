@@ -18,8 +18,10 @@ void drop_unused_vertices(imaging::TexturedMesh& mesh);
 /// Triangles of all meshes as one, without appearance.
 geometry::TriangleMesh joined(const std::vector<imaging::TexturedMesh>& meshes);
 
-/// Largest distance between two surfaces, taken both ways (Hausdorff), over the corners, edge middles and centres of
-/// all triangles.
-double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b);
+/// Largest distance between a surface and a finer one, taken both ways (Hausdorff): from the coarse one's vertices and
+/// points of its triangles at most `spacing_m` apart to the fine surface, and from the fine one's vertices (all of
+/// which must be used) to the coarse surface.
+double surface_distance_m(const geometry::TriangleMesh& coarse, const geometry::TriangleMesh& fine,
+                          double spacing_m = 1.0);
 
 }  // namespace tileflight::tiling

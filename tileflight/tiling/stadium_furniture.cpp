@@ -154,8 +154,8 @@ void add_containers(const SitePlan& plan, const Terrain& terrain, std::vector<Ch
   Random random(plan.seed ^ 0xc0aU);
   for (int i = 0; i < 400; ++i) {
     const Vec2 at(random.uniform(-150, 150), random.uniform(-150, 150));
-    const Color color(static_cast<float>(random.uniform(0.2, 0.8)), static_cast<float>(random.uniform(0.25, 0.6)),
-                      static_cast<float>(random.uniform(0.2, 0.6)));
+    const float grey = static_cast<float>(random.uniform(0.25, 0.7));
+    const Color color = random.chance(0.5) ? Color(grey, grey, grey) : Color(0.5F * grey, 0.8F * grey, 0.6F * grey);
     const Vec3 size(random.uniform(1.2, 2.4), random.uniform(1.2, 6.0), random.uniform(1.2, 2.5));
     const std::uint32_t seed = random.bits();
     if (plan.clearance_m(at.x(), at.y()) < 1.0 || plan.clearance_m(at.x() + size.x(), at.y() + size.y()) < 0.5)

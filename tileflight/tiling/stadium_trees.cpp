@@ -27,7 +27,7 @@ CrownShape crown_shape(const Tree& tree) {
 /// How far boughs stand out, as a factor on the radius.
 double boughs(const Vec3& direction, const Tree& tree) {
   const Vec3 p = 1.7 * direction;
-  return 1.0 + 0.26 * fractal_noise(p.x(), p.y(), p.z(), tree.seed, 3, 0.6F);
+  return 1.0 + 0.26 * fractal_noise_3d(p.x(), p.y(), p.z(), tree.seed, 3, 0.6F);
 }
 
 Vec3 crown_point(const Tree& tree, const CrownShape& shape, double h, double angle_rad) {
