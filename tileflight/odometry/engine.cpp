@@ -1,0 +1,295 @@
+#include "tileflight/odometry/engine.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/odometry/motion_hypotheses.h"
+#include "tileflight/odometry/tracer.h"
+
+namespace tileflight::odometry {
+namespace {
+
+/// Pictures of the start window that become keyframes: evenly in parallax, the first and the last among them.
+std::vector<std::size_t> spread_over_parallax(const std::vector<double>& parallax, int wanted) {
+  std::vector<std::size_t> picks{0};
+  const std::size_t last = parallax.size() - 1;
+  for (int i = 1; i < wanted - 1; ++i) {
+    const double target = parallax.back() * i / (wanted - 1);
+    std::size_t k = picks.back() + 1;
+    while (k < last && parallax[k] < target) ++k;
+    if (k < last) picks.push_back(k);
+  }
+  picks.push_back(last);
+  return picks;
+}
+
+AffineLight composed(const AffineLight& reference, double a, double b) {
+  return {reference.a + a, b + std::exp(a) * reference.b};
+}
+
+}  // namespace
+
+Engine::Engine(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
+               const OdometryOptions& options)
+    : calibration_(calibration),
+      photometric_(photometric),
+      options_(options),
+      lens_(build_lens_pyramid(calibration.camera,
+                               pyramid_levels(calibration.camera.width(), calibration.camera.height(), options))),
+      initializer_(lens_, options_.start),
+      mapper_(lens_, options_) {}
+
+void Engine::add(InputFrame frame) {
+  ++frames_;
+  if (frame.image.width != calibration_.camera.width() || frame.image.height != calibration_.camera.height()) {
+    throw InputError("frame " + std::to_string(frame.index),
+                     "is " + std::to_string(frame.image.width) + "x" + std::to_string(frame.image.height) +
+                         ", the calibration is for " + std::to_string(calibration_.camera.width()) + "x" +
+                         std::to_string(calibration_.camera.height()) + "; use pictures and calibration of one size");
+  }
+  if (lost_) return;
+  if (started_) {
+    track(frame);
+  } else {
+    wait_for_start(std::move(frame));
+  }
+}
+
+std::string Engine::state() const {
+  if (!started_) return "waiting for parallax";
+  return std::to_string(mapper_.keyframes().size()) + " keyframes, " + std::to_string(mapper_.active_points()) +
+         " active points, RMSE " + std::to_string(last_rmse_).substr(0, 4);
+}
+
+std::shared_ptr<const Pyramid> Engine::pyramid_of(const InputFrame& frame) const {
+  return std::make_shared<const Pyramid>(
+      build_pyramid(luminance(frame.image, photometric_), static_cast<int>(lens_.lenses.size())));
+}
+
+AffineLight Engine::light_prior(const InputFrame& frame) const {
+  return {photometric_ != nullptr && frame.exposure_ms > 0 ? std::log(frame.exposure_ms) : 0.0, 0.0};
+}
+
+KeyframeSource Engine::source_of(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid,
+                                 const SE3& T_camera_map, const AffineLight& light) const {
+  // Only differences of light are seen: the first keyframe's is fixed. With calibration and exposure, every one is
+  // nearly known.
+  const Eigen::Vector2d fixed(1e14, 1e8), known(1e10, 1e6), free(1e3, 1.0);
+  KeyframeSource source{frame.index, frame.time_s, std::move(pyramid), &frame.image, T_camera_map, light, {}, {}};
+  source.light_prior = light_prior(frame);
+  const bool calibrated = photometric_ != nullptr && frame.exposure_ms > 0;
+  source.light_information = !started_ ? fixed : (calibrated ? known : free);
+  return source;
+}
+
+Engine::Reference Engine::reference_of(int slot) const {
+  const Keyframe& keyframe = mapper_.window().keyframes[slot];
+  return {keyframe.id, keyframe.T_camera_map(), keyframe.light(),
+          make_reference(lens_, *keyframe.pyramid, mapper_.points_seen_by(slot)), 0.0};
+}
+
+// ---- start ----
+
+void Engine::wait_for_start(InputFrame frame) {
+  const auto pyramid = pyramid_of(frame);
+  waiting_.push_back(std::move(frame));
+  const std::optional<Start> start = initializer_.add(pyramid);
+  if (start) {
+    begin(*start);
+    return;
+  }
+  const auto limit = static_cast<std::size_t>(2 * options_.start.max_frames);
+  while (waiting_.size() > limit && waiting_first_ < initializer_.first()) {
+    waiting_.pop_front();
+    ++waiting_first_;
+  }
+}
+
+void Engine::begin(const Start& start) {
+  const std::vector<std::size_t> picks = spread_over_parallax(start.parallax_rad, options_.start.keyframes);
+  mapper_.begin(keyframes_of_start(start, picks));
+  started_ = true;
+  align_earlier_frames(start.first - waiting_first_);
+  align_start_frames(start, picks);
+  waiting_.clear();
+}
+
+std::vector<Keyframe> Engine::keyframes_of_start(const Start& start, const std::vector<std::size_t>& picks) {
+  const std::size_t offset = start.first - waiting_first_;
+  std::vector<Keyframe> keyframes;
+  TrackingReference corners;
+  AlignmentState state;
+  for (std::size_t k = 0; k < start.T_camera_first.size(); ++k) {
+    const InputFrame& frame = waiting_[offset + k];
+    const auto pyramid = pyramid_of(frame);
+    AffineLight light = light_prior(frame);
+    const AffineLight first_light = keyframes.empty() ? light : keyframes.front().light();
+    if (k == 0) {
+      std::vector<ReferencePoint> points;
+      for (std::size_t i = 0; i < start.rho.size(); ++i) points.push_back({start.pixels[i], start.rho[i], 1.0F});
+      corners = make_reference(lens_, *pyramid, points);
+    } else {
+      state.T_target_reference = start.T_camera_first[k];
+      const AlignmentResult alignment = align(lens_, corners, *pyramid, state, options_.tracking);
+      if (alignment.converged) state.a = alignment.state.a, state.b = alignment.state.b;
+      light = composed(first_light, state.a, state.b);
+    }
+    for (Keyframe& keyframe : keyframes) {
+      const PairTransform pair =
+          pair_transform(start.T_camera_first[k] * keyframe.T_camera_map_linear.inverse(), keyframe.light(), light);
+      trace_points(lens_.lenses[0], pyramid->levels[0], pair, options_.tracing, options_.window.huber,
+                   keyframe.immature);
+    }
+    if (std::find(picks.begin(), picks.end(), k) == picks.end()) continue;
+    KeyframeSource source = source_of(frame, pyramid, start.T_camera_first[k], light);
+    if (!keyframes.empty()) source.light_information = {1e3, 1.0};
+    keyframes.push_back(mapper_.make_keyframe(source));
+  }
+  return keyframes;
+}
+
+void Engine::align_earlier_frames(std::size_t count) {
+  if (count == 0) return;
+  const Reference reference = reference_of(0);
+  std::vector<std::pair<std::size_t, SE3>> found;
+  AlignmentState state;
+  SE3 velocity;
+  for (std::size_t i = count; i-- > 0;) {
+    AlignmentState guess = state;
+    guess.T_target_reference = velocity * state.T_target_reference;
+    const auto pyramid = pyramid_of(waiting_[i]);
+    AlignmentResult alignment = align(lens_, reference.pixels, *pyramid, guess, options_.tracking);
+    if (!alignment.converged) break;
+    velocity = alignment.state.T_target_reference * state.T_target_reference.inverse();
+    state = alignment.state;
+    found.emplace_back(i, state.T_target_reference);
+  }
+  std::reverse(found.begin(), found.end());
+  for (const auto& [i, T] : found) record(waiting_[i], reference, T);
+}
+
+void Engine::align_start_frames(const Start& start, const std::vector<std::size_t>& picks) {
+  const std::size_t offset = start.first - waiting_first_;
+  AlignmentState state;
+  for (std::size_t s = 0; s < picks.size(); ++s) {
+    const Reference reference = reference_of(static_cast<int>(s));
+    record(waiting_[offset + picks[s]], reference, SE3());
+    const std::size_t end = s + 1 < picks.size() ? picks[s + 1] : picks[s];
+    state.a = state.b = 0.0;
+    for (std::size_t k = picks[s] + 1; k < end; ++k) {
+      state.T_target_reference = start.T_camera_first[k] * start.T_camera_first[picks[s]].inverse();
+      const auto pyramid = pyramid_of(waiting_[offset + k]);
+      const AlignmentResult alignment = align(lens_, reference.pixels, *pyramid, state, options_.tracking);
+      if (alignment.converged) {
+        state = alignment.state;
+        last_rmse_ = alignment.finest_rmse();
+        record(waiting_[offset + k], reference, alignment.state.T_target_reference);
+      }
+    }
+    if (s + 1 == picks.size()) reference_ = reference;
+  }
+  T_last_map_ = reference_.T_camera_map;
+  const TrackedFrame& before = tracked_[tracked_.size() - 2];
+  for (const Keyframe& keyframe : mapper_.window().keyframes) {
+    if (keyframe.id == before.keyframe)
+      T_last_before_last_ = T_last_map_ * (before.T_camera_keyframe * keyframe.T_camera_map()).inverse();
+  }
+  last_a_ = last_b_ = 0.0;
+}
+
+// ---- tracking ----
+
+AlignmentResult Engine::best_alignment(const Pyramid& pyramid) const {
+  const SE3 T_last_reference = T_last_map_ * reference_.T_camera_map.inverse();
+  const int turns = failures_ == 0 ? 1 : 3;
+  AlignmentResult best;
+  bool first = true;
+  for (const SE3& pose : motion_hypotheses(T_last_reference, T_last_before_last_, turns)) {
+    const AlignmentState start{pose, last_a_, last_b_};
+    const AlignmentResult result = align(lens_, reference_.pixels, pyramid, start, options_.tracking,
+                                         best.converged ? best.rmse : std::vector<double>{});
+    const bool better = result.finest_rmse() < best.finest_rmse() && result.converged >= best.converged;
+    if (first || better) best = result;
+    first = false;
+    const double accepted = options_.tracking.accept_ratio * (last_rmse_ > 0 ? last_rmse_ : options_.tracking.huber);
+    if (best.converged && best.finest_rmse() < accepted) break;
+  }
+  return best;
+}
+
+void Engine::track(const InputFrame& frame) {
+  const auto pyramid = pyramid_of(frame);
+  const AlignmentResult alignment = best_alignment(*pyramid);
+  if (!alignment.converged) {
+    on_failure(frame, alignment);
+    return;
+  }
+  const SE3 T_camera_map = alignment.state.T_target_reference * reference_.T_camera_map;
+  const AffineLight light = composed(reference_.light, alignment.state.a, alignment.state.b);
+  T_last_before_last_ = failures_ == 0 ? T_camera_map * T_last_map_.inverse() : SE3();
+  T_last_map_ = T_camera_map;
+  last_a_ = alignment.state.a;
+  last_b_ = alignment.state.b;
+  last_rmse_ = alignment.finest_rmse();
+  failures_ = 0;
+  if (reference_.first_rmse <= 0) reference_.first_rmse = last_rmse_;
+  const TrackingChange change{optical_flow(lens_, reference_.pixels, alignment.state.T_target_reference),
+                              alignment.state.a, last_rmse_, reference_.first_rmse};
+  if (needs_keyframe(change, calibration_.camera.width(), calibration_.camera.height(), options_.window)) {
+    make_keyframe(frame, pyramid, T_camera_map, light);
+  } else {
+    record(frame, reference_, alignment.state.T_target_reference);
+    mapper_.trace(*pyramid, T_camera_map, light);
+  }
+}
+
+void Engine::make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
+                           const AffineLight& light) {
+  const SE3 T_last_before_last = T_last_before_last_;
+  mapper_.add_keyframe(source_of(frame, std::move(pyramid), T_camera_map, light));
+  reference_ = reference_of(mapper_.window().size() - 1);
+  // The optimisation moved the keyframe a little; the motion between the last two pictures stays.
+  T_last_map_ = reference_.T_camera_map;
+  T_last_before_last_ = T_last_before_last;
+  last_a_ = last_b_ = 0.0;
+  record(frame, reference_, SE3());
+}
+
+void Engine::on_failure(const InputFrame& frame, const AlignmentResult& alignment) {
+  ++failures_;
+  if (failures_ <= options_.tracking.patience_frames) return;
+  lost_ = true;
+  const std::string rmse =
+      std::isfinite(alignment.finest_rmse()) ? std::to_string(alignment.finest_rmse()).substr(0, 5) : "none";
+  lost_reason_ = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures_) +
+                 " pictures in a row do not align with the last keyframe (RMSE " + rmse + " grey values, " +
+                 std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
+}
+
+void Engine::record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference) {
+  tracked_.push_back({frame.index, frame.time_s, reference.keyframe, T_camera_reference});
+}
+
+// ---- result ----
+
+OdometryResult Engine::result() const {
+  OdometryResult result;
+  result.frames = frames_;
+  result.frames_tracked = static_cast<std::int64_t>(tracked_.size());
+  result.lost = lost_ || !started_;
+  result.lost_reason = started_ ? lost_reason_ : (frames_ == 0 ? "no pictures" : initializer_.reason());
+  if (!started_) return result;
+  std::map<int, SE3> poses;
+  for (const KeyframeRecord& keyframe : mapper_.keyframes()) {
+    poses[keyframe.id] = keyframe.T_map_camera;
+    result.keyframes.poses.push_back({keyframe.time_s, keyframe.T_map_camera});
+  }
+  for (const TrackedFrame& frame : tracked_) {
+    result.trajectory.poses.push_back({frame.time_s, poses.at(frame.keyframe) * frame.T_camera_keyframe.inverse()});
+  }
+  result.map = make_cloud(mapper_.points(), poses, options_.map);
+  return result;
+}
+
+}  // namespace tileflight::odometry

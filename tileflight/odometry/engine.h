@@ -1,0 +1,94 @@
+#pragma once
+
+// The odometry as a machine that is given one picture after the other: start, then tracking with keyframes, until it is
+// lost.
+
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/odometry/initializer.h"
+#include "tileflight/odometry/mapper.h"
+#include "tileflight/odometry/odometry.h"
+#include "tileflight/odometry/options.h"
+#include "tileflight/odometry/tracker.h"
+
+namespace tileflight::odometry {
+
+class Engine {
+ public:
+  Engine(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
+         const OdometryOptions& options);
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  /// The next picture. Throws InputError when its size is not the calibration's.
+  void add(InputFrame frame);
+  bool lost() const { return lost_; }
+  /// A few words on where it is, for progress.
+  std::string state() const;
+  /// What has been found so far.
+  OdometryResult result() const;
+
+ private:
+  /// A picture with a pose relative to the keyframe it was tracked to.
+  struct TrackedFrame {
+    std::int64_t index = 0;
+    double time_s = 0.0;
+    int keyframe = 0;
+    SE3 T_camera_keyframe;
+  };
+  /// The keyframe that pictures are aligned to.
+  struct Reference {
+    int keyframe = 0;
+    SE3 T_camera_map;
+    AffineLight light;
+    TrackingReference pixels;
+    double first_rmse = 0.0;  ///< of the first picture aligned to it; 0: none yet
+  };
+
+  std::shared_ptr<const Pyramid> pyramid_of(const InputFrame& frame) const;
+  AffineLight light_prior(const InputFrame& frame) const;
+  KeyframeSource source_of(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
+                           const AffineLight& light) const;
+  Reference reference_of(int slot) const;
+
+  void wait_for_start(InputFrame frame);
+  void begin(const Start& start);
+  std::vector<Keyframe> keyframes_of_start(const Start& start, const std::vector<std::size_t>& picks);
+  void align_start_frames(const Start& start, const std::vector<std::size_t>& picks);
+  void align_earlier_frames(std::size_t count);
+
+  void track(const InputFrame& frame);
+  AlignmentResult best_alignment(const Pyramid& pyramid) const;
+  void on_failure(const InputFrame& frame, const AlignmentResult& alignment);
+  void record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference);
+  void make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
+                     const AffineLight& light);
+
+  imaging::Calibration calibration_;
+  const imaging::PhotometricCalibration* photometric_;
+  OdometryOptions options_;
+  LensPyramid lens_;
+  Initializer initializer_;
+  Mapper mapper_;
+
+  std::deque<InputFrame> waiting_;  ///< pictures before the start
+  std::size_t waiting_first_ = 0;   ///< count of the first of them
+  bool started_ = false;
+  bool lost_ = false;
+  std::string lost_reason_;
+  std::int64_t frames_ = 0;
+
+  Reference reference_;
+  SE3 T_last_map_;  ///< camera of the last tracked picture
+  SE3 T_last_before_last_;
+  double last_a_ = 0.0, last_b_ = 0.0;  ///< light of the last picture relative to the reference
+  double last_rmse_ = 0.0;
+  int failures_ = 0;
+  std::vector<TrackedFrame> tracked_;
+};
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,25 @@
+#include "tileflight/odometry/gauge.h"
+
+#include <Eigen/QR>
+
+#include "tileflight/odometry/normal_equations.h"
+
+namespace tileflight::odometry {
+
+Eigen::MatrixXd gauge_directions(const Window& window) {
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(8 * window.size(), 7);
+  for (int i = 0; i < window.size(); ++i) {
+    const SE3& T = window.keyframes[i].T_camera_map_linear;
+    // T exp(-e) = exp(-Ad(T) e) T; growing the map by ds moves the translation by t ds.
+    N.block<6, 6>(8 * i, 0) = -adjoint(T);
+    N.block<3, 1>(8 * i, 6) = T.translation;
+  }
+  return N;
+}
+
+Eigen::VectorXd without_gauge(const Eigen::VectorXd& x, const Eigen::MatrixXd& directions) {
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(directions);
+  return x - directions * qr.solve(x);
+}
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,93 @@
+#include "tileflight/odometry/lens.h"
+
+#include <algorithm>
+#include <variant>
+
+namespace tileflight::odometry {
+namespace {
+
+using geometry::Vec2;
+using geometry::Vec3;
+
+constexpr int kCells = 2048;
+constexpr double kMarginRad = 0.1;       ///< the table reaches this far beyond the picture's corners
+constexpr double kWidestTableRad = 2.9;  ///< r/sin(theta) has a pole at 180 degrees
+
+/// r(theta)/sin(theta) of the camera along its horizontal, by its own projection.
+double radial_ratio(const imaging::Camera& camera, double fx, double cx, double c) {
+  constexpr double kSmall = 1e-5;  // below it the ratio differs from its limit by 1e-11
+  const double s = std::max(std::sqrt(std::max(0.0, 1.0 - c * c)), kSmall);
+  const auto pixel = camera.project(Vec3(s, 0.0, s > kSmall ? c : std::sqrt(1.0 - s * s)));
+  return pixel ? (pixel->x() - cx) / (fx * s) : 0.0;
+}
+
+/// Largest angle from the axis that the picture shows; the model's limit where a corner is outside the model.
+double widest_angle_rad(const imaging::Camera& camera) {
+  double widest = 0.0;
+  for (const double u : {0.0, camera.width() - 1.0}) {
+    for (const double v : {0.0, camera.height() - 1.0}) {
+      const auto ray = camera.unproject(Vec2(u, v));
+      widest = std::max(widest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : camera.max_theta_rad());
+    }
+  }
+  return std::min(widest, kWidestTableRad);
+}
+
+/// Cubic through four neighbouring samples at -1, 0, 1, 2, for the cell 0..1 (Lagrange).
+Eigen::Vector4d cubic_through(double a, double b, double c, double d) {
+  return {b, c - b / 2 - a / 3 - d / 6, (a + c) / 2 - b, (d - a) / 6 + (b - c) / 2};
+}
+
+}  // namespace
+
+Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
+  std::visit([this](const auto& model) { fx_ = model.fx, fy_ = model.fy, cx_ = model.cx, cy_ = model.cy; },
+             camera.model());
+  if (const auto* radtan = std::get_if<imaging::PinholeRadtan>(&camera.model())) {
+    radtan_ = radtan->d;
+    tangential_ = true;
+    min_cos_ = std::max(std::cos(camera.max_theta_rad()), 0.02);
+    return;
+  }
+  min_cos_ = std::cos(std::min(camera.max_theta_rad(), widest_angle_rad(camera) + kMarginRad));
+  // A margin of two cells beyond each end would leave the model; the end cells reuse the nearest inner cubic instead.
+  auto table = std::make_shared<Table>();
+  table->min_cos = min_cos_;
+  table->cells_per_unit = kCells / (1.0 - min_cos_);
+  std::vector<double> samples(kCells + 1);
+  for (int i = 0; i <= kCells; ++i) {
+    // The last valid angle itself may be refused by the model: stay a hair inside.
+    const double c = std::min(1.0, min_cos_ + (i == 0 ? 1e-9 : i / table->cells_per_unit));
+    samples[i] = radial_ratio(camera, fx_, cx_, c);
+  }
+  samples[0] = 4 * samples[1] - 6 * samples[2] + 4 * samples[3] - samples[4];
+  const double below = 4 * samples[0] - 6 * samples[1] + 4 * samples[2] - samples[3];
+  const double above = 4 * samples[kCells] - 6 * samples[kCells - 1] + 4 * samples[kCells - 2] - samples[kCells - 3];
+  for (int i = 0; i < kCells; ++i) {
+    const Eigen::Vector4d k = cubic_through(i == 0 ? below : samples[i - 1], samples[i], samples[i + 1],
+                                            i + 2 > kCells ? above : samples[i + 2]);
+    table->cubic_d.push_back(k);
+    table->cubic.push_back(k.cast<float>());
+  }
+  table_ = std::move(table);
+}
+
+Lens Lens::at_level(int level) const {
+  Lens lens = *this;
+  const double scale = std::ldexp(1.0, level_ - level);
+  lens.level_ = level;
+  lens.fx_ = fx_ * scale;
+  lens.fy_ = fy_ * scale;
+  lens.cx_ = (cx_ + 0.5) * scale - 0.5;
+  lens.cy_ = (cy_ + 0.5) * scale - 0.5;
+  return lens;
+}
+
+std::optional<Vec3> Lens::unproject(const Vec2& pixel) const {
+  const double scale = std::ldexp(1.0, level_);
+  const auto ray = camera_.unproject((pixel + Vec2::Constant(0.5)) * scale - Vec2::Constant(0.5));
+  if (!ray || ray->z() < min_cos_) return std::nullopt;
+  return ray;
+}
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,141 @@
+#pragma once
+
+// The camera model as the inner loops need it: any lens that is symmetric about its axis is a table of one variable,
+// read by cubic Hermite interpolation; pinhole with tangential distortion is evaluated as it is. Works beyond 180
+// degrees.
+//
+// With n = |X|, c = z/n = cos(theta), m = (x, y)/n:   u = cx + fx g(c) m_x,   v = cy + fy g(c) m_y,
+// g(c) = r(theta)/sin(theta), which is smooth in c up to the axis.
+
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+#include "tileflight/imaging/camera.h"
+
+namespace tileflight::odometry {
+
+/// A lens at one pyramid level. Pixel centres at integers; level l's pixel is u_l = (u_0 + 0.5) / 2^l - 0.5.
+class Lens {
+ public:
+  Lens() = default;
+  explicit Lens(const imaging::Camera& camera);
+
+  /// The same lens for the picture halved `level` times.
+  Lens at_level(int level) const;
+
+  /// Pixel of the direction X (any length). False outside the model's valid cone; the pixel may lie outside the
+  /// picture.
+  template <class T>
+  bool project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel) const;
+  /// As project, with the derivative of the pixel by X.
+  template <class T>
+  bool project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
+               Eigen::Matrix<T, 2, 3>& d_pixel_d_X) const;
+  /// Unit ray of a pixel of this level; nullopt where the model does not hold.
+  std::optional<geometry::Vec3> unproject(const geometry::Vec2& pixel) const;
+
+  /// Mean focal length of this level, pixels a radian near the axis.
+  double focal_px() const { return 0.5 * (fx_ + fy_); }
+
+ private:
+  struct Table {
+    double min_cos = 0.0;
+    double cells_per_unit = 0.0;
+    std::vector<Eigen::Vector4f> cubic;  ///< coefficients of each cell in its own coordinate 0..1
+    std::vector<Eigen::Vector4d> cubic_d;
+  };
+  template <class T>
+  void radial(T c, T& g, T& g_prime) const;
+  template <class T>
+  bool project_radtan(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
+                      Eigen::Matrix<T, 2, 3>* derivative) const;
+
+  imaging::Camera camera_;  ///< of level 0
+  int level_ = 0;
+  double fx_ = 0, fy_ = 0, cx_ = 0, cy_ = 0;
+  double min_cos_ = 0;
+  bool tangential_ = false;
+  std::array<double, 4> radtan_{};
+  std::shared_ptr<const Table> table_;
+};
+
+template <class T>
+inline void Lens::radial(T c, T& g, T& g_prime) const {
+  const Table& table = *table_;
+  const T x = (c - T(table.min_cos)) * T(table.cells_per_unit);
+  const int last = static_cast<int>(table.cubic.size()) - 1;
+  int cell = static_cast<int>(x);
+  cell = cell < 0 ? 0 : (cell > last ? last : cell);
+  const T s = x - T(cell);
+  const auto evaluate = [&](const auto& k) {
+    g = k[0] + s * (k[1] + s * (k[2] + s * k[3]));
+    g_prime = (k[1] + s * (T(2) * k[2] + s * T(3) * k[3])) * T(table.cells_per_unit);
+  };
+  if constexpr (std::is_same_v<T, float>) {
+    evaluate(table.cubic[cell]);
+  } else {
+    evaluate(table.cubic_d[cell]);
+  }
+}
+
+template <class T>
+inline bool Lens::project_radtan(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
+                                 Eigen::Matrix<T, 2, 3>* derivative) const {
+  const T iz = T(1) / X[2];
+  const T x = X[0] * iz, y = X[1] * iz;
+  const T k1 = T(radtan_[0]), k2 = T(radtan_[1]), p1 = T(radtan_[2]), p2 = T(radtan_[3]);
+  const T r2 = x * x + y * y;
+  const T radial_factor = T(1) + r2 * (k1 + r2 * k2);
+  pixel[0] = T(cx_) + T(fx_) * (x * radial_factor + T(2) * p1 * x * y + p2 * (r2 + T(2) * x * x));
+  pixel[1] = T(cy_) + T(fy_) * (y * radial_factor + p1 * (r2 + T(2) * y * y) + T(2) * p2 * x * y);
+  if (derivative == nullptr) return true;
+  const T d = T(2) * (k1 + T(2) * k2 * r2);  // d(radial)/dx = d x, d(radial)/dy = d y
+  const T du_dx = T(fx_) * (radial_factor + d * x * x + T(2) * p1 * y + T(6) * p2 * x);
+  const T du_dy = T(fx_) * (d * x * y + T(2) * p1 * x + T(2) * p2 * y);
+  const T dv_dx = T(fy_) * (d * x * y + T(2) * p1 * x + T(2) * p2 * y);
+  const T dv_dy = T(fy_) * (radial_factor + d * y * y + T(6) * p1 * y + T(2) * p2 * x);
+  *derivative << du_dx * iz, du_dy * iz, -(du_dx * x + du_dy * y) * iz,  //
+      dv_dx * iz, dv_dy * iz, -(dv_dx * x + dv_dy * y) * iz;
+  return true;
+}
+
+template <class T>
+inline bool Lens::project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel) const {
+  const T n2 = X.squaredNorm();
+  const T in = T(1) / std::sqrt(n2);
+  const T c = X[2] * in;
+  if (!(c >= T(min_cos_))) return false;
+  if (tangential_) return project_radtan<T>(X, pixel, nullptr);
+  T g, g_prime;
+  radial(c, g, g_prime);
+  pixel[0] = T(cx_) + T(fx_) * g * X[0] * in;
+  pixel[1] = T(cy_) + T(fy_) * g * X[1] * in;
+  return true;
+}
+
+template <class T>
+inline bool Lens::project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
+                          Eigen::Matrix<T, 2, 3>& d_pixel_d_X) const {
+  const T in = T(1) / std::sqrt(X.squaredNorm());
+  const Eigen::Matrix<T, 3, 1> d = X * in;
+  if (!(d[2] >= T(min_cos_))) return false;
+  if (tangential_) return project_radtan<T>(X, pixel, &d_pixel_d_X);
+  T g, g_prime;
+  radial(d[2], g, g_prime);
+  pixel[0] = T(cx_) + T(fx_) * g * d[0];
+  pixel[1] = T(cy_) + T(fy_) * g * d[1];
+  // d(g m) = g dm + m g' dc, with dm = (e - m d^T)/n and dc = (e_z - c d^T)/n.
+  for (int i = 0; i < 2; ++i) {
+    const T f = T(i == 0 ? fx_ : fy_) * in;
+    const T common = -d[i] * (g + g_prime * d[2]);
+    d_pixel_d_X(i, 0) = f * (common * d[0] + (i == 0 ? g : T(0)));
+    d_pixel_d_X(i, 1) = f * (common * d[1] + (i == 1 ? g : T(0)));
+    d_pixel_d_X(i, 2) = f * (common * d[2] + d[i] * g_prime);
+  }
+  return true;
+}
+
+}  // namespace tileflight::odometry

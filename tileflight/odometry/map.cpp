@@ -1,0 +1,51 @@
+#include "tileflight/odometry/map.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tileflight::odometry {
+namespace {
+
+bool is_clean(const MapPoint& point, const MapOptions& options) {
+  return point.rho > 0 && point.observations >= options.min_observations &&
+         std::sqrt(point.rho_variance) <= options.max_relative_deviation * point.rho &&
+         point.parallax_rad >= options.min_parallax_rad;
+}
+
+}  // namespace
+
+MapPoint map_point(const ActivePoint& point, int keyframe, double residual_variance) {
+  MapPoint out;
+  out.keyframe = keyframe;
+  out.ray = point.patch.ray;
+  out.rho = point.rho;
+  out.rho_variance = static_cast<float>(residual_variance / std::max(point.information, 1e-6F));
+  out.parallax_rad = point.parallax_rad;
+  out.observations = point.good_observations;
+  out.first_frame = point.first_frame;
+  out.last_frame = point.last_frame;
+  out.color = point.color;
+  return out;
+}
+
+geometry::PointCloud make_cloud(const std::vector<MapPoint>& points, const std::map<int, SE3>& T_map_keyframe,
+                                const MapOptions& options) {
+  geometry::PointCloud cloud;
+  std::vector<float>& variance = cloud.scalars["inverse_depth_variance"];
+  std::vector<float>& observations = cloud.scalars["observations"];
+  std::vector<float>& first = cloud.scalars["first_frame"];
+  std::vector<float>& last = cloud.scalars["last_frame"];
+  for (const MapPoint& point : points) {
+    const auto pose = T_map_keyframe.find(point.keyframe);
+    if (pose == T_map_keyframe.end() || !is_clean(point, options)) continue;
+    cloud.positions.push_back(pose->second * (point.ray.cast<double>() / point.rho));
+    cloud.colors.push_back(point.color);
+    variance.push_back(point.rho_variance);
+    observations.push_back(static_cast<float>(point.observations));
+    first.push_back(static_cast<float>(point.first_frame));
+    last.push_back(static_cast<float>(point.last_frame));
+  }
+  return cloud;
+}
+
+}  // namespace tileflight::odometry

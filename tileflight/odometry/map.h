@@ -1,0 +1,35 @@
+#pragma once
+
+// Points that left the window, and the cloud that is made of them.
+
+#include <map>
+#include <vector>
+
+#include "tileflight/geometry/point_cloud.h"
+#include "tileflight/odometry/keyframe.h"
+#include "tileflight/odometry/options.h"
+
+namespace tileflight::odometry {
+
+/// A point by its host keyframe, so that it follows the keyframe's last pose.
+struct MapPoint {
+  int keyframe = 0;     ///< id of the host
+  Eigen::Vector3f ray;  ///< unit, host frame
+  float rho = 0.0F;
+  float rho_variance = 0.0F;
+  float parallax_rad = 0.0F;
+  int observations = 0;
+  std::int64_t first_frame = 0;
+  std::int64_t last_frame = 0;
+  std::array<std::uint8_t, 3> color{};
+};
+
+/// `residual_variance`: of a good residual, squared grey values; turns information into variance.
+MapPoint map_point(const ActivePoint& point, int keyframe, double residual_variance);
+
+/// Positions in the map frame with colours and the scalars inverse_depth_variance, observations, first_frame,
+/// last_frame; only points that pass the options' filters.
+geometry::PointCloud make_cloud(const std::vector<MapPoint>& points, const std::map<int, SE3>& T_map_keyframe,
+                                const MapOptions& options);
+
+}  // namespace tileflight::odometry

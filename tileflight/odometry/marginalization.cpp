@@ -1,0 +1,98 @@
+#include "tileflight/odometry/marginalization.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <utility>
+
+namespace tileflight::odometry {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Residuals as a linear function about the linearisation point: r(0) = r(delta) - J delta.
+void move_to_linearization_point(Linearization& lin, const Vec8& relative_delta) {
+  const Eigen::Matrix<float, 8, 1> d = relative_delta.cast<float>();
+  const Eigen::Vector2f pixel = lin.pixel_by_pose * d.head<6>();
+  const Eigen::Vector2f light = d.tail<2>();
+  lin.sums.gr -= lin.sums.gg * pixel + lin.sums.gA * light;
+  lin.sums.Ar -= lin.sums.gA.transpose() * pixel + lin.sums.AA * light;
+}
+
+MatrixXd inverse_of_symmetric(const Mat8& A) {
+  // Directions without information stay out of the elimination (pseudo-inverse).
+  const Eigen::SelfAdjointEigenSolver<Mat8> eigen(A);
+  constexpr double kRelativeFloor = 1e-12;
+  const double floor = kRelativeFloor * std::max(eigen.eigenvalues().maxCoeff(), 0.0);
+  Vec8 inverse;
+  for (int i = 0; i < 8; ++i) inverse[i] = eigen.eigenvalues()[i] > floor ? 1.0 / eigen.eigenvalues()[i] : 0.0;
+  return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+}  // namespace
+
+void marginalize_points(Window& window, const std::vector<Pair>& pairs, const std::vector<PointRef>& points,
+                        double weight) {
+  const int n = window.size();
+  for (const PointRef& ref : points) {
+    for (Observation& observation : window.keyframes[ref.host].points[ref.index].observations) {
+      const Vec8 relative =
+          window.keyframes[observation.target].delta +
+          pairs[ref.host * n + observation.target].relative_by_host * window.keyframes[ref.host].delta;
+      move_to_linearization_point(observation.linearization, relative);
+    }
+  }
+  const NormalEquations system = build_normal_equations(window, pairs, points, 0.0);
+  window.H_prior += weight * system.H;
+  window.b_prior += weight * system.b;
+}
+
+Prior without_keyframe(const Prior& prior, int slot) {
+  const int n = static_cast<int>(prior.b.size()) / 8;
+  std::vector<int> order;
+  for (int i = 0; i < 8 * n; ++i) {
+    if (i / 8 != slot) order.push_back(i);
+  }
+  std::vector<int> out(8);
+  for (int i = 0; i < 8; ++i) out[i] = 8 * slot + i;
+  // Scaled to a unit diagonal, since translations, rotations and light differ by many orders of magnitude.
+  const VectorXd scale = (prior.H.diagonal().cwiseAbs().array() + 1e-12).sqrt();
+  const MatrixXd H = scale.cwiseInverse().asDiagonal() * prior.H * scale.cwiseInverse().asDiagonal();
+  const VectorXd b = scale.cwiseInverse().asDiagonal() * prior.b;
+  const MatrixXd H_aa = H(order, order), H_ab = H(order, out);
+  const MatrixXd K = H_ab * inverse_of_symmetric(H(out, out));
+  const VectorXd kept_scale = scale(order);
+  MatrixXd H_new = kept_scale.asDiagonal() * (H_aa - K * H_ab.transpose()) * kept_scale.asDiagonal();
+  const VectorXd b_new = kept_scale.asDiagonal() * (b(order) - K * b(out));
+  H_new = (0.5 * (H_new + H_new.transpose())).eval();
+  return {H_new, b_new};
+}
+
+void remove_keyframe(Window& window, int slot) {
+  const Prior prior = without_keyframe({window.H_prior, window.b_prior}, slot);
+  window.H_prior = prior.H;
+  window.b_prior = prior.b;
+  window.keyframes.erase(window.keyframes.begin() + slot);
+  for (Keyframe& keyframe : window.keyframes) {
+    for (ActivePoint& point : keyframe.points) {
+      std::erase_if(point.observations, [slot](const Observation& o) { return o.target == slot; });
+      for (Observation& observation : point.observations) {
+        if (observation.target > slot) --observation.target;
+      }
+    }
+  }
+}
+
+void add_keyframe(Window& window, Keyframe keyframe) {
+  const int n = 8 * window.size();
+  window.H_prior.conservativeResizeLike(MatrixXd::Zero(n + 8, n + 8));
+  window.b_prior.conservativeResizeLike(VectorXd::Zero(n + 8));
+  window.H_prior(n + 6, n + 6) = keyframe.light_information[0];
+  window.H_prior(n + 7, n + 7) = keyframe.light_information[1];
+  window.b_prior[n + 6] = keyframe.light_information[0] * (keyframe.light_linear.a - keyframe.light_prior.a);
+  window.b_prior[n + 7] = keyframe.light_information[1] * (keyframe.light_linear.b - keyframe.light_prior.b);
+  window.keyframes.push_back(std::move(keyframe));
+}
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,30 @@
+#include "tileflight/odometry/patch.h"
+
+namespace tileflight::odometry {
+
+std::optional<Patch> make_patch(const PyramidLevel& level, const Lens& lens, const Eigen::Vector2f& pixel,
+                                float gradient_weight) {
+  if (!level.inside(pixel.x(), pixel.y(), kPatternReach_px + 1.0F)) return std::nullopt;
+  const auto ray = lens.unproject(pixel.cast<double>());
+  if (!ray) return std::nullopt;
+  Eigen::Matrix<double, 2, 3> J;
+  geometry::Vec2 back;
+  if (!lens.project<double>(*ray, back, J)) return std::nullopt;
+  Patch patch;
+  patch.pixel = pixel;
+  patch.ray = ray->cast<float>();
+  // J's null space is the ray, so its pseudo-inverse maps to the tangent plane of the sphere.
+  patch.ray_by_pixel = (J.transpose() * (J * J.transpose()).inverse()).cast<float>();
+  patch.structure.setZero();
+  const float c2 = gradient_weight * gradient_weight;
+  for (int k = 0; k < kPatternSize; ++k) {
+    const Texel texel = level.sample(pixel.x() + kPattern[k][0], pixel.y() + kPattern[k][1]);
+    const Eigen::Vector2f gradient(texel[kGradX], texel[kGradY]);
+    patch.intensity[k] = texel[kIntensity];
+    patch.weight[k] = c2 / (c2 + gradient.squaredNorm());
+    patch.structure += gradient * gradient.transpose();
+  }
+  return patch;
+}
+
+}  // namespace tileflight::odometry

@@ -1,0 +1,310 @@
+#include "tileflight/odometry/tracker.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tileflight/odometry/patch.h"
+#include "tileflight/odometry/residual.h"
+
+namespace tileflight::odometry {
+namespace {
+
+using geometry::SE3;
+using Vec8 = Eigen::Matrix<double, 8, 1>;
+using Mat8 = Eigen::Matrix<double, 8, 8>;
+using Lanes = float __attribute__((vector_size(32)));
+
+constexpr int kLanes = 8;
+constexpr std::size_t kChunk = 512;  ///< pixels a task; fixed, so that sums do not depend on the number of threads
+constexpr int kUnknowns = 8;
+constexpr int kRows = kUnknowns + 1;                               ///< with the residual
+constexpr std::array<int, 6> kIterations{10, 20, 40, 40, 40, 40};  ///< by level
+
+/// Sums over some pixels of a level.
+struct Sums {
+  Eigen::Matrix<double, kRows, kRows> normal = Eigen::Matrix<double, kRows, kRows>::Zero();  ///< (J, r)^T w (J, r)
+  double energy = 0.0;
+  int inside = 0;
+  int saturated = 0;
+
+  void add(const Sums& o) {
+    normal += o.normal;
+    energy += o.energy;
+    inside += o.inside;
+    saturated += o.saturated;
+  }
+  double rmse() const { return inside > 0 ? std::sqrt(energy / inside) : std::numeric_limits<double>::infinity(); }
+};
+
+/// Rows of (J, r) of a chunk of pixels, lanes first.
+struct Rows {
+  alignas(32) std::array<std::array<float, kChunk>, kRows> values;
+  alignas(32) std::array<float, kChunk> weight;
+};
+
+struct Level {
+  const Lens& lens;
+  const ReferenceLevel& reference;
+  const PyramidLevel& target;
+};
+
+/// (J, r)^T w (J, r) of `count` rows.
+void accumulate(const Rows& rows, std::size_t count, Sums& sums) {
+  const std::size_t blocks = (count + kLanes - 1) / kLanes;
+  const auto* weight = reinterpret_cast<const Lanes*>(rows.weight.data());
+  for (int i = 0; i < kRows; ++i) {
+    const auto* a = reinterpret_cast<const Lanes*>(rows.values[i].data());
+    for (int j = i; j < kRows; ++j) {
+      const auto* b = reinterpret_cast<const Lanes*>(rows.values[j].data());
+      Lanes sum{};
+      for (std::size_t k = 0; k < blocks; ++k) sum += weight[k] * a[k] * b[k];
+      double total = 0;
+      for (int lane = 0; lane < kLanes; ++lane) total += sum[lane];
+      sums.normal(i, j) += total;
+    }
+  }
+}
+
+Sums evaluate_chunk(const Level& level, const AlignmentState& state, float cutoff, float huber, std::size_t begin,
+                    std::size_t end) {
+  const Eigen::Matrix3f R = state.T_target_reference.rotation.toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = state.T_target_reference.translation.cast<float>();
+  const auto gain = static_cast<float>(std::exp(state.a)), offset = static_cast<float>(state.b);
+  const float saturated_energy = huber * (2.0F * cutoff - huber);
+  Sums sums;
+  Rows rows;
+  std::size_t count = 0;
+  float energy = 0;
+  Eigen::Vector2f pixel;
+  Eigen::Matrix<float, 2, 3> pixel_by_X;
+  for (std::size_t i = begin; i < end; ++i) {
+    const float rho = level.reference.rho[i];
+    const Eigen::Vector3f X = R * level.reference.rays[i] + rho * t;
+    if (!level.lens.project<float>(X, pixel, pixel_by_X)) continue;
+    if (!level.target.inside(pixel.x(), pixel.y(), 2.0F)) continue;
+    const Texel texel = level.target.sample(pixel.x(), pixel.y());
+    const float predicted = gain * level.reference.intensity[i];
+    const float r = texel[kIntensity] - predicted - offset;
+    ++sums.inside;
+    if (std::abs(r) > cutoff) {
+      energy += saturated_energy;
+      ++sums.saturated;
+      continue;
+    }
+    const float w = huber_weight(r, huber);
+    energy += w * r * r * (2.0F - w);
+    const Eigen::Vector3f by_X = pixel_by_X.transpose() * Eigen::Vector2f(texel[kGradX], texel[kGradY]);
+    const Eigen::Vector3f by_rotation = X.cross(by_X);
+    for (int d = 0; d < 3; ++d) {
+      rows.values[d][count] = rho * by_X[d];
+      rows.values[d + 3][count] = by_rotation[d];
+    }
+    rows.values[6][count] = -predicted;
+    rows.values[7][count] = -1.0F;
+    rows.values[8][count] = r;
+    rows.weight[count] = w;
+    ++count;
+  }
+  sums.energy = energy;
+  const std::size_t padded = (count + kLanes - 1) / kLanes * kLanes;
+  for (std::size_t i = count; i < padded; ++i) {
+    rows.weight[i] = 0;
+    for (auto& row : rows.values) row[i] = 0;
+  }
+  accumulate(rows, count, sums);
+  return sums;
+}
+
+Sums evaluate(const Level& level, const AlignmentState& state, float cutoff, float huber) {
+  const std::size_t n = level.reference.size();
+  const std::size_t chunks = (n + kChunk - 1) / kChunk;
+  std::vector<Sums> parts(chunks);
+  tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
+    parts[c] = evaluate_chunk(level, state, cutoff, huber, c * kChunk, std::min(n, (c + 1) * kChunk));
+  });
+  Sums total;
+  for (const Sums& part : parts) total.add(part);
+  return total;
+}
+
+AlignmentState moved(const AlignmentState& state, const Vec8& step) {
+  AlignmentState out = state;
+  out.T_target_reference = SE3::exp(step.head<6>()) * state.T_target_reference;
+  out.a += step[6];
+  out.b += step[7];
+  return out;
+}
+
+Mat8 normal_matrix(const Sums& sums) {
+  return sums.normal.topLeftCorner<kUnknowns, kUnknowns>().selfadjointView<Eigen::Upper>();
+}
+
+/// Solves (H + lambda diag H) x = -b with the unknowns scaled to a unit diagonal.
+Vec8 damped_step(const Sums& sums, double lambda) {
+  const Mat8 H = normal_matrix(sums);
+  const Vec8 b = sums.normal.col(kUnknowns).head<kUnknowns>();
+  const Vec8 scale = (H.diagonal().array() + 1e-9).sqrt().inverse();
+  Mat8 A = scale.asDiagonal() * H * scale.asDiagonal();
+  A.diagonal().array() += lambda + 1e-9;
+  return -(scale.asDiagonal() * A.ldlt().solve(scale.asDiagonal() * b));
+}
+
+struct LevelOutcome {
+  AlignmentState state;
+  Sums sums;
+};
+
+LevelOutcome align_level(const Level& level, const AlignmentState& start, int iterations,
+                         const TrackingOptions& options) {
+  constexpr double kSaturatedShare = 0.6;  // above it the start is far off: widen the cut-off
+  constexpr double kSmallestStep_px = 0.003;
+  constexpr double kLargestLambda = 1e3;
+  float cutoff = options.cutoff;
+  LevelOutcome best{start, evaluate(level, start, cutoff, options.huber)};
+  while (best.sums.saturated > kSaturatedShare * best.sums.inside && cutoff < 20.0F * options.cutoff) {
+    cutoff *= 2.0F;
+    best.sums = evaluate(level, start, cutoff, options.huber);
+  }
+  double lambda = 0.01;
+  for (int i = 0; i < iterations && best.sums.inside > 0; ++i) {
+    const Vec8 step = damped_step(best.sums, lambda);
+    if (!step.allFinite()) break;
+    const AlignmentState candidate = moved(best.state, step);
+    const Sums sums = evaluate(level, candidate, cutoff, options.huber);
+    const bool better =
+        sums.inside > 0.5 * best.sums.inside && sums.energy / sums.inside < best.sums.energy / best.sums.inside;
+    if (better) best = {candidate, sums};
+    lambda = better ? lambda * 0.3 : std::max(lambda, 1e-4) * 6.0;
+    if (step.head<6>().norm() * level.lens.focal_px() < kSmallestStep_px || lambda > kLargestLambda) break;
+  }
+  return best;
+}
+
+/// Weighted inverse distances over a whole level while a reference is made.
+struct SparseDepth {
+  int width = 0;
+  int height = 0;
+  std::vector<float> weighted_rho;
+  std::vector<float> weight;
+
+  SparseDepth(int w, int h)
+      : width(w), height(h), weighted_rho(static_cast<std::size_t>(w) * h), weight(weighted_rho.size()) {}
+  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
+};
+
+SparseDepth halved(const SparseDepth& fine) {
+  SparseDepth half(fine.width / 2, fine.height / 2);
+  for (int y = 0; y < half.height; ++y) {
+    for (int x = 0; x < half.width; ++x) {
+      const std::size_t to = half.index(x, y);
+      for (const std::size_t from : {fine.index(2 * x, 2 * y), fine.index(2 * x + 1, 2 * y),
+                                     fine.index(2 * x, 2 * y + 1), fine.index(2 * x + 1, 2 * y + 1)}) {
+        half.weighted_rho[to] += fine.weighted_rho[from];
+        half.weight[to] += fine.weight[from];
+      }
+    }
+  }
+  return half;
+}
+
+/// Gives empty pixels the mean of their filled neighbours (diagonal ones on fine levels, as those are farther apart).
+SparseDepth spread(const SparseDepth& depth, bool diagonal) {
+  SparseDepth out = depth;
+  for (int y = 1; y < depth.height - 1; ++y) {
+    for (int x = 1; x < depth.width - 1; ++x) {
+      const std::size_t i = depth.index(x, y);
+      if (depth.weight[i] > 0) continue;
+      const int up = depth.width;
+      const std::array<int, 4> steps =
+          diagonal ? std::array<int, 4>{-up - 1, -up + 1, up - 1, up + 1} : std::array<int, 4>{-1, 1, -up, up};
+      for (const int step : steps) {
+        out.weighted_rho[i] += depth.weighted_rho[i + step];
+        out.weight[i] += depth.weight[i + step];
+      }
+    }
+  }
+  return out;
+}
+
+ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, const RayTable& rays) {
+  constexpr int kBorder = 2;
+  ReferenceLevel level;
+  for (int y = kBorder; y < depth.height - kBorder; ++y) {
+    for (int x = kBorder; x < depth.width - kBorder; ++x) {
+      const std::size_t i = depth.index(x, y);
+      if (depth.weight[i] <= 0 || rays.at(x, y).isZero(0)) continue;
+      level.pixels.emplace_back(x, y);
+      level.rays.push_back(rays.at(x, y));
+      level.rho.push_back(depth.weighted_rho[i] / depth.weight[i]);
+      level.intensity.push_back(picture.at(x, y)[kIntensity]);
+    }
+  }
+  return level;
+}
+
+}  // namespace
+
+TrackingReference make_reference(const LensPyramid& lens, const Pyramid& keyframe,
+                                 const std::vector<ReferencePoint>& points) {
+  SparseDepth depth(keyframe.levels[0].width, keyframe.levels[0].height);
+  for (const ReferencePoint& point : points) {
+    const int x = static_cast<int>(std::lround(point.pixel.x())), y = static_cast<int>(std::lround(point.pixel.y()));
+    if (x < 0 || y < 0 || x >= depth.width || y >= depth.height) continue;
+    depth.weighted_rho[depth.index(x, y)] += point.weight * point.rho;
+    depth.weight[depth.index(x, y)] += point.weight;
+  }
+  TrackingReference reference;
+  for (std::size_t l = 0; l < keyframe.levels.size(); ++l) {
+    if (l > 0) depth = halved(depth);
+    reference.levels.push_back(as_arrays(spread(depth, l < 2), keyframe.levels[l], lens.rays[l]));
+  }
+  return reference;
+}
+
+AlignmentResult align(const LensPyramid& lens, const TrackingReference& reference, const Pyramid& target,
+                      const AlignmentState& start, const TrackingOptions& options,
+                      const std::vector<double>& give_up_rmse) {
+  AlignmentResult result;
+  result.state = start;
+  const int levels = static_cast<int>(reference.levels.size());
+  result.rmse.assign(levels, std::numeric_limits<double>::infinity());
+  for (int l = levels - 1; l >= 0; --l) {
+    const Level level{lens.lenses[l], reference.levels[l], target.levels[l]};
+    const LevelOutcome outcome = align_level(level, result.state, kIterations[std::min(l, 5)], options);
+    result.state = outcome.state;
+    result.rmse[l] = outcome.sums.rmse();
+    if (!give_up_rmse.empty() && result.rmse[l] > give_up_rmse[l]) return result;
+    if (l > 0) continue;
+    result.inside_share = static_cast<double>(outcome.sums.inside) / std::max<std::size_t>(1, level.reference.size());
+    result.saturated_share = static_cast<double>(outcome.sums.saturated) / std::max(1, outcome.sums.inside);
+    result.information = normal_matrix(outcome.sums);
+  }
+  result.converged = result.finest_rmse() < options.lost_rmse && result.inside_share > options.min_inside_share;
+  return result;
+}
+
+OpticalFlow optical_flow(const LensPyramid& lens, const TrackingReference& reference, const SE3& T) {
+  constexpr std::size_t kStride = 7;
+  const ReferenceLevel& level = reference.levels[0];
+  const Eigen::Matrix3f R = T.rotation.toRotationMatrix().cast<float>();
+  const Eigen::Vector3f t = T.translation.cast<float>();
+  double translation = 0, full = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < level.size(); i += kStride) {
+    Eigen::Vector2f shifted, moved_pixel;
+    const Eigen::Vector3f shift = level.rho[i] * t;
+    if (!lens.lenses[0].project<float>(level.rays[i] + shift, shifted)) continue;
+    if (!lens.lenses[0].project<float>(R * level.rays[i] + shift, moved_pixel)) continue;
+    translation += (shifted - level.pixels[i]).squaredNorm();
+    full += (moved_pixel - level.pixels[i]).squaredNorm();
+    ++count;
+  }
+  if (count == 0) return {};
+  return {std::sqrt(translation / count), std::sqrt(full / count)};
+}
+
+}  // namespace tileflight::odometry
