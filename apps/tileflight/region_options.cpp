@@ -1,5 +1,7 @@
 #include "region_options.h"
 
+#include <limits>
+
 #include "tileflight/experiment/region_file.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -7,7 +9,9 @@ namespace tileflight::app {
 namespace {
 
 geometry::Geodetic geodetic(const std::vector<double>& numbers) {
-  return {numbers.at(0), numbers.at(1), geometry::EllipsoidalHeight{numbers.size() > 2 ? numbers[2] : 0.0}};
+  // A height that is not given is the middle of the tileset's own (tiles/load.h).
+  const double height_m = numbers.size() > 2 ? numbers[2] : std::numeric_limits<double>::quiet_NaN();
+  return {numbers.at(0), numbers.at(1), geometry::EllipsoidalHeight{height_m}};
 }
 
 geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers.at(0), numbers.at(1), numbers.at(2)}; }

@@ -1,5 +1,8 @@
 #include "tileflight/experiment/experiment_file.h"
 
+#include <cmath>
+#include <limits>
+
 #include "tileflight/experiment/settings.h"
 #include "tileflight/experiment/yaml_section.h"
 
@@ -12,7 +15,9 @@ geometry::Geodetic geodetic(const YamlSection& section, const std::string& key, 
   if (std::abs(numbers[0]) > 90.0 || std::abs(numbers[1]) > 360.0) {
     throw section.error(key, "must be latitude, longitude in degrees (and height in metres)");
   }
-  return {numbers[0], numbers[1], geometry::EllipsoidalHeight{numbers.size() > 2 ? numbers[2] : 0.0}};
+  // A height that is not given is the middle of the tileset's own (tiles/load.h).
+  const double height_m = numbers.size() > 2 ? numbers[2] : std::numeric_limits<double>::quiet_NaN();
+  return {numbers[0], numbers[1], geometry::EllipsoidalHeight{height_m}};
 }
 
 geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers[0], numbers[1], numbers[2]}; }

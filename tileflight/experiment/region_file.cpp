@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/geometry/files.h"
@@ -75,8 +76,8 @@ void set_region_from_geojson(const std::filesystem::path& file, tiles::LoadOptio
   const Extent extent = read_extent(file);
   const bool has_height = !extent.height.isEmpty() && extent.height.sizes()[0] > 0;
   const Eigen::Vector2d middle = extent.lon_lat.center();
-  const geometry::Geodetic center{middle.y(), middle.x(),
-                                  geometry::EllipsoidalHeight{has_height ? extent.height.center()[0] : 0.0}};
+  geometry::Geodetic center{middle.y(), middle.x(),
+                            geometry::EllipsoidalHeight{has_height ? extent.height.center()[0] : 0.0}};
   // The widest east-west side of a box in longitude and latitude is the one nearest the equator: take all corners.
   const geometry::LocalFrame local(center);
   Eigen::AlignedBox2d box;
@@ -86,6 +87,7 @@ void set_region_from_geojson(const std::filesystem::path& file, tiles::LoadOptio
     box.extend(local.local_from_geodetic({lon_lat.y(), lon_lat.x(), center.height}).head<2>());
   }
   const Eigen::Vector2d reach = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs());
+  if (!has_height) center.height.m = std::numeric_limits<double>::quiet_NaN();  // the tileset's own
   load.center = center;
   load.size = geometry::Vec3(2 * reach.x(), 2 * reach.y(), has_height ? extent.height.sizes()[0] : 0.0);
 }

@@ -5,6 +5,7 @@
 #include "tileflight/alignment/align_map.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/metrics_file.h"
 #include "tileflight/experiment/extract.h"
@@ -112,6 +113,19 @@ Target read_target(const fs::path& path) {
   return target;
 }
 
+/// Estimated and true poses, where they are known.
+struct Poses {
+  geometry::Trajectory estimate, truth;
+  bool both() const { return !estimate.empty() && !truth.empty(); }
+};
+
+Poses read_poses(const MapInputs& map) {
+  Poses poses;
+  if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
+  if (!map.truth_trajectory.empty()) poses.truth = geometry::read_tum(map.truth_trajectory);
+  return poses;
+}
+
 std::vector<alignment::PositionFix> receiver_positions(const fs::path& gps_csv, const geometry::Geodetic& origin) {
   const std::vector<dataset::GpsFix> gps = dataset::read_gps_csv(gps_csv);
   const std::vector<geometry::Vec3> positions = local_positions(gps, geometry::LocalFrame(origin));
@@ -175,21 +189,29 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   const geometry::PointCloud aligned = geometry::transformed(T_local_map, read_map(map.map));
   const geometry::Box3 box = region_box(read_extract_json(truth_folder));
   const ground_truth::GroundTruth truth = ground_truth::read_ground_truth(truth_folder);
-
-  report_progress(progress, 0, 3, "distances to voxel centres");
-  const evaluation::MapMetrics map_metrics =
-      evaluation::evaluate_map(aligned, truth.voxel_centers, truth.surface, {.cutoff_m = settings.cutoff_m});
-  report_progress(progress, 1, 3, "distances to the surface");
   const geometry::PointCloud seen = seen_samples(map, truth, box, T_local_map, settings.completeness_samples_per_m2);
-  const evaluation::SurfaceMetrics surface_metrics =
-      evaluation::evaluate_surface(over_region(aligned, box), truth.mesh, seen, settings.thresholds_m);
-  report_progress(progress, 2, 3, "trajectory");
-  std::optional<evaluation::TrajectoryMetrics> trajectory;
-  if (!map.trajectory.empty() && !map.truth_trajectory.empty()) {
-    trajectory = evaluation::evaluate_trajectory(geometry::read_tum(map.trajectory), geometry::read_tum(map.truth_trajectory),
-                                                 evaluation::TrajectoryAlignment::kSim3);
-  }
-  return write_scores(aligned, truth, map_metrics, surface_metrics, trajectory, out);
+  const Poses poses = read_poses(map);
+
+  evaluation::Score score = evaluation::evaluate(aligned,
+                                                 {.voxel_centers = &truth.voxel_centers,
+                                                  .surface_samples = &truth.surface,
+                                                  .surface = &truth.mesh,
+                                                  .seen_samples = &seen,
+                                                  .estimate = poses.both() ? &poses.estimate : nullptr,
+                                                  .truth = poses.both() ? &poses.truth : nullptr},
+                                                 {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m},
+                                                 progress);
+  // A point beside the region has no surface to be measured against: it counts as a map point, but not as an error.
+  score.metrics.surface = evaluation::evaluate_surface(over_region(aligned, box), truth.mesh, seen, settings.thresholds_m);
+  evaluation::write_metrics(out, score.metrics, score.errors);
+  return evaluation::to_json(score.metrics);
+}
+
+nlohmann::json compare(const fs::path& simulated, const fs::path& real, const EvaluationSettings& settings, std::uint64_t seed) {
+  const evaluation::MetricsFile a = evaluation::read_metrics(simulated);
+  const evaluation::MetricsFile b = evaluation::read_metrics(real);
+  return evaluation::to_json(evaluation::compare(
+      a.voxel, b.voxel, {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed}));
 }
 
 }  // namespace tileflight::experiment
