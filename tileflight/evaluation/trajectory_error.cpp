@@ -35,12 +35,17 @@ PairedPoses paired(const Trajectory& estimate, const Trajectory& truth) {
   return result;
 }
 
+void check_finite(const Trajectory& trajectory, const char* name) {
+  for (const geometry::StampedPose& pose : trajectory.poses) {
+    if (!pose.T_local_camera.translation.allFinite()) throw InputError(name, "a position is not finite");
+  }
+}
+
 Eigen::Matrix3Xd positions(const Trajectory& trajectory) {
   Eigen::Matrix3Xd result(3, static_cast<Eigen::Index>(trajectory.size()));
   for (std::size_t i = 0; i < trajectory.size(); ++i) {
     result.col(static_cast<Eigen::Index>(i)) = trajectory.poses[i].T_local_camera.translation;
   }
-  if (!result.allFinite()) throw InputError("trajectory", "a position is not finite");
   return result;
 }
 
@@ -102,6 +107,8 @@ RelativePoseError relative_error(const PairedPoses& poses, double delta_m) {
 TrajectoryMetrics evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
                                       TrajectoryAlignment alignment, const std::vector<double>& rpe_deltas_m) {
   PairedPoses poses = paired(estimate, truth);
+  check_finite(poses.estimate, "estimated trajectory");
+  check_finite(poses.truth, "true trajectory");
   const Sim3 T_truth_estimate = alignment_of(poses, alignment);
   poses.estimate = geometry::transformed(T_truth_estimate, poses.estimate);
 

@@ -1,0 +1,156 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "tests/test_data.h"
+#include "tileflight/evaluation/metrics.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::evaluation {
+namespace {
+
+using geometry::SE3;
+using geometry::Sim3;
+using geometry::Trajectory;
+using geometry::Vec3;
+
+/// A winding flight of about 190 m.
+Trajectory winding() {
+  Trajectory trajectory;
+  for (int k = 0; k < 400; ++k) {
+    const double t = 0.1 * k;
+    trajectory.poses.push_back({t,
+                                {geometry::so3_exp({0.1 * std::sin(t), 0.2 * t, 0.05 * t}),
+                                 {4.0 * t, 10.0 * std::sin(0.3 * t), std::cos(t)}}});
+  }
+  return trajectory;
+}
+
+Sim3 some_similarity() { return {0.21, geometry::so3_exp({0.5, 1.0, -2.0}), {7.0, -3.0, 11.0}}; }
+
+TEST(TrajectoryMetrics, SimilarTrajectoryHasNoErrorAfterSim3) {
+  const auto m =
+      evaluate_trajectory(transformed(some_similarity().inverse(), winding()), winding(), TrajectoryAlignment::kSim3);
+  EXPECT_LT(m.ate_rmse_m, 1e-9);
+  EXPECT_LT(m.ate_max_m, 1e-9);
+  EXPECT_NEAR(m.scale, 0.21, 1e-12);
+  EXPECT_EQ(m.poses, 400u);
+  EXPECT_DOUBLE_EQ(m.path_length_m, geometry::path_length_m(winding()));
+  ASSERT_EQ(m.rpe.size(), 3u);
+  for (const auto& e : m.rpe) {
+    EXPECT_GT(e.pairs, 0u);
+    EXPECT_LT(e.translation_rmse_m, 1e-9);
+    EXPECT_LT(e.rotation_rmse_deg, 1e-5);
+  }
+}
+
+TEST(TrajectoryMetrics, ScaleIsAnErrorUnderSE3) {
+  const Sim3 doubled(2.0, Eigen::Quaterniond::Identity(), Vec3::Zero());
+  const auto m = evaluate_trajectory(transformed(doubled, winding()), winding(), TrajectoryAlignment::kSE3);
+  EXPECT_DOUBLE_EQ(m.scale, 1.0);
+  EXPECT_GT(m.ate_rmse_m, 10.0);
+}
+
+TEST(TrajectoryMetrics, ConstantOffsetIsTheErrorWithoutAlignment) {
+  const Sim3 shift(1.0, Eigen::Quaterniond::Identity(), {3.0, 4.0, 0.0});
+  const auto m = evaluate_trajectory(transformed(shift, winding()), winding(), TrajectoryAlignment::kNone);
+  EXPECT_NEAR(m.ate_rmse_m, 5.0, 1e-12);
+  EXPECT_NEAR(m.ate_mean_m, 5.0, 1e-12);
+  EXPECT_NEAR(m.ate_max_m, 5.0, 1e-12);
+  EXPECT_LT(m.rpe[0].translation_rmse_m, 1e-9) << "relative motion is the same";
+}
+
+// Straight flight of 1 m steps whose estimate is 1 % too long and turns by 0.1 degree a metre: every stretch of d
+// metres has the same error.
+TEST(TrajectoryMetrics, RelativeErrorClosedForm) {
+  const double degree = std::acos(-1.0) / 180.0;
+  Trajectory truth, estimate;
+  for (int k = 0; k <= 200; ++k) {
+    truth.poses.push_back({0.1 * k, {Eigen::Quaterniond::Identity(), {1.0 * k, 0, 0}}});
+    estimate.poses.push_back({0.1 * k, {geometry::so3_exp({0.1 * degree * k, 0, 0}), {1.01 * k, 0, 0}}});
+  }
+  const auto m = evaluate_trajectory(estimate, truth, TrajectoryAlignment::kNone, {10, 50, 500});
+  EXPECT_EQ(m.rpe[0].pairs, 19u) << "10 steps of 1.01 m a stretch; the first one leads to the first milestone";
+  EXPECT_NEAR(m.rpe[0].translation_rmse_m, 0.10, 1e-9);
+  EXPECT_NEAR(m.rpe[0].rotation_rmse_deg, 1.0, 1e-6);
+  EXPECT_EQ(m.rpe[1].pairs, 3u);
+  EXPECT_NEAR(m.rpe[1].translation_rmse_m, 0.50, 1e-9);
+  EXPECT_EQ(m.rpe[2].pairs, 0u);
+  EXPECT_TRUE(std::isnan(m.rpe[2].translation_rmse_m));
+}
+
+TEST(TrajectoryMetrics, PosesArePairedByTime) {
+  Trajectory every_third, truth = winding();
+  for (std::size_t i = 0; i < truth.size(); i += 3) every_third.poses.push_back(truth.poses[i]);
+  for (auto& pose : every_third.poses) pose.time_s += 0.004;
+  const auto m = evaluate_trajectory(every_third, truth, TrajectoryAlignment::kSim3);
+  EXPECT_EQ(m.poses, every_third.size());
+  EXPECT_LT(m.ate_rmse_m, 1e-9);
+}
+
+TEST(TrajectoryMetrics, RefusesBadInput) {
+  Trajectory later = winding();
+  for (auto& pose : later.poses) pose.time_s += 1000.0;
+  EXPECT_THROW(evaluate_trajectory(later, winding(), TrajectoryAlignment::kSim3), InputError) << "no time in common";
+  EXPECT_THROW(evaluate_trajectory({}, winding(), TrajectoryAlignment::kSim3), InputError);
+  EXPECT_THROW(evaluate_trajectory(winding(), {}, TrajectoryAlignment::kSim3), InputError);
+  EXPECT_THROW(evaluate_trajectory(winding(), winding(), TrajectoryAlignment::kSim3, {0.0}), InputError);
+  Trajectory broken = winding();
+  broken.poses[5].T_local_camera.translation.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(evaluate_trajectory(broken, winding(), TrajectoryAlignment::kSim3), InputError);
+  EXPECT_THROW(evaluate_trajectory(broken, winding(), TrajectoryAlignment::kNone), InputError);
+  Trajectory still = winding();
+  for (auto& pose : still.poses) pose.T_local_camera.translation.setZero();
+  EXPECT_THROW(evaluate_trajectory(still, winding(), TrajectoryAlignment::kSim3), InputError);
+}
+
+// ------------------------------------------------------------------------------------------------ real trajectories
+
+struct Expected {
+  const char *estimate, *truth;
+  TrajectoryAlignment alignment;
+  std::size_t poses;
+  double ate_rmse, ate_mean, ate_max, scale, path_length;
+  std::size_t pairs_1m;
+  double translation_1m, rotation_1m;
+};
+
+class RealTrajectories : public ::testing::TestWithParam<Expected> {};
+
+// Values computed once from the published formulas by other means: alignment by Horn's unit quaternions (1987) instead
+// of Umeyama's singular values, relative motions by rotation matrices.
+TEST_P(RealTrajectories, AgreeWithTheFormulas) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "trajectories/evo");
+  const Expected& e = GetParam();
+  const auto m =
+      evaluate_trajectory(geometry::read_tum(folder / e.estimate), geometry::read_tum(folder / e.truth), e.alignment);
+  EXPECT_EQ(m.poses, e.poses);
+  EXPECT_NEAR(m.ate_rmse_m, e.ate_rmse, 1e-8);
+  EXPECT_NEAR(m.ate_mean_m, e.ate_mean, 1e-8);
+  EXPECT_NEAR(m.ate_max_m, e.ate_max, 1e-8);
+  EXPECT_NEAR(m.scale, e.scale, 1e-8);
+  EXPECT_NEAR(m.path_length_m, e.path_length, 1e-8);
+  EXPECT_EQ(m.rpe[0].pairs, e.pairs_1m);
+  EXPECT_NEAR(m.rpe[0].translation_rmse_m, e.translation_1m, 1e-8);
+  EXPECT_NEAR(m.rpe[0].rotation_rmse_deg, e.rotation_1m, 1e-6);
+  EXPECT_EQ(m.rpe[2].pairs, 0u) << "no 50 m were walked";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    TrajectoryMetrics, RealTrajectories,
+    ::testing::Values(
+        Expected{"freiburg1_xyz-ORB_kf_mono.txt", "freiburg1_xyz-groundtruth.txt", TrajectoryAlignment::kSim3, 32,
+                 0.009754582, 0.008218699, 0.027924002, 1.105622364, 4.555822556, 2, 0.027114951, 1.344749736},
+        Expected{"freiburg1_xyz-rgbdslam.txt", "freiburg1_xyz-groundtruth.txt", TrajectoryAlignment::kNone, 785,
+                 0.020079418, 0.018062518, 0.043289434, 1.0, 8.015045624, 7, 0.022611896, 1.108530734},
+        Expected{"freiburg1_xyz-rgbdslam_drift.txt", "freiburg1_xyz-groundtruth.txt", TrajectoryAlignment::kSE3, 785,
+                 0.013470119, 0.012024516, 0.034759897, 1.0, 8.015045624, 7, 0.022612068, 1.108519491},
+        Expected{"fr2_desk_ORB.txt", "fr2_desk_groundtruth.txt", TrajectoryAlignment::kSE3, 2174, 0.008118978,
+                 0.007491777, 0.024299594, 1.0, 18.690983348, 18, 0.011653475, 0.697271544},
+        Expected{"fr2_desk_ORB_kf_mono.txt", "fr2_desk_groundtruth.txt", TrajectoryAlignment::kSim3, 118, 0.007729265,
+                 0.007103616, 0.015688558, 2.228021754, 15.573200458, 11, 0.020381581, 0.616360104}));
+
+}  // namespace
+}  // namespace tileflight::evaluation
