@@ -23,8 +23,9 @@ using Jacobian = Eigen::Matrix<double, 2, 3>;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kTolerance = 1e-14;  ///< Newton stops at this relative step: below 1e-9 px at any focal length in use
-constexpr int kMaxIterations = 60;    ///< bisection alone needs about 52; Newton takes 3 to 6
-constexpr double kOnAxis = 1e-30;     ///< rho^2 / z^2 below which the limit on the optical axis is used
+constexpr double kLastNewtonStep = 1e-9;
+constexpr int kMaxIterations = 60;  ///< bisection alone needs about 52; Newton takes 3 to 6
+constexpr double kOnAxis = 1e-30;   ///< rho^2 / z^2 below which the limit on the optical axis is used
 
 // ---- radially symmetric models: r as a function of (rho, z), with its derivatives ----
 
@@ -86,10 +87,12 @@ double solve_growing(double target, double start, double lower, double upper, co
     const double excess = value(t) - target;
     (excess > 0.0 ? upper : lower) = t;
     double next = t - excess / slope(t);
-    if (!(next >= lower && next <= upper)) next = 0.5 * (lower + upper);
+    const bool newton = next >= lower && next <= upper;
+    if (!newton) next = 0.5 * (lower + upper);
     const double step = std::abs(next - t);
     t = next;
-    if (step <= kTolerance * (1.0 + std::abs(t))) break;
+    // Newton squares the error: after a step of 1e-9 what is left of value - target is below rounding.
+    if (step <= (newton ? kLastNewtonStep : kTolerance) * (1.0 + std::abs(t))) break;
   }
   return t;
 }
