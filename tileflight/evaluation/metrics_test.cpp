@@ -159,8 +159,8 @@ TEST_P(SimulatedTable, IsReproduced) {
   }
   const auto s = statistics_of(kept);
   if (GetParam().sigma_m < 0.2) {
-    EXPECT_NEAR(s.mean, GetParam().mean, 0.004) << "where corners do not matter the values must be the table's";
-    EXPECT_NEAR(s.std, GetParam().std, 0.003);
+    EXPECT_NEAR(s.mean, GetParam().mean, 0.008) << "where corners do not matter the values must be the table's";
+    EXPECT_NEAR(s.std, GetParam().std, 0.005);
   }
   EXPECT_NEAR(s.mean, GetParam().mean, 0.013);
   EXPECT_NEAR(s.std, GetParam().std, 0.013);
