@@ -32,7 +32,7 @@ class CutWalk {
     }
     const bool has_content = !tree_.tile(id).contents.empty();
     const bool has_children = !tree_.tile(id).children.empty();
-    const bool fine_enough = wanted_.fine_enough(volume, tree_.tile(id).geometric_error_m);
+    const bool fine_enough = wanted_.fine_enough(volume, tree_.geometric_error_m(id));
     const bool refined = has_children && (!fine_enough || !has_content);
     if (has_content && (!refined || tree_.node(id).refine == Refine::kAdd)) take_contents(id, !refined);
     if (!refined) return;
@@ -66,7 +66,7 @@ class CutWalk {
     taken.node = id;
     taken.content = content;
     taken.uri = tree_.content_uri(id, content);
-    taken.geometric_error_m = tree_.tile(id).geometric_error_m;
+    taken.geometric_error_m = tree_.geometric_error_m(id);
     taken.name = tree_.name(id) + ": " + uri_for_message(taken.uri);
     taken.identity = tree_.name(id) + " " + taken.uri;
     if (finest_here) cut_.geometric_error_max_m = std::max(cut_.geometric_error_max_m, taken.geometric_error_m);

@@ -49,6 +49,12 @@ BoundingVolume TilesetTree::volume(NodeId id) const {
   return transformed(nodes_[id].T_tileset_tile, tile(id).bounding_volume);
 }
 
+double TilesetTree::geometric_error_m(NodeId id) const {
+  const double error_m = tile(id).geometric_error_m;
+  if (tileset(id).version == "1.0") return error_m;
+  return error_m * nodes_[id].T_tileset_tile.topLeftCorner<3, 3>().colwise().norm().maxCoeff();
+}
+
 std::optional<BoundingVolume> TilesetTree::content_volume(NodeId id, std::size_t content) const {
   const std::optional<BoundingVolume>& own = tile(id).contents[content].bounding_volume;
   return own ? std::optional(transformed(nodes_[id].T_tileset_tile, *own)) : std::nullopt;

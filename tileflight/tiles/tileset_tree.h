@@ -47,6 +47,9 @@ class TilesetTree {
   std::vector<NodeId> children(NodeId id) const;
   /// The tile's bounding volume in the tileset's frame.
   BoundingVolume volume(NodeId id) const;
+  /// The tile's geometric error in metres. 1.0 gives it in metres whatever the transform ("does not apply to geometricError",
+  /// section "Tile transforms"); 1.1 scales it by the largest scaling factor of the transform.
+  double geometric_error_m(NodeId id) const;
   /// A content's own bounding volume in the tileset's frame, where it has one.
   std::optional<BoundingVolume> content_volume(NodeId id, std::size_t content) const;
   /// A content's URI, resolved against the file that names it.

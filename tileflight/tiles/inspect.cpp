@@ -1,0 +1,144 @@
+#include "tileflight/tiles/inspect.h"
+
+#include <algorithm>
+#include <set>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/attribution.h"
+#include "tileflight/tiles/placement.h"
+#include "tileflight/tiles/tileset_tree.h"
+#include "tileflight/tiles/uri.h"
+
+namespace tileflight::tiles {
+namespace {
+
+void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
+  for (const std::string& text : from) {
+    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
+  }
+}
+
+/// Walks a whole tree, external tilesets included.
+class Inspection {
+ public:
+  Inspection(TileSource& source, const Progress& progress) : source_(source), progress_(progress), tree_(source) {}
+
+  TilesetSummary run() {
+    const Tileset& root = tree_.tileset(tree_.root());
+    out_.version = root.version;
+    out_.generator = root.generator;
+    out_.geometric_error_m = root.geometric_error_m;
+    describe_place();
+    walk();
+    describe_files();
+    describe_contents();
+    return std::move(out_);
+  }
+
+ private:
+  void describe_place() {
+    out_.georeferenced = is_georeferenced(tree_);
+    const BoundingVolume volume = tree_.volume(tree_.root());
+    geometry::SE3 T_local_tileset = out_.georeferenced ? geometry::SE3() : T_own_tileset(tree_);
+    if (out_.georeferenced) {
+      out_.center = geometry::geodetic_from_ecef(center_of(volume));
+      T_local_tileset = geometry::LocalFrame(*out_.center).T_local_ecef();
+    }
+    out_.bounds_local = bounds_local(volume, T_local_tileset);
+  }
+
+  void walk() {
+    std::vector<std::pair<NodeId, std::size_t>> pending = {{tree_.root(), 0}};
+    while (!pending.empty()) {
+      const auto [id, level] = pending.back();
+      pending.pop_back();
+      count_tile(id, level);
+      for (const NodeId child : tree_.children(id)) pending.emplace_back(child, level + 1);
+      for (std::size_t content = 0; content < tree_.tile(id).contents.size(); ++content) {
+        if (const auto root = visit_content(id, content)) pending.emplace_back(*root, level + 1);
+      }
+      if (out_.tiles % 4096 == 0) report_progress(progress_, out_.tiles, 0, "reading the tree");
+    }
+  }
+
+  void count_tile(NodeId id, std::size_t level) {
+    const Tile& tile = tree_.tile(id);
+    const double error_m = tree_.geometric_error_m(id);
+    ++out_.tiles;
+    if (!tile.contents.empty()) ++out_.tiles_with_content;
+    if (!tile.unsupported.empty()) ++out_.tiles_unsupported;
+    if (tile.children.empty()) ++out_.leaves;
+    if (!tile.children.empty()) ++(tree_.node(id).refine == Refine::kAdd ? out_.tiles_add : out_.tiles_replace);
+    if (out_.levels.size() <= level) {
+      out_.levels.resize(level + 1);
+      out_.levels[level] = {0, error_m, error_m};
+    }
+    LevelSummary& summary = out_.levels[level];
+    ++summary.tiles;
+    summary.geometric_error_min_m = std::min(summary.geometric_error_min_m, error_m);
+    summary.geometric_error_max_m = std::max(summary.geometric_error_max_m, error_m);
+  }
+
+  /// Counts a content; the root of the tree below it, where it is an external tileset that can be read. A template URI of
+  /// implicit tiling names no file.
+  std::optional<NodeId> visit_content(NodeId id, std::size_t content) {
+    if (!tree_.tile(id).unsupported.empty()) {
+      ++out_.contents["implicit"];
+      return std::nullopt;
+    }
+    try {
+      if (!tree_.is_external_tileset(id, content)) {
+        const std::string uri = tree_.content_uri(id, content);
+        const std::string ending = uri_ending(uri);
+        ++out_.contents[ending.empty() ? "unknown" : ending];
+        content_uris_.insert(uri);
+        return std::nullopt;
+      }
+      ++out_.contents["tileset"];
+      return tree_.external_root(id, content);
+    } catch (const InputError& error) {
+      out_.failures.push_back(tree_.name(id) + ": " + error.what());
+      return std::nullopt;
+    }
+  }
+
+  void describe_files() {
+    Attribution attribution;
+    for (const auto& [uri, tileset] : tree_.files_read()) {
+      attribution.add(tileset->copyright);
+      add_distinct(tileset->warnings, out_.warnings);
+      add_distinct(tileset->extensions_used, out_.extensions_used);
+      add_distinct(tileset->extensions_required, out_.extensions_required);
+      add_distinct(unsupported_extensions(*tileset), out_.extensions_unsupported);
+    }
+    out_.external_tilesets = static_cast<std::int64_t>(tree_.files_read().size()) - 1;
+    out_.attribution = attribution.sorted();
+  }
+
+  void describe_contents() {
+    out_.content_files = static_cast<std::int64_t>(content_uris_.size());
+    for (const std::string& uri : content_uris_) {
+      if (is_data_uri(uri)) continue;
+      const std::optional<std::uintmax_t> bytes = source_.size(uri);
+      out_.content_bytes += static_cast<std::int64_t>(bytes.value_or(0));
+      if (!bytes) ++out_.content_files_missing;
+    }
+  }
+
+  TileSource& source_;
+  const Progress& progress_;
+  TilesetTree tree_;
+  TilesetSummary out_;
+  std::set<std::string> content_uris_;
+};
+
+}  // namespace
+
+TilesetSummary inspect_tileset(TileSource& source, const Progress& progress) { return Inspection(source, progress).run(); }
+
+TilesetSummary inspect_tileset(const std::string& source, const Progress& progress) {
+  const std::unique_ptr<TileSource> files = open_source(source);
+  return inspect_tileset(*files, progress);
+}
+
+}  // namespace tileflight::tiles
