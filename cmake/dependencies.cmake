@@ -39,11 +39,19 @@ add_library(tileflight_octomap INTERFACE)
 target_include_directories(tileflight_octomap SYSTEM INTERFACE ${octomap_INCLUDE_DIR})
 target_link_libraries(tileflight_octomap INTERFACE ${octomap_LIBRARY} ${octomath_LIBRARY})
 
+# Debian's libtinygltf.so does not agree with its header on the size of some structures (a crash when a model is freed), so
+# the implementation is compiled from the header. Pictures are ours to decode: no stb_image.
 find_path(tinygltf_INCLUDE_DIR tiny_gltf.h REQUIRED)
-find_library(tinygltf_LIBRARY tinygltf REQUIRED)
-add_library(tileflight_tinygltf INTERFACE)
-target_include_directories(tileflight_tinygltf SYSTEM INTERFACE ${tinygltf_INCLUDE_DIR})
-target_link_libraries(tileflight_tinygltf INTERFACE ${tinygltf_LIBRARY})
+file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/tinygltf/tinygltf.cpp CONTENT [[
+#include <nlohmann/json.hpp>
+#define TINYGLTF_IMPLEMENTATION
+#include <tiny_gltf.h>
+]] @ONLY)
+add_library(tileflight_tinygltf STATIC ${CMAKE_BINARY_DIR}/tinygltf/tinygltf.cpp)
+target_compile_definitions(tileflight_tinygltf
+  PUBLIC TINYGLTF_NO_STB_IMAGE TINYGLTF_NO_STB_IMAGE_WRITE TINYGLTF_NO_EXTERNAL_IMAGE TINYGLTF_NO_INCLUDE_JSON)
+target_include_directories(tileflight_tinygltf SYSTEM PUBLIC ${tinygltf_INCLUDE_DIR})
+target_link_libraries(tileflight_tinygltf PRIVATE nlohmann_json::nlohmann_json)
 
 find_path(CLI11_INCLUDE_DIR CLI/CLI.hpp REQUIRED)
 add_library(tileflight_cli11 INTERFACE)
