@@ -12,10 +12,10 @@
 namespace tileflight::geometry {
 namespace {
 
-/// Cells up to which a grid is padded to a cube, as binvox's specification asks ("should all be equal"): readers
+/// Cells along a side up to which a grid is padded to a cube, as binvox's specification asks ("should all be equal"): readers
 /// disagree on what the numbers after `dim` mean where they differ. Above it the padding would cost more than it
 /// brings.
-constexpr std::int64_t kMostCubeCells = std::int64_t{1} << 30;
+constexpr std::int64_t kLongestCube = 1024;
 
 constexpr int kLongestRun = 255;
 
@@ -33,7 +33,7 @@ struct BinvoxDims {
 
 BinvoxDims written_dims(const VoxelGrid& grid) {
   const std::int64_t longest = *std::max_element(grid.dims.begin(), grid.dims.end());
-  if (longest <= 1024 && longest * longest * longest <= kMostCubeCells) return {longest, longest, longest};
+  if (longest <= kLongestCube) return {longest, longest, longest};
   return {grid.dims[0], grid.dims[2], grid.dims[1]};
 }
 
@@ -132,6 +132,15 @@ BinvoxHeader parse_header(std::string_view bytes, const std::string& file) {
   return header;
 }
 
+VoxelGrid frame_of(const BinvoxHeader& header) {
+  const BinvoxDims& dims = header.dims;
+  VoxelGrid grid;
+  grid.origin = header.translate;
+  grid.edge_m = header.scale / static_cast<double>(std::max({dims.x, dims.y, dims.z}));
+  grid.dims = {static_cast<std::int32_t>(dims.x), static_cast<std::int32_t>(dims.y), static_cast<std::int32_t>(dims.z)};
+  return grid;
+}
+
 std::vector<Cell> parse_runs(std::string_view bytes, const BinvoxHeader& header, const std::string& file) {
   std::vector<Cell> occupied;
   std::int64_t index = 0;
@@ -185,13 +194,13 @@ void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid) {
 VoxelGrid read_binvox(const std::filesystem::path& file) {
   const std::string bytes = read_text(file);
   const BinvoxHeader header = parse_header(bytes, file.string());
-  const BinvoxDims& dims = header.dims;
-  VoxelGrid grid;
-  grid.origin = header.translate;
-  grid.edge_m = header.scale / static_cast<double>(std::max({dims.x, dims.y, dims.z}));
-  grid.dims = {static_cast<std::int32_t>(dims.x), static_cast<std::int32_t>(dims.y), static_cast<std::int32_t>(dims.z)};
+  VoxelGrid grid = frame_of(header);
   grid.occupied = parse_runs(bytes, header, file.string());
   return grid;
+}
+
+VoxelGrid read_binvox_frame(const std::filesystem::path& file) {
+  return frame_of(parse_header(read_text(file), file.string()));
 }
 
 }  // namespace tileflight::geometry

@@ -30,11 +30,16 @@ struct VoxelGrid {
 /// by the origin; in the order of `occupied`.
 PointCloud centers(const VoxelGrid& grid);
 
-/// binvox version 1 (P. Min): `dim DEPTH WIDTH HEIGHT`, first axis slowest, then the up axis, the remaining
-/// horizontal axis fastest; `translate` is the minimum corner, `scale` the longest side in metres. The grid
-/// that is written is a cube-celled box with any dims. Reading accepts zero-length runs (AirSim writes them),
+/// binvox version 1 (P. Min): the numbers after `dim` in the order of the data, which is first axis (east) slowest,
+/// then up, then north fastest; `translate` is the minimum corner, `scale` the longest side in metres. The
+/// specification wants equal sides, and readers disagree on what the numbers mean where they differ: a grid whose
+/// longest side has at most 1024 cells is padded with empty cells to a cube, so `dims` may grow on the way through a
+/// file. Larger grids are written as they are. Reading takes any sides, accepts zero-length runs (AirSim writes them),
 /// checks run totals against the header and throws InputError (file, byte, cause).
 void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid);
 VoxelGrid read_binvox(const std::filesystem::path& file);
+
+/// The grid of a binvox file without its cells: origin, edge and dims. Quick for any size.
+VoxelGrid read_binvox_frame(const std::filesystem::path& file);
 
 }  // namespace tileflight::geometry

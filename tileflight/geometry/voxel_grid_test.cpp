@@ -74,6 +74,8 @@ TEST(Binvox, RoundTrip) {
     const VoxelGrid read = read_binvox(folder / "v.binvox");
     EXPECT_EQ(read.occupied, grid.occupied);
     EXPECT_EQ(read.origin, grid.origin);
+    EXPECT_EQ(read_binvox_frame(folder / "v.binvox").dims, read.dims);
+    EXPECT_TRUE(read_binvox_frame(folder / "v.binvox").occupied.empty());
     EXPECT_DOUBLE_EQ(read.edge_m, grid.edge_m);
     for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_GE(read.dims[axis], dims[axis]);
   }
