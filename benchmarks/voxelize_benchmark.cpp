@@ -1,0 +1,143 @@
+// Voxel grid of a terrain of 800 000 triangles about half a metre large, as a photogrammetric survey of 250 m x 250 m
+// has them. Peer: the straightforward way, one thread, every cell of a triangle's bounding box tested by the 13
+// separating axes, a dense bitmap. Real data instead: TILEFLIGHT_BENCHMARK_MESH names a PLY mesh; the box is then its
+// bounds.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <vector>
+
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/ground_truth/voxelize.h"
+
+namespace {
+
+using tileflight::geometry::Box3;
+using tileflight::geometry::TriangleMesh;
+using tileflight::geometry::Vec3;
+
+constexpr std::uint32_t kSide = 632;  // quads along one side
+constexpr double kSize_m = 250.0;
+
+double height_m(double x, double y) {
+  return 20.0 + 8.0 * std::sin(0.03 * x) * std::cos(0.05 * y) + 2.0 * std::sin(0.4 * x + 0.2 * y) +
+         0.3 * std::sin(3.1 * x) * std::sin(2.7 * y);
+}
+
+TriangleMesh terrain() {
+  TriangleMesh mesh;
+  for (std::uint32_t y = 0; y <= kSide; ++y) {
+    for (std::uint32_t x = 0; x <= kSide; ++x) {
+      const double px = kSize_m * x / kSide, py = kSize_m * y / kSide;
+      mesh.vertices.emplace_back(px, py, height_m(px, py));
+    }
+  }
+  for (std::uint32_t y = 0; y < kSide; ++y) {
+    for (std::uint32_t x = 0; x < kSide; ++x) {
+      const std::uint32_t a = y * (kSide + 1) + x, b = a + 1, c = a + kSide + 1;
+      mesh.triangles.push_back({a, b, c});
+      mesh.triangles.push_back({b, c + 1, c});
+    }
+  }
+  return mesh;
+}
+
+struct Input {
+  TriangleMesh mesh;
+  Box3 box;
+};
+
+const Input& input() {
+  static const Input cached = [] {
+    const char* file = std::getenv("TILEFLIGHT_BENCHMARK_MESH");
+    if (file == nullptr) return Input{terrain(), Box3(Vec3::Zero(), Vec3(kSize_m, kSize_m, 48.0))};
+    TriangleMesh mesh = tileflight::geometry::read_ply_mesh(file);
+    const Box3 box = tileflight::geometry::bounds(mesh);
+    return Input{std::move(mesh), box};
+  }();
+  return cached;
+}
+
+/// Whether the axis separates the triangle from the box about the origin with these half sides.
+bool separates(const Vec3& axis, const std::array<Vec3, 3>& t, const Vec3& half) {
+  const double a = axis.dot(t[0]), b = axis.dot(t[1]), c = axis.dot(t[2]);
+  const double reach = axis.cwiseAbs().dot(half);
+  return std::min({a, b, c}) > reach || std::max({a, b, c}) < -reach;
+}
+
+bool overlaps(const std::array<Vec3, 3>& t, const Vec3& center, const Vec3& half) {
+  const std::array<Vec3, 3> moved{t[0] - center, t[1] - center, t[2] - center};
+  for (int i = 0; i < 3; ++i) {
+    if (separates(Vec3::Unit(i), moved, half)) return false;
+  }
+  const std::array<Vec3, 3> sides{t[1] - t[0], t[2] - t[1], t[0] - t[2]};
+  if (separates(sides[0].cross(sides[1]), moved, half)) return false;
+  for (const Vec3& side : sides) {
+    for (int i = 0; i < 3; ++i) {
+      if (separates(Vec3::Unit(i).cross(side), moved, half)) return false;
+    }
+  }
+  return true;
+}
+
+/// The peer: occupied cells, counted in a dense bitmap.
+std::int64_t straightforward(const TriangleMesh& mesh, const Box3& box, double edge_m) {
+  std::array<std::int64_t, 3> dims{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    dims[axis] = std::max<std::int64_t>(1, std::llround(box.sizes()[static_cast<int>(axis)] / edge_m));
+  }
+  std::vector<bool> bits(static_cast<std::size_t>(dims[0] * dims[1] * dims[2]));
+  const Vec3 half = Vec3::Constant(0.5 * edge_m);
+  for (const auto& triangle : mesh.triangles) {
+    std::array<Vec3, 3> t;
+    for (std::size_t k = 0; k < 3; ++k) t[k] = mesh.vertices[triangle[k]] - box.min();
+    std::array<std::int64_t, 3> low{}, high{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const int a = static_cast<int>(axis);
+      low[axis] = std::max<std::int64_t>(
+          0, static_cast<std::int64_t>(std::floor(std::min({t[0][a], t[1][a], t[2][a]}) / edge_m)));
+      high[axis] = std::min(dims[axis] - 1,
+                            static_cast<std::int64_t>(std::floor(std::max({t[0][a], t[1][a], t[2][a]}) / edge_m)));
+    }
+    for (std::int64_t x = low[0]; x <= high[0]; ++x) {
+      for (std::int64_t y = low[1]; y <= high[1]; ++y) {
+        for (std::int64_t z = low[2]; z <= high[2]; ++z) {
+          const auto index = static_cast<std::size_t>((x * dims[1] + y) * dims[2] + z);
+          if (bits[index]) continue;
+          const Vec3 center = edge_m * (Vec3(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)) +
+                                        Vec3::Constant(0.5));
+          if (overlaps(t, center, half)) bits[index] = true;
+        }
+      }
+    }
+  }
+  return std::count(bits.begin(), bits.end(), true);
+}
+
+void voxelize(benchmark::State& state) {
+  const double edge_m = 0.01 * static_cast<double>(state.range(0));
+  std::size_t cells = 0;
+  for (auto _ : state) cells = tileflight::ground_truth::voxelize(input().mesh, input().box, edge_m).occupied.size();
+  state.counters["cells"] = static_cast<double>(cells);
+}
+
+void voxelize_straightforward(benchmark::State& state) {
+  const double edge_m = 0.01 * static_cast<double>(state.range(0));
+  std::int64_t cells = 0;
+  for (auto _ : state) cells = straightforward(input().mesh, input().box, edge_m);
+  state.counters["cells"] = static_cast<double>(cells);
+}
+
+}  // namespace
+
+BENCHMARK(voxelize)->ArgName("edge_cm")->Arg(100)->Arg(25)->Arg(10)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(voxelize_straightforward)
+    ->ArgName("edge_cm")
+    ->Arg(100)
+    ->Arg(25)
+    ->Arg(10)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
