@@ -2,7 +2,10 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <unordered_map>
+
+#include "tileflight/sensors/atlas.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -51,7 +54,9 @@ Material material_of(const TexturedMesh& mesh, const MipPyramid* pyramid) {
   material.factor = {mesh.base_color[0], mesh.base_color[1], mesh.base_color[2]};
   if (!mesh.colors.empty()) material.colors = mesh.colors.data();
   if (pyramid != nullptr) {
-    material.texture = {pyramid, mesh.wrap_u, mesh.wrap_v, static_cast<float>(mesh.texture->width),
+    const bool inside = within_image(mesh);
+    material.texture = {pyramid, inside ? imaging::Wrap::kClampToEdge : mesh.wrap_u,
+                        inside ? imaging::Wrap::kClampToEdge : mesh.wrap_v, static_cast<float>(mesh.texture->width),
                         static_cast<float>(mesh.texture->height)};
   }
   return material;
@@ -67,14 +72,17 @@ Appearance::Appearance(const scene::Scene& scene) {
 void Appearance::build_pyramids(const scene::Scene& scene) {
   const std::vector<TexturedMesh>& meshes = scene.meshes();
   std::unordered_map<const imaging::RgbImage*, std::size_t> index_of;
-  std::vector<std::shared_ptr<const imaging::RgbImage>> textures;
+  std::vector<std::vector<const TexturedMesh*>> users;  // of each texture
   for (const TexturedMesh& mesh : meshes) {
-    if (textured(mesh) && index_of.emplace(mesh.texture.get(), textures.size()).second)
-      textures.push_back(mesh.texture);
+    if (!textured(mesh)) continue;
+    const std::size_t index = index_of.emplace(mesh.texture.get(), users.size()).first->second;
+    if (index == users.size()) users.emplace_back();
+    users[index].push_back(&mesh);
   }
-  pyramids_.resize(textures.size());
-  tbb::parallel_for(std::size_t{0}, textures.size(),
-                    [&](std::size_t i) { pyramids_[i] = std::make_unique<MipPyramid>(textures[i]); });
+  pyramids_.resize(users.size());
+  tbb::parallel_for(std::size_t{0}, users.size(), [&](std::size_t i) {
+    pyramids_[i] = std::make_unique<MipPyramid>(users[i][0]->texture, texture_coverage(users[i]));
+  });
   for (const TexturedMesh& mesh : meshes) {
     pyramid_of_mesh_.push_back(textured(mesh) ? pyramids_[index_of.at(mesh.texture.get())].get() : nullptr);
   }
@@ -92,9 +100,12 @@ void Appearance::build_materials(const scene::Scene& scene) {
   tbb::parallel_for(std::size_t{0}, meshes.size(), [&](std::size_t i) {
     const TexturedMesh& mesh = meshes[i];
     if (!textured(mesh)) return;
-    const int max_level = pyramid_of_mesh_[i]->levels() - 1;
+    const int coarsest = pyramid_of_mesh_[i]->levels() - 1;
+    const std::vector<std::int32_t> levels = chart_levels(mesh);
     TriangleShade* out = triangles_.data() + materials_[i].first_triangle;
-    for (const geometry::Triangle& t : mesh.mesh.triangles) *out++ = shade_of(mesh, t, max_level);
+    for (std::size_t t = 0; t < levels.size(); ++t) {
+      out[t] = shade_of(mesh, mesh.mesh.triangles[t], std::min(levels[t], coarsest));
+    }
   });
 }
 

@@ -126,11 +126,14 @@ MipPyramid::MipPyramid(std::shared_ptr<const imaging::RgbImage> image, imaging::
     : image_(std::move(image)) {
   static_assert(sizeof(imaging::Rgb8) == kTexelBytes);
   assert(image_ && !image_->empty() && (coverage.empty() || coverage.pixels.size() == image_->pixels.size()));
-  if (image_->pixels.size() * kTexelBytes >= kLoadBytes) {
+  const bool long_enough = image_->pixels.size() * kTexelBytes >= kLoadBytes;
+  if (coverage.empty() && long_enough) {
     use_as_level(image_->pixels.data()->data(), image_->width, image_->height);
   } else {
-    storage_.push_back(padded_bytes(*image_));
-    use_as_level(storage_.back().data(), image_->width, image_->height);
+    imaging::RgbImage finest = *image_;
+    if (!coverage.empty()) dilate(finest, coverage);
+    storage_.push_back(padded_bytes(finest));
+    use_as_level(storage_.back().data(), finest.width, finest.height);
   }
   while (levels_.back().width > 1 || levels_.back().height > 1) {
     const imaging::RgbImage coarse = halved(levels_.back(), coverage);

@@ -17,13 +17,13 @@ struct MipLevel {
 };
 
 /// A texture and its coarser versions, each half as large (rounded up), down to 1 x 1. Level 0 is the image itself, not
-/// a copy, so that the pyramid adds a third to the texture's memory. Texels are averaged in linear light, as a sensor's
-/// pixel does, and stored as sRGB bytes again.
+/// a copy (unless padding must be painted over), so that the pyramid adds a third to the texture's memory. Texels are
+/// averaged in linear light, as a sensor's pixel does, and stored as sRGB bytes again.
 class MipPyramid {
  public:
   /// `coverage`: 255 where some triangle shows the texel, 0 elsewhere (an atlas's padding), or empty for all shown.
-  /// Coarser texels average the covered ones only, and uncovered ones take the colour of covered neighbours, so that
-  /// padding does not bleed into surfaces that are seen from afar.
+  /// Coarser texels average the covered ones only, and at every level uncovered ones take the colour of covered
+  /// neighbours, so that padding does not bleed into surfaces.
   explicit MipPyramid(std::shared_ptr<const imaging::RgbImage> image, imaging::GrayImage coverage = {});
 
   int levels() const { return static_cast<int>(levels_.size()); }
