@@ -7,6 +7,7 @@
 #include "tileflight/alignment/matcher.h"
 #include "tileflight/alignment/normals.h"
 #include "tileflight/alignment/registration.h"
+#include "tileflight/alignment/spatial_order.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::alignment {
@@ -56,7 +57,15 @@ std::vector<Vec3> points_of_regions(const PointCloud& source, const Sim3& T,
   return points;
 }
 
-CenteredSource centered(std::vector<Vec3> points, const Sim3& T) {
+std::vector<Vec3> in_spatial_order(const std::vector<Vec3>& points) {
+  std::vector<Vec3> ordered;
+  ordered.reserve(points.size());
+  for (const std::uint32_t i : spatial_order(points)) ordered.push_back(points[i]);
+  return ordered;
+}
+
+CenteredSource centered(const std::vector<Vec3>& unordered, const Sim3& T) {
+  std::vector<Vec3> points = in_spatial_order(unordered);
   CenteredSource source;
   const auto n = static_cast<double>(points.size());
   for (const Vec3& p : points) source.source_center += p / n;
@@ -117,8 +126,8 @@ FixedPointResult check_stop(const Evaluate& evaluate, FixedPointResult stopped, 
                             const IcpOptions& options, AlignmentResult& result) {
   if (options.stop != IcpStop::kRmsChange || !stopped.stopped_by_rule || options.step_m <= 0.0) return stopped;
   constexpr int kMoreIterations = 300;
-  const FixedPointResult further = iterate(evaluate, stopped.T, step_rule(options, true),
-                                           {0.0, options.step_m, kMoreIterations}, source.spread, source.length_m);
+  FixedPointResult further = iterate(evaluate, stopped.T, step_rule(options, true),
+                                     {0.0, options.step_m, kMoreIterations}, source.spread, source.length_m);
   result.left_to_move_m = rms_motion_m(stopped.T, further.T, source.spread);
   if (result.left_to_move_m <= options.false_stop_m) return stopped;
 
@@ -126,6 +135,7 @@ FixedPointResult check_stop(const Evaluate& evaluate, FixedPointResult stopped, 
                             std::to_string(further.iterations) + " accelerated iterations";
   add_note(result, "the rule of RMS change stopped falsely after " + std::to_string(stopped.iterations) +
                        " iterations: going on ends " + moved + (options.go_on ? ", which is the result" : ""));
+  further.iterations += stopped.iterations;
   if (options.go_on) return further;
   stopped.stopped_by_rule = false;
   return stopped;
@@ -179,6 +189,22 @@ Constraint constraint_at(Registration<Matcher>& registration, const Sim3& T, con
   return constraint_of(planes, used, options.scale == ScaleMode::kEstimated);
 }
 
+/// Few points lead most of the way: an accelerated iteration over an even part of them, to where the rest is worth
+/// asking.
+template <class Matcher>
+FixedPointResult head_start(Registration<Matcher>& registration, const CenteredSource& source,
+                            const IcpOptions& options) {
+  constexpr std::size_t kLeaders = 6000;
+  const std::size_t stride = source.points.size() / kLeaders;
+  FixedPointResult start;
+  start.T = source.start;
+  if (!options.accelerate || stride < 2) return start;
+  const Evaluate evaluate = [&](const Sim3& T) { return registration.evaluate(T, stride); };
+  constexpr double kCoarser = 10.0;
+  return iterate(evaluate, source.start, step_rule(options, true),
+                 {0.0, kCoarser * options.step_m, options.max_iterations}, source.spread, source.length_m);
+}
+
 /// Everything but the matching.
 template <class Matcher, class NormalOf>
 AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, const Sim3& initial,
@@ -192,8 +218,10 @@ AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, 
   const bool by_step = options.stop == IcpStop::kStep;
   const StopRule stop{by_step ? 0.0 : options.rms_change_m, by_step ? options.step_m : 0.0, options.max_iterations};
 
+  const FixedPointResult start = head_start(registration, source, options);
   FixedPointResult end =
-      iterate(evaluate, source.start, step_rule(options, options.accelerate), stop, source.spread, source.length_m);
+      iterate(evaluate, start.T, step_rule(options, options.accelerate), stop, source.spread, source.length_m);
+  end.iterations += start.iterations;
   result.T_target_source = initial;
   result.iterations = end.iterations;
   if (end.evaluation.matched == 0) {
@@ -202,7 +230,7 @@ AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, 
     return result;
   }
   end = check_stop(evaluate, end, source, options, result);
-  result.iterations = std::max(result.iterations, end.iterations);
+  result.iterations = end.iterations;
   result.T_target_source = source.uncentered(end.T);
   result.rmse_m = end.evaluation.rms_m;
   result.correspondences = end.evaluation.matched;
@@ -245,8 +273,9 @@ AlignmentResult icp(const PointCloud& source, const PointCloud& target, const Si
   const geometry::NearestIndex index(target.positions);
   constexpr std::size_t kNeighbors = 32;
   return register_points(matcher, points, initial, options, [&](const Match& match) {
-    return match.normal.isZero() ? estimate_normal(target.positions, index, target.positions[match.index], kNeighbors)
-                                 : match.normal;
+    return match.normal.isZero()
+               ? estimate_normal(target.positions, index, match.point + points.target_center, kNeighbors)
+               : match.normal;
   });
 }
 
@@ -260,7 +289,7 @@ AlignmentResult icp(const PointCloud& source, const geometry::TriangleIndex& tar
   IcpOptions mesh_options = options;
   mesh_options.method = IcpMethod::kPointToMesh;
   return register_points(matcher, points, initial, mesh_options,
-                         [&](const Match& match) { return matcher.triangle_normal(match.index); });
+                         [&](const Match& match) { return matcher.triangle_normal(match.triangle); });
 }
 
 }  // namespace tileflight::alignment

@@ -5,6 +5,8 @@
 #include <limits>
 #include <nanoflann.hpp>
 
+#include "tileflight/alignment/spatial_order.h"
+
 namespace tileflight::alignment {
 
 using geometry::Vec3;
@@ -69,10 +71,13 @@ struct CloudMatcher::Tree {
 
 CloudMatcher::CloudMatcher(const geometry::PointCloud& target, const Vec3& shift, std::size_t source_points,
                            double radius_m)
-    : target_(target.positions), memory_(source_points), radius_m_(radius_m) {
-  for (Vec3& p : target_) p -= shift;
+    : memory_(source_points), radius_m_(radius_m) {
+  target_.reserve(target.size());
   normals_.reserve(target.normals.size());
-  for (const Eigen::Vector3f& n : target.normals) normals_.push_back(n.cast<double>().normalized());
+  for (const std::uint32_t i : spatial_order(target.positions)) {
+    target_.push_back(target.positions[i] - shift);
+    if (!target.normals.empty()) normals_.push_back(target.normals[i].cast<double>().normalized());
+  }
   tree_ = std::make_unique<Tree>(target_);
 }
 
@@ -99,10 +104,9 @@ bool CloudMatcher::find(std::size_t i, const Vec3& position, Match& match) {
   if (!known) search(position, memory);
   if (memory.nearest == kNobody) return false;
 
-  match.index = memory.nearest;
-  match.point = target_[match.index];
+  match.point = target_[memory.nearest];
   match.distance_m = (position - match.point).norm();
-  if (!normals_.empty()) match.normal = normals_[match.index];
+  if (!normals_.empty()) match.normal = normals_[memory.nearest];
   return match.distance_m <= radius_m_;
 }
 
@@ -125,7 +129,7 @@ bool MeshMatcher::find(std::size_t i, const Vec3& position, Match& match) {
     return false;
   }
   memory.nearest = hit->position - shift_;
-  match.index = hit->triangle;
+  match.triangle = hit->triangle;
   match.point = memory.nearest;
   match.distance_m = hit->distance_m;
   constexpr double kOnSurface_m = 1e-9;

@@ -15,7 +15,7 @@ struct Match {
   geometry::Vec3 point;
   geometry::Vec3 normal = geometry::Vec3::Zero();  ///< unit length; zero where the target has none
   double distance_m = 0.0;
-  std::size_t index = 0;  ///< of the target's point or triangle
+  std::size_t triangle = 0;  ///< of a mesh
 };
 
 /// Nearest target point for each of a fixed set of source points that move little from one call to the next. A point's

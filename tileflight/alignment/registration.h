@@ -49,10 +49,12 @@ class Registration {
                double radius_m)
       : matcher_(matcher), source_(source), scale_(scale), method_(method), radius_m_(radius_m) {}
 
-  Evaluation evaluate(const geometry::Sim3& T) {
+  /// Over every `stride`-th point.
+  Evaluation evaluate(const geometry::Sim3& T, std::size_t stride = 1) {
+    const std::size_t n = (source_.points.size() + stride - 1) / stride;
     const MatchSums sums = ordered_sum<MatchSums>(
-        source_.points.size(), [&](std::size_t begin, std::size_t end) { return sum(T, begin, end); });
-    const double unmatched = static_cast<double>(source_.points.size() - sums.matched);
+        n, [&](std::size_t begin, std::size_t end) { return sum(T, begin * stride, end * stride, stride); });
+    const double unmatched = static_cast<double>(n - sums.matched);
     Evaluation e;
     e.matched = sums.matched;
     e.cost = sums.squares + unmatched * radius_m_ * radius_m_;
@@ -73,10 +75,10 @@ class Registration {
   }
 
  private:
-  MatchSums sum(const geometry::Sim3& T, std::size_t begin, std::size_t end) {
+  MatchSums sum(const geometry::Sim3& T, std::size_t begin, std::size_t end, std::size_t stride) {
     const geometry::Mat3 linear = T.scale * T.rotation.toRotationMatrix();
     MatchSums sums;
-    for (std::size_t i = begin; i < end; ++i) {
+    for (std::size_t i = begin; i < std::min(end, source_.points.size()); i += stride) {
       const geometry::Vec3 y = linear * source_.points[i] + T.translation;
       Match match;
       if (matcher_.find(i, y, match)) add(source_.points[i], y, match, sums);
