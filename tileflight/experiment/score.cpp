@@ -5,6 +5,7 @@
 #include "tileflight/alignment/align_map.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/metrics_file.h"
@@ -144,6 +145,26 @@ std::vector<alignment::PositionFix> true_positions(const fs::path& trajectory) {
   return fixes;
 }
 
+/// Voxel centres pull a map off the surface, by up to half a cell where the ground is level. What is measured to the exact surface is
+/// therefore aligned to the surface, from where the chosen alignment ended.
+alignment::AlignmentResult refined_to_surface(const geometry::PointCloud& cloud, const geometry::Sim3& T_local_map,
+                                              const Target& target, const alignment::AlignMapOptions& options) {
+  alignment::IcpOptions icp = alignment::converging_icp();
+  icp.method = alignment::IcpMethod::kPointToMesh;
+  icp.scale = options.icp.scale;
+  icp.regions = options.icp.regions;
+  return alignment::icp(cloud, *target.index, target.mesh, T_local_map, icp);
+}
+
+/// map to local for distances to the exact surface: `to_surface` where align() left it, else the transform itself.
+geometry::Sim3 surface_transform(const fs::path& transform_file) {
+  const json all = json::parse(geometry::read_text(transform_file), nullptr, false);
+  if (all.is_object() && all.contains("to_surface")) {
+    return alignment::alignment_from_json(all["to_surface"], transform_file.string() + ": to_surface").T_target_source;
+  }
+  return alignment::read_transform(transform_file).T_target_source;
+}
+
 }  // namespace
 
 MapInputs map_inputs(const fs::path& map, const fs::path& dataset_folder) {
@@ -178,6 +199,9 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
     aligned = alignment::align_map(cloud, geometry::Sim3(), target.view(), chosen, progress);
   }
   json result = alignment::to_json(aligned);
+  if (target.index) {
+    result["to_surface"] = alignment::to_json(refined_to_surface(cloud, aligned.result.T_target_source, target, chosen));
+  }
   result["start"] = by_receiver ? "receiver positions" : by_true_poses ? "true poses" : "as it is";
   geometry::write_file(out, result.dump(2) + "\n");
   return result;
@@ -185,24 +209,25 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
 
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
-  const geometry::Sim3 T_local_map = alignment::read_transform(transform_file).T_target_source;
-  const geometry::PointCloud aligned = geometry::transformed(T_local_map, read_map(map.map));
+  const geometry::PointCloud cloud = read_map(map.map);
+  const geometry::PointCloud aligned = geometry::transformed(alignment::read_transform(transform_file).T_target_source, cloud);
+  const geometry::Sim3 T_surface_map = surface_transform(transform_file);
+  const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, cloud);
   const geometry::Box3 box = region_box(read_extract_json(truth_folder));
   const ground_truth::GroundTruth truth = ground_truth::read_ground_truth(truth_folder);
-  const geometry::PointCloud seen = seen_samples(map, truth, box, T_local_map, settings.completeness_samples_per_m2);
+  const geometry::PointCloud seen = seen_samples(map, truth, box, T_surface_map, settings.completeness_samples_per_m2);
   const Poses poses = read_poses(map);
 
-  evaluation::Score score = evaluation::evaluate(aligned,
-                                                 {.voxel_centers = &truth.voxel_centers,
-                                                  .surface_samples = &truth.surface,
-                                                  .surface = &truth.mesh,
-                                                  .seen_samples = &seen,
-                                                  .estimate = poses.both() ? &poses.estimate : nullptr,
-                                                  .truth = poses.both() ? &poses.truth : nullptr},
-                                                 {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m},
-                                                 progress);
+  evaluation::Score score = evaluation::evaluate(
+      aligned,
+      {.voxel_centers = &truth.voxel_centers,
+       .surface_samples = &truth.surface,
+       .estimate = poses.both() ? &poses.estimate : nullptr,
+       .truth = poses.both() ? &poses.truth : nullptr},
+      {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
   // A point beside the region has no surface to be measured against: it counts as a map point, but not as an error.
-  score.metrics.surface = evaluation::evaluate_surface(over_region(aligned, box), truth.mesh, seen, settings.thresholds_m);
+  score.metrics.surface = evaluation::evaluate_surface(over_region(on_surface, box), truth.mesh, seen, settings.thresholds_m);
+  score.errors.surface_m = evaluation::surface_distances(on_surface, geometry::TriangleIndex(truth.mesh));
   evaluation::write_metrics(out, score.metrics, score.errors);
   return evaluation::to_json(score.metrics);
 }
