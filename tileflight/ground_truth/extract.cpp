@@ -19,10 +19,14 @@ using imaging::TexturedMesh;
 
 constexpr std::uint32_t kUnused = std::numeric_limits<std::uint32_t>::max();
 
-/// Whether a triangle touches the box: the separating axis test with the box as the only cell.
+/// Whether a triangle touches the box: the separating axis test with the box as the only cell. Throws InputError when a
+/// corner is not finite.
 bool meets(const geometry::TriangleMesh& mesh, const geometry::Triangle& t, const Box3& box) {
   CellTriangle in_boxes;
   for (std::size_t k = 0; k < 3; ++k) in_boxes[k] = (mesh.vertices[t[k]] - box.min()).cwiseQuotient(box.sizes());
+  for (const Vec3& p : in_boxes) {
+    if (!p.allFinite()) throw InputError("mesh", "a vertex is not finite");
+  }
   bool met = false;
   visit_touched_cells(in_boxes, {1, 1, 1}, [&](const auto&, std::size_t, std::int32_t) { met = true; });
   return met;
@@ -94,7 +98,7 @@ GroundTruth read_ground_truth(const std::filesystem::path& folder) {
   truth.mesh = read_mesh_glb(folder / "mesh.glb");
   truth.surface = geometry::read_cloud(folder / "surface.ply");
   truth.voxel_centers = geometry::read_cloud(folder / "voxels.ply");
-  truth.voxel_m = geometry::read_binvox(folder / "voxels.binvox").edge_m;
+  truth.voxel_m = geometry::read_binvox_frame(folder / "voxels.binvox").edge_m;
   return truth;
 }
 

@@ -18,13 +18,16 @@ constexpr std::int32_t kZeroKey = 32768;
 
 octomap::key_type key_of(std::int32_t index) { return static_cast<octomap::key_type>(kZeroKey + index); }
 
-std::string origin_comment(const geometry::Vec3& origin) {
-  std::string text = "# coordinates are relative to the local position";
+/// The text before the data. OctoMap checks the first line; its own writer prints to the console.
+std::string header(const octomap::OcTree& tree, const geometry::Vec3& origin) {
+  std::string text = "# Octomap OcTree binary file\n# coordinates are relative to the local position";
   for (const double value : origin) {
     text += ' ';
     geometry::append_number(text, value);
   }
-  return text + "\n";
+  text += "\nid OcTree\nsize " + std::to_string(tree.size()) + "\nres ";
+  geometry::append_number(text, tree.getResolution());
+  return text + "\ndata\n";
 }
 
 }  // namespace
@@ -39,12 +42,10 @@ void write_octree(const std::filesystem::path& file, const geometry::VoxelGrid& 
     tree.setNodeValue(key, tree.getClampingThresMaxLog(), true);
   }
   tree.updateInnerOccupancy();
+  tree.prune();
   std::ostringstream stream;
-  tree.writeBinary(stream);
-  std::string bytes = std::move(stream).str();
-  // After the first line, which OctoMap checks, comments are welcome.
-  bytes.insert(bytes.find('\n') + 1, origin_comment(grid.origin));
-  geometry::write_file(file, bytes);
+  if (tree.getRoot() != nullptr) tree.writeBinaryNode(stream, tree.getRoot());
+  geometry::write_file(file, header(tree, grid.origin) + std::move(stream).str());
 }
 
 }  // namespace tileflight::ground_truth

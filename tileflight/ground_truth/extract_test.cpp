@@ -1,0 +1,240 @@
+#include "tileflight/ground_truth/extract.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <octomap/octomap.h>
+#include <tiny_gltf.h>
+
+#include <cmath>
+#include <random>
+#include <set>
+#include <span>
+
+#include "tests/temporary_folder.h"
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/ground_truth/mesh_glb.h"
+#include "tileflight/ground_truth/octree.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::ground_truth {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+/// A textured, hilly square of side x side quads of 1 m, its first corner at `corner`.
+TexturedMesh hills(std::uint32_t side, const Vec3& corner) {
+  TexturedMesh m;
+  m.name = "hills";
+  for (std::uint32_t y = 0; y <= side; ++y) {
+    for (std::uint32_t x = 0; x <= side; ++x) {
+      m.mesh.vertices.push_back(corner + Vec3(x, y, 2.0 * std::sin(0.3 * x) * std::cos(0.2 * y)));
+      m.uv.emplace_back(static_cast<float>(x) / side, static_cast<float>(y) / side);
+    }
+  }
+  for (std::uint32_t y = 0; y < side; ++y) {
+    for (std::uint32_t x = 0; x < side; ++x) {
+      const std::uint32_t a = y * (side + 1) + x, b = a + 1, c = a + side + 1;
+      m.mesh.triangles.push_back({a, b, c});
+      m.mesh.triangles.push_back({b, c + 1, c});
+    }
+  }
+  imaging::RgbImage texture(64, 64);
+  for (std::size_t i = 0; i < texture.pixels.size(); ++i) texture.pixels[i] = {static_cast<std::uint8_t>(i), 80, 40};
+  m.texture = std::make_shared<const imaging::RgbImage>(std::move(texture));
+  return m;
+}
+
+const Vec3 kCorner(222.8, -256.4, 2885.123456);
+
+/// Decodes as JPEG, by the library that the project reads pictures with.
+bool decode_image(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes,
+                  int size, void*) {
+  const auto decoded = imaging::decode_rgb(std::as_bytes(std::span(bytes, static_cast<std::size_t>(size))), "texture");
+  image->width = decoded.width;
+  image->height = decoded.height;
+  return image->mimeType == "image/jpeg";
+}
+
+tinygltf::Model load_glb(const std::filesystem::path& file) {
+  tinygltf::TinyGLTF loader;
+  loader.SetImageLoader(decode_image, nullptr);
+  tinygltf::Model model;
+  std::string error, warning;
+  EXPECT_TRUE(loader.LoadBinaryFromFile(&model, &error, &warning, file.string())) << error;
+  EXPECT_EQ(warning, "");
+  return model;
+}
+
+TEST(MeshGlb, RoundTripKeepsMillimetresFarFromTheOrigin) {
+  const tests::TemporaryFolder folder;
+  const TexturedMesh near = hills(20, kCorner);
+  const TexturedMesh far = hills(10, Vec3(1.2e6, -4.7e6, 4.1e6));
+  write_mesh_glb(folder / "m.glb", {near, far}, true);
+  const geometry::TriangleMesh read = read_mesh_glb(folder / "m.glb");
+  const geometry::TriangleMesh expected = scene::merged({near, far});
+  EXPECT_EQ(read.triangles, expected.triangles);
+  ASSERT_EQ(read.vertices.size(), expected.vertices.size());
+  for (std::size_t i = 0; i < read.vertices.size(); ++i) {
+    EXPECT_LT((read.vertices[i] - expected.vertices[i]).norm(), 1e-5);
+  }
+}
+
+TEST(MeshGlb, IsWhatGltfReadersExpect) {
+  const tests::TemporaryFolder folder;
+  TexturedMesh textured = hills(4, kCorner);
+  TexturedMesh coloured = hills(3, kCorner + Vec3(10, 0, 0));
+  coloured.texture = nullptr;
+  coloured.uv.clear();
+  coloured.colors.assign(coloured.mesh.vertices.size(), {10, 20, 30, 255});
+  TexturedMesh same_texture = textured;
+  same_texture.wrap_u = imaging::Wrap::kClampToEdge;
+  write_mesh_glb(folder / "m.glb", {textured, coloured, same_texture}, true);
+  const tinygltf::Model model = load_glb(folder / "m.glb");
+  ASSERT_EQ(model.meshes.size(), 3U);
+  ASSERT_EQ(model.images.size(), 1U);  // shared
+  EXPECT_EQ(model.images[0].width, 64);
+  EXPECT_EQ(model.textures.size(), 2U);
+  EXPECT_EQ(model.samplers[1].wrapS, TINYGLTF_TEXTURE_WRAP_CLAMP_TO_EDGE);
+  EXPECT_EQ(model.materials[1].pbrMetallicRoughness.baseColorTexture.index, -1);
+  EXPECT_TRUE(model.meshes[1].primitives[0].attributes.contains("COLOR_0"));
+  EXPECT_FALSE(model.meshes[1].primitives[0].attributes.contains("TEXCOORD_0"));
+  // North, the second local axis, is -z in glTF; up is y.
+  const geometry::Mat4 turn = Eigen::Map<const geometry::Mat4>(model.nodes[0].matrix.data());
+  EXPECT_EQ((turn * Vec3(1, 2, 3).homogeneous()).head<3>(), Vec3(1, 3, -2));
+  const auto& positions =
+      model.accessors[static_cast<std::size_t>(model.meshes[0].primitives[0].attributes.at("POSITION"))];
+  EXPECT_NEAR(positions.maxValues[0], 2.0, 1e-6);  // relative to the middle
+}
+
+TEST(MeshGlb, WithoutTextures) {
+  const tests::TemporaryFolder folder;
+  write_mesh_glb(folder / "m.glb", {hills(4, kCorner)}, false);
+  EXPECT_TRUE(load_glb(folder / "m.glb").images.empty());
+}
+
+TEST(MeshGlb, EveryKindOfDamageIsRefused) {
+  const tests::TemporaryFolder folder;
+  write_mesh_glb(folder / "m.glb", {hills(2, kCorner)}, false);
+  const std::string whole = geometry::read_text(folder / "m.glb");
+  const auto read_bytes = [&](const std::string& bytes) {
+    geometry::write_file(folder / "d.glb", bytes);
+    return read_mesh_glb(folder / "d.glb");
+  };
+  EXPECT_THROW(read_bytes(""), InputError);
+  EXPECT_THROW(read_bytes("solid stl"), InputError);
+  for (std::size_t size = 0; size < whole.size(); size += 7) {
+    EXPECT_THROW(read_bytes(whole.substr(0, size)), InputError) << size;
+  }
+  std::mt19937 random(1);
+  for (int i = 0; i < 500; ++i) {
+    std::string damaged = whole;
+    damaged[random() % damaged.size()] = static_cast<char>(random());
+    try {
+      read_bytes(damaged);  // may be luck
+    } catch (const InputError&) {
+    }
+  }
+}
+
+TEST(Octree, HoldsTheSameOccupiedLeaves) {
+  const tests::TemporaryFolder folder;
+  const TexturedMesh m = hills(30, kCorner);
+  const geometry::VoxelGrid grid = voxelize(m.mesh, Box3(kCorner, kCorner + Vec3(30, 30, 8)), 0.5);
+  write_octree(folder / "o.bt", grid);
+  octomap::OcTree tree(1.0);
+  ASSERT_TRUE(tree.readBinary((folder / "o.bt").string()));
+  EXPECT_DOUBLE_EQ(tree.getResolution(), 0.5);
+  tree.expand();
+  std::set<geometry::Cell> leaves;
+  for (auto leaf = tree.begin_leafs(); leaf != tree.end_leafs(); ++leaf) {
+    if (!tree.isNodeOccupied(*leaf)) continue;
+    const auto index = [](double coordinate) { return static_cast<std::int32_t>(std::floor(coordinate / 0.5)); };
+    leaves.insert({index(leaf.getX()), index(leaf.getY()), index(leaf.getZ())});
+  }
+  EXPECT_EQ(std::vector(leaves.begin(), leaves.end()), grid.occupied);
+  EXPECT_THAT(geometry::read_text(folder / "o.bt"), HasSubstr("222.8 -256.4 2885.123456"));
+}
+
+TEST(Octree, MoreCellsThanOctoMapHolds) {
+  const tests::TemporaryFolder folder;
+  EXPECT_THAT(
+      [&] {
+        write_octree(folder / "o.bt", {Vec3::Zero(), 1.0, {32769, 1, 1}, {}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("at most 32768 cells")));
+}
+
+TEST(GroundTruth, IsWrittenAndReadBack) {
+  const tests::TemporaryFolder folder;
+  const Box3 box(kCorner + Vec3(5, 5, -4), kCorner + Vec3(15, 25, 4));
+  ExtractOptions options;
+  options.voxel_m = 0.5;
+  const TexturedMesh outside = hills(3, kCorner + Vec3(100, 0, 0));
+  const ExtractResult result = write_ground_truth({hills(30, kCorner), outside}, box, options, folder.path());
+  for (const char* name : {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt"}) {
+    EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
+  }
+  // 10 x 20 quads of two triangles, and those around that reach the box's faces (which lie on the quads' borders).
+  EXPECT_GE(result.triangles, 400U);
+  EXPECT_LE(result.triangles, 12U * 22U * 2U);
+
+  const GroundTruth truth = read_ground_truth(folder.path());
+  EXPECT_EQ(truth.mesh.triangles.size(), result.triangles);
+  EXPECT_EQ(truth.surface.size(), result.surface_points);
+  EXPECT_EQ(truth.surface.normals.size(), result.surface_points);
+  EXPECT_EQ(truth.voxel_centers.size(), result.voxels.occupied.size());
+  EXPECT_DOUBLE_EQ(truth.voxel_m, 0.5);
+  EXPECT_EQ(voxelize(hills(30, kCorner).mesh, box, 0.5).occupied, result.voxels.occupied);
+  for (const Vec3& p : truth.surface.positions) EXPECT_LT(box.exteriorDistance(p), 1e-9);
+}
+
+TEST(GroundTruth, SameInputsGiveSameBytes) {
+  const tests::TemporaryFolder folder;
+  const Box3 box(kCorner, kCorner + Vec3(20, 20, 4));
+  for (const char* name : {"a", "b"}) {
+    std::filesystem::create_directory(folder / name);
+    write_ground_truth({hills(30, kCorner)}, box, {}, folder / name);
+  }
+  for (const char* name : {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt"}) {
+    EXPECT_EQ(geometry::sha256_hex_of_file(folder / "a" / name), geometry::sha256_hex_of_file(folder / "b" / name));
+  }
+}
+
+TEST(GroundTruth, BadInputIsNamed) {
+  const tests::TemporaryFolder folder;
+  const auto expect = [&](const std::vector<TexturedMesh>& meshes, const Box3& box, double voxel_m,
+                          const char* message) {
+    ExtractOptions options;
+    options.voxel_m = voxel_m;
+    EXPECT_THAT([&] { write_ground_truth(meshes, box, options, folder.path()); },
+                ThrowsMessage<InputError>(HasSubstr(message)));
+  };
+  const TexturedMesh m = hills(5, Vec3::Zero());
+  const Box3 box(Vec3::Zero(), Vec3(5, 5, 5));
+  expect({m}, Box3(), 1.0, "region: is empty");
+  expect({m}, Box3(Vec3(50, 50, 50), Vec3(60, 60, 60)), 1.0, "region: holds no triangle");
+  expect({}, box, 1.0, "region: holds no triangle");
+  expect({m}, box, 0.0, "above zero");
+  TexturedMesh broken = m;
+  broken.mesh.vertices[0].x() = std::nan("");
+  expect({broken}, box, 1.0, "not finite");
+  EXPECT_THROW(write_ground_truth({m}, box, {}, folder / "no_such_folder"), InputError);
+  EXPECT_THROW(read_ground_truth(folder / "no_such_folder"), InputError);
+}
+
+TEST(GroundTruth, FullDiskIsAnError) {
+  const tests::TemporaryFolder folder;
+  std::filesystem::create_symlink("/dev/full", folder / "surface.ply");
+  EXPECT_THAT(
+      [&] { write_ground_truth({hills(5, Vec3::Zero())}, Box3(Vec3::Zero(), Vec3(5, 5, 5)), {}, folder.path()); },
+      ThrowsMessage<InputError>(HasSubstr("No space left on device")));
+}
+
+}  // namespace
+}  // namespace tileflight::ground_truth
