@@ -33,6 +33,7 @@ struct TrackingOptions {
   double accept_ratio = 1.5;      ///< of RMSE to the last frame's RMSE: a hypothesis is taken without trying others
   double lost_rmse = 16.0;        ///< grey values: worse than this is not tracking
   double min_inside_share = 0.1;  ///< of the keyframe's points that must be seen
+  double max_log_gain = 1.2;      ///< change of log brightness to the keyframe beyond which a fit is none
   int patience_frames = 30;       ///< frames in a row that may fail before the odometry is called lost
 };
 

@@ -25,12 +25,12 @@ inline constexpr std::array<std::array<float, 2>, kPatternSize> kPattern{
 inline constexpr float kPatternReach_px = 2.0F;
 
 struct Patch {
-  Eigen::Vector2f pixel;                        ///< level 0 of the host
-  Eigen::Vector3f ray;                          ///< unit, host frame
-  Eigen::Matrix<float, 3, 2> ray_by_pixel;      ///< derivative of the ray by the pixel
-  std::array<float, kPatternSize> intensity{};  ///< host's grey values
-  std::array<float, kPatternSize> weight{};     ///< c^2 / (c^2 + |grad I|^2), eq. 7
-  Eigen::Matrix2f structure;                    ///< sum of grad grad^T over the pattern
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();                               ///< level 0 of the host
+  Eigen::Vector3f ray = Eigen::Vector3f::Zero();                                 ///< unit, host frame
+  Eigen::Matrix<float, 3, 2> ray_by_pixel = Eigen::Matrix<float, 3, 2>::Zero();  ///< derivative of the ray by the pixel
+  std::array<float, kPatternSize> intensity{};                                   ///< host's grey values
+  std::array<float, kPatternSize> weight{};                                      ///< c^2 / (c^2 + |grad I|^2), eq. 7
+  Eigen::Matrix2f structure = Eigen::Matrix2f::Zero();  ///< sum of grad grad^T over the pattern
 };
 
 /// The patch around a pixel; nullopt outside the lens's valid region or too near to the edge.

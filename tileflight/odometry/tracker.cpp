@@ -18,6 +18,13 @@ using Vec8 = Eigen::Matrix<double, 8, 1>;
 using Mat8 = Eigen::Matrix<double, 8, 8>;
 using Lanes = float __attribute__((vector_size(32)));
 
+// The same sums with instructions of twice the width where the processor has them; lanes add up in the same order.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
+#define TILEFLIGHT_WIDE_VECTORS __attribute__((target_clones("avx2", "default")))
+#else
+#define TILEFLIGHT_WIDE_VECTORS
+#endif
+
 constexpr int kLanes = 8;
 constexpr std::size_t kChunk = 512;  ///< pixels a task; fixed, so that sums do not depend on the number of threads
 constexpr int kUnknowns = 8;
@@ -50,23 +57,40 @@ struct Level {
   const Lens& lens;
   const ReferenceLevel& reference;
   const PyramidLevel& target;
+  bool is_finest = false;
 };
 
-/// (J, r)^T w (J, r) of `count` rows.
-void accumulate(const Rows& rows, std::size_t count, Sums& sums) {
-  const std::size_t blocks = (count + kLanes - 1) / kLanes;
+/// Row I of (J, r)^T w (J, r) over `blocks` blocks of lanes.
+template <int I>
+inline void accumulate_row(const Rows& rows, std::size_t blocks, Sums& sums) {
+  constexpr int kColumns = kRows - I;
   const auto* weight = reinterpret_cast<const Lanes*>(rows.weight.data());
-  for (int i = 0; i < kRows; ++i) {
-    const auto* a = reinterpret_cast<const Lanes*>(rows.values[i].data());
-    for (int j = i; j < kRows; ++j) {
-      const auto* b = reinterpret_cast<const Lanes*>(rows.values[j].data());
-      Lanes sum{};
-      for (std::size_t k = 0; k < blocks; ++k) sum += weight[k] * a[k] * b[k];
-      double total = 0;
-      for (int lane = 0; lane < kLanes; ++lane) total += sum[lane];
-      sums.normal(i, j) += total;
+  std::array<Lanes, kColumns> sum{};
+  for (std::size_t k = 0; k < blocks; ++k) {
+    const Lanes weighted = weight[k] * reinterpret_cast<const Lanes*>(rows.values[I].data())[k];
+    for (int j = 0; j < kColumns; ++j) {
+      sum[j] += weighted * reinterpret_cast<const Lanes*>(rows.values[I + j].data())[k];
     }
   }
+  for (int j = 0; j < kColumns; ++j) {
+    double total = 0;
+    for (int lane = 0; lane < kLanes; ++lane) total += sum[j][lane];
+    sums.normal(I, I + j) += total;
+  }
+}
+
+/// (J, r)^T w (J, r) of `blocks` blocks of rows.
+TILEFLIGHT_WIDE_VECTORS
+void accumulate(const Rows& rows, std::size_t blocks, Sums& sums) {
+  accumulate_row<0>(rows, blocks, sums);
+  accumulate_row<1>(rows, blocks, sums);
+  accumulate_row<2>(rows, blocks, sums);
+  accumulate_row<3>(rows, blocks, sums);
+  accumulate_row<4>(rows, blocks, sums);
+  accumulate_row<5>(rows, blocks, sums);
+  accumulate_row<6>(rows, blocks, sums);
+  accumulate_row<7>(rows, blocks, sums);
+  accumulate_row<8>(rows, blocks, sums);
 }
 
 Sums evaluate_chunk(const Level& level, const AlignmentState& state, float cutoff, float huber, std::size_t begin,
@@ -115,7 +139,7 @@ Sums evaluate_chunk(const Level& level, const AlignmentState& state, float cutof
     rows.weight[i] = 0;
     for (auto& row : rows.values) row[i] = 0;
   }
-  accumulate(rows, count, sums);
+  accumulate(rows, padded / kLanes, sums);
   return sums;
 }
 
@@ -161,7 +185,10 @@ struct LevelOutcome {
 LevelOutcome align_level(const Level& level, const AlignmentState& start, int iterations,
                          const TrackingOptions& options) {
   constexpr double kSaturatedShare = 0.6;  // above it the start is far off: widen the cut-off
-  constexpr double kSmallestStep_px = 0.003;
+  // Steps are judged against the estimate's own uncertainty: step^T H step is in units of the residual variance and 8
+  // on average for an error of one standard deviation in every unknown. Coarser levels are refined anyway.
+  const double converged = level.is_finest ? 0.1 : 1.0;
+  const double hopeless = level.is_finest ? 1.0 : 8.0;  // of a step that did not help
   constexpr double kLargestLambda = 1e3;
   float cutoff = options.cutoff;
   LevelOutcome best{start, evaluate(level, start, cutoff, options.huber)};
@@ -178,8 +205,10 @@ LevelOutcome align_level(const Level& level, const AlignmentState& start, int it
     const bool better =
         sums.inside > 0.5 * best.sums.inside && sums.energy / sums.inside < best.sums.energy / best.sums.inside;
     if (better) best = {candidate, sums};
+    const double significance = step.dot(normal_matrix(best.sums) * step) * best.sums.inside / best.sums.energy;
+    if (significance < (better ? converged : hopeless)) break;
     lambda = better ? lambda * 0.3 : std::max(lambda, 1e-4) * 6.0;
-    if (step.head<6>().norm() * level.lens.focal_px() < kSmallestStep_px || lambda > kLargestLambda) break;
+    if (lambda > kLargestLambda) break;
   }
   return best;
 }
@@ -230,13 +259,19 @@ SparseDepth spread(const SparseDepth& depth, bool diagonal) {
   return out;
 }
 
-ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, const RayTable& rays) {
+ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, const RayTable& rays,
+                         std::int64_t most) {
   constexpr int kBorder = 2;
   ReferenceLevel level;
+  const auto filled = std::count_if(depth.weight.begin(), depth.weight.end(), [](float w) { return w > 0; });
+  const std::int64_t kept = std::min<std::int64_t>(filled, most);
+  std::int64_t seen = 0;
   for (int y = kBorder; y < depth.height - kBorder; ++y) {
     for (int x = kBorder; x < depth.width - kBorder; ++x) {
       const std::size_t i = depth.index(x, y);
       if (depth.weight[i] <= 0 || rays.at(x, y).isZero(0)) continue;
+      ++seen;
+      if (seen * kept / filled == (seen - 1) * kept / filled) continue;  // every filled/kept-th
       level.pixels.emplace_back(x, y);
       level.rays.push_back(rays.at(x, y));
       level.rho.push_back(depth.weighted_rho[i] / depth.weight[i]);
@@ -257,10 +292,13 @@ TrackingReference make_reference(const LensPyramid& lens, const Pyramid& keyfram
     depth.weighted_rho[depth.index(x, y)] += point.weight * point.rho;
     depth.weight[depth.index(x, y)] += point.weight;
   }
+  // More pixels take time and say little more about eight unknowns.
+  constexpr std::array<std::int64_t, 3> kMostPixels{6000, 3000, 2000};
   TrackingReference reference;
   for (std::size_t l = 0; l < keyframe.levels.size(); ++l) {
     if (l > 0) depth = halved(depth);
-    reference.levels.push_back(as_arrays(spread(depth, l < 2), keyframe.levels[l], lens.rays[l]));
+    reference.levels.push_back(
+        as_arrays(spread(depth, l < 2), keyframe.levels[l], lens.rays[l], kMostPixels[std::min<std::size_t>(l, 2)]));
   }
   return reference;
 }
@@ -273,7 +311,7 @@ AlignmentResult align(const LensPyramid& lens, const TrackingReference& referenc
   const int levels = static_cast<int>(reference.levels.size());
   result.rmse.assign(levels, std::numeric_limits<double>::infinity());
   for (int l = levels - 1; l >= 0; --l) {
-    const Level level{lens.lenses[l], reference.levels[l], target.levels[l]};
+    const Level level{lens.lenses[l], reference.levels[l], target.levels[l], l == 0};
     const LevelOutcome outcome = align_level(level, result.state, kIterations[std::min(l, 5)], options);
     result.state = outcome.state;
     result.rmse[l] = outcome.sums.rmse();
@@ -283,7 +321,9 @@ AlignmentResult align(const LensPyramid& lens, const TrackingReference& referenc
     result.saturated_share = static_cast<double>(outcome.sums.saturated) / std::max(1, outcome.sums.inside);
     result.information = normal_matrix(outcome.sums);
   }
-  result.converged = result.finest_rmse() < options.lost_rmse && result.inside_share > options.min_inside_share;
+  // Without contrast (a black picture) everything fits with no gain at all.
+  result.converged = result.finest_rmse() < options.lost_rmse && result.inside_share > options.min_inside_share &&
+                     std::abs(result.state.a) < options.max_log_gain;
   return result;
 }
 
