@@ -1,5 +1,6 @@
 #include <draco/compression/decode.h>
 
+#include <cstring>
 #include <memory>
 
 #include "tileflight/geometry/input_error.h"
@@ -44,10 +45,17 @@ std::vector<float> attribute_values(const draco::Mesh& mesh, const std::string& 
   const float scale =
       accessor == primitive.attributes.end() ? 1.0F : normalization(*values, document.accessors[accessor->second]);
   std::vector<float> out(static_cast<std::size_t>(mesh.num_points()) * components);
+  const bool plain = values->data_type() == draco::DT_FLOAT32;
   for (draco::PointIndex point(0); point < mesh.num_points(); ++point) {
     float* to = &out[point.value() * components];
-    if (!values->ConvertValue<float>(values->mapped_index(point), static_cast<std::int8_t>(components), to)) {
+    const draco::AttributeValueIndex index = values->mapped_index(point);
+    if (index.value() >= values->size()) {
       throw InputError(name, "the Draco attribute " + attribute + " has no value for point " + std::to_string(point.value()));
+    }
+    if (plain) {
+      std::memcpy(to, values->GetAddress(index), components * sizeof(float));
+    } else {
+      values->ConvertValue<float>(index, static_cast<std::int8_t>(components), to);
     }
     for (std::size_t c = 0; c < components; ++c) to[c] *= scale;
   }

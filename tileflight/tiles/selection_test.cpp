@@ -128,6 +128,15 @@ TEST(SelectCut, transforms_move_volumes) {
   EXPECT_THAT(uris(cut_of(source, {Vec3(110, 0, 0), Vec3(1, 1, 1)})), IsEmpty());
 }
 
+TEST(SelectCut, a_scaling_transform_scales_the_error_from_1_1_on) {
+  for (const auto& [version, wanted_m] : {std::pair("1.0", 5.0), std::pair("1.1", 15.0)}) {
+    Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 5, "a.glb");
+    root["transform"] = {2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1};
+    MemorySource source(testing::tileset(root, version));
+    EXPECT_NEAR(cut_of(source).geometric_error_max_m, wanted_m, 1e-12) << version;
+  }
+}
+
 TEST(SelectCut, content_volumes_tighten) {
   Json root = tile(box_volume(0, 0, 0, 10, 10, 10), 0);
   root["contents"] = {{{"uri", "a.glb"}, {"boundingVolume", box_volume(-5, 0, 0, 1, 1, 1)}}, {{"uri", "b.glb"}}};

@@ -104,7 +104,6 @@ std::string percent_decoded(std::string_view text, const std::string& name) {
     out += static_cast<char>(high * 16 + low);
     i += 2;
   }
-  if (out.find('\0') != std::string::npos) throw InputError(name, "has a zero byte in its path");
   return out;
 }
 
@@ -166,7 +165,9 @@ std::string resolve_uri(std::string_view base, std::string_view reference) {
 std::string uri_scheme(std::string_view uri) { return lower(uri.substr(0, scheme_length(uri))); }
 
 std::string uri_path(std::string_view uri) {
-  return percent_decoded(split(uri).path, uri_for_message(uri));
+  const std::string path = percent_decoded(split(uri).path, uri_for_message(uri));
+  if (path.find('\0') != std::string::npos) throw InputError(uri_for_message(uri), "has a zero byte in its path");
+  return path;
 }
 
 std::string uri_ending(std::string_view uri) {

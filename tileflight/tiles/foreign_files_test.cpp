@@ -1,0 +1,211 @@
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <fstream>
+#include <numbers>
+#include <random>
+
+#include "tests/test_data.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/tiles/content.h"
+#include "tileflight/tiles/inspect.h"
+#include "tileflight/tiles/load.h"
+#include "tileflight/tiles/test_tilesets.h"
+
+/// Files by others, good and broken: each gives a correct read or one clear line.
+namespace tileflight::tiles {
+namespace {
+
+namespace fs = std::filesystem;
+using geometry::Vec3;
+using testing::error_of;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+std::vector<fs::path> files_below(const fs::path& folder, const std::vector<std::string>& endings) {
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string ending = entry.path().extension().string();
+    if (std::find(endings.begin(), endings.end(), ending) != endings.end()) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+LoadedTiles load(const fs::path& file, const LoadOptions& options = {}) { return load_region(file.string(), options); }
+
+TEST(ForeignFiles, every_tileset_of_the_validator_is_read_or_named) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs");
+  int read = 0;
+  int refused = 0;
+  int inspectable = 0;
+  for (const fs::path& file : files_below(folder, {".json"})) {
+    SCOPED_TRACE(file);
+    const std::string message = error_of([&] { load(file); });
+    const std::string inspected = error_of([&] { inspect_tileset(file.string()); });
+    ++(message.empty() ? read : refused);
+    inspectable += inspected.empty() ? 1 : 0;
+    EXPECT_THAT(message, Not(HasSubstr("\n")));
+    EXPECT_THAT(inspected, Not(HasSubstr("\n")));
+    EXPECT_LT(message.size(), 1000U);
+  }
+  // Most tilesets name contents that do not come with them.
+  EXPECT_GE(read, 16);
+  EXPECT_GT(refused, 100);
+  EXPECT_GT(inspectable, 100);
+}
+
+/// Faults that change what would be loaded, and a word of the line that names each.
+TEST(ForeignFiles, faults_of_the_validator_are_named) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets");
+  const std::pair<const char*, const char*> cases[] = {
+      {"assetVersionInvalidType.json", "asset: version is number, a string wanted"},
+      {"boundingVolumeBoxArrayInvalidElementType.json", "box is string, a number wanted"},
+      {"boundingVolumeRegionArrayElementsOutOfRange.json", "boundingVolume.region has an angle outside of its range"},
+      {"boundingVolumeRegionInvalidArrayLength.json", "region has"},
+      {"boundingVolumeSphereArrayElementOutOfRange.json", "radius of the bounding sphere is negative"},
+      {"extensionsRequiredInvalidType.json", "extensionsRequired is"},
+      {"implicitTilingValid.json", "implicit tiling (QUADTREE) is not supported"},
+      {"implicitTilingInvalidType.json", "implicitTiling is"},
+      {"tileContentBoundingVolumeInvalidType.json", "boundingVolume is"},
+      {"tileContentsInvalidType.json", "contents is"},
+      {"tileRefineWrongType.json", "refine is"},
+      {"tilesetGeometricErrorNegative.json", "geometricError is negative"},
+      {"tileTransformNotAffine.json", "the transform is not affine"},
+      {"validTilesetWithInvalidI3dm.json", "i3dm contents are not supported"},
+      {"validTilesetWithInvalidPnts.json", "pnts contents are not supported"},
+      {"extensionRequiredButNotUsed.json", "needs extensions that are not supported"}};
+  for (const auto& [file, wanted] : cases) EXPECT_THAT(error_of([&] { load(folder / file); }), HasSubstr(wanted)) << file;
+}
+
+TEST(ForeignFiles, what_the_validator_calls_valid_is_read) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets");
+  for (const char* file : {"validTilesetWithValidB3dm.json", "validTilesetWithValidGltf.json"}) {
+    EXPECT_GT(load(folder / file).triangles, 0) << file;
+  }
+}
+
+TEST(ForeignFiles, every_content_is_read_or_named) {
+  for (const char* name : {"invalid/validator_specs", "tilesets/cesiumjs_specs_data", "tilesets/cesium_native_testdata",
+                           "tilesets/tools_specs", "tilesets/cesium_3d_tiles_samples"}) {
+    TILEFLIGHT_REQUIRE_TEST_DATA(folder, name);
+    for (const fs::path& file : files_below(folder, {".b3dm", ".glb", ".gltf", ".cmpt", ".i3dm", ".pnts", ".vctr", ".geom"})) {
+      const std::vector<std::byte> bytes = geometry::read_bytes(file);
+      ContentOptions options;
+      options.read_resource = [&](const std::string& uri) { return geometry::read_bytes(file.parent_path() / uri); };
+      options.textures = false;
+      const std::string message = error_of([&] { decode_content(bytes, "tile", options); });
+      EXPECT_THAT(message, Not(HasSubstr("\n"))) << file;
+    }
+  }
+}
+
+TEST(ForeignFiles, a_real_tile_cut_short_or_damaged) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(file, "tilesets/machangara_photogrammetry/4/02502.b3dm");
+  const std::vector<std::byte> whole = geometry::read_bytes(file);
+  EXPECT_EQ(error_of([&] { decode_content(whole, "tile"); }), "");
+  for (std::size_t length = 0; length < whole.size(); length += 1 + length / 64) {
+    EXPECT_NE(error_of([&] { decode_content(std::span(whole).first(length), "tile"); }), "") << length;
+  }
+  std::mt19937 random(3);
+  for (int i = 0; i < 300; ++i) {
+    std::vector<std::byte> damaged = whole;
+    for (int k = 0; k < 3; ++k) damaged[random() % damaged.size()] = static_cast<std::byte>(random());
+    EXPECT_THAT(error_of([&] { decode_content(damaged, "tile"); }), Not(HasSubstr("\n")));
+  }
+}
+
+/// Buildings of Cesium's own test tilesets stand near longitude -75.61, latitude 40.04 (degrees).
+TEST(ForeignFiles, cesium_batched_tilesets_stand_where_they_should) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Batched");
+  int read = 0;
+  for (const char* name : {"BatchedWithBatchTable", "BatchedWithTransformBox", "BatchedWithTransformSphere",
+                           "BatchedWithTransformRegion", "BatchedWithRtcCenter", "BatchedTextured", "BatchedColors",
+                           "BatchedWithVertexColors", "BatchedDeprecated1", "BatchedDeprecated2",
+                           "BatchedWithContentDataUri", "BatchedWGS84"}) {
+    SCOPED_TRACE(name);
+    const LoadedTiles tiles = load(folder / name / "tileset.json");
+    ++read;
+    EXPECT_GT(tiles.triangles, 0);
+    ASSERT_TRUE(tiles.local_frame.has_value());
+    EXPECT_NEAR(tiles.local_frame->origin().longitude_deg, -75.612, 0.01);
+    EXPECT_NEAR(tiles.local_frame->origin().latitude_deg, 40.0425, 0.01);
+    geometry::Box3 box;
+    for (const imaging::TexturedMesh& mesh : tiles.meshes) box.extend(geometry::bounds(mesh.mesh));
+    // Ten buildings inside the bounding volume that the tile gives (which is loose by the size of a building).
+    EXPECT_LT(tiles.region.box().exteriorDistance(box.center()), 1.0);
+    EXPECT_LT(box.sizes().maxCoeff(), 300.0);
+    EXPECT_LT(box.sizes().z(), 60.0);  // upright: the footprint is wider than the buildings are high
+  }
+  EXPECT_EQ(read, 12);
+}
+
+TEST(ForeignFiles, cesium_tileset_trees) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Tilesets");
+  EXPECT_EQ(load(folder / "Tileset" / "tileset.json").tiles_loaded, 5);  // ADD: the parent and its four children
+  LoadOptions coarse;
+  coarse.error_m = 70;
+  EXPECT_EQ(load(folder / "Tileset" / "tileset.json", coarse).tiles_loaded, 1);
+  EXPECT_EQ(load(folder / "TilesetOfTilesets" / "tileset.json").tiles_loaded, 5);
+}
+
+/// The same place on two ways: a tile's own transform must not move what it does not belong to.
+TEST(ForeignFiles, external_tilesets_with_transforms) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/combineTilesets/externalsWithTransform");
+  const LoadedTiles tiles = load(folder / "tileset.json");
+  EXPECT_EQ(tiles.tiles_loaded, 3);
+  for (const imaging::TexturedMesh& mesh : tiles.meshes) {
+    EXPECT_LT(tiles.region.box().exteriorDistance(geometry::bounds(mesh.mesh).center()), 1e-3) << mesh.name;
+  }
+}
+
+/// One model that was drawn in four conventions and brought to glTF 2.0; some with CESIUM_RTC.
+TEST(ForeignFiles, models_of_any_up_axis_stand_upright) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/upgradeTileset/upAxisHandling/golden");
+  for (const char* name : {"glTF1-x-up-with-gltfUpAxis-x", "glTF1-y-up", "glTF1-y-up-with-gltfUpAxis-y",
+                           "glTF1-z-up-with-gltfUpAxis-z", "glTF2"}) {
+    const LoadedTiles tiles = load(folder / name);
+    geometry::Box3 box;
+    for (const imaging::TexturedMesh& mesh : tiles.meshes) box.extend(geometry::bounds(mesh.mesh));
+    EXPECT_LT((box.min() - Vec3(0, -1, 0)).norm(), 1e-3) << name;
+    EXPECT_LT((box.max() - Vec3(2, 2, 4)).norm(), 1e-3) << name;
+  }
+}
+
+/// Boxes that hold cubes of exactly the size that the file's name says.
+TEST(ForeignFiles, contents_fill_their_bounding_boxes) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/BoundingBoxTests");
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (!entry.is_directory()) continue;
+    const LoadedTiles tiles = load(entry.path() / "tileset.json");
+    geometry::Box3 box;
+    for (const imaging::TexturedMesh& mesh : tiles.meshes) box.extend(geometry::bounds(mesh.mesh));
+    EXPECT_LT((box.min() - tiles.region.box().min()).norm(), 1e-3) << entry.path();
+    EXPECT_LT((box.max() - tiles.region.box().max()).norm(), 1e-3) << entry.path();
+  }
+}
+
+TEST(ForeignFiles, a_leaf_that_is_missing_is_named) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.0/TilesetWithDiscreteLOD");
+  EXPECT_THAT(error_of([&] { load(folder); }), HasSubstr("dragon_high.b3dm: is missing"));
+  LoadOptions options;
+  options.allow_incomplete = true;
+  EXPECT_EQ(load(folder, options).tiles_failed, 1);
+  options = {};
+  options.error_m = 1;  // the middle one is there
+  EXPECT_TRUE(load(folder, options).complete);
+}
+
+TEST(ForeignFiles, geometry_is_read_where_only_the_textures_are_in_an_unknown_format) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/matterport_cedarcreek_ktx2/mesh_tiles");
+  LoadOptions options;
+  EXPECT_THAT(error_of([&] { load(folder / "3.json", options); }), HasSubstr("KHR_texture_basisu"));
+  options.textures = false;
+  const LoadedTiles tiles = load(folder / "3.json", options);
+  EXPECT_TRUE(tiles.complete);
+  EXPECT_EQ(tiles.tiles_loaded, 12);
+  EXPECT_GT(tiles.triangles, 10000);
+}
+
+}  // namespace
+}  // namespace tileflight::tiles
