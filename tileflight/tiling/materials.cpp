@@ -44,8 +44,7 @@ Color lawn(double x, double y, std::uint32_t seed) {
   color = mixed(color, {0.58F, 0.53F, 0.33F}, 0.7F * step(0.28F, 0.75F, dry));
   const float bare = fractal_noise(x / 7.9, y / 7.9, seed + 4, 5, 0.6F);
   color = mixed(color, Color(0.47F, 0.36F, 0.25F) * (1.0F + 0.25F * blades), step(0.48F, 0.62F, bare));
-  const bool weed = cell_random(x / 0.35, y / 0.35, seed + 5) > 0.985F;
-  return weed ? Color(color * 0.62F) : color;
+  return color * (1.0F - 0.42F * step(0.72F, 0.86F, grain(x, y, 0.33, seed + 5)));  // weeds
 }
 
 Color forest_floor(double x, double y, std::uint32_t seed) {
@@ -53,8 +52,7 @@ Color forest_floor(double x, double y, std::uint32_t seed) {
   const float litter = grain(x, y, 0.14, seed + 1) + 0.7F * grain(x, y, 0.4, seed + 2);
   Color color = mixed({0.36F, 0.28F, 0.19F}, {0.30F, 0.33F, 0.17F}, clamp01(0.5F + 0.9F * broad));
   color *= 1.0F + 0.26F * litter;
-  const float leaf = cell_random(x / 0.22, y / 0.22, seed + 3);
-  return leaf > 0.93F ? mixed(color, {0.66F, 0.49F, 0.27F}, 0.75F) : color;
+  return mixed(color, {0.66F, 0.49F, 0.27F}, 0.75F * step(0.60F, 0.75F, grain(x, y, 0.19, seed + 3)));  // leaves
 }
 
 Color turf(double x, double y, std::uint32_t seed) {

@@ -1,12 +1,10 @@
 #include "tileflight/tiling/simplify.h"
 
 #include <meshoptimizer.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_reduce.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <limits>
 
 #include "tileflight/geometry/triangle_index.h"
@@ -56,36 +54,56 @@ TexturedMesh without_triangles(const TexturedMesh& mesh) {
   return out;
 }
 
-double farthest_m(const std::vector<geometry::Vec3>& samples, const geometry::TriangleIndex& surface) {
-  const tbb::blocked_range<std::size_t> all(0, samples.size(), 1024);
-  return tbb::parallel_reduce(
-      all, 0.0,
-      [&](const tbb::blocked_range<std::size_t>& range, double far) {
-        for (std::size_t i = range.begin(); i != range.end(); ++i)
-          far = std::max(far, surface.nearest(samples[i])->distance_m);
-        return far;
-      },
-      [](double x, double y) { return std::max(x, y); });
+/// A triangle, or a part of one, whose distance from a surface is sought.
+struct Piece {
+  geometry::Vec3 a, b, c;
+};
+
+/// The largest distance of a piece's points from the surface is at least `low_m` and at most `high_m`.
+struct DistanceBounds {
+  double low_m = 0.0, high_m = 0.0;
+};
+
+/// The distance from one triangle is convex, so over the piece it is largest at a corner; the surface is no farther
+/// than that triangle.
+DistanceBounds bounds_of(const Piece& piece, const geometry::TriangleMesh& surface,
+                         const geometry::TriangleIndex& index) {
+  const geometry::SurfacePoint nearest = *index.nearest((piece.a + piece.b + piece.c) / 3);
+  const geometry::Triangle& t = surface.triangles[nearest.triangle];
+  const auto from_it = [&](const geometry::Vec3& p) {
+    const auto& v = surface.vertices;
+    return (p - geometry::closest_point_on_triangle(p, v[t[0]], v[t[1]], v[t[2]])).norm();
+  };
+  return {nearest.distance_m, std::max({from_it(piece.a), from_it(piece.b), from_it(piece.c)})};
 }
 
-/// The middles of the n x n small triangles that cut (a, b, c) into pieces of at most `spacing_m`.
-void add_samples(const geometry::Vec3& a, const geometry::Vec3& b, const geometry::Vec3& c, double spacing_m,
-                 std::vector<geometry::Vec3>& samples) {
-  const double longest_m = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
-  const int n = std::max(1, static_cast<int>(std::ceil(longest_m / spacing_m)));
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; i + j < n; ++j) {
-      samples.push_back(a + (b - a) * ((i + 1.0 / 3) / n) + (c - a) * ((j + 1.0 / 3) / n));
-      if (i + j + 1 < n) samples.push_back(a + (b - a) * ((i + 2.0 / 3) / n) + (c - a) * ((j + 2.0 / 3) / n));
-    }
-  }
+void add_quarters(const Piece& p, std::vector<Piece>& pieces) {
+  const geometry::Vec3 ab = (p.a + p.b) / 2, bc = (p.b + p.c) / 2, ca = (p.c + p.a) / 2;
+  pieces.insert(pieces.end(), {{p.a, ab, ca}, {ab, p.b, bc}, {ca, bc, p.c}, {ab, bc, ca}});
 }
 
-std::vector<geometry::Vec3> samples_of(const geometry::TriangleMesh& mesh, double spacing_m) {
-  std::vector<geometry::Vec3> samples = mesh.vertices;
+/// How much smaller than the value returned the true distance may be.
+double tolerance_m(double distance_m) { return std::max(1e-3, 0.01 * distance_m); }
+
+/// Upper bound, within the tolerance, of the distance from any point of `mesh` to the surface: pieces that may hold a
+/// farther point than the farthest known are quartered, round by round, until none is left.
+double farthest_m(const geometry::TriangleMesh& mesh, const geometry::TriangleMesh& surface) {
+  const geometry::TriangleIndex index(surface);
+  std::vector<Piece> pieces;
   for (const geometry::Triangle& t : mesh.triangles)
-    add_samples(mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]], spacing_m, samples);
-  return samples;
+    pieces.push_back({mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]});
+  double known_m = 0.0;
+  while (!pieces.empty()) {
+    std::vector<DistanceBounds> bounds(pieces.size());
+    tbb::parallel_for(std::size_t{0}, pieces.size(),
+                      [&](std::size_t i) { bounds[i] = bounds_of(pieces[i], surface, index); });
+    for (const DistanceBounds& b : bounds) known_m = std::max(known_m, b.low_m);
+    std::vector<Piece> open;
+    for (std::size_t i = 0; i < pieces.size(); ++i)
+      if (bounds[i].high_m > known_m + tolerance_m(known_m)) add_quarters(pieces[i], open);
+    pieces = std::move(open);
+  }
+  return known_m + tolerance_m(known_m);
 }
 
 }  // namespace
@@ -137,9 +155,8 @@ geometry::TriangleMesh joined(const std::vector<TexturedMesh>& meshes) {
   return out;
 }
 
-double surface_distance_m(const geometry::TriangleMesh& coarse, const geometry::TriangleMesh& fine, double spacing_m) {
-  const geometry::TriangleIndex coarse_index(coarse), fine_index(fine);
-  return std::max(farthest_m(samples_of(coarse, spacing_m), fine_index), farthest_m(fine.vertices, coarse_index));
+double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b) {
+  return std::max(farthest_m(a, b), farthest_m(b, a));
 }
 
 }  // namespace tileflight::tiling

@@ -18,10 +18,9 @@ void drop_unused_vertices(imaging::TexturedMesh& mesh);
 /// Triangles of all meshes as one, without appearance.
 geometry::TriangleMesh joined(const std::vector<imaging::TexturedMesh>& meshes);
 
-/// Largest distance between a surface and a finer one, taken both ways (Hausdorff): from the coarse one's vertices and
-/// points of its triangles at most `spacing_m` apart to the fine surface, and from the fine one's vertices (all of
-/// which must be used) to the coarse surface.
-double surface_distance_m(const geometry::TriangleMesh& coarse, const geometry::TriangleMesh& fine,
-                          double spacing_m = 1.0);
+/// Largest distance between two surfaces, both ways (Hausdorff), over all points of all triangles: never less than the
+/// true value, at most the larger of 1 mm and 1 % more. Branch and bound as in Guthe, Borodin, Klein, "Fast and
+/// accurate Hausdorff distance calculation between meshes", WSCG 2005. Neither mesh may be empty.
+double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b);
 
 }  // namespace tileflight::tiling

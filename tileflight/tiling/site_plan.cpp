@@ -106,16 +106,16 @@ Tree random_tree(const Vec2& at, bool woods, Random& random) {
 std::vector<Tree> plant_trees(const SitePlan& plan) {
   Random random(plan.seed ^ 0x7ee5U);
   std::vector<Tree> trees;
-  constexpr int kTries = 9000;
-  constexpr std::size_t kMost = 460;
+  constexpr int kTries = 16000;
+  constexpr std::size_t kMost = 780;
   for (int i = 0; i < kTries && trees.size() < kMost; ++i) {
     const Vec2 at(random.uniform(-kSiteHalf_m + 5, kSiteHalf_m - 5), random.uniform(-kSiteHalf_m + 5, kSiteHalf_m - 5));
-    const bool woods = fractal_noise(at.x() / 70, at.y() / 70, plan.seed ^ 0x33U, 2) > 0.12F;
+    const bool woods = fractal_noise(at.x() / 70, at.y() / 70, plan.seed ^ 0x33U, 2) > 0.06F;
     const Tree tree = random_tree(at, woods, random);
-    if (!woods && !random.chance(0.30)) continue;
+    if (!woods && !random.chance(at.norm() < 130 ? 0.75 : 0.35)) continue;
     if (plan.clearance_m(at.x(), at.y()) < 0.75 * tree.radius_m + 0.8) continue;
     const auto crowds = [&](const Tree& other) {
-      return (other.at - at).norm() < (woods ? 0.85 : 1.2) * (other.radius_m + tree.radius_m);
+      return (other.at - at).norm() < (woods ? 0.72 : 1.0) * (other.radius_m + tree.radius_m);
     };
     if (std::none_of(trees.begin(), trees.end(), crowds)) trees.push_back(tree);
   }

@@ -18,16 +18,19 @@ struct CrownShape {
   int around = 20, rows = 12;
 };
 
+/// In the part where flights look closely.
+bool is_near(const Tree& tree) { return tree.at.norm() < 135.0; }
+
 CrownShape crown_shape(const Tree& tree) {
-  if (tree.kind == TreeKind::kBush) return {-0.2, tree.height_m, 14, 8};
-  if (tree.kind == TreeKind::kConifer) return {0.12 * tree.height_m, tree.height_m, 16, 16};
-  return {0.30 * tree.height_m, tree.height_m, 20, 13};
+  if (tree.kind == TreeKind::kBush) return {-0.2, tree.height_m, 12, 7};
+  if (tree.kind == TreeKind::kConifer) return {0.12 * tree.height_m, tree.height_m, 14, is_near(tree) ? 16 : 10};
+  return {0.26 * tree.height_m, tree.height_m, is_near(tree) ? 20 : 14, is_near(tree) ? 13 : 9};
 }
 
 /// How far boughs stand out, as a factor on the radius.
 double boughs(const Vec3& direction, const Tree& tree) {
-  const Vec3 p = 1.7 * direction;
-  return 1.0 + 0.26 * fractal_noise_3d(p.x(), p.y(), p.z(), tree.seed, 3, 0.6F);
+  const Vec3 p = 1.9 * direction;
+  return 1.0 + 0.36 * fractal_noise_3d(p.x(), p.y(), p.z(), tree.seed, 3, 0.6F);
 }
 
 Vec3 crown_point(const Tree& tree, const CrownShape& shape, double h, double angle_rad) {
@@ -85,7 +88,7 @@ Chart make_crown(const Tree& tree, const Vec3& foot) {
   }
   const Vec3 middle = foot + Vec3(0, 0, 0.5 * (shape.bottom_m + shape.top_m));
   chart.normals = crown_normals(chart.vertices, shape.around, shape.rows, middle);
-  chart.texel_m = 0.09;
+  chart.texel_m = is_near(tree) ? 0.09 : 0.14;
   chart.paint = [base = leaf_color(tree), seed = tree.seed, middle](const Texel& texel) {
     const Vec3 p = texel.position - middle;
     return material::foliage(p.x(), p.y(), p.z(), base, seed);

@@ -31,7 +31,7 @@ void for_each_triangle(const Chart& chart, const Visit& visit) {
 
 Sunlight::Sunlight(const Vec3& toward_sun, const std::vector<Chart>& charts, double cell_m)
     : toward_sun_(toward_sun.normalized()), cell_m_(cell_m) {
-  axis_u_ = Vec3::UnitZ().cross(toward_sun_).normalized();
+  axis_u_ = toward_sun_.unitOrthogonal();
   axis_v_ = toward_sun_.cross(axis_u_);
   Vec2 high = Vec2::Constant(-std::numeric_limits<double>::infinity());
   low_ = -high;

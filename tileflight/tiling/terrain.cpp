@@ -15,17 +15,16 @@ double ramp(double v, double from, double to) {
   return t * t * (3 - 2 * t) * 0.35 + t * 0.65;
 }
 
-/// The larger, rounded where both are alike within about `round_m`.
+/// The larger, rounded where both are alike within about `round_m` and above nothing.
 double smooth_max(double a, double b, double round_m) {
   const double overlap = std::max(0.0, round_m - std::fabs(a - b)) / round_m;
-  return std::max(a, b) + overlap * overlap * round_m / 4;
+  return std::max(a, b) + overlap * overlap * round_m / 4 * std::clamp(std::min(a, b) / round_m, 0.0, 1.0);
 }
 
 double bowl_m(double x, double y) {
   const double west = kWestRim_m * ramp(-x, 33, 59), east = kEastRim_m * ramp(x, 33, 55);
   const double north = kNorthRim_m * ramp(y, 68, 92), south = kSouthRim_m * ramp(-y, 70, 118);
-  return std::max(0.0, smooth_max(smooth_max(west, east, 2.0), smooth_max(north, south, 2.0), 3.0) -
-                           0.5 * ramp(std::hypot(x, y), 50, 90));
+  return smooth_max(smooth_max(west, east, 2.0), smooth_max(north, south, 2.0), 3.0);
 }
 
 /// How much hills may show: not in the bowl.
