@@ -50,28 +50,35 @@ IcpOptions coarse_options(const AlignMapOptions& options, const AlignmentTarget&
   return coarse;
 }
 
-PointSpread spread_of(const PointCloud& cloud) {
+PointSpread spread_of(const std::vector<Vec3>& points) {
   PointSpread spread;
-  const auto n = static_cast<double>(cloud.size());
-  for (const Vec3& p : cloud.positions) {
+  const auto n = static_cast<double>(points.size());
+  for (const Vec3& p : points) {
     spread.mean += p / n;
     spread.second_moment += p * p.transpose() / n;
   }
   return spread;
 }
 
+std::vector<Vec3> positions(const geometry::Trajectory& trajectory) {
+  std::vector<Vec3> result;
+  for (const auto& pose : trajectory.poses) result.push_back(pose.T_local_camera.translation);
+  return result;
+}
+
 void add_note(std::string& note, const std::string& text) {
   if (!text.empty()) note += (note.empty() ? "" : "; ") + text;
 }
 
-/// Farther than telemetry is ever wrong: the surface may have been matched with another one.
-void note_distance(MapAlignment& alignment) {
+/// Farther than telemetry is ever wrong: the surface may have been matched with another one. Judged at the camera,
+/// which is where telemetry was.
+void note_distance(const geometry::Trajectory& T_map_camera, MapAlignment& alignment) {
   const TrajectoryAlignment& start = *alignment.trajectory;
-  const double expected_m = std::max(5.0, 3.0 * start.rmse_m);
-  if (alignment.moved_from_start_m <= expected_m || start.roll_sigma_rad > 0.1) return;
+  const double moved_m =
+      rms_motion_m(start.T_local_map, alignment.result.T_target_source, spread_of(positions(T_map_camera)));
+  if (moved_m <= std::max(5.0, 3.0 * start.rmse_m)) return;
   char text[96];
-  std::snprintf(text, sizeof text, "ICP moved the map %.1f m (RMS) away from where telemetry had put it",
-                alignment.moved_from_start_m);
+  std::snprintf(text, sizeof text, "ICP moved the camera %.1f m (RMS) away from where telemetry had put it", moved_m);
   add_note(alignment.result.note, text);
 }
 
@@ -103,7 +110,8 @@ MapAlignment align_map(const PointCloud& map, const Sim3& T_local_map_start, con
   report_progress(progress, steps - 1, steps, "aligning the map");
   alignment.result = step(map, T, target, centered.icp);
   report_progress(progress, steps, steps, "aligning the map");
-  alignment.moved_from_start_m = rms_motion_m(T_local_map_start, alignment.result.T_target_source, spread_of(map));
+  alignment.moved_from_start_m =
+      rms_motion_m(T_local_map_start, alignment.result.T_target_source, spread_of(map.positions));
   return alignment;
 }
 
@@ -114,7 +122,7 @@ MapAlignment align_map(const PointCloud& map, const geometry::Trajectory& T_map_
   MapAlignment alignment = align_map(map, start.T_local_map, target, options, progress);
   alignment.trajectory = start;
   add_note(alignment.result.note, start.note);
-  note_distance(alignment);
+  note_distance(T_map_camera, alignment);
   return alignment;
 }
 
