@@ -79,18 +79,25 @@ std::optional<geometry::Vec3> vector(const Section& section, const std::string& 
   return result;
 }
 
-/// `${NAME}` filled in from the environment.
+/// `NAME` or `NAME:-otherwise`, as in a shell.
+std::string value_of_variable(const Section& section, const YAML::Node& node, const std::string& expression) {
+  const std::size_t mark = expression.find(":-");
+  const std::string name = expression.substr(0, mark);
+  const char* value = std::getenv(name.c_str());
+  if (value != nullptr && *value != '\0') return value;
+  if (mark != std::string::npos) return expression.substr(mark + 2);
+  throw section.fault(node, "the environment variable " + name + " is not set; set it and run again");
+}
+
+/// `${NAME}` and `${NAME:-otherwise}` filled in from the environment.
 std::string filled_in(const Section& section, const YAML::Node& node) {
   std::string text = node.Scalar();
   for (std::size_t open = text.find("${"); open != std::string::npos; open = text.find("${", open)) {
     const std::size_t close = text.find('}', open);
     if (close == std::string::npos) throw section.fault(node, "'${' without '}' in \"" + text + "\"");
-    const std::string name = text.substr(open + 2, close - open - 2);
-    const char* value = std::getenv(name.c_str());
-    if (value == nullptr)
-      throw section.fault(node, "the environment variable " + name + " is not set; set it and run again");
+    const std::string value = value_of_variable(section, node, text.substr(open + 2, close - open - 2));
     text.replace(open, close - open + 1, value);
-    open += std::string_view(value).size();
+    open += value.size();
   }
   return text;
 }

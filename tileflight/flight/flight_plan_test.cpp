@@ -77,6 +77,8 @@ TEST_F(FlightPlanFile, VariablesAreFilledIn) {
   setenv("TILEFLIGHT_FLIGHT_TEST", (folder_ / "deep").c_str(), 1);
   EXPECT_EQ(read(std::string(kMission).replace(8, 4, "${TILEFLIGHT_FLIGHT_TEST}")).camera,
             folder_ / "deep/camera.yaml");
+  EXPECT_EQ(read(std::string(kMission).replace(8, 4, "${TILEFLIGHT_NOT_SET:-other}")).camera,
+            folder_ / "other/camera.yaml");
   EXPECT_THAT(fault("camera: ${TILEFLIGHT_NOT_SET}/c.yaml\n"),
               HasSubstr("flight.yaml:1: the environment variable TILEFLIGHT_NOT_SET is not set"));
   EXPECT_THAT(fault("camera: ${TILEFLIGHT\n"), HasSubstr("'${' without '}'"));
