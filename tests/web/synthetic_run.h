@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/evaluation/paper.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/trajectory.h"
@@ -16,7 +17,8 @@
 
 namespace tileflight::tests {
 
-/// A run folder as an experiment leaves it, of a bowl with a wall around, made by formulas: for tests of the report only.
+/// A run folder as an experiment leaves it, of a bowl with a wall around, made by formulas: for tests of the report
+/// only.
 class SyntheticRun {
  public:
   struct Options {
@@ -26,10 +28,14 @@ class SyntheticRun {
     std::size_t map_points = 20000;
   };
 
-  SyntheticRun(std::filesystem::path folder, Options options) : folder_(std::move(folder)), options_(std::move(options)) {}
+  SyntheticRun(std::filesystem::path folder, Options options)
+      : folder_(std::move(folder)), options_(std::move(options)) {}
 
   void write() const {
-    nlohmann::json results{{"name", options_.name}, {"paper", paper()}, {"truth", truth()}, {"provenance", provenance()}};
+    nlohmann::json results{{"name", options_.name},
+                           {"paper", evaluation::paper_table()},
+                           {"truth", truth()},
+                           {"provenance", provenance()}};
     write_truth();
     results["simulated"] = write_flight("simulated", 0.15, 1);
     if (options_.second_flight) results["real"] = write_flight("real", 0.25, 2);
@@ -49,24 +55,25 @@ class SyntheticRun {
  private:
   using Vec3 = geometry::Vec3;
 
-  static nlohmann::json paper() {
-    return {{"simulated", {{"map", {{"points", 84029}, {"correspondences", 36178}, {"mean", 0.5548}, {"std", 0.1885}}},
-                           {"fov_deg", 155}, {"resolution", {2688, 1512}}, {"fps", 5}, {"frames", 342}}},
-            {"real", {{"map", {{"points", 71918}, {"correspondences", 27820}, {"mean", 0.5733}, {"std", 0.1998}}},
-                      {"fov_deg", 155}, {"resolution", {2688, 1512}}, {"fps", 30}, {"frames", 1000}}}};
-  }
   static nlohmann::json truth() {
-    return {{"voxel_size", 1.0}, {"frame", {{"origin_lat", 35.310344}, {"origin_lon", -80.740007}, {"origin_height", 200.0}}}};
+    return {{"voxel_size", 1.0},
+            {"region", {{"center", {0, 0, 10}}, {"size", {170, 136, 40}}}},
+            {"frame", {{"origin_lat", 35.310344}, {"origin_lon", -80.740007}, {"origin_height", 200.0}}}};
   }
   static nlohmann::json comparison() {
-    return {{"mean_difference", 0.0188}, {"std_difference", 0.0087}, {"points_ratio", 0.9}, {"ks_statistic", 0.061}, {"wasserstein_m", 0.0191},
-            {"mean_difference_ci95", {0.0102, 0.0271}}, {"equivalence_margin_m", 0.05}, {"verdict", "equivalent"}, {"equivalent_within_m", 0.0271}};
+    return {{"mean_difference", -0.02},     {"std_difference", -0.0117}, {"points_ratio", 1.0},
+            {"ks_statistic", 0.061},        {"wasserstein_m", 0.0191},   {"mean_difference_ci95", {-0.0271, -0.0102}},
+            {"equivalence_margin_m", 0.05}, {"verdict", "equivalent"},   {"equivalent_within_m", 0.0271}};
   }
   nlohmann::json provenance() const {
-    return {{"version", "0.1.0"}, {"commit", "0123456789ab"}, {"seed", 7}, {"command", "tileflight run " + options_.name + ".yaml --out out"},
+    return {{"version", "0.1.0"},
+            {"commit", "0123456789ab"},
+            {"seed", 7},
+            {"command", "tileflight run " + options_.name + ".yaml --out out"},
             {"cut_sha256", std::string(64, 'c')},
             {"inputs", {{{"path", options_.name + ".yaml"}, {"sha256", std::string(64, 'a')}}}},
-            {"seconds", {{"truth", 1.25}, {"simulated/odometry", 12.5}}}, {"attribution", {"Synthetic data", options_.name}}};
+            {"seconds", {{"truth", 1.25}, {"simulated/odometry", 12.5}}},
+            {"attribution", {"Synthetic data", options_.name}}};
   }
 
   static std::vector<Vec3> surface_points(std::size_t count, std::mt19937& random) {
@@ -105,7 +112,8 @@ class SyntheticRun {
     for (const Vec3& p : surface_points(options_.map_points, random)) {
       const Vec3 moved = p + (1 + std::abs(p.x()) / 40) * Vec3(noise(random), noise(random), noise(random));
       map.positions.push_back(moved);
-      map.scalars["surface_distance"].push_back(static_cast<float>(std::abs(moved.z() - height_m(moved.x(), moved.y()))));
+      map.scalars["surface_distance"].push_back(
+          static_cast<float>(std::abs(moved.z() - height_m(moved.x(), moved.y()))));
       map.scalars["voxel_distance"].push_back(static_cast<float>(voxel_distance(moved)));
     }
     return map;
@@ -126,23 +134,36 @@ class SyntheticRun {
     for (const double d : kept) square += (d - mean) * (d - mean);
     const auto within = [&](float limit) {
       const std::vector<float>& all = map.scalars.at("surface_distance");
-      return static_cast<double>(std::count_if(all.begin(), all.end(), [&](float d) { return d <= limit; })) / static_cast<double>(all.size());
+      return static_cast<double>(std::count_if(all.begin(), all.end(), [&](float d) { return d <= limit; })) /
+             static_cast<double>(all.size());
     };
     nlohmann::json accuracy;
     for (const char* t : {"0.1", "0.2", "0.5", "1"}) accuracy[t] = within(std::stof(t));
-    return {{"map", {{"points", map.size()}, {"correspondences", kept.size()}, {"mean", mean}, {"std", std::sqrt(square / (static_cast<double>(kept.size()) - 1))},
-                     {"cutoff", 1.0}, {"truth", "voxel-centres"}, {"histogram", {{"edges", edges}, {"counts", counts}}},
-                     {"quantization_floor", {{"mean", 0.481}, {"std", 0.139}}}}},
+    return {{"map",
+             {{"points", map.size()},
+              {"correspondences", kept.size()},
+              {"mean", mean},
+              {"std", std::sqrt(square / (static_cast<double>(kept.size()) - 1))},
+              {"cutoff", 1.0},
+              {"truth", "voxel-centres"},
+              {"histogram", {{"edges", edges}, {"counts", counts}}},
+              {"quantization_floor", {{"mean", 0.481}, {"std", 0.139}}}}},
             {"surface", {{"median", 0.12}, {"accuracy", accuracy}, {"completeness", accuracy}, {"f_score", accuracy}}},
-            {"trajectory", {{"ate_rmse", 0.21}, {"ate_mean", 0.18}, {"ate_max", 0.6}, {"path_length", 312.5}, {"scale", 1.01},
-                            {"rpe", {{{"delta_m", 10}, {"translation_rmse_m", 0.05}, {"rotation_rmse_deg", 0.1}}}}}}};
+            {"trajectory",
+             {{"ate_rmse", 0.21},
+              {"ate_mean", 0.18},
+              {"ate_max", 0.6},
+              {"path_length", 312.5},
+              {"scale", 1.01},
+              {"rpe", {{{"delta_m", 10}, {"translation_rmse_m", 0.05}, {"rotation_rmse_deg", 0.1}}}}}}};
   }
 
   static geometry::Trajectory flight_path(double side, double wobble_m) {
     geometry::Trajectory trajectory;
     for (int i = 0; i <= 120; ++i) {
       const double angle = 0.045 * i;
-      const Vec3 position((48 + side) * std::cos(angle) + wobble_m * std::sin(3 * angle), (38 + side) * std::sin(angle), 40 + 5 * std::sin(angle));
+      const Vec3 position((48 + side) * std::cos(angle) + wobble_m * std::sin(3 * angle), (38 + side) * std::sin(angle),
+                          40 + 5 * std::sin(angle));
       const Vec3 forward = (-position).normalized(), right = forward.cross(Vec3::UnitZ()).normalized();
       geometry::Mat3 axes;
       axes << right, forward.cross(right), forward;
@@ -174,8 +195,10 @@ class SyntheticRun {
       id.insert(0, 6 - id.size(), '0');
       imaging::write_rgb(dataset / "images" / (id + ".jpg"), picture(static_cast<int>(i), second));
       times << id << ' ' << path.poses[i].time_s << " 5\n";
-      const geometry::Geodetic place = frame.geodetic_from_local(path.poses[i].T_local_camera.translation + Vec3(0.8, -0.6, 0));
-      gps << path.poses[i].time_s << ',' << place.latitude_deg << ',' << place.longitude_deg << ',' << place.height.m << ",1,2\n";
+      const geometry::Geodetic place =
+          frame.geodetic_from_local(path.poses[i].T_local_camera.translation + Vec3(0.8, -0.6, 0));
+      gps << path.poses[i].time_s << ',' << place.latitude_deg << ',' << place.longitude_deg << ',' << place.height.m
+          << ",1,2\n";
     }
     geometry::write_tum(dataset / "groundtruth.txt", path);
   }
@@ -188,19 +211,38 @@ class SyntheticRun {
     write_dataset(flight / "dataset", path, second);
     std::filesystem::create_directories(flight / "odometry");
     const geometry::Sim3 T_local_map(2.5, Eigen::Quaterniond(0.8, 0.1, -0.3, 0.5), Vec3(5, -7, 40));
-    geometry::write_tum(flight / "odometry/trajectory.txt", geometry::transformed(T_local_map.inverse(), flight_path(second ? 6 : 0, 1.2)));
+    geometry::write_tum(flight / "odometry/trajectory.txt",
+                        geometry::transformed(T_local_map.inverse(), flight_path(second ? 6 : 0, 1.2)));
     nlohmann::json matrix = nlohmann::json::array();
     for (int r = 0; r < 4; ++r) {
-      matrix.push_back({T_local_map.matrix()(r, 0), T_local_map.matrix()(r, 1), T_local_map.matrix()(r, 2), T_local_map.matrix()(r, 3)});
+      matrix.push_back({T_local_map.matrix()(r, 0), T_local_map.matrix()(r, 1), T_local_map.matrix()(r, 2),
+                        T_local_map.matrix()(r, 3)});
     }
     std::ofstream(flight / "transform.json") << nlohmann::json{{"matrix", matrix}}.dump();
     const geometry::PointCloud map = map_of(noise_m, seed);
     geometry::write_cloud(flight / "errors.ply", map);
     nlohmann::json values = metrics_of(map);
-    values.update({{"frames", 121}, {"fov_deg", 155.0}, {"resolution", {320, 180}}, {"fps", 5.0}, {"duration_s", 24.0},
+    values.update({{"frames", 121},
+                   {"fov_deg", 155.0},
+                   {"resolution", {320, 180}},
+                   {"fps", 5.0},
+                   {"duration_s", 24.0},
                    {"kind", second ? options_.kind : "simulated"},
-                   {"odometry", {{"frames", 121}, {"frames_tracked", 121}, {"lost", false}, {"keyframes", 30}, {"points", map.size()}, {"seconds", 6.0}, {"frames_per_second", 20.2}}},
-                   {"alignment", {{"method", "point-to-point"}, {"converged", true}, {"iterations", 42}, {"scale", 2.5}, {"rmse", 0.41}, {"fitness", 0.7}}}});
+                   {"odometry",
+                    {{"frames", 121},
+                     {"frames_tracked", 121},
+                     {"lost", false},
+                     {"keyframes", 30},
+                     {"points", map.size()},
+                     {"seconds", 6.0},
+                     {"frames_per_second", 20.2}}},
+                   {"alignment",
+                    {{"method", "point-to-point"},
+                     {"converged", true},
+                     {"iterations", 42},
+                     {"scale", 2.5},
+                     {"rmse", 0.41},
+                     {"fitness", 0.7}}}});
     return values;
   }
 

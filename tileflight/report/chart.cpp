@@ -20,11 +20,17 @@ struct Frame {
   ChartAxis x, y;
 
   double across(double value) const { return kLeft + (value - x.low) / (x.high - x.low) * (kWidth - kLeft - kRight); }
-  double down(double value) const { return kHeight - kBottom - (value - y.low) / (y.high - y.low) * (kHeight - kTop - kBottom); }
+  double down(double value) const {
+    return kHeight - kBottom - (value - y.low) / (y.high - y.low) * (kHeight - kTop - kBottom);
+  }
 };
 
 Html line(double x1, double y1, double x2, double y2, const std::string& style) {
-  return empty_element("line", {{"x1", svg_number(x1)}, {"y1", svg_number(y1)}, {"x2", svg_number(x2)}, {"y2", svg_number(y2)}, {"class", style}});
+  return empty_element("line", {{"x1", svg_number(x1)},
+                                {"y1", svg_number(y1)},
+                                {"x2", svg_number(x2)},
+                                {"y2", svg_number(y2)},
+                                {"class", style}});
 }
 
 Html label(double x, double y, const std::string& anchor, const std::string& content) {
@@ -35,10 +41,12 @@ double step_of(const std::vector<double>& ticks) { return ticks.size() > 1 ? tic
 
 Html axes(const Frame& frame) {
   Html result;
-  const std::vector<double> across = nice_ticks(frame.x.low, frame.x.high, kTicks), up = nice_ticks(frame.y.low, frame.y.high, kTicks);
+  const std::vector<double> across = nice_ticks(frame.x.low, frame.x.high, kTicks),
+                            up = nice_ticks(frame.y.low, frame.y.high, kTicks);
   for (const double tick : across) {
     const double x = frame.across(tick);
-    result += line(x, kHeight - kBottom, x, kHeight - kBottom + 5, "axis") + label(x, kHeight - kBottom + 19, "middle", tick_text(tick, step_of(across)));
+    result += line(x, kHeight - kBottom, x, kHeight - kBottom + 5, "axis") +
+              label(x, kHeight - kBottom + 19, "middle", tick_text(tick, step_of(across)));
   }
   for (const double tick : up) {
     const double y = frame.down(tick);
@@ -47,7 +55,11 @@ Html axes(const Frame& frame) {
   result += line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "axis");
   result += label((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle", frame.x.label);
   const double middle = (kTop + kHeight - kBottom) / 2;
-  result += element("text", {{"x", "14"}, {"y", svg_number(middle)}, {"text-anchor", "middle"}, {"transform", "rotate(-90 14 " + svg_number(middle) + ")"}},
+  result += element("text",
+                    {{"x", "14"},
+                     {"y", svg_number(middle)},
+                     {"text-anchor", "middle"},
+                     {"transform", "rotate(-90 14 " + svg_number(middle) + ")"}},
                     text(frame.y.label));
   return result;
 }
@@ -90,7 +102,8 @@ Html legend_of(const Chart& chart) {
 Html legend(const std::vector<LegendEntry>& entries) {
   Html list;
   for (const LegendEntry& entry : entries) {
-    const Html sample = element("svg", {{"viewBox", "0 0 24 10"}, {"class", "sample"}, {"aria-hidden", "true"}}, line(1, 5, 23, 5, entry.style));
+    const Html sample = element("svg", {{"viewBox", "0 0 24 10"}, {"class", "sample"}, {"aria-hidden", "true"}},
+                                line(1, 5, 23, 5, entry.style));
     list += element("li", sample + text(entry.name));
   }
   return element("ul", {{"class", "legend"}}, list);
@@ -102,7 +115,12 @@ Html draw(const Chart& chart) {
   for (const ChartLine& series : chart.lines) content += draw_line(frame, series);
   for (const ChartMark& mark : chart.marks) content += draw_mark(frame, mark);
   const std::string view_box = "0 0 " + svg_number(kWidth) + " " + svg_number(kHeight);
-  return element("svg", {{"viewBox", view_box}, {"role", "img"}, {"aria-label", chart.title + ". " + chart.description}, {"class", "chart"}}, content) +
+  return element("svg",
+                 {{"viewBox", view_box},
+                  {"role", "img"},
+                  {"aria-label", chart.title + ". " + chart.description},
+                  {"class", "chart"}},
+                 content) +
          legend_of(chart);
 }
 

@@ -9,7 +9,8 @@
 
 namespace tileflight::report {
 
-/// A line of a chart, in the chart's own units. `style` is a class of the page's style sheet ("simulated", "real", "floor", …).
+/// A line of a chart, in the chart's own units. `style` is a class of the page's style sheet ("simulated", "real",
+/// "floor", …).
 struct ChartLine {
   std::string name;
   std::string style;
@@ -31,7 +32,7 @@ struct ChartAxis {
 
 /// A chart with two linear axes.
 struct Chart {
-  std::string title;        ///< for those who cannot see it, with `description`
+  std::string title;  ///< for those who cannot see it, with `description`
   std::string description;
   ChartAxis x, y;
   std::vector<ChartLine> lines;

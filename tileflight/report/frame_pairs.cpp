@@ -12,8 +12,10 @@ namespace {
 
 /// How many metres apart count as much as a turn by a degree, when pairs are chosen.
 constexpr double kMetresPerDegree = 0.5;
-/// Pictures of each part of a flight that are looked at; pairs need not be the very best.
-constexpr std::size_t kMostCandidates = 300;
+/// Pictures of a flight that are looked at; pairs need not be the very best.
+constexpr std::size_t kMostCandidates = 400;
+/// Cameras that are turned farther from each other do not show the same.
+constexpr double kMostApart_deg = 60.0;
 constexpr int kJpegQuality = 82;
 
 struct PosedFrame {
@@ -32,25 +34,61 @@ std::vector<PosedFrame> posed(const FlightRun& flight) {
   return result;
 }
 
-FramePair pair_of(const PosedFrame& a, const PosedFrame& b) {
-  const double angle_deg = a.T_local_camera.rotation.angularDistance(b.T_local_camera.rotation) * 180 / std::numbers::pi;
-  return {a.file, b.file, (a.T_local_camera.translation - b.T_local_camera.translation).norm(), angle_deg};
+std::vector<PosedFrame> thinned(const std::vector<PosedFrame>& frames) {
+  const std::size_t step = frames.size() / kMostCandidates + 1;
+  std::vector<PosedFrame> result;
+  for (std::size_t i = 0; i < frames.size(); i += step) result.push_back(frames[i]);
+  return result;
 }
 
-double unlikeness(const FramePair& pair) { return *pair.distance_m + kMetresPerDegree * *pair.angle_deg; }
+/// A pair by the places of its pictures in both lists.
+struct Candidate {
+  std::size_t i, j;
+  double distance_m, angle_deg;
 
-/// The most alike pair with the first picture from [begin, end).
-FramePair best_pair(const std::vector<PosedFrame>& first, std::size_t begin, std::size_t end, const std::vector<PosedFrame>& second) {
-  const std::size_t step = std::max<std::size_t>(1, (end - begin) / kMostCandidates);
-  const std::size_t other_step = std::max<std::size_t>(1, second.size() / kMostCandidates);
-  FramePair best = pair_of(first[begin], second[0]);
-  for (std::size_t i = begin; i < end; i += step) {
-    for (std::size_t j = 0; j < second.size(); j += other_step) {
-      const FramePair candidate = pair_of(first[i], second[j]);
-      if (unlikeness(candidate) < unlikeness(best)) best = candidate;
+  double unlikeness() const { return distance_m + kMetresPerDegree * angle_deg; }
+};
+
+Candidate candidate(const std::vector<PosedFrame>& first, std::size_t i, const std::vector<PosedFrame>& second,
+                    std::size_t j) {
+  const geometry::SE3 &a = first[i].T_local_camera, &b = second[j].T_local_camera;
+  return {i, j, (a.translation - b.translation).norm(),
+          a.rotation.angularDistance(b.rotation) * 180 / std::numbers::pi};
+}
+
+/// All pairs that look about the same way, the most alike first.
+std::vector<Candidate> candidates(const std::vector<PosedFrame>& first, const std::vector<PosedFrame>& second) {
+  std::vector<Candidate> result;
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    for (std::size_t j = 0; j < second.size(); ++j) {
+      const Candidate pair = candidate(first, i, second, j);
+      if (pair.angle_deg <= kMostApart_deg) result.push_back(pair);
     }
   }
-  return best;
+  std::stable_sort(result.begin(), result.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.unlikeness() < b.unlikeness(); });
+  return result;
+}
+
+/// Takes the most alike pairs one by one, each at least a sixth of the wanted spacing away from those taken, in both
+/// flights.
+std::vector<FramePair> most_alike(const std::vector<PosedFrame>& first, const std::vector<PosedFrame>& second,
+                                  std::size_t count) {
+  const auto apart = [count](std::size_t a, std::size_t b, std::size_t size) {
+    return std::max(a, b) - std::min(a, b) >= std::max<std::size_t>(1, size / (6 * count));
+  };
+  std::vector<Candidate> taken;
+  for (const Candidate& next : candidates(first, second)) {
+    if (taken.size() == count) break;
+    const bool is_new = std::all_of(taken.begin(), taken.end(), [&](const Candidate& other) {
+      return apart(next.i, other.i, first.size()) && apart(next.j, other.j, second.size());
+    });
+    if (is_new) taken.push_back(next);
+  }
+  std::sort(taken.begin(), taken.end(), [](const Candidate& a, const Candidate& b) { return a.i < b.i; });
+  std::vector<FramePair> pairs;
+  for (const Candidate& c : taken) pairs.push_back({first[c.i].file, second[c.j].file, c.distance_m, c.angle_deg});
+  return pairs;
 }
 
 }  // namespace
@@ -64,12 +102,8 @@ std::vector<FrameFile> spread(const std::vector<FrameFile>& frames, std::size_t 
 }
 
 std::vector<FramePair> frame_pairs(const FlightRun& first, const FlightRun& second, std::size_t count) {
-  const std::vector<PosedFrame> a = posed(first), b = posed(second);
-  std::vector<FramePair> pairs;
-  if (a.size() >= count && !b.empty()) {
-    for (std::size_t part = 0; part < count; ++part) pairs.push_back(best_pair(a, part * a.size() / count, (part + 1) * a.size() / count, b));
-    return pairs;
-  }
+  std::vector<FramePair> pairs = most_alike(thinned(posed(first)), thinned(posed(second)), count);
+  if (!pairs.empty()) return pairs;
   const std::vector<FrameFile> left = spread(first.frames, count), right = spread(second.frames, count);
   for (std::size_t i = 0; i < std::min(left.size(), right.size()); ++i) pairs.push_back({left[i], right[i], {}, {}});
   return pairs;
@@ -77,7 +111,8 @@ std::vector<FramePair> frame_pairs(const FlightRun& first, const FlightRun& seco
 
 imaging::RgbImage scaled_down(const imaging::RgbImage& image, int width) {
   if (image.width <= width) return image;
-  const int height = std::max(1, static_cast<int>(std::lround(static_cast<double>(image.height) * width / image.width)));
+  const int height =
+      std::max(1, static_cast<int>(std::lround(static_cast<double>(image.height) * width / image.width)));
   imaging::RgbImage result(width, height);
   for (int y = 0; y < height; ++y) {
     const int top = static_cast<int>(std::int64_t{y} * image.height / height);

@@ -17,8 +17,9 @@ struct FramePair {
   std::optional<double> angle_deg;
 };
 
-/// `count` pairs spread over the first flight: in each part of it the two pictures whose poses (aligned estimates, else true
-/// poses) are most alike. Without poses, pictures at the same share of both flights.
+/// At most `count` pairs whose poses (aligned estimates, else true poses) are most alike, in the order of the first
+/// flight; a picture is in one pair only, and so are its neighbours. Pictures that look in quite other directions are
+/// no pair: there may be fewer. Without poses, or without any pair, pictures at the same share of both flights.
 std::vector<FramePair> frame_pairs(const FlightRun& first, const FlightRun& second, std::size_t count);
 
 /// `count` pictures spread evenly over a flight.

@@ -7,10 +7,13 @@ namespace {
 
 constexpr std::string_view kReplacement = "\xEF\xBF\xBD";  // U+FFFD
 
-/// Length of the well-formed UTF-8 sequence at the start (RFC 3629: no overlong forms, no surrogates); 0 if there is none.
+/// Length of the well-formed UTF-8 sequence at the start (RFC 3629: no overlong forms, no surrogates); 0 if there is
+/// none.
 std::size_t sequence_length(std::string_view s) {
   const auto byte = [&](std::size_t i) { return i < s.size() ? static_cast<unsigned char>(s[i]) : 0u; };
-  const auto continues = [&](std::size_t i, unsigned low = 0x80, unsigned high = 0xBF) { return byte(i) >= low && byte(i) <= high; };
+  const auto continues = [&](std::size_t i, unsigned low = 0x80, unsigned high = 0xBF) {
+    return byte(i) >= low && byte(i) <= high;
+  };
   const unsigned first = byte(0);
   if (first < 0x80) return 1;
   if (first >= 0xC2 && first <= 0xDF) return continues(1) ? 2 : 0;
@@ -18,7 +21,8 @@ std::size_t sequence_length(std::string_view s) {
     return continues(1, first == 0xE0 ? 0xA0 : 0x80, first == 0xED ? 0x9F : 0xBF) && continues(2) ? 3 : 0;
   }
   if (first >= 0xF0 && first <= 0xF4) {
-    return continues(1, first == 0xF0 ? 0x90 : 0x80, first == 0xF4 ? 0x8F : 0xBF) && continues(2) && continues(3) ? 4 : 0;
+    return continues(1, first == 0xF0 ? 0x90 : 0x80, first == 0xF4 ? 0x8F : 0xBF) && continues(2) && continues(3) ? 4
+                                                                                                                  : 0;
   }
   return 0;
 }
@@ -85,13 +89,17 @@ Html element(std::string_view name, const Attributes& attributes, const Html& co
 
 Html element(std::string_view name, const Html& content) { return element(name, {}, content); }
 
-Html empty_element(std::string_view name, const Attributes& attributes) { return Html::trusted(opened(name, attributes) + "/>"); }
+Html empty_element(std::string_view name, const Attributes& attributes) {
+  return Html::trusted(opened(name, attributes) + "/>");
+}
 
 std::string data_uri(std::string_view media_type, std::string_view bytes) {
   constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string result = "data:" + std::string(media_type) + ";base64,";
   result.reserve(result.size() + bytes.size() / 3 * 4 + 4);
-  const auto byte = [&](std::size_t i) { return i < bytes.size() ? std::uint32_t{static_cast<unsigned char>(bytes[i])} : 0u; };
+  const auto byte = [&](std::size_t i) {
+    return i < bytes.size() ? std::uint32_t{static_cast<unsigned char>(bytes[i])} : 0u;
+  };
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
     const std::uint32_t group = byte(i) << 16 | byte(i + 1) << 8 | byte(i + 2);
     result += kAlphabet[group >> 18];

@@ -7,8 +7,9 @@
 
 namespace tileflight::report {
 
-/// Markup that is safe to put on a page: made from plain text by `text`, from other markup by `element`, so that nothing a user or
-/// a file gave can reach the page unescaped. Written so that the page is well-formed XML too, which tests check.
+/// Markup that is safe to put on a page: made from plain text by `text`, from other markup by `element`, so that
+/// nothing a user or a file gave can reach the page unescaped. Written so that the page is well-formed XML too, which
+/// tests check.
 class Html {
  public:
   Html() = default;

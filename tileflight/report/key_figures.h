@@ -33,7 +33,14 @@ KeyFigures key_figures(const nlohmann::json& results);
 /// What the second flight is called: "Surrogate" unless it is a video, and never "Real" unless it is.
 std::string flight_label(const std::string& key, const nlohmann::json& flight);
 
-/// One sentence: what the run found, and what it says about simulation predicting the second flight.
+/// "surrogate", for the middle of a sentence.
+std::string lower_case(std::string label);
+
+/// What a reader must know of the table's first rows; empty if there is nothing to say.
+std::string remark_on_floor(const nlohmann::json& results);
+
+/// One sentence: whether simulation predicted the second flight, and the means; further ones only for what makes the
+/// numbers doubtful.
 std::string verdict(const nlohmann::json& results);
 
 }  // namespace tileflight::report

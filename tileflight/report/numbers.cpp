@@ -52,7 +52,8 @@ std::string percent(const std::optional<double>& share, int decimals) {
 }
 
 std::string with_sign(const std::optional<double>& value, int decimals) {
-  return value && *value >= 0 ? "+" + fixed(value, decimals) : fixed(value, decimals);
+  if (!value || !std::isfinite(*value)) return kUnknown;
+  return (std::signbit(*value) ? "\u2212" : "+") + fixed(std::abs(*value), decimals);
 }
 
 }  // namespace tileflight::report

@@ -21,7 +21,7 @@ std::string count(const std::optional<double>& value);
 std::string shortest(const std::optional<double>& value);
 /// A share as a percentage: 0.4305 is 43.1 %.
 std::string percent(const std::optional<double>& share, int decimals = 1);
-/// With its sign: +0.019.
+/// With its sign (a true minus, U+2212): +0.019.
 std::string with_sign(const std::optional<double>& value, int decimals);
 
 }  // namespace tileflight::report

@@ -13,7 +13,8 @@ struct Encoder {
   png_infop info = nullptr;
   Encoder() {
     // It writes to memory what this program drew: a fault here is a bug.
-    png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, [](png_structp, png_const_charp) { std::abort(); }, nullptr);
+    png = png_create_write_struct(
+        PNG_LIBPNG_VER_STRING, nullptr, [](png_structp, png_const_charp) { std::abort(); }, nullptr);
     info = png_create_info_struct(png);
   }
   ~Encoder() { png_destroy_write_struct(&png, &info); }
@@ -43,8 +44,9 @@ std::string encode_png(const PaletteImage& image) {
   std::string bytes;
   Encoder encoder;
   png_set_write_fn(encoder.png, &bytes, append, nullptr);
-  png_set_IHDR(encoder.png, encoder.info, static_cast<png_uint_32>(image.indices.width), static_cast<png_uint_32>(image.indices.height), 8,
-               PNG_COLOR_TYPE_PALETTE, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(encoder.png, encoder.info, static_cast<png_uint_32>(image.indices.width),
+               static_cast<png_uint_32>(image.indices.height), 8, PNG_COLOR_TYPE_PALETTE, PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   set_palette(encoder, image.palette);
   png_write_info(encoder.png, encoder.info);
   for (int y = 0; y < image.indices.height; ++y) png_write_row(encoder.png, image.indices.row(y));

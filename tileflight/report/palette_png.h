@@ -11,8 +11,8 @@ namespace tileflight::report {
 
 using Rgba8 = std::array<std::uint8_t, 4>;  ///< red, green, blue, opacity
 
-/// A picture of at most 256 colours with opacity: each pixel is an index into the palette. Points on a transparent ground, as the page's
-/// layers are, take a tenth of what full colour takes.
+/// A picture of at most 256 colours with opacity: each pixel is an index into the palette. Points on a transparent
+/// ground, as the page's layers are, take a tenth of what full colour takes.
 struct PaletteImage {
   imaging::GrayImage indices;
   std::vector<Rgba8> palette;

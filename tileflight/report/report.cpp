@@ -22,13 +22,15 @@ Html columns(const Html& content) { return element("div", {{"class", "columns"}}
 
 /// In the order of reading; empty ones are left out.
 std::vector<Section> sections_of(const RunFolder& run) {
-  const std::vector<Section> all{
-      {"errors", "Map error", columns(histogram_figure(run) + cumulative_figure(run)) + surface_table(run.flights) + comparison_table(run.results)},
-      {"frames", "Pictures of the flights", frames_figure(run)},
-      {"error-maps", "Where the error is", error_maps_figure(run)},
-      {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights))},
-      {"tracking", "Odometry and alignment", tracking_table(run.flights)},
-      {"provenance", "Where the numbers come from", element("div", {{"class", "provenance"}}, provenance_tables(run.results))}};
+  const std::vector<Section> all{{"errors", "Map error",
+                                  columns(histogram_figure(run) + cumulative_figure(run)) + surface_table(run.flights) +
+                                      comparison_table(run.results)},
+                                 {"frames", "Pictures of the flights", frames_figure(run)},
+                                 {"error-maps", "Where the error is", error_maps_figure(run)},
+                                 {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights))},
+                                 {"tracking", "Odometry and alignment", tracking_table(run.flights)},
+                                 {"provenance", "Where the numbers come from",
+                                  element("div", {{"class", "provenance"}}, provenance_tables(run.results))}};
   std::vector<Section> shown;
   for (const Section& section : all) {
     const bool empty = section.content.empty() || section.content.str() == columns(Html()).str();
@@ -39,7 +41,8 @@ std::vector<Section> sections_of(const RunFolder& run) {
 
 Html navigation(const std::vector<Section>& sections) {
   Html items;
-  for (const Section& section : sections) items += element("li", element("a", {{"href", "#" + section.id}}, text(section.title)));
+  for (const Section& section : sections)
+    items += element("li", element("a", {{"href", "#" + section.id}}, text(section.title)));
   return element("nav", {{"aria-label", "Sections"}}, element("ul", items));
 }
 
@@ -58,35 +61,52 @@ std::string name_of(const nlohmann::json& results) {
 std::string second_flight_note(const nlohmann::json& results) {
   const std::string kind = text_at(results, "/real/kind").value_or("");
   if (kind != "surrogate") return "";
-  return " The second flight is a surrogate: no video of a real flight, but rendered, with a camera made worse on purpose.";
+  return " The second flight is a surrogate: no video of a real flight, but rendered, with a camera made worse on "
+         "purpose.";
+}
+
+Html floor_note(const nlohmann::json& results) {
+  const std::string remark = remark_on_floor(results);
+  return remark.empty() ? Html() : element("p", {{"class", "note"}}, text(remark));
 }
 
 Html head(const std::string& name) {
-  return element("head", empty_element("meta", {{"charset", "utf-8"}}) +
-                             empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
-                             // Nothing is loaded from anywhere, and nothing runs, whatever names and files held.
-                             empty_element("meta", {{"http-equiv", "Content-Security-Policy"},
-                                                    {"content", "default-src 'none'; img-src data:; style-src 'unsafe-inline'"}}) +
-                             element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(std::string(style_sheet()))));
+  return element(
+      "head", empty_element("meta", {{"charset", "utf-8"}}) +
+                  empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
+                  // Nothing is loaded from anywhere, and nothing runs, whatever names and files held.
+                  empty_element("meta", {{"http-equiv", "Content-Security-Policy"},
+                                         {"content", "default-src 'none'; img-src data:; style-src 'unsafe-inline'"}}) +
+                  element("title", text(name + " \u2013 tileflight")) +
+                  element("style", Html::trusted(std::string(style_sheet()))));
 }
 
 Html body(const RunFolder& run) {
   const std::vector<Section> sections = sections_of(run);
-  const std::string subtitle = "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth from 3D Tiles." +
-                               second_flight_note(run.results);
-  const Html top = element("a", {{"class", "skip"}, {"href", "#main"}}, text("Skip to the results")) +
-                   element("header", element("h1", text(name_of(run.results))) + element("p", {{"class", "subtitle"}}, text(subtitle)) +
-                                         element("p", {{"class", "verdict"}}, text(verdict(run.results))) + navigation(sections));
-  const Html first_screen = element("section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
-                                    element("div", key_figures_table(key_figures(run.results))) + maps_figure(run));
+  const std::string subtitle =
+      "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth "
+      "from 3D Tiles." +
+      second_flight_note(run.results);
+  const Html top =
+      element("a", {{"class", "skip"}, {"href", "#main"}}, text("Skip to the results")) +
+      element("header", element("h1", text(name_of(run.results))) +
+                            element("p", {{"class", "subtitle"}}, text(subtitle)) +
+                            element("p", {{"class", "verdict"}}, text(verdict(run.results))) + navigation(sections));
+  const Html first_screen =
+      element("section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
+              element("div", key_figures_table(key_figures(run.results)) + floor_note(run.results)) + maps_figure(run));
   Html rest;
   for (const Section& section : sections) {
     rest += element("section", {{"id", section.id}, {"aria-labelledby", section.id + "-title"}},
                     element("h2", {{"id", section.id + "-title"}}, text(section.title)) + section.content);
   }
-  return element("body", top + element("main", {{"id", "main"}}, first_screen + rest + notice(run.missing)) +
-                             element("footer", text("Made by tileflight. Published figures: Beam et al., Cesium Tiles for High-realism Simulation and "
-                                                    "Comparing SLAM Results in Corresponding Virtual and Real-world Environments.")));
+  return element(
+      "body",
+      top + element("main", {{"id", "main"}}, first_screen + rest + notice(run.missing)) +
+          element(
+              "footer",
+              text("Made by tileflight. Published figures: Beam et al., Cesium Tiles for High-realism Simulation and "
+                   "Comparing SLAM Results in Corresponding Virtual and Real-world Environments.")));
 }
 
 }  // namespace

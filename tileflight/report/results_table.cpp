@@ -31,11 +31,13 @@ struct Widths {
 
 Widths widths_of(const KeyFigures& figures) {
   Widths widths;
-  for (const FlightColumn& column : figures.columns) widths.columns.push_back(std::max<std::size_t>(12, width_of(column.label)));
+  for (const FlightColumn& column : figures.columns)
+    widths.columns.push_back(std::max<std::size_t>(12, width_of(column.label)));
   for (const auto* rows : {&figures.as_published, &figures.beyond}) {
     for (const FigureRow& row : *rows) {
       widths.label = std::max(widths.label, width_of(row.label));
-      for (std::size_t i = 0; i < row.cells.size(); ++i) widths.columns[i] = std::max(widths.columns[i], width_of(row.cells[i]));
+      for (std::size_t i = 0; i < row.cells.size(); ++i)
+        widths.columns[i] = std::max(widths.columns[i], width_of(row.cells[i]));
     }
   }
   return widths;

@@ -54,7 +54,8 @@ geometry::Sim3 read_transform(const fs::path& file) {
 }
 
 std::optional<geometry::LocalFrame> local_frame(const json& results) {
-  const auto latitude = number_at(results, "/truth/frame/origin_lat"), longitude = number_at(results, "/truth/frame/origin_lon"),
+  const auto latitude = number_at(results, "/truth/frame/origin_lat"),
+             longitude = number_at(results, "/truth/frame/origin_lon"),
              height = number_at(results, "/truth/frame/origin_height");
   if (!latitude || !longitude || !height) return std::nullopt;
   return geometry::LocalFrame({*latitude, *longitude, {*height}});
@@ -76,7 +77,8 @@ std::vector<geometry::Vec3> read_telemetry(const fs::path& file, const geometry:
 
 /// Reads one part of the folder into `part` if it is there, else notes that it is missing.
 template <class Read>
-void read_part(const fs::path& folder, const fs::path& file, const std::string& purpose, std::vector<std::string>& missing, const Read& read) {
+void read_part(const fs::path& folder, const fs::path& file, const std::string& purpose,
+               std::vector<std::string>& missing, const Read& read) {
   if (fs::exists(folder / file)) {
     read(folder / file);
   } else {
@@ -85,7 +87,8 @@ void read_part(const fs::path& folder, const fs::path& file, const std::string& 
 }
 
 void read_estimate(const fs::path& folder, FlightRun& flight, std::vector<std::string>& missing) {
-  const fs::path poses = fs::path(flight.key) / "odometry/trajectory.txt", transform = fs::path(flight.key) / "transform.json";
+  const fs::path poses = fs::path(flight.key) / "odometry/trajectory.txt",
+                 transform = fs::path(flight.key) / "transform.json";
   read_part(folder, transform, "no estimated path", missing, [&](const fs::path& transform_file) {
     read_part(folder, poses, "no estimated path", missing, [&](const fs::path& poses_file) {
       flight.estimate = geometry::transformed(read_transform(transform_file), geometry::read_tum(poses_file));
@@ -93,7 +96,8 @@ void read_estimate(const fs::path& folder, FlightRun& flight, std::vector<std::s
   });
 }
 
-FlightRun read_flight(const fs::path& folder, const std::string& key, const json& results, std::vector<std::string>& missing) {
+FlightRun read_flight(const fs::path& folder, const std::string& key, const json& results,
+                      std::vector<std::string>& missing) {
   FlightRun flight;
   flight.key = key;
   flight.values = results[key];
@@ -125,7 +129,8 @@ RunFolder read_run_folder(const std::filesystem::path& folder) {
     if (run.results.contains(key) && run.results[key].is_object()) {
       run.flights.push_back(read_flight(folder, key, run.results, run.missing));
     } else {
-      run.missing.push_back(std::string("the experiment has no ") + (key == std::string("real") ? "second" : key) + " flight");
+      run.missing.push_back(std::string("the experiment has no ") + (key == std::string("real") ? "second" : key) +
+                            " flight");
     }
   }
   return run;

@@ -19,22 +19,22 @@ struct FrameFile {
 
 /// What a run folder holds of one flight; everything in the local frame.
 struct FlightRun {
-  std::string key;                                   ///< "simulated" or "real"
-  std::string label;                                 ///< "Simulated", "Surrogate", …
-  nlohmann::json values;                             ///< its part of results.json
+  std::string key;        ///< "simulated" or "real"
+  std::string label;      ///< "Simulated", "Surrogate", …
+  nlohmann::json values;  ///< its part of results.json
   std::vector<FrameFile> frames;
-  std::optional<geometry::Trajectory> estimate;      ///< odometry's poses, aligned
-  std::optional<geometry::Trajectory> truth;         ///< true poses
-  std::vector<geometry::Vec3> telemetry;             ///< positions from gps.csv
-  std::optional<geometry::PointCloud> errors;        ///< aligned map with voxel_distance and surface_distance
+  std::optional<geometry::Trajectory> estimate;  ///< odometry's poses, aligned
+  std::optional<geometry::Trajectory> truth;     ///< true poses
+  std::vector<geometry::Vec3> telemetry;         ///< positions from gps.csv
+  std::optional<geometry::PointCloud> errors;    ///< aligned map with voxel_distance and surface_distance
 };
 
 struct RunFolder {
   nlohmann::json results;
   std::optional<geometry::PointCloud> voxel_centers;
   double voxel_m = 1.0;
-  std::vector<FlightRun> flights;                    ///< those that results.json names, simulated first
-  std::vector<std::string> missing;                  ///< one line for each part that a page could show and that is not there
+  std::vector<FlightRun> flights;    ///< those that results.json names, simulated first
+  std::vector<std::string> missing;  ///< one line for each part that a page could show and that is not there
 };
 
 /// Throws InputError: no results.json, not JSON, or a part that is there is malformed.

@@ -15,6 +15,10 @@ std::string_view style_sheet() {
     --simulated: #6ea0f5; --real: #f2766f; --truth: #63bf87; --floor: #9aa5af; --focus: #8fb6ff;
   }
 }
+@media (prefers-color-scheme: dark) {
+  svg .layer.truth { filter: brightness(.62) saturate(1.2); }
+  svg .layer.simulated, svg .layer.real { filter: brightness(1.35); }
+}
 * { box-sizing: border-box; }
 html { font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", "DejaVu Sans", sans-serif; }
 body { margin: 0; color: var(--ink); background: var(--paper); }
@@ -32,12 +36,13 @@ h3 { font-size: 1rem; margin: 0 0 .4rem; }
 .notice { margin: 0 0 1.2rem; padding: .7rem 1.1rem; border: 1px dashed var(--quiet); color: var(--quiet); max-width: 62rem; font-size: .92rem; }
 .notice ul { margin: .2rem 0 0; padding-left: 1.2rem; }
 nav ul { display: flex; flex-wrap: wrap; gap: .3rem 1.2rem; list-style: none; margin: 0; padding: 0; font-size: .92rem; }
-.first-screen { display: grid; grid-template-columns: minmax(0, 1.15fr) minmax(0, 1fr); gap: 2rem; align-items: start; margin-top: 1.4rem; }
+.first-screen { display: grid; grid-template-columns: minmax(0, 1.25fr) minmax(0, 1fr); gap: 2rem; align-items: start; margin-top: 1.4rem; }
 .columns { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 1.6rem 2rem; align-items: start; }
 .columns > :only-child { grid-column: 1 / -1; max-width: 42rem; }
 figure { margin: 0 0 1.4rem; }
 figcaption { color: var(--quiet); font-size: .9rem; margin-top: .5rem; max-width: 46rem; }
-.table-frame { overflow-x: auto; margin: 0 0 1.4rem; }
+.table-frame { overflow-x: auto; margin: 0 0 1.4rem; max-width: 48rem; }
+.provenance .table-frame { max-width: none; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .92rem; width: 100%; }
 caption { text-align: left; font-weight: 600; padding-bottom: .5rem; }
 th, td { padding: .34rem .6rem; text-align: right; border-bottom: 1px solid var(--grid); vertical-align: top; }
@@ -45,7 +50,8 @@ th { font-weight: 500; }
 tbody th, thead td, th:first-child, td:first-child { text-align: left; padding-left: 0; }
 thead th { border-bottom: 2px solid var(--rule); font-weight: 600; }
 thead th[scope=colgroup] { border-bottom: 1px solid var(--rule); text-align: center; }
-.key-figures td { white-space: nowrap; }
+.key-figures { font-size: .9rem; }
+.key-figures th, .key-figures td { padding-left: .3rem; padding-right: .3rem; white-space: nowrap; }
 .key-figures td.published { color: var(--quiet); }
 .key-figures td.simulated { font-weight: 600; color: var(--simulated); }
 .key-figures td.real { font-weight: 600; color: var(--real); }
@@ -81,7 +87,7 @@ svg .backdrop { opacity: .3; }
 .legend { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; list-style: none; margin: .4rem 0 0; padding: 0; font-size: .88rem; }
 .legend li { display: flex; align-items: center; gap: .45rem; }
 .sample { width: 24px; height: 10px; flex: none; }
-.color-bar { max-width: 26rem; margin-top: .6rem; }
+svg.color-bar { max-width: 340px; margin-top: .6rem; }
 .switches { border: 0; margin: 0 0 .5rem; padding: 0; display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; font-size: .92rem; }
 .switches legend { float: left; padding: 0; margin-right: 1.2rem; color: var(--quiet); }
 .switches label { display: inline-flex; align-items: center; gap: .4rem; cursor: pointer; }
@@ -91,6 +97,7 @@ svg .backdrop { opacity: .3; }
 body:has(#show-truth:not(:checked)) .maps .layer.truth,
 body:has(#show-simulated:not(:checked)) .maps .layer.simulated,
 body:has(#show-real:not(:checked)) .maps .layer.real { display: none; }
+.frames { max-width: 60rem; }
 .pair { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: .4rem 1rem; margin-bottom: 1rem; }
 .frame img { display: block; width: 100%; height: auto; border-bottom: 3px solid var(--simulated); }
 .frame.real img { border-color: var(--real); }
@@ -103,12 +110,15 @@ footer { margin-top: 3rem; padding-top: 1rem; padding-bottom: 2rem; border-top: 
   .first-screen, .columns { grid-template-columns: minmax(0, 1fr); }
   svg text { font-size: 15px; }
   th, td { padding: .3rem .45rem; }
+  .key-figures { font-size: .78rem; }
+  .key-figures tbody th { white-space: normal; }
 }
 @media print {
   :root { --ink: #000; --quiet: #444; --paper: #fff; --panel: #f6f6f6; --rule: #aaa; --grid: #ddd; --simulated: #1f5fcf; --real: #c62f27; --truth: #20733f; --floor: #555; }
   html { font-size: 10.5pt; }
   nav, .skip, .switches { display: none; }
   header, main, footer { max-width: none; padding: 0; }
+  svg .layer.truth, svg .layer.simulated, svg .layer.real { filter: none; }
   figure, .table-frame, .pair { break-inside: avoid; }
   h2, h3 { break-after: avoid; }
   .table-frame { overflow: visible; }

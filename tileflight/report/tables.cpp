@@ -125,7 +125,9 @@ Html attribution_list(const json& attribution) {
   return list.empty() ? Html() : element("h3", text("Attribution of the tiles")) + element("ul", list);
 }
 
-json member(const json& object, const char* key) { return object.is_object() && object.contains(key) ? object[key] : json(nullptr); }
+json member(const json& object, const char* key) {
+  return object.is_object() && object.contains(key) ? object[key] : json(nullptr);
+}
 
 Html figure_rows(const std::vector<FigureRow>& rows, const std::vector<FlightColumn>& columns) {
   Html result;
@@ -142,36 +144,49 @@ Html figure_rows(const std::vector<FigureRow>& rows, const std::vector<FlightCol
 }  // namespace
 
 Html draw(const Table& table) {
-  Html head, body;
+  Html head, groups, body;
   for (const std::string& name : table.head) head += column_head(name);
+  for (const std::string& name : table.groups) {
+    const std::string columns = std::to_string((table.head.size() - 1) / table.groups.size());
+    groups += element("th", {{"scope", "colgroup"}, {"colspan", columns}}, text(name));
+  }
   for (const std::vector<std::string>& cells : table.rows) {
     Html content = row_head(cells.front());
     for (std::size_t i = 1; i < cells.size(); ++i) content += cell(cells[i]);
     body += element("tr", content);
   }
+  if (!groups.empty()) groups = element("tr", element("td", Html()) + groups);
   return framed(table.caption,
-                element("table", element("caption", text(table.caption)) + element("thead", element("tr", head)) + element("tbody", body)));
+                element("table", element("caption", text(table.caption)) +
+                                     element("thead", groups + element("tr", head)) + element("tbody", body)));
 }
 
 Html key_figures_table(const KeyFigures& figures) {
   Html groups = element("td", Html()), labels = element("td", Html());
-  const auto published = std::count_if(figures.columns.begin(), figures.columns.end(), [](const FlightColumn& c) { return c.published; });
+  const auto published =
+      std::count_if(figures.columns.begin(), figures.columns.end(), [](const FlightColumn& c) { return c.published; });
   const auto own = static_cast<std::ptrdiff_t>(figures.columns.size()) - published;
-  if (published > 0) groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(published)}}, text("Paper"));
+  if (published > 0)
+    groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(published)}}, text("Paper"));
   if (own > 0) groups += element("th", {{"scope", "colgroup"}, {"colspan", std::to_string(own)}}, text("This run"));
   for (const FlightColumn& column : figures.columns) labels += column_head(column.label);
   const std::string caption = "Map error against voxel centres, as published and in this run";
-  const Html table = element("caption", text(caption)) + element("thead", element("tr", groups) + element("tr", labels)) +
+  const Html table = element("caption", text(caption)) +
+                     element("thead", element("tr", groups) + element("tr", labels)) +
                      element("tbody", figure_rows(figures.as_published, figures.columns)) +
                      element("tbody", {{"class", "beyond"}}, figure_rows(figures.beyond, figures.columns));
   return framed(caption, element("table", {{"class", "key-figures"}}, table));
 }
 
 Html surface_table(const std::vector<FlightRun>& flights) {
-  Table table{"Distance to the exact surface: accuracy (share of map points), completeness (share of the surface seen), F-score",
-              {"Within"}, {}};
+  Table table{
+      "Against the exact surface: share of map points (accuracy) and of the surface seen (completeness) within a "
+      "distance",
+      {"Within"},
+      {}};
   for (const FlightRun& flight : flights) {
-    for (const char* name : {"accuracy", "completeness", "F-score"}) table.head.push_back(flight.label + ": " + name);
+    table.groups.push_back(flight.label);
+    for (const char* name : {"accuracy", "compl.", "F-score"}) table.head.push_back(name);
   }
   for (const auto& [threshold_m, name] : thresholds_of(flights)) {
     std::vector<std::string> cells{shortest(threshold_m) + " m"};
@@ -186,26 +201,39 @@ Html surface_table(const std::vector<FlightRun>& flights) {
 }
 
 Html tracking_table(const std::vector<FlightRun>& flights) {
-  return draw(Table{"Odometry and alignment",
-                    head_of("", flights),
-                    {row("Frames given", flights, whole("/odometry/frames")), row("Frames tracked", flights, whole("/odometry/frames_tracked")),
-                     row("Lost before the end", flights, yes_or_no("/odometry/lost")), row("Keyframes", flights, whole("/odometry/keyframes")),
-                     row("Odometry, frames/s", flights, short_number("/odometry/frames_per_second")),
-                     row("Alignment method", flights, words("/alignment/method")), row("Alignment converged", flights, yes_or_no("/alignment/converged")),
-                     row("Iterations", flights, whole("/alignment/iterations")), row("Scale", flights, short_number("/alignment/scale")),
-                     row("RMS of the aligned points, m", flights, metres("/alignment/rmse", 4)),
-                     row("Remark", flights, words("/alignment/note"))}});
+  return draw(Table{
+      "Odometry and alignment",
+      head_of("", flights),
+      {row("Frames given", flights, whole("/odometry/frames")),
+       row("Frames tracked", flights, whole("/odometry/frames_tracked")),
+       row("Lost before the end", flights, yes_or_no("/odometry/lost")),
+       row("Why", flights, words("/odometry/lost_reason")), row("Keyframes", flights, whole("/odometry/keyframes")),
+       row("Odometry, frames/s", flights, short_number("/odometry/frames_per_second")),
+       row("Alignment started from", flights, words("/alignment/start")),
+       row("Alignment method", flights, words("/alignment/method")),
+       row("Alignment converged", flights, yes_or_no("/alignment/converged")),
+       row("Iterations", flights, whole("/alignment/iterations")),
+       row("Scale", flights, short_number("/alignment/scale")),
+       row("RMS of the aligned points, m", flights, metres("/alignment/rmse", 4)),
+       row("Remark", flights, words("/alignment/note"))}});
 }
 
 Html trajectory_table(const std::vector<FlightRun>& flights) {
-  const bool any = std::any_of(flights.begin(), flights.end(), [](const FlightRun& f) { return number_at(f.values, "/trajectory/ate_rmse").has_value(); });
+  const bool any = std::any_of(flights.begin(), flights.end(), [](const FlightRun& f) {
+    return number_at(f.values, "/trajectory/ate_rmse").has_value();
+  });
   if (!any) return {};
-  Table table{"Error of the estimated path after alignment to the true positions", head_of("", flights),
-              {row("Path length, m", flights, metres("/trajectory/path_length", 1)), row("ATE (RMS), m", flights, metres("/trajectory/ate_rmse")),
-               row("ATE (mean), m", flights, metres("/trajectory/ate_mean")), row("ATE (largest), m", flights, metres("/trajectory/ate_max"))}};
+  Table table{"Error of the estimated path after alignment to the true positions",
+              head_of("", flights),
+              {row("Path length, m", flights, metres("/trajectory/path_length", 1)),
+               row("ATE (RMS), m", flights, metres("/trajectory/ate_rmse")),
+               row("ATE (mean), m", flights, metres("/trajectory/ate_mean")),
+               row("ATE (largest), m", flights, metres("/trajectory/ate_max"))}};
   for (std::size_t i = 0; i < 8; ++i) {
     const std::string rpe = "/trajectory/rpe/" + std::to_string(i);
-    const auto delta = std::find_if(flights.begin(), flights.end(), [&](const FlightRun& f) { return number_at(f.values, rpe + "/delta_m").has_value(); });
+    const auto delta = std::find_if(flights.begin(), flights.end(), [&](const FlightRun& f) {
+      return number_at(f.values, rpe + "/delta_m").has_value();
+    });
     if (delta == flights.end()) break;
     const std::string label = "RPE over " + shortest(number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
     table.rows.push_back(row(label, flights, metres(rpe + "/translation_rmse_m")));
@@ -218,12 +246,12 @@ Html comparison_table(const nlohmann::json& results) {
   if (!c.is_object() || c.empty()) return {};
   const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
   const std::string interval = low && high ? with_sign(low, 4) + " to " + with_sign(high, 4) : kUnknown;
-  return draw(Table{"Second flight against simulated",
+  return draw(Table{"Simulated minus second flight",
                     {"", "Value"},
                     {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
                      {"95 % interval (block bootstrap), m", interval},
                      {"Difference of standard deviations, m", with_sign(number_at(c, "/std_difference"), 4)},
-                     {"Ratio of map points", fixed(number_at(c, "/points_ratio"), 3)},
+                     {"Map points, simulated over second", fixed(number_at(c, "/points_ratio"), 3)},
                      {"Kolmogorov\u2013Smirnov statistic", fixed(number_at(c, "/ks_statistic"), 4)},
                      {"1-Wasserstein distance, m", fixed(number_at(c, "/wasserstein_m"), 4)},
                      {"Equivalent within, m", fixed(number_at(c, "/equivalent_within_m"), 4)}}});
@@ -232,8 +260,8 @@ Html comparison_table(const nlohmann::json& results) {
 Html provenance_tables(const nlohmann::json& results) {
   const json provenance = member(results, "provenance");
   if (!provenance.is_object()) return element("p", text("results.json has no provenance."));
-  return program_table(provenance) + inputs_table(member(provenance, "inputs")) + seconds_table(member(provenance, "seconds")) +
-         attribution_list(member(provenance, "attribution"));
+  return program_table(provenance) + inputs_table(member(provenance, "inputs")) +
+         seconds_table(member(provenance, "seconds")) + attribution_list(member(provenance, "attribution"));
 }
 
 }  // namespace tileflight::report

@@ -15,6 +15,7 @@ struct Table {
   std::string caption;
   std::vector<std::string> head;
   std::vector<std::vector<std::string>> rows;
+  std::vector<std::string> groups{};  ///< over equal numbers of columns, all but the first; may be empty
 };
 Html draw(const Table& table);
 

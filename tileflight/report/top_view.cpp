@@ -14,7 +14,10 @@ using geometry::Vec3;
 
 /// Pixels along the longer side of a picture.
 constexpr int kPixels = 1400;
-constexpr int kDotPixels = 3;
+/// Dots are drawn larger where there are few.
+int dot_pixels(std::size_t points) {
+  return std::clamp(static_cast<int>(std::lround(0.5 * kPixels / std::sqrt(static_cast<double>(points) + 1.0))), 4, 8);
+}
 constexpr int kShades = 64;
 /// Units of the SVG's view box.
 constexpr double kPlot = 560, kLeft = 52, kRight = 10, kTop = 10, kBottom = 42;
@@ -75,7 +78,8 @@ std::vector<std::size_t> from_below(const Raster& raster, const std::vector<Vec3
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (raster.holds(points[i])) order.push_back(i);
   }
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return points[a].z() < points[b].z(); });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return points[a].z() < points[b].z(); });
   return order;
 }
 
@@ -99,23 +103,34 @@ struct Plot {
   double width, height;
 
   explicit Plot(const GroundExtent& e)
-      : extent(e), scale(kPlot / std::max(e.width_m(), e.height_m())), width(e.width_m() * scale), height(e.height_m() * scale) {}
+      : extent(e),
+        scale(kPlot / std::max(e.width_m(), e.height_m())),
+        width(e.width_m() * scale),
+        height(e.height_m() * scale) {}
 
   double across(double east) const { return kLeft + (east - extent.west) * scale; }
   double down(double north) const { return kTop + (extent.north - north) * scale; }
 };
 
 Html line(double x1, double y1, double x2, double y2, const std::string& style) {
-  return empty_element("line", {{"x1", svg_number(x1)}, {"y1", svg_number(y1)}, {"x2", svg_number(x2)}, {"y2", svg_number(y2)}, {"class", style}});
+  return empty_element("line", {{"x1", svg_number(x1)},
+                                {"y1", svg_number(y1)},
+                                {"x2", svg_number(x2)},
+                                {"y2", svg_number(y2)},
+                                {"class", style}});
 }
 
 Html label(double x, double y, const std::string& anchor, const std::string& content, const std::string& style = "") {
-  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}, {"class", style}}, text(content));
+  return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}, {"class", style}},
+                 text(content));
 }
 
 Html axes(const Plot& plot) {
-  Html result = empty_element("rect", {{"x", svg_number(kLeft)}, {"y", svg_number(kTop)}, {"width", svg_number(plot.width)},
-                                       {"height", svg_number(plot.height)}, {"class", "frame"}});
+  Html result = empty_element("rect", {{"x", svg_number(kLeft)},
+                                       {"y", svg_number(kTop)},
+                                       {"width", svg_number(plot.width)},
+                                       {"height", svg_number(plot.height)},
+                                       {"class", "frame"}});
   const double step = nice_below(std::max(plot.extent.width_m(), plot.extent.height_m()) / 4);
   const double bottom = kTop + plot.height;
   for (double east = std::ceil(plot.extent.west / step) * step; east <= plot.extent.east; east += step) {
@@ -128,8 +143,11 @@ Html axes(const Plot& plot) {
   }
   result += label(kLeft + plot.width / 2, bottom + 35, "middle", "east, m");
   const std::string middle = svg_number(kTop + plot.height / 2);
-  return result + element("text", {{"x", "12"}, {"y", middle}, {"text-anchor", "middle"}, {"transform", "rotate(-90 12 " + middle + ")"}},
-                          text("north, m"));
+  return result +
+         element(
+             "text",
+             {{"x", "12"}, {"y", middle}, {"text-anchor", "middle"}, {"transform", "rotate(-90 12 " + middle + ")"}},
+             text("north, m"));
 }
 
 Html scale_bar(const Plot& plot) {
@@ -153,17 +171,21 @@ std::string path_of(const Plot& plot, const TrackLayer& track) {
   std::string path;
   for (const Vec3& p : track.points) {
     const std::string at = svg_number(plot.across(p.x())) + " " + svg_number(plot.down(p.y()));
-    path += track.dots ? "M" + at + "h0" : (path.empty() ? "M" : "L") + at;  // a stroke of no length with round ends is a dot
+    path += track.dots ? "M" + at + "h0"
+                       : (path.empty() ? "M" : "L") + at;  // a stroke of no length with round ends is a dot
   }
   return path;
 }
 
 Html draw_track(const Plot& plot, const TrackLayer& track) {
   if (track.points.empty()) return {};
-  const Html path = empty_element("path", {{"d", path_of(plot, track)}, {"class", (track.dots ? "dots " : "line ") + track.style}});
+  const Html path =
+      empty_element("path", {{"d", path_of(plot, track)}, {"class", (track.dots ? "dots " : "line ") + track.style}});
   if (track.dots) return path;
   const Vec3& start = track.points.front();
-  return path + empty_element("circle", {{"cx", svg_number(plot.across(start.x()))}, {"cy", svg_number(plot.down(start.y()))}, {"r", "4.5"},
+  return path + empty_element("circle", {{"cx", svg_number(plot.across(start.x()))},
+                                         {"cy", svg_number(plot.down(start.y()))},
+                                         {"r", "4.5"},
                                          {"class", "start " + track.style}});
 }
 
@@ -177,19 +199,27 @@ GroundExtent extent_of(const std::vector<geometry::Vec3>& points, double margin,
   return {west - border, east + border, south - border, north + border};
 }
 
+GroundExtent roomy(const GroundExtent& extent) {
+  constexpr double kLeastShare = 0.75;
+  const double east = std::max(0.0, kLeastShare * extent.height_m() - extent.width_m()) / 2;
+  const double north = std::max(0.0, kLeastShare * extent.width_m() - extent.height_m()) / 2;
+  return {extent.west - east, extent.east + east, extent.south - north, extent.north + north};
+}
+
 GroundExtent united(const GroundExtent& a, const GroundExtent& b) {
   return {std::min(a.west, b.west), std::max(a.east, b.east), std::min(a.south, b.south), std::max(a.north, b.north)};
 }
 
 PaletteImage draw_voxels(const GroundExtent& extent, const geometry::PointCloud& centers, double voxel_m) {
   const Raster raster(extent);
-  const auto green = [](double share) { return blended({22, 92, 54, 235}, {150, 214, 150, 235}, share); };
+  const auto green = [](double share) { return blended({92, 156, 112, 255}, {212, 236, 212, 255}, share); };
   PaletteImage image{imaging::GrayImage(raster.width, raster.height), palette_of(green)};
   if (centers.empty()) return image;
   const auto [low, high] = range_of(centers.positions, 2, 0.02);
   for (const std::size_t i : from_below(raster, centers.positions)) {
     const Vec3& p = centers.positions[i];
-    raster.fill_square(image.indices, p, voxel_m * raster.pixels_per_m, shade_index((p.z() - low) / std::max(high - low, 1e-9)));
+    raster.fill_square(image.indices, p, voxel_m * raster.pixels_per_m,
+                       shade_index((p.z() - low) / std::max(high - low, 1e-9)));
   }
   return image;
 }
@@ -197,25 +227,29 @@ PaletteImage draw_voxels(const GroundExtent& extent, const geometry::PointCloud&
 PaletteImage draw_points(const GroundExtent& extent, const std::vector<geometry::Vec3>& points, const Rgba8& color) {
   const Raster raster(extent);
   PaletteImage image{imaging::GrayImage(raster.width, raster.height), {{0, 0, 0, 0}, color}};
+  const int dot = dot_pixels(points.size());
   for (const Vec3& p : points) {
-    if (raster.holds(p)) raster.fill_square(image.indices, p, kDotPixels, 1);
+    if (raster.holds(p)) raster.fill_square(image.indices, p, dot, 1);
   }
   return image;
 }
 
 Rgba8 value_color(double share) {
   // Blue to red over gold: told apart with any colour vision, and seen on light and on dark paper.
-  constexpr std::array<Rgba8, 5> kAnchors{{{28, 111, 209, 255}, {79, 163, 165, 255}, {201, 162, 39, 255}, {232, 113, 10, 255}, {196, 22, 28, 255}}};
+  constexpr std::array<Rgba8, 5> kAnchors{
+      {{28, 111, 209, 255}, {79, 163, 165, 255}, {201, 162, 39, 255}, {232, 113, 10, 255}, {196, 22, 28, 255}}};
   const double place = std::clamp(share, 0.0, 1.0) * (kAnchors.size() - 1);
   const auto below = std::min(static_cast<std::size_t>(place), kAnchors.size() - 2);
   return blended(kAnchors[below], kAnchors[below + 1], place - static_cast<double>(below));
 }
 
-PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points, const std::vector<float>& values, double highest) {
+PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points,
+                         const std::vector<float>& values, double highest) {
   const Raster raster(extent);
   PaletteImage image{imaging::GrayImage(raster.width, raster.height), palette_of(value_color)};
   for (const std::size_t i : from_below(raster, points)) {
-    if (std::isfinite(values[i])) raster.fill_square(image.indices, points[i], kDotPixels, shade_index(values[i] / highest));
+    if (std::isfinite(values[i]))
+      raster.fill_square(image.indices, points[i], dot_pixels(points.size()), shade_index(values[i] / highest));
   }
   return image;
 }
@@ -226,27 +260,44 @@ Html draw(const TopView& view) {
   for (const ImageLayer& layer : view.images) content += draw_image(plot, layer);
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);
-  const std::string view_box = "0 0 " + svg_number(kLeft + plot.width + kRight) + " " + svg_number(kTop + plot.height + kBottom);
-  return element("svg", {{"viewBox", view_box}, {"role", "img"}, {"aria-label", view.title + ". " + view.description}, {"class", "top-view"}}, content);
+  // As wide whatever the extent's shape, so that text is as large in all views.
+  const std::string view_box =
+      "0 0 " + svg_number(kLeft + kPlot + kRight) + " " + svg_number(kTop + plot.height + kBottom);
+  return element("svg",
+                 {{"viewBox", view_box},
+                  {"role", "img"},
+                  {"aria-label", view.title + ". " + view.description},
+                  {"class", "top-view"}},
+                 content);
 }
 
 Html color_bar(double highest, const std::string& label_text) {
-  constexpr int kSteps = 64;
+  constexpr int kSteps = 16;
   constexpr double kBar = 300;
-  Html content;
-  for (int i = 0; i < kSteps; ++i) {
-    const Rgba8 c = value_color(i / (kSteps - 1.0));
-    const std::string fill = "rgb(" + std::to_string(c[0]) + "," + std::to_string(c[1]) + "," + std::to_string(c[2]) + ")";
-    content += empty_element("rect", {{"x", svg_number(20 + i * kBar / kSteps)}, {"y", "2"}, {"width", svg_number(kBar / kSteps + 0.3)}, {"height", "12"}, {"fill", fill}});
+  Html stops;
+  for (int i = 0; i <= kSteps; ++i) {
+    const Rgba8 c = value_color(static_cast<double>(i) / kSteps);
+    const std::string color =
+        "rgb(" + std::to_string(c[0]) + "," + std::to_string(c[1]) + "," + std::to_string(c[2]) + ")";
+    stops += empty_element("stop", {{"offset", svg_number(static_cast<double>(i) / kSteps)}, {"stop-color", color}});
   }
+  Html content = element("defs", element("linearGradient", {{"id", "error-colours"}}, stops));
+  content += empty_element(
+      "rect",
+      {{"x", "20"}, {"y", "2"}, {"width", svg_number(kBar)}, {"height", "12"}, {"fill", "url(#error-colours)"}});
   const std::vector<double> ticks = nice_ticks(0, highest, 5);
   for (const double tick : ticks) {
-    const std::string shown = tick_text(tick, ticks.size() > 1 ? ticks[1] : 1) + (tick >= highest * (1 - 1e-9) ? "+" : "");
+    const std::string shown =
+        tick_text(tick, ticks.size() > 1 ? ticks[1] : 1) + (tick >= highest * (1 - 1e-9) ? "+" : "");
     content += label(20 + tick / highest * kBar, 28, "middle", shown);
   }
   content += label(20 + kBar / 2, 44, "middle", label_text);
-  return element("svg", {{"viewBox", "0 0 340 50"}, {"role", "img"}, {"aria-label", "Colours: " + label_text + ", blue is 0, red is " + svg_number(highest) + " and more"},
-                         {"class", "color-bar"}}, content);
+  return element("svg",
+                 {{"viewBox", "0 0 340 50"},
+                  {"role", "img"},
+                  {"aria-label", "Colours: " + label_text + ", blue is 0, red is " + svg_number(highest) + " and more"},
+                  {"class", "color-bar"}},
+                 content);
 }
 
 }  // namespace tileflight::report

@@ -18,8 +18,11 @@ struct GroundExtent {
   double height_m() const { return north - south; }
 };
 
-/// The smallest extent around the points, with a margin, a share of its larger side; outermost `trimmed` share on each side left out.
+/// The smallest extent around the points, with a margin, a share of its larger side; outermost `trimmed` share on each
+/// side left out.
 GroundExtent extent_of(const std::vector<geometry::Vec3>& points, double margin = 0.03, double trimmed = 0.0);
+/// Widened about its middle, so that neither side is less than three quarters of the other.
+GroundExtent roomy(const GroundExtent& extent);
 GroundExtent united(const GroundExtent& a, const GroundExtent& b);
 
 /// Occupied cells as squares, the highest on top, dark green low and light green high.
@@ -29,7 +32,8 @@ PaletteImage draw_voxels(const GroundExtent& extent, const geometry::PointCloud&
 PaletteImage draw_points(const GroundExtent& extent, const std::vector<geometry::Vec3>& points, const Rgba8& color);
 
 /// Points as dots whose colour tells a value from 0 to `highest` (above: as `highest`), the highest point on top.
-PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points, const std::vector<float>& values, double highest);
+PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points,
+                         const std::vector<float>& values, double highest);
 
 /// The colours of draw_values, from 0 to 1.
 Rgba8 value_color(double share);

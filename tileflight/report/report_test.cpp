@@ -1,0 +1,215 @@
+#include "tileflight/report/report.h"
+
+#include <gmock/gmock.h>
+
+#include <fstream>
+
+#include "tests/temporary_folder.h"
+#include "tests/web/synthetic_run.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/report/key_figures.h"
+
+namespace tileflight::report {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::Not;
+
+class Report : public testing::Test {
+ protected:
+  void make(const tests::SyntheticRun::Options& options = {.map_points = 2000}) {
+    tests::SyntheticRun(run_, options).write();
+  }
+  std::string page() {
+    write_report(run_);
+    return geometry::read_text(run_ / "report.html");
+  }
+  nlohmann::json results() { return nlohmann::json::parse(geometry::read_text(run_ / "results.json")); }
+  void write_results(const nlohmann::json& value) { std::ofstream(run_ / "results.json") << value.dump(); }
+  std::string fault() {
+    try {
+      write_report(run_);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "no error";
+  }
+
+  tests::TemporaryFolder folder_;
+  fs::path run_ = folder_ / "run";
+};
+
+TEST_F(Report, ShowsTheKeyFiguresOfThePaperAndOfTheRun) {
+  make();
+  const std::string html = page();
+  for (const char* published :
+       {"84,029", "36,178", "0.5548", "0.1885", "71,918", "27,820", "0.5733", "0.1998", "2688\u00D71512", "1,000"}) {
+    EXPECT_THAT(html, HasSubstr(">" + std::string(published) + "</td>"));
+  }
+  const nlohmann::json run = results();
+  for (const char* key : {"simulated", "real"}) {
+    std::string mean =
+        std::to_string(run[key]["map"]["mean"].get<double>() + 5e-5);  // cut to four decimals below: rounded
+    EXPECT_THAT(html, HasSubstr(">" + mean.substr(0, 6) + "</td>"));
+  }
+  for (const char* own : {"0.4810", "0.1200", "Simulation predicted the surrogate", "\u22120.0271 to \u22120.0102",
+                          "20.2", "aaaaaaaa", "cccccccc", "0123456789ab", "Synthetic data"}) {
+    EXPECT_THAT(html, HasSubstr(own));
+  }
+}
+
+TEST_F(Report, HoldsEveryFigureAndLoadsNothing) {
+  make();
+  const std::string html = page();
+  for (const char* figure : {"class=\"frames\"", "class=\"maps\"", "class=\"paths\"", "class=\"error-maps\"",
+                             "Histogram of map errors", "Cumulative map error"}) {
+    EXPECT_THAT(html, HasSubstr(figure));
+  }
+  EXPECT_THAT(html, Not(testing::ContainsRegex("(src|href)=\"[^d#]")));
+  EXPECT_THAT(html, Not(HasSubstr("<script")));
+  EXPECT_THAT(html, Not(HasSubstr("://")));
+  EXPECT_LT(html.size(), 15u << 20);
+}
+
+TEST_F(Report, AlignsTheEstimatedPath) {
+  make();
+  const std::string html = page();
+  // The synthetic estimate wobbles around a truth of the same shape: were its transform not applied, the view would
+  // reach far outside.
+  EXPECT_THAT(html, HasSubstr("class=\"line simulated estimate\""));
+  EXPECT_THAT(html, Not(HasSubstr(">200</text>")));
+}
+
+TEST_F(Report, TheSameRunGivesTheSameBytes) {
+  make();
+  EXPECT_EQ(geometry::sha256_hex(page()), geometry::sha256_hex(page()));
+}
+
+TEST_F(Report, ASurrogateIsNeverCalledReal) {
+  make({.kind = "surrogate", .map_points = 2000});
+  EXPECT_THAT(page(), HasSubstr("The second flight is a surrogate"));
+  EXPECT_EQ(flight_label("real", results()["real"]), "Surrogate");
+  make({.kind = "video", .map_points = 2000});
+  EXPECT_THAT(page(), Not(HasSubstr("urrogate")));
+  EXPECT_EQ(flight_label("real", results()["real"]), "Real");
+}
+
+TEST_F(Report, HostileNamesStayText) {
+  make({.name = "</title><script>alert(1)</script><img src=x onerror=alert(1)>\x01",
+        .kind = "\"><b>",
+        .map_points = 2000});
+  const std::string html = page();
+  EXPECT_THAT(html, Not(HasSubstr("<script")));
+  EXPECT_THAT(html, Not(HasSubstr("<img src=x")));
+  EXPECT_THAT(html, Not(HasSubstr("<b>")));
+  EXPECT_THAT(html, HasSubstr("&lt;script&gt;alert(1)"));
+}
+
+TEST_F(Report, OneFlightIsEnough) {
+  make({.second_flight = false, .map_points = 2000});
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("there is no second flight to compare it with"));
+  EXPECT_THAT(html, HasSubstr("the experiment has no second flight"));
+  EXPECT_THAT(html, HasSubstr("class=\"frames\""));
+}
+
+TEST_F(Report, PartsThatAreMissingAreLeftOutAndNamed) {
+  make();
+  fs::remove_all(run_ / "truth");
+  fs::remove_all(run_ / "simulated");
+  fs::remove(run_ / "real/errors.ply");
+  const std::string html = page();
+  for (const char* part : {"truth/voxels.ply is not there", "simulated/transform.json is not there",
+                           "simulated/dataset holds no pictures", "real/errors.ply is not there"}) {
+    EXPECT_THAT(html, HasSubstr(part));
+  }
+  EXPECT_THAT(html, HasSubstr("Histogram of map errors"));  // its numbers are in results.json
+  EXPECT_THAT(html, Not(HasSubstr("id=\"error-maps\"")));
+}
+
+TEST_F(Report, ResultsWithNothingInThemStillMakeAPage) {
+  fs::create_directories(run_);
+  write_results(nlohmann::json::object());
+  EXPECT_THAT(page(), HasSubstr("This run holds no scored map."));
+}
+
+TEST_F(Report, ResultsOfOtherTypesAreShownAsUnknown) {
+  make();
+  nlohmann::json value = results();
+  value["simulated"]["map"] = {{"mean", "a lot"}, {"points", nullptr}, {"histogram", {1, 2}}};
+  value["simulated"]["surface"] = nullptr;
+  value["comparison"] = nullptr;
+  value["provenance"] = {{"inputs", "none"}, {"seconds", 3}};
+  value["truth"] = nullptr;
+  value["paper"] = 7;
+  write_results(value);
+  EXPECT_THAT(page(), HasSubstr("there is no second flight to compare it with"));
+}
+
+TEST_F(Report, LostTrackingAndAlignmentThatDidNotConvergeAreSaid) {
+  make();
+  nlohmann::json value = results();
+  value["real"]["odometry"]["lost"] = true;
+  value["simulated"]["alignment"]["converged"] = false;
+  const std::string sentence = verdict(value);
+  EXPECT_THAT(sentence, HasSubstr("Tracking of the surrogate flight was lost before its end."));
+  EXPECT_THAT(sentence, HasSubstr("The alignment of the simulated map did not converge."));
+}
+
+TEST_F(Report, AMeanBelowTheFloorIsExplained) {
+  make();
+  nlohmann::json value = results();
+  EXPECT_THAT(remark_on_floor(value), Not(HasSubstr("A mean below it")));
+  value["real"]["map"]["mean"] = 0.45;
+  EXPECT_THAT(remark_on_floor(value), HasSubstr("A mean below it is no better"));
+  EXPECT_EQ(remark_on_floor(nlohmann::json::object()), "");
+}
+
+TEST_F(Report, TheVerdictFollowsTheEquivalenceTest) {
+  make();
+  nlohmann::json value = results();
+  EXPECT_THAT(verdict(value), HasSubstr("Simulation predicted the surrogate flight's map error within 0.05 m: mean "));
+  value["comparison"]["verdict"] = "different";
+  EXPECT_THAT(verdict(value), HasSubstr("Simulation did not predict the surrogate flight's map error within 0.05 m"));
+  value["comparison"]["verdict"] = "undecided";
+  EXPECT_THAT(verdict(value), HasSubstr("It stays open"));
+  value["comparison"] = nullptr;
+  EXPECT_THAT(verdict(value), HasSubstr("The maps of both flights are scored: mean "));
+}
+
+TEST_F(Report, BrokenPartsAreOneClearLine) {
+  EXPECT_THAT(fault(), HasSubstr("no results.json here"));
+  make();
+  std::ofstream(run_ / "results.json") << "{\"name\": ";
+  EXPECT_THAT(fault(), HasSubstr("results.json: not a JSON object"));
+  make();
+  std::ofstream(run_ / "simulated/transform.json") << R"({"matrix": [[1, 0], [0, 1]]})";
+  EXPECT_THAT(fault(), HasSubstr("transform.json: 'matrix' must be 4 x 4 numbers"));
+  make();
+  fs::resize_file(run_ / "truth/voxels.ply", 400);
+  EXPECT_THAT(fault(), HasSubstr("voxels.ply"));
+  make();
+  fs::resize_file(run_ / "real/dataset/images/000003.jpg", 300);
+  for (int i = 0; i <= 20; ++i) {
+    std::string id = std::to_string(i);
+    fs::resize_file(run_ / "real/dataset/images" / (id.insert(0, 6 - id.size(), '0') + ".jpg"), 300);
+  }
+  EXPECT_THAT(fault(), HasSubstr(".jpg"));
+}
+
+TEST_F(Report, TheTextTableHasThePapersColumnsBesideOurs) {
+  make();
+  const std::string table = results_table(results());
+  EXPECT_THAT(table, testing::ContainsRegex("paper +paper +this run +this run\n"));
+  EXPECT_THAT(table, testing::ContainsRegex("Simulated +Real +Simulated +Surrogate\n"));
+  EXPECT_THAT(table, testing::ContainsRegex("Map points +84,029 +71,918 +2,000 +2,000\n"));
+  EXPECT_THAT(table, testing::ContainsRegex("Mean error, m +0\\.5548 +0\\.5733 +0\\.[0-9]{4} +0\\.[0-9]{4}\n"));
+  EXPECT_THAT(table, testing::ContainsRegex("Frames +342 +1,000 +121 +121\n"));
+  EXPECT_THAT(table, testing::ContainsRegex("Path error \\(ATE\\), m .*0\\.210 +0\\.210\n"));
+  EXPECT_THAT(results_table(nlohmann::json::object()), HasSubstr("Map points"));
+}
+
+}  // namespace
+}  // namespace tileflight::report
