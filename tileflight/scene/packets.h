@@ -22,7 +22,7 @@ struct alignas(32) RayPacket8 {
   float far[8];
   std::uint32_t mask[8], id[8], flags[8];  ///< set by reset()
 
-  // Out: hits.
+  // Out: hits; zeros where there is none.
   float normal_x[8], normal_y[8], normal_z[8];  ///< by the triangle's winding, not unit length
   float u[8], v[8];                             ///< barycentric weights of corners 1 and 2
   std::uint32_t triangle[8];
@@ -38,6 +38,9 @@ struct alignas(32) RayPacket8 {
       mask[i] = kMiss;
       id[i] = 0;
       flags[i] = 0;
+      normal_x[i] = normal_y[i] = normal_z[i] = 0.0F;
+      u[i] = v[i] = 0.0F;
+      triangle[i] = 0;
       mesh[i] = kMiss;
       instance[i] = kMiss;
     }

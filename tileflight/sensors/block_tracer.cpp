@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/sensors/footprint.h"
 #include "tileflight/sensors/light.h"
 
 namespace tileflight::sensors {
@@ -22,38 +23,55 @@ void rotate_row(const RayBlock& rays, int row, const TracerPose& pose, RayPacket
   }
 }
 
-struct Vec3f {
-  float x, y, z;
+/// The shading records of the hits; a material is null in lanes that hit nothing.
+struct LaneTextures {
+  const Material* material[RayPacket8::kLanes];
+  const TriangleShade* shade[RayPacket8::kLanes];  ///< never null: of no texture where there is none
 };
-float dot(const Vec3f& a, const Vec3f& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-float dot(const std::array<float, 3>& a, const Vec3f& b) { return a[0] * b.x + a[1] * b.y + a[2] * b.z; }
 
-Vec3f difference(const RayPacket8& packet, int to, int from) {
-  return {packet.direction_x[to] - packet.direction_x[from], packet.direction_y[to] - packet.direction_y[from],
-          packet.direction_z[to] - packet.direction_z[from]};
+const TriangleShade kNoTexture{};
+
+LaneTextures textures_of(const RayPacket8& packet, const Appearance& appearance) {
+  LaneTextures lanes;
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    lanes.material[i] = nullptr;
+    lanes.shade[i] = &kNoTexture;
+    if (packet.mesh[i] == RayPacket8::kMiss) continue;
+    lanes.material[i] = &appearance.material(packet.mesh[i]);
+    if (lanes.material[i]->texture.pyramid == nullptr) continue;
+    lanes.shade[i] = &appearance.shade(*lanes.material[i], packet.triangle[i]);
+    __builtin_prefetch(lanes.shade[i]);
+  }
+  return lanes;
 }
 
-/// Ray differentials (Igehy, SIGGRAPH 1999): a ray turned by dD meets the hit triangle's plane (normal N) moved by
-/// dP = t (dD - D (dD . N) / (D . N)); the texture moves by its gradient along dP. dD is the step to the neighbouring
-/// lane.
-TexelGradient texel_gradient(const RayPacket8& packet, int lane, const TriangleShade& shade) {
-  const int column = lane % RayBlock::kColumns;
-  const int across = column + 1 < RayBlock::kColumns ? lane : lane - 1;
-  const Vec3f d_x = difference(packet, across + 1, across);
-  const Vec3f d_y = difference(packet, RayBlock::kColumns + column, column);
-  const Vec3f direction{packet.direction_x[lane], packet.direction_y[lane], packet.direction_z[lane]};
-  const Vec3f normal{packet.normal_x[lane], packet.normal_y[lane], packet.normal_z[lane]};
-  const float t = packet.far[lane];
-  const float slope = dot(normal, direction);
-  const float lean = 1.0F / (std::abs(slope) > 1e-30F ? slope : 1e-30F);
-  const auto towards = [&](const std::array<float, 3>& gradient) {
-    const float along = dot(gradient, direction) * lean;
-    return Vec3f{t * (gradient[0] - along * normal.x), t * (gradient[1] - along * normal.y),
-                 t * (gradient[2] - along * normal.z)};
-  };
-  const Vec3f g_s = towards(shade.texel_s);
-  const Vec3f g_t = towards(shade.texel_t);
-  return {dot(g_s, d_x), dot(g_t, d_x), dot(g_s, d_y), dot(g_t, d_y)};
+TexturedLanes gathered(const LaneTextures& textures) {
+  TexturedLanes lanes;
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    const TriangleShade& shade = *textures.shade[i];
+    const bool textured = &shade != &kNoTexture;
+    lanes.s_x[i] = shade.texel_s[0];
+    lanes.s_y[i] = shade.texel_s[1];
+    lanes.s_z[i] = shade.texel_s[2];
+    lanes.t_x[i] = shade.texel_t[0];
+    lanes.t_y[i] = shade.texel_t[1];
+    lanes.t_z[i] = shade.texel_t[2];
+    lanes.width[i] = textured ? textures.material[i]->texture.width : 1.0F;
+    lanes.height[i] = textured ? textures.material[i]->texture.height : 1.0F;
+    lanes.max_level[i] = static_cast<float>(shade.max_level);
+  }
+  return lanes;
+}
+
+TextureRead read_of(const TriangleShade& shade, const RayPacket8& packet, const Footprints& footprints, int lane) {
+  const float u = packet.u[lane];
+  const float v = packet.v[lane];
+  return {shade.s + u * shade.s_u + v * shade.s_v,
+          shade.t + u * shade.t_u + v * shade.t_v,
+          footprints.step_s[lane],
+          footprints.step_t[lane],
+          static_cast<int>(footprints.probes[lane]),
+          footprints.lod[lane]};
 }
 
 /// glTF vertex colours at the hit: linear, interpolated over the triangle.
@@ -101,33 +119,30 @@ void BlockTracer::cast(const RayBlock& rays, std::uint8_t valid, const TracerPos
 }
 
 void BlockTracer::shade(std::uint8_t valid, TracedBlock& block) const {
-  for (int i = 0; i < RayPacket8::kLanes; ++i) {
-    if ((valid >> i & 1) != 0) block.squares[static_cast<std::size_t>(i)] = shade_lane(block.packet, i);
+  const RayPacket8& packet = block.packet;
+  const LaneTextures textures = textures_of(packet, appearance_);
+  const Footprints footprints = footprints_of(packet, gathered(textures));
+  for (std::size_t i = 0; i < block.squares.size(); ++i) {
+    if ((valid >> i & 1U) == 0) continue;
+    const Material* material = textures.material[i];
+    if (material == nullptr) {
+      block.squares[i] = background_squares_;
+      continue;
+    }
+    const auto lane = static_cast<int>(i);
+    Float4 squares{};
+    if (material->texture.pyramid != nullptr) {
+      squares = sample_squares(material->texture, read_of(*textures.shade[i], packet, footprints, lane));
+    }
+    block.squares[i] = material->plain ? squares : tinted(*material, packet, lane, squares);
   }
 }
 
-Float4 BlockTracer::shade_lane(const RayPacket8& packet, int lane) const {
-  const std::uint32_t mesh = packet.mesh[lane];
-  if (mesh == RayPacket8::kMiss) return background_squares_;
-  const Material& material = appearance_.material(mesh);
-  return material.plain ? shade_plain(material, packet, lane) : shade_tinted(material, packet, lane);
-}
-
-Float4 BlockTracer::shade_plain(const Material& material, const RayPacket8& packet, int lane) const {
-  const TriangleShade& shade = appearance_.shade(material, packet.triangle[lane]);
-  const float u = packet.u[lane];
-  const float v = packet.v[lane];
-  const float s = shade.s + u * shade.s_u + v * shade.s_v;
-  const float t = shade.t + u * shade.t_u + v * shade.t_v;
-  const TexelGradient gradient = texel_gradient(packet, lane, shade);
-  return sample_squares(material.texture, s, t, footprint_of(material.texture, gradient, shade.max_level));
-}
-
-Float4 BlockTracer::shade_tinted(const Material& material, const RayPacket8& packet, int lane) const {
+/// The texture (if any) times the mesh's colours, in linear light.
+Float4 BlockTracer::tinted(const Material& material, const RayPacket8& packet, int lane, const Float4& squares) const {
   const SrgbTables& srgb = SrgbTables::get();
   Light light = material.factor;
   if (material.texture.pyramid != nullptr) {
-    const Float4 squares = shade_plain(material, packet, lane);
     for (int c = 0; c < 3; ++c) light[static_cast<std::size_t>(c)] *= srgb.decode(std::sqrt(squares[c]));
   }
   if (material.colors != nullptr) {
@@ -135,12 +150,12 @@ Float4 BlockTracer::shade_tinted(const Material& material, const RayPacket8& pac
     const Light colour = vertex_colour(mesh, packet.triangle[lane], packet.u[lane], packet.v[lane]);
     for (std::size_t c = 0; c < 3; ++c) light[c] *= colour[c];
   }
-  Float4 squares{};
+  Float4 result{};
   for (int c = 0; c < 3; ++c) {
     const float value = srgb.encode(light[static_cast<std::size_t>(c)]);
-    squares[c] = value * value;
+    result[c] = value * value;
   }
-  return squares;
+  return result;
 }
 
 }  // namespace tileflight::sensors

@@ -37,9 +37,7 @@ class BlockTracer {
   void shade(std::uint8_t valid, TracedBlock& block) const;
 
  private:
-  Float4 shade_lane(const scene::RayPacket8& packet, int lane) const;
-  Float4 shade_plain(const Material& material, const scene::RayPacket8& packet, int lane) const;
-  Float4 shade_tinted(const Material& material, const scene::RayPacket8& packet, int lane) const;
+  Float4 tinted(const Material& material, const scene::RayPacket8& packet, int lane, const Float4& squares) const;
 
   const scene::Scene& scene_;
   const Appearance& appearance_;

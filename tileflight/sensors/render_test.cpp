@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -252,6 +253,27 @@ TEST(Render, ColoursMultiplyInLinearLight) {
   imaging::TexturedMesh both = ground(kGround, 100.0, texture(4, 4, [](int, int) { return grey(150); }));
   both.base_color = tinted.base_color;
   EXPECT_NEAR(centre_of(both)[0], srgb_encode(0.5 * srgb_decode(150)), 1.0);
+}
+
+TEST(Render, TextureCoordinatesOutsideTheImageFollowTheSampler) {
+  // Columns of 4 texels: black, dark, light, white; coordinates 0..4 over the ground, a texel is 1 m wide.
+  const auto image = texture(4, 1, [](int x, int) {
+    return grey(std::array{0, 80, 160, 240}[static_cast<std::size_t>(x)]);
+  });
+  const auto row_of = [&](imaging::Wrap wrap) {
+    imaging::TexturedMesh mesh = ground(kGround, 16.0, image, 4.0F);
+    mesh.wrap_u = wrap;
+    const Scene scene({mesh});
+    Camera camera(imaging::PinholeRadtan{100, 100, 7.5, 0.5, {}}, 16, 2);  // a pixel a metre, centres on texel centres
+    const CameraRenderer renderer(scene, camera, {});
+    const RenderedFrame frame = renderer.render(looking_down(kGround + Vec3(0, 0, 100)));
+    std::vector<int> values;
+    for (int x = 0; x < 16; ++x) values.push_back((frame.rgb(x, 0)[0] + 5) / 80);
+    return values;
+  };
+  EXPECT_EQ(row_of(imaging::Wrap::kRepeat), (std::vector<int>{0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}));
+  EXPECT_EQ(row_of(imaging::Wrap::kMirroredRepeat), (std::vector<int>{0, 1, 2, 3, 3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0}));
+  EXPECT_EQ(row_of(imaging::Wrap::kClampToEdge), (std::vector<int>{0, 1, 2, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3}));
 }
 
 TEST(Render, ViewTellsWhatIsNearAndFromWhichSide) {
