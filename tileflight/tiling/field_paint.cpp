@@ -79,6 +79,7 @@ Color field_color(double x, double y, std::uint32_t seed) {
   const Color chalk = Color(0.92F, 0.92F, 0.89F) * (0.75F + 0.55F * color[1]);
   float ink = std::max(field_lines(x, y), emblem(x, y));
   if (on_number(x, y) || (end_zone && on_end_zone_letters(x, y))) ink = 1.0F;
+  if (ink <= 0.0F) return color;
   const float wear = 0.82F + 0.3F * fractal_noise(x / 0.9, y / 0.9, seed + 8, 4, 0.6F);
   return mixed(color, chalk, ink * std::clamp(wear, 0.35F, 0.97F));
 }

@@ -128,7 +128,7 @@ Color plaza_color(const Rect& plaza, double x, double y, std::uint32_t seed) {
 Color green_color(const LocalPlan& plan, double x, double y) {
   Color color = material::lawn(x, y, plan.seed + 20);
   const float woods = fractal_noise(x / 70, y / 70, plan.seed ^ 0x33U, 2) - 0.10F +
-                      0.10F * fractal_noise(x / 2.7, y / 2.7, plan.seed + 21, 3);
+                      0.10F * fractal_noise(x / 2.7, y / 2.7, plan.seed + 21, 2);
   if (woods > -0.1F)
     color = mixed(color, material::forest_floor(x, y, plan.seed + 22), std::clamp(5.0F * woods + 0.5F, 0.0F, 1.0F));
   for (const Tree& tree : plan.trees) {

@@ -35,14 +35,14 @@ float band(double position_m, double spacing_m, double width_m, double softness_
 namespace material {
 
 Color lawn(double x, double y, std::uint32_t seed) {
-  const float broad = fractal_noise(x / 19.0, y / 19.0, seed, 3);
+  const float broad = fractal_noise(x / 19.0, y / 19.0, seed, 2);
   const float tufts = fractal_noise(x / 1.1, y / 1.1, seed + 1, 3, 0.6F);
   const float blades = grain(x, y, 0.09, seed + 2);
   Color color = mixed({0.29F, 0.38F, 0.16F}, {0.44F, 0.47F, 0.23F}, clamp01(0.45F + 0.5F * broad));
   color *= 1.0F + 0.24F * tufts + 0.24F * blades;
-  const float dry = fractal_noise(x / 4.7, y / 4.7, seed + 3, 4, 0.6F);
+  const float dry = fractal_noise(x / 4.7, y / 4.7, seed + 3, 3, 0.6F);
   color = mixed(color, {0.58F, 0.53F, 0.33F}, 0.7F * step(0.28F, 0.75F, dry));
-  const float bare = fractal_noise(x / 7.9, y / 7.9, seed + 4, 5, 0.6F);
+  const float bare = fractal_noise(x / 7.9, y / 7.9, seed + 4, 4, 0.6F);
   color = mixed(color, Color(0.47F, 0.36F, 0.25F) * (1.0F + 0.25F * blades), step(0.48F, 0.62F, bare));
   return color * (1.0F - 0.42F * step(0.72F, 0.86F, grain(x, y, 0.33, seed + 5)));  // weeds
 }
@@ -57,22 +57,22 @@ Color forest_floor(double x, double y, std::uint32_t seed) {
 
 Color turf(double x, double y, std::uint32_t seed) {
   const bool light_stripe = (floor_to_int(y / 4.572) & 1) != 0;
-  const float broad = fractal_noise(x / 13.0, y / 13.0, seed, 3);
+  const float broad = fractal_noise(x / 13.0, y / 13.0, seed, 2);
   const float clumps = fractal_noise(x / 0.8, y / 0.8, seed + 1, 4, 0.65F);
   Color color = light_stripe ? Color(0.34F, 0.45F, 0.22F) : Color(0.27F, 0.37F, 0.17F);
   color *= 1.0F + 0.12F * broad + 0.24F * clumps + 0.22F * grain(x, y, 0.09, seed + 2);
   const float use = 0.25F - static_cast<float>(std::fabs(x)) / 60.0F;  // the middle is played on most
-  const float wear = fractal_noise(x / 5.3, y / 5.3, seed + 3, 5, 0.6F) + use;
+  const float wear = fractal_noise(x / 5.3, y / 5.3, seed + 3, 4, 0.6F) + use;
   return mixed(color, Color(0.50F, 0.45F, 0.28F) * (1.0F + 0.2F * clumps), 0.75F * step(0.40F, 0.80F, wear));
 }
 
 Color asphalt(double x, double y, std::uint32_t seed) {
-  const float broad = fractal_noise(x / 8.0, y / 8.0, seed, 4);
+  const float broad = fractal_noise(x / 8.0, y / 8.0, seed, 3);
   const float stones = grain(x, y, 0.07, seed + 1) + 0.6F * grain(x, y, 0.19, seed + 2);
   Color color = Color(0.40F, 0.40F, 0.41F) * (1.0F + 0.14F * broad + 0.13F * stones);
   const float patch = cell_random(x / 5.5 + 0.2 * value_noise(x / 9, y / 9, seed), y / 3.1, seed + 3);
   if (patch > 0.90F) color *= 0.72F + 0.3F * (patch - 0.9F);
-  const float stain = fractal_noise(x / 1.7, y / 1.7, seed + 4, 4, 0.6F);
+  const float stain = fractal_noise(x / 1.7, y / 1.7, seed + 4, 3, 0.6F);
   color *= 1.0F - 0.38F * step(0.46F, 0.8F, stain);
   color *= 1.0F - 0.55F * cracks(x, y, 4.3, 0.035F, seed + 5);
   return color * (1.0F - 0.35F * cracks(x, y, 1.3, 0.05F, seed + 6) * step(0.1F, 0.5F, broad));
@@ -80,10 +80,10 @@ Color asphalt(double x, double y, std::uint32_t seed) {
 
 Color concrete(double x, double y, double joint_spacing_m, std::uint32_t seed) {
   const float slab = cell_random(x / joint_spacing_m, y / joint_spacing_m, seed) - 0.5F;
-  const float broad = fractal_noise(x / 3.1, y / 3.1, seed + 1, 5, 0.6F);
+  const float broad = fractal_noise(x / 3.1, y / 3.1, seed + 1, 4, 0.6F);
   const float pores = grain(x, y, 0.08, seed + 2);
   Color color = Color(0.66F, 0.64F, 0.60F) * (1.0F + 0.16F * slab + 0.13F * broad + 0.07F * pores);
-  const float stain = fractal_noise(x / 1.2, y / 1.2, seed + 3, 4, 0.65F);
+  const float stain = fractal_noise(x / 1.2, y / 1.2, seed + 3, 3, 0.65F);
   color *= 1.0F - 0.35F * step(0.38F, 0.8F, stain);
   const float gum = cell_random(x / 0.12, y / 0.12, seed + 4);
   if (gum > 0.992F) color *= 0.6F;

@@ -15,11 +15,9 @@ Floats4 corner_values(std::int32_t x, std::int32_t y, std::uint32_t seed) {
   const std::uint32_t x0 = static_cast<std::uint32_t>(x) * 0x9e3779b1U + seed, x1 = x0 + 0x9e3779b1U;
   const std::uint32_t y0 = static_cast<std::uint32_t>(y) * 0x7feb352dU, y1 = y0 + 0x7feb352dU;
   Bits4 h{x0 ^ y0, x1 ^ y0, x0 ^ y1, x1 ^ y1};
-  h ^= h >> 16;
-  h *= 0x85ebca6bU;
-  h ^= h >> 13;
-  h *= 0xc2b2ae35U;
-  h ^= h >> 16;
+  h ^= h >> 15;
+  h *= 0x2c1b3c6dU;
+  h ^= h >> 12;
   return __builtin_convertvector(reinterpret_cast<Ints4>(h), Floats4) * 0x1p-31F;
 }
 

@@ -15,10 +15,13 @@ constexpr std::uint32_t mix_bits(std::uint32_t h) {
   return h;
 }
 
-/// Hash of a lattice point, uniform over 32 bits.
+/// Hash of a lattice point, uniform over 32 bits; lighter than mix_bits, for it is drawn a billion times.
 constexpr std::uint32_t hash_lattice(std::int32_t x, std::int32_t y, std::uint32_t seed) {
-  const std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9e3779b1U + seed;
-  return mix_bits(h ^ (static_cast<std::uint32_t>(y) * 0x7feb352dU));
+  std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9e3779b1U + seed;
+  h ^= static_cast<std::uint32_t>(y) * 0x7feb352dU;
+  h ^= h >> 15;
+  h *= 0x2c1b3c6dU;
+  return h ^ (h >> 12);
 }
 
 /// The integer below; cheaper than std::floor where there is no instruction for it.

@@ -9,9 +9,9 @@ namespace tileflight::tiling {
 
 struct PhotogrammetryOptions {
   double simplification_m = 0.085;  ///< detail that is lost
-  double noise_m = 0.035;          ///< standard deviation of the surface's error along each axis
-  double noise_length_m = 2.2;     ///< over which that error is alike
-  int texture_reduction = 2;       ///< texels of the source along each axis that become one, before a blur of one texel
+  double noise_m = 0.035;           ///< standard deviation of the surface's error along each axis
+  double noise_length_m = 2.2;      ///< over which that error is alike
+  int texture_reduction = 2;  ///< texels of the source along each axis that become one, before a blur of one texel
   std::uint32_t seed = 1;
 };
 
