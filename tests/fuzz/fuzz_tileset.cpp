@@ -13,7 +13,8 @@ using namespace tileflight;
 class OneFile : public tiles::TileSource {
  public:
   explicit OneFile(std::string_view text)
-      : bytes_(reinterpret_cast<const std::byte*>(text.data()), reinterpret_cast<const std::byte*>(text.data()) + text.size()) {}
+      : bytes_(reinterpret_cast<const std::byte*>(text.data()),
+               reinterpret_cast<const std::byte*>(text.data()) + text.size()) {}
 
   std::string root_uri() const override { return "tileset.json"; }
   std::vector<std::byte> read(const std::string&) override { return bytes_; }
