@@ -38,7 +38,8 @@ inline ProgramResult run_tileflight(const std::vector<std::string>& arguments, c
   const TemporaryFolder folder;
   std::string command = environment + " " + shell_quoted(TILEFLIGHT_BINARY);
   for (const std::string& argument : arguments) command += " " + shell_quoted(argument);
-  command += " > " + shell_quoted((folder / "out").string()) + " 2> " + shell_quoted((folder / "err").string()) + " < /dev/null";
+  command += " > " + shell_quoted((folder / "out").string()) + " 2> " + shell_quoted((folder / "err").string()) +
+             " < /dev/null";
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(folder / "out"), file_text(folder / "err")};
 }

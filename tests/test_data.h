@@ -15,6 +15,6 @@ inline std::filesystem::path test_data_root() {
 }  // namespace tileflight::tests
 
 /// Declares `VARIABLE` as the path of `RELATIVE` in the test data; skips the test where it is absent.
-#define TILEFLIGHT_REQUIRE_TEST_DATA(VARIABLE, RELATIVE)                                                    \
-  const std::filesystem::path VARIABLE = tileflight::tests::test_data_root() / (RELATIVE);                  \
+#define TILEFLIGHT_REQUIRE_TEST_DATA(VARIABLE, RELATIVE)                                   \
+  const std::filesystem::path VARIABLE = tileflight::tests::test_data_root() / (RELATIVE); \
   if (!std::filesystem::exists(VARIABLE)) GTEST_SKIP() << "TILEFLIGHT_TEST_DATA has no " << (RELATIVE)

@@ -12,8 +12,8 @@
 
 namespace tileflight::tests {
 
-/// A place made by hand, independent of the program's own writer: a hilly 80 m x 80 m square in a local z-up frame, coloured by
-/// vertex, as 3D Tiles 1.1: root.glb (coarse, error 4) refined by the quarters 0.glb to 3.glb (error 0).
+/// A place made by hand, independent of the program's own writer: a hilly 80 m x 80 m square in a local z-up frame,
+/// coloured by vertex, as 3D Tiles 1.1: root.glb (coarse, error 4) refined by the quarters 0.glb to 3.glb (error 0).
 class TinyPlace {
  public:
   static constexpr double kHalf = 40.0;  ///< metres; x and y from -40 to 40
@@ -26,7 +26,8 @@ class TinyPlace {
     write_file(folder / "tileset.json", tileset().dump(1));
     write_file(folder / "root.glb", glb(-kHalf, -kHalf, 2 * kHalf, 10));
     for (int i = 0; i < 4; ++i) {
-      write_file(folder / (std::to_string(i) + ".glb"), glb(i % 2 == 0 ? -kHalf : 0.0, i / 2 == 0 ? -kHalf : 0.0, kHalf, 40));
+      write_file(folder / (std::to_string(i) + ".glb"),
+                 glb(i % 2 == 0 ? -kHalf : 0.0, i / 2 == 0 ? -kHalf : 0.0, kHalf, 40));
     }
   }
 
@@ -78,7 +79,9 @@ class TinyPlace {
         const double y = y0 + size * j / n;
         for (const double v : {x, height(x, y), -y}) positions.push_back(static_cast<float>(v));
         const auto shade = static_cast<std::uint8_t>(40 + (i * 2654435761U ^ j * 40503U) % 180);
-        for (const std::uint8_t c : {shade, static_cast<std::uint8_t>(255 - shade), std::uint8_t{90}, std::uint8_t{255}}) colors.push_back(c);
+        for (const std::uint8_t c :
+             {shade, static_cast<std::uint8_t>(255 - shade), std::uint8_t{90}, std::uint8_t{255}})
+          colors.push_back(c);
         if (i == n || j == n) continue;
         const std::uint32_t a = j * (n + 1) + i;
         for (const std::uint32_t k : {a, a + 1, a + n + 2, a, a + n + 2, a + n + 1}) indices.push_back(k);
@@ -97,7 +100,8 @@ class TinyPlace {
     return bytes + chunks;
   }
 
-  static nlohmann::json document(const std::vector<float>& positions, std::size_t color_bytes, std::size_t index_count) {
+  static nlohmann::json document(const std::vector<float>& positions, std::size_t color_bytes,
+                                 std::size_t index_count) {
     const std::size_t position_bytes = positions.size() * 4;
     const std::size_t count = positions.size() / 3;
     std::array<float, 3> low{1e9F, 1e9F, 1e9F};
@@ -106,20 +110,21 @@ class TinyPlace {
       low[i % 3] = std::min(low[i % 3], positions[i]);
       high[i % 3] = std::max(high[i % 3], positions[i]);
     }
-    return {{"asset", {{"version", "2.0"}}},
-            {"scene", 0},
-            {"scenes", {{{"nodes", {0}}}}},
-            {"nodes", {{{"mesh", 0}}}},
-            {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}, {"COLOR_0", 1}}}, {"indices", 2}}}}}}},
-            {"buffers", {{{"byteLength", position_bytes + color_bytes + index_count * 4}}}},
-            {"bufferViews",
-             {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", position_bytes}},
-              {{"buffer", 0}, {"byteOffset", position_bytes}, {"byteLength", color_bytes}},
-              {{"buffer", 0}, {"byteOffset", position_bytes + color_bytes}, {"byteLength", index_count * 4}}}},
-            {"accessors",
-             {{{"bufferView", 0}, {"componentType", 5126}, {"count", count}, {"type", "VEC3"}, {"min", low}, {"max", high}},
-              {{"bufferView", 1}, {"componentType", 5121}, {"normalized", true}, {"count", count}, {"type", "VEC4"}},
-              {{"bufferView", 2}, {"componentType", 5125}, {"count", index_count}, {"type", "SCALAR"}}}}};
+    return {
+        {"asset", {{"version", "2.0"}}},
+        {"scene", 0},
+        {"scenes", {{{"nodes", {0}}}}},
+        {"nodes", {{{"mesh", 0}}}},
+        {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}, {"COLOR_0", 1}}}, {"indices", 2}}}}}}},
+        {"buffers", {{{"byteLength", position_bytes + color_bytes + index_count * 4}}}},
+        {"bufferViews",
+         {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", position_bytes}},
+          {{"buffer", 0}, {"byteOffset", position_bytes}, {"byteLength", color_bytes}},
+          {{"buffer", 0}, {"byteOffset", position_bytes + color_bytes}, {"byteLength", index_count * 4}}}},
+        {"accessors",
+         {{{"bufferView", 0}, {"componentType", 5126}, {"count", count}, {"type", "VEC3"}, {"min", low}, {"max", high}},
+          {{"bufferView", 1}, {"componentType", 5121}, {"normalized", true}, {"count", count}, {"type", "VEC4"}},
+          {{"bufferView", 2}, {"componentType", 5125}, {"count", index_count}, {"type", "SCALAR"}}}}};
   }
 };
 

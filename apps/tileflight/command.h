@@ -34,7 +34,8 @@ inline void add_common_options(CLI::App& command, CommonOptions& common) {
   command.add_flag("--json", common.json, "print one JSON object and nothing else on stdout");
   command.add_flag("--quiet", common.quiet, "print nothing but errors");
   command.add_flag("--force", common.force, "replace existing output");
-  command.add_option("--threads", common.threads, "threads to use (default: one for each core)")->check(CLI::Range(1, 1024));
+  command.add_option("--threads", common.threads, "threads to use (default: one for each core)")
+      ->check(CLI::Range(1, 1024));
 }
 
 // One function a command, each in the file of its name: adds the subcommand and binds it to `selection`.

@@ -13,12 +13,15 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("evaluate", "map and trajectory error of an aligned map");
-  command->footer("Example:\n  tileflight evaluate out/odometry --truth out/truth --transform transform.json --out metrics.json");
+  command->footer(
+      "Example:\n  tileflight evaluate out/odometry --truth out/truth --transform transform.json --out metrics.json");
   add_map_options(*command, options->map);
   command->add_option("--truth", options->truth, "folder that `extract` wrote")->required();
   command->add_option("--transform", options->transform, "transform.json of `align`")->required();
   command->add_option("--out", options->out, "metrics.json to write; errors.ply is written beside it")->required();
-  command->add_option("--cutoff", options->settings.cutoff_m, "distance up to which a point counts as a correspondence, metres (default 1)")
+  command
+      ->add_option("--cutoff", options->settings.cutoff_m,
+                   "distance up to which a point counts as a correspondence, metres (default 1)")
       ->check(CLI::PositiveNumber);
   add_common_options(*command, common);
   command->callback([options, &selection] {
@@ -30,7 +33,8 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
            << m["map"]["cutoff"] << " m of a voxel centre, mean " << m["map"]["mean"] << " m, std " << m["map"]["std"]
            << " m (floor " << m["map"]["quantization_floor"]["mean"] << "); to the surface: median "
            << m["surface"]["median"] << " m\n";
-      if (!m["trajectory"].is_null()) text << "ATE RMSE " << m["trajectory"]["ate_rmse"] << " m over " << m["trajectory"]["path_length"] << " m\n";
+      if (!m["trajectory"].is_null())
+        text << "ATE RMSE " << m["trajectory"]["ate_rmse"] << " m over " << m["trajectory"]["path_length"] << " m\n";
       return {m, text.str()};
     };
   });

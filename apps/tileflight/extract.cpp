@@ -1,6 +1,7 @@
+#include "tileflight/experiment/extract.h"
+
 #include "command.h"
 #include "region_options.h"
-#include "tileflight/experiment/extract.h"
 
 namespace tileflight::app {
 namespace {
@@ -15,8 +16,8 @@ struct Options {
 std::string summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
   text << out << ": " << result["triangles"] << " triangles from " << result["tiles_loaded"] << " of "
-       << result["tiles_wanted"] << " tiles" << (result["complete"].get<bool>() ? " (complete)" : " (INCOMPLETE)") << ", "
-       << result["voxels_occupied"] << " cells of " << result["voxel_size"] << " m occupied, "
+       << result["tiles_wanted"] << " tiles" << (result["complete"].get<bool>() ? " (complete)" : " (INCOMPLETE)")
+       << ", " << result["voxels_occupied"] << " cells of " << result["voxel_size"] << " m occupied, "
        << result["surface_points"] << " surface points\n";
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();
@@ -27,7 +28,9 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("extract", "ground truth of a region: mesh, surface points, voxels");
-  command->footer("Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out truth");
+  command->footer(
+      "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
+      "truth");
   command->add_option("SOURCE", options->source, "tileset.json or its folder")->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);

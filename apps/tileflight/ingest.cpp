@@ -13,18 +13,23 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("ingest", "a filmed flight as a dataset");
-  command->footer("Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height ellipsoid --every 4 --out dataset");
+  command->footer(
+      "Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height "
+      "ellipsoid --every 4 --out dataset");
   command->add_option("VIDEO", options->video, "video file or folder of images")->required();
-  command->add_option("--camera", options->camera, "calibration: Kalibr camchain (.yaml) or DSO camera (.txt)")->required();
+  command->add_option("--camera", options->camera, "calibration: Kalibr camchain (.yaml) or DSO camera (.txt)")
+      ->required();
   command->add_option("--telemetry", options->telemetry, "flight log (DJI .srt)");
   command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
-  CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m, "of the take-off place above the ellipsoid, metres");
+  CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,
+                                             "of the take-off place above the ellipsoid, metres");
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
   command->add_option("--from", options->flight.from_s, "start of the excerpt, seconds");
   CLI::Option* to = command->add_option("--to", options->to_s, "end of the excerpt, seconds");
   command->add_option("--every", options->flight.every, "each n-th frame")->check(CLI::PositiveNumber);
-  CLI::Option* fps = command->add_option("--fps", options->fps, "of a folder of images without times")->check(CLI::PositiveNumber);
+  CLI::Option* fps =
+      command->add_option("--fps", options->fps, "of a folder of images without times")->check(CLI::PositiveNumber);
   command->add_option("--out", options->out, "dataset folder to write")->required();
   add_common_options(*command, common);
   command->callback([options, to, fps, takeoff, &selection] {

@@ -63,8 +63,8 @@ std::string summary(const tiles::TilesetSummary& s) {
   std::ostringstream text;
   text << std::fixed << std::setprecision(1);
   text << "3D Tiles " << s.version << (s.generator.empty() ? "" : ", made by " + s.generator) << "\n"
-       << s.tiles << " tiles, " << s.leaves << " of them leaves, " << s.depth() << " levels; refine: REPLACE " << s.tiles_replace
-       << ", ADD " << s.tiles_add << "\ncontents:";
+       << s.tiles << " tiles, " << s.leaves << " of them leaves, " << s.depth() << " levels; refine: REPLACE "
+       << s.tiles_replace << ", ADD " << s.tiles_add << "\ncontents:";
   for (const auto& [kind, count] : s.contents) text << " " << count << " " << kind;
   text << " (" << s.content_files << " files, " << static_cast<double>(s.content_bytes) / 1e6 << " MB, "
        << s.content_files_missing << " missing), " << s.external_tilesets << " external tilesets\n";
@@ -75,14 +75,15 @@ std::string summary(const tiles::TilesetSummary& s) {
          << std::setprecision(1) << ", " << s.center->height.m << " m above the ellipsoid\n";
   } else {
     const geometry::Vec3 middle = s.bounds_local.center();
-    text << "not georeferenced, around (" << middle.x() << ", " << middle.y() << ", " << middle.z() << ") in its own frame\n";
+    text << "not georeferenced, around (" << middle.x() << ", " << middle.y() << ", " << middle.z()
+         << ") in its own frame\n";
   }
   for (std::size_t i = 0; i < s.levels.size(); ++i) {
     text << "  level " << i << ": " << s.levels[i].tiles << " tiles, geometric error " << std::setprecision(3)
          << s.levels[i].geometric_error_min_m << " to " << s.levels[i].geometric_error_max_m << " m\n";
   }
-  text << "extensions required: " << list(s.extensions_required) << "; not supported: " << list(s.extensions_unsupported)
-       << "\nattribution: " << list(s.attribution) << "\n";
+  text << "extensions required: " << list(s.extensions_required)
+       << "; not supported: " << list(s.extensions_unsupported) << "\nattribution: " << list(s.attribution) << "\n";
   for (const std::string& failure : s.failures) text << "broken: " << failure << "\n";
   for (const std::string& warning : s.warnings) text << "note: " << warning << "\n";
   return text.str();
@@ -92,7 +93,8 @@ std::string summary(const tiles::TilesetSummary& s) {
 
 void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto source = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("inspect", "what a tileset holds: depth, tiles, formats, extents, errors, attribution");
+  CLI::App* command =
+      app.add_subcommand("inspect", "what a tileset holds: depth, tiles, formats, extents, errors, attribution");
   command->footer("Example:\n  tileflight inspect tiles/tileset.json");
   command->add_option("SOURCE", *source, "tileset.json or its folder")->required();
   add_common_options(*command, common);

@@ -51,8 +51,8 @@ void print_output(const CommonOptions& common, const Output& output) {
 }
 
 int run_selected(const CommonOptions& common, const Selection& selection) {
-  const std::size_t threads = common.threads > 0 ? static_cast<std::size_t>(common.threads)
-                                                 : std::max(1U, std::thread::hardware_concurrency());
+  const std::size_t threads =
+      common.threads > 0 ? static_cast<std::size_t>(common.threads) : std::max(1U, std::thread::hardware_concurrency());
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   tileflight::app::TerminalProgress terminal(!common.quiet);
   const tileflight::Progress progress = [&terminal](std::int64_t done, std::int64_t total, std::string_view what) {

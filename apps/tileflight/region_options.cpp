@@ -19,15 +19,28 @@ geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers.at(0),
 }  // namespace
 
 void add_region_options(CLI::App& command, RegionOptions& options) {
-  auto* center = command.add_option("--center", options.center, "LAT,LON[,HEIGHT] of the region's centre, degrees and metres above the ellipsoid")
-                     ->delimiter(',')->expected(2, 3);
-  auto* local = command.add_option("--center-local", options.center_local, "X,Y,Z of the region's centre in the tileset's own frame, metres")
-                    ->delimiter(',')->expected(3)->excludes(center);
+  auto* center = command
+                     .add_option("--center", options.center,
+                                 "LAT,LON[,HEIGHT] of the region's centre, degrees and metres above the ellipsoid")
+                     ->delimiter(',')
+                     ->expected(2, 3);
+  auto* local = command
+                    .add_option("--center-local", options.center_local,
+                                "X,Y,Z of the region's centre in the tileset's own frame, metres")
+                    ->delimiter(',')
+                    ->expected(3)
+                    ->excludes(center);
   command.add_option("--size", options.size, "EAST,NORTH,UP of the region, metres")->delimiter(',')->expected(3);
-  command.add_option("--region", options.region_file, "GeoJSON file whose area is the region")->excludes(center)->excludes(local);
-  command.add_option("--origin", options.origin, "LAT,LON,HEIGHT of the local frame's origin (default: the region's centre)")
-      ->delimiter(',')->expected(3);
-  command.add_option("--error", options.error_m, "geometric error wanted, metres (0: the finest there is)")->check(CLI::NonNegativeNumber);
+  command.add_option("--region", options.region_file, "GeoJSON file whose area is the region")
+      ->excludes(center)
+      ->excludes(local);
+  command
+      .add_option("--origin", options.origin,
+                  "LAT,LON,HEIGHT of the local frame's origin (default: the region's centre)")
+      ->delimiter(',')
+      ->expected(3);
+  command.add_option("--error", options.error_m, "geometric error wanted, metres (0: the finest there is)")
+      ->check(CLI::NonNegativeNumber);
   command.add_flag("--allow-incomplete", options.allow_incomplete, "go on without tiles that are missing or broken");
 }
 

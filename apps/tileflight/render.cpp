@@ -14,11 +14,16 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("render", "a simulated sensor dataset of a flight through tiles");
-  command->footer("Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out dataset");
+  command->footer(
+      "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
+      "dataset");
   command->add_option("SOURCE", options->settings.source, "tileset.json or its folder")->required();
-  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")->required();
+  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
+      ->required();
   command->add_option("--out", options->out, "dataset folder to write")->required();
-  command->add_option("--samples", options->settings.flight.samples_per_pixel, "samples per pixel: 1, 4, 9 or 16 (default 1)")
+  command
+      ->add_option("--samples", options->settings.flight.samples_per_pixel,
+                   "samples per pixel: 1, 4, 9 or 16 (default 1)")
       ->check(CLI::IsMember({1, 4, 9, 16}));
   command->add_flag("--depth", options->settings.depth, "write depth/000000.exr as well");
   command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");

@@ -14,7 +14,8 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("run", "an experiment, from tiles to report");
   command->footer("Example:\n  tileflight run examples/stadium.yaml --out out/stadium");
   command->add_option("EXPERIMENT", options->experiment, "experiment file (YAML)")->required();
-  command->add_option("--out", options->out, "folder for results.json, report.html and what they were made from")->required();
+  command->add_option("--out", options->out, "folder for results.json, report.html and what they were made from")
+      ->required();
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {

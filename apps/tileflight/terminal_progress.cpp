@@ -23,7 +23,8 @@ void TerminalProgress::update(std::int64_t done, std::int64_t total, std::string
     const int percent = static_cast<int>(100 * done / total);
     std::fprintf(stderr, "\r\033[K%3d %%  %.*s", percent, static_cast<int>(what.size()), what.data());
   } else {
-    std::fprintf(stderr, "\r\033[K%.*s (%lld)", static_cast<int>(what.size()), what.data(), static_cast<long long>(done));
+    std::fprintf(stderr, "\r\033[K%.*s (%lld)", static_cast<int>(what.size()), what.data(),
+                 static_cast<long long>(done));
   }
   std::fflush(stderr);
 }

@@ -9,12 +9,12 @@
 namespace tileflight {
 namespace {
 
+using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
-using ::testing::HasSubstr;
 
-const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"}, {"inspect"}, {"extract"}, {"render"},
-                                                      {"ingest"},           {"odometry"}, {"align"}, {"evaluate"},
+const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"}, {"inspect"},  {"extract"}, {"render"},
+                                                      {"ingest"},           {"odometry"}, {"align"},   {"evaluate"},
                                                       {"compare"},          {"run"},      {"report"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {

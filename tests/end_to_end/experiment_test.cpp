@@ -82,7 +82,8 @@ void expect_keys(const json& object, const std::vector<std::string>& keys) {
 
 void expect_flight_results(const json& flight, double fov_deg) {
   expect_keys(flight, {"map", "surface", "trajectory", "frames", "fov_deg", "resolution", "fps", "duration_s", "kind"});
-  expect_keys(flight["map"], {"points", "correspondences", "mean", "std", "median", "rmse", "histogram", "cutoff", "truth", "quantization_floor"});
+  expect_keys(flight["map"], {"points", "correspondences", "mean", "std", "median", "rmse", "histogram", "cutoff",
+                              "truth", "quantization_floor"});
   expect_keys(flight["surface"], {"mean", "std", "median", "rmse", "accuracy", "completeness", "f_score"});
   EXPECT_NEAR(flight["fov_deg"].get<double>(), fov_deg, 1.0);
   EXPECT_NEAR(flight["fps"].get<double>(), 10.0, 1e-3);
@@ -101,8 +102,8 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
   EXPECT_EQ(results["simulated"]["resolution"], json({320, 240}));
   EXPECT_EQ(results["real"]["resolution"], json({256, 192}));
   EXPECT_EQ(results["real"]["kind"], "surrogate");
-  expect_keys(results["comparison"], {"mean_difference", "std_difference", "points_ratio", "ks_statistic", "wasserstein_m",
-                                      "mean_difference_ci95", "equivalent_within_m"});
+  expect_keys(results["comparison"], {"mean_difference", "std_difference", "points_ratio", "ks_statistic",
+                                      "wasserstein_m", "mean_difference_ci95", "equivalent_within_m"});
   expect_keys(results["provenance"], {"version", "commit", "seed", "inputs", "seconds"});
   EXPECT_TRUE(fs::exists(folder_ / "a/report.html"));
   EXPECT_EQ(json::parse(file_text(folder_ / "a/results.json")), results);
@@ -130,14 +131,15 @@ TEST_F(Experiment, ThreadsChangeNoByte) {
   std::set<std::string> compared;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "one")) {
     const std::string name = fs::relative(entry.path(), folder_ / "one").string();
-    const bool times_inside = name.ends_with("extract.json") || name.ends_with("odometry.json") || name == "results.json" ||
-                              name == "report.html" || name.starts_with("stages");
+    const bool times_inside = name.ends_with("extract.json") || name.ends_with("odometry.json") ||
+                              name == "results.json" || name == "report.html" || name.starts_with("stages");
     if (!entry.is_regular_file() || times_inside) continue;
     EXPECT_EQ(file_text(entry.path()), file_text(folder_ / "two" / name)) << name;
     compared.insert(name);
   }
-  for (const char* name : {"simulated/metrics.json", "real/metrics.json", "simulated/odometry/map.ply", "truth/voxels.binvox",
-                           "simulated/dataset/images/000000.jpg", "comparison.json", "truth/mesh.glb"}) {
+  for (const char* name :
+       {"simulated/metrics.json", "real/metrics.json", "simulated/odometry/map.ply", "truth/voxels.binvox",
+        "simulated/dataset/images/000000.jpg", "comparison.json", "truth/mesh.glb"}) {
     EXPECT_TRUE(compared.contains(name)) << name;
   }
 }
@@ -147,10 +149,12 @@ TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
   const std::string own = (folder_ / "own/simulated/odometry").string();
   TinyPlace::write_file(folder_ / "experiment.yaml",
                         std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) +
-                            "odometry:\n  command: test -e {dataset}/times.txt && cp " + own + "/trajectory.txt " + own + "/map.ply {out}\n");
+                            "odometry:\n  command: test -e {dataset}/times.txt && cp " + own + "/trajectory.txt " +
+                            own + "/map.ply {out}\n");
   const ProgramResult result = run("outside", {"--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(json::parse(result.out)["simulated"]["map"], json::parse(file_text(folder_ / "own/simulated/metrics.json"))["map"]);
+  EXPECT_EQ(json::parse(result.out)["simulated"]["map"],
+            json::parse(file_text(folder_ / "own/simulated/metrics.json"))["map"]);
 
   TinyPlace::write_file(folder_ / "experiment.yaml",
                         std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) +

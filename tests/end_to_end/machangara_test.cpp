@@ -1,4 +1,5 @@
-// A real place and an independent flight: a drone survey of a ravine as 3D Tiles, and a video of a flight over it by another renderer.
+// A real place and an independent flight: a drone survey of a ravine as 3D Tiles, and a video of a flight over it by
+// another renderer.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +20,8 @@ using tests::run_tileflight;
 TEST(Machangara, TheFinestCutIsWholeAndCounted) {
   TILEFLIGHT_REQUIRE_TEST_DATA(tileset, "tilesets/machangara_photogrammetry/tileset.json");
   const tests::TemporaryFolder folder;
-  const ProgramResult result = run_tileflight({"extract", tileset.string(), "--out", (folder / "truth").string(), "--json"});
+  const ProgramResult result =
+      run_tileflight({"extract", tileset.string(), "--out", (folder / "truth").string(), "--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const json extract = json::parse(result.out);
   EXPECT_TRUE(extract["complete"].get<bool>());
@@ -38,9 +40,9 @@ TEST_P(MachangaraFlight, IsTrackedToHalfAPercentOfThePath) {
   const tests::TemporaryFolder folder;
   const std::string dataset = (folder / "dataset").string();
   const std::string out = (folder / "odometry").string();
-  ProgramResult result = run_tileflight({"ingest", (flight / "video.mp4").string(), "--camera", (flight / "camera.yaml").string(),
-                                         "--telemetry", (flight / "telemetry.srt").string(), "--telemetry-height", "ellipsoid",
-                                         "--out", dataset});
+  ProgramResult result = run_tileflight(
+      {"ingest", (flight / "video.mp4").string(), "--camera", (flight / "camera.yaml").string(), "--telemetry",
+       (flight / "telemetry.srt").string(), "--telemetry-height", "ellipsoid", "--out", dataset});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   std::vector<std::string> call{"odometry", dataset, "--out", out, "--from", std::to_string(from), "--json"};
   if (reverse) call.push_back("--reverse");
@@ -58,7 +60,8 @@ TEST_P(MachangaraFlight, IsTrackedToHalfAPercentOfThePath) {
   EXPECT_LE(metrics.ate_rmse_m, 0.005 * metrics.path_length_m);
 }
 
-INSTANTIATE_TEST_SUITE_P(Starts, MachangaraFlight, ::testing::Values(std::tuple(0, false), std::tuple(330, false), std::tuple(240, true)));
+INSTANTIATE_TEST_SUITE_P(Starts, MachangaraFlight,
+                         ::testing::Values(std::tuple(0, false), std::tuple(330, false), std::tuple(240, true)));
 
 }  // namespace
 }  // namespace tileflight

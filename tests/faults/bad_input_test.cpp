@@ -1,4 +1,5 @@
-// What goes wrong on a user's disk, staged: each is one clear line that names the culprit, exit 1, and nothing half written.
+// What goes wrong on a user's disk, staged: each is one clear line that names the culprit, exit 1, and nothing half
+// written.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,12 +13,12 @@ namespace tileflight {
 namespace {
 
 namespace fs = std::filesystem;
-using tests::ProgramResult;
-using tests::run_tileflight;
-using tests::TinyPlace;
 using ::testing::AllOf;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyPlace;
 
 class BadInput : public ::testing::Test {
  protected:
@@ -43,7 +44,8 @@ class BadInput : public ::testing::Test {
     EXPECT_THAT(result.err, matcher);
     EXPECT_FALSE(fs::exists(out()));
     for (const auto& entry : fs::directory_iterator(folder_.path())) {
-      EXPECT_THAT(entry.path().filename().string(), ::testing::Not(HasSubstr("out"))) << "something half written is left";
+      EXPECT_THAT(entry.path().filename().string(), ::testing::Not(HasSubstr("out")))
+          << "something half written is left";
     }
   }
 
@@ -140,7 +142,8 @@ TEST_F(BadInput, OutputThatDoesNotFitLeavesNothing) {
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
   EXPECT_THAT(result.err, AnyOf(HasSubstr("too large"), HasSubstr("no space"), HasSubstr("cannot write")));
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 1) << "only the place is there";
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 1)
+      << "only the place is there";
 }
 
 TEST_F(BadInput, NoSpaceLeftOnStandardOutputIsAnError) {
@@ -152,7 +155,8 @@ TEST_F(BadInput, NoSpaceLeftOnStandardOutputIsAnError) {
 
 TEST_F(BadInput, UnknownKeyOfAnExperimentNamesTheNearest) {
   TinyPlace::write_file(folder_ / "e.yaml", "place: {source: place/tileset.json, centre_local: [0, 0, 100]}\n");
-  expect_fails({"run", (folder_ / "e.yaml").string(), "--out", out()}, AllOf(HasSubstr("e.yaml:1"), HasSubstr("center_local")));
+  expect_fails({"run", (folder_ / "e.yaml").string(), "--out", out()},
+               AllOf(HasSubstr("e.yaml:1"), HasSubstr("center_local")));
 }
 
 }  // namespace

@@ -102,8 +102,7 @@ IngestFlight read_ingest(YamlSection section) {
   ingest.camera = required_path(section, "camera");
   ingest.telemetry = optional_path(section, "telemetry");
   ingest.groundtruth = optional_path(section, "groundtruth");
-  ingest.telemetry_height =
-      section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
+  ingest.telemetry_height = section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
   ingest.takeoff_height_m = section.number("takeoff_height");
   ingest.telemetry_offset_s = section.number("telemetry_offset");
   ingest.from_s = section.number("from").value_or(0.0);
@@ -169,7 +168,8 @@ Experiment read_experiment(const fs::path& file) {
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
   root.finish();
   for (const std::string& key : root.keys()) experiment.sections[key] = root.raw(key);
-  if (!experiment.simulated && !experiment.real) throw root.error("simulated", "or 'real' is needed: at least one flight");
+  if (!experiment.simulated && !experiment.real)
+    throw root.error("simulated", "or 'real' is needed: at least one flight");
   return experiment;
 }
 

@@ -16,14 +16,15 @@ namespace tileflight::experiment {
 
 /// `place:` what is flown over. Keys: source, center | center_local, size, error, origin, view_margin, texture_scale.
 struct Place {
-  std::string source;                              ///< tileset (SOURCE of the contract), or `stadium:twin`, `stadium:world`
-  std::optional<geometry::Geodetic> center;        ///< center: [lat, lon] or [lat, lon, height]
-  std::optional<geometry::Vec3> center_local;      ///< center_local: [x, y, z], metres
-  std::optional<geometry::Vec3> size;              ///< size: [east, north, up], metres
-  double error_m = 0.0;                            ///< error: geometric error wanted; 0: the finest there is
-  std::optional<geometry::Geodetic> origin;        ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
-  double view_margin_m = 250.0;                    ///< view_margin: how much of the place around the region the cameras can see
-  double texture_scale = 1.0;                      ///< texture_scale: of the built-in place (smaller: quicker, blurrier)
+  std::string source;                          ///< tileset (SOURCE of the contract), or `stadium:twin`, `stadium:world`
+  std::optional<geometry::Geodetic> center;    ///< center: [lat, lon] or [lat, lon, height]
+  std::optional<geometry::Vec3> center_local;  ///< center_local: [x, y, z], metres
+  std::optional<geometry::Vec3> size;          ///< size: [east, north, up], metres
+  double error_m = 0.0;                        ///< error: geometric error wanted; 0: the finest there is
+  std::optional<geometry::Geodetic>
+      origin;  ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
+  double view_margin_m = 250.0;  ///< view_margin: how much of the place around the region the cameras can see
+  double texture_scale = 1.0;    ///< texture_scale: of the built-in place (smaller: quicker, blurrier)
 };
 
 /// `truth:` what is taken from the place to score against. Keys: voxel, samples_per_m2.
@@ -32,21 +33,22 @@ struct Truth {
   double samples_per_m2 = 16.0;
 };
 
-/// `render:` a flight through the place's tiles. Keys: flight, source, resolution, samples_per_pixel, max_frames, degrade.
+/// `render:` a flight through the place's tiles. Keys: flight, source, resolution, samples_per_pixel, max_frames,
+/// degrade.
 struct RenderFlight {
-  std::filesystem::path flight;              ///< FLIGHT file
-  std::string source;                        ///< another model of the same place; empty: the place's
-  std::optional<int> width, height;          ///< the flight's camera over another image size; both or none
+  std::filesystem::path flight;      ///< FLIGHT file
+  std::string source;                ///< another model of the same place; empty: the place's
+  std::optional<int> width, height;  ///< the flight's camera over another image size; both or none
   int samples_per_pixel = 1;
   std::optional<int> max_frames;
   std::optional<sensors::ImageFormation> degrade;  ///< what makes the second flight's camera less than perfect
-  std::optional<int> video_crf;              ///< through H.264 and back at this rate factor; none: no compression
+  std::optional<int> video_crf;                    ///< through H.264 and back at this rate factor; none: no compression
 };
 
-/// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, takeoff_height, telemetry_offset,
-/// groundtruth, from, to, every, fps.
+/// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, takeoff_height,
+/// telemetry_offset, groundtruth, from, to, every, fps.
 struct IngestFlight {
-  std::filesystem::path video;               ///< video file or folder of images
+  std::filesystem::path video;  ///< video file or folder of images
   std::filesystem::path camera;
   std::filesystem::path telemetry;           ///< DJI .srt; empty: none
   std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; what the log's heights are above
@@ -56,12 +58,12 @@ struct IngestFlight {
   double from_s = 0.0;
   std::optional<double> to_s;
   int every = 1;
-  std::optional<double> fps;                 ///< of a folder of images without times
+  std::optional<double> fps;  ///< of a folder of images without times
 };
 
 /// One flight of the experiment: rendered or ingested.
 struct Flight {
-  std::string kind;                          ///< "simulated", "video" or "surrogate"
+  std::string kind;  ///< "simulated", "video" or "surrogate"
   std::optional<RenderFlight> render;
   std::optional<IngestFlight> ingest;
 };
@@ -96,7 +98,8 @@ struct Experiment {
   std::map<std::string, std::string> sections;  ///< each top-level section as text, to tell whether it changed
 };
 
-/// Throws InputError (file, line, key): unknown keys name the nearest known one; wrong types; missing files; unset variables.
+/// Throws InputError (file, line, key): unknown keys name the nearest known one; wrong types; missing files; unset
+/// variables.
 Experiment read_experiment(const std::filesystem::path& file);
 
 }  // namespace tileflight::experiment

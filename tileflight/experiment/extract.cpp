@@ -21,7 +21,8 @@ json to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
 json frame_json(const std::optional<geometry::LocalFrame>& frame) {
   if (!frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
   const geometry::Geodetic& origin = frame->origin();
-  return {{"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
+  return {
+      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
 }
 
 json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
@@ -66,7 +67,8 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
         loaded.meshes, loaded.region.box(), {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2},
         temporary, progress);
     result = describe(settings, loaded, truth);
-    result["seconds"] = {{"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};
+    result["seconds"] = {
+        {"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};
     geometry::write_file(temporary / "extract.json", result.dump(2) + "\n");
   });
   return result;
@@ -75,7 +77,8 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
 nlohmann::json read_extract_json(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / "extract.json";
   const json result = json::parse(geometry::read_text(file), nullptr, false);
-  if (!result.is_object()) throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
+  if (!result.is_object())
+    throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
   return result;
 }
 

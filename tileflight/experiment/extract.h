@@ -11,14 +11,14 @@ namespace tileflight::experiment {
 
 /// What `tileflight extract` takes of which place.
 struct ExtractSettings {
-  std::string source;           ///< SOURCE of the contract
-  tiles::LoadOptions load;      ///< region and geometric error
+  std::string source;       ///< SOURCE of the contract
+  tiles::LoadOptions load;  ///< region and geometric error
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
 };
 
-/// Reads the region's cut and writes its ground truth as a whole folder: mesh.glb, surface.ply, voxels.binvox, voxels.ply, octree.bt and
-/// extract.json, whose content is returned. Throws InputError; nothing is left half written.
+/// Reads the region's cut and writes its ground truth as a whole folder: mesh.glb, surface.ply, voxels.binvox,
+/// voxels.ply, octree.bt and extract.json, whose content is returned. Throws InputError; nothing is left half written.
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                        const Progress& progress = {});
 

@@ -25,8 +25,8 @@ using nlohmann::json;
 /// One flight, ready to be filmed.
 struct Mission {
   imaging::Calibration calibration;
-  geometry::Trajectory frames;        ///< a pose for each picture
-  sensors::PoseFunction pose_at;      ///< in between, for the shutter
+  geometry::Trajectory frames;    ///< a pose for each picture
+  sensors::PoseFunction pose_at;  ///< in between, for the shutter
   sensors::FlightOptions options;
 };
 
@@ -56,14 +56,16 @@ std::vector<dataset::GpsFix> simulated_gps(const Mission& mission, const std::op
   if (!frame || mission.frames.size() < 2) return {};
   std::vector<dataset::GpsFix> fixes;
   for (const sensors::PositionFix& fix : sensors::simulate_gnss(mission.frames, {.seed = seed})) {
-    fixes.push_back({fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
+    fixes.push_back(
+        {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
   }
   return fixes;
 }
 
 std::string joined(const std::vector<std::string>& lines) {
-  return std::accumulate(lines.begin(), lines.end(), std::string(),
-                         [](std::string text, const std::string& line) { return text + (text.empty() ? "" : "; ") + line; });
+  return std::accumulate(lines.begin(), lines.end(), std::string(), [](std::string text, const std::string& line) {
+    return text + (text.empty() ? "" : "; ") + line;
+  });
 }
 
 std::map<std::string, std::string> description(const RenderSettings& settings, const tiles::LoadedTiles& tiles) {
@@ -101,12 +103,12 @@ class InOrder {
 sensors::FlightReport film_to_dataset(const scene::Scene& scene, const Mission& mission, const RenderSettings& settings,
                                       const tiles::LoadedTiles& tiles, const fs::path& out, bool replace,
                                       const Progress& progress) {
-  dataset::DatasetWriter writer(out, mission.calibration, {.replace = replace, .depth = settings.depth, .png = settings.png});
+  dataset::DatasetWriter writer(out, mission.calibration,
+                                {.replace = replace, .depth = settings.depth, .png = settings.png});
   const sensors::FlightReport report = sensors::render_flight(
       scene, mission.calibration.camera, mission.frames, mission.pose_at, mission.options,
-      [&](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb, const imaging::FloatImage* depth) {
-        writer.add_frame(index, time_s, exposure_ms, rgb, depth);
-      },
+      [&](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
+          const imaging::FloatImage* depth) { writer.add_frame(index, time_s, exposure_ms, rgb, depth); },
       progress);
   writer.set_groundtruth(mission.frames);
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, tiles.local_frame, settings.seed);
@@ -141,7 +143,9 @@ sensors::FlightReport film_to_video(const scene::Scene& scene, Mission mission, 
     InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
     report = sensors::render_flight(
         scene, camera, mission.frames, mission.pose_at, mission.options,
-        [&](std::size_t index, double, double, const imaging::RgbImage& rgb, const imaging::FloatImage*) { in_order.add(index, rgb); },
+        [&](std::size_t index, double, double, const imaging::RgbImage& rgb, const imaging::FloatImage*) {
+          in_order.add(index, rgb);
+        },
         progress);
     video.finish();
     imaging::write_kalibr(temporary / "camera.yaml", mission.calibration);
@@ -161,7 +165,8 @@ sensors::FlightReport film_to_video(const scene::Scene& scene, Mission mission, 
 
 }  // namespace
 
-nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress) {
+nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
+                              const Progress& progress) {
   const Mission mission = plan_mission(settings);
   const tiles::LoadedTiles tiles = tiles::load_region(settings.source, settings.load, progress);
   const scene::Scene scene(tiles.meshes);

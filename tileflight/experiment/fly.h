@@ -13,21 +13,23 @@ namespace tileflight::experiment {
 
 /// A flight through tiles as a sensor dataset: what is loaded, how it is flown, with which camera.
 struct RenderSettings {
-  std::string source;          ///< SOURCE of the contract
-  tiles::LoadOptions load;     ///< region, geometric error, origin of the local frame
+  std::string source;       ///< SOURCE of the contract
+  tiles::LoadOptions load;  ///< region, geometric error, origin of the local frame
   RenderFlight flight;
-  std::uint64_t seed = 1;      ///< of noise and of the simulated receiver
-  bool depth = false;          ///< write depth/000000.exr
+  std::uint64_t seed = 1;  ///< of noise and of the simulated receiver
+  bool depth = false;      ///< write depth/000000.exr
   bool png = false;
 };
 
-/// Renders the flight into a dataset folder, written whole. With a video rate factor the frames go through H.264 and back, and the
-/// video stands in the folder as video.mp4. Poses are groundtruth.txt; positions as a receiver would give them are gps.csv, where the
-/// place is georeferenced. Returns a summary (frames, seconds, frames a second, warnings). Throws InputError.
+/// Renders the flight into a dataset folder, written whole. With a video rate factor the frames go through H.264 and
+/// back, and the video stands in the folder as video.mp4. Poses are groundtruth.txt; positions as a receiver would give
+/// them are gps.csv, where the place is georeferenced. Returns a summary (frames, seconds, frames a second, warnings).
+/// Throws InputError.
 nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
                               const Progress& progress = {});
 
-/// A filmed flight as a dataset folder of the same layout, written whole. Log positions become gps.csv (ellipsoidal heights). Throws InputError.
+/// A filmed flight as a dataset folder of the same layout, written whole. Log positions become gps.csv (ellipsoidal
+/// heights). Throws InputError.
 nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem::path& out, bool replace,
                               const Progress& progress = {});
 

@@ -64,7 +64,8 @@ std::vector<std::string> Pipeline::place_products() const {
 void Pipeline::make_place(const Progress& progress) const {
   if (!uses_built_in_place()) return;
   geometry::write_folder(folder_ / "place", false, [&](const fs::path& temporary) {
-    tiling::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale}, progress);
+    tiling::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale},
+                          progress);
   });
 }
 
@@ -72,7 +73,8 @@ std::string Pipeline::resolved(const std::string& source) const {
   if (!is_stadium(source)) return source;
   const std::string model = source.substr(kStadiumPrefix.size());
   if (model != "twin" && model != "world") {
-    throw InputError(experiment_.file.string(), "the built-in place has no '" + source + "'; there are stadium:twin and stadium:world");
+    throw InputError(experiment_.file.string(),
+                     "the built-in place has no '" + source + "'; there are stadium:twin and stadium:world");
   }
   return (folder_ / "place" / model / "tileset.json").string();
 }
@@ -89,8 +91,11 @@ std::string Pipeline::section(const std::string& name) const {
 ExtractSettings Pipeline::extract_settings() const {
   const Place& place = experiment_.place;
   return {.source = resolved(place.source),
-          .load = {.center = place.center, .center_local = place.center_local, .size = place.size,
-                   .error_m = place.error_m, .origin = place.origin},
+          .load = {.center = place.center,
+                   .center_local = place.center_local,
+                   .size = place.size,
+                   .error_m = place.error_m,
+                   .origin = place.origin},
           .voxel_m = experiment_.truth.voxel_m,
           .samples_per_m2 = experiment_.truth.samples_per_m2};
 }
@@ -105,17 +110,22 @@ RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
   return {.source = resolved(render.source.empty() ? experiment_.place.source : render.source),
           .load = {.center_local = geometry::Vec3(center[0], center[1], center[2]),
                    .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
-                   .error_m = experiment_.place.error_m, .origin = origin_of(truth)},
+                   .error_m = experiment_.place.error_m,
+                   .origin = origin_of(truth)},
           .flight = render,
           .seed = experiment_.seed};
 }
 
 json Pipeline::place_inputs() const {
-  return {{"built_in", uses_built_in_place()}, {"seed", experiment_.seed}, {"texture_scale", experiment_.place.texture_scale}};
+  return {{"built_in", uses_built_in_place()},
+          {"seed", experiment_.seed},
+          {"texture_scale", experiment_.place.texture_scale}};
 }
 
 json Pipeline::truth_inputs() const {
-  return {{"place", section("place")}, {"truth", section("truth")}, {"tiles", source_fingerprint(experiment_.place.source)}};
+  return {{"place", section("place")},
+          {"truth", section("truth")},
+          {"tiles", source_fingerprint(experiment_.place.source)}};
 }
 
 json Pipeline::dataset_inputs(const FlightStages& f) const {
@@ -139,7 +149,9 @@ json Pipeline::odometry_inputs(const FlightStages& f) const {
 }
 
 json Pipeline::alignment_inputs(const FlightStages& f) const {
-  return {{"odometry", cache_.key(f.name + "/odometry")}, {"truth", cache_.key("truth")}, {"alignment", section("alignment")}};
+  return {{"odometry", cache_.key(f.name + "/odometry")},
+          {"truth", cache_.key("truth")},
+          {"alignment", section("alignment")}};
 }
 
 json Pipeline::evaluation_inputs(const FlightStages& f) const {

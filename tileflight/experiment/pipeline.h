@@ -14,7 +14,7 @@ namespace tileflight::experiment {
 
 /// One of the experiment's flights and where its stages leave their results.
 struct FlightStages {
-  std::string name;              ///< "simulated" or "real"
+  std::string name;  ///< "simulated" or "real"
   const Flight& flight;
   std::filesystem::path folder;  ///< DIR/simulated or DIR/real
 };

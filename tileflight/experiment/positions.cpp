@@ -19,16 +19,19 @@ std::string height_datum(const flight::Telemetry& telemetry, const IngestFlight&
 
 double absolute_height(const flight::TelemetryFix& fix, const IngestFlight& flight) {
   if (fix.absolute_height_m) return *fix.absolute_height_m;
-  throw InputError(flight.telemetry.string(), "has no absolute heights; set telemetry_height to takeoff, and takeoff_height");
+  throw InputError(flight.telemetry.string(),
+                   "has no absolute heights; set telemetry_height to takeoff, and takeoff_height");
 }
 
-geometry::EllipsoidalHeight ellipsoidal_height(const flight::TelemetryFix& fix, const std::string& datum, const IngestFlight& flight) {
+geometry::EllipsoidalHeight ellipsoidal_height(const flight::TelemetryFix& fix, const std::string& datum,
+                                               const IngestFlight& flight) {
   if (datum == "ellipsoid") return {absolute_height(fix, flight)};
   if (datum == "sea-level") {
     return geometry::ellipsoidal_from_orthometric(fix.latitude_deg, fix.longitude_deg, {absolute_height(fix, flight)});
   }
   if (!flight.takeoff_height_m) {
-    throw InputError(flight.telemetry.string(), "heights above take-off need takeoff_height, the take-off place's metres above the ellipsoid");
+    throw InputError(flight.telemetry.string(),
+                     "heights above take-off need takeoff_height, the take-off place's metres above the ellipsoid");
   }
   if (!fix.height_above_takeoff_m) throw InputError(flight.telemetry.string(), "has no heights above take-off");
   return {*flight.takeoff_height_m + *fix.height_above_takeoff_m};
@@ -48,7 +51,8 @@ std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const
   return fixes;
 }
 
-std::vector<geometry::Vec3> local_positions(const std::vector<dataset::GpsFix>& fixes, const geometry::LocalFrame& frame) {
+std::vector<geometry::Vec3> local_positions(const std::vector<dataset::GpsFix>& fixes,
+                                            const geometry::LocalFrame& frame) {
   std::vector<geometry::Vec3> positions;
   positions.reserve(fixes.size());
   for (const dataset::GpsFix& fix : fixes) positions.push_back(frame.local_from_geodetic(fix.place));

@@ -10,11 +10,13 @@
 
 namespace tileflight::experiment {
 
-/// A flight log's positions as gps.csv has them: heights above the ellipsoid, converted from what the log's are above (`telemetry_height`;
-/// without it the log must say so itself), times on the log's clock. Throws InputError where a height's datum is not known: heights are never mixed in silence.
+/// A flight log's positions as gps.csv has them: heights above the ellipsoid, converted from what the log's are above
+/// (`telemetry_height`; without it the log must say so itself), times on the log's clock. Throws InputError where a
+/// height's datum is not known: heights are never mixed in silence.
 std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const IngestFlight& flight);
 
 /// Positions in the local frame, with their times.
-std::vector<geometry::Vec3> local_positions(const std::vector<dataset::GpsFix>& fixes, const geometry::LocalFrame& frame);
+std::vector<geometry::Vec3> local_positions(const std::vector<dataset::GpsFix>& fixes,
+                                            const geometry::LocalFrame& frame);
 
 }  // namespace tileflight::experiment

@@ -24,7 +24,8 @@ struct Extent {
 };
 
 void extend_by_positions(const json& coordinates, int depth, Extent& extent) {
-  if (!coordinates.is_array() || depth > kDeepestNesting) throw std::runtime_error("coordinates are not nested lists of positions");
+  if (!coordinates.is_array() || depth > kDeepestNesting)
+    throw std::runtime_error("coordinates are not nested lists of positions");
   if (coordinates.empty()) return;
   if (!coordinates[0].is_number()) {
     for (const json& part : coordinates) extend_by_positions(part, depth + 1, extent);

@@ -14,15 +14,17 @@ namespace tileflight::experiment {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// The pipeline. Each line is a stage: what it is made from, what it leaves, and the call that does it. A stage is skipped when its inputs (the
-// settings, the files' fingerprints, the keys of the stages before it) are those that it was done with.
+// The pipeline. Each line is a stage: what it is made from, what it leaves, and the call that does it. A stage is
+// skipped when its inputs (the settings, the files' fingerprints, the keys of the stages before it) are those that it
+// was done with.
 nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress) {
   check_run_folder(folder);
   StageCache cache(folder, program_fingerprint());
   const Pipeline p(e, folder, cache);
 
   cache.once("place", p.place_inputs(), p.place_products(), [&] { p.make_place(progress); });
-  cache.once("truth", p.truth_inputs(), {"truth"}, [&] { extract(p.extract_settings(), folder / "truth", false, progress); });
+  cache.once("truth", p.truth_inputs(), {"truth"},
+             [&] { extract(p.extract_settings(), folder / "truth", false, progress); });
 
   for (const FlightStages& f : p.flights()) {
     cache.once(f.name + "/dataset", p.dataset_inputs(f), {f.name + "/dataset"}, [&] {
@@ -30,13 +32,14 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
       if (f.flight.ingest) ingest_dataset(*f.flight.ingest, f.folder / "dataset", false, progress);
     });
     cache.once(f.name + "/odometry", p.odometry_inputs(f), {f.name + "/odometry"}, [&] {
-      if (e.odometry.command.empty()) track(f.folder / "dataset", f.folder / "odometry", false, e.odometry.options, {}, progress);
-      if (!e.odometry.command.empty()) track_with_command(f.folder / "dataset", f.folder / "odometry", false, e.odometry.command);
+      if (e.odometry.command.empty())
+        track(f.folder / "dataset", f.folder / "odometry", false, e.odometry.options, {}, progress);
+      if (!e.odometry.command.empty())
+        track_with_command(f.folder / "dataset", f.folder / "odometry", false, e.odometry.command);
     });
     const MapInputs map = map_inputs(f.folder / "odometry", f.folder / "dataset");
-    cache.once(f.name + "/alignment", p.alignment_inputs(f), {f.name + "/transform.json"}, [&] {
-      align(map, folder / "truth", e.alignment, f.folder / "transform.json", progress);
-    });
+    cache.once(f.name + "/alignment", p.alignment_inputs(f), {f.name + "/transform.json"},
+               [&] { align(map, folder / "truth", e.alignment, f.folder / "transform.json", progress); });
     cache.once(f.name + "/evaluation", p.evaluation_inputs(f), {f.name + "/metrics.json", f.name + "/errors.ply"}, [&] {
       evaluate(map, folder / "truth", f.folder / "transform.json", e.evaluation, f.folder / "metrics.json", progress);
     });
@@ -49,7 +52,8 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   }
   const json results = collect_results(e, cache);
   geometry::write_file(folder / "results.json", results.dump(2) + "\n");
-  cache.once("report", {{"results", geometry::sha256_hex(results.dump())}}, {"report.html"}, [&] { report::write_report(folder); });
+  cache.once("report", {{"results", geometry::sha256_hex(results.dump())}}, {"report.html"},
+             [&] { report::write_report(folder); });
   return results;
 }
 

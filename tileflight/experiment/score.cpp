@@ -56,9 +56,10 @@ geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_l
   return {};
 }
 
-/// Even samples of the true surface that the flight's camera saw; all of them where it is not known where or what the camera was.
-geometry::PointCloud seen_samples(const MapInputs& map, const ground_truth::GroundTruth& truth, const geometry::Box3& box,
-                                  const geometry::Sim3& T_local_map, double per_m2) {
+/// Even samples of the true surface that the flight's camera saw; all of them where it is not known where or what the
+/// camera was.
+geometry::PointCloud seen_samples(const MapInputs& map, const ground_truth::GroundTruth& truth,
+                                  const geometry::Box3& box, const geometry::Sim3& T_local_map, double per_m2) {
   const geometry::PointCloud samples = ground_truth::sample_surface(truth.mesh, box, per_m2);
   const geometry::Trajectory poses = thinned(local_poses(map, T_local_map));
   if (map.camera.empty() || poses.empty()) return samples;
@@ -72,7 +73,8 @@ geometry::PointCloud over_region(const geometry::PointCloud& cloud, const geomet
   std::vector<bool> keep(cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const geometry::Vec3& p = cloud.positions[i];
-    keep[i] = (p.head<2>().array() >= box.min().head<2>().array()).all() && (p.head<2>().array() <= box.max().head<2>().array()).all();
+    keep[i] = (p.head<2>().array() >= box.min().head<2>().array()).all() &&
+              (p.head<2>().array() <= box.max().head<2>().array()).all();
   }
   return geometry::filtered(cloud, keep);
 }
@@ -145,8 +147,8 @@ std::vector<alignment::PositionFix> true_positions(const fs::path& trajectory) {
   return fixes;
 }
 
-/// Voxel centres pull a map off the surface, by up to half a cell where the ground is level. What is measured to the exact surface is
-/// therefore aligned to the surface, from where the chosen alignment ended.
+/// Voxel centres pull a map off the surface, by up to half a cell where the ground is level. What is measured to the
+/// exact surface is therefore aligned to the surface, from where the chosen alignment ended.
 alignment::AlignmentResult refined_to_surface(const geometry::PointCloud& cloud, const geometry::Sim3& T_local_map,
                                               const Target& target, const alignment::AlignMapOptions& options) {
   alignment::IcpOptions icp = alignment::converging_icp();
@@ -192,15 +194,17 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
   if (by_receiver || by_true_poses) {
     // True poses are on the pictures' own clock; a receiver lags by an unknown time.
     if (!by_receiver) chosen.trajectory.estimate_time_offset = false;
-    aligned = alignment::align_map(cloud, geometry::read_tum(map.trajectory),
-                                   by_receiver ? receiver_positions(map.gps, *target.origin) : true_positions(map.truth_trajectory),
-                                   target.view(), chosen, progress);
+    aligned = alignment::align_map(
+        cloud, geometry::read_tum(map.trajectory),
+        by_receiver ? receiver_positions(map.gps, *target.origin) : true_positions(map.truth_trajectory), target.view(),
+        chosen, progress);
   } else {
     aligned = alignment::align_map(cloud, geometry::Sim3(), target.view(), chosen, progress);
   }
   json result = alignment::to_json(aligned);
   if (target.index) {
-    result["to_surface"] = alignment::to_json(refined_to_surface(cloud, aligned.result.T_target_source, target, chosen));
+    result["to_surface"] =
+        alignment::to_json(refined_to_surface(cloud, aligned.result.T_target_source, target, chosen));
   }
   result["start"] = by_receiver ? "receiver positions" : by_true_poses ? "true poses" : "as it is";
   geometry::write_file(out, result.dump(2) + "\n");
@@ -210,7 +214,8 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
   const geometry::PointCloud cloud = read_map(map.map);
-  const geometry::PointCloud aligned = geometry::transformed(alignment::read_transform(transform_file).T_target_source, cloud);
+  const geometry::PointCloud aligned =
+      geometry::transformed(alignment::read_transform(transform_file).T_target_source, cloud);
   const geometry::Sim3 T_surface_map = surface_transform(transform_file);
   const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, cloud);
   const geometry::Box3 box = region_box(read_extract_json(truth_folder));
@@ -218,25 +223,27 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   const geometry::PointCloud seen = seen_samples(map, truth, box, T_surface_map, settings.completeness_samples_per_m2);
   const Poses poses = read_poses(map);
 
-  evaluation::Score score = evaluation::evaluate(
-      aligned,
-      {.voxel_centers = &truth.voxel_centers,
-       .surface_samples = &truth.surface,
-       .estimate = poses.both() ? &poses.estimate : nullptr,
-       .truth = poses.both() ? &poses.truth : nullptr},
-      {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
+  evaluation::Score score =
+      evaluation::evaluate(aligned,
+                           {.voxel_centers = &truth.voxel_centers,
+                            .surface_samples = &truth.surface,
+                            .estimate = poses.both() ? &poses.estimate : nullptr,
+                            .truth = poses.both() ? &poses.truth : nullptr},
+                           {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
   // A point beside the region has no surface to be measured against: it counts as a map point, but not as an error.
-  score.metrics.surface = evaluation::evaluate_surface(over_region(on_surface, box), truth.mesh, seen, settings.thresholds_m);
+  score.metrics.surface =
+      evaluation::evaluate_surface(over_region(on_surface, box), truth.mesh, seen, settings.thresholds_m);
   score.errors.surface_m = evaluation::surface_distances(on_surface, geometry::TriangleIndex(truth.mesh));
   evaluation::write_metrics(out, score.metrics, score.errors);
   return evaluation::to_json(score.metrics);
 }
 
-nlohmann::json compare(const fs::path& simulated, const fs::path& real, const EvaluationSettings& settings, std::uint64_t seed) {
+nlohmann::json compare(const fs::path& simulated, const fs::path& real, const EvaluationSettings& settings,
+                       std::uint64_t seed) {
   const evaluation::MetricsFile a = evaluation::read_metrics(simulated);
   const evaluation::MetricsFile b = evaluation::read_metrics(real);
-  return evaluation::to_json(evaluation::compare(
-      a.voxel, b.voxel, {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed}));
+  return evaluation::to_json(
+      evaluation::compare(a.voxel, b.voxel, {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed}));
 }
 
 }  // namespace tileflight::experiment

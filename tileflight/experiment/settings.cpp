@@ -45,7 +45,9 @@ std::vector<geometry::Box3> read_regions(YamlSection& section) {
 /// exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma.
 sensors::ImageFormation read_image_formation(YamlSection& section) {
   sensors::ImageFormation f;
-  const auto number = [&section](const std::string& key, double& value) { value = section.number(key).value_or(value); };
+  const auto number = [&section](const std::string& key, double& value) {
+    value = section.number(key).value_or(value);
+  };
   number("exposure_time", f.exposure_time_s);
   f.exposure_samples = section.integer("exposure_samples").value_or(f.exposure_samples);
   number("line_delay", f.line_delay_s);
@@ -85,10 +87,12 @@ alignment::AlignMapOptions read_alignment(YamlSection& section) {
 
 odometry::OdometryOptions read_odometry_options(YamlSection& section) {
   odometry::OdometryOptions options;
-  options.selection.points_per_keyframe = at_least(section, "points_per_keyframe", 50, options.selection.points_per_keyframe);
+  options.selection.points_per_keyframe =
+      at_least(section, "points_per_keyframe", 50, options.selection.points_per_keyframe);
   options.window.active_points = at_least(section, "active_points", 100, options.window.active_points);
   options.window.min_keyframes = at_least(section, "min_keyframes", 3, options.window.min_keyframes);
-  options.window.max_keyframes = at_least(section, "max_keyframes", options.window.min_keyframes, options.window.max_keyframes);
+  options.window.max_keyframes =
+      at_least(section, "max_keyframes", options.window.min_keyframes, options.window.max_keyframes);
   options.window.iterations = at_least(section, "iterations", 1, options.window.iterations);
   options.map.min_observations = at_least(section, "min_observations", 1, options.map.min_observations);
   options.map.max_relative_deviation = positive(section, "max_relative_deviation", options.map.max_relative_deviation);

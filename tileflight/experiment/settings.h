@@ -7,8 +7,9 @@
 
 namespace tileflight::experiment {
 
-// The sections of an experiment file that set a stage's options: keys named as the options are, without their units. Each reads and checks its
-// keys; unknown ones are errors that name the nearest known key. Throw InputError (file, line, key).
+// The sections of an experiment file that set a stage's options: keys named as the options are, without their units.
+// Each reads and checks its keys; unknown ones are errors that name the nearest known key. Throw InputError (file,
+// line, key).
 
 sensors::ImageFormation read_image_formation(YamlSection& section);
 odometry::OdometryOptions read_odometry_options(YamlSection& section);

@@ -9,15 +9,16 @@
 
 namespace tileflight::experiment {
 
-/// Does the stages of one run folder at most once for the same inputs. A stage's record (key of its inputs, seconds, products)
-/// stands in DIR/stages/NAME.json and is written after its products are whole, so an interrupted run goes on where it was.
+/// Does the stages of one run folder at most once for the same inputs. A stage's record (key of its inputs, seconds,
+/// products) stands in DIR/stages/NAME.json and is written after its products are whole, so an interrupted run goes on
+/// where it was.
 class StageCache {
  public:
   /// `program`: what identifies the code that makes the results; it is part of every key.
   StageCache(std::filesystem::path run_folder, std::string program);
 
-  /// Runs `work` unless a record with the same inputs is there and all `products` (relative to the run folder) still exist.
-  /// Products that are there from other inputs are removed first. Returns whether `work` ran.
+  /// Runs `work` unless a record with the same inputs is there and all `products` (relative to the run folder) still
+  /// exist. Products that are there from other inputs are removed first. Returns whether `work` ran.
   bool once(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
             const std::function<void()>& work);
 
@@ -37,8 +38,9 @@ class StageCache {
   std::map<std::string, nlohmann::json> done_;
 };
 
-/// What a change of a file or folder changes: for a file its SHA-256; for a folder that of the list of its files with their
-/// sizes and modification times (a tileset of gigabytes is not read twice). Throws InputError where there is nothing.
+/// What a change of a file or folder changes: for a file its SHA-256; for a folder that of the list of its files with
+/// their sizes and modification times (a tileset of gigabytes is not read twice). Throws InputError where there is
+/// nothing.
 std::string fingerprint(const std::filesystem::path& file_or_folder);
 
 /// SHA-256 of the running program's own file.

@@ -24,8 +24,9 @@ using nlohmann::json;
 std::vector<dataset::Frame> chosen_frames(const dataset::Dataset& data, const FrameRange& range) {
   const std::size_t end = std::min(range.to.value_or(data.frames.size()), data.frames.size());
   if (range.from >= end) {
-    throw InputError(data.folder.string(), "no frames from " + std::to_string(range.from) + " to " + std::to_string(end) +
-                                               " (the dataset has " + std::to_string(data.frames.size()) + ")");
+    throw InputError(data.folder.string(), "no frames from " + std::to_string(range.from) + " to " +
+                                               std::to_string(end) + " (the dataset has " +
+                                               std::to_string(data.frames.size()) + ")");
   }
   std::vector<dataset::Frame> frames;
   for (std::size_t i = range.from; i < end; i += range.every) frames.push_back(data.frames[i]);
@@ -84,7 +85,8 @@ std::string filled_in(std::string command, const std::string& name, const std::s
 void run_command(const std::string& command, const fs::path& log) {
   const int status = std::system(("( " + command + " ) > " + quoted(log) + " 2>&1 < /dev/null").c_str());
   if (status == 0) return;
-  const std::string how = WIFEXITED(status) ? "exit status " + std::to_string(WEXITSTATUS(status)) : "killed by a signal";
+  const std::string how =
+      WIFEXITED(status) ? "exit status " + std::to_string(WEXITSTATUS(status)) : "killed by a signal";
   std::string last_line;
   std::ifstream lines(log);
   for (std::string line; std::getline(lines, line);) {
@@ -96,9 +98,11 @@ void run_command(const std::string& command, const fs::path& log) {
 json describe_outside_result(const fs::path& out, std::size_t frames) {
   const geometry::Trajectory trajectory = geometry::read_tum(out / "trajectory.txt");
   const geometry::PointCloud map = geometry::read_cloud(out / "map.ply");
-  return {{"frames", frames}, {"frames_tracked", trajectory.size()}, {"lost", trajectory.empty()},
-          {"lost_reason", trajectory.empty() ? "the outside program tracked no frame" : ""},
-          {"keyframes", nullptr}, {"points", map.size()}, {"seconds", nullptr}, {"frames_per_second", nullptr}};
+  return {
+      {"frames", frames},           {"frames_tracked", trajectory.size()},
+      {"lost", trajectory.empty()}, {"lost_reason", trajectory.empty() ? "the outside program tracked no frame" : ""},
+      {"keyframes", nullptr},       {"points", map.size()},
+      {"seconds", nullptr},         {"frames_per_second", nullptr}};
 }
 
 }  // namespace
@@ -113,9 +117,8 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
       report_progress(progress, done, static_cast<std::int64_t>(frames.size()), what);
     };
-    odometry::OdometryResult result =
-        odometry::run_odometry(data.calibration, photometric ? &*photometric : nullptr,
-                               source_of(frames, range.reverse), options, counted);
+    odometry::OdometryResult result = odometry::run_odometry(data.calibration, photometric ? &*photometric : nullptr,
+                                                             source_of(frames, range.reverse), options, counted);
     if (range.reverse) {
       restore_times(result.trajectory);
       restore_times(result.keyframes);
@@ -137,10 +140,12 @@ nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path
     run_command(filled_in(filled_in(command, "{dataset}", quoted(dataset_folder)), "{out}", quoted(temporary)),
                 temporary / "command.log");
     for (const char* name : {"trajectory.txt", "map.ply"}) {
-      if (!fs::exists(temporary / name)) throw InputError("odometry.command", std::string("left no ") + name + " in {out}");
+      if (!fs::exists(temporary / name))
+        throw InputError("odometry.command", std::string("left no ") + name + " in {out}");
     }
     about = describe_outside_result(temporary, data.frames.size());
-    if (!fs::exists(temporary / "odometry.json")) geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");
+    if (!fs::exists(temporary / "odometry.json"))
+      geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   });
   return about;
 }

@@ -19,14 +19,16 @@ struct FrameRange {
   bool reverse = false;
 };
 
-/// Runs our odometry over a dataset folder and writes trajectory.txt, keyframes.txt, map.ply and odometry.json (returned) as a whole
-/// folder. The dataset's ground truth and positions are not looked at. A run that was lost is written as far as it went, with
-/// `lost` true; one that never began has an empty trajectory and no map points. Throws InputError for a dataset that cannot be read.
+/// Runs our odometry over a dataset folder and writes trajectory.txt, keyframes.txt, map.ply and odometry.json
+/// (returned) as a whole folder. The dataset's ground truth and positions are not looked at. A run that was lost is
+/// written as far as it went, with `lost` true; one that never began has an empty trajectory and no map points. Throws
+/// InputError for a dataset that cannot be read.
 nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {});
 
-/// The same by an outside program: a shell command with {dataset} and {out} filled in (each quoted for the shell). It must leave trajectory.txt and
-/// map.ply in {out}; odometry.json is written if it leaves none. Throws InputError when the command fails or leaves none.
+/// The same by an outside program: a shell command with {dataset} and {out} filled in (each quoted for the shell). It
+/// must leave trajectory.txt and map.ply in {out}; odometry.json is written if it leaves none. Throws InputError when
+/// the command fails or leaves none.
 nlohmann::json track_with_command(const std::filesystem::path& dataset_folder, const std::filesystem::path& out,
                                   bool replace, const std::string& command);
 

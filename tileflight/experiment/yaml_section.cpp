@@ -52,7 +52,8 @@ std::string expand_variables(const std::string& text, const std::string& where) 
 YamlSection::YamlSection(YAML::Node node, std::filesystem::path file, std::string where)
     : node_(std::move(node)), file_(std::move(file)), where_(std::move(where)) {
   if (node_.IsDefined() && !node_.IsNull() && !node_.IsMap()) {
-    throw InputError(file_.string() + line_of(node_), (where_.empty() ? "the file" : "'" + where_ + "'") + " must be a map of keys");
+    throw InputError(file_.string() + line_of(node_),
+                     (where_.empty() ? "the file" : "'" + where_ + "'") + " must be a map of keys");
   }
 }
 
@@ -134,8 +135,8 @@ std::optional<std::vector<double>> YamlSection::numbers(const std::string& key, 
     throw error(key, "must be a list of numbers");
   }
   if (result.size() < at_least || result.size() > at_most) {
-    const std::string count = at_least == at_most ? std::to_string(at_least)
-                                                  : std::to_string(at_least) + " to " + std::to_string(at_most);
+    const std::string count =
+        at_least == at_most ? std::to_string(at_least) : std::to_string(at_least) + " to " + std::to_string(at_most);
     throw error(key, "must be a list of " + count + " numbers");
   }
   return result;

@@ -11,8 +11,8 @@
 
 namespace tileflight::experiment {
 
-/// A map of a YAML file that is read key by key and knows which keys it was asked for: what is left over at finish() is a
-/// mistake of whoever wrote the file, and named. Errors say file, line and key.
+/// A map of a YAML file that is read key by key and knows which keys it was asked for: what is left over at finish() is
+/// a mistake of whoever wrote the file, and named. Errors say file, line and key.
 class YamlSection {
  public:
   /// `where` is the key that leads here ("" for the whole file).
@@ -57,8 +57,8 @@ class YamlSection {
   std::vector<std::string> known_;
 };
 
-/// `${NAME}` replaced by the environment's value, `${NAME:-otherwise}` by what stands there when it has none. Throws InputError when a
-/// variable without an alternative is not set, naming it.
+/// `${NAME}` replaced by the environment's value, `${NAME:-otherwise}` by what stands there when it has none. Throws
+/// InputError when a variable without an alternative is not set, naming it.
 std::string expand_variables(const std::string& text, const std::string& where);
 
 }  // namespace tileflight::experiment

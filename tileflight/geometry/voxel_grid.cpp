@@ -12,9 +12,9 @@
 namespace tileflight::geometry {
 namespace {
 
-/// Cells along a side up to which a grid is padded to a cube, as binvox's specification asks ("should all be equal"): readers
-/// disagree on what the numbers after `dim` mean where they differ. Above it the padding would cost more than it
-/// brings.
+/// Cells along a side up to which a grid is padded to a cube, as binvox's specification asks ("should all be equal"):
+/// readers disagree on what the numbers after `dim` mean where they differ. Above it the padding would cost more than
+/// it brings.
 constexpr std::int64_t kLongestCube = 1024;
 
 constexpr int kLongestRun = 255;

@@ -28,30 +28,74 @@ std::size_t coefficient_count(const std::string& file, const std::string& distor
   throw InputError(file, "distortion model \"" + distortion + "\" is not known: use radtan, equidistant, fov or none");
 }
 
-std::array<double, 4> four(std::span<const double> values) { return {values[0], values[1], values[2], values[3]}; }
-
-}  // namespace
-
-Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
-  const std::size_t wanted = coefficient_count(file, numbers.distortion);
-  const std::span<const double> k = numbers.distortion_coefficients;
-  const std::span<const double> f = numbers.focal;
-  require_count(file, "intrinsics", 4, f.size());
-  require_finite(file, "intrinsics", f);
-  require_count(file, "distortion coefficients of \"" + numbers.distortion + "\"", wanted, k.size());
-  require_finite(file, "distortion coefficients", k);
-  if (!(f[0] > 0.0 && f[1] > 0.0)) throw InputError(file, "focal lengths must be above 0 pixels");
+void check_focal(const std::string& file, const LensNumbers& numbers) {
+  require_count(file, "intrinsics", sphere_number_count(file, numbers.model) + 4,
+                numbers.sphere.size() + numbers.focal.size());
+  require_finite(file, "intrinsics", numbers.focal);
+  if (!(numbers.focal[0] > 0.0 && numbers.focal[1] > 0.0))
+    throw InputError(file, "focal lengths must be above 0 pixels");
   if (numbers.width <= 0 || numbers.height <= 0 || numbers.width > kMaxImageSide_px ||
       numbers.height > kMaxImageSide_px)
     throw InputError(file, "resolution must be two numbers from 1 to " + std::to_string(kMaxImageSide_px));
+}
+
+void check_distortion(const std::string& file, const LensNumbers& numbers) {
+  const std::span<const double> k = numbers.distortion_coefficients;
+  require_count(file, "distortion coefficients of \"" + numbers.distortion + "\"",
+                coefficient_count(file, numbers.distortion), k.size());
+  require_finite(file, "distortion coefficients", k);
   if (numbers.distortion == "fov" && !(k[0] >= 0.0 && k[0] < std::numbers::pi))
     throw InputError(file, "the field-of-view parameter must be from 0 to below pi radians");
+  const bool takes = numbers.model == "pinhole" || numbers.distortion == "none" ||
+                     (numbers.model == "omni" && numbers.distortion == "radtan");
+  if (!takes)
+    throw InputError(file, "camera model \"" + numbers.model + "\" with distortion \"" + numbers.distortion +
+                               "\" is not supported: use " + (numbers.model == "omni" ? "radtan or none" : "none"));
+}
 
-  if (numbers.distortion == "equidistant")
-    return {KannalaBrandt{f[0], f[1], f[2], f[3], four(k)}, numbers.width, numbers.height};
-  if (numbers.distortion == "fov") return {FovModel{f[0], f[1], f[2], f[3], k[0]}, numbers.width, numbers.height};
-  const std::array<double, 4> d = k.empty() ? std::array<double, 4>{} : four(k);
-  return {PinholeRadtan{f[0], f[1], f[2], f[3], d}, numbers.width, numbers.height};
+void check_sphere(const std::string& file, const LensNumbers& numbers) {
+  const std::span<const double> s = numbers.sphere;
+  require_finite(file, "intrinsics", s);
+  const auto alpha_holds = [](double alpha) { return alpha >= 0.0 && alpha <= 1.0; };
+  if (numbers.model == "omni" && !(s[0] >= 0.0)) throw InputError(file, "xi of \"omni\" must be 0 or more");
+  if (numbers.model == "ds" && !(s[0] > -1.0 && alpha_holds(s[1])))
+    throw InputError(file, "\"ds\" must have xi above -1 and alpha from 0 to 1");
+  if (numbers.model == "eucm" && !(alpha_holds(s[0]) && s[1] > 0.0))
+    throw InputError(file, "\"eucm\" must have alpha from 0 to 1 and beta above 0");
+}
+
+std::array<double, 4> four(std::span<const double> values) {
+  return values.empty() ? std::array<double, 4>{} : std::array<double, 4>{values[0], values[1], values[2], values[3]};
+}
+
+CameraModel checked_model(const LensNumbers& numbers) {
+  const std::span<const double> f = numbers.focal;
+  const std::span<const double> k = numbers.distortion_coefficients;
+  const std::span<const double> s = numbers.sphere;
+  if (numbers.model == "omni") return Unified{f[0], f[1], f[2], f[3], s[0], four(k)};
+  if (numbers.model == "ds") return DoubleSphere{f[0], f[1], f[2], f[3], s[0], s[1]};
+  if (numbers.model == "eucm") return ExtendedUnified{f[0], f[1], f[2], f[3], s[0], s[1]};
+  if (numbers.distortion == "equidistant") return KannalaBrandt{f[0], f[1], f[2], f[3], four(k)};
+  if (numbers.distortion == "fov") return FovModel{f[0], f[1], f[2], f[3], k[0]};
+  return PinholeRadtan{f[0], f[1], f[2], f[3], four(k)};
+}
+
+}  // namespace
+
+std::size_t sphere_number_count(const std::string& file, const std::string& model) {
+  if (model == "pinhole") return 0;
+  if (model == "omni") return 1;
+  if (model == "ds" || model == "eucm") return 2;
+  throw InputError(file, "camera model \"" + model +
+                             "\" is not supported: use pinhole (with radtan, equidistant, fov or none), omni (with "
+                             "radtan or none), ds or eucm");
+}
+
+Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
+  check_focal(file, numbers);
+  check_distortion(file, numbers);
+  check_sphere(file, numbers);
+  return {checked_model(numbers), numbers.width, numbers.height};
 }
 
 std::string number_text(double value) {

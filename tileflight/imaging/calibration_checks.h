@@ -16,7 +16,12 @@ struct LensNumbers {
   std::span<const double> focal;  ///< fx fy cx cy, pixels
   std::span<const double> distortion_coefficients;
   int width = 0, height = 0;
+  std::string model = "pinhole";     ///< pinhole, omni, ds or eucm (Kalibr's names)
+  std::span<const double> sphere{};  ///< of omni: xi; ds: xi alpha; eucm: alpha beta
 };
+
+/// How many numbers a model has before fx fy cx cy. Throws InputError(file, cause) for a name that is not known.
+std::size_t sphere_number_count(const std::string& file, const std::string& model);
 
 /// The camera, after checking counts, finiteness and signs. Throws InputError(file, cause).
 Camera checked_camera(const std::string& file, const LensNumbers& numbers);

@@ -10,7 +10,10 @@
 #include <numbers>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/brown_conrady.h"
+#include "tileflight/imaging/newton.h"
 #include "tileflight/imaging/polynomial.h"
+#include "tileflight/imaging/sphere_lenses.h"
 
 namespace tileflight::imaging {
 
@@ -22,10 +25,7 @@ using Mat2 = Eigen::Matrix2d;
 using Jacobian = Eigen::Matrix<double, 2, 3>;
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kTolerance = 1e-14;  ///< Newton stops at this relative step: below 1e-9 px at any focal length in use
-constexpr double kLastNewtonStep = 1e-9;
-constexpr int kMaxIterations = 60;  ///< bisection alone needs about 52; Newton takes 3 to 6
-constexpr double kOnAxis = 1e-30;   ///< rho^2 / z^2 below which the limit on the optical axis is used
+constexpr double kOnAxis = 1e-30;  ///< rho^2 / z^2 below which the limit on the optical axis is used
 
 // ---- radially symmetric models: r as a function of (rho, z), with its derivatives ----
 
@@ -79,24 +79,6 @@ std::optional<Vec2> project_radial(const Model& m, double max_theta, const Vec3&
   return Vec2(m.fx * scale * p.x() + m.cx, m.fy * scale * p.y() + m.cy);
 }
 
-/// Solves value(t) = target for a growing function on [lower, upper] by Newton, kept inside a shrinking bracket.
-template <class Value, class Slope>
-double solve_growing(double target, double start, double lower, double upper, const Value& value, const Slope& slope) {
-  double t = std::clamp(start, lower, upper);
-  for (int i = 0; i < kMaxIterations; ++i) {
-    const double excess = value(t) - target;
-    (excess > 0.0 ? upper : lower) = t;
-    double next = t - excess / slope(t);
-    const bool newton = next >= lower && next <= upper;
-    if (!newton) next = 0.5 * (lower + upper);
-    const double step = std::abs(next - t);
-    t = next;
-    // Newton squares the error: after a step of 1e-9 what is left of value - target is below rounding.
-    if (step <= (newton ? kLastNewtonStep : kTolerance) * (1.0 + std::abs(t))) break;
-  }
-  return t;
-}
-
 Vec3 ray_at_angle(const Vec2& m, double r, double theta) {
   const double sideways = r > 0.0 ? std::sin(theta) / r : 1.0;
   return {sideways * m.x(), sideways * m.y(), std::cos(theta)};
@@ -118,93 +100,75 @@ std::optional<Vec3> unproject_normalized(const FovModel& m, double /*max_theta*/
   return ray_at_angle(d, r, std::atan(std::tan(r * m.w) / (2.0 * std::tan(0.5 * m.w))));
 }
 
-// ---- Brown-Conrady (Brown 1966; the parameters' order is OpenCV's k1 k2 p1 p2) ----
+// ---- pinhole with Brown-Conrady distortion ----
 
-struct Distorted {
-  Vec2 m;
-  Mat2 d_m;  ///< by the undistorted coordinates
-};
-
-bool has_distortion(const PinholeRadtan& m) {
-  return std::any_of(m.d.begin(), m.d.end(), [](double value) { return value != 0.0; });
-}
-
-Distorted distort(const std::array<double, 4>& d, double x, double y) {
-  const auto [k1, k2, p1, p2] = d;
-  const double r2 = x * x + y * y;
-  const double radial = 1.0 + r2 * (k1 + r2 * k2);
-  const double slope = 2.0 * (k1 + 2.0 * k2 * r2);  // d radial / d x = slope * x
-  Distorted out;
-  out.m = {x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-           y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y};
-  const double mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
-  out.d_m << radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x, mixed,  //
-      mixed, radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
-  return out;
+std::optional<double> max_radius(double max_theta) {
+  return max_theta < 0.5 * kPi ? std::optional<double>(std::tan(max_theta)) : std::nullopt;
 }
 
 std::optional<Vec2> project_radtan(const PinholeRadtan& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
   if (!(p.z() > 0.0)) return std::nullopt;
   const double inverse_z = 1.0 / p.z();
-  const double x = p.x() * inverse_z;
-  const double y = p.y() * inverse_z;
-  const double max_r = std::tan(max_theta);
-  if (max_theta < 0.5 * kPi && x * x + y * y > max_r * max_r) return std::nullopt;
-  const Distorted distorted = distort(m.d, x, y);
+  const Vec2 flat = p.head<2>() * inverse_z;
+  const std::optional<double> largest = max_radius(max_theta);
+  if (largest && flat.squaredNorm() > *largest * *largest) return std::nullopt;
+  const auto distorted = brown_conrady::distort(m.d, flat);
   if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;  // folded by the tangential part
   if (jacobian != nullptr) {
     const Mat2 d = Vec2(m.fx, m.fy).asDiagonal() * distorted.d_m * inverse_z;
-    *jacobian << d, -d * Vec2(x, y);
+    *jacobian << d, -d * flat;
   }
   return Vec2(m.fx * distorted.m.x() + m.cx, m.fy * distorted.m.y() + m.cy);
 }
 
-/// Inverse of the radial part alone; nullopt beyond the radius at which it stops growing.
-std::optional<Vec2> undistort_radial(const std::array<double, 4>& d, double max_theta, const Vec2& target) {
-  const auto value = [&](double r) { return r * (1.0 + r * r * (d[0] + r * r * d[1])); };
-  const auto slope = [&](double r) { return 1.0 + r * r * (3.0 * d[0] + r * r * 5.0 * d[1]); };
-  const double wanted = target.norm();
-  if (wanted == 0.0) return target;
-  double upper = std::max(1.0, wanted);
-  if (max_theta < 0.5 * kPi) {
-    upper = std::tan(max_theta);
-    if (wanted > value(upper)) return std::nullopt;
-  }
-  while (value(upper) < wanted) upper *= 2.0;  // grows without end, so this ends
-  return target * (solve_growing(wanted, wanted, 0.0, upper, value, slope) / wanted);
-}
-
-/// Newton in two dimensions with step halving, from the radial solution.
-std::optional<Vec2> undistort(const std::array<double, 4>& d, double max_theta, const Vec2& target) {
-  const std::optional<Vec2> start = undistort_radial(d, max_theta, target);
-  if (d[2] == 0.0 && d[3] == 0.0) return start;
-  Vec2 m = start.value_or(target);
-  Distorted at = distort(d, m.x(), m.y());
-  for (int i = 0; i < kMaxIterations; ++i) {
-    if (!(at.d_m.determinant() > 0.0)) return std::nullopt;
-    Vec2 step = at.d_m.inverse() * (target - at.m);
-    const double error = (target - at.m).norm();
-    if (error <= kTolerance * (1.0 + target.norm())) return m;
-    Distorted next = distort(d, m.x() + step.x(), m.y() + step.y());
-    while ((target - next.m).norm() > error && step.norm() > kTolerance * (1.0 + m.norm())) {
-      step *= 0.5;
-      next = distort(d, m.x() + step.x(), m.y() + step.y());
-    }
-    m += step;
-    at = next;
-    if (step.norm() <= kTolerance * (1.0 + m.norm())) break;
-  }
-  constexpr double kAccepted = 1e-12;  // rounding may keep the residual just above the stopping threshold
-  if ((target - at.m).norm() > kAccepted * (1.0 + target.norm())) return std::nullopt;
-  return m;
-}
-
 std::optional<Vec3> unproject_normalized(const PinholeRadtan& m, double max_theta, const Vec2& d) {
-  if (!has_distortion(m)) return Vec3(d.x(), d.y(), 1.0).normalized();
-  const std::optional<Vec2> flat = undistort(m.d, max_theta, d);
+  const std::optional<Vec2> flat = brown_conrady::undistort(m.d, max_radius(max_theta), d);
   if (!flat) return std::nullopt;
-  if (max_theta < 0.5 * kPi && flat->norm() > std::tan(max_theta)) return std::nullopt;
   return Vec3(flat->x(), flat->y(), 1.0).normalized();
+}
+
+// ---- lenses by way of spheres (sphere_lenses.h) ----
+
+/// Largest coordinates before distortion.
+std::optional<double> max_radius(const Unified& m) { return brown_conrady::largest_radius(m.d); }
+
+template <class Model>
+brown_conrady::Distorted distorted_by(const Model& m, const Vec2& flat) {
+  if constexpr (std::is_same_v<Model, Unified>) return brown_conrady::distort(m.d, flat);
+  return {flat, Mat2::Identity()};
+}
+
+template <class Model>
+std::optional<Vec2> project_by_sphere(const Model& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
+  const double rho = std::hypot(p.x(), p.y());
+  if (!(std::atan2(rho, p.z()) <= max_theta) || (rho == 0.0 && !(p.z() > 0.0))) return std::nullopt;
+  const sphere_lenses::Denominator denominator = sphere_lenses::denominator(m, p);
+  if (!(denominator.value > 0.0)) return std::nullopt;
+  const Vec2 flat = p.head<2>() / denominator.value;
+  const brown_conrady::Distorted distorted = distorted_by(m, flat);
+  if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;
+  if (jacobian != nullptr) {
+    Jacobian flat_by_point = -flat * denominator.by_point.transpose();
+    flat_by_point.leftCols<2>() += Mat2::Identity();
+    *jacobian = Vec2(m.fx, m.fy).asDiagonal() * distorted.d_m * flat_by_point / denominator.value;
+  }
+  return Vec2(m.fx * distorted.m.x() + m.cx, m.fy * distorted.m.y() + m.cy);
+}
+
+std::optional<Vec3> within(double max_theta, const std::optional<Vec3>& ray) {
+  if (!ray || std::atan2(std::hypot(ray->x(), ray->y()), ray->z()) > max_theta) return std::nullopt;
+  return ray->normalized();
+}
+
+std::optional<Vec3> unproject_normalized(const DoubleSphere& m, double max_theta, const Vec2& d) {
+  return within(max_theta, sphere_lenses::ray_of(m, d));
+}
+std::optional<Vec3> unproject_normalized(const Unified& m, double max_theta, const Vec2& d) {
+  const std::optional<Vec2> flat = brown_conrady::undistort(m.d, max_radius(m), d);
+  return flat ? within(max_theta, sphere_lenses::ray_of(m, *flat)) : std::nullopt;
+}
+std::optional<Vec3> unproject_normalized(const ExtendedUnified& m, double max_theta, const Vec2& d) {
+  return within(max_theta, sphere_lenses::ray_of(m, d));
 }
 
 // ---- one entry for each, so that callers visit the variant once ----
@@ -220,6 +184,16 @@ std::optional<Vec2> project_by(const PinholeRadtan& m, double max_theta, const V
   return project_radtan(m, max_theta, p, j);
 }
 
+std::optional<Vec2> project_by(const DoubleSphere& m, double max_theta, const Vec3& p, Jacobian* j) {
+  return project_by_sphere(m, max_theta, p, j);
+}
+std::optional<Vec2> project_by(const Unified& m, double max_theta, const Vec3& p, Jacobian* j) {
+  return project_by_sphere(m, max_theta, p, j);
+}
+std::optional<Vec2> project_by(const ExtendedUnified& m, double max_theta, const Vec3& p, Jacobian* j) {
+  return project_by_sphere(m, max_theta, p, j);
+}
+
 /// Angle at which r(theta) stops growing, at most 180 degrees.
 double max_theta_of(const KannalaBrandt& m) {
   const std::array<double, 5> slope{1.0, 3.0 * m.k[0], 5.0 * m.k[1], 7.0 * m.k[2], 9.0 * m.k[3]};  // in theta^2
@@ -227,11 +201,12 @@ double max_theta_of(const KannalaBrandt& m) {
 }
 double max_theta_of(const FovModel& /*m*/) { return 0.5 * kPi; }
 double max_theta_of(const PinholeRadtan& m) {
-  constexpr double kLargestSquaredRadius = 1e12;  // a point at this r is at 90 degrees for every purpose
-  const std::array<double, 3> slope{1.0, 3.0 * m.d[0], 5.0 * m.d[1]};  // of r (1 + k1 r^2 + k2 r^4), in r^2
-  const std::optional<double> r2 = first_nonpositive(slope, kLargestSquaredRadius);
-  return r2 ? std::atan(std::sqrt(*r2)) : 0.5 * kPi;
+  const std::optional<double> radius = brown_conrady::largest_radius(m.d);
+  return radius ? std::atan(*radius) : 0.5 * kPi;
 }
+double max_theta_of(const DoubleSphere& m) { return sphere_lenses::max_theta_rad(m); }
+double max_theta_of(const Unified& m) { return sphere_lenses::max_theta_rad(m); }
+double max_theta_of(const ExtendedUnified& m) { return sphere_lenses::max_theta_rad(m); }
 
 }  // namespace
 

@@ -30,7 +30,27 @@ struct FovModel {
   double w = 0;
 };
 
-using CameraModel = std::variant<PinholeRadtan, KannalaBrandt, FovModel>;
+/// Double sphere (Usenko, Demmel, Cremers 2018; Kalibr ds): xi above -1, alpha from 0 to 1. Holds beyond 180 degrees.
+struct DoubleSphere {
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  double xi = 0, alpha = 0;
+};
+
+/// Unified model of Mei and Rives 2007 (Kalibr omni): a sphere, a pinhole `xi` behind its centre, then Brown-Conrady
+/// distortion. xi = 0 is the pinhole. Beyond 180 degrees with xi above 0.
+struct Unified {
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  double xi = 0;
+  std::array<double, 4> d{};  ///< k1 k2 p1 p2
+};
+
+/// Extended unified model (Khomutenko, Garcia, Martinet 2016; Kalibr eucm): alpha from 0 to 1, beta above 0.
+struct ExtendedUnified {
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  double alpha = 0, beta = 1;
+};
+
+using CameraModel = std::variant<PinholeRadtan, KannalaBrandt, FovModel, DoubleSphere, Unified, ExtendedUnified>;
 
 /// A lens over an image of width x height. Camera frame: x right, y down, z forward.
 class Camera {
@@ -78,13 +98,16 @@ struct Calibration {
   double line_delay_s = 0.0;  ///< rolling shutter: time from one row to the next; 0 is a global shutter
 };
 
-/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none). Throws InputError (file, key, cause):
-/// unknown models, NaN, wrong counts, resolution <= 0.
+/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none; omni + radtan | none; ds; eucm). Throws
+/// InputError (file, key, cause): unknown models, NaN, wrong counts, resolution <= 0.
 Calibration read_kalibr(const std::filesystem::path& file);
 void write_kalibr(const std::filesystem::path& file, const Calibration& calibration);
 
 /// DSO's four-line camera.txt (Pinhole, FOV, RadTan, EquiDistant, KannalaBrandt; relative or absolute numbers).
 Calibration read_dso_camera(const std::filesystem::path& file);
+/// Whether DSO's format has a name for the lens.
+bool has_dso_name(const Camera& camera);
+/// Throws InputError for a lens without a name there.
 void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration);
 
 /// By the ending: .yaml/.yml Kalibr, .txt DSO.

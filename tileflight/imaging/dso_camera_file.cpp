@@ -2,6 +2,7 @@
 // DSO's own rectification to a pinhole, which is not made here: they are checked and not used.
 #include <cctype>
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "tileflight/geometry/files.h"
@@ -118,18 +119,30 @@ std::string coefficients(std::initializer_list<double> values) {
 }
 
 bool is_plain(const PinholeRadtan& m) { return m.d == std::array<double, 4>{}; }
-bool is_plain(const KannalaBrandt&) { return false; }
-bool is_plain(const FovModel&) { return false; }
 
-std::string name_of(const PinholeRadtan& m) { return is_plain(m) ? "Pinhole" : "RadTan"; }
-std::string name_of(const KannalaBrandt&) { return "KannalaBrandt"; }
-std::string name_of(const FovModel&) { return "FOV"; }
-
-std::string tail_of(const PinholeRadtan& m) {
-  return is_plain(m) ? coefficients({0.0}) : coefficients({m.d[0], m.d[1], m.d[2], m.d[3]});
+/// The first line's name and coefficients; nullopt for a lens that DSO has no name for.
+struct NameAndTail {
+  std::string name;
+  std::string tail;
+};
+std::optional<NameAndTail> describe(const PinholeRadtan& m) {
+  if (is_plain(m)) return NameAndTail{"Pinhole", coefficients({0.0})};
+  return NameAndTail{"RadTan", coefficients({m.d[0], m.d[1], m.d[2], m.d[3]})};
 }
-std::string tail_of(const KannalaBrandt& m) { return coefficients({m.k[0], m.k[1], m.k[2], m.k[3]}); }
-std::string tail_of(const FovModel& m) { return coefficients({m.w}); }
+std::optional<NameAndTail> describe(const KannalaBrandt& m) {
+  return NameAndTail{"KannalaBrandt", coefficients({m.k[0], m.k[1], m.k[2], m.k[3]})};
+}
+std::optional<NameAndTail> describe(const FovModel& m) { return NameAndTail{"FOV", coefficients({m.w})}; }
+std::optional<NameAndTail> describe(const DoubleSphere&) { return std::nullopt; }
+std::optional<NameAndTail> describe(const Unified& m) {
+  if (m.xi == 0.0) return describe(PinholeRadtan{m.fx, m.fy, m.cx, m.cy, m.d});
+  return std::nullopt;
+}
+std::optional<NameAndTail> describe(const ExtendedUnified&) { return std::nullopt; }
+
+std::optional<NameAndTail> describe(const Camera& camera) {
+  return std::visit([](const auto& m) { return describe(m); }, camera.model());
+}
 
 /// fx fy cx cy as DSO reads them back: a principal point below pixel 1 would be taken as relative, so it is written so.
 template <class Model>
@@ -158,16 +171,19 @@ Calibration read_dso_camera(const std::filesystem::path& file) {
   return calibration;
 }
 
+bool has_dso_name(const Camera& camera) { return describe(camera).has_value(); }
+
 void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration) {
   const Camera& camera = calibration.camera;
+  const std::optional<NameAndTail> lens = describe(camera);
+  if (!lens)
+    throw InputError(file.string(),
+                     "DSO's camera file has no name for this lens: write a Kalibr camchain (.yaml) instead");
   const std::string size = std::to_string(camera.width()) + " " + std::to_string(camera.height()) + "\n";
-  const std::string text = std::visit(
-      [&](const auto& m) {
-        return name_of(m) + focal_of(m, camera.width(), camera.height()) + tail_of(m) + "\n" + size +
-               (is_plain(m) ? "none\n" : "crop\n") + size;
-      },
-      camera.model());
-  geometry::write_file(file, text);
+  const std::string focal =
+      std::visit([&](const auto& m) { return focal_of(m, camera.width(), camera.height()); }, camera.model());
+  const char* rectification = lens->name == "Pinhole" ? "none\n" : "crop\n";
+  geometry::write_file(file, lens->name + focal + lens->tail + "\n" + size + rectification + size);
 }
 
 Calibration read_calibration(const std::filesystem::path& file) {

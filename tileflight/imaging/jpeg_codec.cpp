@@ -1,7 +1,8 @@
 // clang-format off: jpeglib.h needs cstdio before it, jerror.h needs jpeglib.h.
-#include <cstdio>
-#include <jpeglib.h>
 #include <jerror.h>
+#include <jpeglib.h>
+
+#include <cstdio>
 // clang-format on
 
 #include <csetjmp>

@@ -1,6 +1,7 @@
 // Kalibr's camchain YAML: https://github.com/ethz-asl/kalibr/wiki/yaml-formats and /supported-models.
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tileflight/geometry/files.h"
@@ -73,18 +74,20 @@ geometry::SE3 read_transform(const YAML::Node& node, const std::string& file) {
 
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
   const auto model = scalar<std::string>(required(camera, "camera_model", file), "camera_model", file);
-  if (model != "pinhole")
-    throw InputError(
-        file, "camera model \"" + model + "\" is not supported: use pinhole (with radtan, equidistant, fov or none)");
-  const auto distortion = scalar<std::string>(required(camera, "distortion_model", file), "distortion_model", file);
+  const std::size_t sphere = sphere_number_count(file, model);
+  const YAML::Node distortion_node =
+      sphere == 2 ? camera["distortion_model"] : required(camera, "distortion_model", file);
+  const auto distortion = distortion_node ? scalar<std::string>(distortion_node, "distortion_model", file) : "none";
   const std::vector<double> intrinsics = numbers(required(camera, "intrinsics", file), "intrinsics", file);
   const YAML::Node coefficient_node = camera["distortion_coeffs"];
   std::vector<double> coefficients;
   if (coefficient_node) coefficients = numbers(coefficient_node, "distortion_coeffs", file);
   const std::vector<double> resolution = numbers(required(camera, "resolution", file), "resolution", file);
   if (resolution.size() != 2) throw InputError(file, "\"resolution\" must be width and height");
-  return checked_camera(file,
-                        {distortion, intrinsics, coefficients, whole(resolution[0], file), whole(resolution[1], file)});
+  const std::span<const double> all = intrinsics;
+  const std::size_t before = std::min(sphere, all.size());
+  return checked_camera(file, {distortion, all.subspan(before), coefficients, whole(resolution[0], file),
+                               whole(resolution[1], file), model, all.first(before)});
 }
 
 double read_line_delay(const YAML::Node& camera, const std::string& file) {
@@ -105,13 +108,34 @@ std::string distortion_lines(const std::string& name, const std::string& coeffic
   return "  distortion_model: " + name + "\n  distortion_coeffs: " + coefficients + "\n";
 }
 
+std::string radtan_lines(const std::array<double, 4>& d) {
+  return distortion_lines("radtan", list({d[0], d[1], d[2], d[3]}));
+}
+
+/// camera_model, intrinsics and distortion.
+std::string lens_lines(const std::string& model, std::initializer_list<double> intrinsics,
+                       const std::string& distortion) {
+  return "  camera_model: " + model + "\n  intrinsics: " + list(intrinsics) + "\n" + distortion;
+}
 std::string lens_lines(const PinholeRadtan& m) {
-  return distortion_lines("radtan", list({m.d[0], m.d[1], m.d[2], m.d[3]}));
+  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, radtan_lines(m.d));
 }
 std::string lens_lines(const KannalaBrandt& m) {
-  return distortion_lines("equidistant", list({m.k[0], m.k[1], m.k[2], m.k[3]}));
+  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy},
+                    distortion_lines("equidistant", list({m.k[0], m.k[1], m.k[2], m.k[3]})));
 }
-std::string lens_lines(const FovModel& m) { return distortion_lines("fov", list({m.w})); }
+std::string lens_lines(const FovModel& m) {
+  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("fov", list({m.w})));
+}
+std::string lens_lines(const DoubleSphere& m) {
+  return lens_lines("ds", {m.xi, m.alpha, m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
+}
+std::string lens_lines(const Unified& m) {
+  return lens_lines("omni", {m.xi, m.fx, m.fy, m.cx, m.cy}, radtan_lines(m.d));
+}
+std::string lens_lines(const ExtendedUnified& m) {
+  return lens_lines("eucm", {m.alpha, m.beta, m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
+}
 
 std::string transform_lines(const geometry::SE3& T_cam_imu) {
   const geometry::Mat3 r = T_cam_imu.rotation.toRotationMatrix();
@@ -138,12 +162,7 @@ Calibration read_kalibr(const std::filesystem::path& file) {
 
 void write_kalibr(const std::filesystem::path& file, const Calibration& calibration) {
   const Camera& camera = calibration.camera;
-  std::string text = "cam0:\n  camera_model: pinhole\n";
-  std::visit(
-      [&](const auto& m) {
-        text += "  intrinsics: " + list({m.fx, m.fy, m.cx, m.cy}) + "\n" + lens_lines(m);
-      },
-      camera.model());
+  std::string text = "cam0:\n" + std::visit([](const auto& m) { return lens_lines(m); }, camera.model());
   text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
   text += "  rostopic: /cam0/image_raw\n";
   text += transform_lines(calibration.T_cam_imu);

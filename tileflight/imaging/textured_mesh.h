@@ -16,13 +16,13 @@ enum class Wrap { kRepeat, kClampToEdge, kMirroredRepeat };
 /// a scene: local). `uv` follows glTF: (0, 0) is the top left corner of the image.
 struct TexturedMesh {
   geometry::TriangleMesh mesh;
-  std::vector<Eigen::Vector2f> uv;                     ///< one a vertex, or empty
-  std::vector<std::array<std::uint8_t, 4>> colors;     ///< one a vertex (RGBA), or empty
-  std::shared_ptr<const RgbImage> texture;             ///< shared between meshes that name the same image; may be null
+  std::vector<Eigen::Vector2f> uv;                  ///< one a vertex, or empty
+  std::vector<std::array<std::uint8_t, 4>> colors;  ///< one a vertex (RGBA), or empty
+  std::shared_ptr<const RgbImage> texture;          ///< shared between meshes that name the same image; may be null
   Wrap wrap_u = Wrap::kRepeat;
   Wrap wrap_v = Wrap::kRepeat;
   std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< linear factor of glTF, multiplies texture and colours
-  std::string name;                                    ///< tile or object that it comes from, for messages and labels
+  std::string name;  ///< tile or object that it comes from, for messages and labels
 };
 
 }  // namespace tileflight::imaging

@@ -35,8 +35,8 @@ Vec3 ecef(double latitude_rad, double longitude_rad, double height_m) {
 }
 
 /// Samples of the patch on a grid, plus what a curved surface can leave the grid's convex hull by: linear interpolation
-/// over a step d misses a function with second derivative M by at most M d^2 / 8, and both second derivatives of a point on
-/// the ellipsoid (and at a height above it) stay under the largest radius of curvature.
+/// over a step d misses a function with second derivative M by at most M d^2 / 8, and both second derivatives of a
+/// point on the ellipsoid (and at a height above it) stay under the largest radius of curvature.
 Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset) {
   constexpr int kSteps = 8;
   constexpr double kLargestRadius_m = 6.5e6;
@@ -60,12 +60,12 @@ Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset
 bool separated_along(const Vec3& axis, const Vec3& offset, const Mat3& half_axes, const Vec3& half_size) {
   const double length = axis.norm();
   if (!(length > 0)) return false;  // parallel edges or a flat box: no axis
-  const double reach =
-      (half_axes.transpose() * axis).cwiseAbs().sum() + half_size.dot(axis.cwiseAbs());
+  const double reach = (half_axes.transpose() * axis).cwiseAbs().sum() + half_size.dot(axis.cwiseAbs());
   return std::abs(offset.dot(axis)) > reach + kSlack_m * length;
 }
 
-/// Separating axis theorem for a parallelepiped and an upright box: their face normals and the cross products of their edges.
+/// Separating axis theorem for a parallelepiped and an upright box: their face normals and the cross products of their
+/// edges.
 bool box_meets(const OrientedBox& a, const Box3& box) {
   const Vec3 offset = a.center - box.center();
   const Vec3 half_size = box.sizes() / 2;

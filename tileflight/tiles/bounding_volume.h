@@ -32,18 +32,19 @@ struct GeographicRegion {
 
 using BoundingVolume = std::variant<OrientedBox, BoundingSphere, GeographicRegion>;
 
-/// The volume in frame a, given it in frame b (affine). A sphere grows by the largest stretch; a geographic region stays.
+/// The volume in frame a, given it in frame b (affine). A sphere grows by the largest stretch; a geographic region
+/// stays.
 BoundingVolume transformed(const geometry::Mat4& T_a_b, const BoundingVolume& volume_b);
 
 /// Middle of the volume, in the tileset's frame (earth-centred for a geographic region).
 geometry::Vec3 center_of(const BoundingVolume& volume);
 
-/// Upright box in the local frame that holds all of the volume (given in the tileset's frame). Tight for oriented boxes and
-/// spheres; for a geographic region it holds it for certain and is loose by less than the patch's own curvature.
+/// Upright box in the local frame that holds all of the volume (given in the tileset's frame). Tight for oriented boxes
+/// and spheres; for a geographic region it holds it for certain and is loose by less than the patch's own curvature.
 geometry::Box3 bounds_local(const BoundingVolume& volume, const geometry::SE3& T_local_tileset);
 
-/// Whether the volume and an upright box of the local frame share a point; touching counts, and a micrometre of rounding
-/// too. Exact for boxes (separating axes) and spheres; for geographic regions never wrongly false.
+/// Whether the volume and an upright box of the local frame share a point; touching counts, and a micrometre of
+/// rounding too. Exact for boxes (separating axes) and spheres; for geographic regions never wrongly false.
 bool meets(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const geometry::Box3& box_local);
 
 }  // namespace tileflight::tiles

@@ -138,16 +138,17 @@ TEST(BoundingVolume, geographic_regions_hold_all_their_points) {
     for (int j = 0; j < 100; ++j) {
       const double latitude = random.in(region.south_rad, region.north_rad) * kDegrees;
       const double longitude = (region.west_rad + random.in(0, reach)) * kDegrees;
-      const Vec3 point = frame.local_from_geodetic(
-          {latitude, longitude, {random.in(region.min_height_m, region.max_height_m)}});
+      const Vec3 point =
+          frame.local_from_geodetic({latitude, longitude, {random.in(region.min_height_m, region.max_height_m)}});
       ASSERT_LE(box.exteriorDistance(point), 1e-6) << i;
     }
     if (reach < 1e-3) {
-      EXPECT_LT((bounds_local(region, geometry::LocalFrame(geometry::geodetic_from_ecef(center_of(region))).T_local_ecef())
-                     .sizes()
-                     .head<2>()
-                     .maxCoeff()),
-                1.2 * reach * 6.4e6 + 1);
+      EXPECT_LT(
+          (bounds_local(region, geometry::LocalFrame(geometry::geodetic_from_ecef(center_of(region))).T_local_ecef())
+               .sizes()
+               .head<2>()
+               .maxCoeff()),
+          1.2 * reach * 6.4e6 + 1);
     }
   }
 }

@@ -32,14 +32,16 @@ Bytes whole_of(Bytes bytes, std::size_t header_bytes, const std::string& name) {
   if (length > bytes.size()) {
     throw InputError(name, "cut short: " + std::to_string(bytes.size()) + " of " + std::to_string(length) + " bytes");
   }
-  if (length < header_bytes) throw InputError(name, "its header gives a length of " + std::to_string(length) + " bytes");
+  if (length < header_bytes)
+    throw InputError(name, "its header gives a length of " + std::to_string(length) + " bytes");
   return bytes.first(length);
 }
 
 void require_version(Bytes bytes, std::uint32_t wanted, const std::string& kind, const std::string& name) {
   const std::uint32_t version = uint32_at(bytes, 4);
   if (version != wanted) {
-    throw InputError(name, kind + " version " + std::to_string(version) + " is not supported; " + std::to_string(wanted) + " is");
+    throw InputError(
+        name, kind + " version " + std::to_string(version) + " is not supported; " + std::to_string(wanted) + " is");
   }
 }
 
@@ -73,9 +75,9 @@ struct B3dmLayout {
   std::size_t feature_json = 0, feature_binary = 0, batch_json = 0, batch_binary = 0;
 };
 
-/// Two header forms came before the present one: 20 bytes (batch length, batch table length) and 24 (batch table JSON and binary
-/// length, batch length). There the glTF's magic or the batch table's opening brace stands where a length would be, which
-/// makes a number beyond any real table.
+/// Two header forms came before the present one: 20 bytes (batch length, batch table length) and 24 (batch table JSON
+/// and binary length, batch length). There the glTF's magic or the batch table's opening brace stands where a length
+/// would be, which makes a number beyond any real table.
 B3dmLayout b3dm_layout(Bytes bytes) {
   constexpr std::uint32_t kBeyondAnyTable = 0x22000000;  // "\"" as the highest byte
   B3dmLayout layout;
@@ -131,10 +133,12 @@ void append_b3dm(Bytes bytes, const std::string& name, const ContentOptions& opt
   append_glb(glb, rtc_center, name, options, out);
 }
 
-void append_content(Bytes bytes, const std::string& name, const ContentOptions& options, int nesting, DecodedContent& out);
+void append_content(Bytes bytes, const std::string& name, const ContentOptions& options, int nesting,
+                    DecodedContent& out);
 
 /// Composite (3D Tiles 1.0, "Composite"): tiles one after the other.
-void append_cmpt(Bytes bytes, const std::string& name, const ContentOptions& options, int nesting, DecodedContent& out) {
+void append_cmpt(Bytes bytes, const std::string& name, const ContentOptions& options, int nesting,
+                 DecodedContent& out) {
   constexpr std::size_t kHeader = 16;
   const Bytes tile = whole_of(bytes, kHeader, name);
   require_version(tile, 1, "cmpt", name);
@@ -149,7 +153,8 @@ void append_cmpt(Bytes bytes, const std::string& name, const ContentOptions& opt
   }
 }
 
-void append_content(Bytes bytes, const std::string& name, const ContentOptions& options, int nesting, DecodedContent& out) {
+void append_content(Bytes bytes, const std::string& name, const ContentOptions& options, int nesting,
+                    DecodedContent& out) {
   const std::string kind = content_kind(bytes);
   if (kind == "b3dm") return append_b3dm(bytes, name, options, out);
   if (kind == "glb") return append_glb(bytes, geometry::Vec3::Zero(), name, options, out);
@@ -164,9 +169,9 @@ void append_content(Bytes bytes, const std::string& name, const ContentOptions& 
 }  // namespace
 
 std::string content_kind(Bytes bytes) {
-  static const std::map<std::string_view, std::string> kMagics = {{"b3dm", "b3dm"}, {"glTF", "glb"},  {"cmpt", "cmpt"},
-                                                                  {"i3dm", "i3dm"}, {"pnts", "pnts"}, {"vctr", "vctr"},
-                                                                  {"geom", "geom"}, {"subt", "subtree"}};
+  static const std::map<std::string_view, std::string> kMagics = {
+      {"b3dm", "b3dm"}, {"glTF", "glb"},  {"cmpt", "cmpt"}, {"i3dm", "i3dm"},
+      {"pnts", "pnts"}, {"vctr", "vctr"}, {"geom", "geom"}, {"subt", "subtree"}};
   if (bytes.empty()) return "empty";
   const std::string_view text = as_text(bytes);
   const auto magic = kMagics.find(text.substr(0, 4));

@@ -15,15 +15,15 @@ namespace tileflight::tiles {
 
 /// What one content of unknown origin may grow to; each is checked before anything of that size is allocated.
 struct ContentLimits {
-  std::size_t max_vertices = std::size_t{1} << 26;           ///< all meshes together, each instance counted
-  std::size_t max_triangles = std::size_t{1} << 26;          ///< likewise
-  std::size_t max_decompressed_bytes = std::size_t{1} << 30; ///< meshopt views, zero-filled accessors
-  std::int64_t max_texture_pixels = std::int64_t{1} << 27;   ///< one image
-  int max_nesting = 8;                                       ///< composites inside each other
+  std::size_t max_vertices = std::size_t{1} << 26;            ///< all meshes together, each instance counted
+  std::size_t max_triangles = std::size_t{1} << 26;           ///< likewise
+  std::size_t max_decompressed_bytes = std::size_t{1} << 30;  ///< meshopt views, zero-filled accessors
+  std::int64_t max_texture_pixels = std::int64_t{1} << 27;    ///< one image
+  int max_nesting = 8;                                        ///< composites inside each other
 };
 
-/// How a content is read. The readers take URIs as they stand in the content, relative to it; empty: what lies outside of the
-/// content is refused.
+/// How a content is read. The readers take URIs as they stand in the content, relative to it; empty: what lies outside
+/// of the content is refused.
 struct ContentOptions {
   bool textures = true;  ///< false: no images, no texture coordinates
   UpAxis up_axis = UpAxis::kY;
@@ -39,9 +39,11 @@ struct DecodedContent {
   std::vector<std::string> warnings;          ///< distinct
 };
 
-/// Reads b3dm, glb, gltf and cmpt (3D Tiles 1.1, "Tile formats"), told apart by their first bytes. `name` stands in messages.
-/// Throws InputError (name, cause): cut short, malformed, not a tile at all, or in need of what this reader lacks.
-DecodedContent decode_content(std::span<const std::byte> bytes, const std::string& name, const ContentOptions& options = {});
+/// Reads b3dm, glb, gltf and cmpt (3D Tiles 1.1, "Tile formats"), told apart by their first bytes. `name` stands in
+/// messages. Throws InputError (name, cause): cut short, malformed, not a tile at all, or in need of what this reader
+/// lacks.
+DecodedContent decode_content(std::span<const std::byte> bytes, const std::string& name,
+                              const ContentOptions& options = {});
 
 /// "b3dm", "glb", "gltf", … by the first bytes; "HTML", "gzip" and "unknown" for what is no tile.
 std::string content_kind(std::span<const std::byte> bytes);

@@ -14,13 +14,13 @@ namespace {
 using geometry::Vec3;
 using imaging::TexturedMesh;
 using testing::b3dm;
+using ::testing::ElementsAre;
 using testing::error_of;
 using testing::GltfWriter;
+using ::testing::HasSubstr;
 using testing::Json;
 using testing::to_bytes;
 using testing::triangle_glb;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 DecodedContent decode(const std::string& bytes, const ContentOptions& options = {}) {
   return decode_content(to_bytes(bytes), "tile", options);
@@ -62,14 +62,17 @@ TEST(DecodeContent, earlier_b3dm_headers) {
   const std::string glb = triangle_glb();
   const auto u32 = GltfWriter::u32;
   const std::string table = "{\"id\":[0]}  ";
-  const auto length = [&](std::size_t header) { return u32(static_cast<std::uint32_t>(header + table.size() + glb.size())); };
+  const auto length = [&](std::size_t header) {
+    return u32(static_cast<std::uint32_t>(header + table.size() + glb.size()));
+  };
   EXPECT_EQ(mesh_of("b3dm" + u32(1) + length(20) + u32(1) + u32(12) + table + glb).mesh.triangles.size(), 1U);
   EXPECT_EQ(mesh_of("b3dm" + u32(1) + length(24) + u32(12) + u32(0) + u32(1) + table + glb).mesh.triangles.size(), 1U);
 }
 
 TEST(DecodeContent, node_trees_and_mirrors) {
   GltfWriter writer;
-  Json& node = writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
+  Json& node = writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
   node["translation"] = {1, 0, 0};
   node["rotation"] = {0, 0, std::sin(std::numbers::pi / 4), std::cos(std::numbers::pi / 4)};  // x to y
   node["scale"] = {2, 3, 4};
@@ -84,7 +87,8 @@ TEST(DecodeContent, node_trees_and_mirrors) {
 
 TEST(DecodeContent, nodes_form_a_tree) {
   GltfWriter writer;
-  Json& node = writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
+  Json& node = writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
   node["children"] = {0};
   EXPECT_THAT(error(writer.glb()), HasSubstr("below itself"));
   node["children"] = {7};
@@ -94,7 +98,8 @@ TEST(DecodeContent, nodes_form_a_tree) {
 TEST(DecodeContent, strips_fans_and_lists_with_and_without_indices) {
   const auto triangles = [](int mode, const std::vector<std::uint16_t>& indices) {
     GltfWriter writer;
-    Json primitive = {{"mode", mode}, {"attributes", {{"POSITION", writer.add_accessor(std::vector<float>(15, 1.0F), 3)}}}};
+    Json primitive = {{"mode", mode},
+                      {"attributes", {{"POSITION", writer.add_accessor(std::vector<float>(15, 1.0F), 3)}}}};
     if (!indices.empty()) primitive["indices"] = writer.add_accessor(indices, 1);
     writer.add_primitive(primitive);
     return mesh_of(writer.glb()).mesh.triangles;
@@ -113,7 +118,8 @@ TEST(DecodeContent, quantised_attributes_strides_and_colours) {
   const std::size_t positions =
       writer.add_accessor<std::int16_t>({0, 0, 0, 9, 32767, 0, 0, 9, 0, -32768, 0, 9}, 4, true);
   writer.json()["accessors"][positions]["type"] = "VEC3";
-  writer.json()["bufferViews"][writer.json()["accessors"][positions]["bufferView"].get<std::size_t>()]["byteStride"] = 8;
+  writer.json()["bufferViews"][writer.json()["accessors"][positions]["bufferView"].get<std::size_t>()]["byteStride"] =
+      8;
   const std::size_t colors = writer.add_accessor<std::uint8_t>({255, 0, 51, 0, 255, 0, 0, 0, 255}, 3, true);
   writer.add_primitive({{"attributes", {{"POSITION", positions}, {"COLOR_0", colors}}}});
   writer.json()["nodes"][0]["scale"] = {10, 10, 10};
@@ -209,7 +215,8 @@ TEST(DecodeContent, outside_files_come_through_the_readers) {
 
 TEST(DecodeContent, instances) {
   GltfWriter writer;
-  Json& node = writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
+  Json& node = writer.add_primitive(
+      {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
   const std::size_t translations = writer.add_accessor<float>({1, 0, 0, 2, 0, 0}, 3);
   const std::size_t scales = writer.add_accessor<float>({1, 1, 1, 3, 3, 3}, 3);
   node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {{"TRANSLATION", translations}, {"SCALE", scales}};
@@ -236,7 +243,8 @@ TEST(DecodeContent, composites) {
 /// The library's encoder is the oracle for the compressed form; the values are known.
 TEST(DecodeContent, meshopt_compression) {
   std::vector<float> positions;
-  for (int i = 0; i < 100; ++i) positions.insert(positions.end(), {static_cast<float>(i % 10), static_cast<float>(i / 10), 0.5F});
+  for (int i = 0; i < 100; ++i)
+    positions.insert(positions.end(), {static_cast<float>(i % 10), static_cast<float>(i / 10), 0.5F});
   std::vector<unsigned int> indices;
   for (unsigned i = 0; i < 9; ++i) {
     for (unsigned j = 0; j < 9; ++j) {
@@ -252,11 +260,12 @@ TEST(DecodeContent, meshopt_compression) {
       meshopt_encodeIndexBuffer(packed_indices.data(), packed_indices.size(), indices.data(), indices.size()));
 
   GltfWriter writer;
-  const auto add = [&](const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride, const char* mode) {
+  const auto add = [&](const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride,
+                       const char* mode) {
     const std::size_t view = writer.add_view(packed);
     Json& json = writer.json()["bufferViews"][view];
-    json["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},     {"byteOffset", json["byteOffset"]},
-                                                     {"count", count},  {"byteLength", packed.size()},
+    json["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},          {"byteOffset", json["byteOffset"]},
+                                                     {"count", count},       {"byteLength", packed.size()},
                                                      {"byteStride", stride}, {"mode", mode}};
     json["byteLength"] = count * stride;
     json["buffer"] = 0;
@@ -304,7 +313,8 @@ TEST(DecodeContent, what_is_no_tile_is_told_apart) {
   EXPECT_THAT(error("pnts...."), HasSubstr("pnts contents are not supported"));
   EXPECT_THAT(error("{\"asset\":{\"version\":\"1.0\"}}"), HasSubstr("glTF version '1.0' is not supported"));
   EXPECT_THAT(error("glTF" + GltfWriter::u32(1) + std::string(40, ' ')), HasSubstr("glTF version 1 is not supported"));
-  EXPECT_THAT(error("b3dm" + GltfWriter::u32(2) + GltfWriter::u32(28) + std::string(40, ' ')), HasSubstr("b3dm version 2"));
+  EXPECT_THAT(error("b3dm" + GltfWriter::u32(2) + GltfWriter::u32(28) + std::string(40, ' ')),
+              HasSubstr("b3dm version 2"));
 }
 
 /// Each fault in an otherwise good file and a word of what must be said of it; `path` is a JSON pointer into the glTF.
@@ -358,7 +368,8 @@ TEST(DecodeContent, names_each_fault) {
 TEST(DecodeContent, indices_beyond_the_vertices_and_positions_that_are_no_numbers) {
   GltfWriter writer;
   const std::size_t positions = writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3);
-  writer.add_primitive({{"attributes", {{"POSITION", positions}}}, {"indices", writer.add_accessor<std::uint32_t>({0, 1, 3}, 1)}});
+  writer.add_primitive(
+      {{"attributes", {{"POSITION", positions}}}, {"indices", writer.add_accessor<std::uint32_t>({0, 1, 3}, 1)}});
   EXPECT_THAT(error(writer.glb()), HasSubstr("names vertex 3 of 3"));
   EXPECT_THAT(error(triangle_glb({0, 0, 0, 1, NAN, 0, 0, 1, 0})), HasSubstr("position of vertex 1 is not finite"));
   EXPECT_THAT(error(triangle_glb({0, 0, 0, 1, 0, INFINITY, 0, 1, 0})), HasSubstr("position of vertex 1 is not finite"));

@@ -36,12 +36,18 @@ float to_float(T value, bool normalized) {
 template <class Function>
 void with_type(ComponentType type, const Function& function) {
   switch (type) {
-    case ComponentType::kInt8: return function(std::int8_t{});
-    case ComponentType::kUint8: return function(std::uint8_t{});
-    case ComponentType::kInt16: return function(std::int16_t{});
-    case ComponentType::kUint16: return function(std::uint16_t{});
-    case ComponentType::kUint32: return function(std::uint32_t{});
-    case ComponentType::kFloat: return function(float{});
+    case ComponentType::kInt8:
+      return function(std::int8_t{});
+    case ComponentType::kUint8:
+      return function(std::uint8_t{});
+    case ComponentType::kInt16:
+      return function(std::int16_t{});
+    case ComponentType::kUint16:
+      return function(std::uint16_t{});
+    case ComponentType::kUint32:
+      return function(std::uint32_t{});
+    case ComponentType::kFloat:
+      return function(float{});
   }
 }
 
@@ -90,7 +96,8 @@ std::span<const std::byte> Buffers::buffer(std::size_t index) {
     throw InputError(where, "has no uri, and only the first buffer is the binary chunk");
   }
   if (bytes.size() < declared.byte_length) {
-    throw InputError(where, "has " + std::to_string(bytes.size()) + " bytes of " + std::to_string(declared.byte_length));
+    throw InputError(where,
+                     "has " + std::to_string(bytes.size()) + " bytes of " + std::to_string(declared.byte_length));
   }
   return bytes;
 }
@@ -114,15 +121,16 @@ std::span<const std::byte> Buffers::view(std::size_t index) {
   return decompressed_views_.emplace(index, decompress(*view.meshopt, where)).first->second;
 }
 
-/// EXT_meshopt_compression, "Compressed data". The library asserts what it wants of its arguments, so all is checked here.
+/// EXT_meshopt_compression, "Compressed data". The library asserts what it wants of its arguments, so all is checked
+/// here.
 std::vector<std::byte> Buffers::decompress(const MeshoptView& view, const std::string& where) {
   const std::span<const std::byte> packed = slice(view.buffer, view.byte_offset, view.byte_length, where);
   const bool attributes = view.mode == "ATTRIBUTES";
   const bool indices = view.mode == "TRIANGLES" || view.mode == "INDICES";
   const bool attribute_stride = view.byte_stride > 0 && view.byte_stride % 4 == 0 && view.byte_stride <= 256;
   const bool index_stride = view.byte_stride == 2 || view.byte_stride == 4;
-  const bool valid = (attributes && attribute_stride) ||
-                     (indices && index_stride && (view.mode == "INDICES" || view.count % 3 == 0));
+  const bool valid =
+      (attributes && attribute_stride) || (indices && index_stride && (view.mode == "INDICES" || view.count % 3 == 0));
   if (!valid) throw InputError(where, "EXT_meshopt_compression with mode, stride or count that do not go together");
   if (view.count > options_.limits.max_decompressed_bytes / view.byte_stride) {
     throw InputError(where, "EXT_meshopt_compression of more elements than the limit on decompressed bytes allows");
@@ -166,9 +174,11 @@ Buffers::Elements Buffers::elements(const Accessor& accessor, const std::string&
   const std::size_t stride = declared_stride == 0 ? element_size : declared_stride;
   if (stride < element_size) throw InputError(where, "its elements overlap: the stride is smaller than one of them");
   // Counts and offsets are below 2^53 and strides below 2^9, so nothing wraps around.
-  const std::size_t needed = accessor.count == 0 ? 0 : accessor.byte_offset + (accessor.count - 1) * stride + element_size;
+  const std::size_t needed =
+      accessor.count == 0 ? 0 : accessor.byte_offset + (accessor.count - 1) * stride + element_size;
   if (needed > bytes.size()) {
-    throw InputError(where, "needs " + std::to_string(needed) + " bytes, its bufferView has " + std::to_string(bytes.size()));
+    throw InputError(where,
+                     "needs " + std::to_string(needed) + " bytes, its bufferView has " + std::to_string(bytes.size()));
   }
   return {bytes.data() + accessor.byte_offset, stride};
 }
@@ -177,8 +187,8 @@ std::vector<float> Buffers::floats(std::size_t index, std::size_t components) {
   const Accessor& accessor = document_.accessors[index];
   const std::string where = name_ + ": " + part("accessors", index);
   if (accessor.components != components) {
-    throw InputError(where, "has " + std::to_string(accessor.components) + " components, " + std::to_string(components) +
-                                " wanted");
+    throw InputError(
+        where, "has " + std::to_string(accessor.components) + " components, " + std::to_string(components) + " wanted");
   }
   const Elements from = elements(accessor, where);
   std::vector<float> out(accessor.count * components, 0.0F);
@@ -186,8 +196,7 @@ std::vector<float> Buffers::floats(std::size_t index, std::size_t components) {
     with_type(accessor.type, [&]<class T>(T) {
       for (std::size_t i = 0; i < accessor.count; ++i) {
         for (std::size_t c = 0; c < components; ++c) {
-          out[i * components + c] =
-              to_float(load<T>(from.data + i * from.stride + c * sizeof(T)), accessor.normalized);
+          out[i * components + c] = to_float(load<T>(from.data + i * from.stride + c * sizeof(T)), accessor.normalized);
         }
       }
     });
@@ -199,10 +208,20 @@ std::vector<float> Buffers::floats(std::size_t index, std::size_t components) {
 void Buffers::apply_sparse(const Accessor& accessor, std::vector<float>& values, const std::string& where) {
   const SparseAccessor& sparse = *accessor.sparse;
   if (!is_unsigned(sparse.indices_type)) throw InputError(where, "sparse indices are not unsigned integers");
-  const Accessor at{.view = sparse.indices_view, .byte_offset = sparse.indices_offset, .type = sparse.indices_type,
-                    .components = 1, .count = sparse.count, .normalized = false, .sparse = std::nullopt};
-  const Accessor what{.view = sparse.values_view, .byte_offset = sparse.values_offset, .type = accessor.type,
-                      .components = accessor.components, .count = sparse.count, .normalized = false, .sparse = std::nullopt};
+  const Accessor at{.view = sparse.indices_view,
+                    .byte_offset = sparse.indices_offset,
+                    .type = sparse.indices_type,
+                    .components = 1,
+                    .count = sparse.count,
+                    .normalized = false,
+                    .sparse = std::nullopt};
+  const Accessor what{.view = sparse.values_view,
+                      .byte_offset = sparse.values_offset,
+                      .type = accessor.type,
+                      .components = accessor.components,
+                      .count = sparse.count,
+                      .normalized = false,
+                      .sparse = std::nullopt};
   const Elements places = elements(at, where + ": sparse indices");
   const Elements news = elements(what, where + ": sparse values");
   for (std::size_t i = 0; i < sparse.count; ++i) {

@@ -13,8 +13,9 @@
 
 namespace tileflight::tiles::gltf {
 
-/// The bytes behind a document's buffers, views and accessors. Each access is checked against what is there before anything
-/// is allocated; buffers and compressed views are resolved when first used. Throws InputError (name, part, cause).
+/// The bytes behind a document's buffers, views and accessors. Each access is checked against what is there before
+/// anything is allocated; buffers and compressed views are resolved when first used. Throws InputError (name, part,
+/// cause).
 class Buffers {
  public:
   /// `binary_chunk`: of the GLB; empty for a .gltf. All arguments must outlive this.
@@ -25,7 +26,8 @@ class Buffers {
   std::span<const std::byte> view(std::size_t index);
 
   /// Values of an accessor, `components` an element, one element after the other; normalised integers become 0..1 or
-  /// -1..1 (glTF 2.0, section 3.6.2.2), sparse values stand in their places. `components` must be what the accessor has.
+  /// -1..1 (glTF 2.0, section 3.6.2.2), sparse values stand in their places. `components` must be what the accessor
+  /// has.
   std::vector<float> floats(std::size_t accessor, std::size_t components);
   /// An accessor of unsigned integers, one component.
   std::vector<std::uint32_t> indices(std::size_t accessor);
@@ -34,7 +36,8 @@ class Buffers {
   struct Elements;
 
   std::span<const std::byte> buffer(std::size_t index);
-  std::span<const std::byte> slice(std::size_t buffer_index, std::size_t offset, std::size_t length, const std::string& where);
+  std::span<const std::byte> slice(std::size_t buffer_index, std::size_t offset, std::size_t length,
+                                   const std::string& where);
   std::vector<std::byte> decompress(const MeshoptView& view, const std::string& where);
   Elements elements(const Accessor& accessor, const std::string& where);
   void apply_sparse(const Accessor& accessor, std::vector<float>& values, const std::string& where);

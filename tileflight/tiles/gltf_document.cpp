@@ -13,13 +13,20 @@ using geometry::Vec3;
 
 ComponentType component_type(std::size_t code, const std::string& where) {
   switch (code) {
-    case 5120: return ComponentType::kInt8;
-    case 5121: return ComponentType::kUint8;
-    case 5122: return ComponentType::kInt16;
-    case 5123: return ComponentType::kUint16;
-    case 5125: return ComponentType::kUint32;
-    case 5126: return ComponentType::kFloat;
-    default: throw InputError(where, "componentType " + std::to_string(code) + " is not one of glTF");
+    case 5120:
+      return ComponentType::kInt8;
+    case 5121:
+      return ComponentType::kUint8;
+    case 5122:
+      return ComponentType::kInt16;
+    case 5123:
+      return ComponentType::kUint16;
+    case 5125:
+      return ComponentType::kUint32;
+    case 5126:
+      return ComponentType::kFloat;
+    default:
+      throw InputError(where, "componentType " + std::to_string(code) + " is not one of glTF");
   }
 }
 
@@ -33,10 +40,14 @@ std::size_t component_count(const std::string& type, const std::string& where) {
 
 imaging::Wrap wrap_mode(std::size_t code, const std::string& where) {
   switch (code) {
-    case 10497: return imaging::Wrap::kRepeat;
-    case 33071: return imaging::Wrap::kClampToEdge;
-    case 33648: return imaging::Wrap::kMirroredRepeat;
-    default: throw InputError(where, "wrap mode " + std::to_string(code) + " is not one of glTF");
+    case 10497:
+      return imaging::Wrap::kRepeat;
+    case 33071:
+      return imaging::Wrap::kClampToEdge;
+    case 33648:
+      return imaging::Wrap::kMirroredRepeat;
+    default:
+      throw InputError(where, "wrap mode " + std::to_string(code) + " is not one of glTF");
   }
 }
 
@@ -91,7 +102,8 @@ class DocumentParser {
   }
 
   /// An index into an array of `size` entries, all of which are read already.
-  static std::optional<std::size_t> reference(const Json& object, const char* key, std::size_t size, const std::string& where) {
+  static std::optional<std::size_t> reference(const Json& object, const char* key, std::size_t size,
+                                              const std::string& where) {
     const auto index = find_index(object, key, where);
     if (index && *index >= size) {
       throw InputError(where, std::string(key) + " " + std::to_string(*index) + " is not there; the file has " +
@@ -333,10 +345,13 @@ class DocumentParser {
 std::size_t size_of(ComponentType type) {
   switch (type) {
     case ComponentType::kInt8:
-    case ComponentType::kUint8: return 1;
+    case ComponentType::kUint8:
+      return 1;
     case ComponentType::kInt16:
-    case ComponentType::kUint16: return 2;
-    default: return 4;
+    case ComponentType::kUint16:
+      return 2;
+    default:
+      return 4;
   }
 }
 

@@ -141,8 +141,8 @@ struct Document {
   std::vector<std::size_t> roots;  ///< nodes of the scene that is shown
 };
 
-/// Reads the JSON of a glTF. `name` stands in messages. Throws InputError (name, part, cause): glTF 1.0, indices that lead
-/// nowhere, wrong types. Required extensions are not judged here.
+/// Reads the JSON of a glTF. `name` stands in messages. Throws InputError (name, part, cause): glTF 1.0, indices that
+/// lead nowhere, wrong types. Required extensions are not judged here.
 Document parse_document(std::string_view json, const std::string& name);
 
 }  // namespace gltf

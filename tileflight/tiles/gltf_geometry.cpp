@@ -44,7 +44,8 @@ void check_corners(const std::vector<Triangle>& triangles, std::size_t vertex_co
   for (const Triangle& triangle : triangles) {
     for (const std::uint32_t corner : triangle) {
       if (corner >= vertex_count) {
-        throw InputError(name, "a triangle names vertex " + std::to_string(corner) + " of " + std::to_string(vertex_count));
+        throw InputError(name,
+                         "a triangle names vertex " + std::to_string(corner) + " of " + std::to_string(vertex_count));
       }
     }
   }
@@ -92,7 +93,8 @@ Geometry read_geometry(const Primitive& primitive, const Document& document, Buf
   read_attributes(out, primitive, document, buffers, request);
   if (!primitive.draco) {
     const std::vector<std::uint32_t> corners = corners_of(primitive, out.vertex_count(), buffers);
-    if (primitive.mode == 4 && corners.size() % 3 != 0) out.warnings.push_back("an incomplete last triangle is left out");
+    if (primitive.mode == 4 && corners.size() % 3 != 0)
+      out.warnings.push_back("an incomplete last triangle is left out");
     out.triangles = triangles_of(primitive.mode, corners);
   }
   check_count(out.tex_coords, 2, out.vertex_count(), "TEXCOORD", name);

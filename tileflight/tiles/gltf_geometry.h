@@ -14,10 +14,10 @@ namespace tileflight::tiles::gltf {
 
 /// A primitive's surface, in its mesh's own frame.
 struct Geometry {
-  std::vector<float> positions;        ///< x y z, one after the other
-  std::vector<float> tex_coords;       ///< u v, before any texture transform; empty: none (or not wanted)
-  std::vector<float> colors;           ///< color_components a vertex, 0..1; empty: none
-  std::size_t color_components = 0;    ///< 3 or 4
+  std::vector<float> positions;      ///< x y z, one after the other
+  std::vector<float> tex_coords;     ///< u v, before any texture transform; empty: none (or not wanted)
+  std::vector<float> colors;         ///< color_components a vertex, 0..1; empty: none
+  std::size_t color_components = 0;  ///< 3 or 4
   std::vector<geometry::Triangle> triangles;
   std::vector<std::string> warnings;
 
@@ -33,7 +33,8 @@ struct GeometryRequest {
 /// Whether the primitive carries surface (points and lines do not).
 bool has_surface(const Primitive& primitive);
 
-/// Reads a primitive of triangles, strip or fan, plain or Draco. All corners lie inside the vertices. Throws InputError.
+/// Reads a primitive of triangles, strip or fan, plain or Draco. All corners lie inside the vertices. Throws
+/// InputError.
 Geometry read_geometry(const Primitive& primitive, const Document& document, Buffers& buffers,
                        const GeometryRequest& request, const std::string& name);
 

@@ -38,7 +38,8 @@ constexpr std::array<std::string_view, 15> kSupportedExtensions = {"KHR_draco_me
                                                                    "KHR_xmp_json_ld",
                                                                    "KHR_xmp"};
 /// Matter only for images.
-constexpr std::array<std::string_view, 3> kImageExtensions = {"KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"};
+constexpr std::array<std::string_view, 3> kImageExtensions = {"KHR_texture_basisu", "MSFT_texture_dds",
+                                                              "EXT_texture_avif"};
 
 template <std::size_t N>
 bool contains(const std::array<std::string_view, N>& list, const std::string& value) {
@@ -52,7 +53,8 @@ bool is_supported(const std::string& extension, bool textures) {
 
 void require_supported(const gltf::Document& document, const std::string& name, bool textures) {
   for (const std::string& extension : document.extensions_required) {
-    if (!is_supported(extension, textures)) throw InputError(name, "needs the glTF extension " + extension + ", which is not supported");
+    if (!is_supported(extension, textures))
+      throw InputError(name, "needs the glTF extension " + extension + ", which is not supported");
   }
 }
 
@@ -93,7 +95,8 @@ class MeshBuilder {
       const auto [index, T_tile_parent] = pending.back();
       pending.pop_back();
       // glTF 2.0, section 3.5.2: a node has one parent at most. A cycle would never end.
-      if (visited[index]) throw InputError(name_, "node " + std::to_string(index) + " has two parents or is below itself");
+      if (visited[index])
+        throw InputError(name_, "node " + std::to_string(index) + " has two parents or is below itself");
       visited[index] = true;
       const gltf::Node& node = document_.nodes[index];
       const Mat4 T_tile_node = T_tile_parent * node.T_parent_node;
@@ -107,7 +110,8 @@ class MeshBuilder {
 
  private:
   void warn(const std::string& what) {
-    if (std::find(out_.warnings.begin(), out_.warnings.end(), what) == out_.warnings.end()) out_.warnings.push_back(what);
+    if (std::find(out_.warnings.begin(), out_.warnings.end(), what) == out_.warnings.end())
+      out_.warnings.push_back(what);
   }
 
   void add_node(const gltf::Node& node, const Mat4& T_tile_node) {
@@ -159,8 +163,9 @@ class MeshBuilder {
 
   void add_primitive(const gltf::Primitive& primitive, const std::vector<Mat4>& places, const std::string& where) {
     const gltf::Material* material = primitive.material ? &document_.materials[*primitive.material] : nullptr;
-    const gltf::TextureReference* texture =
-        options_.textures && material != nullptr && material->base_color_texture ? &*material->base_color_texture : nullptr;
+    const gltf::TextureReference* texture = options_.textures && material != nullptr && material->base_color_texture
+                                                ? &*material->base_color_texture
+                                                : nullptr;
     const gltf::GeometryRequest request{.tex_coords = texture != nullptr,
                                         .tex_coord_set = texture == nullptr ? 0 : texture->tex_coord};
     const gltf::Geometry geometry = gltf::read_geometry(primitive, document_, buffers_, request, where);
@@ -176,7 +181,8 @@ class MeshBuilder {
   }
 
   /// Everything of a mesh but its geometry.
-  TexturedMesh appearance_of(const gltf::Geometry& geometry, const gltf::TextureReference* texture, const std::string& where) {
+  TexturedMesh appearance_of(const gltf::Geometry& geometry, const gltf::TextureReference* texture,
+                             const std::string& where) {
     TexturedMesh out;
     out.name = name_;
     if (!geometry.colors.empty()) out.colors = to_bytes(geometry.colors, geometry.color_components);
@@ -193,7 +199,8 @@ class MeshBuilder {
     return out;
   }
 
-  std::vector<Eigen::Vector2f> texture_coordinates(const std::vector<float>& values, const gltf::TextureTransform& transform) {
+  std::vector<Eigen::Vector2f> texture_coordinates(const std::vector<float>& values,
+                                                   const gltf::TextureTransform& transform) {
     std::vector<Eigen::Vector2f> out(values.size() / 2);
     for (std::size_t i = 0; i < out.size(); ++i) {
       out[i] = transformed_uv(transform, values[2 * i], values[2 * i + 1]);
@@ -230,8 +237,8 @@ class MeshBuilder {
     vertices_ += geometry.vertex_count();
     triangles_ += geometry.triangles.size();
     if (vertices_ > options_.limits.max_vertices || triangles_ > options_.limits.max_triangles) {
-      throw InputError(where, "the tile has more than " + std::to_string(options_.limits.max_vertices) + " vertices or " +
-                                  std::to_string(options_.limits.max_triangles) + " triangles");
+      throw InputError(where, "the tile has more than " + std::to_string(options_.limits.max_vertices) +
+                                  " vertices or " + std::to_string(options_.limits.max_triangles) + " triangles");
     }
   }
 
@@ -243,7 +250,8 @@ class MeshBuilder {
     for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
       const float* p = &geometry.positions[3 * i];
       mesh.vertices[i] = linear * Vec3(p[0], p[1], p[2]) + translation;
-      if (!mesh.vertices[i].allFinite()) throw InputError(where, "the position of vertex " + std::to_string(i) + " is not finite");
+      if (!mesh.vertices[i].allFinite())
+        throw InputError(where, "the position of vertex " + std::to_string(i) + " is not finite");
     }
     mesh.triangles = geometry.triangles;
     // glTF 2.0, section 3.7.4: a mirroring transform turns the winding round.

@@ -40,12 +40,15 @@ struct Corners {
   std::size_t index(const tinygltf::Accessor& accessor, std::size_t i) const {
     const unsigned char* at = data(accessor);
     if (accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE) return at[i];
-    if (accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT) return reinterpret_cast<const std::uint16_t*>(at)[i];
+    if (accessor.componentType == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT)
+      return reinterpret_cast<const std::uint16_t*>(at)[i];
     return reinterpret_cast<const std::uint32_t*>(at)[i];
   }
 
   void add(const tinygltf::Primitive& primitive, const Mat4& T) {
-    const auto accessor = [&](int i) -> const tinygltf::Accessor& { return model.accessors[static_cast<std::size_t>(i)]; };
+    const auto accessor = [&](int i) -> const tinygltf::Accessor& {
+      return model.accessors[static_cast<std::size_t>(i)];
+    };
     const tinygltf::Accessor& positions = accessor(primitive.attributes.at("POSITION"));
     if (primitive.mode != TINYGLTF_MODE_TRIANGLES || positions.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT) {
       readable = false;
@@ -93,15 +96,17 @@ bool compare(const fs::path& file) {
   tinygltf::Model model;
   std::string error;
   std::string warning;
-  const bool loaded = reader.LoadBinaryFromMemory(&model, &error, &warning, reinterpret_cast<const unsigned char*>(bytes.data()),
-                                                  static_cast<unsigned>(bytes.size()), file.parent_path());
+  const bool loaded =
+      reader.LoadBinaryFromMemory(&model, &error, &warning, reinterpret_cast<const unsigned char*>(bytes.data()),
+                                  static_cast<unsigned>(bytes.size()), file.parent_path());
   if (!loaded || model.scenes.empty() || !model.extensionsRequired.empty()) return false;
   Corners oracle{model};
   for (const int node : model.scenes[static_cast<std::size_t>(std::max(model.defaultScene, 0))].nodes) {
     oracle.add(node, Mat4::Identity());
   }
   if (!oracle.readable) return false;
-  const std::vector<Vec3> ours = corners_of(decode_content(bytes, file.filename(), {.textures = false, .up_axis = UpAxis::kZ}));
+  const std::vector<Vec3> ours =
+      corners_of(decode_content(bytes, file.filename(), {.textures = false, .up_axis = UpAxis::kZ}));
   EXPECT_EQ(ours.size(), oracle.points.size()) << file;
   if (ours.size() != oracle.points.size()) return true;
   double worst = 0;

@@ -79,8 +79,8 @@ class Inspection {
     summary.geometric_error_max_m = std::max(summary.geometric_error_max_m, error_m);
   }
 
-  /// Counts a content; the root of the tree below it, where it is an external tileset that can be read. A template URI of
-  /// implicit tiling names no file.
+  /// Counts a content; the root of the tree below it, where it is an external tileset that can be read. A template URI
+  /// of implicit tiling names no file.
   std::optional<NodeId> visit_content(NodeId id, std::size_t content) {
     if (!tree_.tile(id).unsupported.empty()) {
       ++out_.contents["implicit"];
@@ -134,7 +134,9 @@ class Inspection {
 
 }  // namespace
 
-TilesetSummary inspect_tileset(TileSource& source, const Progress& progress) { return Inspection(source, progress).run(); }
+TilesetSummary inspect_tileset(TileSource& source, const Progress& progress) {
+  return Inspection(source, progress).run();
+}
 
 TilesetSummary inspect_tileset(const std::string& source, const Progress& progress) {
   const std::unique_ptr<TileSource> files = open_source(source);

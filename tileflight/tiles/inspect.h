@@ -27,24 +27,24 @@ struct TilesetSummary {
   std::int64_t tiles = 0;
   std::int64_t tiles_with_content = 0;
   std::int64_t leaves = 0;
-  std::int64_t tiles_replace = 0;                 ///< refine of tiles that have children
+  std::int64_t tiles_replace = 0;  ///< refine of tiles that have children
   std::int64_t tiles_add = 0;
-  std::int64_t tiles_unsupported = 0;             ///< implicit tiling, unknown bounding volumes
-  std::map<std::string, std::int64_t> contents;   ///< references by kind: "b3dm", "glb", …, "tileset", "unknown"
-  std::int64_t content_files = 0;                 ///< distinct URIs, external tilesets not counted
-  std::int64_t content_files_missing = 0;         ///< of those, where the source can tell
-  std::int64_t content_bytes = 0;                 ///< of those that are there
-  std::int64_t external_tilesets = 0;             ///< distinct
-  std::vector<LevelSummary> levels;               ///< 0 is the root; external trees count on from the tile that names them
-  std::optional<double> geometric_error_m;        ///< of the whole tileset, as its file says
-  std::vector<std::string> extensions_used;       ///< distinct, over all files
+  std::int64_t tiles_unsupported = 0;            ///< implicit tiling, unknown bounding volumes
+  std::map<std::string, std::int64_t> contents;  ///< references by kind: "b3dm", "glb", …, "tileset", "unknown"
+  std::int64_t content_files = 0;                ///< distinct URIs, external tilesets not counted
+  std::int64_t content_files_missing = 0;        ///< of those, where the source can tell
+  std::int64_t content_bytes = 0;                ///< of those that are there
+  std::int64_t external_tilesets = 0;            ///< distinct
+  std::vector<LevelSummary> levels;          ///< 0 is the root; external trees count on from the tile that names them
+  std::optional<double> geometric_error_m;   ///< of the whole tileset, as its file says
+  std::vector<std::string> extensions_used;  ///< distinct, over all files
   std::vector<std::string> extensions_required;
   std::vector<std::string> extensions_unsupported;  ///< of those required
   bool georeferenced = false;
-  std::optional<geometry::Geodetic> center;       ///< of the root's bounding volume, where georeferenced
-  geometry::Box3 bounds_local;  ///< of the root's volume: its own frame, or east-north-up at `center`, metres
-  std::vector<std::string> attribution;           ///< of the tileset files, most frequent first
-  std::vector<std::string> failures;              ///< external tilesets that could not be read, one line each
+  std::optional<geometry::Geodetic> center;  ///< of the root's bounding volume, where georeferenced
+  geometry::Box3 bounds_local;           ///< of the root's volume: its own frame, or east-north-up at `center`, metres
+  std::vector<std::string> attribution;  ///< of the tileset files, most frequent first
+  std::vector<std::string> failures;     ///< external tilesets that could not be read, one line each
   std::vector<std::string> warnings;
 
   int depth() const { return static_cast<int>(levels.size()); }

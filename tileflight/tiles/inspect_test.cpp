@@ -9,12 +9,12 @@ namespace tileflight::tiles {
 namespace {
 
 using testing::box_volume;
-using testing::Json;
-using testing::MemorySource;
-using testing::tile;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using testing::Json;
+using testing::MemorySource;
 using ::testing::Pair;
+using testing::tile;
 using ::testing::UnorderedElementsAre;
 
 TEST(InspectTileset, counts_what_is_there) {

@@ -58,7 +58,8 @@ Json parse_json(std::string_view text, const std::string& name, const JsonLimits
   try {
     return Json::parse(text.begin(), text.end());
   } catch (const Json::parse_error& error) {
-    throw InputError(name, "not valid JSON at byte " + std::to_string(error.byte) + " of " + std::to_string(text.size()));
+    throw InputError(name,
+                     "not valid JSON at byte " + std::to_string(error.byte) + " of " + std::to_string(text.size()));
   } catch (const Json::exception& error) {
     throw InputError(name, std::string("not usable JSON: ") + error.what());
   }

@@ -150,7 +150,8 @@ void collect(ReadContent&& content, LoadedTiles& out, Attribution& attribution) 
 }
 
 void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out) {
-  if (!options.allow_incomplete) throw InputError(what, "the region is not complete (--allow-incomplete goes on without)");
+  if (!options.allow_incomplete)
+    throw InputError(what, "the region is not complete (--allow-incomplete goes on without)");
   ++out.tiles_failed;
   out.failures.push_back(what);
 }
@@ -162,7 +163,8 @@ LoadedTiles load_region(const std::string& source, const LoadOptions& options, c
   return load_region(*files, source, options, progress);
 }
 
-LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options, const Progress& progress) {
+LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,
+                        const Progress& progress) {
   CountingSource counted(source);
   report_progress(progress, 0, 0, "reading the tileset");
   TilesetTree tree(counted);

@@ -18,13 +18,13 @@ class TileSource;  // tile_source.h: bytes by URI; injected, so that a test can 
 
 /// What part of which place, how fine.
 struct LoadOptions {
-  /// Where the region is, one of: a geodetic centre, or a local one (tileset that is not georeferenced, or local to `origin`).
-  /// A height (z) of NaN means that none was given: the middle of the tileset's own extent is taken.
+  /// Where the region is, one of: a geodetic centre, or a local one (tileset that is not georeferenced, or local to
+  /// `origin`). A height (z) of NaN means that none was given: the middle of the tileset's own extent is taken.
   std::optional<geometry::Geodetic> center;
   std::optional<geometry::Vec3> center_local;
-  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, else InputError. An
-  /// up of 0 or NaN means that none was given: the region is as high as the tileset. A size without a centre lies about the
-  /// tileset's middle; a centre without a size is an InputError.
+  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, else InputError.
+  /// An up of 0 or NaN means that none was given: the region is as high as the tileset. A size without a centre lies
+  /// about the tileset's middle; a centre without a size is an InputError.
   std::optional<geometry::Vec3> size;
   /// Geometric error wanted, metres; 0: the finest there is.
   double error_m = 0.0;
@@ -40,24 +40,25 @@ struct LoadOptions {
 
 /// A cut of the tree as meshes in the local frame, and whether it is whole.
 struct LoadedTiles {
-  std::vector<imaging::TexturedMesh> meshes;        ///< local frame, in the cut's defined order
-  std::optional<geometry::LocalFrame> local_frame;  ///< nullopt: not georeferenced, local is the tileset's own z-up frame
-  Region region;                                    ///< in the local frame
-  std::int64_t tiles_wanted = 0;   ///< contents of the cut, and parts of the tree that could not be followed
+  std::vector<imaging::TexturedMesh> meshes;  ///< local frame, in the cut's defined order
+  std::optional<geometry::LocalFrame>
+      local_frame;                ///< nullopt: not georeferenced, local is the tileset's own z-up frame
+  Region region;                  ///< in the local frame
+  std::int64_t tiles_wanted = 0;  ///< contents of the cut, and parts of the tree that could not be followed
   std::int64_t tiles_loaded = 0;
   std::int64_t tiles_failed = 0;
-  std::vector<std::string> failures;                ///< one line a failed tile
+  std::vector<std::string> failures;  ///< one line a failed tile
   bool complete = false;
-  double geometric_error_max_m = 0.0;               ///< largest geometric error in the cut
+  double geometric_error_max_m = 0.0;  ///< largest geometric error in the cut
   std::int64_t triangles = 0;
   std::int64_t bytes_read = 0;
-  std::string cut_hash;                             ///< SHA-256 over the ordered tile identities
-  std::vector<std::string> attribution;             ///< distinct, most frequent first
-  std::vector<std::string> warnings;                ///< distinct
+  std::string cut_hash;                  ///< SHA-256 over the ordered tile identities
+  std::vector<std::string> attribution;  ///< distinct, most frequent first
+  std::vector<std::string> warnings;     ///< distinct
 };
 
-/// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no ancestors.
-/// `source`: tileset.json, its folder (http and archives: later). Throws InputError.
+/// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no
+/// ancestors. `source`: tileset.json, its folder (http and archives: later). Throws InputError.
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
 /// The same from any source of bytes; `name` stands in messages.
 LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,

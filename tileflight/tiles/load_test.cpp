@@ -18,14 +18,14 @@ using geometry::Box3;
 using geometry::Vec3;
 using testing::b3dm;
 using testing::box_volume;
+using ::testing::ElementsAre;
 using testing::error_of;
 using testing::GltfWriter;
+using ::testing::HasSubstr;
 using testing::Json;
 using testing::MemorySource;
 using testing::tile;
 using testing::triangle_glb;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 LoadedTiles load(MemorySource& source, const LoadOptions& options = {}) {
   return load_region(source, "place", options);
@@ -130,7 +130,10 @@ TEST_F(LoadRegion, wrong_options_are_told) {
     change(options);
     return error_of([&] { load(source_, options); });
   };
-  EXPECT_THAT(message([](LoadOptions& o) { o.center = geometry::Geodetic{1, 2, {0}}; o.size = Vec3(1, 1, 1); }),
+  EXPECT_THAT(message([](LoadOptions& o) {
+                o.center = geometry::Geodetic{1, 2, {0}};
+                o.size = Vec3(1, 1, 1);
+              }),
               HasSubstr("not georeferenced: give --center-local"));
   EXPECT_THAT(message([](LoadOptions& o) { o.center_local = Vec3(0, 0, 0); }), HasSubstr("centre without a size"));
   EXPECT_THAT(message([](LoadOptions& o) { o.size = Vec3(-1, 1, 1); }), HasSubstr("above 0 metres"));
@@ -374,7 +377,8 @@ TEST(LoadRegionRealData, meshopt_and_quantised_and_webp) {
   const LoadedTiles tiles = load_region(folder.string(), {});
   EXPECT_EQ(tiles.tiles_loaded, 7);
   EXPECT_EQ(tiles.triangles, 195591);
-  EXPECT_TRUE(std::any_of(tiles.meshes.begin(), tiles.meshes.end(), [](const auto& mesh) { return mesh.texture != nullptr; }));
+  EXPECT_TRUE(
+      std::any_of(tiles.meshes.begin(), tiles.meshes.end(), [](const auto& mesh) { return mesh.texture != nullptr; }));
 }
 
 }  // namespace

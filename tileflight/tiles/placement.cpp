@@ -30,8 +30,8 @@ std::string format(const char* pattern, double a, double b) {
 
 /// A LocalFrame in place, since Placement wants it optional.
 LocalFrame frame_at(const Geodetic& origin, const std::string& source) {
-  const bool valid = std::abs(origin.latitude_deg) <= 90 && std::abs(origin.longitude_deg) <= 360 &&
-                     std::isfinite(origin.height.m);
+  const bool valid =
+      std::abs(origin.latitude_deg) <= 90 && std::abs(origin.longitude_deg) <= 360 && std::isfinite(origin.height.m);
   if (!valid) throw InputError(source, "the origin or centre is not a place: latitude is from -90 to 90 degrees");
   return LocalFrame(origin);
 }
@@ -40,12 +40,15 @@ Box3 root_bounds(const TilesetTree& tree, const SE3& T_local_tileset) {
   return bounds_local(tree.volume(tree.root()), T_local_tileset);
 }
 
-Box3 bounds_in_frame(const TilesetTree& tree, const LocalFrame& frame) { return root_bounds(tree, frame.T_local_ecef()); }
+Box3 bounds_in_frame(const TilesetTree& tree, const LocalFrame& frame) {
+  return root_bounds(tree, frame.T_local_ecef());
+}
 
 bool wants_height(const LoadOptions& options) { return options.size && options.size->z() > 0; }
 
 void check_options(const LoadOptions& options, const std::string& source) {
-  if (options.center && options.center_local) throw InputError(source, "give either --center or --center-local, not both");
+  if (options.center && options.center_local)
+    throw InputError(source, "give either --center or --center-local, not both");
   if ((options.center || options.center_local) && !options.size) {
     throw InputError(source, "a centre without a size: give --size EAST,NORTH,UP in metres");
   }
@@ -58,12 +61,14 @@ void check_options(const LoadOptions& options, const std::string& source) {
   }
 }
 
-/// The region about `center` (z NaN: not given). What the user did not say of the height, the tileset's own extent gives.
+/// The region about `center` (z NaN: not given). What the user did not say of the height, the tileset's own extent
+/// gives.
 Region region_about(const Vec3& center, const LoadOptions& options, const Box3& tileset, const std::string& source) {
   const bool has_height = std::isfinite(center.z()) && wants_height(options);
   if (!has_height && tileset.sizes().z() > kTallestKnown_m) {
-    throw InputError(source, "the tileset does not tell how high the ground is there: give the height in --center and the "
-                             "third number of --size");
+    throw InputError(source,
+                     "the tileset does not tell how high the ground is there: give the height in --center and the "
+                     "third number of --size");
   }
   Region region;
   region.size = *options.size;
@@ -76,7 +81,8 @@ Region region_about(const Vec3& center, const LoadOptions& options, const Box3& 
   return region;
 }
 
-Region whole_tileset(const Box3& tileset, const LoadOptions& options, const TilesetTree& tree, const std::string& source) {
+Region whole_tileset(const Box3& tileset, const LoadOptions& options, const TilesetTree& tree,
+                     const std::string& source) {
   if (options.size) return region_about(tileset.center(), options, tileset, source);
   const double area_m2 = tileset.sizes().x() * tileset.sizes().y();
   if (area_m2 > kLargestWhole_m2) {
@@ -101,12 +107,15 @@ Geodetic origin_on_earth(const TilesetTree& tree, const LoadOptions& options, co
 Placement frame_of(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
   const bool georeferenced = is_georeferenced(tree);
   if (georeferenced && options.center_local && !options.origin) {
-    throw InputError(source, "the tileset is georeferenced: give --center LAT,LON[,H] instead of --center-local. It spans " +
-                                 extent_text(tree));
+    throw InputError(source,
+                     "the tileset is georeferenced: give --center LAT,LON[,H] instead of --center-local. It spans " +
+                         extent_text(tree));
   }
   if (!georeferenced && options.center && !options.origin) {
-    throw InputError(source, "the tileset is not georeferenced: give --center-local X,Y,Z in its own frame instead of "
-                             "--center. It spans " + extent_text(tree));
+    throw InputError(source,
+                     "the tileset is not georeferenced: give --center-local X,Y,Z in its own frame instead of "
+                     "--center. It spans " +
+                         extent_text(tree));
   }
   Placement placement;
   if (georeferenced) {
@@ -117,7 +126,8 @@ Placement frame_of(const TilesetTree& tree, const LoadOptions& options, const st
     placement.T_local_tileset = T_own_tileset(tree);
     if (!placement.T_local_tileset.matrix().isIdentity()) {
       placement.warnings.push_back(
-          "the transform by which Cesium ion puts down this movable model is undone: local coordinates are the model's own");
+          "the transform by which Cesium ion puts down this movable model is undone: local coordinates are the model's "
+          "own");
     }
   }
   return placement;
@@ -161,7 +171,8 @@ SE3 T_own_tileset(const TilesetTree& tree) {
 
 std::string extent_text(const Box3& box) {
   return "x " + format("%.1f … %.1f", box.min().x(), box.max().x()) + ", y " +
-         format("%.1f … %.1f", box.min().y(), box.max().y()) + ", z " + format("%.1f … %.1f m", box.min().z(), box.max().z());
+         format("%.1f … %.1f", box.min().y(), box.max().y()) + ", z " +
+         format("%.1f … %.1f m", box.min().z(), box.max().z());
 }
 
 std::string extent_text(const TilesetTree& tree) {

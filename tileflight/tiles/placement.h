@@ -18,14 +18,16 @@ struct Placement {
   std::vector<std::string> warnings;
 };
 
-/// Whether a tileset's frame is the Earth's: its root has a geographic region, or its bounding volume holds the Earth or
-/// has its middle within 100 km (and its own radius) of the ellipsoid; unless the tileset itself says that it is not.
+/// Whether a tileset's frame is the Earth's: its root has a geographic region, or its bounding volume holds the Earth
+/// or has its middle within 100 km (and its own radius) of the ellipsoid; unless the tileset itself says that it is
+/// not.
 bool is_georeferenced(const TilesetTree& tree);
 
-/// From the tileset's frame to the local frame of a tileset that is not georeferenced. That is the tileset's own frame, with
-/// one exception: a model without a place that Cesium ion has made "movable" (asset.extras.ion) stands below an empty root in
-/// a tile whose transform only says where it was put down, by default with its middle at 0. Coordinates of the survey (its
-/// flights, its control points) are those inside that tile, so its transform, if it is a rigid motion, is undone.
+/// From the tileset's frame to the local frame of a tileset that is not georeferenced. That is the tileset's own frame,
+/// with one exception: a model without a place that Cesium ion has made "movable" (asset.extras.ion) stands below an
+/// empty root in a tile whose transform only says where it was put down, by default with its middle at 0. Coordinates
+/// of the survey (its flights, its control points) are those inside that tile, so its transform, if it is a rigid
+/// motion, is undone.
 geometry::SE3 T_own_tileset(const TilesetTree& tree);
 
 /// "x 0 … 600 m, y …, z …" of a box.

@@ -81,10 +81,10 @@ class CutWalk {
 }  // namespace
 
 Wanted wanted_region(const Region& region, const geometry::SE3& T_local_tileset, double error_m) {
-  return {.meets = [box = region.box(), T_local_tileset](const BoundingVolume& volume) {
-            return tiles::meets(volume, T_local_tileset, box);
-          },
-          .fine_enough = [error_m](const BoundingVolume&, double geometric_error_m) { return geometric_error_m <= error_m; }};
+  return {.meets = [box = region.box(), T_local_tileset](
+                       const BoundingVolume& volume) { return tiles::meets(volume, T_local_tileset, box); },
+          .fine_enough = [error_m](const BoundingVolume&,
+                                   double geometric_error_m) { return geometric_error_m <= error_m; }};
 }
 
 TileCut select_cut(TilesetTree& tree, const Wanted& wanted) { return CutWalk(tree, wanted).run(); }

@@ -9,17 +9,18 @@ namespace {
 
 using geometry::Vec3;
 using testing::box_volume;
+using ::testing::ElementsAre;
 using testing::error_of;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using testing::Json;
 using testing::MemorySource;
 using testing::tile;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 constexpr double kWorld = 1000;
 
-TileCut cut_of(MemorySource& source, const Region& region = {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, double error_m = 0) {
+TileCut cut_of(MemorySource& source, const Region& region = {Vec3::Zero(), Vec3::Constant(2 * kWorld)},
+               double error_m = 0) {
   TilesetTree tree(source);
   return select_cut(tree, wanted_region(region, geometry::SE3(), error_m));
 }
@@ -49,8 +50,8 @@ Json quadtree(const std::string& refine) {
 
 TEST(SelectCut, replace_takes_the_finest_that_is_wanted) {
   MemorySource source(quadtree("REPLACE"));
-  EXPECT_THAT(uris(cut_of(source)), ElementsAre("q0w.glb", "q0e.glb", "q1w.glb", "q1e.glb", "q2w.glb", "q2e.glb", "q3w.glb",
-                                                "q3e.glb"));
+  EXPECT_THAT(uris(cut_of(source)),
+              ElementsAre("q0w.glb", "q0e.glb", "q1w.glb", "q1e.glb", "q2w.glb", "q2e.glb", "q3w.glb", "q3e.glb"));
   const TileCut middle = cut_of(source, {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, 10);
   EXPECT_THAT(uris(middle), ElementsAre("q0.glb", "q1.glb", "q2.glb", "q3.glb"));
   EXPECT_EQ(middle.geometric_error_max_m, 10);
@@ -174,8 +175,7 @@ TEST(SelectCut, external_tileset_without_a_telling_name) {
 TEST(SelectCut, cycles_are_named) {
   MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "a/b.json")));
   source.add("a/b.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json")).dump());
-  EXPECT_THAT(cut_of(source).failures,
-              ElementsAre(HasSubstr("form a cycle: tileset.json → a/b.json → tileset.json")));
+  EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: tileset.json → a/b.json → tileset.json")));
   source.add("a/b.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json")).dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: a/b.json → a/b.json")));
 }

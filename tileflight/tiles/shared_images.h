@@ -13,8 +13,8 @@
 
 namespace tileflight::tiles {
 
-/// Images that several contents name: each is read and decoded once, by whoever asks first; the others wait for it. Safe
-/// from several threads at once.
+/// Images that several contents name: each is read and decoded once, by whoever asks first; the others wait for it.
+/// Safe from several threads at once.
 class SharedImages {
  public:
   explicit SharedImages(TileSource& source) : source_(source) {}

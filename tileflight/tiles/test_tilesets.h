@@ -106,7 +106,8 @@ class GltfWriter {
     if (!binary.empty()) json["buffers"] = {{{"byteLength", binary.size()}}};
     std::string text = json.dump();
     while (text.size() % 4 != 0) text += ' ';
-    std::string out = "glTF" + u32(2) + u32(static_cast<std::uint32_t>(20 + text.size() + (binary.empty() ? 0 : 8 + binary.size())));
+    std::string out =
+        "glTF" + u32(2) + u32(static_cast<std::uint32_t>(20 + text.size() + (binary.empty() ? 0 : 8 + binary.size())));
     out += u32(static_cast<std::uint32_t>(text.size())) + "JSON" + text;
     if (!binary.empty()) out += u32(static_cast<std::uint32_t>(binary.size())) + std::string("BIN\0", 4) + binary;
     return out;

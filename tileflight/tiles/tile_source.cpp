@@ -48,7 +48,8 @@ fs::path FolderSource::file_of(const std::string& uri) const {
     throw InputError(shown, "a tileset in a folder may name only files beside it, not a URI with '" + scheme + ":'");
   }
   const std::string path = uri_path(uri);
-  if (uri.starts_with("//")) throw InputError(shown, "a tileset in a folder may name only files beside it, no other host");
+  if (uri.starts_with("//"))
+    throw InputError(shown, "a tileset in a folder may name only files beside it, no other host");
   if (!options_.allow_outside_folder && leaves_folder(path)) {
     throw InputError(shown, "leaves the folder of the tileset, " + folder_.string() + "; refused");
   }
@@ -61,7 +62,8 @@ std::vector<std::byte> FolderSource::read(const std::string& uri) {
   const fs::file_status status = fs::status(file, error);
   if (!fs::exists(status)) throw InputError(uri_for_message(uri), "is missing (no file " + file.string() + ")");
   // A device or pipe would block or never end.
-  if (!fs::is_regular_file(status)) throw InputError(uri_for_message(uri), "is not a regular file (" + file.string() + ")");
+  if (!fs::is_regular_file(status))
+    throw InputError(uri_for_message(uri), "is not a regular file (" + file.string() + ")");
   return geometry::read_bytes(file, options_.max_file_bytes);
 }
 

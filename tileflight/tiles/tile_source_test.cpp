@@ -12,8 +12,8 @@ namespace tileflight::tiles {
 namespace {
 
 using testing::error_of;
-using testing::to_text;
 using ::testing::HasSubstr;
+using testing::to_text;
 
 class FolderSourceTest : public ::testing::Test {
  protected:

@@ -38,11 +38,13 @@ GeographicRegion parse_region(const std::vector<double>& v, const std::string& w
   constexpr double kPole_rad = std::numbers::pi / 2;
   constexpr double kMeridian_rad = std::numbers::pi;
   const auto within = [](double value, double limit) { return std::abs(value) <= limit + kRounding_rad; };
-  if (!within(v[0], kMeridian_rad) || !within(v[2], kMeridian_rad) || !within(v[1], kPole_rad) || !within(v[3], kPole_rad)) {
+  if (!within(v[0], kMeridian_rad) || !within(v[2], kMeridian_rad) || !within(v[1], kPole_rad) ||
+      !within(v[3], kPole_rad)) {
     throw InputError(where, "boundingVolume.region has an angle outside of its range (radians, west south east north)");
   }
   if (v[1] > v[3] || v[4] > v[5]) {
-    throw InputError(where, "boundingVolume.region has its south above its north, or its lowest height above its highest");
+    throw InputError(where,
+                     "boundingVolume.region has its south above its north, or its lowest height above its highest");
   }
   return {v[0], std::max(v[1], -kPole_rad), v[2], std::min(v[3], kPole_rad), v[4], v[5]};
 }
@@ -244,7 +246,8 @@ class TilesetParser {
   static void parse_implicit_tiling(Tile& tile, const Json& json, const std::string& where) {
     const Json* extensions = find_object(json, "extensions", where);
     const Json* implicit = find_object(json, "implicitTiling", where);
-    if (implicit == nullptr && extensions != nullptr) implicit = find_object(*extensions, "3DTILES_implicit_tiling", where);
+    if (implicit == nullptr && extensions != nullptr)
+      implicit = find_object(*extensions, "3DTILES_implicit_tiling", where);
     if (implicit == nullptr) return;
     const std::string scheme = find_string(*implicit, "subdivisionScheme", where).value_or("no scheme");
     tile.unsupported = "implicit tiling (" + scheme + ")";
@@ -266,8 +269,8 @@ Tileset parse_tileset_json(std::string_view text, const std::string& name, const
 std::vector<std::string> unsupported_extensions(const Tileset& tileset) {
   std::vector<std::string> lacking;
   for (const std::string& extension : tileset.extensions_required) {
-    const bool known = std::find(kSupportedExtensions.begin(), kSupportedExtensions.end(), extension) !=
-                       kSupportedExtensions.end();
+    const bool known =
+        std::find(kSupportedExtensions.begin(), kSupportedExtensions.end(), extension) != kSupportedExtensions.end();
     if (!known && std::find(lacking.begin(), lacking.end(), extension) == lacking.end()) lacking.push_back(extension);
   }
   return lacking;

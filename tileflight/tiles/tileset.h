@@ -12,7 +12,8 @@
 
 namespace tileflight::tiles {
 
-/// One tileset.json as it is written (OGC 3D Tiles 1.0, 18-053r2, and 1.1, 22-025r4), without the external ones it names.
+/// One tileset.json as it is written (OGC 3D Tiles 1.0, 18-053r2, and 1.1, 22-025r4), without the external ones it
+/// names.
 
 enum class Refine { kReplace, kAdd };
 
@@ -25,15 +26,15 @@ struct Content {
 };
 
 struct Tile {
-  BoundingVolume bounding_volume;  ///< in the tile's frame
+  BoundingVolume bounding_volume;                             ///< in the tile's frame
   geometry::Mat4 T_parent_tile = geometry::Mat4::Identity();  ///< affine; may carry scale
   double geometric_error_m = 0.0;
-  std::optional<Refine> refine;    ///< as inherited inside this file; nullopt: neither it nor an ancestor says
+  std::optional<Refine> refine;  ///< as inherited inside this file; nullopt: neither it nor an ancestor says
   std::vector<Content> contents;
   std::vector<std::uint32_t> children;  ///< indices into Tileset::tiles
-  std::string unsupported;  ///< what it needs and we lack ("implicit tiling"); empty: nothing
-  std::string path;         ///< "root/0/3": which child of which child
-  int level = 0;            ///< root: 0
+  std::string unsupported;              ///< what it needs and we lack ("implicit tiling"); empty: nothing
+  std::string path;                     ///< "root/0/3": which child of which child
+  int level = 0;                        ///< root: 0
 };
 
 struct Tileset {
@@ -57,8 +58,9 @@ struct TilesetLimits {
   std::size_t max_tiles = std::size_t{4} << 20;
 };
 
-/// Reads a tileset.json. `name` stands in messages. What is plainly meant is read (null members, `url`, lower-case refine, a
-/// missing geometric error) and warned of; anything that would change what is loaded throws InputError (name, tile, cause).
+/// Reads a tileset.json. `name` stands in messages. What is plainly meant is read (null members, `url`, lower-case
+/// refine, a missing geometric error) and warned of; anything that would change what is loaded throws InputError (name,
+/// tile, cause).
 Tileset parse_tileset_json(std::string_view text, const std::string& name, const TilesetLimits& limits = {});
 
 /// Extensions of `extensionsRequired` that this reader has no support for.

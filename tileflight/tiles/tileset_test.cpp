@@ -8,12 +8,12 @@ namespace tileflight::tiles {
 namespace {
 
 using testing::box_volume;
-using testing::error_of;
-using testing::Json;
-using testing::tile;
 using ::testing::ElementsAre;
+using testing::error_of;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using testing::Json;
+using testing::tile;
 
 Tileset parse(const Json& json) { return parse_tileset_json(json.dump(), "t.json"); }
 
@@ -23,7 +23,8 @@ TEST(ParseTileset, reads_all_parts) {
   Json root = tile(kBox, 20, "a.glb");
   root["refine"] = "ADD";
   root["transform"] = {2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4, 0, 10, 20, 30, 1};
-  root["children"] = {tile({{"sphere", {1, 2, 3, 4}}}, 10, "b.glb"), tile({{"region", {0.1, 0.2, 0.3, 0.4, -5, 6}}}, 0)};
+  root["children"] = {tile({{"sphere", {1, 2, 3, 4}}}, 10, "b.glb"),
+                      tile({{"region", {0.1, 0.2, 0.3, 0.4, -5, 6}}}, 0)};
   root["children"][0]["children"] = {tile(kBox, 1)};
   root["children"][1]["refine"] = "REPLACE";
   root["children"][1]["contents"] = {{{"uri", "c.glb"}, {"boundingVolume", kBox}}, {{"uri", "d.glb"}}};
@@ -141,7 +142,8 @@ TEST(ParseTileset, names_each_fault) {
 TEST(ParseTileset, malformed_and_cut_short) {
   const std::string text = testing::tileset(tile(kBox, 1, "a.glb")).dump();
   for (std::size_t length = 0; length < text.size(); ++length) {
-    EXPECT_THAT(error_of([&] { parse_tileset_json(text.substr(0, length), "t.json"); }), HasSubstr("not valid JSON at byte"));
+    EXPECT_THAT(error_of([&] { parse_tileset_json(text.substr(0, length), "t.json"); }),
+                HasSubstr("not valid JSON at byte"));
   }
   EXPECT_THAT(error_of([] { parse_tileset_json("<html></html>", "t.json"); }), HasSubstr("not valid JSON"));
   EXPECT_THAT(error_of([] { parse_tileset_json("[]", "t.json"); }), HasSubstr("is not a tileset"));

@@ -10,7 +10,7 @@
 namespace tileflight::tiles {
 namespace {
 
-constexpr std::array<std::string_view, 12> kTileEndings = {"b3dm", "i3dm", "pnts", "cmpt",    "glb",     "gltf",
+constexpr std::array<std::string_view, 12> kTileEndings = {"b3dm", "i3dm", "pnts",    "cmpt",    "glb",     "gltf",
                                                            "vctr", "geom", "terrain", "subtree", "geojson", "bin"};
 
 std::string_view as_text(const std::vector<std::byte>& bytes) {
@@ -134,8 +134,10 @@ NodeId TilesetTree::add_file(const std::string& uri, std::optional<NodeId> named
     TreeNode& node = nodes_[first + i];
     node.file = file;
     node.tile = i;
-    if (node.parent) node.T_tileset_tile = nodes_[*node.parent].T_tileset_tile * tile.T_parent_tile;
-    else node.T_tileset_tile = tile.T_parent_tile;
+    if (node.parent)
+      node.T_tileset_tile = nodes_[*node.parent].T_tileset_tile * tile.T_parent_tile;
+    else
+      node.T_tileset_tile = tile.T_parent_tile;
     node.refine = tile.refine.value_or(node.parent ? nodes_[*node.parent].refine : Refine::kReplace);
     for (const std::uint32_t child : tile.children) nodes_[first + child].parent = first + i;
   }

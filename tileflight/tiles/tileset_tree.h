@@ -26,7 +26,7 @@ struct TreeNode {
 
 struct TreeLimits {
   TilesetLimits file = {};
-  int max_external_chain = 32;             ///< tilesets inside each other
+  int max_external_chain = 32;                   ///< tilesets inside each other
   std::size_t max_nodes = std::size_t{4} << 20;  ///< over all external tilesets, each counted as often as it is named
 };
 
@@ -47,8 +47,8 @@ class TilesetTree {
   std::vector<NodeId> children(NodeId id) const;
   /// The tile's bounding volume in the tileset's frame.
   BoundingVolume volume(NodeId id) const;
-  /// The tile's geometric error in metres. 1.0 gives it in metres whatever the transform ("does not apply to geometricError",
-  /// section "Tile transforms"); 1.1 scales it by the largest scaling factor of the transform.
+  /// The tile's geometric error in metres. 1.0 gives it in metres whatever the transform ("does not apply to
+  /// geometricError", section "Tile transforms"); 1.1 scales it by the largest scaling factor of the transform.
   double geometric_error_m(NodeId id) const;
   /// A content's own bounding volume in the tileset's frame, where it has one.
   std::optional<BoundingVolume> content_volume(NodeId id, std::size_t content) const;
@@ -57,11 +57,11 @@ class TilesetTree {
   /// "tileset.json: tile root/0/3".
   std::string name(NodeId id) const;
 
-  /// Whether the content is an external tileset: by its URI's ending, and where that says nothing, by its first bytes (then it is
-  /// read here). Throws InputError when it cannot be read.
+  /// Whether the content is an external tileset: by its URI's ending, and where that says nothing, by its first bytes
+  /// (then it is read here). Throws InputError when it cannot be read.
   bool is_external_tileset(NodeId id, std::size_t content);
-  /// The root of the external tileset that a content names. Read at the first call. A root without `refine` takes it from the
-  /// tile that names it. Throws InputError: unreadable, a cycle (named), or past the limits.
+  /// The root of the external tileset that a content names. Read at the first call. A root without `refine` takes it
+  /// from the tile that names it. Throws InputError: unreadable, a cycle (named), or past the limits.
   NodeId external_root(NodeId id, std::size_t content);
 
   /// The distinct tileset files read so far, in the order of first reading: URI and content.

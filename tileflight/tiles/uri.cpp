@@ -21,8 +21,8 @@ struct UriParts {
 std::size_t scheme_length(std::string_view uri) {
   if (uri.empty() || std::isalpha(static_cast<unsigned char>(uri[0])) == 0) return 0;
   std::size_t i = 1;
-  while (i < uri.size() && (std::isalnum(static_cast<unsigned char>(uri[i])) != 0 ||
-                            uri[i] == '+' || uri[i] == '-' || uri[i] == '.')) {
+  while (i < uri.size() &&
+         (std::isalnum(static_cast<unsigned char>(uri[i])) != 0 || uri[i] == '+' || uri[i] == '-' || uri[i] == '.')) {
     ++i;
   }
   return i < uri.size() && uri[i] == ':' ? i : 0;
@@ -100,7 +100,8 @@ std::string percent_decoded(std::string_view text, const std::string& name) {
     }
     const int high = i + 2 < text.size() ? hex_digit(text[i + 1]) : -1;
     const int low = i + 2 < text.size() ? hex_digit(text[i + 2]) : -1;
-    if (high < 0 || low < 0) throw InputError(name, "has a percent sign that is not followed by two hexadecimal digits");
+    if (high < 0 || low < 0)
+      throw InputError(name, "has a percent sign that is not followed by two hexadecimal digits");
     out += static_cast<char>(high * 16 + low);
     i += 2;
   }

@@ -8,21 +8,41 @@ namespace tileflight::tiles {
 namespace {
 
 using testing::error_of;
-using testing::to_text;
 using ::testing::HasSubstr;
+using testing::to_text;
 
 /// RFC 3986, section 5.4, as far as a tileset can write it (fragments are dropped).
 TEST(Uri, resolves_the_examples_of_the_standard) {
   const std::string base = "http://a/b/c/d;p?q";
-  const std::pair<const char*, const char*> cases[] = {
-      {"g:h", "g:h"},           {"g", "http://a/b/c/g"},       {"./g", "http://a/b/c/g"},    {"g/", "http://a/b/c/g/"},
-      {"/g", "http://a/g"},     {"//g", "http://g"},           {"?y", "http://a/b/c/d;p?y"}, {"g?y", "http://a/b/c/g?y"},
-      {"g#s", "http://a/b/c/g"}, {";x", "http://a/b/c/;x"},    {"", "http://a/b/c/d;p?q"},   {".", "http://a/b/c/"},
-      {"./", "http://a/b/c/"},  {"..", "http://a/b/"},         {"../", "http://a/b/"},       {"../g", "http://a/b/g"},
-      {"../..", "http://a/"},   {"../../g", "http://a/g"},     {"../../../g", "http://a/g"}, {"/./g", "http://a/g"},
-      {"/../g", "http://a/g"},  {"g.", "http://a/b/c/g."},     {"..g", "http://a/b/c/..g"},  {"./../g", "http://a/b/g"},
-      {"./g/.", "http://a/b/c/g/"}, {"g/./h", "http://a/b/c/g/h"}, {"g/../h", "http://a/b/c/h"}, {"g;x=1/../y", "http://a/b/c/y"},
-      {"g?y/./x", "http://a/b/c/g?y/./x"}};
+  const std::pair<const char*, const char*> cases[] = {{"g:h", "g:h"},
+                                                       {"g", "http://a/b/c/g"},
+                                                       {"./g", "http://a/b/c/g"},
+                                                       {"g/", "http://a/b/c/g/"},
+                                                       {"/g", "http://a/g"},
+                                                       {"//g", "http://g"},
+                                                       {"?y", "http://a/b/c/d;p?y"},
+                                                       {"g?y", "http://a/b/c/g?y"},
+                                                       {"g#s", "http://a/b/c/g"},
+                                                       {";x", "http://a/b/c/;x"},
+                                                       {"", "http://a/b/c/d;p?q"},
+                                                       {".", "http://a/b/c/"},
+                                                       {"./", "http://a/b/c/"},
+                                                       {"..", "http://a/b/"},
+                                                       {"../", "http://a/b/"},
+                                                       {"../g", "http://a/b/g"},
+                                                       {"../..", "http://a/"},
+                                                       {"../../g", "http://a/g"},
+                                                       {"../../../g", "http://a/g"},
+                                                       {"/./g", "http://a/g"},
+                                                       {"/../g", "http://a/g"},
+                                                       {"g.", "http://a/b/c/g."},
+                                                       {"..g", "http://a/b/c/..g"},
+                                                       {"./../g", "http://a/b/g"},
+                                                       {"./g/.", "http://a/b/c/g/"},
+                                                       {"g/./h", "http://a/b/c/g/h"},
+                                                       {"g/../h", "http://a/b/c/h"},
+                                                       {"g;x=1/../y", "http://a/b/c/y"},
+                                                       {"g?y/./x", "http://a/b/c/g?y/./x"}};
   for (const auto& [reference, wanted] : cases) EXPECT_EQ(resolve_uri(base, reference), wanted) << reference;
 }
 
