@@ -85,7 +85,7 @@ struct DatasetWriter::Impl {
     require_increasing(target.string(), stamps);
     geometry::write_file(folder / "times.txt", times_text(stamps));
     imaging::write_kalibr(folder / "camera.yaml", calibration);
-    imaging::write_dso_camera(folder / "camera.txt", calibration);
+    if (imaging::has_dso_name(calibration.camera)) imaging::write_dso_camera(folder / "camera.txt", calibration);
     if (groundtruth) geometry::write_tum(folder / "groundtruth.txt", *groundtruth);
     if (!gps.empty()) write_gps_csv(folder / "gps.csv", gps);
     geometry::write_file(folder / "dataset.yaml", about_text(about));

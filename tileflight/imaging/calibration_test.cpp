@@ -18,6 +18,9 @@ struct Parameters {
   void operator()(const PinholeRadtan& m) { values = {0, m.fx, m.fy, m.cx, m.cy, m.d[0], m.d[1], m.d[2], m.d[3]}; }
   void operator()(const KannalaBrandt& m) { values = {1, m.fx, m.fy, m.cx, m.cy, m.k[0], m.k[1], m.k[2], m.k[3]}; }
   void operator()(const FovModel& m) { values = {2, m.fx, m.fy, m.cx, m.cy, m.w}; }
+  void operator()(const DoubleSphere& m) { values = {3, m.fx, m.fy, m.cx, m.cy, m.xi, m.alpha}; }
+  void operator()(const Unified& m) { values = {4, m.fx, m.fy, m.cx, m.cy, m.xi, m.d[0], m.d[1], m.d[2], m.d[3]}; }
+  void operator()(const ExtendedUnified& m) { values = {5, m.fx, m.fy, m.cx, m.cy, m.alpha, m.beta}; }
 };
 
 std::vector<double> parameters(const Camera& camera) {
@@ -34,6 +37,17 @@ std::vector<Camera> cameras() {
                190.97847715, 190.97330798, 254.93170605, 256.89744203, {0.00348238, 0.00071503, -0.00205323, 0.0002}},
            512, 512},
           {FovModel{342.1, 321.9, 315.25, 238.125, 0.897966326944875}, 640, 480}};
+}
+
+/// Lenses that DSO's format has no name for.
+std::vector<Camera> sphere_cameras() {
+  return {{DoubleSphere{158.28600034966977, 158.2743455478755, 254.96116578191653, 256.8894394501779,
+                        -0.17213086034353243, 0.5931177593944744},
+           512, 512},
+          {Unified{1167.1, 1163.8, 360.9, 238.4, 1.9, {-0.26, 0.07, 1e-4, -2e-4}}, 720, 480},
+          {ExtendedUnified{460.76484651566468, 459.4051018049483, 365.8937161309615, 249.33499869752445,
+                           0.5903365915227143, 1.127468196965374},
+           752, 480}};
 }
 
 std::string read_error(const std::string& extension, const std::string& content) {
@@ -54,7 +68,9 @@ std::string read_error(const std::string& extension, const std::string& content)
 
 TEST(Kalibr, RoundTripKeepsEveryBit) {
   tests::TemporaryFolder folder;
-  for (const Camera& camera : cameras()) {
+  std::vector<Camera> all = cameras();
+  for (const Camera& camera : sphere_cameras()) all.push_back(camera);
+  for (const Camera& camera : all) {
     Calibration calibration;
     calibration.camera = camera;
     calibration.T_cam_imu = geometry::SE3(geometry::so3_exp({0.1, -0.2, 1.5}), {0.01, 0.02, -0.03});
@@ -106,6 +122,26 @@ TEST(Kalibr, NoDistortion) {
   }
 }
 
+TEST(Kalibr, LensesWithSpheresHaveTheirNumbersFirst) {
+  tests::TemporaryFolder folder;
+  const auto read = [&](const std::string& lines) {
+    geometry::write_file(folder / "camera.yaml", "cam0:\n" + lines + "  resolution: [640, 480]\n");
+    return parameters(read_kalibr(folder / "camera.yaml").camera);
+  };
+  EXPECT_EQ(read("  camera_model: ds\n  intrinsics: [-0.2, 0.6, 500, 501, 320, 240]\n  distortion_model: none\n"),
+            (std::vector<double>{3, 500, 501, 320, 240, -0.2, 0.6}));
+  EXPECT_EQ(read("  camera_model: ds\n  intrinsics: [-0.2, 0.6, 500, 501, 320, 240]\n"),
+            (std::vector<double>{3, 500, 501, 320, 240, -0.2, 0.6}));
+  EXPECT_EQ(read("  camera_model: eucm\n  intrinsics: [0.6, 1.1, 500, 501, 320, 240]\n  distortion_model: none\n"
+                 "  distortion_coeffs: []\n"),
+            (std::vector<double>{5, 500, 501, 320, 240, 0.6, 1.1}));
+  EXPECT_EQ(read("  camera_model: omni\n  intrinsics: [1.5, 900, 901, 320, 240]\n  distortion_model: radtan\n"
+                 "  distortion_coeffs: [-0.2, 0.1, 0.001, 0.002]\n"),
+            (std::vector<double>{4, 900, 901, 320, 240, 1.5, -0.2, 0.1, 0.001, 0.002}));
+  EXPECT_EQ(read("  camera_model: omni\n  intrinsics: [1.5, 900, 901, 320, 240]\n  distortion_model: none\n"),
+            (std::vector<double>{4, 900, 901, 320, 240, 1.5, 0, 0, 0, 0}));
+}
+
 TEST(Kalibr, BadFilesAreOneClearLine) {
   const auto file = [](const std::string& model, const std::string& intrinsics, const std::string& distortion,
                        const std::string& coefficients, const std::string& resolution, const std::string& more = "") {
@@ -115,8 +151,19 @@ TEST(Kalibr, BadFilesAreOneClearLine) {
   const std::string k = "[500, 500, 320, 240]";
   const std::string d = "[0, 0, 0, 0]";
   const std::string size = "[640, 480]";
-  EXPECT_THAT(read_error(".yaml", file("omni", k, "radtan", d, size)), HasSubstr("\"omni\""));
-  EXPECT_THAT(read_error(".yaml", file("ds", k, "none", "[]", size)), HasSubstr("\"ds\""));
+  EXPECT_THAT(read_error(".yaml", file("spherical", k, "radtan", d, size)), HasSubstr("\"spherical\""));
+  EXPECT_THAT(read_error(".yaml", file("omni", k, "radtan", d, size)), HasSubstr("5 numbers, not 4"));
+  EXPECT_THAT(read_error(".yaml", file("ds", k, "none", "[]", size)), HasSubstr("6 numbers, not 4"));
+  EXPECT_THAT(read_error(".yaml", file("ds", "[1]", "none", "[]", size)), HasSubstr("6 numbers, not 1"));
+  EXPECT_THAT(read_error(".yaml", file("ds", "[0, 0.5, 500, 500, 320, 240]", "radtan", d, size)),
+              AllOf(HasSubstr("\"ds\""), HasSubstr("use none")));
+  EXPECT_THAT(read_error(".yaml", file("omni", "[1, 500, 500, 320, 240]", "equidistant", d, size)),
+              AllOf(HasSubstr("\"omni\""), HasSubstr("use radtan or none")));
+  EXPECT_THAT(read_error(".yaml", file("omni", "[-1, 500, 500, 320, 240]", "radtan", d, size)), HasSubstr("xi"));
+  EXPECT_THAT(read_error(".yaml", file("omni", "[.nan, 500, 500, 320, 240]", "radtan", d, size)), HasSubstr("finite"));
+  EXPECT_THAT(read_error(".yaml", file("ds", "[0, 1.5, 500, 500, 320, 240]", "none", "[]", size)), HasSubstr("alpha"));
+  EXPECT_THAT(read_error(".yaml", file("ds", "[-1, 0.5, 500, 500, 320, 240]", "none", "[]", size)), HasSubstr("xi"));
+  EXPECT_THAT(read_error(".yaml", file("eucm", "[0.5, 0, 500, 500, 320, 240]", "none", "[]", size)), HasSubstr("beta"));
   EXPECT_THAT(read_error(".yaml", file("pinhole", k, "equi8", d, size)), HasSubstr("\"equi8\""));
   EXPECT_THAT(read_error(".yaml", file("pinhole", "[500, 500, 320]", "radtan", d, size)),
               HasSubstr("4 numbers, not 3"));
@@ -160,6 +207,15 @@ TEST(DsoCamera, RoundTripKeepsEveryBit) {
     EXPECT_EQ(back.width(), camera.width());
     EXPECT_EQ(back.height(), camera.height());
   }
+}
+
+TEST(DsoCamera, LensesThatDsoDoesNotKnowAreRefused) {
+  tests::TemporaryFolder folder;
+  for (const Camera& camera : sphere_cameras()) {
+    EXPECT_FALSE(has_dso_name(camera));
+    EXPECT_THROW(write_dso_camera(folder / "camera.txt", {.camera = camera}), InputError);
+  }
+  for (const Camera& camera : cameras()) EXPECT_TRUE(has_dso_name(camera));
 }
 
 TEST(DsoCamera, PrincipalPointInTheFirstPixel) {

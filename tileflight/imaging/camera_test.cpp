@@ -44,6 +44,14 @@ std::vector<Lens> lenses() {
       {"equidistant of 155 degrees", make_fisheye(2688, 1512, 155.0)},
       {"equisolid of 200 degrees", make_fisheye(1000, 500, 200.0, kEquisolid)},
       {"equidistant of 300 degrees", make_fisheye(1000, 300, 300.0)},
+      {"double sphere", {DoubleSphere{158, 158.5, 254, 256.5, -0.18, 0.59}, 512, 512}},
+      {"double sphere of 250 degrees", {DoubleSphere{150, 150, 399.5, 149.5, 0.4, 0.62}, 800, 300}},
+      {"unified", {Unified{400, 402, 370, 245, 1.6, {-0.3, 0.05, 0.001, -0.002}}, 752, 480}},
+      {"unified without distortion, 220 degrees", {Unified{300, 300, 399.5, 199.5, 1.0, {}}, 800, 400}},
+      {"unified without a sphere",
+       {Unified{458.654, 457.296, 367.215, 248.375, 0, {-0.28, 0.07, 0.0002, 2e-5}}, 752, 480}},
+      {"extended unified", {ExtendedUnified{190, 191, 254, 256.5, 0.63, 1.05}, 512, 512}},
+      {"extended unified of 200 degrees", {ExtendedUnified{250, 250, 399.5, 199.5, 0.7, 1.3}, 800, 400}},
   };
 }
 
@@ -68,7 +76,8 @@ TEST(Camera, UnprojectUndoesProjectOverTheCone) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
   for (const Lens& lens : lenses()) {
-    const bool flat = !std::holds_alternative<KannalaBrandt>(lens.camera.model());
+    const bool flat = std::holds_alternative<PinholeRadtan>(lens.camera.model()) ||
+                      std::holds_alternative<FovModel>(lens.camera.model());
     for (int i = 0; i < 2000; ++i) {
       // Near the edge of the cone the inverse is ill-conditioned by nature, so tests stay a little inside it.
       const double theta = 0.98 * uniform(random) * std::min(lens.camera.max_theta_rad(), flat ? 1.0 : kPi);
@@ -195,6 +204,91 @@ TEST(Camera, ScaledToSeesTheSameDirections) {
   EXPECT_NO_THROW(make_pinhole(1008, 566, 90).scaled_to(2688, 1512));  // 16:9 within a pixel
   EXPECT_THROW(make_pinhole(640, 480, 90).scaled_to(640, 360), InputError);
   EXPECT_THROW(make_pinhole(640, 480, 90).scaled_to(0, 0), InputError);
+}
+
+Vec3 direction(double theta, double azimuth) {
+  return {std::sin(theta) * std::cos(azimuth), std::sin(theta) * std::sin(azimuth), std::cos(theta)};
+}
+
+TEST(Camera, DoubleSphereIsTwoSpheresAndAPinhole) {
+  // The construction of the paper's figure, step by step: onto the unit sphere, on to a second one shifted by xi, then
+  // a pinhole shifted by alpha / (1 - alpha), whose focal length is 1 / (1 - alpha).
+  const double xi = -0.18, alpha = 0.59, f = 158;
+  const Camera camera(DoubleSphere{f, f, 250, 240, xi, alpha}, 512, 512);
+  for (double theta = 0.0; theta < camera.max_theta_rad(); theta += 0.05) {
+    const Vec3 on_second = (direction(theta, 0.7) + xi * Vec3::UnitZ()).normalized();
+    const Vec3 shifted = on_second + alpha / (1.0 - alpha) * Vec3::UnitZ();
+    const Vec2 expected = f / (1.0 - alpha) * shifted.head<2>() / shifted.z() + Vec2(250, 240);
+    EXPECT_LT((*camera.project(42.0 * direction(theta, 0.7)) - expected).norm(), 1e-10 * expected.norm()) << theta;
+  }
+}
+
+TEST(Camera, SphereLensesAgreeWhereTheyAreTheSameLens) {
+  const double alpha = 0.62, f = 300;
+  const Camera extended(ExtendedUnified{f, f, 320, 240, alpha, 1.0}, 640, 480);
+  const Camera sphere(DoubleSphere{f, f, 320, 240, 0.0, alpha}, 640, 480);
+  const Camera unified(Unified{f / (1 - alpha), f / (1 - alpha), 320, 240, alpha / (1 - alpha), {}}, 640, 480);
+  const std::array<double, 4> d{-0.28, 0.07, 0.0002, 2e-5};
+  const Camera flat(PinholeRadtan{458, 457, 367, 248, d}, 752, 480);
+  const Camera no_sphere(Unified{458, 457, 367, 248, 0.0, d}, 752, 480);
+  EXPECT_NEAR(sphere.max_theta_rad(), extended.max_theta_rad(), 1e-7);
+  EXPECT_NEAR(unified.max_theta_rad(), extended.max_theta_rad(), 1e-7);
+  EXPECT_NEAR(no_sphere.max_theta_rad(), flat.max_theta_rad(), 1e-12);
+  for (double theta = 0.0; theta < 2.0; theta += 0.05) {
+    const Vec3 ray = direction(theta, 2.0);
+    EXPECT_LT((*sphere.project(ray) - *extended.project(ray)).norm(), 1e-9);
+    EXPECT_LT((*unified.project(ray) - *extended.project(ray)).norm(), 1e-9);
+    ASSERT_EQ(no_sphere.project(ray).has_value(), flat.project(ray).has_value());
+    if (flat.project(ray)) {
+      EXPECT_LT((*no_sphere.project(ray) - *flat.project(ray)).norm(), 1e-9);
+    }
+  }
+}
+
+/// Largest angle up to which the pixel keeps moving outwards, found by walking outwards in small steps over a formula
+/// of the radius by the angle that says where it is not defined.
+template <class RadiusOf>
+double walked_cone(const RadiusOf& radius) {
+  constexpr double kStep = 1e-5;
+  double last = 0.0;
+  for (double theta = kStep; theta < kPi; theta += kStep) {
+    const double r = radius(theta);
+    if (!(r > last)) return theta;
+    last = r;
+  }
+  return kPi;
+}
+
+TEST(Camera, ConesOfSphereLensesEndWhereTheRadiusStopsGrowing) {
+  for (const double xi : {-0.6, -0.2, 0.0, 0.3, 1.0, 1.5, 2.5})
+    for (const double alpha : {0.0, 0.2, 0.5, 0.55, 0.7, 1.0}) {
+      const Camera camera(DoubleSphere{100, 100, 50, 50, xi, alpha}, 101, 101);
+      const double walked = walked_cone([&](double t) {
+        const double z = xi + std::cos(t);
+        const double below = alpha * std::hypot(std::sin(t), z) + (1 - alpha) * z;
+        return below > 0 ? std::sin(t) / below : -1.0;
+      });
+      EXPECT_NEAR(camera.max_theta_rad(), walked, 1e-3) << xi << " " << alpha;
+    }
+  for (const double xi : {0.0, 0.4, 1.0, 2.0})
+    for (const double k1 : {-0.1, 0.0, 0.1}) {
+      const Camera camera(Unified{100, 100, 50, 50, xi, {k1, 0, 0, 0}}, 101, 101);
+      const double walked = walked_cone([&](double t) {
+        const double r = std::sin(t) / (xi + std::cos(t));
+        return r * (1 + k1 * r * r);
+      });
+      EXPECT_NEAR(camera.max_theta_rad(), walked, 1e-3) << xi << " " << k1;
+    }
+  for (const double alpha : {0.0, 0.4, 0.5, 0.8})
+    for (const double beta : {0.5, 1.0, 2.0}) {
+      const Camera camera(ExtendedUnified{100, 100, 50, 50, alpha, beta}, 101, 101);
+      const double walked = walked_cone([&](double t) {
+        const double s = std::sin(t), c = std::cos(t);
+        const double below = alpha * std::sqrt(beta * s * s + c * c) + (1 - alpha) * c;
+        return below > 0 ? s / below : -1.0;
+      });
+      EXPECT_NEAR(camera.max_theta_rad(), walked, 1e-3) << alpha << " " << beta;
+    }
 }
 
 TEST(Camera, ImpossibleFieldsOfViewAreRefused) {

@@ -1,0 +1,84 @@
+#include "tileflight/imaging/brown_conrady.h"
+
+#include <algorithm>
+
+#include "tileflight/imaging/newton.h"
+#include "tileflight/imaging/polynomial.h"
+
+namespace tileflight::imaging::brown_conrady {
+
+namespace {
+
+using geometry::Vec2;
+
+/// Inverse of the radial part alone; nullopt beyond the radius at which it stops growing.
+std::optional<Vec2> undistort_radial(const std::array<double, 4>& d, std::optional<double> max_radius,
+                                     const Vec2& target) {
+  const auto value = [&](double r) { return r * (1.0 + r * r * (d[0] + r * r * d[1])); };
+  const auto slope = [&](double r) { return 1.0 + r * r * (3.0 * d[0] + r * r * 5.0 * d[1]); };
+  const double wanted = target.norm();
+  if (wanted == 0.0) return target;
+  double upper = max_radius.value_or(std::max(1.0, wanted));
+  if (max_radius && wanted > value(upper)) return std::nullopt;
+  while (value(upper) < wanted) upper *= 2.0;  // grows without end, so this ends
+  return target * (solve_growing(wanted, wanted, 0.0, upper, value, slope) / wanted);
+}
+
+/// Newton in two dimensions with step halving; nullopt where it does not arrive.
+std::optional<Vec2> undistort_from(const std::array<double, 4>& d, Vec2 m, const Vec2& target) {
+  Distorted at = distort(d, m);
+  for (int i = 0; i < kMaxNewtonSteps; ++i) {
+    if (!(at.d_m.determinant() > 0.0)) return std::nullopt;
+    Vec2 step = at.d_m.inverse() * (target - at.m);
+    const double error = (target - at.m).norm();
+    if (error <= kNewtonTolerance * (1.0 + target.norm())) return m;
+    Distorted next = distort(d, m + step);
+    while ((target - next.m).norm() > error && step.norm() > kNewtonTolerance * (1.0 + m.norm())) {
+      step *= 0.5;
+      next = distort(d, m + step);
+    }
+    m += step;
+    at = next;
+    if (step.norm() <= kNewtonTolerance * (1.0 + m.norm())) break;
+  }
+  constexpr double kAccepted = 1e-12;  // rounding may keep the residual just above the stopping threshold
+  if ((target - at.m).norm() > kAccepted * (1.0 + target.norm())) return std::nullopt;
+  return m;
+}
+
+}  // namespace
+
+Distorted distort(const std::array<double, 4>& d, const Vec2& m) {
+  const auto [k1, k2, p1, p2] = d;
+  const double x = m.x();
+  const double y = m.y();
+  const double r2 = x * x + y * y;
+  const double radial = 1.0 + r2 * (k1 + r2 * k2);
+  const double slope = 2.0 * (k1 + 2.0 * k2 * r2);  // d radial / d x = slope * x
+  Distorted out;
+  out.m = {x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+           y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y};
+  const double mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
+  out.d_m << radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x, mixed,  //
+      mixed, radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
+  return out;
+}
+
+std::optional<double> largest_radius(const std::array<double, 4>& d) {
+  constexpr double kLargestSquaredRadius = 1e12;                   // beyond it nothing is told from infinity
+  const std::array<double, 3> slope{1.0, 3.0 * d[0], 5.0 * d[1]};  // in r^2
+  const std::optional<double> r2 = first_nonpositive(slope, kLargestSquaredRadius);
+  if (!r2) return std::nullopt;
+  return std::sqrt(*r2);
+}
+
+std::optional<Vec2> undistort(const std::array<double, 4>& d, std::optional<double> max_radius, const Vec2& target) {
+  if (d == std::array<double, 4>{}) return target;
+  const std::optional<Vec2> start = undistort_radial(d, max_radius, target);
+  const bool radial_only = d[2] == 0.0 && d[3] == 0.0;
+  const std::optional<Vec2> m = radial_only ? start : undistort_from(d, start.value_or(target), target);
+  if (m && max_radius && m->norm() > *max_radius) return std::nullopt;
+  return m;
+}
+
+}  // namespace tileflight::imaging::brown_conrady

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "tileflight/geometry/transform.h"
+
+/// Radial and tangential distortion in normalised coordinates (Brown 1966; OpenCV's first four: k1 k2 p1 p2).
+namespace tileflight::imaging::brown_conrady {
+
+struct Distorted {
+  geometry::Vec2 m;
+  Eigen::Matrix2d d_m;  ///< by the undistorted coordinates
+};
+
+/// x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2), and the same for y with p1 and p2 exchanged.
+Distorted distort(const std::array<double, 4>& d, const geometry::Vec2& m);
+
+/// Radius at which r (1 + k1 r^2 + k2 r^4) stops growing; nullopt where it grows for ever.
+std::optional<double> largest_radius(const std::array<double, 4>& d);
+
+/// The coordinates that distort() takes to `target`, none of them beyond `max_radius`; nullopt where there are none.
+std::optional<geometry::Vec2> undistort(const std::array<double, 4>& d, std::optional<double> max_radius,
+                                        const geometry::Vec2& target);
+
+}  // namespace tileflight::imaging::brown_conrady
