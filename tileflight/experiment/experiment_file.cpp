@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "tileflight/experiment/settings.h"
-#include "tileflight/experiment/yaml_section.h"
+#include "tileflight/geometry/yaml_section.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;

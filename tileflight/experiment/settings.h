@@ -1,11 +1,13 @@
 #pragma once
 
 #include "tileflight/alignment/align_map.h"
-#include "tileflight/experiment/yaml_section.h"
+#include "tileflight/geometry/yaml_section.h"
 #include "tileflight/odometry/options.h"
 #include "tileflight/sensors/image_formation.h"
 
 namespace tileflight::experiment {
+
+using geometry::YamlSection;
 
 // The sections of an experiment file that set a stage's options: keys named as the options are, without their units.
 // Each reads and checks its keys; unknown ones are errors that name the nearest known key. Throw InputError (file,

@@ -92,14 +92,14 @@ TEST_F(FlightPlanFile, MistakesAreNamedWithTheirLine) {
   EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, 1], lok_at: [1, 2, 3]}\n"),
               HasSubstr("flight.yaml:4: 'waypoints[0].lok_at' is not a key here; did you mean 'look_at'?"));
   EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0]}\n"),
-              HasSubstr("'waypoints[0].position' must be [east, north, up]"));
-  EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, .nan]}\n"), HasSubstr("must be a number"));
+              HasSubstr("'waypoints[0].position' must be a list of 3 numbers"));
+  EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, .nan]}\n"), HasSubstr("must be a list of numbers"));
   EXPECT_THAT(fault(start + "waypoints:\n  - {yaw_deg: 3}\n"), HasSubstr("'waypoints[0].position' is missing"));
   EXPECT_THAT(fault(start + "waypoints:\n  - 7\n"), HasSubstr("'waypoints[0]' must be a map of keys"));
   EXPECT_THAT(fault(start + "waypoints:\n  - {position: [0, 0, 1], look_at: [1, 0, 0], yaw_deg: 4}\n"),
-              HasSubstr("both look_at and yaw_deg"));
+              HasSubstr("'waypoints[0].look_at' and yaw_deg or pitch_deg are both given"));
   EXPECT_THAT(fault(start + "waypoints: 5\n"), HasSubstr("'waypoints' must be a list"));
-  EXPECT_THAT(fault(start), HasSubstr("needs 'trajectory' (a TUM file) or at least two 'waypoints'"));
+  EXPECT_THAT(fault(start), HasSubstr("'waypoints' must be at least two, or 'trajectory' must name a TUM file"));
   EXPECT_THAT(fault("camera: c.yaml\n" + waypoints), HasSubstr("'fps' is missing"));
   EXPECT_THAT(fault("fps: 5\n" + waypoints), HasSubstr("'camera' is missing"));
   EXPECT_THAT(fault("camera: c.yaml\nfps: -5\n" + waypoints), HasSubstr("flight.yaml:2: 'fps' must be more than 0"));

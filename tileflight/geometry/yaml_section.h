@@ -9,7 +9,7 @@
 
 #include "tileflight/geometry/input_error.h"
 
-namespace tileflight::experiment {
+namespace tileflight::geometry {
 
 /// A map of a YAML file that is read key by key and knows which keys it was asked for: what is left over at finish() is
 /// a mistake of whoever wrote the file, and named. Errors say file, line and key.
@@ -61,4 +61,4 @@ class YamlSection {
 /// InputError when a variable without an alternative is not set, naming it.
 std::string expand_variables(const std::string& text, const std::string& where);
 
-}  // namespace tileflight::experiment
+}  // namespace tileflight::geometry

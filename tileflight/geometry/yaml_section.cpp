@@ -1,4 +1,4 @@
-#include "tileflight/experiment/yaml_section.h"
+#include "tileflight/geometry/yaml_section.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,11 +7,11 @@
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/known_keys.h"
 
-namespace tileflight::experiment {
+namespace tileflight::geometry {
 namespace {
 
-/// Experiment files are written by hand; anything larger is a mistake.
-constexpr std::uintmax_t kLargestFileBytes = 1 << 20;
+/// Such files are written by hand; anything larger is a mistake.
+constexpr std::uintmax_t kLargestFileBytes = 16 << 20;
 
 std::string line_of(const YAML::Node& node) {
   const int line = node.Mark().line;
@@ -58,12 +58,14 @@ YamlSection::YamlSection(YAML::Node node, std::filesystem::path file, std::strin
 }
 
 YamlSection YamlSection::load(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file, kLargestFileBytes);
+  const std::string text = read_text(file, kLargestFileBytes);
   try {
-    return {YAML::Load(text), file, ""};
+    const YAML::Node root = YAML::Load(text);
+    if (root.IsMap()) return {root, file, ""};
   } catch (const YAML::Exception& fault) {
     throw InputError(file.string() + ":" + std::to_string(fault.mark.line + 1), "not valid YAML: " + fault.msg);
   }
+  throw InputError(file.string(), "the file must be a map of keys");
 }
 
 std::string YamlSection::dotted(const std::string& key) const { return where_.empty() ? key : where_ + "." + key; }
@@ -189,8 +191,8 @@ std::string YamlSection::raw(const std::string& key) const {
 void YamlSection::finish() const {
   for (const std::string& key : keys()) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
-    throw error(key, "is not a key here; did you mean '" + geometry::nearest_key(key, known_) + "'?");
+    throw error(key, "is not a key here; did you mean '" + nearest_key(key, known_) + "'?");
   }
 }
 
-}  // namespace tileflight::experiment
+}  // namespace tileflight::geometry
