@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <cstdio>
 #include <mutex>
 
@@ -8,6 +6,7 @@
 #include "tileflight/dataset/number_text.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/temporary_path.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset {
@@ -38,13 +37,9 @@ fs::path make_temporary(const fs::path& target, bool replace) {
   if (fs::exists(target) && !fs::is_directory(target)) throw InputError(target.string(), "is not a folder");
   std::error_code error;
   fs::create_directories(target.parent_path(), error);
-  for (int attempt = 0;; ++attempt) {
-    const fs::path temporary =
-        target.parent_path() / ("." + target.filename().string() + "." + std::to_string(::getpid()) + "-writing-" +
-                                std::to_string(attempt) + ".tmp");
-    if (fs::create_directory(temporary, error)) return temporary;
-    if (error) throw InputError(target.string(), "cannot be made: " + error.message());
-  }
+  const fs::path temporary = geometry::temporary_beside(target);
+  if (!fs::create_directory(temporary, error)) throw InputError(target.string(), "cannot be made: " + error.message());
+  return temporary;
 }
 
 void make_folder(const fs::path& folder) {

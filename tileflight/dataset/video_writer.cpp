@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <cmath>
 #include <stdexcept>
 
@@ -10,17 +8,13 @@ extern "C" {
 #include "tileflight/dataset/libav.h"
 #include "tileflight/dataset/video.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/temporary_path.h"
 
 namespace tileflight::dataset {
 
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Beside the target, so that a rename within one file system ends the writing.
-fs::path temporary_beside(const fs::path& file) {
-  return file.parent_path() / ("." + file.filename().string() + "." + std::to_string(::getpid()) + ".tmp");
-}
 
 /// Frame rate as a fraction: whole and half rates and those of NTSC (30000/1001) are exact.
 AVRational rate_of(double frames_per_second) { return av_d2q(frames_per_second, 100000); }
@@ -139,7 +133,7 @@ VideoWriter::VideoWriter(const fs::path& file, int width, int height, const Vide
   if (!(options.frames_per_second > 0.0 && options.frames_per_second <= 1000.0))
     throw InputError(file.string(), "the frame rate must be above 0 and at most 1000 frames a second");
   if (options.crf < 0 || options.crf > 51) throw InputError(file.string(), "crf must be from 0 to 51");
-  impl_->temporary = temporary_beside(file);
+  impl_->temporary = geometry::temporary_beside(file);
   impl_->open_encoder(width, height, options);
   impl_->open_file();
   impl_->make_scaler();

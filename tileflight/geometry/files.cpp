@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/temporary_path.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -66,17 +67,6 @@ class Descriptor {
   std::string file_;
   int fd_;
 };
-
-/// A name beside `target` that nothing has yet; the process's id keeps parallel runs apart.
-fs::path sibling_temporary(const fs::path& target) {
-  for (int attempt = 0;; ++attempt) {
-    const std::string name =
-        "." + target.filename().string() + "." + std::to_string(::getpid()) + "-" + std::to_string(attempt) + ".tmp";
-    const fs::path candidate = target.parent_path() / name;
-    std::error_code error;
-    if (!fs::exists(fs::symlink_status(candidate, error))) return candidate;
-  }
-}
 
 /// Removes a temporary file or folder unless it was renamed away.
 class RemovedOnExit {
@@ -136,7 +126,7 @@ void move_into_place(const fs::path& temporary, const fs::path& folder) {
   if (!fs::exists(folder)) return rename_or_throw(temporary, folder);
   // Both exist: exchange them in one step, so that the place is never empty; the old one goes with `temporary`.
   if (::renameat2(AT_FDCWD, temporary.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) return;
-  const fs::path old = sibling_temporary(folder);
+  const fs::path old = temporary_beside(folder);
   rename_or_throw(folder, old);
   const RemovedOnExit remove_old(old);
   rename_or_throw(temporary, folder);
@@ -163,7 +153,7 @@ void write_file(const fs::path& file, std::string_view bytes) {
     return descriptor.close();
   }
   const fs::path target = fs::is_symlink(fs::symlink_status(file, error)) ? fs::weakly_canonical(file) : file;
-  const fs::path temporary = sibling_temporary(target);
+  const fs::path temporary = temporary_beside(target);
   const RemovedOnExit remove_temporary(temporary);
   Descriptor descriptor(temporary, O_WRONLY | O_CREAT | O_EXCL);
   descriptor.write(bytes);
@@ -179,7 +169,7 @@ void write_folder(const fs::path& folder, bool replace, const std::function<void
   if (fs::exists(target) && !replace) throw InputError(folder.string(), "exists already; --force replaces it");
   if (fs::exists(target) && !fs::is_directory(target)) throw InputError(folder.string(), "is not a folder");
   fs::create_directories(target.parent_path(), error);
-  const fs::path temporary = sibling_temporary(target);
+  const fs::path temporary = temporary_beside(target);
   if (!fs::create_directory(temporary, error)) {
     throw InputError(folder.string(), "cannot be made: " + error.message());
   }
