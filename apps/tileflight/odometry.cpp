@@ -1,4 +1,5 @@
 #include <cmath>
+#include <numbers>
 
 #include "command.h"
 #include "tileflight/experiment/track.h"
@@ -11,11 +12,46 @@ struct Options {
   std::string out;
   experiment::FrameRange range;
   std::size_t to = 0;
+  odometry::OdometryOptions settings;
+  experiment::TrackExtras extras;
+  double rectify_fov_deg = 0.0;
+  double min_parallax_deg = 0.0;
+  bool active_points_only = false;
   bool deterministic = false;
 };
 
+constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
+
+void add_extras(CLI::App& command, Options& options) {
+  experiment::TrackExtras& extras = options.extras;
+  command.add_option("--mask", extras.mask, "picture of the frames' size, black where never to look (own body)");
+  command.add_option("--init-from", extras.init_from,
+                     "start from known poses (TUM file; map and trajectory are then in their frame and scale) or depth "
+                     "(folder of 000000.exr, metres; gives the scale)");
+  command.add_flag("--colmap", extras.colmap, "write keyframes, map and lens as OUT/colmap (COLMAP's text format) too");
+  command.add_option("--debug-pictures", extras.debug_pictures,
+                     "folder for a picture of each keyframe with its points, red near to blue far");
+}
+
+void add_map_filters(CLI::App& command, Options& options) {
+  odometry::MapOptions& map = options.settings.map;
+  options.min_parallax_deg = map.min_parallax_rad * kDegreesOfRadian;
+  command.add_option("--min-observations", map.min_observations, "map: keyframes that a point must agree with")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--max-deviation", map.max_relative_deviation, "map: standard deviation over inverse distance")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--min-parallax", options.min_parallax_deg, "map: degrees between the rays of a point")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_flag("--active-points-only", options.active_points_only,
+                   "map: only points of the joint optimisation (about a third)");
+}
+
 std::string summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
+  for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
        << std::round(result["frames_per_second"].get<double>() * 10) / 10 << " frames a second\n";
@@ -35,13 +71,23 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::Option* to = command->add_option("--to", options->to, "frame to stop before, by index");
   command->add_option("--every", options->range.every, "each n-th frame")->check(CLI::PositiveNumber);
   command->add_flag("--reverse", options->range.reverse, "play the frames backwards");
-  command->add_flag("--deterministic", options->deterministic, "the same result for any number of threads (it always is)");
+  add_extras(*command, *options);
+  CLI::Option* rectify =
+      command->add_option("--rectify", options->rectify_fov_deg,
+                          "rectify to a pinhole of this horizontal field of view first, degrees; for "
+                          "comparison, since the lens itself is used otherwise");
+  add_map_filters(*command, *options);
+  command->add_flag("--deterministic", options->deterministic,
+                    "the same result for any number of threads (it always is)");
   add_common_options(*command, common);
-  command->callback([options, to, &selection] {
+  command->callback([options, to, rectify, &selection] {
     if (to->count() > 0) options->range.to = options->to;
+    if (rectify->count() > 0) options->extras.rectify_fov_deg = options->rectify_fov_deg;
+    options->settings.map.min_parallax_rad = options->min_parallax_deg / kDegreesOfRadian;
+    options->settings.map.dense = !options->active_points_only;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const nlohmann::json result =
-          experiment::track(options->dataset, options->out, shared.force, {}, options->range, progress);
+      const nlohmann::json result = experiment::track(options->dataset, options->out, shared.force, options->settings,
+                                                      options->range, progress, options->extras);
       if (result["frames_tracked"].get<std::int64_t>() == 0) {
         throw std::runtime_error(options->dataset + ": " + result["lost_reason"].get<std::string>());
       }

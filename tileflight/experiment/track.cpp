@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "tileflight/dataset/colmap.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
@@ -13,12 +14,36 @@
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
+#include "tileflight/imaging/rectify.h"
+#include "tileflight/odometry/debug_picture.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
+
+/// How the pictures are looked at: as they are, or rectified.
+struct View {
+  imaging::Camera native;
+  imaging::Calibration calibration;  ///< of what is tracked
+  std::optional<imaging::Rectifier> rectify;
+};
+
+View view_of(const imaging::Calibration& calibration, std::optional<double> rectify_fov_deg) {
+  View view{calibration.camera, calibration, std::nullopt};
+  if (!rectify_fov_deg) return view;
+  view.calibration.camera = imaging::make_pinhole(view.native.width(), view.native.height(), *rectify_fov_deg);
+  view.rectify.emplace(view.native, view.calibration.camera);
+  return view;
+}
+
+void require_size(const fs::path& file, int width, int height, const imaging::Camera& camera) {
+  if (width == camera.width() && height == camera.height()) return;
+  throw InputError(file.string(), "is " + std::to_string(width) + "x" + std::to_string(height) +
+                                      ", the calibration is for " + std::to_string(camera.width()) + "x" +
+                                      std::to_string(camera.height()) + "; use pictures and calibration of one size");
+}
 
 /// The frames of the range. Played backwards, time runs from the last frame's: odometry needs it to increase.
 std::vector<dataset::Frame> chosen_frames(const dataset::Dataset& data, const FrameRange& range) {
@@ -34,17 +59,37 @@ std::vector<dataset::Frame> chosen_frames(const dataset::Dataset& data, const Fr
   return frames;
 }
 
+/// Pictures that could not be decoded.
+struct Skipped {
+  std::int64_t frames = 0;
+  std::string first_reason;
+};
+
+/// nullopt, and counted, where the file is broken or gone.
+std::optional<imaging::RgbImage> read_or_skip(const dataset::Frame& frame, Skipped& skipped) {
+  try {
+    return imaging::read_rgb(frame.image);
+  } catch (const InputError& error) {
+    if (skipped.frames++ == 0) skipped.first_reason = error.what();
+    return std::nullopt;
+  }
+}
+
 /// Reads the chosen images one by one. Time is negated while they are played backwards; restore_times() undoes it.
-odometry::FrameSource source_of(const std::vector<dataset::Frame>& frames, bool reverse) {
-  return [&frames, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
-    if (at == frames.size()) return std::nullopt;
-    const dataset::Frame& frame = frames[at];
-    odometry::InputFrame input{.index = static_cast<std::int64_t>(at),
-                               .time_s = reverse ? -frame.time_s : frame.time_s,
-                               .exposure_ms = frame.exposure_ms,
-                               .image = imaging::read_rgb(frame.image)};
-    ++at;
-    return input;
+odometry::FrameSource source_of(const std::vector<dataset::Frame>& frames, bool reverse, const View& view,
+                                Skipped& skipped) {
+  return [&, reverse, at = std::size_t{0}]() mutable -> std::optional<odometry::InputFrame> {
+    for (; at < frames.size(); ++at) {
+      const dataset::Frame& frame = frames[at];
+      auto image = read_or_skip(frame, skipped);
+      if (!image) continue;
+      require_size(frame.image, image->width, image->height, view.native);
+      return odometry::InputFrame{.index = static_cast<std::int64_t>(at++),
+                                  .time_s = reverse ? -frame.time_s : frame.time_s,
+                                  .exposure_ms = frame.exposure_ms,
+                                  .image = view.rectify ? (*view.rectify)(*image) : std::move(*image)};
+    }
+    return std::nullopt;
   };
 }
 
@@ -53,14 +98,75 @@ void restore_times(geometry::Trajectory& trajectory) {
   std::reverse(trajectory.poses.begin(), trajectory.poses.end());
 }
 
-std::optional<imaging::PhotometricCalibration> photometric_of(const dataset::Dataset& data) {
+std::optional<imaging::PhotometricCalibration> photometric_of(const dataset::Dataset& data, const View& view) {
   if (data.pcalib.empty() && data.vignette.empty()) return std::nullopt;
-  return imaging::read_photometric(data.pcalib, data.vignette);
+  imaging::PhotometricCalibration photometric = imaging::read_photometric(data.pcalib, data.vignette);
+  if (photometric.vignette.empty()) return photometric;
+  require_size(data.vignette, photometric.vignette.width, photometric.vignette.height, view.native);
+  if (!view.rectify) return photometric;
+  photometric.vignette = (*view.rectify)(photometric.vignette);
+  // Where the lens does not see, the pictures are black whatever they are divided by.
+  for (float& value : photometric.vignette.pixels) value = value > 0.0F ? value : 1.0F;
+  return photometric;
 }
 
-json describe(const odometry::OdometryResult& result) {
+odometry::Aids aids_of(const TrackExtras& extras, const std::vector<dataset::Frame>& frames, bool reverse,
+                       const View& view) {
+  odometry::Aids aids;
+  if (!extras.mask.empty()) {
+    aids.mask = imaging::read_gray(extras.mask);
+    require_size(extras.mask, aids.mask.width, aids.mask.height, view.native);
+    if (view.rectify) aids.mask = (*view.rectify)(aids.mask);
+  }
+  if (extras.init_from.empty()) return aids;
+  if (!fs::is_directory(extras.init_from)) {
+    aids.poses = geometry::read_tum(extras.init_from);
+    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to start from");
+    if (reverse) restore_times(aids.poses);
+    return aids;
+  }
+  aids.depth_m = [&frames, &view, folder = extras.init_from](std::int64_t index) -> std::optional<imaging::FloatImage> {
+    const fs::path file = folder / (frames[static_cast<std::size_t>(index)].id + ".exr");
+    if (!fs::exists(file)) return std::nullopt;
+    const imaging::FloatImage depth_m = imaging::read_exr(file);
+    require_size(file, depth_m.width, depth_m.height, view.native);
+    return view.rectify ? (*view.rectify)(depth_m) : depth_m;
+  };
+  return aids;
+}
+
+odometry::KeyframeObserver debug_pictures_into(const fs::path& folder, const std::vector<dataset::Frame>& frames) {
+  if (folder.empty()) return {};
+  fs::create_directories(folder);
+  return [folder, &frames](const odometry::KeyframeView& keyframe) {
+    const std::string& id = frames[static_cast<std::size_t>(keyframe.index)].id;
+    imaging::write_rgb(folder / (id + ".png"), odometry::debug_picture(keyframe));
+  };
+}
+
+/// Keyframes and map as COLMAP's model.
+dataset::ColmapModel colmap_model(const imaging::Camera& camera, const odometry::OdometryResult& result,
+                                  const std::vector<dataset::Frame>& frames) {
+  dataset::ColmapModel model;
+  model.camera = camera;
+  for (std::size_t k = 0; k < result.keyframe_frames.size(); ++k) {
+    const dataset::Frame& frame = frames[static_cast<std::size_t>(result.keyframe_frames[k])];
+    model.pictures.push_back({frame.image.filename().string(), result.keyframes.poses[k].T_local_camera});
+  }
+  for (std::size_t i = 0; i < result.map.size(); ++i)
+    model.points.push_back({result.map.positions[i], result.map.colors[i], result.map_keyframes[i]});
+  return model;
+}
+
+json describe(const odometry::OdometryResult& result, const Skipped& skipped, std::vector<std::string> warnings) {
+  if (skipped.frames > 0) {
+    warnings.push_back(std::to_string(skipped.frames) +
+                       " pictures could not be decoded and were left out; the first: " + skipped.first_reason);
+  }
   return {{"frames", result.frames},
           {"frames_tracked", result.frames_tracked},
+          {"frames_skipped", skipped.frames},
+          {"warnings", warnings},
           {"lost", result.lost},
           {"lost_reason", result.lost_reason},
           {"keyframes", result.keyframes.size()},
@@ -108,17 +214,27 @@ json describe_outside_result(const fs::path& out, std::size_t frames) {
 }  // namespace
 
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
-                     const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress) {
+                     const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress,
+                     const TrackExtras& extras) {
   const dataset::Dataset data = dataset::read_dataset(dataset_folder);
-  const std::optional<imaging::PhotometricCalibration> photometric = photometric_of(data);
+  const View view = view_of(data.calibration, extras.rectify_fov_deg);
+  if (extras.colmap) dataset::require_colmap_lens(view.calibration.camera);
+  const std::optional<imaging::PhotometricCalibration> photometric = photometric_of(data, view);
   const std::vector<dataset::Frame> frames = chosen_frames(data, range);
+  const odometry::Aids aids = aids_of(extras, frames, range.reverse, view);
+  Skipped skipped;
   json about;
   geometry::write_folder(out, replace, [&](const fs::path& temporary) {
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
       report_progress(progress, done, static_cast<std::int64_t>(frames.size()), what);
     };
-    odometry::OdometryResult result = odometry::run_odometry(data.calibration, photometric ? &*photometric : nullptr,
-                                                             source_of(frames, range.reverse), options, counted);
+    odometry::OdometryResult result = odometry::run_odometry(
+        view.calibration, photometric ? &*photometric : nullptr, source_of(frames, range.reverse, view, skipped),
+        options, counted, aids, debug_pictures_into(extras.debug_pictures, frames));
+    if (extras.colmap) {
+      fs::create_directory(temporary / "colmap");
+      dataset::write_colmap(temporary / "colmap", colmap_model(view.calibration.camera, result, frames));
+    }
     if (range.reverse) {
       restore_times(result.trajectory);
       restore_times(result.keyframes);
@@ -126,7 +242,8 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     geometry::write_tum(temporary / "trajectory.txt", result.trajectory);
     geometry::write_tum(temporary / "keyframes.txt", result.keyframes);
     geometry::write_cloud(temporary / "map.ply", result.map);
-    about = describe(result);
+    imaging::write_kalibr(temporary / "camera.yaml", view.calibration);
+    about = describe(result, skipped, data.warnings);
     geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   });
   return about;

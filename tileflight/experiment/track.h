@@ -19,12 +19,24 @@ struct FrameRange {
   bool reverse = false;
 };
 
-/// Runs our odometry over a dataset folder and writes trajectory.txt, keyframes.txt, map.ply and odometry.json
-/// (returned) as a whole folder. The dataset's ground truth and positions are not looked at. A run that was lost is
-/// written as far as it went, with `lost` true; one that never began has an empty trajectory and no map points. Throws
-/// InputError for a dataset that cannot be read.
+/// What may be given to our odometry and asked of it beside the pictures; all of it optional.
+struct TrackExtras {
+  std::filesystem::path mask;             ///< picture of the frames' size; dark where there is nothing of the scene
+  std::optional<double> rectify_fov_deg;  ///< rectify to a pinhole of this horizontal field of view first
+  std::filesystem::path init_from;        ///< TUM poses (a file), or depth/000000.exr by frame (a folder)
+  bool colmap = false;                    ///< write colmap/ into the output folder
+  std::filesystem::path debug_pictures;   ///< folder for a picture of each keyframe with its points
+};
+
+/// Runs our odometry over a dataset folder and writes trajectory.txt, keyframes.txt, map.ply, camera.yaml (of the
+/// pictures as they were tracked) and odometry.json (returned) as a whole folder. The dataset's ground truth and
+/// positions are not looked at. A run that was lost is written as far as it went, with `lost` true; one that never
+/// began has an empty trajectory and no map points. A picture that cannot be decoded is left out, counted and warned
+/// of. Throws InputError for a dataset, mask or start that cannot be read, and for a lens that COLMAP does not know
+/// when its format was asked for.
 nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
-                     const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {});
+                     const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
+                     const TrackExtras& extras = {});
 
 /// The same by an outside program: a shell command with {dataset} and {out} filled in (each quoted for the shell). It
 /// must leave trajectory.txt and map.ply in {out}; odometry.json is written if it leaves none. Throws InputError when

@@ -6,6 +6,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/odometry/motion_hypotheses.h"
 #include "tileflight/odometry/tracer.h"
+#include "tileflight/odometry/valid_region.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -31,10 +32,12 @@ AffineLight composed(const AffineLight& reference, double a, double b) {
 }  // namespace
 
 Engine::Engine(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
-               const OdometryOptions& options)
+               const OdometryOptions& options, const Aids& aids, KeyframeObserver observer)
     : calibration_(calibration),
       photometric_(photometric),
       options_(options),
+      aids_(aids),
+      observer_(std::move(observer)),
       lens_(build_lens_pyramid(calibration.camera,
                                pyramid_levels(calibration.camera.width(), calibration.camera.height(), options))),
       initializer_(lens_, options_.start),
@@ -49,6 +52,7 @@ void Engine::add(InputFrame frame) {
                          std::to_string(calibration_.camera.height()) + "; use pictures and calibration of one size");
   }
   if (lost_) return;
+  if (!region_found_) look_for_region(frame.image);
   if (started_) {
     track(frame);
   } else {
@@ -89,12 +93,30 @@ Engine::Reference Engine::reference_of(int slot) const {
           make_reference(lens_, *keyframe.pyramid, mapper_.points_seen_by(slot)), 0.0};
 }
 
+void Engine::look_for_region(const imaging::RgbImage& picture) {
+  keep_region(lens_, valid_region(picture, aids_.mask));
+  region_found_ = !is_dark(picture);
+}
+
+void Engine::show(const InputFrame& frame, int slot) const {
+  if (!observer_) return;
+  KeyframeView view{frame.index, frame.image, {}};
+  for (const ReferencePoint& point : mapper_.points_seen_by(slot)) {
+    view.points.push_back({point.pixel.x(), point.pixel.y(), point.rho});
+  }
+  observer_(view);
+}
+
+std::optional<SE3> Engine::known_pose(const InputFrame& frame) const {
+  return aids_.poses.empty() ? std::nullopt : geometry::interpolate(aids_.poses, frame.time_s);
+}
+
 // ---- start ----
 
 void Engine::wait_for_start(InputFrame frame) {
   const auto pyramid = pyramid_of(frame);
   waiting_.push_back(std::move(frame));
-  const std::optional<Start> start = initializer_.add(pyramid);
+  const std::optional<Start> start = initializer_.add(pyramid, known_pose(waiting_.back()));
   if (start) {
     begin(*start);
     return;
@@ -112,6 +134,9 @@ void Engine::begin(const Start& start) {
   started_ = true;
   align_earlier_frames(start.first - waiting_first_);
   align_start_frames(start, picks);
+  const std::size_t offset = start.first - waiting_first_;
+  for (std::size_t s = 0; s < picks.size(); ++s) show(waiting_[offset + picks[s]], static_cast<int>(s));
+  start_time_s_ = waiting_[offset + picks.back()].time_s;
   waiting_.clear();
 }
 
@@ -254,6 +279,7 @@ void Engine::make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyrami
   T_last_before_last_ = T_last_before_last;
   last_a_ = last_b_ = 0.0;
   record(frame, reference_, SE3());
+  show(frame, mapper_.window().size() - 1);
 }
 
 void Engine::on_failure(const InputFrame& frame, const AlignmentResult& alignment) {
@@ -281,14 +307,19 @@ OdometryResult Engine::result() const {
   result.lost_reason = started_ ? lost_reason_ : (frames_ == 0 ? "no pictures" : initializer_.reason());
   if (!started_) return result;
   std::map<int, SE3> poses;
+  std::vector<int> ids;
   for (const KeyframeRecord& keyframe : mapper_.keyframes()) {
     poses[keyframe.id] = keyframe.T_map_camera;
     result.keyframes.poses.push_back({keyframe.time_s, keyframe.T_map_camera});
+    result.keyframe_frames.push_back(keyframe.frame_index);
+    ids.push_back(keyframe.id);
   }
   for (const TrackedFrame& frame : tracked_) {
     result.trajectory.poses.push_back({frame.time_s, poses.at(frame.keyframe) * frame.T_camera_keyframe.inverse()});
   }
-  result.map = make_cloud(mapper_.points(), poses, options_.map);
+  const std::vector<MapPoint> points = mapper_.points();
+  result.map = make_cloud(points, poses, options_.map);
+  result.map_keyframes = make_tracks(points, ids, options_.map);
   return result;
 }
 

@@ -20,13 +20,15 @@ namespace tileflight::odometry {
 class Engine {
  public:
   Engine(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
-         const OdometryOptions& options);
+         const OdometryOptions& options, const Aids& aids = {}, KeyframeObserver observer = {});
   Engine(const Engine&) = delete;
   Engine& operator=(const Engine&) = delete;
 
   /// The next picture. Throws InputError when its size is not the calibration's.
   void add(InputFrame frame);
   bool lost() const { return lost_; }
+  /// Time of the last picture that the start needed; nothing before there was one.
+  std::optional<double> start_time_s() const { return start_time_s_; }
   /// A few words on where it is, for progress.
   std::string state() const;
   /// What has been found so far.
@@ -55,6 +57,10 @@ class Engine {
                            const AffineLight& light) const;
   Reference reference_of(int slot) const;
 
+  void look_for_region(const imaging::RgbImage& picture);
+  void show(const InputFrame& frame, int slot) const;
+  std::optional<SE3> known_pose(const InputFrame& frame) const;
+
   void wait_for_start(InputFrame frame);
   void begin(const Start& start);
   std::vector<Keyframe> keyframes_of_start(const Start& start, const std::vector<std::size_t>& picks);
@@ -71,7 +77,11 @@ class Engine {
   imaging::Calibration calibration_;
   const imaging::PhotometricCalibration* photometric_;
   OdometryOptions options_;
+  Aids aids_;
+  KeyframeObserver observer_;
   LensPyramid lens_;
+  bool region_found_ = false;  ///< black surroundings were told from a dark picture
+  std::optional<double> start_time_s_;
   Initializer initializer_;
   Mapper mapper_;
 

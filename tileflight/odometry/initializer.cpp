@@ -26,6 +26,7 @@ bool same_solution(const StartBundle& a, const StartBundle& b) {
 void Initializer::restart(std::shared_ptr<const Pyramid> pyramid) {
   corners_.clear();
   parallax_.assign(1, 0.0);
+  T_world_first_ = T_world_last_;
   last_try_parallax_ = 0.0;
   first_ = count_ - 1;
   for (const Eigen::Vector2f& p : find_corners(*pyramid, lens_.rays[0], options_.corners)) {
@@ -90,10 +91,12 @@ std::vector<CornerTrack> Initializer::tracks_in(const std::vector<std::size_t>& 
   return tracks;
 }
 
-std::optional<Start> Initializer::add(std::shared_ptr<const Pyramid> pyramid) {
+std::optional<Start> Initializer::add(std::shared_ptr<const Pyramid> pyramid,
+                                      const std::optional<SE3>& T_world_camera) {
   constexpr double kGrowth = 1.15;        // parallax by which the next try must be wider
   constexpr double kMinShareLeft = 0.25;  // of the corners
   ++count_;
+  T_world_last_ = T_world_camera;
   if (!previous_) {
     restart(std::move(pyramid));
     return std::nullopt;
@@ -118,13 +121,22 @@ std::optional<Start> Initializer::add(std::shared_ptr<const Pyramid> pyramid) {
   return try_start();
 }
 
-std::optional<Start> Initializer::try_start() {
+std::vector<SE3> Initializer::motions(std::size_t picture) const {
   constexpr double kThreshold_px = 1.5;
+  if (T_world_first_ && T_world_last_) {
+    const SE3 T_last_first = T_world_last_->inverse() * *T_world_first_;
+    const double baseline = T_last_first.translation.norm();
+    if (baseline > 0) return {SE3(T_last_first.rotation, T_last_first.translation / baseline)};
+  }
+  return relative_pose_candidates(pairs_to(picture), kThreshold_px / lens_.lenses[0].focal_px(), options_.seed);
+}
+
+std::optional<Start> Initializer::try_start() {
   constexpr int kIterations = 30;
   constexpr double kMaxBehindShare = 0.1;
   const Lens& lens = lens_.lenses[0];
   const std::size_t last = parallax_.size() - 1;
-  const auto candidates = relative_pose_candidates(pairs_to(last), kThreshold_px / lens.focal_px(), options_.seed);
+  const std::vector<SE3> candidates = motions(last);
   const std::vector<std::size_t> pictures = bundle_pictures();
   std::vector<std::size_t> corner_of_track;
   const std::vector<CornerTrack> tracks = tracks_in(pictures, corner_of_track);

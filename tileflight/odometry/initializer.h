@@ -30,8 +30,10 @@ class Initializer {
  public:
   Initializer(const LensPyramid& lens, const StartOptions& options) : lens_(lens), options_(options) {}
 
-  /// The next picture; a start once there is one.
-  std::optional<Start> add(std::shared_ptr<const Pyramid> pyramid);
+  /// The next picture; a start once there is one. Where the poses of the first and the last picture of the window are
+  /// known, no other motion is tried.
+  std::optional<Start> add(std::shared_ptr<const Pyramid> pyramid,
+                           const std::optional<geometry::SE3>& T_world_camera = {});
 
   /// Pictures before this one are of no more use.
   std::size_t first() const { return first_; }
@@ -48,6 +50,7 @@ class Initializer {
   };
 
   void restart(std::shared_ptr<const Pyramid> pyramid);
+  std::vector<geometry::SE3> motions(std::size_t picture) const;
   int follow(const Pyramid& pyramid);
   std::vector<RayPair> pairs_to(std::size_t picture) const;
   std::vector<std::size_t> bundle_pictures() const;
@@ -62,7 +65,8 @@ class Initializer {
   std::shared_ptr<const Pyramid> previous_;
   std::vector<Corner> corners_;
   std::vector<double> parallax_;  ///< of first, first + 1, ...
-  std::size_t count_ = 0;         ///< pictures given
+  std::optional<geometry::SE3> T_world_first_, T_world_last_;
+  std::size_t count_ = 0;  ///< pictures given
   std::size_t first_ = 0;
   double last_try_parallax_ = 0.0;
   double widest_parallax_ = 0.0;

@@ -50,6 +50,17 @@ Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
     return;
   }
   min_cos_ = std::cos(std::min(camera.max_theta_rad(), widest_angle_rad(camera) + kMarginRad));
+  if (const auto* unified = std::get_if<imaging::Unified>(&camera.model());
+      unified != nullptr && (unified->d[2] != 0.0 || unified->d[3] != 0.0)) {
+    radtan_ = unified->d;
+    xi_ = unified->xi;
+    tangential_ = true;
+    return;
+  }
+  table_ = radial_table(camera);
+}
+
+std::shared_ptr<const Lens::Table> Lens::radial_table(const imaging::Camera& camera) const {
   // A margin of two cells beyond each end would leave the model; the end cells reuse the nearest inner cubic instead.
   auto table = std::make_shared<Table>();
   table->min_cos = min_cos_;
@@ -69,7 +80,7 @@ Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
     table->cubic_d.push_back(k);
     table->cubic.push_back(k.cast<float>());
   }
-  table_ = std::move(table);
+  return table;
 }
 
 Lens Lens::at_level(int level) const {

@@ -1,8 +1,8 @@
 #pragma once
 
 // The camera model as the inner loops need it: any lens that is symmetric about its axis is a table of one variable,
-// read by cubic Hermite interpolation; pinhole with tangential distortion is evaluated as it is. Works beyond 180
-// degrees.
+// read by cubic interpolation; pinhole and unified lenses with tangential distortion are evaluated as they are. Works
+// beyond 180 degrees.
 //
 // With n = |X|, c = z/n = cos(theta), m = (x, y)/n:   u = cx + fx g(c) m_x,   v = cy + fy g(c) m_y,
 // g(c) = r(theta)/sin(theta), which is smooth in c up to the axis.
@@ -41,16 +41,18 @@ class Lens {
   double focal_px() const { return 0.5 * (fx_ + fy_); }
 
  private:
+  friend class LensLanes;  // the same for vectors of directions
   struct Table {
     double min_cos = 0.0;
     double cells_per_unit = 0.0;
     std::vector<Eigen::Vector4f> cubic;  ///< coefficients of each cell in its own coordinate 0..1
     std::vector<Eigen::Vector4d> cubic_d;
   };
+  std::shared_ptr<const Table> radial_table(const imaging::Camera& camera) const;
   template <class T>
   void radial(T c, T& g, T& g_prime) const;
   template <class T>
-  bool project_radtan(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
+  bool project_radtan(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm, Eigen::Matrix<T, 2, 1>& pixel,
                       Eigen::Matrix<T, 2, 3>* derivative) const;
 
   imaging::Camera camera_;  ///< of level 0
@@ -58,6 +60,7 @@ class Lens {
   double fx_ = 0, fy_ = 0, cx_ = 0, cy_ = 0;
   double min_cos_ = 0;
   bool tangential_ = false;
+  double xi_ = 0;  ///< of the unified model; 0: pinhole
   std::array<double, 4> radtan_{};
   std::shared_ptr<const Table> table_;
 };
@@ -81,11 +84,13 @@ inline void Lens::radial(T c, T& g, T& g_prime) const {
   }
 }
 
+/// Distortion (k1 k2 p1 p2) of (x, y) = X_xy / D with D = X_z + xi |X|.
 template <class T>
-inline bool Lens::project_radtan(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
+inline bool Lens::project_radtan(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm, Eigen::Matrix<T, 2, 1>& pixel,
                                  Eigen::Matrix<T, 2, 3>* derivative) const {
-  const T iz = T(1) / X[2];
-  const T x = X[0] * iz, y = X[1] * iz;
+  const T xi = T(xi_);
+  const T inverse = T(1) / (X[2] + xi / inverse_norm);
+  const T x = X[0] * inverse, y = X[1] * inverse;
   const T k1 = T(radtan_[0]), k2 = T(radtan_[1]), p1 = T(radtan_[2]), p2 = T(radtan_[3]);
   const T r2 = x * x + y * y;
   const T radial_factor = T(1) + r2 * (k1 + r2 * k2);
@@ -97,8 +102,11 @@ inline bool Lens::project_radtan(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<
   const T du_dy = T(fx_) * (d * x * y + T(2) * p1 * x + T(2) * p2 * y);
   const T dv_dx = T(fy_) * (d * x * y + T(2) * p1 * x + T(2) * p2 * y);
   const T dv_dy = T(fy_) * (radial_factor + d * y * y + T(6) * p1 * y + T(2) * p2 * x);
-  *derivative << du_dx * iz, du_dy * iz, -(du_dx * x + du_dy * y) * iz,  //
-      dv_dx * iz, dv_dy * iz, -(dv_dx * x + dv_dy * y) * iz;
+  // d(x, y)/dX = (e_x - x dD, e_y - y dD) / D.
+  const Eigen::Matrix<T, 1, 3> D_by_X(xi * inverse_norm * X[0], xi * inverse_norm * X[1],
+                                      T(1) + xi * inverse_norm * X[2]);
+  derivative->row(0) = inverse * (Eigen::Matrix<T, 1, 3>(du_dx, du_dy, T(0)) - (du_dx * x + du_dy * y) * D_by_X);
+  derivative->row(1) = inverse * (Eigen::Matrix<T, 1, 3>(dv_dx, dv_dy, T(0)) - (dv_dx * x + dv_dy * y) * D_by_X);
   return true;
 }
 
@@ -108,7 +116,7 @@ inline bool Lens::project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1
   const T in = T(1) / std::sqrt(n2);
   const T c = X[2] * in;
   if (!(c >= T(min_cos_))) return false;
-  if (tangential_) return project_radtan<T>(X, pixel, nullptr);
+  if (tangential_) return project_radtan<T>(X, in, pixel, nullptr);
   T g, g_prime;
   radial(c, g, g_prime);
   pixel[0] = T(cx_) + T(fx_) * g * X[0] * in;
@@ -122,7 +130,7 @@ inline bool Lens::project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1
   const T in = T(1) / std::sqrt(X.squaredNorm());
   const Eigen::Matrix<T, 3, 1> d = X * in;
   if (!(d[2] >= T(min_cos_))) return false;
-  if (tangential_) return project_radtan<T>(X, pixel, &d_pixel_d_X);
+  if (tangential_) return project_radtan<T>(X, in, pixel, &d_pixel_d_X);
   T g, g_prime;
   radial(d[2], g, g_prime);
   pixel[0] = T(cx_) + T(fx_) * g * d[0];

@@ -13,9 +13,16 @@ using imaging::Camera;
 
 std::vector<Camera> lenses() {
   return {imaging::make_fisheye(1008, 566, 155.0, {-0.0416666667, 0.0005208333, -3.1001984127e-06, 1.0764577822e-08}),
-          imaging::make_fisheye(640, 640, 200.0), imaging::make_pinhole(640, 480, 70.0),
+          imaging::make_fisheye(640, 640, 200.0),
+          imaging::make_pinhole(640, 480, 70.0),
           Camera(imaging::PinholeRadtan{458, 457, 367, 248, {-0.283, 0.0739, 0.00019, 0.0000176}}, 752, 480),
-          Camera(imaging::FovModel{300, 300, 319.5, 239.5, 0.92}, 640, 480)};
+          Camera(imaging::FovModel{300, 300, 319.5, 239.5, 0.92}, 640, 480),
+          Camera(imaging::DoubleSphere{158.3, 158.3, 255, 257, -0.172, 0.593}, 512, 512),
+          Camera(imaging::DoubleSphere{230, 230, 399.5, 149.5, 0.4, 0.62}, 800, 300),  // beyond 180 degrees
+          Camera(imaging::Unified{1167, 1164, 361, 238, 1.9, {-0.26, 0.07, 1e-3, -2e-3}}, 720, 480),
+          Camera(imaging::Unified{300, 300, 399.5, 199.5, 1.0, {0.05, 0.0, 0.0, 0.0}}, 800, 400),
+          Camera(imaging::Unified{250, 250, 399.5, 149.5, 0.98, {0.01, 0.0, 1e-3, 1e-3}}, 800, 300),
+          Camera(imaging::ExtendedUnified{300, 300, 399.5, 99.5, 0.7, 1.3}, 800, 200)};
 }
 
 /// Directions that a camera's picture shows, at several distances.

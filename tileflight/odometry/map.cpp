@@ -6,13 +6,27 @@
 namespace tileflight::odometry {
 namespace {
 
+/// Position of an id among ascending ones; -1 where it is not.
+int position_of(int id, const std::vector<int>& ids) {
+  const auto at = std::lower_bound(ids.begin(), ids.end(), id);
+  return at != ids.end() && *at == id ? static_cast<int>(at - ids.begin()) : -1;
+}
+
+}  // namespace
+
 bool is_clean(const MapPoint& point, const MapOptions& options) {
   return point.rho > 0 && point.observations >= options.min_observations &&
          std::sqrt(point.rho_variance) <= options.max_relative_deviation * point.rho &&
          point.parallax_rad >= options.min_parallax_rad;
 }
 
-}  // namespace
+std::vector<int> keyframes_seeing(const ActivePoint& point, const Window& window) {
+  std::vector<int> ids;
+  for (const Observation& observation : point.observations) {
+    if (observation.state == ResidualState::kGood) ids.push_back(window.keyframes[observation.target].id);
+  }
+  return ids;
+}
 
 MapPoint map_point(const ActivePoint& point, int keyframe, double residual_variance) {
   MapPoint out;
@@ -46,6 +60,22 @@ geometry::PointCloud make_cloud(const std::vector<MapPoint>& points, const std::
     last.push_back(static_cast<float>(point.last_frame));
   }
   return cloud;
+}
+
+std::vector<std::vector<int>> make_tracks(const std::vector<MapPoint>& points, const std::vector<int>& keyframes,
+                                          const MapOptions& options) {
+  std::vector<std::vector<int>> tracks;
+  for (const MapPoint& point : points) {
+    const int host = position_of(point.keyframe, keyframes);
+    if (host < 0 || !is_clean(point, options)) continue;
+    std::vector<int> track{host};
+    for (const int id : point.seen_by) {
+      const int at = position_of(id, keyframes);
+      if (at >= 0) track.push_back(at);
+    }
+    tracks.push_back(std::move(track));
+  }
+  return tracks;
 }
 
 }  // namespace tileflight::odometry

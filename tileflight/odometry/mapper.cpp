@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "tileflight/odometry/densify.h"
 #include "tileflight/odometry/marginalization.h"
 #include "tileflight/odometry/normal_equations.h"
 #include "tileflight/odometry/pixel_selector.h"
@@ -89,15 +90,28 @@ void Mapper::retire() {
   std::vector<LeftPoint> left;
   retire_points(window_, options_.window, left);
   for (const LeftPoint& point : left) {
-    if (point.point.good_observations > 0) {
-      left_.push_back(map_point(point.point, window_.keyframes[point.host].id, residual_variance_));
-    }
+    if (point.point.good_observations > 0) left_.push_back(window_point(point.point, point.host));
   }
   for (int slot = window_.size() - 1; slot >= 0; --slot) {
     const Keyframe& keyframe = window_.keyframes[slot];
     if (!keyframe.to_marginalize) continue;
+    keep_further_points(slot);
     archived_.push_back({keyframe.id, keyframe.frame_index, keyframe.time_s, keyframe.T_camera_map().inverse()});
     remove_keyframe(window_, slot);
+  }
+}
+
+MapPoint Mapper::window_point(const ActivePoint& point, int host) const {
+  MapPoint out = map_point(point, window_.keyframes[host].id, residual_variance_);
+  out.seen_by = keyframes_seeing(point, window_);
+  return out;
+}
+
+void Mapper::keep_further_points(int host) {
+  if (!options_.map.dense) return;
+  for (const ActivePoint& point : further_points(window_, lens_.lenses[0], host, options_)) {
+    const MapPoint out = window_point(point, host);
+    if (is_clean(out, options_.map)) left_.push_back(out);
   }
 }
 
@@ -140,8 +154,8 @@ std::vector<KeyframeRecord> Mapper::keyframes() const {
 
 std::vector<MapPoint> Mapper::points() const {
   std::vector<MapPoint> all = left_;
-  for (const Keyframe& keyframe : window_.keyframes) {
-    for (const ActivePoint& point : keyframe.points) all.push_back(map_point(point, keyframe.id, residual_variance_));
+  for (int host = 0; host < window_.size(); ++host) {
+    for (const ActivePoint& point : window_.keyframes[host].points) all.push_back(window_point(point, host));
   }
   return all;
 }

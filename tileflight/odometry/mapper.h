@@ -62,6 +62,10 @@ class Mapper {
   void retire();
   void observe_in_newest();
   void update_noise(const WindowResult& result);
+  /// A point of the window for the map.
+  MapPoint window_point(const ActivePoint& point, int host) const;
+  /// What a keyframe that leaves has beside its active points.
+  void keep_further_points(int host);
 
   const LensPyramid& lens_;
   const OdometryOptions& options_;

@@ -28,20 +28,63 @@ struct InputFrame {
 /// Where pictures come from, in order; nullopt after the last. Called from one thread.
 using FrameSource = std::function<std::optional<InputFrame>()>;
 
+/// Processor time of all threads by stage, seconds; reading the pictures is not among it.
+struct StageSeconds {
+  double start = 0.0;      ///< everything until the first map
+  double pictures = 0.0;   ///< luma and pyramids, after the start
+  double tracking = 0.0;   ///< alignment to the keyframe
+  double tracing = 0.0;    ///< following immature points
+  double keyframes = 0.0;  ///< selection, activation, window optimisation, marginalisation
+
+  double total() const { return start + pictures + tracking + tracing + keyframes; }
+};
+
+/// What is known beside the pictures; all of it optional.
+struct Aids {
+  imaging::GrayImage mask;     ///< of the pictures' size; below 128: never look here (own body, mount); empty: none
+  geometry::Trajectory poses;  ///< T_world_camera with the pictures' times: the start takes its motion from them, and
+                               ///< map and trajectory are then in their frame and scale
+  std::function<std::optional<imaging::FloatImage>(std::int64_t index)>
+      depth_m;  ///< of a picture, metres along the optical axis, not finite or 0 where unknown: gives the scale
+};
+
+/// A keyframe with what is known of its points, for a debug picture.
+struct KeyframeView {
+  struct Point {
+    float x = 0, y = 0;  ///< pixels
+    float inverse_distance = 0;
+  };
+  std::int64_t index = 0;  ///< of the frame
+  const imaging::RgbImage& image;
+  std::vector<Point> points;
+};
+
+/// Who wants to look on. Called from the odometry's thread.
+using KeyframeObserver = std::function<void(const KeyframeView&)>;
+
 struct OdometryResult {
-  geometry::Trajectory trajectory;  ///< T_map_camera of every tracked frame; scale arbitrary (monocular)
+  geometry::Trajectory trajectory;  ///< T_map_camera of every tracked frame; scale arbitrary (monocular) without aids
   geometry::Trajectory keyframes;
   geometry::PointCloud map;  ///< frame `map`; scalars: inverse_depth_variance, observations, first_frame, last_frame
-  std::int64_t frames = 0;   ///< read
+  std::vector<std::int64_t> keyframe_frames;  ///< InputFrame::index of each of `keyframes`
+  std::vector<std::vector<int>>
+      map_keyframes;        ///< of each point of `map`: positions in `keyframes` of its host (first)
+                            ///< and of others in which it was seen well when it left the window
+  std::int64_t frames = 0;  ///< read
   std::int64_t frames_tracked = 0;
+  std::int64_t recoveries = 0;  ///< times that tracking failed and was found again on an older keyframe
   bool lost = false;        ///< tracking ended before the pictures did, or never began
   std::string lost_reason;  ///< at which frame and why, when lost
   double seconds = 0.0;     ///< wall time of the run, image decoding included
+  StageSeconds processor_time;
 };
 
-/// Direct Sparse Odometry: Engel, Koltun, Cremers, IEEE TPAMI 40(3), 2018.
+/// Direct Sparse Odometry: Engel, Koltun, Cremers, IEEE TPAMI 40(3), 2018. The result is the same for any number of
+/// threads. Throws InputError for a picture, mask or depth of another size than the calibration's, for a calibration
+/// without a picture, and for known poses that share no time with the pictures.
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
                             const FrameSource& next_frame, const OdometryOptions& options,
-                            const Progress& progress = {});
+                            const Progress& progress = {}, const Aids& aids = {},
+                            const KeyframeObserver& observer = {});
 
 }  // namespace tileflight::odometry

@@ -3,69 +3,20 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include <Eigen/Geometry>
-#include <numbers>
-
-#include "tests/test_data.h"
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/imaging/image_files.h"
 #include "tileflight/odometry/options.h"
-#include "tileflight/odometry/synthetic_scene.h"
+#include "tileflight/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using tests::ate_share;
 using tests::Relief;
-
-struct Sequence {
-  imaging::Calibration calibration;
-  std::vector<SE3> truth;  ///< T_local_camera
-  std::vector<imaging::RgbImage> images;
-
-  FrameSource source() const {
-    return [this, next = std::size_t{0}]() mutable -> std::optional<InputFrame> {
-      if (next >= images.size()) return std::nullopt;
-      InputFrame frame;
-      frame.index = static_cast<std::int64_t>(next);
-      frame.time_s = static_cast<double>(next) / 30.0;
-      frame.image = images[next++];
-      return frame;
-    };
-  }
-};
-
-/// Root mean square distance of camera centres after the best similarity, as a share of the path.
-double ate_share(const geometry::Trajectory& estimate, const std::vector<SE3>& truth, double fps = 30.0) {
-  Eigen::Matrix3Xd from(3, estimate.size()), to(3, estimate.size());
-  double path = 0;
-  for (std::size_t i = 0; i < estimate.size(); ++i) {
-    from.col(i) = estimate.poses[i].T_local_camera.translation;
-    to.col(i) = truth[std::lround(estimate.poses[i].time_s * fps)].translation;
-    if (i > 0) path += (to.col(i) - to.col(i - 1)).norm();
-  }
-  const Eigen::Matrix4d T = Eigen::umeyama(from, to, true);
-  const Eigen::Matrix3Xd moved = (T.topLeftCorner<3, 3>() * from).colwise() + T.topRightCorner<3, 1>();
-  return std::sqrt((moved - to).colwise().squaredNorm().mean()) / path;
-}
-
-OdometryOptions small_options() {
-  OdometryOptions options;
-  options.selection.points_per_keyframe = 500;
-  options.window.active_points = 700;
-  options.start.corners = 400;
-  return options;
-}
-
-Sequence rendered(const imaging::Camera& camera, const Relief& relief, std::vector<SE3> truth) {
-  Sequence sequence;
-  sequence.calibration.camera = camera;
-  const tests::ReliefCamera scene(camera, relief);
-  for (const SE3& pose : truth) sequence.images.push_back(scene.picture(pose));
-  sequence.truth = std::move(truth);
-  return sequence;
-}
+using tests::rendered;
+using tests::Sequence;
+using tests::small_options;
 
 /// Nearly flat ground seen obliquely from above through a wide lens: the scene whose mirror solution defeats two-view
 /// starts. The first `frames` of 50.

@@ -66,6 +66,7 @@ struct MapOptions {
   int min_observations = 3;              ///< good residuals a point had
   double max_relative_deviation = 0.05;  ///< standard deviation of the inverse distance over the inverse distance
   double min_parallax_rad = 0.015;       ///< between the host's ray and the widest observation
+  bool dense = true;  ///< also points that had no room in the optimisation, fitted once when their keyframe leaves
 };
 
 /// Every setting of the odometry.

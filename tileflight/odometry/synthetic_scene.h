@@ -43,6 +43,12 @@ struct Relief {
   std::function<double(double, double)> height_m = [](double, double) { return 0.0; };
   double highest_m = 0.0;  ///< of height_m
   double texel_m = 1.0;    ///< finest wavelength of the texture
+  double clouds = 0.0;     ///< grey values by which the sky varies, infinitely far away
+
+  /// The sky in a direction.
+  double sky(const Vec3& ray) const {
+    return 200.0 + clouds * (noise(12.0 * ray.x() + 3.0 * ray.z(), 12.0 * ray.y(), 99U) - 0.5);
+  }
 
   /// Octaves finer than a pixel's footprint fade out, as they would in a lens.
   double grey(double x, double y, double footprint_m) const {
@@ -103,7 +109,7 @@ class ReliefCamera {
         const double distance = hit_distance(relief_, T_local_camera.translation, ray);
         const Vec3 p = T_local_camera.translation + distance * ray;
         const double footprint = distance * pixel_rad_ / std::max(0.2, -ray.z());
-        const double value = distance > 0 ? relief_.grey(p.x(), p.y(), footprint) : 200.0;
+        const double value = distance > 0 ? relief_.grey(p.x(), p.y(), footprint) : relief_.sky(ray);
         const auto grey = static_cast<std::uint8_t>(std::lround(value));
         image(x, y) = {grey, grey, grey};
       }

@@ -1,0 +1,136 @@
+// COLMAP's text format: https://colmap.github.io/format.html#text-format, models of
+// https://colmap.github.io/cameras.html.
+#include "tileflight/dataset/colmap.h"
+
+#include <optional>
+#include <variant>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+
+namespace tileflight::dataset {
+
+namespace {
+
+using geometry::Vec2;
+
+constexpr double kPixelCentre = 0.5;  ///< COLMAP's first pixel has its centre here, ours at 0
+
+struct Lens {
+  std::string model;
+  std::vector<double> numbers;
+};
+
+std::vector<double> focal(const auto& m) { return {m.fx, m.fy, m.cx + kPixelCentre, m.cy + kPixelCentre}; }
+
+Lens named(const std::string& model, std::vector<double> numbers, std::initializer_list<double> more) {
+  numbers.insert(numbers.end(), more);
+  return {model, std::move(numbers)};
+}
+
+std::optional<Lens> known(const imaging::PinholeRadtan& m) {
+  if (m.d == std::array<double, 4>{}) return named("PINHOLE", focal(m), {});
+  return named("OPENCV", focal(m), {m.d[0], m.d[1], m.d[2], m.d[3]});
+}
+std::optional<Lens> known(const imaging::KannalaBrandt& m) {
+  return named("OPENCV_FISHEYE", focal(m), {m.k[0], m.k[1], m.k[2], m.k[3]});
+}
+std::optional<Lens> known(const imaging::FovModel& m) { return named("FOV", focal(m), {m.w}); }
+std::optional<Lens> known(const auto& /*m*/) { return std::nullopt; }
+
+Lens lens_of(const imaging::Camera& camera) {
+  const std::optional<Lens> lens = std::visit([](const auto& m) { return known(m); }, camera.model());
+  if (lens) return *lens;
+  throw InputError(
+      "camera",
+      "COLMAP has no model for this lens: export a pinhole, radtan, equidistant or fov camera, or rectify to "
+      "a pinhole first");
+}
+
+void append(std::string& text, double value) {
+  text += ' ';
+  geometry::append_number(text, value);
+}
+
+/// Where points are seen: for each picture its pixels, for each point its (picture, place in that picture's list).
+struct Observations {
+  struct Pixel {
+    Vec2 at;
+    std::size_t point = 0;
+  };
+  std::vector<std::vector<Pixel>> of_picture;
+  std::vector<std::vector<std::pair<int, std::size_t>>> of_point;
+};
+
+Observations observe(const ColmapModel& model) {
+  Observations all;
+  all.of_picture.resize(model.pictures.size());
+  all.of_point.resize(model.points.size());
+  for (std::size_t i = 0; i < model.points.size(); ++i) {
+    for (const int k : model.points[i].pictures) {
+      const auto pixel = model.camera.project(model.pictures[k].T_world_camera.inverse() * model.points[i].position);
+      const bool inside = pixel && pixel->x() >= -0.5 && pixel->y() >= -0.5 &&
+                          pixel->x() <= model.camera.width() - 0.5 && pixel->y() <= model.camera.height() - 0.5;
+      if (!inside) continue;
+      all.of_point[i].emplace_back(k, all.of_picture[k].size());
+      all.of_picture[k].push_back({*pixel, i});
+    }
+  }
+  return all;
+}
+
+std::string cameras_text(const imaging::Camera& camera, const Lens& lens) {
+  std::string text = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n1 " + lens.model + " " + std::to_string(camera.width()) +
+                     " " + std::to_string(camera.height());
+  for (const double number : lens.numbers) append(text, number);
+  return text + "\n";
+}
+
+std::string images_text(const ColmapModel& model, const Observations& observations) {
+  std::string text =
+      "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (world to camera)\n# POINTS2D[] as X Y POINT3D_ID\n";
+  for (std::size_t k = 0; k < model.pictures.size(); ++k) {
+    const geometry::SE3 T_camera_world = model.pictures[k].T_world_camera.inverse();
+    const Eigen::Quaterniond& q = T_camera_world.rotation;
+    text += std::to_string(k + 1);
+    for (const double value : {q.w(), q.x(), q.y(), q.z()}) append(text, value);
+    for (int i = 0; i < 3; ++i) append(text, T_camera_world.translation[i]);
+    text += " 1 " + model.pictures[k].name + "\n";
+    for (const Observations::Pixel& pixel : observations.of_picture[k]) {
+      append(text, pixel.at.x() + kPixelCentre);
+      append(text, pixel.at.y() + kPixelCentre);
+      text += " " + std::to_string(pixel.point + 1);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string points_text(const ColmapModel& model, const Observations& observations) {
+  std::string text = "# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n";
+  for (std::size_t i = 0; i < model.points.size(); ++i) {
+    text += std::to_string(i + 1);
+    for (int k = 0; k < 3; ++k) append(text, model.points[i].position[k]);
+    for (const std::uint8_t value : model.points[i].color) text += " " + std::to_string(value);
+    text += " -1";
+    for (const auto& [picture, place] : observations.of_point[i])
+      text += " " + std::to_string(picture + 1) + " " + std::to_string(place);
+    text += "\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+void require_colmap_lens(const imaging::Camera& camera) { lens_of(camera); }
+
+void write_colmap(const std::filesystem::path& folder, const ColmapModel& model) {
+  const Lens lens = lens_of(model.camera);
+  const Observations observations = observe(model);
+  geometry::write_file(folder / "cameras.txt", cameras_text(model.camera, lens));
+  geometry::write_file(folder / "images.txt", images_text(model, observations));
+  geometry::write_file(folder / "points3D.txt", points_text(model, observations));
+}
+
+}  // namespace tileflight::dataset

@@ -1,0 +1,55 @@
+// The odometry on each lens as it is, without rectification, against a rendered scene whose truth is known.
+
+#include <gtest/gtest.h>
+
+#include "tileflight/odometry/synthetic_flight.h"
+
+namespace tileflight::odometry {
+namespace {
+
+using imaging::Camera;
+
+struct Case {
+  const char* name;
+  Camera camera;
+};
+
+void PrintTo(const Case& lens, std::ostream* stream) { *stream << lens.name; }
+
+class NativeLens : public testing::TestWithParam<Case> {};
+
+TEST_P(NativeLens, FollowsAFlight) {
+  const tests::Sequence sequence = tests::over_hills(GetParam().camera, 30);
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, 28);
+  EXPECT_LT(tests::ate_share(result.trajectory, sequence.truth), 0.01);
+  ASSERT_GT(result.map.size(), 200U);
+  EXPECT_LT(tests::median(tests::heights_over(tests::hilly_ground(), result, sequence.truth)),
+            0.2);  // 12 m below, 80 to 230 px a radian
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Every, NativeLens,
+    testing::Values(
+        Case{"double sphere", Camera(imaging::DoubleSphere{100, 100, 139.5, 99.5, -0.17, 0.59}, 280, 200)},
+        Case{"double sphere beyond 180 degrees",
+             Camera(imaging::DoubleSphere{80, 80, 139.5, 79.5, 0.4, 0.62}, 280, 160)},
+        Case{"unified", Camera(imaging::Unified{230, 231, 141, 98, 1.1, {-0.05, 0.01, 2e-3, -1e-3}}, 280, 200)},
+        Case{"unified beyond 180 degrees", Camera(imaging::Unified{105, 105, 139.5, 79.5, 1.0, {}}, 280, 160)},
+        Case{"extended unified", Camera(imaging::ExtendedUnified{120, 120, 139.5, 99.5, 0.6, 1.1}, 280, 200)},
+        Case{"Kannala-Brandt beyond 180 degrees", imaging::make_fisheye(280, 160, 200.0)},
+        Case{"radtan", Camera(imaging::PinholeRadtan{180, 181, 141, 98, {-0.2, 0.05, 1e-3, -1e-3}}, 280, 200)}),
+    [](const testing::TestParamInfo<Case>& lens) {
+      std::string name = lens.param.name;
+      std::erase_if(name, [](char c) { return c == ' ' || c == '-'; });
+      return name;
+    });
+
+TEST(NativeLenses, OfTheTestReallySeeBehindThemselves) {
+  EXPECT_GT(Camera(imaging::DoubleSphere{80, 80, 139.5, 79.5, 0.4, 0.62}, 280, 160).horizontal_fov_deg(), 185.0);
+  EXPECT_GT(Camera(imaging::Unified{105, 105, 139.5, 79.5, 1.0, {}}, 280, 160).horizontal_fov_deg(), 185.0);
+}
+
+}  // namespace
+}  // namespace tileflight::odometry

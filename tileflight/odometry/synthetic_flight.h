@@ -1,0 +1,114 @@
+#pragma once
+
+// For this stage's tests: flights over a relief (synthetic_scene.h) as the odometry gets them, with their truth.
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/odometry/known_start.h"
+#include "tileflight/odometry/odometry.h"
+#include "tileflight/odometry/options.h"
+#include "tileflight/odometry/synthetic_scene.h"
+
+namespace tileflight::odometry::tests {
+
+struct Sequence {
+  imaging::Calibration calibration;
+  std::vector<SE3> truth;  ///< T_local_camera
+  std::vector<imaging::RgbImage> images;
+
+  FrameSource source() const {
+    return [this, next = std::size_t{0}]() mutable -> std::optional<InputFrame> {
+      if (next >= images.size()) return std::nullopt;
+      InputFrame frame;
+      frame.index = static_cast<std::int64_t>(next);
+      frame.time_s = static_cast<double>(next) / 30.0;
+      frame.image = images[next++];
+      return frame;
+    };
+  }
+};
+
+/// Root mean square distance of camera centres after the best similarity, as a share of the path.
+inline double ate_share(const geometry::Trajectory& estimate, const std::vector<SE3>& truth, double fps = 30.0) {
+  Eigen::Matrix3Xd from(3, estimate.size()), to(3, estimate.size());
+  double path = 0;
+  for (std::size_t i = 0; i < estimate.size(); ++i) {
+    from.col(i) = estimate.poses[i].T_local_camera.translation;
+    to.col(i) = truth[std::lround(estimate.poses[i].time_s * fps)].translation;
+    if (i > 0) path += (to.col(i) - to.col(i - 1)).norm();
+  }
+  const Eigen::Matrix4d T = Eigen::umeyama(from, to, true);
+  const Eigen::Matrix3Xd moved = (T.topLeftCorner<3, 3>() * from).colwise() + T.topRightCorner<3, 1>();
+  return std::sqrt((moved - to).colwise().squaredNorm().mean()) / path;
+}
+
+inline OdometryOptions small_options() {
+  OdometryOptions options;
+  options.selection.points_per_keyframe = 500;
+  options.window.active_points = 700;
+  options.start.corners = 400;
+  return options;
+}
+
+inline Sequence rendered(const imaging::Camera& camera, const Relief& relief, std::vector<SE3> truth) {
+  Sequence sequence;
+  sequence.calibration.camera = camera;
+  const ReliefCamera scene(camera, relief);
+  for (const SE3& pose : truth) sequence.images.push_back(scene.picture(pose));
+  sequence.truth = std::move(truth);
+  return sequence;
+}
+
+/// From the estimate to the truth, by orientations too: the paths here are nearly straight.
+inline geometry::Sim3 similarity_to_truth(const geometry::Trajectory& estimate, const std::vector<SE3>& truth,
+                                          double fps = 30.0) {
+  std::vector<SE3> from, to;
+  for (const geometry::StampedPose& pose : estimate.poses) {
+    from.push_back(pose.T_local_camera);
+    to.push_back(truth[std::lround(pose.time_s * fps)]);
+  }
+  return similarity_of_poses(from, to).value();
+}
+
+/// Vertical distance of each map point, moved to the truth, from the relief, metres.
+inline std::vector<double> heights_over(const Relief& relief, const OdometryResult& result,
+                                        const std::vector<SE3>& truth) {
+  std::vector<double> heights;
+  const geometry::Sim3 T_local_map = similarity_to_truth(result.trajectory, truth);
+  for (const Vec3& position : result.map.positions) {
+    const Vec3 p = T_local_map * position;
+    heights.push_back(std::abs(p.z() - relief.height_m(p.x(), p.y())));
+  }
+  return heights;
+}
+
+inline double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+/// Hilly ground seen obliquely from 12 m above while moving sideways and forwards, `frames` pictures, 30 a second.
+inline Relief hilly_ground() {
+  Relief relief;
+  relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.35 * x) * std::cos(0.28 * y + 0.5); };
+  relief.highest_m = 1.5;
+  relief.texel_m = 0.6;
+  return relief;
+}
+inline std::vector<SE3> path_over_ground(int frames) {
+  std::vector<SE3> truth;
+  for (int i = 0; i < frames; ++i) {
+    const double s = i / 30.0;
+    truth.push_back(looking(Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)), Vec3(0.3 * std::sin(s), 1.0, -1.1)));
+  }
+  return truth;
+}
+inline Sequence over_hills(const imaging::Camera& camera, int frames) {
+  return rendered(camera, hilly_ground(), path_over_ground(frames));
+}
+
+}  // namespace tileflight::odometry::tests
