@@ -3,6 +3,9 @@
 add_library(tileflight_compiler INTERFACE)
 # Designated initialisers name what differs from the default; the rest is meant to be left out.
 target_compile_options(tileflight_compiler INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wno-missing-field-initializers)
+if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+  target_compile_options(tileflight_compiler INTERFACE -Wno-unknown-warning-option)
+endif()
 if(TILEFLIGHT_WARNINGS_AS_ERRORS)
   target_compile_options(tileflight_compiler INTERFACE -Werror)
 endif()
@@ -12,13 +15,21 @@ endif()
 add_compile_options(-ffp-contract=off)
 
 if(TILEFLIGHT_SANITIZE)
-  add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
+  # Without the checks that only tell of what the address sanitizer or the processor stops at anyway; they would make
+  # half of the code that is compiled.
+  add_compile_options(-fsanitize=address,undefined -fno-sanitize=null,object-size,vptr -fno-sanitize-recover=undefined
+                      -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
+    add_compile_options(-fsanitize-ignorelist=${CMAKE_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
+  endif()
 endif()
 
-if(TILEFLIGHT_FUZZ)
-  add_compile_options(-fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined)
-  add_link_options(-fsanitize=address,undefined)
+# Tests run once, compilers work on them for long: under the sanitizers they are not optimised, only what they test.
+add_library(tileflight_test_compiler INTERFACE)
+target_link_libraries(tileflight_test_compiler INTERFACE tileflight_compiler)
+if(TILEFLIGHT_SANITIZE)
+  target_compile_options(tileflight_test_compiler INTERFACE -O0)
 endif()
 
 find_program(CCACHE ccache)

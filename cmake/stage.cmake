@@ -27,9 +27,15 @@ function(tileflight_stage NAME)
     PUBLIC ${STAGES} ${STAGE_PUBLIC}
     PRIVATE ${STAGE_PRIVATE} tileflight_compiler)
 
-  if(TESTS AND NOT TILEFLIGHT_FUZZ)
+  # What reads foreign bytes tells the fuzzer which ways it took.
+  set(FUZZED geometry imaging tiles)
+  if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
+    target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
+  endif()
+
+  if(TESTS)
     add_executable(${NAME}_test ${TESTS})
-    target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${STAGE_PRIVATE} tileflight_compiler
+    target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${STAGE_PRIVATE} tileflight_test_compiler
                           GTest::gmock GTest::gtest_main)
     target_compile_definitions(${NAME}_test PRIVATE TILEFLIGHT_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
     tileflight_add_gtest(${NAME}_test ${NAME})

@@ -7,7 +7,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <numbers>
 #include <numeric>
 
 #include "tileflight/geometry/input_error.h"
@@ -24,7 +23,6 @@ using imaging::Rgb8;
 using scene::Scene;
 using namespace test_scenes;
 
-constexpr double kPi = std::numbers::pi;
 const Vec3 kGround(120.0, -80.0, 2880.0);  // far from the origin, as real places are
 
 /// Distance along the ray of pixel (x, y) to the level z = kGround.z, or infinity.

@@ -66,8 +66,8 @@ inline Float4 unpacked(std::uint64_t bits) {
   using Longs = std::uint64_t __attribute__((vector_size(16)));
   const auto bytes = (Bytes)Longs{bits, 0};
   const auto shorts =
-      (Shorts)__builtin_shuffle(bytes, Bytes{}, Bytes{0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23});
-  const auto words = (Words)__builtin_shuffle(shorts, Shorts{}, Shorts{0, 8, 1, 9, 2, 10, 3, 11});
+      (Shorts)__builtin_shufflevector(bytes, Bytes{}, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+  const auto words = (Words)__builtin_shufflevector(shorts, Shorts{}, 0, 8, 1, 9, 2, 10, 3, 11);
   return __builtin_convertvector(words, Float4);
 }
 

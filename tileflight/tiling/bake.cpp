@@ -49,8 +49,9 @@ std::pair<std::size_t, double> find_cell(const std::vector<double>& knots, doubl
 }
 
 Texel texel_at(const Chart& chart, double s_m, double t_m) {
-  const auto [column, u] = find_cell(chart.s_m, s_m);
-  const auto [row, v] = find_cell(chart.t_m, t_m);
+  const auto [column, within_column] = find_cell(chart.s_m, s_m);
+  const auto [row, within_row] = find_cell(chart.t_m, t_m);
+  const double u = within_column, v = within_row;  // not every compiler lets a lambda catch structured bindings
   const std::size_t at = row * chart.columns() + column, above = at + chart.columns();
   const auto blend = [&](const std::vector<Vec3>& f) -> Vec3 {
     return (1 - v) * ((1 - u) * f[at] + u * f[at + 1]) + v * ((1 - u) * f[above] + u * f[above + 1]);
