@@ -191,7 +191,7 @@ TEST_F(OdometryInput, SaturatedPicturesAreNoMap) {
 TEST_F(OdometryInput, PartlySaturatedPicturesAreTracked) {
   for_images([](imaging::RgbImage& picture) {
     for (imaging::Rgb8& pixel : picture.pixels)
-      for (std::uint8_t& value : pixel) value = static_cast<std::uint8_t>(std::min(255.0, 1.9 * value));
+      for (std::uint8_t& value : pixel) value = static_cast<std::uint8_t>(std::min(255.0, 1.5 * value));
   });
   EXPECT_GE(expect_done()["frames_tracked"].get<int>(), TinyFlight::kFrames - 3);
 }
