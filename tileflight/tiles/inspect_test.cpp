@@ -28,7 +28,7 @@ TEST(InspectTileset, counts_what_is_there) {
   MemorySource source(json);
   Json inner = tile(box_volume(0, 0, 0, 1, 1, 1), 1, "a.glb");
   inner["refine"] = "ADD";
-  inner["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 0, "b.b3dm")};
+  inner["children"] = Json::array({tile(box_volume(0, 0, 0, 1, 1, 1), 0, "b.b3dm")});
   Json external = testing::tileset(inner);
   external["asset"]["copyright"] = "B; A";
   source.add("t.json", external.dump());

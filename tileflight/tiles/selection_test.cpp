@@ -121,7 +121,7 @@ TEST(SelectCut, children_that_miss_the_region_stand_for_nothing_there) {
 TEST(SelectCut, transforms_move_volumes) {
   Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 10);
   root["transform"] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 100, 0, 0, 1};  // quarter turn, twice as large, then east
-  root["children"] = {tile(box_volume(10, 0, 0, 1, 1, 1), 0, "a.glb")};     // at (100, 20, 0) +- 2
+  root["children"] = Json::array({tile(box_volume(10, 0, 0, 1, 1, 1), 0, "a.glb")});  // at (100, 20, 0) +- 2
   root["boundingVolume"] = box_volume(0, 0, 0, 20, 20, 20);
   MemorySource source(testing::tileset(root));
   EXPECT_THAT(uris(cut_of(source, {Vec3(100, 21.9, 0), Vec3(1, 0.1, 1)})), ElementsAre("a.glb"));
@@ -155,7 +155,7 @@ TEST(SelectCut, external_tilesets_are_followed_where_they_are_wanted) {
   root["children"][1]["boundingVolume"] = box_volume(0, 0, 0, 50, 100, 10);
   MemorySource source(testing::tileset(root));
   Json east = tile(box_volume(0, 0, 0, 50, 100, 10), 10, "a.glb");  // no refine: ADD from outside
-  east["children"] = {tile(box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")};
+  east["children"] = Json::array({tile(box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
   source.add("east/t.json?v=2", testing::tileset(east).dump());
 
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 0, 0), Vec3(5, 5, 5)})), ElementsAre("east/a.glb", "b%20c.glb"));

@@ -25,7 +25,7 @@ TEST(ParseTileset, reads_all_parts) {
   root["transform"] = {2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4, 0, 10, 20, 30, 1};
   root["children"] = {tile({{"sphere", {1, 2, 3, 4}}}, 10, "b.glb"),
                       tile({{"region", {0.1, 0.2, 0.3, 0.4, -5, 6}}}, 0)};
-  root["children"][0]["children"] = {tile(kBox, 1)};
+  root["children"][0]["children"] = Json::array({tile(kBox, 1)});
   root["children"][1]["refine"] = "REPLACE";
   root["children"][1]["contents"] = {{{"uri", "c.glb"}, {"boundingVolume", kBox}}, {{"uri", "d.glb"}}};
   Json json = testing::tileset(root, "1.0");
@@ -67,7 +67,7 @@ TEST(ParseTileset, reads_what_real_files_mean) {
   root["refine"] = "add";
   Json child = {{"boundingVolume", kBox}, {"content", {{"url", "a.b3dm"}}}};
   child["extensions"] = {{"3DTILES_multiple_contents", {{"content", {{{"uri", "b.glb"}}}}}}};
-  root["children"] = {child};
+  root["children"] = Json::array({child});
   Json json = testing::tileset(root);
   json.erase("geometricError");
   const Tileset t = parse(json);
@@ -154,7 +154,7 @@ TEST(ParseTileset, limits) {
   Json deep = tile(kBox, 0);
   for (int i = 0; i < 30; ++i) {
     Json parent = tile(kBox, i);
-    parent["children"] = {deep};
+    parent["children"] = Json::array({deep});
     deep = parent;
   }
   const std::string text = testing::tileset(deep).dump();
