@@ -73,8 +73,10 @@ TEST(ForeignFiles, faults_of_the_validator_are_named) {
       {"validTilesetWithInvalidI3dm.json", "i3dm contents are not supported"},
       {"validTilesetWithInvalidPnts.json", "pnts contents are not supported"},
       {"extensionRequiredButNotUsed.json", "needs extensions that are not supported"}};
-  for (const auto& [file, wanted] : cases)
-    EXPECT_THAT(error_of([&] { load(folder / file); }), HasSubstr(wanted)) << file;
+  for (const auto& [file, wanted] : cases) {
+    const std::filesystem::path path = folder / file;
+    EXPECT_THAT(error_of([&] { load(path); }), HasSubstr(wanted)) << file;
+  }
 }
 
 TEST(ForeignFiles, what_the_validator_calls_valid_is_read) {
