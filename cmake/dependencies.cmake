@@ -16,10 +16,13 @@ find_package(embree 3 REQUIRED CONFIG)
 find_package(Ceres REQUIRED)
 find_package(meshoptimizer REQUIRED CONFIG)
 find_package(benchmark REQUIRED)
+find_package(ZLIB REQUIRED)
+find_package(SQLite3 REQUIRED)
 
 pkg_check_modules(proj REQUIRED IMPORTED_TARGET proj)
 pkg_check_modules(webp REQUIRED IMPORTED_TARGET libwebp)
 pkg_check_modules(draco REQUIRED IMPORTED_TARGET draco)
+pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(libav REQUIRED IMPORTED_TARGET libavformat libavcodec libswscale libavutil)
 
 find_path(GeographicLib_INCLUDE_DIR GeographicLib/Geocentric.hpp REQUIRED)

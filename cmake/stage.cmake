@@ -35,9 +35,13 @@ function(tileflight_stage NAME)
 
   if(TESTS)
     add_executable(${NAME}_test ${TESTS})
-    target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${STAGE_PRIVATE} tileflight_test_compiler
+    target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${STAGE_PRIVATE} tileflight_compiler
                           GTest::gmock GTest::gtest_main)
     target_compile_definitions(${NAME}_test PRIVATE TILEFLIGHT_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+    set(PLAIN imaging tiles dataset report)
+    if(NAME IN_LIST PLAIN)
+      target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)
+    endif()
     tileflight_add_gtest(${NAME}_test ${NAME})
   endif()
 endfunction()
