@@ -16,7 +16,8 @@ using Status = ImmaturePoint::Status;
 
 constexpr float kMaxInterval_px = 8.0F;
 constexpr int kMaxFailures = 2;
-constexpr int kSpacingLimit = 40;  ///< level-1 pixels
+constexpr float kScaleRoom = 0.5F;  ///< more room for each coarser scale that a point stood out at
+constexpr int kCoarsestScale = 2;
 
 bool is_ready(const ImmaturePoint& point, const TracingOptions& options) {
   if (!point.has_depth() || point.rho() <= 0 || point.failures > 0) return false;
@@ -51,10 +52,13 @@ void adapt(ActivationSpacing& spacing, double have, double wanted) {
   spacing.pixels = std::clamp(spacing.pixels, 0.0, 10.0);
 }
 
-DistanceMap map_of_active_points(const Window& window, const Lens& lens, const std::vector<Pair>& pairs) {
+DistanceMap map_of_active_points(const Window& window, const Lens& lens, const std::vector<Pair>& pairs,
+                                 double spacing) {
+  // Distances beyond the widest spacing that is asked for are all the same.
+  const int limit = 1 + static_cast<int>(std::ceil(spacing * (1.0 + kScaleRoom * kCoarsestScale)));
   const int newest = window.size() - 1;
   const PyramidLevel& picture = window.keyframes[newest].pyramid->levels[0];
-  DistanceMap map(picture.width / 2, picture.height / 2, kSpacingLimit);
+  DistanceMap map(picture.width / 2, picture.height / 2, limit);
   for (int h = 0; h < newest; ++h) {
     for (const ActivePoint& point : window.keyframes[h].points) {
       const auto pixel = level1_pixel(lens, pairs[h * window.size() + newest], point.patch, point.rho);
@@ -83,7 +87,7 @@ std::vector<int> candidates(Window& window, const Lens& lens, const Pair& pair, 
       continue;
     }
     // Points that stood out at a coarser scale are fewer and stand for more: they get more room.
-    if (map.at(pixel->x(), pixel->y()) < spacing * (1.0 + 0.5 * point.scale)) continue;
+    if (map.at(pixel->x(), pixel->y()) < spacing * (1.0 + kScaleRoom * point.scale)) continue;
     map.add(pixel->x(), pixel->y());
     chosen.push_back(i);
   }
@@ -92,17 +96,22 @@ std::vector<int> candidates(Window& window, const Lens& lens, const Pair& pair, 
 
 }  // namespace
 
-std::optional<ActivePoint> try_activation(const Window& window, const Lens& lens, int host, const ImmaturePoint& point,
-                                          const WindowOptions& options, int min_good) {
-  constexpr int kIterations = 4;
-  const int n = window.size();
+std::vector<PairTransform> pairs_from(const Window& window, int host) {
   const SE3 T_map_host = window.keyframes[host].T_camera_map().inverse();
-  std::vector<PairTransform> pairs(n);
-  for (int t = 0; t < n; ++t) {
+  std::vector<PairTransform> pairs(window.size());
+  for (int t = 0; t < window.size(); ++t) {
     if (t == host) continue;
     pairs[t] = pair_transform(window.keyframes[t].T_camera_map() * T_map_host, window.keyframes[host].light(),
                               window.keyframes[t].light());
   }
+  return pairs;
+}
+
+std::optional<ActivePoint> try_activation(const Window& window, const Lens& lens, int host,
+                                          const std::vector<PairTransform>& pairs, const ImmaturePoint& point,
+                                          const WindowOptions& options, int min_good) {
+  constexpr int kIterations = 4;
+  const int n = window.size();
   std::vector<ResidualState> states(n, ResidualState::kOutside);
   std::vector<float> energies(n, 0.0F);
   const auto evaluate = [&](float rho) {
@@ -158,13 +167,18 @@ std::optional<ActivePoint> try_activation(const Window& window, const Lens& lens
   return active;
 }
 
+std::optional<ActivePoint> try_activation(const Window& window, const Lens& lens, int host, const ImmaturePoint& point,
+                                          const WindowOptions& options, int min_good) {
+  return try_activation(window, lens, host, pairs_from(window, host), point, options, min_good);
+}
+
 int activate_points(Window& window, const Lens& lens, const OdometryOptions& options, ActivationSpacing& spacing) {
   const int newest = window.size() - 1;
   std::size_t have = 0;
   for (const Keyframe& keyframe : window.keyframes) have += keyframe.points.size();
   adapt(spacing, static_cast<double>(have), options.window.active_points);
   const std::vector<Pair> pairs = make_pairs(window);
-  DistanceMap map = map_of_active_points(window, lens, pairs);
+  DistanceMap map = map_of_active_points(window, lens, pairs, spacing.pixels);
   int activated = 0;
   for (int h = 0; h < newest; ++h) {
     Keyframe& host = window.keyframes[h];
@@ -172,8 +186,9 @@ int activate_points(Window& window, const Lens& lens, const OdometryOptions& opt
     const std::vector<int> chosen =
         candidates(window, lens, pairs[h * window.size() + newest], h, options.tracing, spacing.pixels, map, remove);
     std::vector<std::optional<ActivePoint>> results(chosen.size());
+    const std::vector<PairTransform> from_host = pairs_from(window, h);
     tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
-      results[i] = try_activation(window, lens, h, host.immature[chosen[i]], options.window, 1);
+      results[i] = try_activation(window, lens, h, from_host, host.immature[chosen[i]], options.window, 1);
     });
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       remove[chosen[i]] = true;

@@ -22,5 +22,10 @@ int activate_points(Window& window, const Lens& lens, const OdometryOptions& opt
 /// keyframes ends with at least `min_good` good residuals.
 std::optional<ActivePoint> try_activation(const Window& window, const Lens& lens, int host, const ImmaturePoint& point,
                                           const WindowOptions& options, int min_good);
+/// The same for many points of one host, whose transforms to all keyframes (by slot) are made once.
+std::vector<PairTransform> pairs_from(const Window& window, int host);
+std::optional<ActivePoint> try_activation(const Window& window, const Lens& lens, int host,
+                                          const std::vector<PairTransform>& pairs, const ImmaturePoint& point,
+                                          const WindowOptions& options, int min_good);
 
 }  // namespace tileflight::odometry

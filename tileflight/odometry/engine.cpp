@@ -5,6 +5,8 @@
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/odometry/motion_hypotheses.h"
+#include "tileflight/odometry/relocalization.h"
+#include "tileflight/odometry/stage_clock.h"
 #include "tileflight/odometry/tracer.h"
 #include "tileflight/odometry/valid_region.h"
 
@@ -114,6 +116,7 @@ std::optional<SE3> Engine::known_pose(const InputFrame& frame) const {
 // ---- start ----
 
 void Engine::wait_for_start(InputFrame frame) {
+  const StageClock clock(processor_time_.start);
   const auto pyramid = pyramid_of(frame);
   waiting_.push_back(std::move(frame));
   const std::optional<Start> start = initializer_.add(pyramid, known_pose(waiting_.back()));
@@ -244,12 +247,17 @@ AlignmentResult Engine::best_alignment(const Pyramid& pyramid) const {
 }
 
 void Engine::track(const InputFrame& frame) {
-  const auto pyramid = pyramid_of(frame);
-  const AlignmentResult alignment = best_alignment(*pyramid);
+  const auto pyramid = timed(processor_time_.pictures, [&] { return pyramid_of(frame); });
+  AlignmentResult alignment = timed(processor_time_.tracking, [&] { return best_alignment(*pyramid); });
   if (!alignment.converged) {
-    on_failure(frame, alignment);
-    return;
+    const auto found = timed(processor_time_.tracking, [&] { return recover(*pyramid); });
+    if (!found) {
+      on_failure(frame, alignment);
+      return;
+    }
+    alignment = *found;
   }
+  recovery_.clear();
   const SE3 T_camera_map = alignment.state.T_target_reference * reference_.T_camera_map;
   const AffineLight light = composed(reference_.light, alignment.state.a, alignment.state.b);
   T_last_before_last_ = failures_ == 0 ? T_camera_map * T_last_map_.inverse() : SE3();
@@ -265,12 +273,31 @@ void Engine::track(const InputFrame& frame) {
     make_keyframe(frame, pyramid, T_camera_map, light);
   } else {
     record(frame, reference_, alignment.state.T_target_reference);
+    const StageClock clock(processor_time_.tracing);
     mapper_.trace(*pyramid, T_camera_map, light);
   }
 }
 
+/// On any keyframe of the window, which then becomes the reference.
+std::optional<AlignmentResult> Engine::recover(const Pyramid& pyramid) {
+  constexpr double kAcceptedRmse = 2.0;     // of the last picture's
+  if (failures_ == 0) return std::nullopt;  // one bad picture is often followed by a good one
+  if (recovery_.empty()) {
+    for (int slot = mapper_.window().size() - 1; slot >= 0; --slot) recovery_.push_back(reference_of(slot));
+  }
+  std::vector<TrackingReference> pixels;
+  for (const Reference& reference : recovery_) pixels.push_back(reference.pixels);
+  const double accepted = std::min(options_.tracking.lost_rmse, kAcceptedRmse * last_rmse_);
+  const std::optional<Relocalization> found = relocalize(lens_, pixels, pyramid, accepted, options_.tracking);
+  if (!found) return std::nullopt;
+  ++recoveries_;
+  reference_ = recovery_[found->keyframe];
+  return found->alignment;
+}
+
 void Engine::make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
                            const AffineLight& light) {
+  const StageClock clock(processor_time_.keyframes);
   const SE3 T_last_before_last = T_last_before_last_;
   mapper_.add_keyframe(source_of(frame, std::move(pyramid), T_camera_map, light));
   reference_ = reference_of(mapper_.window().size() - 1);
@@ -303,6 +330,8 @@ OdometryResult Engine::result() const {
   OdometryResult result;
   result.frames = frames_;
   result.frames_tracked = static_cast<std::int64_t>(tracked_.size());
+  result.processor_time = processor_time_;
+  result.recoveries = recoveries_;
   result.lost = lost_ || !started_;
   result.lost_reason = started_ ? lost_reason_ : (frames_ == 0 ? "no pictures" : initializer_.reason());
   if (!started_) return result;

@@ -69,6 +69,7 @@ class Engine {
 
   void track(const InputFrame& frame);
   AlignmentResult best_alignment(const Pyramid& pyramid) const;
+  std::optional<AlignmentResult> recover(const Pyramid& pyramid);
   void on_failure(const InputFrame& frame, const AlignmentResult& alignment);
   void record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference);
   void make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
@@ -99,6 +100,9 @@ class Engine {
   double last_rmse_ = 0.0;
   int failures_ = 0;
   std::vector<TrackedFrame> tracked_;
+  std::vector<Reference> recovery_;  ///< the window's keyframes as references, while pictures fail to align
+  std::int64_t recoveries_ = 0;
+  StageSeconds processor_time_;
 };
 
 }  // namespace tileflight::odometry

@@ -25,7 +25,7 @@ float corner_strength(const PyramidLevel& level, int x, int y) {
   float a = 0, b = 0, c = 0;
   for (int dy = -kReach; dy <= kReach; ++dy) {
     for (int dx = -kReach; dx <= kReach; ++dx) {
-      const Texel& t = level.at(x + dx, y + dy);
+      const Texel t = level.at(x + dx, y + dy);
       a += t[kGradX] * t[kGradX];
       b += t[kGradX] * t[kGradY];
       c += t[kGradY] * t[kGradY];
@@ -47,7 +47,7 @@ Corner best_corner(const PyramidLevel& level, const RayTable& rays, int x0, int 
   Corner best;
   for (int y = std::max(y0, kBorder); y < std::min(y0 + edge, level.height - kBorder); y += 2) {
     for (int x = std::max(x0, kBorder); x < std::min(x0 + edge, level.width - kBorder); x += 2) {
-      if (level.at(x, y)[kGradSquared] < 16.0F || rays.at(x, y).isZero(0)) continue;
+      if (level.gradient_squared(x, y) < 16.0F || rays.at(x, y).isZero(0)) continue;
       const float strength = corner_strength(level, x, y);
       if (strength > best.strength) best = {x, y, strength};
     }
@@ -96,6 +96,20 @@ bool make_template(const PyramidLevel& level, const Vector2f& center, Template& 
   return true;
 }
 
+/// The patch's intensities about a position: one pair of weights for all, since they are whole pixels apart.
+void sample_patch(const PyramidLevel& level, const Vector2f& center, std::array<float, kPixels>& value) {
+  const int ix = static_cast<int>(center.x()), iy = static_cast<int>(center.y());
+  const float dx = center.x() - static_cast<float>(ix), dy = center.y() - static_cast<float>(iy);
+  for (int v = 0; v < kSide; ++v) {
+    const float* top = level.row(iy + v - kRadius) + ix - kRadius;
+    const float* bottom = top + level.width;
+    for (int u = 0; u < kSide; ++u) {
+      const float above = top[u] + dx * (top[u + 1] - top[u]), below = bottom[u] + dx * (bottom[u + 1] - bottom[u]);
+      value[v * kSide + u] = above + dy * (below - above);
+    }
+  }
+}
+
 /// Aligns from `guess`; nullopt when it leaves the picture. `correlation`: normalised, of the last position.
 std::optional<Vector2f> align_patch(const Template& patch, const PyramidLevel& to, Vector2f position,
                                     float& correlation) {
@@ -103,10 +117,7 @@ std::optional<Vector2f> align_patch(const Template& patch, const PyramidLevel& t
   std::array<float, kPixels> value;
   for (int i = 0; i < kIterations; ++i) {
     if (!to.inside(position.x(), position.y(), kMargin_px)) return std::nullopt;
-    for (int k = 0; k < kPixels; ++k) {
-      value[k] = to.sample(position.x() + static_cast<float>(k % kSide - kRadius),
-                           position.y() + static_cast<float>(k / kSide - kRadius))[kIntensity];
-    }
+    sample_patch(to, position, value);
     const Moments m = moments(value);
     const float gain = patch.deviation / std::max(m.deviation, 0.1F);
     Vector2f b = Vector2f::Zero();

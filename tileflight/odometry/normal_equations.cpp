@@ -1,8 +1,14 @@
 #include "tileflight/odometry/normal_equations.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstdint>
+
+#include "tileflight/odometry/lanes.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -10,105 +16,189 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::size_t kChunk = 128;        ///< points a task
-constexpr double kMinInformation = 1e-10;  ///< of rho: below it a point says nothing
+constexpr std::size_t kChunk = 128;        ///< points a task; few enough that floats may add up
+constexpr float kMinInformation = 1e-10F;  ///< of rho: below it a point says nothing
 
-/// Sums of one pair in relative unknowns.
-struct PairSums {
-  Mat8 H = Mat8::Zero();
-  Vec8 b = Vec8::Zero();
+/// Lanes in a std::vector: the compiler's vector type itself is not always allocated as it must be aligned.
+struct alignas(sizeof(Lanes)) Row {
+  Lanes lanes{};
 };
 
-void add_residual(const Linearization& lin, PairSums& sums) {
-  using Mat6 = Eigen::Matrix<float, 6, 6>;
-  const auto& G = lin.pixel_by_pose;
-  const Eigen::Matrix<float, 2, 6> ggG = lin.sums.gg * G;
-  const Mat6 pose = G.transpose() * ggG;
-  const Eigen::Matrix<float, 6, 2> mixed = G.transpose() * lin.sums.gA;
-  const Eigen::Matrix<float, 6, 1> b = G.transpose() * lin.sums.gr;
-  sums.H.topLeftCorner<6, 6>() += pose.cast<double>();
-  sums.H.topRightCorner<6, 2>() += mixed.cast<double>();
-  sums.H.bottomRightCorner<2, 2>() += lin.sums.AA.cast<double>();
-  sums.b.head<6>() += b.cast<double>();
-  sums.b.tail<2>() += lin.sums.Ar.cast<double>();
+/// A residual in relative unknowns, one lane each. With x, y: the pixel's derivatives by pose (lanes 0 to 5), and p, q:
+/// sums of gradient times derivative by the light (lanes 6, 7), row i of its matrix is
+///   (gg_00 x_i + gg_01 y_i) x + (gg_01 x_i + gg_11 y_i) y + x_i p + y_i q.
+struct RelativeLanes {
+  Lanes x{}, y{}, p{}, q{};
+
+  explicit TILEFLIGHT_LANE_INLINE RelativeLanes(const Linearization& lin) {
+    for (int i = 0; i < 6; ++i) {
+      x[i] = lin.pixel_by_pose(0, i);
+      y[i] = lin.pixel_by_pose(1, i);
+    }
+    for (int i = 0; i < 2; ++i) {
+      p[6 + i] = lin.sums.gA(0, i);
+      q[6 + i] = lin.sums.gA(1, i);
+    }
+  }
+};
+
+/// Sums of one pair in relative unknowns; rows of which the right part counts (upper triangle).
+struct alignas(sizeof(Lanes)) PairSums {
+  std::array<Lanes, 8> H{};
+  Lanes b{};
+};
+
+TILEFLIGHT_LANE_INLINE void add_residual(const Linearization& lin, const RelativeLanes& r, PairSums& sums) {
+  const Eigen::Matrix2f& gg = lin.sums.gg;
+  for (int i = 0; i < 6; ++i) {
+    const float along_x = gg(0, 0) * r.x[i] + gg(0, 1) * r.y[i], along_y = gg(0, 1) * r.x[i] + gg(1, 1) * r.y[i];
+    sums.H[i] += along_x * r.x + along_y * r.y + r.x[i] * r.p + r.y[i] * r.q;
+  }
+  Lanes b = lin.sums.gr[0] * r.x + lin.sums.gr[1] * r.y;
+  for (int i = 0; i < 2; ++i) {
+    b[6 + i] = lin.sums.Ar[i];
+    for (int j = i; j < 2; ++j) sums.H[6 + i][6 + j] += lin.sums.AA(i, j);
+  }
+  sums.b += b;
 }
 
-/// Sums of some points: by pair, and what their elimination takes away.
+/// Of a residual: what couples its relative unknowns with rho.
+TILEFLIGHT_LANE_INLINE void rho_coupling(const Linearization& lin, const RelativeLanes& r, Lanes& coupling) {
+  const Eigen::Vector2f gg_rho = lin.sums.gg * lin.pixel_by_rho;
+  coupling = gg_rho[0] * r.x + gg_rho[1] * r.y + lin.pixel_by_rho[0] * r.p + lin.pixel_by_rho[1] * r.q;
+}
+
+/// A pair's relative_by_host by rows.
+struct alignas(sizeof(Lanes)) HostRows {
+  std::array<Lanes, 8> rows{};
+};
+
+HostRows host_rows(const Mat8& relative_by_host) {
+  HostRows out;
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 8; ++j) out.rows[i][j] = static_cast<float>(relative_by_host(i, j));
+  }
+  return out;
+}
+
+/// Sums of some points: by pair, and what their elimination takes away (rows of lanes, n a row; right of the diagonal
+/// block and in it).
 struct ChunkSums {
   std::vector<PairSums> pairs;
-  MatrixXd H_schur;  ///< upper triangle
-  VectorXd b_schur;
+  std::vector<Row> H_schur;
+  std::vector<Row> b_schur;
 };
+
+/// Windows are small: a point's coupling with all of it stays on the stack.
+constexpr int kMaxKeyframes = 32;
 
 class Builder {
  public:
   Builder(Window& window, const std::vector<Pair>& pairs, double rho_damping)
-      : window_(window), pairs_(pairs), n_(window.size()), damping_(1.0 + rho_damping) {}
+      : window_(window), pairs_(pairs), n_(window.size()), damping_(static_cast<float>(1.0 + rho_damping)) {
+    assert(n_ <= kMaxKeyframes);
+    for (const Pair& pair : pairs) rows_.push_back(host_rows(pair.relative_by_host));
+  }
 
   ChunkSums sum(const std::vector<PointRef>& points, std::size_t begin, std::size_t end) const {
-    ChunkSums sums{std::vector<PairSums>(pairs_.size()), MatrixXd::Zero(8 * n_, 8 * n_), VectorXd::Zero(8 * n_)};
-    for (std::size_t i = begin; i < end; ++i) add_point(points[i], sums);
+    const std::size_t n = n_;
+    ChunkSums sums{std::vector<PairSums>(pairs_.size()), std::vector<Row>(8 * n * n), std::vector<Row>(n)};
+    add_points(points, begin, end, sums);
     return sums;
   }
 
   NormalEquations assemble(const std::vector<ChunkSums>& chunks) const {
     NormalEquations system{MatrixXd::Zero(8 * n_, 8 * n_), VectorXd::Zero(8 * n_)};
-    std::vector<PairSums> total(pairs_.size());
+    std::vector<Mat8> H(pairs_.size(), Mat8::Zero());
+    std::vector<Vec8> b(pairs_.size(), Vec8::Zero());
     for (const ChunkSums& chunk : chunks) {
-      for (std::size_t p = 0; p < total.size(); ++p) {
-        total[p].H += chunk.pairs[p].H;
-        total[p].b += chunk.pairs[p].b;
+      for (std::size_t p = 0; p < H.size(); ++p) {
+        for (int i = 0; i < 8; ++i) {
+          for (int j = i; j < 8; ++j) H[p](i, j) += chunk.pairs[p].H[i][j];
+          b[p][i] += chunk.pairs[p].b[i];
+        }
       }
-      system.H -= chunk.H_schur;
-      system.b -= chunk.b_schur;
+      subtract_schur(chunk, system);
     }
     system.H.triangularView<Eigen::StrictlyLower>() = system.H.transpose();
     for (int host = 0; host < n_; ++host) {
       for (int target = 0; target < n_; ++target) {
-        if (host != target) add_pair(total[host * n_ + target], host, target, system);
+        if (host != target) add_pair(H[host * n_ + target], b[host * n_ + target], host, target, system);
       }
     }
     return system;
   }
 
  private:
-  void add_point(const PointRef& ref, ChunkSums& sums) const {
-    ActivePoint& point = window_.keyframes[ref.host].points[ref.index];
-    VectorXd coupling = VectorXd::Zero(8 * n_);
-    double H_rho_rho = 0, b_rho = 0;
-    for (const Observation& observation : point.observations) {
-      if (observation.state != ResidualState::kGood) continue;
-      const int p = ref.host * n_ + observation.target;
-      add_residual(observation.linearization, sums.pairs[p]);
-      const RelativeTerms terms = relative_terms(observation.linearization);
-      coupling.segment<8>(8 * observation.target) += terms.H_rho;
-      coupling.segment<8>(8 * ref.host).noalias() += pairs_[p].relative_by_host.transpose() * terms.H_rho;
-      H_rho_rho += terms.H_rho_rho;
-      b_rho += terms.b_rho;
+  void subtract_schur(const ChunkSums& chunk, NormalEquations& system) const {
+    for (int row = 0; row < 8 * n_; ++row) {
+      for (int column = row; column < 8 * n_; ++column) {
+        system.H(row, column) -= chunk.H_schur[static_cast<std::size_t>(row) * n_ + column / 8].lanes[column % 8];
+      }
+      system.b[row] -= chunk.b_schur[row / 8].lanes[row % 8];
     }
-    point.information = static_cast<float>(H_rho_rho);
-    if (H_rho_rho < kMinInformation) return;
-    const double inverse = 1.0 / (H_rho_rho * damping_);
-    sums.H_schur.selfadjointView<Eigen::Upper>().rankUpdate(coupling, inverse);
-    sums.b_schur += coupling * (inverse * b_rho);
   }
 
-  void add_pair(const PairSums& sums, int host, int target, NormalEquations& system) const {
-    const Mat8 H = sums.H.selfadjointView<Eigen::Upper>();
+  TILEFLIGHT_WIDE_VECTORS
+  void add_points(const std::vector<PointRef>& points, std::size_t begin, std::size_t end, ChunkSums& sums) const {
+    for (std::size_t i = begin; i < end; ++i) {
+      ActivePoint& point = window_.keyframes[points[i].host].points[points[i].index];
+      std::array<Lanes, kMaxKeyframes> coupling;
+      for (int k = 0; k < n_; ++k) coupling[k] = Lanes{};
+      float H_rho_rho = 0, b_rho = 0;
+      std::uint32_t touched = 0;
+      for (const Observation& observation : point.observations) {
+        if (observation.state != ResidualState::kGood) continue;
+        const Linearization& lin = observation.linearization;
+        const std::size_t p = static_cast<std::size_t>(points[i].host) * n_ + observation.target;
+        const RelativeLanes relative(lin);
+        add_residual(lin, relative, sums.pairs[p]);
+        Lanes by_rho;
+        rho_coupling(lin, relative, by_rho);
+        coupling[observation.target] += by_rho;
+        for (int k = 0; k < 8; ++k) coupling[points[i].host] += by_rho[k] * rows_[p].rows[k];
+        H_rho_rho += lin.pixel_by_rho.dot(lin.sums.gg * lin.pixel_by_rho);
+        b_rho += lin.pixel_by_rho.dot(lin.sums.gr);
+        touched |= (1U << observation.target) | (1U << points[i].host);
+      }
+      point.information = H_rho_rho;
+      if (H_rho_rho < kMinInformation) continue;
+      eliminate(coupling, touched, 1.0F / (H_rho_rho * damping_), b_rho, sums);
+    }
+  }
+
+  TILEFLIGHT_LANE_INLINE void eliminate(const std::array<Lanes, kMaxKeyframes>& coupling, std::uint32_t touched,
+                                        float inverse, float b_rho, ChunkSums& sums) const {
+    for (int i = 0; i < n_; ++i) {
+      if ((touched >> i & 1U) == 0) continue;
+      const Lanes scaled = inverse * coupling[i];
+      sums.b_schur[i].lanes += scaled * b_rho;
+      for (int j = i; j < n_; ++j) {
+        if ((touched >> j & 1U) == 0) continue;
+        for (int k = 0; k < 8; ++k) {
+          sums.H_schur[(8 * static_cast<std::size_t>(i) + k) * n_ + j].lanes += scaled[k] * coupling[j];
+        }
+      }
+    }
+  }
+
+  void add_pair(const Mat8& upper, const Vec8& b, int host, int target, NormalEquations& system) const {
+    const Mat8 H = upper.selfadjointView<Eigen::Upper>();
     const Mat8& M = pairs_[host * n_ + target].relative_by_host;
     const Mat8 HM = H * M;
     system.H.block<8, 8>(8 * target, 8 * target) += H;
     system.H.block<8, 8>(8 * target, 8 * host) += HM;
     system.H.block<8, 8>(8 * host, 8 * target) += HM.transpose();
     system.H.block<8, 8>(8 * host, 8 * host) += M.transpose() * HM;
-    system.b.segment<8>(8 * target) += sums.b;
-    system.b.segment<8>(8 * host) += M.transpose() * sums.b;
+    system.b.segment<8>(8 * target) += b;
+    system.b.segment<8>(8 * host) += M.transpose() * b;
   }
 
   Window& window_;
   const std::vector<Pair>& pairs_;
+  std::vector<HostRows> rows_;
   int n_;
-  double damping_;
+  float damping_;
 };
 
 }  // namespace
@@ -151,16 +241,6 @@ std::vector<Pair> make_pairs(const Window& window) {
   return pairs;
 }
 
-RelativeTerms relative_terms(const Linearization& lin) {
-  RelativeTerms terms;
-  const Eigen::Vector2f gg_rho = lin.sums.gg * lin.pixel_by_rho;
-  terms.H_rho.head<6>() = (lin.pixel_by_pose.transpose() * gg_rho).cast<double>();
-  terms.H_rho.tail<2>() = (lin.sums.gA.transpose() * lin.pixel_by_rho).cast<double>();
-  terms.H_rho_rho = lin.pixel_by_rho.dot(gg_rho);
-  terms.b_rho = lin.pixel_by_rho.dot(lin.sums.gr);
-  return terms;
-}
-
 std::vector<PointRef> all_points(const Window& window) {
   std::vector<PointRef> refs;
   for (int host = 0; host < window.size(); ++host) {
@@ -183,24 +263,31 @@ NormalEquations build_normal_equations(Window& window, const std::vector<Pair>& 
 void back_substitute(Window& window, const std::vector<Pair>& pairs, const std::vector<PointRef>& points,
                      const VectorXd& x, double rho_damping) {
   const int n = window.size();
-  std::vector<Vec8> relative_step(pairs.size(), Vec8::Zero());
+  std::vector<Row> relative_step(pairs.size());
   for (int h = 0; h < n; ++h) {
     for (int t = 0; t < n; ++t) {
       if (h == t) continue;
-      relative_step[h * n + t] = x.segment<8>(8 * t) + pairs[h * n + t].relative_by_host * x.segment<8>(8 * h);
+      const Vec8 step = x.segment<8>(8 * t) + pairs[h * n + t].relative_by_host * x.segment<8>(8 * h);
+      for (int i = 0; i < 8; ++i) relative_step[h * n + t].lanes[i] = static_cast<float>(step[i]);
     }
   }
-  for (const PointRef& ref : points) {
-    ActivePoint& point = window.keyframes[ref.host].points[ref.index];
-    double H = 0, b = 0;
-    for (const Observation& observation : point.observations) {
-      if (observation.state != ResidualState::kGood) continue;
-      const RelativeTerms terms = relative_terms(observation.linearization);
-      H += terms.H_rho_rho;
-      b += terms.b_rho + terms.H_rho.dot(relative_step[ref.host * n + observation.target]);
+  const auto damping = static_cast<float>(1.0 + rho_damping);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kChunk), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      ActivePoint& point = window.keyframes[points[i].host].points[points[i].index];
+      float H = 0, b = 0;
+      for (const Observation& observation : point.observations) {
+        if (observation.state != ResidualState::kGood) continue;
+        const Linearization& lin = observation.linearization;
+        Lanes coupling;
+        rho_coupling(lin, RelativeLanes(lin), coupling);
+        H += lin.pixel_by_rho.dot(lin.sums.gg * lin.pixel_by_rho);
+        b += lin.pixel_by_rho.dot(lin.sums.gr) +
+             lane_sum(coupling * relative_step[points[i].host * n + observation.target].lanes);
+      }
+      point.step = H < kMinInformation ? 0.0F : -b / (H * damping);
     }
-    point.step = H < kMinInformation ? 0.0F : static_cast<float>(-b / (H * (1.0 + rho_damping)));
-  }
+  });
 }
 
 VectorXd stacked_delta(const Window& window) {

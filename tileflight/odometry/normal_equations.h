@@ -25,14 +25,6 @@ std::vector<Pair> make_pairs(const Window& window);
 /// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
 Eigen::Matrix<double, 6, 6> adjoint(const SE3& T);
 
-/// Contribution of one residual in relative unknowns.
-struct RelativeTerms {
-  Vec8 H_rho = Vec8::Zero();  ///< between the relative unknowns and rho
-  double H_rho_rho = 0.0;
-  double b_rho = 0.0;
-};
-RelativeTerms relative_terms(const Linearization& linearization);
-
 /// H x = -b over the keyframes' unknowns, with the points eliminated (Schur complement).
 struct NormalEquations {
   Eigen::MatrixXd H;

@@ -14,6 +14,7 @@
 #include <cmath>
 #include <optional>
 
+#include "tileflight/odometry/lanes.h"
 #include "tileflight/odometry/pyramid.h"
 
 namespace tileflight::odometry {
@@ -23,6 +24,10 @@ inline constexpr int kPatternSize = 8;
 inline constexpr std::array<std::array<float, 2>, kPatternSize> kPattern{
     {{0, -2}, {-1, -1}, {1, -1}, {-2, 0}, {0, 0}, {2, 0}, {-1, 1}, {0, 2}}};
 inline constexpr float kPatternReach_px = 2.0F;
+/// The same by coordinate.
+inline constexpr Lanes kPatternX{0, -1, 1, -2, 0, 2, -1, 0};
+inline constexpr Lanes kPatternY{-2, -1, -1, 0, 0, 0, 1, 2};
+static_assert(kPatternSize == kLanes);
 
 struct Patch {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();                               ///< level 0 of the host

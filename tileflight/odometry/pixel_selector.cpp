@@ -1,5 +1,8 @@
 #include "tileflight/odometry/pixel_selector.h"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -24,13 +27,34 @@ struct Thresholds {
   }
 };
 
-float median_gradient(const PyramidLevel& level, int x0, int y0) {
+/// Squared gradients of one level; the outermost pixels have none.
+struct GradientMap {
+  int width = 0;
+  int height = 0;
+  std::vector<float> squared;
+
+  float at(int x, int y) const { return squared[static_cast<std::size_t>(y) * width + x]; }
+};
+
+GradientMap gradient_map(const PyramidLevel& level) {
+  constexpr int kRowsPerTask = 32;
+  GradientMap map{level.width, level.height, std::vector<float>(static_cast<std::size_t>(level.width) * level.height)};
+  tbb::parallel_for(tbb::blocked_range<int>(1, std::max(1, level.height - 1), kRowsPerTask), [&](const auto& range) {
+    for (int y = range.begin(); y < range.end(); ++y) {
+      float* out = map.squared.data() + static_cast<std::size_t>(y) * map.width;
+      for (int x = 1; x < level.width - 1; ++x) out[x] = level.gradient_squared(x, y);
+    }
+  });
+  return map;
+}
+
+float median_gradient(const GradientMap& level, int x0, int y0) {
   std::array<int, kHistogramBins> histogram{};
   int total = 0;
   const int x1 = std::min(x0 + kRegion, level.width - 1), y1 = std::min(y0 + kRegion, level.height - 1);
   for (int y = std::max(y0, 1); y < y1; ++y) {
     for (int x = std::max(x0, 1); x < x1; ++x, ++total) {
-      const int bin = static_cast<int>(std::sqrt(level.at(x, y)[kGradSquared]));
+      const int bin = static_cast<int>(std::sqrt(level.at(x, y)));
       ++histogram[std::min(bin, kHistogramBins - 1)];
     }
   }
@@ -39,7 +63,7 @@ float median_gradient(const PyramidLevel& level, int x0, int y0) {
   return static_cast<float>(bin);
 }
 
-Thresholds region_thresholds(const PyramidLevel& level, float min_gradient) {
+Thresholds region_thresholds(const GradientMap& level, float min_gradient) {
   Thresholds t;
   t.columns = std::max(1, level.width / kRegion);
   t.rows = std::max(1, level.height / kRegion);
@@ -70,12 +94,12 @@ Thresholds region_thresholds(const PyramidLevel& level, float min_gradient) {
 /// One pass over the picture with blocks of a given edge.
 class Selection {
  public:
-  Selection(const Pyramid& pyramid, const RayTable& rays, const Thresholds& thresholds, int border)
-      : pyramid_(pyramid), rays_(rays), thresholds_(thresholds), border_(border) {}
+  Selection(const std::vector<GradientMap>& scales, const RayTable& rays, const Thresholds& thresholds, int border)
+      : scales_(scales), rays_(rays), thresholds_(thresholds), border_(border) {}
 
   std::vector<SelectedPixel> run(int block) const {
-    const int w = pyramid_.levels[0].width, h = pyramid_.levels[0].height;
-    const int scales = std::min<int>(3, static_cast<int>(pyramid_.levels.size()));
+    const int w = scales_[0].width, h = scales_[0].height;
+    const int scales = static_cast<int>(scales_.size());
     std::vector<SelectedPixel> chosen;
     const int coarsest = block << (scales - 1);
     for (int y = 0; y < h; y += coarsest) {
@@ -98,16 +122,16 @@ class Selection {
   }
 
   bool best_of_block(int x0, int y0, int edge, int scale, std::vector<SelectedPixel>& chosen) const {
-    const PyramidLevel& level = pyramid_.levels[scale];
-    const int x1 = std::min(x0 + edge, pyramid_.levels[0].width - border_);
-    const int y1 = std::min(y0 + edge, pyramid_.levels[0].height - border_);
+    const GradientMap& level = scales_[scale];
+    const int x1 = std::min(x0 + edge, scales_[0].width - border_);
+    const int y1 = std::min(y0 + edge, scales_[0].height - border_);
     const float relax = std::pow(kScaleDownweight, static_cast<float>(2 * scale));
     SelectedPixel best{-1, -1, scale};
     float best_value = 0;
     for (int y = std::max(y0, border_); y < y1; ++y) {
       for (int x = std::max(x0, border_); x < x1; ++x) {
         const int lx = std::min(x >> scale, level.width - 1), ly = std::min(y >> scale, level.height - 1);
-        const float value = level.at(lx, ly)[kGradSquared];
+        const float value = level.at(lx, ly);
         if (value <= best_value || value <= thresholds_.at(x, y) * relax || rays_.at(x, y).isZero(0)) continue;
         best_value = value;
         best.x = x;
@@ -118,7 +142,7 @@ class Selection {
     return best.x >= 0;
   }
 
-  const Pyramid& pyramid_;
+  const std::vector<GradientMap>& scales_;
   const RayTable& rays_;
   const Thresholds& thresholds_;
   int border_;
@@ -137,9 +161,14 @@ std::vector<SelectedPixel> thinned(const std::vector<SelectedPixel>& pixels, int
 
 std::vector<SelectedPixel> select_pixels(const Pyramid& pyramid, const RayTable& rays, int wanted,
                                          const SelectionOptions& options) {
+  constexpr std::size_t kScales = 3;
   const PyramidLevel& level = pyramid.levels[0];
-  const Thresholds thresholds = region_thresholds(level, options.min_gradient);
-  const Selection selection(pyramid, rays, thresholds, options.border_px);
+  std::vector<GradientMap> scales;
+  for (std::size_t i = 0; i < std::min(kScales, pyramid.levels.size()); ++i) {
+    scales.push_back(gradient_map(pyramid.levels[i]));
+  }
+  const Thresholds thresholds = region_thresholds(scales[0], options.min_gradient);
+  const Selection selection(scales, rays, thresholds, options.border_px);
   int block = std::max(3, static_cast<int>(std::sqrt(static_cast<double>(level.width) * level.height / wanted) / 2));
   std::vector<SelectedPixel> pixels = selection.run(block);
   // The count goes with 1 / block^2 at most: aim a little high and thin out.

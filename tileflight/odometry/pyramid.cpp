@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace tileflight::odometry {
 namespace {
@@ -20,36 +21,18 @@ void for_rows(int height, const Row& row) {
   });
 }
 
-FloatImage halved(const FloatImage& image) {
-  FloatImage half(image.width / 2, image.height / 2);
+PyramidLevel halved(const PyramidLevel& level) {
+  PyramidLevel half{level.width / 2, level.height / 2, {}};
+  half.grey.resize(static_cast<std::size_t>(half.width) * half.height + PyramidLevel::kPadding);
   for_rows(half.height, [&](int y) {
-    const float* top = image.row(2 * y);
-    const float* bottom = image.row(2 * y + 1);
+    const float* top = level.row(2 * y);
+    const float* bottom = level.row(2 * y + 1);
     float* out = half.row(y);
     for (int x = 0; x < half.width; ++x) {
       out[x] = 0.25F * (top[2 * x] + top[2 * x + 1] + bottom[2 * x] + bottom[2 * x + 1]);
     }
   });
   return half;
-}
-
-/// Central differences; the outermost pixels have none.
-PyramidLevel with_gradients(const FloatImage& image) {
-  PyramidLevel level{image.width, image.height, std::vector<Texel>(image.pixels.size())};
-  for_rows(image.height, [&](int y) {
-    const bool edge_row = y == 0 || y == image.height - 1;
-    const float* here = image.row(y);
-    const float* above = image.row(edge_row ? y : y - 1);
-    const float* below = image.row(edge_row ? y : y + 1);
-    Texel* out = level.texels.data() + static_cast<std::size_t>(y) * image.width;
-    const auto write = [&](int x, float gx, float gy) { out[x] = Texel{here[x], gx, gy, gx * gx + gy * gy}; };
-    write(0, 0.0F, 0.0F);
-    for (int x = 1; x < image.width - 1; ++x) {
-      write(x, edge_row ? 0.0F : 0.5F * (here[x + 1] - here[x - 1]), 0.5F * (below[x] - above[x]));
-    }
-    write(image.width - 1, 0.0F, 0.0F);
-  });
-  return level;
 }
 
 /// G^-1 between whole grey values, linearly.
@@ -71,7 +54,11 @@ int pyramid_levels(int width, int height, const OdometryOptions& options) {
 }
 
 FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric) {
-  FloatImage out(image.width, image.height);
+  FloatImage out;
+  out.width = image.width;
+  out.height = image.height;
+  out.pixels.reserve(image.pixels.size() + PyramidLevel::kPadding);  // a pyramid takes it over without a copy
+  out.pixels.resize(image.pixels.size());
   for_rows(image.height, [&](int y) {
     const imaging::Rgb8* in = image.row(y);
     float* to = out.row(y);
@@ -88,13 +75,12 @@ FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricC
   return out;
 }
 
-Pyramid build_pyramid(const FloatImage& image, int levels) {
+Pyramid build_pyramid(FloatImage image, int levels) {
   Pyramid pyramid;
-  FloatImage current = image;
-  for (int l = 0; l < levels; ++l) {
-    if (l > 0) current = halved(current);
-    pyramid.levels.push_back(with_gradients(current));
-  }
+  pyramid.levels.reserve(levels);
+  image.pixels.resize(image.pixels.size() + PyramidLevel::kPadding);
+  pyramid.levels.push_back({image.width, image.height, std::move(image.pixels)});
+  for (int l = 1; l < levels; ++l) pyramid.levels.push_back(halved(pyramid.levels.back()));
   return pyramid;
 }
 

@@ -3,6 +3,7 @@
 // A picture at several sizes, with gradients: what every photometric residual reads.
 
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <vector>
 
@@ -17,25 +18,64 @@ namespace tileflight::odometry {
 using Texel = float __attribute__((vector_size(16)));
 enum TexelPart { kIntensity = 0, kGradX = 1, kGradY = 2, kGradSquared = 3 };
 
-/// One size of the picture. Texel (x, y) is texels[y * width + x]; its centre is at (x, y).
+/// One size of the picture: grey values only, gradients are made where they are read (few pixels are). Pixel (x, y) is
+/// grey[y * width + x]; its centre is at (x, y).
 struct PyramidLevel {
+  /// Behind the last pixel, so that four values can be read from any pixel that may be sampled.
+  static constexpr std::size_t kPadding = 4;
+
   int width = 0;
   int height = 0;
-  std::vector<Texel> texels;
+  std::vector<float> grey;  ///< with the padding
 
-  const Texel& at(int x, int y) const { return texels[static_cast<std::size_t>(y) * width + x]; }
+  const float* row(int y) const { return grey.data() + static_cast<std::size_t>(y) * width; }
+  float* row(int y) { return grey.data() + static_cast<std::size_t>(y) * width; }
+  float intensity(int x, int y) const { return row(y)[x]; }
+  /// Squared gradient; (x, y) must not be on the edge.
+  float gradient_squared(int x, int y) const {
+    const float* p = row(y) + x;
+    const float gx = 0.5F * (p[1] - p[-1]), gy = 0.5F * (p[width] - p[-width]);
+    return gx * gx + gy * gy;
+  }
+  /// A whole pixel; the outermost ones have no gradient.
+  Texel at(int x, int y) const {
+    const float* p = row(y) + x;
+    if (x == 0 || y == 0 || x == width - 1 || y == height - 1) return Texel{*p, 0.0F, 0.0F, 0.0F};
+    const float gx = 0.5F * (p[1] - p[-1]), gy = 0.5F * (p[width] - p[-width]);
+    return Texel{*p, gx, gy, gx * gx + gy * gy};
+  }
   /// Whether (x, y) is at least `margin` pixels inside the outermost pixel centres.
   bool inside(float x, float y, float margin) const {
     return x >= margin && y >= margin && x < static_cast<float>(width - 1) - margin &&
            y < static_cast<float>(height - 1) - margin;
   }
-  /// Bilinear; (x, y) must be inside(x, y, 0).
+  /// Bilinear interpolation of intensity and of the central differences (the fourth part is 0); (x, y) must be
+  /// inside(x, y, 1).
   Texel sample(float x, float y) const {
     const int ix = static_cast<int>(x), iy = static_cast<int>(y);
     const float dx = x - static_cast<float>(ix), dy = y - static_cast<float>(iy);
-    const Texel* p = texels.data() + static_cast<std::size_t>(iy) * width + ix;
-    const float dxy = dx * dy;
-    return p[0] * (1.0F - dx - dy + dxy) + p[1] * (dx - dxy) + p[width] * (dy - dxy) + p[width + 1] * dxy;
+    const float* p = row(iy) + ix - 1;
+    const Texel above = four(p - width), top = four(p), bottom = four(p + width), below = four(p + 2 * width);
+    const Texel here = top + dy * (bottom - top);  // at columns ix - 1 ... ix + 2
+    const Texel down = (bottom - above) + dy * ((below - top) - (bottom - above));
+    const float left = here[2] - here[0], right = here[3] - here[1];
+    return Texel{here[1] + dx * (here[2] - here[1]), 0.5F * (left + dx * (right - left)),
+                 0.5F * (down[1] + dx * (down[2] - down[1])), 0.0F};
+  }
+  /// Bilinear; (x, y) must be inside(x, y, 0).
+  float sample_intensity(float x, float y) const {
+    const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+    const float dx = x - static_cast<float>(ix), dy = y - static_cast<float>(iy);
+    const float* p = row(iy) + ix;
+    const float top = p[0] + dx * (p[1] - p[0]), bottom = p[width] + dx * (p[width + 1] - p[width]);
+    return top + dy * (bottom - top);
+  }
+
+ private:
+  static Texel four(const float* p) {
+    Texel out;
+    std::memcpy(&out, p, sizeof(out));
+    return out;
   }
 };
 
@@ -51,7 +91,7 @@ int pyramid_levels(int width, int height, const OdometryOptions& options);
 /// given (section 2.1, eq. 2 and 3, of the paper).
 imaging::FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric);
 
-Pyramid build_pyramid(const imaging::FloatImage& image, int levels);
+Pyramid build_pyramid(imaging::FloatImage image, int levels);
 
 /// Unit ray of each pixel of a level; zero where the lens model does not hold.
 struct RayTable {

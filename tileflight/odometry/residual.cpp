@@ -1,5 +1,7 @@
 #include "tileflight/odometry/residual.h"
 
+#include "tileflight/odometry/lanes.h"
+
 namespace tileflight::odometry {
 namespace {
 
@@ -14,8 +16,26 @@ bool linearize_geometry(const Lens& lens, const Patch& patch, float rho, const R
   return true;
 }
 
+/// The target under the pattern's eight pixels.
+struct PatternLanes {
+  Lanes grey, gx, gy;
+};
+
+TILEFLIGHT_LANE_INLINE void sample_pattern(const PyramidLevel& target, const WarpedPatch& warped, PatternLanes& out) {
+  const Eigen::Matrix2f& A = warped.pixel_by_host_pixel;
+  const Lanes u = warped.pixel.x() + A(0, 0) * kPatternX + A(0, 1) * kPatternY;
+  const Lanes v = warped.pixel.y() + A(1, 0) * kPatternX + A(1, 1) * kPatternY;
+  for (int k = 0; k < kPatternSize; ++k) {
+    const Texel texel = target.sample(u[k], v[k]);
+    out.grey[k] = texel[kIntensity];
+    out.gx[k] = texel[kGradX];
+    out.gy[k] = texel[kGradY];
+  }
+}
+
 }  // namespace
 
+TILEFLIGHT_WIDE_VECTORS
 ResidualValue evaluate_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
                                 const ResidualFrame& frame, float huber, Linearization* linearization) {
   ResidualValue value;
@@ -24,46 +44,48 @@ ResidualValue evaluate_residual(const Lens& lens, const PyramidLevel& target, co
     return value;
   }
   if (linearization != nullptr && !linearize_geometry(lens, patch, rho, frame, *linearization)) return value;
-  PatternSums sums;
-  for (int k = 0; k < kPatternSize; ++k) {
-    const Eigen::Vector2f p = pattern_pixel(warped, k);
-    const Texel texel = target.sample(p.x(), p.y());
-    const float residual = texel[kIntensity] - (frame.current.gain * patch.intensity[k] + frame.current.offset);
-    const float robust = huber_weight(residual, huber);
-    const float w = patch.weight[k] * robust;
-    value.energy += w * residual * residual * (2.0F - robust);
-    if (linearization == nullptr) continue;
-    const Eigen::Vector2f g(texel[kGradX], texel[kGradY]);
-    const Eigen::Vector2f A(-frame.gain_linear * (patch.intensity[k] - frame.host_b_linear), -1.0F);
-    const Eigen::Vector2f wg = w * g;
-    sums.gg += wg * g.transpose();
-    sums.gA += wg * A.transpose();
-    sums.AA += (w * A) * A.transpose();
-    sums.gr += wg * residual;
-    sums.Ar += A * (w * residual);
-  }
-  if (linearization != nullptr) linearization->sums = sums;
+  PatternLanes lanes;
+  sample_pattern(target, warped, lanes);
+  Lanes host, weight, robust;
+  load_lanes(patch.intensity.data(), host);
+  load_lanes(patch.weight.data(), weight);
+  const Lanes residual = lanes.grey - (frame.current.gain * host + frame.current.offset);
+  huber_weights(residual, huber, robust);
+  const Lanes w = weight * robust;
+  value.energy = lane_sum(w * residual * residual * (2.0F - robust));
   value.state = ResidualState::kGood;
+  if (linearization == nullptr) return value;
+  const Lanes A = -frame.gain_linear * (host - frame.host_b_linear);
+  const Lanes wx = w * lanes.gx, wy = w * lanes.gy, wA = w * A;
+  PatternSums& sums = linearization->sums;
+  const float xy = lane_sum(wx * lanes.gy), A_one = -lane_sum(wA);
+  sums.gg << lane_sum(wx * lanes.gx), xy, xy, lane_sum(wy * lanes.gy);
+  sums.gA << lane_sum(wx * A), -lane_sum(wx), lane_sum(wy * A), -lane_sum(wy);
+  sums.AA << lane_sum(wA * A), A_one, A_one, lane_sum(w);
+  sums.gr << lane_sum(wx * residual), lane_sum(wy * residual);
+  sums.Ar << lane_sum(wA * residual), -lane_sum(w * residual);
   return value;
 }
 
+TILEFLIGHT_WIDE_VECTORS
 RhoLinearization evaluate_rho(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
                               const PairTransform& pair, float huber) {
   RhoLinearization out;
   WarpedPatch warped;
   if (!warp_patch(lens, patch, pair.R, pair.t, rho, warped) || !pattern_inside(target, warped)) return out;
   const Eigen::Vector2f pixel_by_rho = warped.pixel_by_X * pair.t;
-  for (int k = 0; k < kPatternSize; ++k) {
-    const Eigen::Vector2f p = pattern_pixel(warped, k);
-    const Texel texel = target.sample(p.x(), p.y());
-    const float residual = texel[kIntensity] - (pair.gain * patch.intensity[k] + pair.offset);
-    const float robust = huber_weight(residual, huber);
-    const float w = patch.weight[k] * robust;
-    const float J = texel[kGradX] * pixel_by_rho.x() + texel[kGradY] * pixel_by_rho.y();
-    out.energy += w * residual * residual * (2.0F - robust);
-    out.H += w * J * J;
-    out.b += w * J * residual;
-  }
+  PatternLanes lanes;
+  sample_pattern(target, warped, lanes);
+  Lanes host, weight, robust;
+  load_lanes(patch.intensity.data(), host);
+  load_lanes(patch.weight.data(), weight);
+  const Lanes residual = lanes.grey - (pair.gain * host + pair.offset);
+  huber_weights(residual, huber, robust);
+  const Lanes w = weight * robust;
+  const Lanes J = lanes.gx * pixel_by_rho.x() + lanes.gy * pixel_by_rho.y();
+  out.energy = lane_sum(w * residual * residual * (2.0F - robust));
+  out.H = lane_sum(w * J * J);
+  out.b = lane_sum(w * J * residual);
   out.state = ResidualState::kGood;
   return out;
 }

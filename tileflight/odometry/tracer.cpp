@@ -54,17 +54,25 @@ struct Search {
   EpipolarCurve curve;
   Eigen::Matrix2f pattern_warp;
 
+  /// Position of the pattern's pixels about a centre.
+  TILEFLIGHT_LANE_INLINE void place(const Vector2f& center, Lanes& u, Lanes& v) const {
+    u = center.x() + pattern_warp(0, 0) * kPatternX + pattern_warp(0, 1) * kPatternY;
+    v = center.y() + pattern_warp(1, 0) * kPatternX + pattern_warp(1, 1) * kPatternY;
+  }
+  /// The host's grey values as the target shows them.
+  TILEFLIGHT_LANE_INLINE void expected(Lanes& grey) const {
+    load_lanes(point.patch.intensity.data(), grey);
+    grey = pair.gain * grey + pair.offset;
+  }
   /// Sum of weighted Huber energies of the pattern at a pixel.
   float energy(const Vector2f& center) const {
-    float sum = 0;
-    for (int k = 0; k < kPatternSize; ++k) {
-      const Vector2f p = center + pattern_warp * Vector2f(kPattern[k][0], kPattern[k][1]);
-      const Texel texel = target.sample(p.x(), p.y());
-      const float r = texel[kIntensity] - (pair.gain * point.patch.intensity[k] + pair.offset);
-      const float w = huber_weight(r, huber);
-      sum += w * r * r * (2.0F - w);
-    }
-    return sum;
+    Lanes u, v, grey, host, w;
+    place(center, u, v);
+    for (int k = 0; k < kPatternSize; ++k) grey[k] = target.sample_intensity(u[k], v[k]);
+    expected(host);
+    const Lanes r = grey - host;
+    huber_weights(r, huber, w);
+    return lane_sum(w * r * r * (2.0F - w));
   }
   bool inside(const Vector2f& center) const {
     const float reach_x = kPatternReach_px * pattern_warp.row(0).cwiseAbs().maxCoeff() + 1.0F;
@@ -153,17 +161,18 @@ void refine(const Search& search, Match& match) {
     Vector2f pixel, direction;
     const float speed = pixels_per_radian(search, phi, pixel, direction);
     if (speed <= 0 || !search.inside(pixel)) return;
-    float H = 1e-6F, b = 0, energy = 0;
+    Lanes u, v, grey, J, host, w;
+    search.place(pixel, u, v);
     for (int k = 0; k < kPatternSize; ++k) {
-      const Vector2f p = pixel + search.pattern_warp * Vector2f(kPattern[k][0], kPattern[k][1]);
-      const Texel texel = search.target.sample(p.x(), p.y());
-      const float r = texel[kIntensity] - (search.pair.gain * search.point.patch.intensity[k] + search.pair.offset);
-      const float J = texel[kGradX] * direction.x() + texel[kGradY] * direction.y();
-      const float w = huber_weight(r, search.huber);
-      energy += w * r * r * (2.0F - w);
-      H += w * J * J;
-      b += w * J * r;
+      const Texel texel = search.target.sample(u[k], v[k]);
+      grey[k] = texel[kIntensity];
+      J[k] = texel[kGradX] * direction.x() + texel[kGradY] * direction.y();
     }
+    search.expected(host);
+    const Lanes r = grey - host;
+    huber_weights(r, search.huber, w);
+    const float energy = lane_sum(w * r * r * (2.0F - w));
+    const float H = 1e-6F + lane_sum(w * J * J), b = lane_sum(w * J * r);
     if (energy <= match.energy) {
       match.energy = energy;
       match.phi = phi;
@@ -172,6 +181,22 @@ void refine(const Search& search, Match& match) {
     phi += step_px / speed;
     if (std::abs(step_px) < 0.02F) break;
   }
+}
+
+/// Whether the interval of a point is so short in the target, and well inside it, that a search would say nothing new.
+bool is_known_already(const Lens& lens, const PyramidLevel& target, const Vector3f& start, const Vector3f& t,
+                      double slack_px, ImmaturePoint& point) {
+  constexpr float kMargin_px = 8.0F;
+  if (!point.has_depth()) return false;
+  Vector2f nearest, farthest;
+  const bool seen = lens.project<float>(start + point.rho_max * t, nearest) &&
+                    lens.project<float>(start + point.rho_min * t, farthest) &&
+                    target.inside(nearest.x(), nearest.y(), kMargin_px) &&
+                    target.inside(farthest.x(), farthest.y(), kMargin_px);
+  const float length_px = seen ? (nearest - farthest).norm() : 0.0F;
+  if (!seen || length_px >= slack_px) return false;
+  point.interval_px = length_px;
+  return true;
 }
 
 /// Standard error of the match along the curve, pixels: grows where gradients run across it ("geometric disparity
@@ -194,6 +219,10 @@ void trace_point(const Lens& lens, const PyramidLevel& target, const PairTransfo
   constexpr int kMaxFailures = 2;
   if (point.failures >= kMaxFailures) return;
   const Vector3f start = pair.R * point.patch.ray;
+  if (is_known_already(lens, target, start, pair.t, options.slack_px, point)) {
+    point.status = Status::kSkipped;
+    return;
+  }
   Search search{lens, target, pair, point, huber, EpipolarCurve(start, pair.t), Eigen::Matrix2f::Identity()};
   const auto finish = [&](Status status) {
     point.status = status;

@@ -1,14 +1,16 @@
 #include "tileflight/odometry/tracker.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "tileflight/odometry/lens_lanes.h"
 #include "tileflight/odometry/patch.h"
-#include "tileflight/odometry/residual.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -16,16 +18,7 @@ namespace {
 using geometry::SE3;
 using Vec8 = Eigen::Matrix<double, 8, 1>;
 using Mat8 = Eigen::Matrix<double, 8, 8>;
-using Lanes = float __attribute__((vector_size(32)));
 
-// The same sums with instructions of twice the width where the processor has them; lanes add up in the same order.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
-#define TILEFLIGHT_WIDE_VECTORS __attribute__((target_clones("avx2", "default")))
-#else
-#define TILEFLIGHT_WIDE_VECTORS
-#endif
-
-constexpr int kLanes = 8;
 constexpr std::size_t kChunk = 512;  ///< pixels a task; fixed, so that sums do not depend on the number of threads
 constexpr int kUnknowns = 8;
 constexpr int kRows = kUnknowns + 1;                               ///< with the residual
@@ -47,10 +40,20 @@ struct Sums {
   double rmse() const { return inside > 0 ? std::sqrt(energy / inside) : std::numeric_limits<double>::infinity(); }
 };
 
-/// Rows of (J, r) of a chunk of pixels, lanes first.
+/// Rows of (J, r) of a chunk of pixels; pixels that do not count have weight 0.
 struct Rows {
   alignas(32) std::array<std::array<float, kChunk>, kRows> values;
   alignas(32) std::array<float, kChunk> weight;
+};
+
+/// What a chunk's pixels have in common.
+struct ChunkState {
+  std::array<std::array<float, 3>, 3> R;
+  std::array<float, 3> t;
+  float gain = 1.0F;
+  float offset = 0.0F;
+  float cutoff = 0.0F;
+  float huber = 0.0F;
 };
 
 struct Level {
@@ -62,14 +65,17 @@ struct Level {
 
 /// Row I of (J, r)^T w (J, r) over `blocks` blocks of lanes.
 template <int I>
-inline void accumulate_row(const Rows& rows, std::size_t blocks, Sums& sums) {
+TILEFLIGHT_LANE_INLINE void accumulate_row(const Rows& rows, std::size_t blocks, Sums& sums) {
   constexpr int kColumns = kRows - I;
-  const auto* weight = reinterpret_cast<const Lanes*>(rows.weight.data());
   std::array<Lanes, kColumns> sum{};
   for (std::size_t k = 0; k < blocks; ++k) {
-    const Lanes weighted = weight[k] * reinterpret_cast<const Lanes*>(rows.values[I].data())[k];
+    Lanes weighted, value, weight;
+    load_lanes(rows.weight.data() + k * kLanes, weight);
+    load_lanes(rows.values[I].data() + k * kLanes, value);
+    weighted = weight * value;
     for (int j = 0; j < kColumns; ++j) {
-      sum[j] += weighted * reinterpret_cast<const Lanes*>(rows.values[I + j].data())[k];
+      load_lanes(rows.values[I + j].data() + k * kLanes, value);
+      sum[j] += weighted * value;
     }
   }
   for (int j = 0; j < kColumns; ++j) {
@@ -79,9 +85,76 @@ inline void accumulate_row(const Rows& rows, std::size_t blocks, Sums& sums) {
   }
 }
 
-/// (J, r)^T w (J, r) of `blocks` blocks of rows.
+/// Residuals and Jacobians of eight pixels from `first` on, into the rows' block.
+TILEFLIGHT_LANE_INLINE void evaluate_block(const Level& level, const LensLanes& lens, const ChunkState& state,
+                                           std::size_t first, std::size_t block, Rows& rows, Lanes& energy,
+                                           LaneMask& inside_count, LaneMask& saturated_count) {
+  constexpr float kMargin_px = 2.0F;
+  const ReferenceLevel& reference = level.reference;
+  std::array<Lanes, 3> ray, X;
+  Lanes rho, host;
+  for (int d = 0; d < 3; ++d) load_lanes(reference.ray[d].data() + first, ray[d]);
+  load_lanes(reference.rho.data() + first, rho);
+  load_lanes(reference.intensity.data() + first, host);
+  for (int d = 0; d < 3; ++d) {
+    X[d] = state.R[d][0] * ray[0] + state.R[d][1] * ray[1] + state.R[d][2] * ray[2] + rho * state.t[d];
+  }
+  LanePixels pixel;
+  lens.project(X, pixel);
+  const PyramidLevel& target = level.target;
+  const LaneMask inside = pixel.valid & (pixel.u >= kMargin_px) & (pixel.v >= kMargin_px) &
+                          (pixel.u < static_cast<float>(target.width - 1) - kMargin_px) &
+                          (pixel.v < static_cast<float>(target.height - 1) - kMargin_px);
+  const std::size_t left = reference.size() - first;
+  Lanes grey{}, gx{}, gy{};
+  LaneMask counts{};
+  for (std::size_t i = 0; i < std::min<std::size_t>(kLanes, left); ++i) {
+    if (!inside[i]) continue;
+    const Texel texel = target.sample(pixel.u[i], pixel.v[i]);
+    grey[i] = texel[kIntensity];
+    gx[i] = texel[kGradX];
+    gy[i] = texel[kGradY];
+    counts[i] = -1;
+  }
+  const Lanes zero{}, predicted = state.gain * host, r = grey - predicted - state.offset;
+  Lanes size, robust;
+  magnitude(r, size);
+  huber_weights(r, state.huber, robust);
+  const LaneMask saturated = counts & (size > state.cutoff), good = counts & ~saturated;
+  const float saturated_energy = state.huber * (2.0F * state.cutoff - state.huber);
+  energy += good ? robust * r * r * (2.0F - robust) : (saturated ? zero + saturated_energy : zero);
+  inside_count -= counts;
+  saturated_count -= saturated;
+  std::array<Lanes, 3> by_X;
+  for (int d = 0; d < 3; ++d) by_X[d] = pixel.u_by[d] * gx + pixel.v_by[d] * gy;
+  const auto put = [&](int row, const Lanes& value) __attribute__((always_inline)) {
+    store_lanes(good ? value : zero, rows.values[row].data() + block * kLanes);
+  };
+  for (int d = 0; d < 3; ++d) put(d, rho * by_X[d]);
+  put(3, X[1] * by_X[2] - X[2] * by_X[1]);
+  put(4, X[2] * by_X[0] - X[0] * by_X[2]);
+  put(5, X[0] * by_X[1] - X[1] * by_X[0]);
+  put(6, -predicted);
+  put(7, zero - 1.0F);
+  put(8, r);
+  store_lanes(good ? robust : zero, rows.weight.data() + block * kLanes);
+}
+
 TILEFLIGHT_WIDE_VECTORS
-void accumulate(const Rows& rows, std::size_t blocks, Sums& sums) {
+void evaluate_chunk(const Level& level, const ChunkState& state, std::size_t begin, std::size_t end, Sums& sums) {
+  Rows rows;
+  const LensLanes lens(level.lens);
+  const std::size_t blocks = (end - begin + kLanes - 1) / kLanes;
+  Lanes energy{};
+  LaneMask inside{}, saturated{};
+  for (std::size_t k = 0; k < blocks; ++k) {
+    evaluate_block(level, lens, state, begin + k * kLanes, k, rows, energy, inside, saturated);
+  }
+  sums.energy = lane_sum(energy);
+  for (int i = 0; i < kLanes; ++i) {
+    sums.inside += inside[i];
+    sums.saturated += saturated[i];
+  }
   accumulate_row<0>(rows, blocks, sums);
   accumulate_row<1>(rows, blocks, sums);
   accumulate_row<2>(rows, blocks, sums);
@@ -93,63 +166,40 @@ void accumulate(const Rows& rows, std::size_t blocks, Sums& sums) {
   accumulate_row<8>(rows, blocks, sums);
 }
 
-Sums evaluate_chunk(const Level& level, const AlignmentState& state, float cutoff, float huber, std::size_t begin,
-                    std::size_t end) {
-  const Eigen::Matrix3f R = state.T_target_reference.rotation.toRotationMatrix().cast<float>();
-  const Eigen::Vector3f t = state.T_target_reference.translation.cast<float>();
-  const auto gain = static_cast<float>(std::exp(state.a)), offset = static_cast<float>(state.b);
-  const float saturated_energy = huber * (2.0F * cutoff - huber);
-  Sums sums;
-  Rows rows;
-  std::size_t count = 0;
-  float energy = 0;
-  Eigen::Vector2f pixel;
-  Eigen::Matrix<float, 2, 3> pixel_by_X;
-  for (std::size_t i = begin; i < end; ++i) {
-    const float rho = level.reference.rho[i];
-    const Eigen::Vector3f X = R * level.reference.rays[i] + rho * t;
-    if (!level.lens.project<float>(X, pixel, pixel_by_X)) continue;
-    if (!level.target.inside(pixel.x(), pixel.y(), 2.0F)) continue;
-    const Texel texel = level.target.sample(pixel.x(), pixel.y());
-    const float predicted = gain * level.reference.intensity[i];
-    const float r = texel[kIntensity] - predicted - offset;
-    ++sums.inside;
-    if (std::abs(r) > cutoff) {
-      energy += saturated_energy;
-      ++sums.saturated;
-      continue;
-    }
-    const float w = huber_weight(r, huber);
-    energy += w * r * r * (2.0F - w);
-    const Eigen::Vector3f by_X = pixel_by_X.transpose() * Eigen::Vector2f(texel[kGradX], texel[kGradY]);
-    const Eigen::Vector3f by_rotation = X.cross(by_X);
-    for (int d = 0; d < 3; ++d) {
-      rows.values[d][count] = rho * by_X[d];
-      rows.values[d + 3][count] = by_rotation[d];
-    }
-    rows.values[6][count] = -predicted;
-    rows.values[7][count] = -1.0F;
-    rows.values[8][count] = r;
-    rows.weight[count] = w;
-    ++count;
+ChunkState chunk_state(const AlignmentState& state, float cutoff, float huber) {
+  ChunkState out;
+  const geometry::Mat3 R = state.T_target_reference.rotation.toRotationMatrix();
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) out.R[i][j] = static_cast<float>(R(i, j));
+    out.t[i] = static_cast<float>(state.T_target_reference.translation[i]);
   }
-  sums.energy = energy;
-  const std::size_t padded = (count + kLanes - 1) / kLanes * kLanes;
-  for (std::size_t i = count; i < padded; ++i) {
-    rows.weight[i] = 0;
-    for (auto& row : rows.values) row[i] = 0;
-  }
-  accumulate(rows, padded / kLanes, sums);
-  return sums;
+  out.gain = static_cast<float>(std::exp(state.a));
+  out.offset = static_cast<float>(state.b);
+  out.cutoff = cutoff;
+  out.huber = huber;
+  return out;
 }
 
 Sums evaluate(const Level& level, const AlignmentState& state, float cutoff, float huber) {
+  // A task is worth its handing over from some thousand pixels on.
+  constexpr std::size_t kChunksPerTask = 6;
   const std::size_t n = level.reference.size();
   const std::size_t chunks = (n + kChunk - 1) / kChunk;
+  const ChunkState common = chunk_state(state, cutoff, huber);
   std::vector<Sums> parts(chunks);
-  tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
-    parts[c] = evaluate_chunk(level, state, cutoff, huber, c * kChunk, std::min(n, (c + 1) * kChunk));
-  });
+  const auto run = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin; c < end; ++c) {
+      evaluate_chunk(level, common, c * kChunk, std::min(n, (c + 1) * kChunk), parts[c]);
+    }
+  };
+  if (chunks <= kChunksPerTask) {
+    run(0, chunks);
+  } else {
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, chunks, kChunksPerTask),
+        [&](const tbb::blocked_range<std::size_t>& range) { run(range.begin(), range.end()); },
+        tbb::simple_partitioner());
+  }
   Sums total;
   for (const Sums& part : parts) total.add(part);
   return total;
@@ -272,16 +322,29 @@ ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, 
       if (depth.weight[i] <= 0 || rays.at(x, y).isZero(0)) continue;
       ++seen;
       if (seen * kept / filled == (seen - 1) * kept / filled) continue;  // every filled/kept-th
-      level.pixels.emplace_back(x, y);
-      level.rays.push_back(rays.at(x, y));
-      level.rho.push_back(depth.weighted_rho[i] / depth.weight[i]);
-      level.intensity.push_back(picture.at(x, y)[kIntensity]);
+      level.add(Eigen::Vector2f(x, y), rays.at(x, y), depth.weighted_rho[i] / depth.weight[i], picture.intensity(x, y));
     }
   }
+  level.fill_up();
   return level;
 }
 
 }  // namespace
+
+void ReferenceLevel::add(const Eigen::Vector2f& pixel, const Eigen::Vector3f& unit_ray, float inverse_distance,
+                         float grey) {
+  pixels.push_back(pixel);
+  for (int d = 0; d < 3; ++d) ray[d].push_back(unit_ray[d]);
+  rho.push_back(inverse_distance);
+  intensity.push_back(grey);
+}
+
+void ReferenceLevel::fill_up() {
+  const std::size_t filled = (size() + kLanes - 1) / kLanes * kLanes;
+  for (int d = 0; d < 3; ++d) ray[d].resize(filled, d == 2 ? 1.0F : 0.0F);
+  rho.resize(filled, 0.0F);
+  intensity.resize(filled, 0.0F);
+}
 
 TrackingReference make_reference(const LensPyramid& lens, const Pyramid& keyframe,
                                  const std::vector<ReferencePoint>& points) {
@@ -305,18 +368,18 @@ TrackingReference make_reference(const LensPyramid& lens, const Pyramid& keyfram
 
 AlignmentResult align(const LensPyramid& lens, const TrackingReference& reference, const Pyramid& target,
                       const AlignmentState& start, const TrackingOptions& options,
-                      const std::vector<double>& give_up_rmse) {
+                      const std::vector<double>& give_up_rmse, int finest_level) {
   AlignmentResult result;
   result.state = start;
   const int levels = static_cast<int>(reference.levels.size());
   result.rmse.assign(levels, std::numeric_limits<double>::infinity());
-  for (int l = levels - 1; l >= 0; --l) {
+  for (int l = levels - 1; l >= finest_level; --l) {
     const Level level{lens.lenses[l], reference.levels[l], target.levels[l], l == 0};
     const LevelOutcome outcome = align_level(level, result.state, kIterations[std::min(l, 5)], options);
     result.state = outcome.state;
     result.rmse[l] = outcome.sums.rmse();
     if (!give_up_rmse.empty() && result.rmse[l] > give_up_rmse[l]) return result;
-    if (l > 0) continue;
+    if (l > finest_level) continue;
     result.inside_share = static_cast<double>(outcome.sums.inside) / std::max<std::size_t>(1, level.reference.size());
     result.saturated_share = static_cast<double>(outcome.sums.saturated) / std::max(1, outcome.sums.inside);
     result.information = normal_matrix(outcome.sums);
@@ -337,8 +400,8 @@ OpticalFlow optical_flow(const LensPyramid& lens, const TrackingReference& refer
   for (std::size_t i = 0; i < level.size(); i += kStride) {
     Eigen::Vector2f shifted, moved_pixel;
     const Eigen::Vector3f shift = level.rho[i] * t;
-    if (!lens.lenses[0].project<float>(level.rays[i] + shift, shifted)) continue;
-    if (!lens.lenses[0].project<float>(R * level.rays[i] + shift, moved_pixel)) continue;
+    if (!lens.lenses[0].project<float>(level.ray_of(i) + shift, shifted)) continue;
+    if (!lens.lenses[0].project<float>(R * level.ray_of(i) + shift, moved_pixel)) continue;
     translation += (shifted - level.pixels[i]).squaredNorm();
     full += (moved_pixel - level.pixels[i]).squaredNorm();
     ++count;

@@ -3,6 +3,7 @@
 // Direct image alignment of a new picture to a keyframe: section 3.1, step 1 of the paper. Eight unknowns (pose,
 // light), coarse to fine.
 
+#include <array>
 #include <limits>
 #include <vector>
 
@@ -19,14 +20,17 @@ struct ReferencePoint {
   float weight = 1.0F;    ///< information of rho, for averaging on coarser levels
 };
 
-/// The pixels of one level that are aligned, as arrays.
+/// The pixels of one level that are aligned, as arrays; filled up with pixels of no meaning to whole vectors of lanes.
 struct ReferenceLevel {
-  std::vector<Eigen::Vector2f> pixels;
-  std::vector<Eigen::Vector3f> rays;
+  std::vector<Eigen::Vector2f> pixels;    ///< of the meaningful ones only
+  std::array<std::vector<float>, 3> ray;  ///< unit, by coordinate
   std::vector<float> rho;
   std::vector<float> intensity;
 
-  std::size_t size() const { return rho.size(); }
+  std::size_t size() const { return pixels.size(); }
+  Eigen::Vector3f ray_of(std::size_t i) const { return {ray[0][i], ray[1][i], ray[2][i]}; }
+  void add(const Eigen::Vector2f& pixel, const Eigen::Vector3f& unit_ray, float inverse_distance, float grey);
+  void fill_up();  ///< to be called once after the last one
 };
 
 struct TrackingReference {
@@ -56,10 +60,10 @@ struct AlignmentResult {
 };
 
 /// Aligns from `start`. Gives up early (not converged) when a level's RMSE is above `give_up_rmse` of that level (may
-/// be empty).
+/// be empty). Stops at `finest_level`; then the shares are that level's, and `converged` stays false above level 0.
 AlignmentResult align(const LensPyramid& lens, const TrackingReference& reference, const Pyramid& target,
                       const AlignmentState& start, const TrackingOptions& options,
-                      const std::vector<double>& give_up_rmse = {});
+                      const std::vector<double>& give_up_rmse = {}, int finest_level = 0);
 
 /// Root mean square optical flow between reference and target, pixels of level 0: by translation alone, and by all
 /// motion.

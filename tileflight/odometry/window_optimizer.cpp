@@ -38,11 +38,27 @@ class Linearizer {
       : window_(window), lens_(lens), options_(options) {}
 
   Energy run(const std::vector<Pair>& pairs, const std::vector<PointRef>& points) const {
+    return summed(points, [&](const PointRef& ref, Energy& energy) { linearize_point(ref, pairs, energy); });
+  }
+
+  /// The energy of residuals that were evaluated already, judged by the thresholds as they are now.
+  Energy judge(const std::vector<PointRef>& points) const {
+    return summed(points, [&](const PointRef& ref, Energy& energy) {
+      const Keyframe& host = window_.keyframes[ref.host];
+      for (Observation& observation : window_.keyframes[ref.host].points[ref.index].observations) {
+        judge_observation(host, observation.state != ResidualState::kOutside, observation, energy);
+      }
+    });
+  }
+
+ private:
+  template <class Add>
+  Energy summed(const std::vector<PointRef>& points, const Add& add) const {
     const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
     std::vector<Energy> parts(chunks);
     tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
       const std::size_t end = std::min(points.size(), (c + 1) * kChunk);
-      for (std::size_t i = c * kChunk; i < end; ++i) linearize_point(points[i], pairs, parts[c]);
+      for (std::size_t i = c * kChunk; i < end; ++i) add(points[i], parts[c]);
     });
     Energy total;
     for (const Energy& part : parts) {
@@ -54,7 +70,6 @@ class Linearizer {
     return total;
   }
 
- private:
   void linearize_point(const PointRef& ref, const std::vector<Pair>& pairs, Energy& energy) const {
     Keyframe& host = window_.keyframes[ref.host];
     ActivePoint& point = host.points[ref.index];
@@ -63,17 +78,21 @@ class Linearizer {
       const ResidualValue value = evaluate_residual(lens_, target.pyramid->levels[0], point.patch, point.rho,
                                                     pairs[ref.host * window_.size() + observation.target].frame,
                                                     options_.huber, &observation.linearization);
-      const float threshold = std::max(host.energy_threshold, target.energy_threshold);
-      observation.state = value.state;
       observation.raw_energy = value.energy;
-      if (value.state == ResidualState::kGood && value.energy > threshold) observation.state = ResidualState::kOutlier;
-      // A residual that leaves the picture counts as before, so that leaving is no gain.
-      if (observation.state != ResidualState::kOutside) observation.energy = std::min(value.energy, threshold);
-      energy.residuals += observation.energy;
-      if (observation.state != ResidualState::kGood) continue;
-      energy.good += observation.energy;
-      ++energy.good_count;
+      judge_observation(host, value.state == ResidualState::kGood, observation, energy);
     }
+  }
+
+  void judge_observation(const Keyframe& host, bool inside, Observation& observation, Energy& energy) const {
+    const float threshold = std::max(host.energy_threshold, window_.keyframes[observation.target].energy_threshold);
+    observation.state = ResidualState::kOutside;
+    if (inside) observation.state = observation.raw_energy > threshold ? ResidualState::kOutlier : ResidualState::kGood;
+    // A residual that leaves the picture counts as before, so that leaving is no gain.
+    if (inside) observation.energy = std::min(observation.raw_energy, threshold);
+    energy.residuals += observation.energy;
+    if (observation.state != ResidualState::kGood) return;
+    energy.good += observation.energy;
+    ++energy.good_count;
   }
 
   Window& window_;
@@ -131,12 +150,13 @@ float angle_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
 }  // namespace
 
 WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptions& options, int iterations) {
+  constexpr double kSettledShare = 1e-4;  // of the energy: a step that changes less is the last
   const std::vector<PointRef> points = all_points(window);
   const Linearizer linearizer(window, lens, options);
   std::vector<Pair> pairs = make_pairs(window);
   Energy energy = linearizer.run(pairs, points);
   update_energy_threshold(window, window.size() - 1);
-  energy = linearizer.run(pairs, points);
+  energy = linearizer.judge(points);
   double lambda = 1e-4;
   WindowResult result;
   for (; result.iterations < iterations; ++result.iterations) {
@@ -148,6 +168,7 @@ WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptio
     apply_step(window, x);
     pairs = make_pairs(window);
     const Energy after = linearizer.run(pairs, points);
+    const bool settled = std::abs(energy.total() - after.total()) < kSettledShare * energy.residuals;
     if (after.total() <= energy.total()) {
       energy = after;
       lambda *= 0.25;
@@ -158,7 +179,7 @@ WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptio
       lambda = std::max(lambda, 1e-5) * 100.0;
       if (lambda > 10.0) break;
     }
-    if (is_small(x, lens.focal_px())) break;
+    if (settled || is_small(x, lens.focal_px())) break;
   }
   result.good_residuals = energy.good_count;
   result.rmse = energy.good_count > 0 ? std::sqrt(energy.good / (kPatternSize * energy.good_count)) : 0.0;

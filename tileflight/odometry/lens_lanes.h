@@ -1,0 +1,81 @@
+#pragma once
+
+// Lens::project for eight directions at once: the same formulas, on vectors.
+
+#include "tileflight/odometry/lanes.h"
+#include "tileflight/odometry/lens.h"
+
+namespace tileflight::odometry {
+
+/// Pixels of eight directions with their derivatives by the direction.
+struct LanePixels {
+  Lanes u, v;
+  std::array<Lanes, 3> u_by, v_by;
+  LaneMask valid;  ///< inside the lens's valid cone
+};
+
+class LensLanes {
+ public:
+  explicit LensLanes(const Lens& lens) : lens_(lens) {}
+
+  TILEFLIGHT_LANE_INLINE void project(const std::array<Lanes, 3>& X, LanePixels& out) const {
+    Lanes norm;
+    square_root(X[0] * X[0] + X[1] * X[1] + X[2] * X[2], norm);
+    const Lanes inverse_norm = 1.0F / norm;
+    out.valid = X[2] * inverse_norm >= static_cast<float>(lens_.min_cos_);
+    if (lens_.tangential_) {
+      project_radtan(X, inverse_norm, out);
+    } else {
+      project_radial(X, inverse_norm, out);
+    }
+  }
+
+ private:
+  TILEFLIGHT_LANE_INLINE void project_radial(const std::array<Lanes, 3>& X, const Lanes& inverse_norm,
+                                             LanePixels& out) const {
+    const std::array<Lanes, 3> d{X[0] * inverse_norm, X[1] * inverse_norm, X[2] * inverse_norm};
+    Lanes g, g_prime;
+    for (int i = 0; i < kLanes; ++i) {
+      float value, slope;
+      lens_.radial(d[2][i], value, slope);
+      g[i] = value;
+      g_prime[i] = slope;
+    }
+    const auto fx = static_cast<float>(lens_.fx_), fy = static_cast<float>(lens_.fy_);
+    out.u = static_cast<float>(lens_.cx_) + fx * g * d[0];
+    out.v = static_cast<float>(lens_.cy_) + fy * g * d[1];
+    const Lanes f_u = fx * inverse_norm, f_v = fy * inverse_norm, bend = g + g_prime * d[2];
+    const Lanes common_u = -d[0] * bend, common_v = -d[1] * bend;
+    out.u_by = {f_u * (common_u * d[0] + g), f_u * (common_u * d[1]), f_u * (common_u * d[2] + d[0] * g_prime)};
+    out.v_by = {f_v * (common_v * d[0]), f_v * (common_v * d[1] + g), f_v * (common_v * d[2] + d[1] * g_prime)};
+  }
+
+  TILEFLIGHT_LANE_INLINE void project_radtan(const std::array<Lanes, 3>& X, const Lanes& inverse_norm,
+                                             LanePixels& out) const {
+    const auto fx = static_cast<float>(lens_.fx_), fy = static_cast<float>(lens_.fy_);
+    const auto xi = static_cast<float>(lens_.xi_);
+    const auto k1 = static_cast<float>(lens_.radtan_[0]), k2 = static_cast<float>(lens_.radtan_[1]);
+    const auto p1 = static_cast<float>(lens_.radtan_[2]), p2 = static_cast<float>(lens_.radtan_[3]);
+    const Lanes inverse = 1.0F / (X[2] + xi / inverse_norm);
+    const Lanes x = X[0] * inverse, y = X[1] * inverse, r2 = x * x + y * y;
+    const Lanes radial_factor = 1.0F + r2 * (k1 + r2 * k2);
+    out.u = static_cast<float>(lens_.cx_) + fx * (x * radial_factor + 2.0F * p1 * x * y + p2 * (r2 + 2.0F * x * x));
+    out.v = static_cast<float>(lens_.cy_) + fy * (y * radial_factor + p1 * (r2 + 2.0F * y * y) + 2.0F * p2 * x * y);
+    const Lanes d = 2.0F * (k1 + 2.0F * k2 * r2);
+    const Lanes du_dx = fx * (radial_factor + d * x * x + 2.0F * p1 * y + 6.0F * p2 * x);
+    const Lanes du_dy = fx * (d * x * y + 2.0F * p1 * x + 2.0F * p2 * y);
+    const Lanes dv_dx = fy * (d * x * y + 2.0F * p1 * x + 2.0F * p2 * y);
+    const Lanes dv_dy = fy * (radial_factor + d * y * y + 6.0F * p1 * y + 2.0F * p2 * x);
+    for (int i = 0; i < 3; ++i) {
+      const Lanes D_by_X = (i == 2 ? 1.0F : 0.0F) + xi * inverse_norm * X[i];
+      const Lanes x_by = ((i == 0 ? 1.0F : 0.0F) - x * D_by_X) * inverse;
+      const Lanes y_by = ((i == 1 ? 1.0F : 0.0F) - y * D_by_X) * inverse;
+      out.u_by[i] = du_dx * x_by + du_dy * y_by;
+      out.v_by[i] = dv_dx * x_by + dv_dy * y_by;
+    }
+  }
+
+  const Lens& lens_;
+};
+
+}  // namespace tileflight::odometry
