@@ -1,0 +1,303 @@
+// The odometry over whole sequences: accuracy beside time.
+//
+//   odometry_benchmark [--runs N] [--threads N] [PART-OF-A-NAME...]
+//
+// `synthetic` needs no data; the others are read from $TILEFLIGHT_TEST_DATA and left out where they are not there.
+// Processor time is that of all threads, without the decoding of pictures, which has its own column.
+
+#include <tbb/global_control.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tests/test_data.h"
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/video.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/imaging/image_files.h"
+#include "tileflight/odometry/odometry.h"
+#include "tileflight/odometry/options.h"
+#include "tileflight/odometry/stage_clock.h"
+#include "tileflight/odometry/synthetic_scene.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace tileflight;
+using geometry::Vec3;
+using imaging::RgbImage;
+
+/// Pictures by index, with the true place of each camera (may be empty).
+struct Sequence {
+  imaging::Calibration calibration;
+  std::size_t frames = 0;
+  std::function<RgbImage(std::size_t)> picture;
+  std::vector<Vec3> truth;
+};
+
+/// Which pictures of a sequence, in which order.
+struct Order {
+  std::size_t from = 0;
+  std::size_t every = 1;
+  bool reverse = false;
+
+  std::vector<std::size_t> of(std::size_t frames) const {
+    std::vector<std::size_t> indices;
+    for (std::size_t i = from; i < frames; i += every) indices.push_back(i);
+    if (reverse) std::reverse(indices.begin(), indices.end());
+    return indices;
+  }
+};
+
+struct Case {
+  std::string name;
+  std::function<std::optional<Sequence>()> load;
+  Order order;
+};
+
+struct Outcome {
+  odometry::OdometryResult result;
+  double ate_m = -1.0;
+  double path_m = 0.0;
+  double decoding_s = 0.0;
+  double processor_s = 0.0;  ///< without decoding
+  double memory_mb = 0.0;    ///< most of the run
+};
+
+fs::path data(const char* relative) { return tests::test_data_root() / relative; }
+
+std::vector<Vec3> places(const std::optional<geometry::Trajectory>& trajectory) {
+  std::vector<Vec3> out;
+  if (trajectory) {
+    for (const auto& pose : trajectory->poses) out.push_back(pose.T_local_camera.translation);
+  }
+  return out;
+}
+
+std::optional<Sequence> dataset_sequence(const char* relative) {
+  if (!fs::exists(data(relative))) return std::nullopt;
+  const dataset::Dataset read = dataset::read_dataset(data(relative));
+  std::vector<Vec3> truth = places(read.groundtruth);
+  if (truth.size() != read.frames.size()) truth.clear();
+  const auto frames = read.frames;
+  return Sequence{read.calibration, frames.size(),
+                  [frames](std::size_t i) { return imaging::read_rgb(frames[i].image); }, truth};
+}
+
+RgbImage resized(const RgbImage& image, int width, int height) {
+  RgbImage out(width, height);
+  for (int y = 0; y < height; ++y) {
+    const double v = std::clamp((y + 0.5) * image.height / height - 0.5, 0.0, image.height - 1.001);
+    const int iy = static_cast<int>(v);
+    for (int x = 0; x < width; ++x) {
+      const double u = std::clamp((x + 0.5) * image.width / width - 0.5, 0.0, image.width - 1.001);
+      const int ix = static_cast<int>(u);
+      for (int c = 0; c < 3; ++c) {
+        const double top = image(ix, iy)[c] * (1 - u + ix) + image(ix + 1, iy)[c] * (u - ix);
+        const double bottom = image(ix, iy + 1)[c] * (1 - u + ix) + image(ix + 1, iy + 1)[c] * (u - ix);
+        out(x, y)[c] = static_cast<std::uint8_t>(top * (1 - v + iy) + bottom * (v - iy) + 0.5);
+      }
+    }
+  }
+  return out;
+}
+
+/// The surrogate video, decoded once; `width` other than its own: resized with its camera.
+std::optional<Sequence> machangara(int width, std::size_t most) {
+  const fs::path folder = data("flights/machangara-a");
+  if (!fs::exists(folder)) return std::nullopt;
+  imaging::Calibration calibration = imaging::read_calibration(folder / "camera.yaml");
+  const int height = width * calibration.camera.height() / calibration.camera.width() / 2 * 2;
+  auto images = std::make_shared<std::vector<RgbImage>>();
+  dataset::read_video(folder / "video.mp4", {}, [&](std::int64_t, double, const RgbImage& image) {
+    images->push_back(width == image.width ? image : resized(image, width, height));
+    return images->size() < most;
+  });
+  if (width != calibration.camera.width()) {
+    const double sx = static_cast<double>(width) / calibration.camera.width();
+    const double sy = static_cast<double>(height) / calibration.camera.height();
+    auto model = calibration.camera.model();
+    std::visit(
+        [&](auto& m) {
+          m.fx *= sx;
+          m.fy *= sy;
+          m.cx = (m.cx + 0.5) * sx - 0.5;
+          m.cy = (m.cy + 0.5) * sy - 0.5;
+        },
+        model);
+    calibration.camera = imaging::Camera(model, width, height);
+  }
+  return Sequence{calibration, images->size(), [images](std::size_t i) { return (*images)[i]; },
+                  places(geometry::read_tum(folder / "groundtruth.txt"))};
+}
+
+/// Rolling ground under a wide lens; rendered here.
+std::optional<Sequence> synthetic() {
+  constexpr int kFrames = 90;
+  odometry::tests::Relief relief;
+  relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
+  relief.highest_m = 2.0;
+  relief.texel_m = 0.5;
+  const imaging::Camera camera = imaging::make_fisheye(640, 400, 140.0);
+  const odometry::tests::ReliefCamera scene(camera, relief);
+  auto images = std::make_shared<std::vector<RgbImage>>();
+  Sequence sequence;
+  sequence.calibration.camera = camera;
+  for (int i = 0; i < kFrames; ++i) {
+    const double s = i / 30.0;
+    const auto pose = odometry::tests::looking(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+                                               Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+    images->push_back(scene.picture(pose));
+    sequence.truth.push_back(pose.translation);
+  }
+  sequence.frames = images->size();
+  sequence.picture = [images](std::size_t i) { return (*images)[i]; };
+  return sequence;
+}
+
+/// Sequences are loaded once and kept while neighbouring cases use them.
+template <class Load>
+std::function<std::optional<Sequence>()> once(const Load& load) {
+  auto kept = std::make_shared<std::optional<std::optional<Sequence>>>();
+  return [kept, load] {
+    if (!*kept) *kept = load();
+    return **kept;
+  };
+}
+
+std::vector<Case> all_cases() {
+  constexpr std::size_t kAll = 100000;
+  std::vector<Case> cases;
+  cases.push_back({"synthetic", once(synthetic), {}});
+  const auto rooms = once([] { return dataset_sequence("sequences/seven_scenes_500"); });
+  cases.push_back({"seven_scenes_500", rooms, {}});
+  cases.push_back({"seven_scenes_500/reversed", rooms, {.reverse = true}});
+  cases.push_back({"seven_scenes_500/every2", rooms, {.every = 2}});
+  cases.push_back({"seven_scenes_500/from100", rooms, {.from = 100}});
+  const auto kitti = once([] { return dataset_sequence("sequences/kitti_seq1_51frames"); });
+  cases.push_back({"kitti_seq1_51frames", kitti, {}});
+  cases.push_back({"kitti_seq1_51frames/reversed", kitti, {.reverse = true}});
+  cases.push_back({"euroc_V1_01_static", once([] { return dataset_sequence("sequences/euroc_V1_01_static"); }), {}});
+  const auto flight = once([] { return machangara(1008, kAll); });
+  for (const std::size_t from : {0U, 60U, 150U, 240U, 330U}) {
+    cases.push_back({"machangara-a/from" + std::to_string(from), flight, {.from = from}});
+  }
+  cases.push_back({"machangara-a/reversed", flight, {.reverse = true}});
+  cases.push_back({"machangara-a/every2", flight, {.every = 2}});
+  cases.push_back({"machangara-a/every3", flight, {.every = 3}});
+  for (const int width : {504, 1344, 2016, 2688}) {
+    cases.push_back({"size/" + std::to_string(width), once([width] { return machangara(width, 120); }), {}});
+  }
+  return cases;
+}
+
+/// Root mean square distance to the truth after the best similarity.
+void score(const Sequence& sequence, Outcome& outcome) {
+  const auto& poses = outcome.result.trajectory.poses;
+  if (sequence.truth.empty() || poses.size() < 3) return;
+  Eigen::Matrix3Xd from(3, poses.size()), to(3, poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    from.col(i) = poses[i].T_local_camera.translation;
+    to.col(i) = sequence.truth.at(static_cast<std::size_t>(std::lround(std::abs(poses[i].time_s))));
+    if (i > 0) outcome.path_m += (to.col(i) - to.col(i - 1)).norm();
+  }
+  const Eigen::Matrix4d T = Eigen::umeyama(from, to, true);
+  const Eigen::Matrix3Xd moved = (T.topLeftCorner<3, 3>() * from).colwise() + T.topRightCorner<3, 1>();
+  outcome.ate_m = std::sqrt((moved - to).colwise().squaredNorm().mean());
+}
+
+/// Largest resident size since the last call of reset, MB (Linux; 0 elsewhere).
+void reset_peak_memory() { std::ofstream("/proc/self/clear_refs") << "5"; }
+double peak_memory_mb() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.rfind("VmHWM:", 0) == 0) return std::stod(line.substr(6)) / 1024.0;
+  }
+  return 0.0;
+}
+double memory_mb() {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.rfind("VmRSS:", 0) == 0) return std::stod(line.substr(6)) / 1024.0;
+  }
+  return 0.0;
+}
+
+Outcome run(const Sequence& sequence, const Order& order) {
+  Outcome outcome;
+  const std::vector<std::size_t> indices = order.of(sequence.frames);
+  std::size_t next = 0;
+  const odometry::FrameSource source = [&]() -> std::optional<odometry::InputFrame> {
+    if (next == indices.size()) return std::nullopt;
+    const std::size_t i = indices[next];
+    // The time is the picture's index, so that scoring finds its truth; played backwards it still increases.
+    const auto time = static_cast<double>(i);
+    return odometry::InputFrame{.index = static_cast<std::int64_t>(next++),
+                                .time_s = order.reverse ? -time : time,
+                                .image = odometry::timed(outcome.decoding_s, [&] { return sequence.picture(i); })};
+  };
+  reset_peak_memory();
+  const double memory_before_mb = memory_mb(), begin_s = odometry::processor_time_s();
+  outcome.result = odometry::run_odometry(sequence.calibration, nullptr, source, {});
+  outcome.processor_s = odometry::processor_time_s() - begin_s - outcome.decoding_s;
+  outcome.memory_mb = peak_memory_mb() - memory_before_mb;
+  score(sequence, outcome);
+  return outcome;
+}
+
+void print_header() {
+  std::printf("%-30s %9s %8s %8s | %6s %6s | %6s %6s %6s %6s %6s | %6s %5s %6s\n", "sequence", "tracked", "ATE m",
+              "% path", "CPU ms", "decode", "start", "pict", "track", "trace", "keyfr", "fps", "keyf", "MB");
+}
+
+void print(const std::string& name, const Outcome& outcome) {
+  const auto& r = outcome.result;
+  const double frames = std::max<double>(1.0, static_cast<double>(r.frames));
+  const auto ms = [frames](double s) { return 1e3 * s / frames; };
+  const odometry::StageSeconds& cpu = r.processor_time;
+  std::printf("%-30s %4lld/%-4lld %8.4f %8.4f | %6.2f %6.2f | %6.2f %6.2f %6.2f %6.2f %6.2f | %6.1f %5zu %6.0f%s%s\n",
+              name.c_str(), static_cast<long long>(r.frames_tracked), static_cast<long long>(r.frames), outcome.ate_m,
+              outcome.path_m > 0 ? 100.0 * outcome.ate_m / outcome.path_m : 0.0, ms(outcome.processor_s),
+              ms(outcome.decoding_s), ms(cpu.start), ms(cpu.pictures), ms(cpu.tracking), ms(cpu.tracing),
+              ms(cpu.keyframes), frames / r.seconds, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
+              r.lost ? r.lost_reason.c_str() : "");
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int runs = 1;
+  std::optional<tbb::global_control> limit;
+  std::vector<std::string> wanted;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--runs") == 0 && i + 1 < argc) {
+      runs = std::stoi(argv[++i]);
+    } else if (std::strcmp(argv[i], "--threads") == 0 && i + 1 < argc) {
+      limit.emplace(tbb::global_control::max_allowed_parallelism, std::stoul(argv[++i]));
+    } else {
+      wanted.emplace_back(argv[i]);
+    }
+  }
+  print_header();
+  for (Case& c : all_cases()) {
+    const bool chosen = wanted.empty() || std::any_of(wanted.begin(), wanted.end(), [&](const std::string& part) {
+                          return c.name.find(part) != std::string::npos;
+                        });
+    if (!chosen) continue;
+    const std::optional<Sequence> sequence = c.load();
+    if (!sequence) {
+      std::printf("%-30s no data\n", c.name.c_str());
+      continue;
+    }
+    for (int i = 0; i < runs; ++i) print(c.name, run(*sequence, c.order));
+  }
+  return 0;
+}
