@@ -1,0 +1,181 @@
+// What happens to pictures on real flights, done to rendered ones: changes of exposure, blur, gaps, something before
+// the lens, turns on the spot, starts that are slow or fast, and losing the way.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tileflight/odometry/odometry.h"
+#include "tileflight/odometry/options.h"
+#include "tileflight/odometry/synthetic_flight.h"
+
+namespace tileflight::odometry {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+using imaging::RgbImage;
+using tests::ate_share;
+using tests::Sequence;
+using tests::small_options;
+
+OdometryResult run(const Sequence& sequence) {
+  return run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+}
+
+void scale_light(RgbImage& image, double gain, double offset) {
+  for (imaging::Rgb8& pixel : image.pixels) {
+    for (std::uint8_t& value : pixel) {
+      value = static_cast<std::uint8_t>(std::lround(std::clamp(gain * value + offset, 0.0, 255.0)));
+    }
+  }
+}
+
+void blacken(RgbImage& image) { std::fill(image.pixels.begin(), image.pixels.end(), imaging::Rgb8{}); }
+
+/// The sequence with pictures (and their truth) in another order.
+Sequence picked(const Sequence& sequence, const std::vector<int>& order) {
+  Sequence out;
+  out.calibration = sequence.calibration;
+  for (const int i : order) {
+    out.images.push_back(sequence.images[i]);
+    out.truth.push_back(sequence.truth[i]);
+  }
+  return out;
+}
+
+std::vector<int> counted(int from, int to, int step = 1) {
+  std::vector<int> order;
+  for (int i = from; step > 0 ? i < to : i > to; i += step) order.push_back(i);
+  return order;
+}
+
+/// Rolling ground by a small wide lens; `pose` gives the camera of picture i.
+template <class Pose>
+Sequence over_rolling_ground(int frames, const Pose& pose) {
+  tests::Relief relief;
+  relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.25 * x) * std::cos(0.2 * y); };
+  relief.highest_m = 1.5;
+  relief.texel_m = 0.8;
+  std::vector<SE3> truth;
+  for (int i = 0; i < frames; ++i) truth.push_back(pose(i));
+  return tests::rendered(imaging::make_fisheye(320, 200, 130.0), relief, truth);
+}
+
+/// Fifty pictures of a level flight; what most tests do something to.
+const Sequence& level_flight() {
+  static const Sequence kAll = over_rolling_ground(50, [](int i) {
+    const double s = i / 30.0;
+    return tests::looking(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)), Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+  });
+  return kAll;
+}
+
+TEST(Robustness, ExposureMayStepAndDrift) {
+  Sequence sequence = level_flight();
+  for (int i = 0; i < 50; ++i) {
+    const double step = i < 22 ? 1.0 : (i < 36 ? 1.3 : 0.8);
+    scale_light(sequence.images[i], step * (1.0 + 0.1 * std::sin(0.2 * i)), i < 36 ? 0.0 : 10.0);
+  }
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_EQ(result.frames_tracked, 50);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+TEST(Robustness, MissingPicturesAreBridged) {
+  const Sequence all = level_flight();
+  std::vector<int> order = counted(0, 50);
+  order.erase(order.begin() + 41, order.begin() + 43);
+  order.erase(order.begin() + 25, order.begin() + 29);
+  const Sequence sequence = picked(all, order);
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_EQ(result.frames_tracked, static_cast<std::int64_t>(order.size()));
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+TEST(Robustness, AShortOcclusionIsPassed) {
+  Sequence sequence = level_flight();
+  for (int i = 28; i < 33; ++i) {
+    RgbImage& image = sequence.images[i];
+    for (int y = 40; y < 160; ++y) {
+      for (int x = 100; x < 220; ++x) image(x, y) = {30, 30, 30};
+    }
+  }
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, 45);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+TEST(Robustness, BlurredPicturesAreFollowed) {
+  const auto pose = [](double i) {
+    return tests::looking(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
+  };
+  // Each of some pictures is a mean over the time that the shutter is open: most of the time between two pictures.
+  constexpr int kFirst = 26, kLast = 31, kParts = 4;
+  Sequence sequence = over_rolling_ground(42, pose);
+  for (int i = kFirst; i <= kLast; ++i) {
+    const Sequence parts = over_rolling_ground(kParts, [&](int k) { return pose(i + 0.8 * (k - 1.5) / kParts); });
+    RgbImage& image = sequence.images[i];
+    for (std::size_t p = 0; p < image.pixels.size(); ++p) {
+      int sum = 0;
+      for (const RgbImage& part : parts.images) sum += part.pixels[p][0];
+      const auto grey = static_cast<std::uint8_t>(sum / kParts);
+      image.pixels[p] = {grey, grey, grey};
+    }
+  }
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_EQ(result.frames_tracked, 42);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+TEST(Robustness, ATurnOnTheSpotIsFollowed) {
+  const Sequence sequence = over_rolling_ground(70, [](int i) {
+    const double moved = i < 30 ? i : (i < 50 ? 30 : i - 20);               // stands still for twenty pictures
+    const double turned = i < 30 ? 0.0 : (i < 50 ? 0.03 * (i - 30) : 0.6);  // and turns by 34 degrees
+    return tests::looking(Vec3(0.14 * moved, 0.17 * moved, 20.0), Vec3(std::sin(turned), std::cos(turned), -1.0));
+  });
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_EQ(result.frames_tracked, 70);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+TEST(Robustness, ASlowStartIsWaitedFor) {
+  const Sequence sequence = over_rolling_ground(60, [](int i) {
+    const double s = i < 40 ? 0.1 * i * i / 40.0 : 4.0 + 0.2 * (i - 40);
+    return tests::looking(Vec3(0.6 * s, 0.8 * s, 20.0), Vec3(0.0, 1.0, -1.0));
+  });
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, 45);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+TEST(Robustness, LargeMotionBetweenPicturesIsFollowed) {
+  const Sequence sequence = picked(level_flight(), counted(0, 50, 3));
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, 15);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.02);
+}
+
+TEST(Robustness, AJumpBackAfterBlackPicturesIsFollowed) {
+  // The camera looks away (black pictures) and comes back to where it was some keyframes ago.
+  const Sequence all = level_flight();
+  std::vector<int> order = counted(0, 46);
+  for (const int i : {46, 47, 48}) order.push_back(i);
+  for (const int i : counted(30, 19, -1)) order.push_back(i);
+  Sequence sequence = picked(all, order);
+  for (const int i : {46, 47, 48}) blacken(sequence.images[i]);
+  const OdometryResult result = run(sequence);
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, static_cast<std::int64_t>(order.size()) - 6);
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
+}  // namespace
+}  // namespace tileflight::odometry
