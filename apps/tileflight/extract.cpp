@@ -31,7 +31,7 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
       "truth");
-  command->add_option("SOURCE", options->source, "tileset.json or its folder")->required();
+  command->add_option("SOURCE", options->source, "tileset.json, its folder, a .3tz or a .3dtiles")->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
   command->add_option("--out", options->out, "folder to write")->required();

@@ -40,6 +40,7 @@ json to_json(const tiles::TilesetSummary& s) {
           {"content_files_missing", s.content_files_missing},
           {"content_bytes", s.content_bytes},
           {"external_tilesets", s.external_tilesets},
+          {"subtrees", s.subtrees},
           {"levels", levels_json(s)},
           {"geometric_error", s.geometric_error_m ? json(*s.geometric_error_m) : json(nullptr)},
           {"extensions_used", s.extensions_used},
@@ -67,7 +68,8 @@ std::string summary(const tiles::TilesetSummary& s) {
        << s.tiles_replace << ", ADD " << s.tiles_add << "\ncontents:";
   for (const auto& [kind, count] : s.contents) text << " " << count << " " << kind;
   text << " (" << s.content_files << " files, " << static_cast<double>(s.content_bytes) / 1e6 << " MB, "
-       << s.content_files_missing << " missing), " << s.external_tilesets << " external tilesets\n";
+       << s.content_files_missing << " missing), " << s.external_tilesets << " external tilesets, " << s.subtrees
+       << " subtrees\n";
   const geometry::Vec3 size = s.bounds_local.sizes();
   text << "extent: " << size.x() << " x " << size.y() << " x " << size.z() << " m, ";
   if (s.center) {
@@ -96,7 +98,7 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command =
       app.add_subcommand("inspect", "what a tileset holds: depth, tiles, formats, extents, errors, attribution");
   command->footer("Example:\n  tileflight inspect tiles/tileset.json");
-  command->add_option("SOURCE", *source, "tileset.json or its folder")->required();
+  command->add_option("SOURCE", *source, "tileset.json, its folder, a .3tz or a .3dtiles")->required();
   add_common_options(*command, common);
   command->callback([source, &selection] {
     selection.run = [source](const CommonOptions&, const Progress& progress) -> Output {

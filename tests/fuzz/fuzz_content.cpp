@@ -6,7 +6,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiles/content.h"
 
-/// A tile's content of any bytes: b3dm, glb, gltf or cmpt.
+/// A tile's content of any bytes: b3dm, i3dm, pnts, glb, gltf or cmpt.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   // Inside a Draco stream the decoder is the library's alone, and slow on some damage (gltf_draco.cpp).
@@ -15,6 +15,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   tiles::ContentOptions options;
   options.limits.max_vertices = 1 << 20;
   options.limits.max_triangles = 1 << 20;
+  options.limits.max_points = 1 << 20;
+  options.limits.max_meshes = 1 << 12;
   options.limits.max_decompressed_bytes = 1 << 26;
   options.limits.max_texture_pixels = 1 << 20;
   try {

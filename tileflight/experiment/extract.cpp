@@ -38,6 +38,7 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
       {"geometric_error_max", loaded.geometric_error_max_m},
       {"triangles", truth.triangles},
       {"triangles_loaded", loaded.triangles},
+      {"points", truth.cloud_points},
       {"bytes_read", loaded.bytes_read},
       {"cut_sha256", loaded.cut_hash},
       {"voxel_size", truth.voxels.edge_m},
@@ -65,7 +66,7 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
     const auto truth_start = std::chrono::steady_clock::now();
     const ground_truth::ExtractResult truth = ground_truth::write_ground_truth(
         loaded.meshes, loaded.region.box(), {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2},
-        temporary, progress);
+        temporary, progress, loaded.clouds);
     result = describe(settings, loaded, truth);
     result["seconds"] = {
         {"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};

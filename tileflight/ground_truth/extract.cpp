@@ -7,6 +7,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/octree.h"
+#include "tileflight/ground_truth/point_cells.h"
 #include "tileflight/ground_truth/surface_samples.h"
 #include "tileflight/ground_truth/triangle_cells.h"
 
@@ -38,6 +39,7 @@ TexturedMesh part_in_box(const TexturedMesh& whole, const Box3& box) {
   part.mesh = {};
   part.uv.clear();
   part.colors.clear();
+  part.feature_ids.clear();
   std::vector<std::uint32_t> new_index(whole.mesh.vertices.size(), kUnused);
   const auto moved = [&](std::uint32_t vertex) {
     if (new_index[vertex] == kUnused) {
@@ -45,6 +47,7 @@ TexturedMesh part_in_box(const TexturedMesh& whole, const Box3& box) {
       part.mesh.vertices.push_back(whole.mesh.vertices[vertex]);
       if (!whole.uv.empty()) part.uv.push_back(whole.uv[vertex]);
       if (!whole.colors.empty()) part.colors.push_back(whole.colors[vertex]);
+      if (!whole.feature_ids.empty()) part.feature_ids.push_back(whole.feature_ids[vertex]);
     }
     return new_index[vertex];
   };
@@ -67,19 +70,25 @@ std::vector<TexturedMesh> parts_in_box(const std::vector<TexturedMesh>& meshes, 
 
 ExtractResult write_ground_truth(const std::vector<TexturedMesh>& meshes, const Box3& box,
                                  const ExtractOptions& options, const std::filesystem::path& folder,
-                                 const Progress& progress) {
+                                 const Progress& progress, const std::vector<geometry::PointCloud>& clouds) {
   if (box.isEmpty() || !(box.sizes().minCoeff() > 0.0)) throw InputError("region", "is empty");
   const std::vector<TexturedMesh> parts = parts_in_box(meshes, box);
-  if (parts.empty()) throw InputError("region", "holds no triangle: check its centre, size and height");
+  const geometry::PointCloud points = points_in_box(clouds, box);
+  if (parts.empty() && points.empty())
+    throw InputError("region", "holds no triangle: check its centre, size and height");
   const geometry::TriangleMesh mesh = scene::merged(parts);
 
   ExtractResult result;
   result.triangles = mesh.triangles.size();
   result.voxels = voxelize(mesh, box, options.voxel_m, progress);
-  const geometry::PointCloud surface = sample_surface(mesh, box, options.samples_per_m2);
+  occupy(points, result.voxels);
+  result.cloud_points = points.size();
+  geometry::PointCloud surface = sample_surface(mesh, box, options.samples_per_m2);
+  surface.positions.insert(surface.positions.end(), points.positions.begin(), points.positions.end());
+  surface.normals.insert(surface.normals.end(), points.normals.begin(), points.normals.end());
   result.surface_points = surface.size();
 
-  write_mesh_glb(folder / "mesh.glb", parts, options.textured_mesh, progress);
+  if (!parts.empty()) write_mesh_glb(folder / "mesh.glb", parts, options.textured_mesh, progress);
   constexpr int kFiles = 4;
   report_progress(progress, 0, kFiles, "ground truth files");
   geometry::write_cloud(folder / "surface.ply", surface);

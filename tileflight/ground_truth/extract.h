@@ -20,11 +20,15 @@ struct ExtractResult {
   geometry::VoxelGrid voxels;
   std::size_t triangles = 0;  ///< that meet the box
   std::size_t surface_points = 0;
+  std::size_t cloud_points = 0;  ///< of the clouds, in the box; they stand behind the samples in surface.ply
 };
 
+/// `clouds`: points that stand for surface where there are no triangles (tiles of a point cloud). They occupy their
+/// cells and stand in surface.ply with their normals (zero where they have none). A region of points alone has no
+/// mesh.glb.
 ExtractResult write_ground_truth(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Box3& box,
                                  const ExtractOptions& options, const std::filesystem::path& folder,
-                                 const Progress& progress = {});
+                                 const Progress& progress = {}, const std::vector<geometry::PointCloud>& clouds = {});
 
 /// The parts of a folder that `extract` wrote, for scoring. Positions in the local frame.
 struct GroundTruth {

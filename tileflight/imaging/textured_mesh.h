@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tileflight/geometry/mesh.h"
+#include "tileflight/imaging/feature_table.h"
 #include "tileflight/imaging/image.h"
 
 namespace tileflight::imaging {
@@ -22,7 +23,9 @@ struct TexturedMesh {
   Wrap wrap_u = Wrap::kRepeat;
   Wrap wrap_v = Wrap::kRepeat;
   std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< linear factor of glTF, multiplies texture and colours
-  std::string name;  ///< tile or object that it comes from, for messages and labels
+  std::vector<std::uint32_t> feature_ids;                   ///< one a vertex (kNoFeature: none), or empty
+  std::shared_ptr<const FeatureTable> features;  ///< of the ids; shared between meshes of a tile; may be null
+  std::string name;                              ///< tile or object that it comes from, for messages and labels
 };
 
 }  // namespace tileflight::imaging

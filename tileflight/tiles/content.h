@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/geometry/point_cloud.h"
 #include "tileflight/imaging/textured_mesh.h"
 #include "tileflight/tiles/tileset.h"
 
@@ -17,6 +18,8 @@ namespace tileflight::tiles {
 struct ContentLimits {
   std::size_t max_vertices = std::size_t{1} << 26;            ///< all meshes together, each instance counted
   std::size_t max_triangles = std::size_t{1} << 26;           ///< likewise
+  std::size_t max_points = std::size_t{1} << 26;              ///< of one point cloud
+  std::size_t max_meshes = std::size_t{1} << 20;              ///< each instance counted
   std::size_t max_decompressed_bytes = std::size_t{1} << 30;  ///< meshopt views, zero-filled accessors
   std::int64_t max_texture_pixels = std::int64_t{1} << 27;    ///< one image
   int max_nesting = 8;                                        ///< composites inside each other
@@ -32,16 +35,17 @@ struct ContentOptions {
   ContentLimits limits = {};
 };
 
-/// A content's triangles in its tile's frame (z up; before the tile's transform).
+/// A content's triangles and points in its tile's frame (z up; before the tile's transform).
 struct DecodedContent {
   std::vector<imaging::TexturedMesh> meshes;  ///< one a node, primitive and instance, in the scene's order
+  std::vector<geometry::PointCloud> clouds;   ///< points that carry no surface; "feature_id" is a scalar of theirs
   std::vector<std::string> copyrights;        ///< asset.copyright of each glTF
   std::vector<std::string> warnings;          ///< distinct
 };
 
-/// Reads b3dm, glb, gltf and cmpt (3D Tiles 1.1, "Tile formats"), told apart by their first bytes. `name` stands in
-/// messages. Throws InputError (name, cause): cut short, malformed, not a tile at all, or in need of what this reader
-/// lacks.
+/// Reads b3dm, i3dm, pnts, cmpt, glb and gltf (3D Tiles 1.1, "Tile formats"), told apart by their first bytes. `name`
+/// stands in messages. Throws InputError (name, cause): cut short, malformed, not a tile at all, or in need of what
+/// this reader lacks.
 DecodedContent decode_content(std::span<const std::byte> bytes, const std::string& name,
                               const ContentOptions& options = {});
 

@@ -8,6 +8,7 @@
 #include "tileflight/tiles/content.h"
 #include "tileflight/tiles/inspect.h"
 #include "tileflight/tiles/load.h"
+#include "tileflight/tiles/subtree.h"
 #include "tileflight/tiles/test_tilesets.h"
 
 /// Files by others, good and broken: each gives a correct read or one clear line.
@@ -63,15 +64,16 @@ TEST(ForeignFiles, faults_of_the_validator_are_named) {
       {"boundingVolumeRegionInvalidArrayLength.json", "region has"},
       {"boundingVolumeSphereArrayElementOutOfRange.json", "radius of the bounding sphere is negative"},
       {"extensionsRequiredInvalidType.json", "extensionsRequired is"},
-      {"implicitTilingValid.json", "implicit tiling (QUADTREE) is not supported"},
+      {"implicitTilingValid.json", "example-0-0-0.subtree: is missing"},
+      {"implicitTilingContentsUriTemplateVariableInvalid.json", "a variable {"},
+      {"implicitTilingSubtreeLevelsInvalidValue.json", "subtreeLevels"},
+      {"implicitTilingSubtreesUriMissing.json", "subtrees.uri is missing"},
       {"implicitTilingInvalidType.json", "implicitTiling is"},
       {"tileContentBoundingVolumeInvalidType.json", "boundingVolume is"},
       {"tileContentsInvalidType.json", "contents is"},
       {"tileRefineWrongType.json", "refine is"},
       {"tilesetGeometricErrorNegative.json", "geometricError is negative"},
       {"tileTransformNotAffine.json", "the transform is not affine"},
-      {"validTilesetWithInvalidI3dm.json", "i3dm contents are not supported"},
-      {"validTilesetWithInvalidPnts.json", "pnts contents are not supported"},
       {"extensionRequiredButNotUsed.json", "needs extensions that are not supported"}};
   for (const auto& [file, wanted] : cases) {
     const std::filesystem::path path = folder / file;
@@ -84,6 +86,9 @@ TEST(ForeignFiles, what_the_validator_calls_valid_is_read) {
   for (const char* file : {"validTilesetWithValidB3dm.json", "validTilesetWithValidGltf.json"}) {
     EXPECT_GT(load(folder / file).triangles, 0) << file;
   }
+  // Their only fault is in how their parts are aligned.
+  EXPECT_EQ(load(folder / "validTilesetWithInvalidPnts.json").points, 1000);
+  EXPECT_GE(load(folder / "validTilesetWithInvalidI3dm.json").meshes.size(), 25U);
 }
 
 TEST(ForeignFiles, every_content_is_read_or_named) {
@@ -198,15 +203,69 @@ TEST(ForeignFiles, a_leaf_that_is_missing_is_named) {
   EXPECT_TRUE(load(folder, options).complete);
 }
 
-TEST(ForeignFiles, geometry_is_read_where_only_the_textures_are_in_an_unknown_format) {
+TEST(ForeignFiles, textures_in_ktx2) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/matterport_cedarcreek_ktx2/mesh_tiles");
-  LoadOptions options;
-  EXPECT_THAT(error_of([&] { load(folder / "3.json", options); }), HasSubstr("KHR_texture_basisu"));
-  options.textures = false;
-  const LoadedTiles tiles = load(folder / "3.json", options);
+  const LoadedTiles tiles = load(folder / "3.json");
   EXPECT_TRUE(tiles.complete);
   EXPECT_EQ(tiles.tiles_loaded, 12);
   EXPECT_GT(tiles.triangles, 10000);
+  for (const imaging::TexturedMesh& mesh : tiles.meshes) EXPECT_NE(mesh.texture, nullptr);
+}
+
+/// Every subtree of the validator, as that of a quadtree of three levels with one content.
+TEST(ForeignFiles, every_subtree_of_the_validator_is_read_or_named) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/subtrees");
+  auto tiling = std::make_shared<ImplicitTiling>();
+  tiling->subtree_levels = 3;
+  tiling->available_levels = 6;
+  tiling->content_templates = {"content"};
+  tiling->root_volume = OrientedBox{Vec3::Zero(), geometry::Mat3::Identity()};
+  const auto message_of = [&](const char* name) {
+    return error_of([&] {
+      parse_subtree(geometry::read_bytes(folder / name), {tiling, {}}, name,
+                    [&](const std::string& uri) { return geometry::read_bytes(folder / uri); });
+    });
+  };
+  for (const fs::path& file : files_below(folder, {".json", ".subtree"})) {
+    EXPECT_THAT(message_of(file.filename().c_str()), Not(HasSubstr("\n"))) << file;
+  }
+  const std::pair<const char*, const char*> cases[] = {
+      {"binarySubtreeComputedLengthInvalid.subtree", "cut short"},
+      {"binarySubtreeInvalidMagic.subtree", "not valid JSON"},
+      {"binarySubtreeInvalidVersion.subtree", "version"},
+      {"binarySubtreeJsonInvalid.subtree", "not valid JSON"},
+      {"subtreeChildSubtreeAvailabilityInvalidType.json", "childSubtreeAvailability is"},
+      {"subtreeTileAvailabilityBitstreamAndConstant.json", "both bitstream and constant"},
+      {"subtreeTileAvailabilityMissing.json", "tileAvailability is missing"},
+      {"subtreeTileAvailabilityNeitherBitstreamNorConstant.json", "neither bitstream nor constant"}};
+  for (const auto& [file, wanted] : cases) EXPECT_THAT(message_of(file), HasSubstr(wanted)) << file;
+  EXPECT_EQ(message_of("binarySubtreeValid.subtree"), "");
+}
+
+/// Composites inside each other, and one of instances.
+TEST(ForeignFiles, real_composites) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Composite");
+  const LoadedTiles plain = load(folder / "Composite" / "tileset.json");
+  const LoadedTiles nested = load(folder / "CompositeOfComposite" / "tileset.json");
+  EXPECT_GT(plain.triangles, 0);
+  EXPECT_EQ(nested.triangles, plain.triangles);
+  EXPECT_GT(load(folder / "CompositeOfInstanced" / "tileset.json").meshes.size(), 25U);
+}
+
+TEST(ForeignFiles, several_contents_of_one_tile) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/MultipleContents");
+  const LoadedTiles tiles = load(folder / "tileset.json");
+  EXPECT_EQ(tiles.tiles_loaded, tiles.tiles_wanted);
+  EXPECT_GT(tiles.tiles_loaded, 1);
+}
+
+/// A cloud that a viewer sees from near by, beside buildings.
+TEST(ForeignFiles, points_and_buildings_beside_each_other) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.0/TilesetWithRequestVolume");
+  const LoadedTiles tiles = load(folder / "tileset.json");
+  EXPECT_TRUE(tiles.complete);
+  EXPECT_GT(tiles.points, 0);
+  EXPECT_GT(tiles.triangles, 0);
 }
 
 }  // namespace

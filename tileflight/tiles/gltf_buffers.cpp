@@ -255,4 +255,18 @@ std::vector<std::uint32_t> Buffers::indices(std::size_t index) {
   return out;
 }
 
+std::vector<std::uint32_t> Buffers::ids(std::size_t index) {
+  const Accessor& accessor = document_.accessors[index];
+  if (is_unsigned(accessor.type) && accessor.components == 1 && !accessor.sparse) return indices(index);
+  const std::vector<float> values = floats(index, 1);
+  std::vector<std::uint32_t> out(values.size());
+  std::transform(values.begin(), values.end(), out.begin(), id_from_float);
+  return out;
+}
+
+std::uint32_t id_from_float(float value) {
+  const bool is_id = value >= 0.0F && value < 4294967040.0F;
+  return is_id ? static_cast<std::uint32_t>(value + 0.5F) : imaging::kNoFeature;
+}
+
 }  // namespace tileflight::tiles::gltf

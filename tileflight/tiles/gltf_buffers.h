@@ -31,6 +31,8 @@ class Buffers {
   std::vector<float> floats(std::size_t accessor, std::size_t components);
   /// An accessor of unsigned integers, one component.
   std::vector<std::uint32_t> indices(std::size_t accessor);
+  /// Whole numbers from 0 up, of any type; what is none is kNoFeature.
+  std::vector<std::uint32_t> ids(std::size_t accessor);
 
  private:
   struct Elements;
@@ -51,5 +53,8 @@ class Buffers {
   std::map<std::size_t, std::vector<std::byte>> decompressed_views_;
   std::size_t spent_bytes_ = 0;
 };
+
+/// A feature id that is kept as a float.
+std::uint32_t id_from_float(float value);
 
 }  // namespace tileflight::tiles::gltf

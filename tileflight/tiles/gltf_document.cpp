@@ -75,6 +75,9 @@ class DocumentParser {
     out_.extensions_used = find_strings(json_, "extensionsUsed", name_);
     out_.extensions_required = find_strings(json_, "extensionsRequired", name_);
     parse_rtc();
+    if (const Json* metadata = extension(json_, "EXT_structural_metadata", name_)) {
+      out_.structural_metadata = std::make_shared<const Json>(*metadata);
+    }
     each("buffers", [&](const Json& j, const std::string& w) { out_.buffers.push_back(buffer(j, w)); });
     each("bufferViews", [&](const Json& j, const std::string& w) { out_.views.push_back(view(j, w)); });
     each("accessors", [&](const Json& j, const std::string& w) { out_.accessors.push_back(accessor(j, w)); });
@@ -199,6 +202,10 @@ class DocumentParser {
     if (const Json* webp = extension(json, "EXT_texture_webp", where)) {
       texture.image = required(reference(*webp, "source", out_.images.size(), where), "source", where);
     }
+    // Where a plain picture stands beside it, that one is as good and costs less.
+    if (const Json* basis = extension(json, "KHR_texture_basisu", where); basis != nullptr && !texture.image) {
+      texture.image = required(reference(*basis, "source", out_.images.size(), where), "source", where);
+    }
     if (!texture.image) texture.unsupported = lacking_image_format(json, where);
     set_wrap(texture, json, where);
     return texture;
@@ -273,6 +280,40 @@ class DocumentParser {
     out.indices = reference(json, "indices", out_.accessors.size(), where);
     out.material = reference(json, "material", out_.materials.size(), where);
     if (const Json* ext = extension(json, "KHR_draco_mesh_compression", where)) out.draco = draco(*ext, where);
+    read_features(out, json, where);
+    return out;
+  }
+
+  /// The first of EXT_mesh_features' sets that belongs to vertices, one with a property table before one without; else
+  /// the attribute of 1.0's batch ids.
+  static void read_features(Primitive& out, const Json& json, const std::string& where) {
+    if (const Json* ext = extension(json, "EXT_mesh_features", where)) {
+      const Json* sets = find_array(*ext, "featureIds", where);
+      for (std::size_t i = 0; sets != nullptr && i < sets->size(); ++i) {
+        const std::string here = where + ": EXT_mesh_features";
+        if (find_member((*sets)[i], "texture") != nullptr) {
+          out.features_in_texture = true;
+          continue;
+        }
+        const FeatureIds ids = feature_ids((*sets)[i], here);
+        if (!out.features || (!out.features->property_table && ids.property_table)) out.features = ids;
+      }
+      out.features_in_texture = out.features_in_texture && !out.features;
+      return;
+    }
+    for (const char* attribute : {"_BATCHID", "BATCHID", "_FEATURE_ID_0"}) {
+      const bool there = out.attributes.contains(attribute) || (out.draco && out.draco->attributes.contains(attribute));
+      if (there && !out.features) out.features = FeatureIds{attribute, std::nullopt, std::nullopt};
+    }
+  }
+
+  static FeatureIds feature_ids(const Json& json, const std::string& where) {
+    FeatureIds out;
+    if (const auto n = find_index(json, "attribute", where, 255)) out.attribute = "_FEATURE_ID_" + std::to_string(*n);
+    out.property_table = find_index(json, "propertyTable", where, 1 << 20);
+    if (const auto null = find_index(json, "nullFeatureId", where, 0xFFFFFFFF)) {
+      out.null_id = static_cast<std::uint32_t>(*null);
+    }
     return out;
   }
 
@@ -293,16 +334,25 @@ class DocumentParser {
     out.T_parent_node = node_matrix(json, where);
     out.mesh = reference(json, "mesh", out_.meshes.size(), where);
     if (const Json* children = find_array(json, "children", where)) out.children = node_list(*children, where);
-    if (const Json* ext = extension(json, "EXT_mesh_gpu_instancing", where)) out.instancing = instancing(*ext, where);
+    if (const Json* ext = extension(json, "EXT_mesh_gpu_instancing", where))
+      out.instancing = instancing(*ext, json, where);
     return out;
   }
 
-  Instancing instancing(const Json& json, const std::string& where) const {
+  Instancing instancing(const Json& json, const Json& node_json, const std::string& where) const {
     const Json* attributes = find_object(json, "attributes", where);
     if (attributes == nullptr) throw InputError(where, "EXT_mesh_gpu_instancing has no attributes");
-    return {reference(*attributes, "TRANSLATION", out_.accessors.size(), where),
-            reference(*attributes, "ROTATION", out_.accessors.size(), where),
-            reference(*attributes, "SCALE", out_.accessors.size(), where)};
+    const auto accessor = [&](const char* key) { return reference(*attributes, key, out_.accessors.size(), where); };
+    Instancing out;
+    out.translation = accessor("TRANSLATION");
+    out.rotation = accessor("ROTATION");
+    out.scale = accessor("SCALE");
+    const Json* ext = extension(node_json, "EXT_instance_features", where);
+    const Json* sets = ext == nullptr ? nullptr : find_array(*ext, "featureIds", where);
+    if (sets == nullptr || sets->empty()) return out;
+    out.features = feature_ids((*sets)[0], where + ": EXT_instance_features");
+    if (!out.features->attribute.empty()) out.feature_ids = accessor(out.features->attribute.c_str());
+    return out;
   }
 
   std::vector<std::size_t> node_list(const Json& array, const std::string& where) const {

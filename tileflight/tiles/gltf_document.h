@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -71,12 +73,21 @@ struct DracoPrimitive {
   std::map<std::string, std::uint32_t> attributes;  ///< name to unique id inside the Draco mesh
 };
 
+/// EXT_mesh_features or EXT_instance_features: which feature a vertex, or an instance, belongs to.
+struct FeatureIds {
+  std::string attribute;                      ///< "_FEATURE_ID_0", "_BATCHID"; empty: its own number
+  std::optional<std::size_t> property_table;  ///< of EXT_structural_metadata
+  std::optional<std::uint32_t> null_id;       ///< belongs to none
+};
+
 struct Primitive {
   int mode = 4;  ///< 0 points, 1 to 3 lines, 4 triangles, 5 strip, 6 fan
   std::map<std::string, std::size_t> attributes;
   std::optional<std::size_t> indices;
   std::optional<std::size_t> material;
   std::optional<DracoPrimitive> draco;
+  std::optional<FeatureIds> features;
+  bool features_in_texture = false;  ///< ids there are only in a texture, which is not read
 };
 
 struct Mesh {
@@ -116,6 +127,8 @@ struct Image {
 /// EXT_mesh_gpu_instancing: one copy of the node's mesh for each entry.
 struct Instancing {
   std::optional<std::size_t> translation, rotation, scale;  ///< accessors
+  std::optional<FeatureIds> features;
+  std::optional<std::size_t> feature_ids;  ///< accessor of features->attribute
 };
 
 struct Node {
@@ -138,7 +151,8 @@ struct Document {
   std::vector<Texture> textures;
   std::vector<Image> images;
   std::vector<Node> nodes;
-  std::vector<std::size_t> roots;  ///< nodes of the scene that is shown
+  std::shared_ptr<const nlohmann::json> structural_metadata;  ///< EXT_structural_metadata as it is written; may be null
+  std::vector<std::size_t> roots;                             ///< nodes of the scene that is shown
 };
 
 /// Reads the JSON of a glTF. `name` stands in messages. Throws InputError (name, part, cause): glTF 1.0, indices that

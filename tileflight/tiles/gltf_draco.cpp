@@ -1,5 +1,6 @@
 #include <draco/compression/decode.h>
 
+#include <algorithm>
 #include <cstring>
 #include <memory>
 
@@ -98,6 +99,11 @@ Geometry decode_draco(std::span<const std::byte> bytes, const Primitive& primiti
   if (request.tex_coords) out.tex_coords = read("TEXCOORD_" + std::to_string(request.tex_coord_set), 2);
   out.color_components = color_components(primitive, document);
   out.colors = read("COLOR_0", out.color_components);
+  if (!request.feature_attribute.empty()) {
+    const std::vector<float> ids = read(request.feature_attribute, 1);
+    out.feature_ids.resize(ids.size());
+    std::transform(ids.begin(), ids.end(), out.feature_ids.begin(), id_from_float);
+  }
   out.triangles = faces_of(*mesh);
   return out;
 }

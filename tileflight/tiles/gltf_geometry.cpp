@@ -74,11 +74,15 @@ void read_attributes(Geometry& out, const Primitive& primitive, const Document& 
     out.color_components = document.accessors[*accessor].components == 3 ? 3 : 4;
     out.colors = buffers.floats(*accessor, out.color_components);
   }
+  if (const auto* accessor = find(request.feature_attribute); accessor != nullptr && out.feature_ids.empty()) {
+    out.feature_ids = buffers.ids(*accessor);
+  }
 }
 
 }  // namespace
 
 bool has_surface(const Primitive& primitive) { return primitive.mode >= 4; }
+bool has_points(const Primitive& primitive) { return primitive.mode == 0; }
 
 std::vector<Triangle> triangles_of(int mode, std::span<const std::uint32_t> corners) {
   if (mode == 5) return triangles_of_strip(corners);
@@ -95,11 +99,21 @@ Geometry read_geometry(const Primitive& primitive, const Document& document, Buf
     const std::vector<std::uint32_t> corners = corners_of(primitive, out.vertex_count(), buffers);
     if (primitive.mode == 4 && corners.size() % 3 != 0)
       out.warnings.push_back("an incomplete last triangle is left out");
-    out.triangles = triangles_of(primitive.mode, corners);
+    if (has_points(primitive)) {
+      out.points = corners;
+    } else {
+      out.triangles = triangles_of(primitive.mode, corners);
+    }
   }
   check_count(out.tex_coords, 2, out.vertex_count(), "TEXCOORD", name);
   if (!out.colors.empty()) check_count(out.colors, out.color_components, out.vertex_count(), "COLOR_0", name);
+  if (!out.feature_ids.empty() && out.feature_ids.size() != out.vertex_count()) {
+    throw InputError(name, request.feature_attribute + " has not one entry for each vertex");
+  }
   check_corners(out.triangles, out.vertex_count(), name);
+  for (const std::uint32_t point : out.points) {
+    if (point >= out.vertex_count()) throw InputError(name, "a point names vertex " + std::to_string(point));
+  }
   return out;
 }
 

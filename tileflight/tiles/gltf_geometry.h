@@ -14,11 +14,13 @@ namespace tileflight::tiles::gltf {
 
 /// A primitive's surface, in its mesh's own frame.
 struct Geometry {
-  std::vector<float> positions;      ///< x y z, one after the other
-  std::vector<float> tex_coords;     ///< u v, before any texture transform; empty: none (or not wanted)
-  std::vector<float> colors;         ///< color_components a vertex, 0..1; empty: none
-  std::size_t color_components = 0;  ///< 3 or 4
+  std::vector<float> positions;            ///< x y z, one after the other
+  std::vector<float> tex_coords;           ///< u v, before any texture transform; empty: none (or not wanted)
+  std::vector<float> colors;               ///< color_components a vertex, 0..1; empty: none
+  std::size_t color_components = 0;        ///< 3 or 4
+  std::vector<std::uint32_t> feature_ids;  ///< one a vertex; empty: none
   std::vector<geometry::Triangle> triangles;
+  std::vector<std::uint32_t> points;  ///< vertices that stand alone (mode 0)
   std::vector<std::string> warnings;
 
   std::size_t vertex_count() const { return positions.size() / 3; }
@@ -27,13 +29,15 @@ struct Geometry {
 /// What is wanted of a primitive beside positions and triangles.
 struct GeometryRequest {
   bool tex_coords = true;
-  std::size_t tex_coord_set = 0;  ///< n of TEXCOORD_n
+  std::size_t tex_coord_set = 0;       ///< n of TEXCOORD_n
+  std::string feature_attribute = {};  ///< which carries feature ids; empty: none wanted
 };
 
 /// Whether the primitive carries surface (points and lines do not).
 bool has_surface(const Primitive& primitive);
+bool has_points(const Primitive& primitive);
 
-/// Reads a primitive of triangles, strip or fan, plain or Draco. All corners lie inside the vertices. Throws
+/// Reads a primitive of points, triangles, strip or fan, plain or Draco. All corners lie inside the vertices. Throws
 /// InputError.
 Geometry read_geometry(const Primitive& primitive, const Document& document, Buffers& buffers,
                        const GeometryRequest& request, const std::string& name);

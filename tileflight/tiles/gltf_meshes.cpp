@@ -4,13 +4,18 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <optional>
 
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/imaging/image_files.h"
 #include "tileflight/tiles/gltf_buffers.h"
 #include "tileflight/tiles/gltf_document.h"
+#include "tileflight/tiles/gltf_features.h"
 #include "tileflight/tiles/gltf_geometry.h"
+#include "tileflight/tiles/ktx2.h"
+#include "tileflight/tiles/placed.h"
+#include "tileflight/tiles/pnts.h"
+#include "tileflight/tiles/tile_table.h"
 #include "tileflight/tiles/uri.h"
 
 namespace tileflight::tiles {
@@ -22,24 +27,13 @@ using geometry::Vec3;
 using imaging::TexturedMesh;
 
 /// Required extensions that are read, or that change only how light falls on a surface or what is said about it.
-constexpr std::array<std::string_view, 15> kSupportedExtensions = {"KHR_draco_mesh_compression",
-                                                                   "EXT_meshopt_compression",
-                                                                   "KHR_mesh_quantization",
-                                                                   "KHR_texture_transform",
-                                                                   "EXT_texture_webp",
-                                                                   "EXT_mesh_gpu_instancing",
-                                                                   "CESIUM_RTC",
-                                                                   "KHR_lights_punctual",
-                                                                   "CESIUM_primitive_outline",
-                                                                   "EXT_mesh_features",
-                                                                   "EXT_instance_features",
-                                                                   "EXT_structural_metadata",
-                                                                   "EXT_feature_metadata",
-                                                                   "KHR_xmp_json_ld",
-                                                                   "KHR_xmp"};
+constexpr std::array<std::string_view, 16> kSupportedExtensions = {
+    "KHR_draco_mesh_compression", "EXT_meshopt_compression",  "KHR_mesh_quantization",   "KHR_texture_transform",
+    "EXT_texture_webp",           "KHR_texture_basisu",       "EXT_mesh_gpu_instancing", "CESIUM_RTC",
+    "KHR_lights_punctual",        "CESIUM_primitive_outline", "EXT_mesh_features",       "EXT_instance_features",
+    "EXT_structural_metadata",    "EXT_feature_metadata",     "KHR_xmp_json_ld",         "KHR_xmp"};
 /// Matter only for images.
-constexpr std::array<std::string_view, 3> kImageExtensions = {"KHR_texture_basisu", "MSFT_texture_dds",
-                                                              "EXT_texture_avif"};
+constexpr std::array<std::string_view, 2> kImageExtensions = {"MSFT_texture_dds", "EXT_texture_avif"};
 
 template <std::size_t N>
 bool contains(const std::array<std::string_view, N>& list, const std::string& value) {
@@ -80,12 +74,14 @@ std::vector<std::array<std::uint8_t, 4>> to_bytes(const std::vector<float>& colo
 class MeshBuilder {
  public:
   MeshBuilder(const gltf::Document& document, std::span<const std::byte> binary_chunk, const std::string& name,
-              const ContentOptions& options, DecodedContent& out)
+              const ContentOptions& options, const GltfSurroundings& around, DecodedContent& out)
       : document_(document),
         name_(name),
         options_(options),
+        around_(around),
         out_(out),
-        buffers_(document, binary_chunk, options, name) {}
+        buffers_(document, binary_chunk, options, name),
+        property_tables_(document, buffers_, options, name) {}
 
   void build(const Mat4& T_tile_gltf) {
     std::vector<bool> visited(document_.nodes.size(), false);
@@ -104,19 +100,51 @@ class MeshBuilder {
       for (auto it = node.children.rbegin(); it != node.children.rend(); ++it) pending.emplace_back(*it, T_tile_node);
     }
     if (document_.nodes.empty()) {  // meshes without any node: shown as they are
-      for (std::size_t mesh = 0; mesh < document_.meshes.size(); ++mesh) add_mesh(mesh, {T_tile_gltf});
+      for (std::size_t mesh = 0; mesh < document_.meshes.size(); ++mesh) add_mesh(mesh, {{T_tile_gltf}});
     }
   }
 
  private:
-  void warn(const std::string& what) {
-    if (std::find(out_.warnings.begin(), out_.warnings.end(), what) == out_.warnings.end())
-      out_.warnings.push_back(what);
-  }
+  /// Where copies of a mesh stand, and which feature each of them is.
+  struct Places {
+    std::vector<Mat4> T_tile_mesh;
+    std::vector<std::uint32_t> feature_ids = {};  ///< one a place, or empty
+    std::shared_ptr<const imaging::FeatureTable> features = {};
+  };
+
+  void warn(const std::string& what) { warn_once(what, out_.warnings); }
 
   void add_node(const gltf::Node& node, const Mat4& T_tile_node) {
     if (!node.mesh) return;
-    add_mesh(*node.mesh, node.instancing ? instances(*node.instancing, T_tile_node) : std::vector<Mat4>{T_tile_node});
+    if (!node.instancing) return add_mesh(*node.mesh, {{T_tile_node}});
+    Places places{instances(*node.instancing, T_tile_node)};
+    add_instance_features(*node.instancing, places);
+    add_mesh(*node.mesh, places);
+  }
+
+  /// EXT_instance_features.
+  void add_instance_features(const gltf::Instancing& instancing, Places& places) {
+    if (!instancing.features) return;
+    const std::size_t count = places.T_tile_mesh.size();
+    if (instancing.feature_ids) {
+      places.feature_ids = buffers_.ids(*instancing.feature_ids);
+      if (places.feature_ids.size() != count)
+        throw InputError(name_, "EXT_instance_features has not one id an instance");
+    } else {
+      places.feature_ids.resize(count);
+      std::iota(places.feature_ids.begin(), places.feature_ids.end(), 0U);
+    }
+    replace_null(*instancing.features, places.feature_ids);
+    places.features = table_of(*instancing.features);
+  }
+
+  static void replace_null(const gltf::FeatureIds& features, std::vector<std::uint32_t>& ids) {
+    if (features.null_id) std::replace(ids.begin(), ids.end(), *features.null_id, imaging::kNoFeature);
+  }
+
+  std::shared_ptr<const imaging::FeatureTable> table_of(const gltf::FeatureIds& features) {
+    if (features.property_table) return property_tables_.table(*features.property_table, out_.warnings);
+    return around_.features;
   }
 
   /// EXT_mesh_gpu_instancing: T_tile_node * translation * rotation * scale, for each entry.
@@ -148,12 +176,12 @@ class MeshBuilder {
     return out;
   }
 
-  void add_mesh(std::size_t index, const std::vector<Mat4>& places) {
+  void add_mesh(std::size_t index, const Places& places) {
     const gltf::Mesh& mesh = document_.meshes[index];
     for (std::size_t i = 0; i < mesh.primitives.size(); ++i) {
       const gltf::Primitive& primitive = mesh.primitives[i];
-      if (!gltf::has_surface(primitive)) {
-        warn("points and lines carry no surface and are left out");
+      if (!gltf::has_surface(primitive) && !gltf::has_points(primitive)) {
+        warn("lines carry no surface and are left out");
         continue;
       }
       const std::string where = name_ + ": meshes[" + std::to_string(index) + "]: primitive " + std::to_string(i);
@@ -161,22 +189,70 @@ class MeshBuilder {
     }
   }
 
-  void add_primitive(const gltf::Primitive& primitive, const std::vector<Mat4>& places, const std::string& where) {
+  void add_primitive(const gltf::Primitive& primitive, const Places& places, const std::string& where) {
     const gltf::Material* material = primitive.material ? &document_.materials[*primitive.material] : nullptr;
     const gltf::TextureReference* texture = options_.textures && material != nullptr && material->base_color_texture
                                                 ? &*material->base_color_texture
                                                 : nullptr;
     const gltf::GeometryRequest request{.tex_coords = texture != nullptr,
-                                        .tex_coord_set = texture == nullptr ? 0 : texture->tex_coord};
+                                        .tex_coord_set = texture == nullptr ? 0 : texture->tex_coord,
+                                        .feature_attribute = primitive.features ? primitive.features->attribute : ""};
     const gltf::Geometry geometry = gltf::read_geometry(primitive, document_, buffers_, request, where);
     for (const std::string& warning : geometry.warnings) warn(warning);
+    if (!geometry.points.empty()) return add_points(geometry, material, places, where);
     if (geometry.triangles.empty()) return;
     TexturedMesh appearance = appearance_of(geometry, texture, where);
     if (material != nullptr) appearance.base_color = material->base_color;
-    for (const Mat4& T_tile_mesh : places) {
+    add_features(primitive, geometry, appearance);
+    for (std::size_t i = 0; i < places.T_tile_mesh.size(); ++i) {
       spend(geometry, where);
       out_.meshes.push_back(appearance);
-      place(geometry, T_tile_mesh, where, out_.meshes.back().mesh);
+      place(geometry, places.T_tile_mesh[i], where, out_.meshes.back().mesh);
+      if (places.feature_ids.empty()) continue;
+      out_.meshes.back().feature_ids.assign(geometry.vertex_count(), places.feature_ids[i]);
+      out_.meshes.back().features = places.features;
+    }
+  }
+
+  void add_features(const gltf::Primitive& primitive, const gltf::Geometry& geometry, TexturedMesh& mesh) {
+    if (primitive.features_in_texture) warn("feature ids in textures are not read");
+    if (!primitive.features) return;
+    mesh.feature_ids = geometry.feature_ids;
+    if (primitive.features->attribute.empty()) {  // each vertex is a feature of its own
+      mesh.feature_ids.resize(geometry.vertex_count());
+      std::iota(mesh.feature_ids.begin(), mesh.feature_ids.end(), 0U);
+    }
+    replace_null(*primitive.features, mesh.feature_ids);
+    if (!mesh.feature_ids.empty()) mesh.features = table_of(*primitive.features);
+  }
+
+  /// A primitive of points, with the material's colour where the vertices have none.
+  void add_points(const gltf::Geometry& geometry, const gltf::Material* material, const Places& places,
+                  const std::string& where) {
+    geometry::PointCloud cloud;
+    std::vector<std::array<std::uint8_t, 4>> colors;
+    if (!geometry.colors.empty()) colors = to_bytes(geometry.colors, geometry.color_components);
+    const std::vector<float> plain = material == nullptr
+                                         ? std::vector<float>{1, 1, 1, 1}
+                                         : std::vector<float>(material->base_color.begin(), material->base_color.end());
+    const std::array<std::uint8_t, 4> own = to_bytes(plain, 4)[0];
+    for (const std::uint32_t point : geometry.points) {
+      const float* p = &geometry.positions[3 * std::size_t{point}];
+      cloud.positions.emplace_back(p[0], p[1], p[2]);
+      if (!cloud.positions.back().allFinite()) throw InputError(where, "the position of a point is not finite");
+      const std::array<std::uint8_t, 4>& color = colors.empty() ? own : colors[point];
+      cloud.colors.push_back({color[0], color[1], color[2]});
+      if (!geometry.feature_ids.empty()) {
+        cloud.scalars[kFeatureIdScalar].push_back(static_cast<float>(geometry.feature_ids[point]));
+      }
+    }
+    for (const Mat4& T_tile_mesh : places.T_tile_mesh) {
+      points_ += cloud.size();
+      if (points_ > options_.limits.max_points) {
+        throw InputError(where, "the tile has more than " + std::to_string(options_.limits.max_points) + " points");
+      }
+      out_.clouds.push_back(cloud);
+      place_cloud(T_tile_mesh, out_.clouds.back());
     }
   }
 
@@ -223,9 +299,9 @@ class MeshBuilder {
 
   std::shared_ptr<const imaging::RgbImage> read_image(const gltf::Image& image, std::size_t index) {
     const std::string where = name_ + ": images[" + std::to_string(index) + "]";
-    const imaging::DecodeLimits limits{.max_pixels = options_.limits.max_texture_pixels};
     const auto decode = [&](std::span<const std::byte> bytes) {
-      return std::make_shared<const imaging::RgbImage>(imaging::decode_rgb(bytes, where, limits));
+      return std::make_shared<const imaging::RgbImage>(
+          decode_texture(bytes, where, options_.limits.max_texture_pixels));
     };
     if (image.view) return decode(buffers_.view(*image.view));
     if (is_data_uri(*image.uri)) return decode(decode_data_uri(*image.uri, where));
@@ -263,11 +339,14 @@ class MeshBuilder {
   const gltf::Document& document_;
   const std::string& name_;
   const ContentOptions& options_;
+  const GltfSurroundings& around_;
   DecodedContent& out_;
   gltf::Buffers buffers_;
+  gltf::PropertyTables property_tables_;
   std::map<std::size_t, std::shared_ptr<const imaging::RgbImage>> images_;
   std::size_t vertices_ = 0;
   std::size_t triangles_ = 0;
+  std::size_t points_ = 0;
 };
 
 }  // namespace
@@ -279,14 +358,14 @@ Mat3 R_tile_gltf(UpAxis up_axis) {
   return R;
 }
 
-void append_gltf(std::string_view json, std::span<const std::byte> binary_chunk, const Vec3& rtc_center,
+void append_gltf(std::string_view json, std::span<const std::byte> binary_chunk, const GltfSurroundings& around,
                  const std::string& name, const ContentOptions& options, DecodedContent& out) {
   const gltf::Document document = gltf::parse_document(json, name);
   require_supported(document, name, options.textures);
   Mat4 T_tile_gltf = Mat4::Identity();
   T_tile_gltf.topLeftCorner<3, 3>() = R_tile_gltf(options.up_axis);
-  T_tile_gltf.topRightCorner<3, 1>() = rtc_center + document.rtc_center;
-  MeshBuilder(document, binary_chunk, name, options, out).build(T_tile_gltf);
+  T_tile_gltf.topRightCorner<3, 1>() = around.rtc_center + document.rtc_center;
+  MeshBuilder(document, binary_chunk, name, options, around, out).build(T_tile_gltf);
   if (!document.copyright.empty()) out.copyrights.push_back(document.copyright);
 }
 

@@ -9,10 +9,15 @@
 
 namespace tileflight::tiles {
 
-/// Appends the meshes of a glTF 2.0 (its JSON and, from a GLB, its binary chunk) to `out`, in the tile's frame: node
-/// matrices, then the up-axis turn, then CESIUM_RTC and `rtc_center` (b3dm's; 3D Tiles 1.0, "RTC_CENTER"). Throws
-/// InputError.
-void append_gltf(std::string_view json, std::span<const std::byte> binary_chunk, const geometry::Vec3& rtc_center,
+/// What the container of a glTF says of it.
+struct GltfSurroundings {
+  geometry::Vec3 rtc_center = geometry::Vec3::Zero();          ///< of a b3dm (3D Tiles 1.0, "RTC_CENTER")
+  std::shared_ptr<const imaging::FeatureTable> features = {};  ///< of its batch table; may be null
+};
+
+/// Appends the meshes and points of a glTF 2.0 (its JSON and, from a GLB, its binary chunk) to `out`, in the tile's
+/// frame: node matrices, then the up-axis turn, then CESIUM_RTC and the container's centre. Throws InputError.
+void append_gltf(std::string_view json, std::span<const std::byte> binary_chunk, const GltfSurroundings& around,
                  const std::string& name, const ContentOptions& options, DecodedContent& out);
 
 /// The turn from a glTF's frame to the tile's z-up frame (3D Tiles 1.1, "glTF transforms").

@@ -52,6 +52,10 @@ class Inspection {
     while (!pending.empty()) {
       const auto [id, level] = pending.back();
       pending.pop_back();
+      if (tree_.tile(id).implicit) {
+        if (const auto root = implicit_root(id)) pending.emplace_back(*root, level);
+        continue;
+      }
       count_tile(id, level);
       for (const NodeId child : tree_.children(id)) pending.emplace_back(child, level + 1);
       for (std::size_t content = 0; content < tree_.tile(id).contents.size(); ++content) {
@@ -79,13 +83,19 @@ class Inspection {
     summary.geometric_error_max_m = std::max(summary.geometric_error_max_m, error_m);
   }
 
-  /// Counts a content; the root of the tree below it, where it is an external tileset that can be read. A template URI
-  /// of implicit tiling names no file.
-  std::optional<NodeId> visit_content(NodeId id, std::size_t content) {
-    if (!tree_.tile(id).unsupported.empty()) {
-      ++out_.contents["implicit"];
+  std::optional<NodeId> implicit_root(NodeId id) {
+    try {
+      const NodeId root = tree_.implicit_root(id);
+      ++out_.subtrees;
+      return root;
+    } catch (const InputError& error) {
+      out_.failures.push_back(tree_.name(id) + ": " + error.what());
       return std::nullopt;
     }
+  }
+
+  /// Counts a content; the root of the tree below it, where it is an external tileset that can be read.
+  std::optional<NodeId> visit_content(NodeId id, std::size_t content) {
     try {
       if (!tree_.is_external_tileset(id, content)) {
         const std::string uri = tree_.content_uri(id, content);
@@ -106,11 +116,12 @@ class Inspection {
     Attribution attribution;
     for (const auto& [uri, tileset] : tree_.files_read()) {
       attribution.add(tileset->copyright);
-      add_distinct(tileset->warnings, out_.warnings);
       add_distinct(tileset->extensions_used, out_.extensions_used);
       add_distinct(tileset->extensions_required, out_.extensions_required);
       add_distinct(unsupported_extensions(*tileset), out_.extensions_unsupported);
     }
+    add_distinct(source_.warnings(), out_.warnings);
+    add_distinct(tree_.warnings(), out_.warnings);
     out_.external_tilesets = static_cast<std::int64_t>(tree_.files_read().size()) - 1;
     out_.attribution = attribution.sorted();
   }

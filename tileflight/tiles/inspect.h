@@ -20,7 +20,7 @@ struct LevelSummary {
   double geometric_error_max_m = 0.0;
 };
 
-/// What a tileset holds, by its JSON alone: external tilesets are followed, no content is read.
+/// What a tileset holds, by its JSON alone: external tilesets and subtrees are followed, no content is read.
 struct TilesetSummary {
   std::string version;
   std::string generator;
@@ -29,7 +29,8 @@ struct TilesetSummary {
   std::int64_t leaves = 0;
   std::int64_t tiles_replace = 0;  ///< refine of tiles that have children
   std::int64_t tiles_add = 0;
-  std::int64_t tiles_unsupported = 0;            ///< implicit tiling, unknown bounding volumes
+  std::int64_t tiles_unsupported = 0;            ///< unknown bounding volumes
+  std::int64_t subtrees = 0;                     ///< files of implicit tiling
   std::map<std::string, std::int64_t> contents;  ///< references by kind: "b3dm", "glb", …, "tileset", "unknown"
   std::int64_t content_files = 0;                ///< distinct URIs, external tilesets not counted
   std::int64_t content_files_missing = 0;        ///< of those, where the source can tell

@@ -80,7 +80,12 @@ TEST(InspectTileset, georeferenced) {
 
 TEST(InspectTileset, implicit_tiling_is_counted) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/SparseImplicitQuadtree");
-  EXPECT_EQ(inspect_tileset(folder.string()).tiles_unsupported, 1);
+  const TilesetSummary s = inspect_tileset(folder.string());
+  EXPECT_EQ(s.tiles_unsupported, 0);
+  EXPECT_EQ(s.subtrees, 9);
+  EXPECT_EQ(s.depth(), 6);
+  EXPECT_EQ(s.contents.at("glb"), 32);
+  EXPECT_EQ(s.content_files_missing, 0);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiles/attribution.h"
 #include "tileflight/tiles/content.h"
+#include "tileflight/tiles/placed.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/selection.h"
 #include "tileflight/tiles/shared_images.h"
@@ -19,9 +20,7 @@
 namespace tileflight::tiles {
 namespace {
 
-using geometry::Mat3;
 using geometry::Mat4;
-using geometry::Vec3;
 using imaging::TexturedMesh;
 
 /// One file that the cut needs, and all places where it stands: it is read and decoded once.
@@ -34,7 +33,8 @@ struct WantedFile {
 
 /// What became of a content of the cut.
 struct ReadContent {
-  std::vector<TexturedMesh> meshes;  ///< in the local frame
+  std::vector<TexturedMesh> meshes;          ///< in the local frame
+  std::vector<geometry::PointCloud> clouds;  ///< likewise
   std::vector<std::string> copyrights;
   std::vector<std::string> warnings;
   std::string failure;  ///< empty: none
@@ -51,18 +51,6 @@ std::vector<WantedFile> distinct_files(const TilesetTree& tree, const TileCut& c
     files[it->second].places.push_back(i);
   }
   return files;
-}
-
-/// Moves meshes by an affine transform; one that mirrors turns the winding round.
-void move_meshes(const Mat4& T_local_tile, std::vector<TexturedMesh>& meshes) {
-  const Mat3 linear = T_local_tile.topLeftCorner<3, 3>();
-  const Vec3 translation = T_local_tile.topRightCorner<3, 1>();
-  const bool mirrors = linear.determinant() < 0;
-  for (TexturedMesh& mesh : meshes) {
-    for (Vec3& vertex : mesh.mesh.vertices) vertex = (linear * vertex + translation).eval();
-    if (!mirrors) continue;
-    for (geometry::Triangle& triangle : mesh.mesh.triangles) std::swap(triangle[1], triangle[2]);
-  }
 }
 
 /// Reads the files of a cut in parallel; results stand in the cut's order whatever the threads do.
@@ -92,9 +80,12 @@ class CutReader {
         ReadContent& content = contents_[file.places[i]];
         const bool last = i + 1 == file.places.size();
         content.meshes = last ? std::move(decoded.meshes) : decoded.meshes;
+        content.clouds = last ? std::move(decoded.clouds) : decoded.clouds;
         content.copyrights = decoded.copyrights;
         content.warnings = decoded.warnings;
-        move_meshes(T_local_tileset_ * tree_.node(cut_.contents[file.places[i]].node).T_tileset_tile, content.meshes);
+        const Mat4 T_local_tile = T_local_tileset_ * tree_.node(cut_.contents[file.places[i]].node).T_tileset_tile;
+        for (TexturedMesh& mesh : content.meshes) place_mesh(T_local_tile, mesh);
+        for (geometry::PointCloud& cloud : content.clouds) place_cloud(T_local_tile, cloud);
       }
     } catch (const InputError& error) {
       for (const std::size_t place : file.places) contents_[place].failure = error.what();
@@ -145,6 +136,10 @@ void collect(ReadContent&& content, LoadedTiles& out, Attribution& attribution) 
     out.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
     out.meshes.push_back(std::move(mesh));
   }
+  for (geometry::PointCloud& cloud : content.clouds) {
+    out.points += static_cast<std::int64_t>(cloud.size());
+    out.clouds.push_back(std::move(cloud));
+  }
   for (const std::string& copyright : content.copyrights) attribution.add(copyright);
   add_distinct(content.warnings, out.warnings);
 }
@@ -183,6 +178,7 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   out.geometric_error_max_m = cut.geometric_error_max_m;
   out.cut_hash = cut.hash;
   out.warnings = placement.warnings;
+  add_distinct(source.warnings(), out.warnings);
   for (const std::string& failure : cut.failures) fail(failure, options, out);
 
   Attribution attribution;
@@ -194,10 +190,8 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
       fail(content.failure, options, out);
     }
   }
-  for (const auto& [uri, tileset] : tree.files_read()) {
-    attribution.add(tileset->copyright);
-    add_distinct(tileset->warnings, out.warnings);
-  }
+  for (const auto& [uri, tileset] : tree.files_read()) attribution.add(tileset->copyright);
+  add_distinct(tree.warnings(), out.warnings);
   out.attribution = attribution.sorted();
   out.complete = out.tiles_failed == 0;
   out.bytes_read = counted.bytes();

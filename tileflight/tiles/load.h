@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/imaging/textured_mesh.h"
 #include "tileflight/tiles/region.h"
@@ -41,6 +42,7 @@ struct LoadOptions {
 /// A cut of the tree as meshes in the local frame, and whether it is whole.
 struct LoadedTiles {
   std::vector<imaging::TexturedMesh> meshes;  ///< local frame, in the cut's defined order
+  std::vector<geometry::PointCloud> clouds;   ///< points that carry no surface, likewise
   std::optional<geometry::LocalFrame>
       local_frame;                ///< nullopt: not georeferenced, local is the tileset's own z-up frame
   Region region;                  ///< in the local frame
@@ -51,6 +53,7 @@ struct LoadedTiles {
   bool complete = false;
   double geometric_error_max_m = 0.0;  ///< largest geometric error in the cut
   std::int64_t triangles = 0;
+  std::int64_t points = 0;  ///< of all clouds
   std::int64_t bytes_read = 0;
   std::string cut_hash;                  ///< SHA-256 over the ordered tile identities
   std::vector<std::string> attribution;  ///< distinct, most frequent first
@@ -58,7 +61,7 @@ struct LoadedTiles {
 };
 
 /// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no
-/// ancestors. `source`: tileset.json, its folder (http and archives: later). Throws InputError.
+/// ancestors. `source`: as open_source takes it (tile_source.h). Throws InputError.
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
 /// The same from any source of bytes; `name` stands in messages.
 LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,

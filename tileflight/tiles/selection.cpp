@@ -30,6 +30,8 @@ class CutWalk {
       cut_.failures.push_back(tree_.name(id) + ": " + lacking + " is not supported");
       return;
     }
+    if (hidden_from_viewer(id)) return;
+    if (tree_.tile(id).implicit) return visit_subtree(id);
     const bool has_content = !tree_.tile(id).contents.empty();
     const bool has_children = !tree_.tile(id).children.empty();
     const bool fine_enough = wanted_.fine_enough(volume, tree_.geometric_error_m(id));
@@ -37,6 +39,20 @@ class CutWalk {
     if (has_content && (!refined || tree_.node(id).refine == Refine::kAdd)) take_contents(id, !refined);
     if (!refined) return;
     for (const NodeId child : tree_.children(id)) visit(child);
+  }
+
+  bool hidden_from_viewer(NodeId id) const {
+    if (!wanted_.holds_viewer) return false;
+    const std::optional<BoundingVolume> volume = tree_.viewer_request_volume(id);
+    return volume && !wanted_.holds_viewer(*volume);
+  }
+
+  void visit_subtree(NodeId id) {
+    try {
+      visit(tree_.implicit_root(id));
+    } catch (const InputError& error) {
+      cut_.failures.push_back(tree_.name(id) + ": " + error.what());
+    }
   }
 
   void take_contents(NodeId id, bool finest_here) {

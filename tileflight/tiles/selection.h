@@ -16,6 +16,8 @@ struct Wanted {
   std::function<bool(const BoundingVolume&)> meets;  ///< whether anything inside the volume is wanted
   /// Whether a tile of this geometric error (metres, as the file says) will do there.
   std::function<bool(const BoundingVolume&, double geometric_error_m)> fine_enough;
+  /// Whether a viewer is inside a tile's viewerRequestVolume; empty: there is no viewer, and the volume is not heeded.
+  std::function<bool(const BoundingVolume&)> holds_viewer = {};
 };
 
 /// Everything that meets the region, at a geometric error of at most `error_m` where the tree has that.
@@ -54,7 +56,9 @@ struct TileCut {
 /// - An external tileset is its tile's content: where that tile's content would be taken, the external root is visited
 ///   by these same rules with its own volume, error and transform.
 /// - A content whose own bounding volume does not meet what is wanted is left out.
-/// `viewerRequestVolume` speaks of a viewer; a cut without a camera does not heed it.
+/// - A tile of an implicit tree that waits for its subtree file stands for that subtree's root.
+/// - A tile with a `viewerRequestVolume` that does not hold the viewer is left out with all below it, where there is a
+///   viewer.
 TileCut select_cut(TilesetTree& tree, const Wanted& wanted);
 
 }  // namespace tileflight::tiles

@@ -1,7 +1,7 @@
 #include "tileflight/tiles/shared_images.h"
 
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/imaging/image_files.h"
+#include "tileflight/tiles/ktx2.h"
 #include "tileflight/tiles/uri.h"
 
 namespace tileflight::tiles {
@@ -20,8 +20,8 @@ std::shared_ptr<const imaging::RgbImage> SharedImages::read(const std::string& u
     shared->tried = true;
     try {
       const std::vector<std::byte> bytes = read_uri(source_, uri);
-      shared->image = std::make_shared<const imaging::RgbImage>(
-          imaging::decode_rgb(bytes, uri_for_message(uri), {.max_pixels = max_pixels}));
+      shared->image =
+          std::make_shared<const imaging::RgbImage>(decode_texture(bytes, uri_for_message(uri), max_pixels));
     } catch (const InputError& error) {
       shared->failure = error;
     }

@@ -148,6 +148,78 @@ inline std::string b3dm(const std::string& glb, const Json& feature_table = {{"B
          u32(static_cast<std::uint32_t>(table.size())) + u32(0) + u32(0) + u32(0) + table + glb;
 }
 
+/// The four tables of a container of 3D Tiles 1.0.
+struct Tables {
+  Json feature_json = Json::object();
+  std::string feature_binary = {};
+  Json batch_json = nullptr;
+  std::string batch_binary = {};
+};
+
+/// A b3dm, i3dm or pnts; `after_lengths` is what an i3dm has behind its four lengths.
+inline std::string container(const std::string& magic, const Tables& tables, const std::string& body = "",
+                             const std::string& after_lengths = "") {
+  const auto u32 = [](std::size_t value) { return GltfWriter::u32(static_cast<std::uint32_t>(value)); };
+  std::string feature = tables.feature_json.dump();
+  while (feature.size() % 8 != 0) feature += ' ';
+  std::string batch = tables.batch_json.is_null() ? "" : tables.batch_json.dump();
+  while (batch.size() % 8 != 0) batch += ' ';
+  const std::string rest = u32(feature.size()) + u32(tables.feature_binary.size()) + u32(batch.size()) +
+                           u32(tables.batch_binary.size()) + after_lengths + feature + tables.feature_binary + batch +
+                           tables.batch_binary + body;
+  return magic + u32(1) + u32(12 + rest.size()) + rest;
+}
+
+/// Values as they lie in a file.
+template <class T>
+std::string raw(const std::vector<T>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+
+/// A binary subtree file.
+inline std::string subtree(const Json& json, const std::string& binary = "") {
+  std::string text = json.dump();
+  while (text.size() % 8 != 0) text += ' ';
+  return "subt" + GltfWriter::u32(1) + raw<std::uint64_t>({text.size(), binary.size()}) + text + binary;
+}
+
+/// One file of a ZIP archive: what is stored, and what it is.
+struct ZipEntry {
+  std::string path;
+  std::string content;
+  std::string packed = {};  ///< as `method` packs it; stored: left out
+  std::uint16_t method = 0;
+};
+
+/// CRC-32 bit by bit (ISO 3309).
+inline std::uint32_t crc32_of(const std::string& bytes) {
+  std::uint32_t crc = 0xFFFFFFFFU;
+  for (const char c : bytes) {
+    crc ^= static_cast<unsigned char>(c);
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1U) ^ ((crc & 1U) != 0 ? 0xEDB88320U : 0U);
+  }
+  return ~crc;
+}
+
+/// A ZIP archive of these files; `offsets` receives where each begins.
+inline std::string zip_of(const std::vector<ZipEntry>& entries, std::vector<std::uint64_t>* offsets = nullptr) {
+  const auto u16 = [](std::size_t value) { return raw<std::uint16_t>({static_cast<std::uint16_t>(value)}); };
+  const auto u32 = [](std::size_t value) { return GltfWriter::u32(static_cast<std::uint32_t>(value)); };
+  std::string out;
+  std::string directory;
+  for (const ZipEntry& entry : entries) {
+    const std::string& packed = entry.method == 0 ? entry.content : entry.packed;
+    const std::string common = u16(0) + u16(entry.method) + u32(0) + u32(crc32_of(entry.content)) + u32(packed.size()) +
+                               u32(entry.content.size()) + u16(entry.path.size()) + u16(0);
+    if (offsets != nullptr) offsets->push_back(out.size());
+    directory +=
+        "PK\1\2" + u16(20) + u16(20) + common + u16(0) + u16(0) + u16(0) + u32(0) + u32(out.size()) + entry.path;
+    out += "PK\3\4" + u16(20) + common + entry.path + packed;
+  }
+  return out + directory + "PK\5\6" + u16(0) + u16(0) + u16(entries.size()) + u16(entries.size()) +
+         u32(directory.size()) + u32(out.size()) + u16(0);
+}
+
 /// An upright box as a boundingVolume.
 inline Json box_volume(double cx, double cy, double cz, double hx, double hy, double hz) {
   return {{"box", {cx, cy, cz, hx, 0, 0, 0, hy, 0, 0, 0, hz}}};

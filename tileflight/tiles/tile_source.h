@@ -11,8 +11,8 @@
 
 namespace tileflight::tiles {
 
-/// Where the bytes of a tileset come from. Injected, so that a test can stage a fault; folders now, archives and HTTP
-/// later. URIs are those that resolve_uri makes of `root_uri` and the references in the files.
+/// Where the bytes of a tileset come from. Injected, so that a test can stage a fault: a folder, an archive, or
+/// whatever fetches. URIs are those that resolve_uri makes of `root_uri` and the references in the files.
 class TileSource {
  public:
   virtual ~TileSource() = default;
@@ -23,6 +23,8 @@ class TileSource {
   virtual std::vector<std::byte> read(const std::string& uri) = 0;
   /// Size in bytes, where the source can tell it without reading; nullopt: not known, or not there.
   virtual std::optional<std::uintmax_t> size(const std::string& uri) = 0;
+  /// What is wrong with the source as a whole and yet can be read; distinct.
+  virtual std::vector<std::string> warnings() const { return {}; }
 };
 
 /// Limits and permissions of a folder of files.
@@ -59,6 +61,7 @@ class CountingSource : public TileSource {
   std::string root_uri() const override { return inner_.root_uri(); }
   std::vector<std::byte> read(const std::string& uri) override;
   std::optional<std::uintmax_t> size(const std::string& uri) override { return inner_.size(uri); }
+  std::vector<std::string> warnings() const override { return inner_.warnings(); }
 
   std::int64_t bytes() const { return bytes_; }
 
@@ -67,10 +70,12 @@ class CountingSource : public TileSource {
   std::atomic<std::int64_t> bytes_ = 0;
 };
 
-/// The bytes behind a URI: a "data:" URI carries them itself, all else is the source's.
+/// The bytes behind a URI: a "data:" URI carries them itself, all else is the source's. Files that are kept as gzip
+/// (as plain servers and archives have them) are unpacked, up to 1 GiB.
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri);
 
-/// What a user writes as SOURCE: a tileset.json or its folder. Throws InputError when it is neither.
+/// What a user writes as SOURCE: a tileset.json, its folder, a .3tz or a .3dtiles (told apart by their first bytes).
+/// Throws InputError when it is none of them.
 std::unique_ptr<TileSource> open_source(const std::string& source);
 
 }  // namespace tileflight::tiles

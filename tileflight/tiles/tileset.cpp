@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <numbers>
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiles/json_reader.h"
+#include "tileflight/tiles/tile_semantics.h"
 #include "tileflight/tiles/uri.h"
 
 namespace tileflight::tiles {
@@ -14,48 +14,20 @@ namespace {
 using geometry::Mat4;
 using geometry::Vec3;
 
-/// 3DTILES_implicit_tiling stands here so that the refusal can name the tile that needs it.
 constexpr std::array kSupportedExtensions = {"3DTILES_content_gltf",          "3DTILES_multiple_contents",
                                              "3DTILES_implicit_tiling",       "3DTILES_metadata",
                                              "3DTILES_batch_table_hierarchy", "3DTILES_draco_point_compression"};
 
 constexpr double kEverywhere_m = 1e9;
 
-OrientedBox parse_box(const std::vector<double>& v) {
-  OrientedBox box;
-  box.center = Vec3(v[0], v[1], v[2]);
-  box.half_axes << v[3], v[6], v[9], v[4], v[7], v[10], v[5], v[8], v[11];
-  return box;
-}
-
-BoundingSphere parse_sphere(const std::vector<double>& v, const std::string& where) {
-  if (v[3] < 0) throw InputError(where, "the radius of the bounding sphere is negative");
-  return {Vec3(v[0], v[1], v[2]), v[3]};
-}
-
-GeographicRegion parse_region(const std::vector<double>& v, const std::string& where) {
-  constexpr double kRounding_rad = 1e-6;
-  constexpr double kPole_rad = std::numbers::pi / 2;
-  constexpr double kMeridian_rad = std::numbers::pi;
-  const auto within = [](double value, double limit) { return std::abs(value) <= limit + kRounding_rad; };
-  if (!within(v[0], kMeridian_rad) || !within(v[2], kMeridian_rad) || !within(v[1], kPole_rad) ||
-      !within(v[3], kPole_rad)) {
-    throw InputError(where, "boundingVolume.region has an angle outside of its range (radians, west south east north)");
-  }
-  if (v[1] > v[3] || v[4] > v[5]) {
-    throw InputError(where,
-                     "boundingVolume.region has its south above its north, or its lowest height above its highest");
-  }
-  return {v[0], std::max(v[1], -kPole_rad), v[2], std::min(v[3], kPole_rad), v[4], v[5]};
-}
-
 /// nullopt where there is none of the three kinds.
-std::optional<BoundingVolume> parse_volume(const Json& parent, const std::string& where) {
-  const Json* json = find_object(parent, "boundingVolume", where);
+std::optional<BoundingVolume> parse_volume(const Json& parent, const std::string& where,
+                                           const char* key = "boundingVolume") {
+  const Json* json = find_object(parent, key, where);
   if (json == nullptr) return std::nullopt;
-  if (const auto v = find_numbers(*json, "box", 12, where)) return parse_box(*v);
-  if (const auto v = find_numbers(*json, "region", 6, where)) return parse_region(*v, where);
-  if (const auto v = find_numbers(*json, "sphere", 4, where)) return parse_sphere(*v, where);
+  if (const auto v = find_numbers(*json, "box", 12, where)) return box_of(*v);
+  if (const auto v = find_numbers(*json, "region", 6, where)) return region_of(*v, where);
+  if (const auto v = find_numbers(*json, "sphere", 4, where)) return sphere_of(*v, where);
   return std::nullopt;
 }
 
@@ -77,7 +49,8 @@ std::string upper(std::string text) {
 /// Builds the tile list; one object per file.
 class TilesetParser {
  public:
-  TilesetParser(const std::string& name, const TilesetLimits& limits) : name_(name), limits_(limits) {}
+  TilesetParser(const std::string& name, const TilesetLimits& limits, const ReadText& read_text)
+      : name_(name), limits_(limits), read_text_(read_text) {}
 
   Tileset parse(const Json& json) {
     if (!json.is_object()) throw InputError(name_, "is not a tileset: a JSON object is wanted");
@@ -87,6 +60,7 @@ class TilesetParser {
     if (tileset_.geometric_error_m.value_or(0) < 0) throw InputError(name_, "geometricError is negative");
     tileset_.extensions_used = find_strings(json, "extensionsUsed", name_);
     tileset_.extensions_required = find_strings(json, "extensionsRequired", name_);
+    json_ = &json;
     const Json* root = find_object(json, "root", name_);
     if (root == nullptr) throw InputError(name_, "is not a tileset: root is missing");
     parse_tiles(*root);
@@ -178,8 +152,10 @@ class TilesetParser {
     tile.refine = parse_refine(json, where);
     if (!tile.refine && parent != nullptr) tile.refine = parent->refine;
     parse_bounding_volume(tile, json, where);
+    tile.viewer_request_volume = parse_volume(json, where, "viewerRequestVolume");
+    apply_metadata(tile, json, where);
     parse_contents(tile, json, where);
-    parse_implicit_tiling(tile, json, where);
+    parse_implicit(tile, json, where);
   }
 
   double parse_geometric_error(const Json& json, const Tile* parent, const std::string& where) {
@@ -235,35 +211,128 @@ class TilesetParser {
     }
   }
 
+  /// A content's metadata can name its volume.
+  std::optional<BoundingVolume> content_volume(const Tile& tile, const Json& json, const std::string& where) {
+    const std::optional<BoundingVolume> written = parse_volume(json, where);
+    const Json* metadata = member_or_extension(json, "metadata", "3DTILES_metadata", where);
+    const auto id = metadata == nullptr ? std::nullopt : find_string(*metadata, "class", where);
+    const std::shared_ptr<const MetadataSchema> known = id ? schema() : nullptr;
+    if (!known || !known->contains(*id)) return written;
+    const TileSemantics own = semantics(*metadata, known->at(*id), "CONTENT", where + ": metadata");
+    if (!own.bounding_volume && !own.min_height_m && !own.max_height_m) return written;
+    return with_semantics(written.value_or(tile.bounding_volume), own);
+  }
+
   void add_content(Tile& tile, const Json& json, const std::string& where) {
     if (!json.is_object()) throw InputError(where, "is not an object");
     std::optional<std::string> uri = find_string(json, "uri", where);
     if (!uri) uri = find_string(json, "url", where);  // before 1.0
     if (!uri || uri->empty()) throw InputError(where, "uri is missing");
-    tile.contents.push_back({*std::move(uri), parse_volume(json, where)});
+    tile.contents.push_back({*std::move(uri), content_volume(tile, json, where)});
   }
 
-  static void parse_implicit_tiling(Tile& tile, const Json& json, const std::string& where) {
+  /// An object that 1.1 has as a member, and 1.0 had as an extension.
+  static const Json* member_or_extension(const Json& json, const char* member, const char* extension,
+                                         const std::string& where) {
+    if (const Json* found = find_object(json, member, where)) return found;
     const Json* extensions = find_object(json, "extensions", where);
-    const Json* implicit = find_object(json, "implicitTiling", where);
-    if (implicit == nullptr && extensions != nullptr)
-      implicit = find_object(*extensions, "3DTILES_implicit_tiling", where);
-    if (implicit == nullptr) return;
-    const std::string scheme = find_string(*implicit, "subdivisionScheme", where).value_or("no scheme");
-    tile.unsupported = "implicit tiling (" + scheme + ")";
+    return extensions == nullptr ? nullptr : find_object(*extensions, extension, where);
+  }
+
+  void parse_implicit(Tile& tile, const Json& json, const std::string& where) {
+    const Json* implicit = member_or_extension(json, "implicitTiling", "3DTILES_implicit_tiling", where);
+    if (implicit == nullptr || !tile.unsupported.empty()) return;
+    if (const Json* children = find_array(json, "children", where); children != nullptr && !children->empty()) {
+      throw InputError(where, "has both implicitTiling and children");
+    }
+    if (std::holds_alternative<BoundingSphere>(tile.bounding_volume)) {
+      throw InputError(where, "implicitTiling divides a box or a region; its bounding volume is a sphere");
+    }
+    auto tiling = std::make_shared<ImplicitTiling>(parse_implicit_tiling(*implicit, where + ": implicitTiling"));
+    tiling->root_volume = tile.bounding_volume;
+    tiling->root_geometric_error_m = tile.geometric_error_m;
+    for (const Content& content : tile.contents) tiling->content_templates.push_back(content.uri);
+    tiling->schema = schema();
+    tile.contents.clear();
+    check_templates(*tiling, where);
+    tile.implicit = ImplicitPlace{std::move(tiling), {}};
+  }
+
+  static void check_templates(const ImplicitTiling& tiling, const std::string& where) {
+    filled_template(tiling.subtree_template, tiling, {}, where + ": subtrees");
+    for (const std::string& content : tiling.content_templates) {
+      filled_template(content, tiling, {}, where + ": content");
+    }
+  }
+
+  /// Volumes, error and refinement that a tile's metadata say instead of its JSON.
+  void apply_metadata(Tile& tile, const Json& json, const std::string& where) {
+    const Json* metadata = member_or_extension(json, "metadata", "3DTILES_metadata", where);
+    if (metadata == nullptr) return;
+    const auto id = find_string(*metadata, "class", where);
+    const std::shared_ptr<const MetadataSchema> known = schema();
+    if (!id || !known || !known->contains(*id)) return;
+    const TileSemantics own = semantics(*metadata, known->at(*id), "TILE", where + ": metadata");
+    tile.bounding_volume = with_semantics(tile.bounding_volume, own);
+    tile.geometric_error_m = own.geometric_error_m.value_or(tile.geometric_error_m);
+    if (own.refine) tile.refine = own.refine;
+  }
+
+  static TileSemantics semantics(const Json& metadata, const MetadataClass& metadata_class, const std::string& prefix,
+                                 const std::string& where) {
+    const Json* properties = find_object(metadata, "properties", where);
+    if (properties == nullptr) return {};
+    SemanticValues values;
+    values.numbers = [&](const std::string& semantic) -> std::optional<std::vector<double>> {
+      for (const MetadataProperty& property : metadata_class.properties) {
+        if (property.semantic != semantic) continue;
+        const Json* value = find_member(*properties, property.id.c_str());
+        if (value == nullptr) continue;
+        if (!value->is_array()) return std::vector{*find_number(*properties, property.id.c_str(), where)};
+        return find_numbers(*properties, property.id.c_str(), 0, where);
+      }
+      return std::nullopt;
+    };
+    values.text = [](const std::string&) -> std::optional<std::string> { return std::nullopt; };
+    return read_semantics(prefix, values, where);
+  }
+
+  /// Read when it is first needed; null where there is none or it cannot be read (then metadata are not heeded).
+  std::shared_ptr<const MetadataSchema> schema() {
+    if (schema_known_) return schema_;
+    schema_known_ = true;
+    const std::string where = name_ + ": schema";
+    try {
+      if (const Json* own = member_or_extension(*json_, "schema", "3DTILES_metadata", name_)) {
+        const Json* inner = find_object(*own, "schema", where);  // the extension has it one level down
+        schema_ =
+            std::make_shared<const MetadataSchema>(parse_metadata_schema(inner != nullptr ? *inner : *own, where));
+      } else if (const auto uri = find_string(*json_, "schemaUri", name_); uri && read_text_) {
+        schema_ = std::make_shared<const MetadataSchema>(
+            parse_metadata_schema(parse_json(read_text_(*uri), uri_for_message(*uri)), uri_for_message(*uri)));
+      }
+    } catch (const InputError& error) {
+      warn(std::string("metadata are not heeded, since their schema cannot be read: ") + error.what());
+    }
+    return schema_;
   }
 
   std::string name_;
   TilesetLimits limits_;
+  const ReadText& read_text_;
+  const Json* json_ = nullptr;
+  bool schema_known_ = false;
+  std::shared_ptr<const MetadataSchema> schema_;
   Tileset tileset_;
 };
 
 }  // namespace
 
-Tileset parse_tileset_json(std::string_view text, const std::string& name, const TilesetLimits& limits) {
+Tileset parse_tileset_json(std::string_view text, const std::string& name, const TilesetLimits& limits,
+                           const ReadText& read_text) {
   // A level costs two brackets: the children's array and the tile's object.
   const JsonLimits json_limits{.max_bytes = limits.max_bytes, .max_depth = 2 * limits.max_levels + 64};
-  return TilesetParser(name, limits).parse(parse_json(text, name, json_limits));
+  return TilesetParser(name, limits, read_text).parse(parse_json(text, name, json_limits));
 }
 
 std::vector<std::string> unsupported_extensions(const Tileset& tileset) {

@@ -2,6 +2,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -9,6 +11,7 @@
 
 #include "tileflight/geometry/transform.h"
 #include "tileflight/tiles/bounding_volume.h"
+#include "tileflight/tiles/implicit_tiling.h"
 
 namespace tileflight::tiles {
 
@@ -32,9 +35,12 @@ struct Tile {
   std::optional<Refine> refine;  ///< as inherited inside this file; nullopt: neither it nor an ancestor says
   std::vector<Content> contents;
   std::vector<std::uint32_t> children;  ///< indices into Tileset::tiles
-  std::string unsupported;              ///< what it needs and we lack ("implicit tiling"); empty: nothing
-  std::string path;                     ///< "root/0/3": which child of which child
-  int level = 0;                        ///< root: 0
+  /// A part of an implicit tree stands here, and a subtree file says what it holds; then no contents and children.
+  std::optional<ImplicitPlace> implicit;
+  std::optional<BoundingVolume> viewer_request_volume;  ///< in the tile's frame: where a viewer has to be to see it
+  std::string unsupported;  ///< what it needs and we lack (a kind of bounding volume); empty: nothing
+  std::string path;         ///< "root/0/3": which child of which child
+  int level = 0;            ///< root: 0
 };
 
 struct Tileset {
@@ -48,6 +54,7 @@ struct Tileset {
   std::vector<std::string> extensions_used;
   std::vector<std::string> extensions_required;
   std::vector<Tile> tiles;  ///< parents before children, depth first; 0 is the root
+  bool is_subtree = false;  ///< a part of an implicit tree, made from a subtree file and the tileset that names it
   std::vector<std::string> warnings;
 };
 
@@ -58,10 +65,15 @@ struct TilesetLimits {
   std::size_t max_tiles = std::size_t{4} << 20;
 };
 
-/// Reads a tileset.json. `name` stands in messages. What is plainly meant is read (null members, `url`, lower-case
+/// Text of another file that a tileset.json names (a metadata schema), by its URI as it is written.
+using ReadText = std::function<std::string(const std::string& uri)>;
+
+/// Reads a tileset.json. `name` stands in messages; `read_text` is asked only where the outside file matters. What is
+/// plainly meant is read (null members, `url`, lower-case
 /// refine, a missing geometric error) and warned of; anything that would change what is loaded throws InputError (name,
 /// tile, cause).
-Tileset parse_tileset_json(std::string_view text, const std::string& name, const TilesetLimits& limits = {});
+Tileset parse_tileset_json(std::string_view text, const std::string& name, const TilesetLimits& limits = {},
+                           const ReadText& read_text = {});
 
 /// Extensions of `extensionsRequired` that this reader has no support for.
 std::vector<std::string> unsupported_extensions(const Tileset& tileset);

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/subtree.h"
 #include "tileflight/tiles/uri.h"
 
 namespace tileflight::tiles {
@@ -23,6 +24,67 @@ bool looks_like_tileset(std::string_view text) {
   return start != std::string_view::npos && text[start] == '{' && text.find("\"root\"") != std::string_view::npos;
 }
 
+/// A tile of a subtree as if it were written in a tileset.json. Child subtrees become tiles of their own that wait for
+/// their files.
+class SubtreeTiles {
+ public:
+  SubtreeTiles(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where)
+      : subtree_(subtree), tiling_(stands_at.implicit->tiling), stands_at_(stands_at), where_(where) {
+    out_.version = named_by.version;
+    out_.gltf_up_axis = named_by.gltf_up_axis;
+    out_.is_subtree = true;
+    out_.warnings = subtree.warnings;
+  }
+
+  Tileset run() {
+    out_.tiles.resize(subtree_.tiles.size());
+    for (std::size_t i = 0; i < subtree_.tiles.size(); ++i) fill(i);
+    return std::move(out_);
+  }
+
+ private:
+  void fill(std::size_t index) {
+    const SubtreeTile& from = subtree_.tiles[index];
+    Tile tile = tile_at(from.coordinates);
+    tile.bounding_volume = from.bounding_volume;
+    tile.geometric_error_m = from.geometric_error_m;
+    tile.refine = from.refine;
+    tile.children = from.children;
+    for (const SubtreeContent& content : from.contents) tile.contents.push_back(content_of(content, from.coordinates));
+    for (const TileCoordinates& root : from.subtrees) {
+      tile.children.push_back(static_cast<std::uint32_t>(out_.tiles.size()));
+      out_.tiles.push_back(tile_at(root));
+      out_.tiles.back().implicit = ImplicitPlace{tiling_, root};
+    }
+    out_.tiles[index] = std::move(tile);
+  }
+
+  Tile tile_at(const TileCoordinates& coordinates) const {
+    Tile tile;
+    tile.bounding_volume = implicit_volume(*tiling_, coordinates);
+    tile.geometric_error_m = implicit_geometric_error_m(*tiling_, coordinates);
+    tile.path = stands_at_.path.substr(0, stands_at_.path.find(':')) + ": " + text_of(coordinates, tiling_->octree);
+    tile.level = static_cast<int>(coordinates.level);
+    return tile;
+  }
+
+  Content content_of(const SubtreeContent& content, const TileCoordinates& at) const {
+    if (content.uri) return {*content.uri, content.bounding_volume};
+    return {filled_template(tiling_->content_templates[content.template_index], *tiling_, at, where_),
+            content.bounding_volume};
+  }
+
+  const Subtree& subtree_;
+  std::shared_ptr<const ImplicitTiling> tiling_;
+  const Tile& stands_at_;
+  std::string where_;
+  Tileset out_;
+};
+
+Tileset tileset_of(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where) {
+  return SubtreeTiles(subtree, stands_at, named_by, where).run();
+}
+
 }  // namespace
 
 void require_supported_extensions(const Tileset& tileset, const std::string& name) {
@@ -34,7 +96,7 @@ void require_supported_extensions(const Tileset& tileset, const std::string& nam
 }
 
 TilesetTree::TilesetTree(TileSource& source, const TreeLimits& limits) : source_(source), limits_(limits) {
-  add_file(source.root_uri(), std::nullopt);
+  add_file(source.root_uri(), read_tileset(source.root_uri()), std::nullopt);
 }
 
 std::vector<NodeId> TilesetTree::children(NodeId id) const {
@@ -60,6 +122,11 @@ std::optional<BoundingVolume> TilesetTree::content_volume(NodeId id, std::size_t
   return own ? std::optional(transformed(nodes_[id].T_tileset_tile, *own)) : std::nullopt;
 }
 
+std::optional<BoundingVolume> TilesetTree::viewer_request_volume(NodeId id) const {
+  const std::optional<BoundingVolume>& own = tile(id).viewer_request_volume;
+  return own ? std::optional(transformed(nodes_[id].T_tileset_tile, *own)) : std::nullopt;
+}
+
 std::string TilesetTree::content_uri(NodeId id, std::size_t content) const {
   return resolve_uri(files_[nodes_[id].file].uri, tile(id).contents[content].uri);
 }
@@ -81,8 +148,19 @@ bool TilesetTree::is_external_tileset(NodeId id, std::size_t content) {
 NodeId TilesetTree::external_root(NodeId id, std::size_t content) {
   const auto known = external_roots_.find({id, content});
   if (known != external_roots_.end()) return known->second;
-  const NodeId root = add_file(content_uri(id, content), id);
+  const std::string uri = content_uri(id, content);
+  check_chain(uri, id);
+  const NodeId root = add_file(uri, read_tileset(uri), id);
   external_roots_[{id, content}] = root;
+  return root;
+}
+
+NodeId TilesetTree::implicit_root(NodeId id) {
+  const auto known = implicit_roots_.find(id);
+  if (known != implicit_roots_.end()) return known->second;
+  const std::string uri = files_[nodes_[id].file].uri;
+  const NodeId root = add_file(uri, read_subtree(id), id);
+  implicit_roots_[id] = root;
   return root;
 }
 
@@ -90,13 +168,26 @@ std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> TilesetTree:
   return files_read_;
 }
 
+std::vector<std::string> TilesetTree::warnings() const {
+  std::vector<std::string> out;
+  for (const File& file : files_) {
+    for (const std::string& warning : file.tileset->warnings) {
+      if (std::find(out.begin(), out.end(), warning) == out.end()) out.push_back(warning);
+    }
+  }
+  return out;
+}
+
 std::shared_ptr<const Tileset> TilesetTree::read_tileset(const std::string& uri) {
   for (const auto& [read_uri_, tileset] : files_read_) {
     if (read_uri_ == uri) return tileset;
   }
   const std::vector<std::byte> bytes = read_uri(source_, uri);
-  auto tileset =
-      std::make_shared<const Tileset>(parse_tileset_json(as_text(bytes), uri_for_message(uri), limits_.file));
+  const ReadText read_text = [&](const std::string& reference) {
+    return std::string(as_text(read_uri(source_, resolve_uri(uri, reference))));
+  };
+  auto tileset = std::make_shared<const Tileset>(
+      parse_tileset_json(as_text(bytes), uri_for_message(uri), limits_.file, read_text));
   files_read_.emplace_back(uri, tileset);
   return tileset;
 }
@@ -104,6 +195,7 @@ std::shared_ptr<const Tileset> TilesetTree::read_tileset(const std::string& uri)
 void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
   std::vector<std::string> chain = {uri};
   for (std::optional<NodeId> id = named_by; id; id = files_[nodes_[*id].file].named_by) {
+    if (tileset(*id).is_subtree) continue;
     const std::string& outer = files_[nodes_[*id].file].uri;
     chain.push_back(outer);
     if (outer != uri) continue;
@@ -117,9 +209,20 @@ void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
   }
 }
 
-NodeId TilesetTree::add_file(const std::string& uri, std::optional<NodeId> named_by) {
-  if (named_by) check_chain(uri, *named_by);
-  const std::shared_ptr<const Tileset> tileset = read_tileset(uri);
+std::shared_ptr<const Tileset> TilesetTree::read_subtree(NodeId id) {
+  const Tile& stands_at = tile(id);
+  const ImplicitPlace& place = *stands_at.implicit;
+  const std::string uri =
+      resolve_uri(files_[nodes_[id].file].uri,
+                  filled_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
+  const Subtree subtree = parse_subtree(read_uri(source_, uri), place, uri_for_message(uri),
+                                        [&](const std::string& r) { return read_uri(source_, resolve_uri(uri, r)); });
+  return std::make_shared<const Tileset>(tileset_of(subtree, stands_at, tileset(id), name(id)));
+}
+
+NodeId TilesetTree::add_file(const std::string& uri, std::shared_ptr<const Tileset> added,
+                             std::optional<NodeId> named_by) {
+  const std::shared_ptr<const Tileset> tileset = std::move(added);
   if (nodes_.size() + tileset->tiles.size() > limits_.max_nodes) {
     throw InputError(uri_for_message(uri), "the tree with its external tilesets has more than " +
                                                std::to_string(limits_.max_nodes) + " tiles");

@@ -52,6 +52,8 @@ class TilesetTree {
   double geometric_error_m(NodeId id) const;
   /// A content's own bounding volume in the tileset's frame, where it has one.
   std::optional<BoundingVolume> content_volume(NodeId id, std::size_t content) const;
+  /// Where a viewer has to be to see the tile, in the tileset's frame, where it says so.
+  std::optional<BoundingVolume> viewer_request_volume(NodeId id) const;
   /// A content's URI, resolved against the file that names it.
   std::string content_uri(NodeId id, std::size_t content) const;
   /// "tileset.json: tile root/0/3".
@@ -64,19 +66,27 @@ class TilesetTree {
   /// from the tile that names it. Throws InputError: unreadable, a cycle (named), or past the limits.
   NodeId external_root(NodeId id, std::size_t content);
 
-  /// The distinct tileset files read so far, in the order of first reading: URI and content.
+  /// The root of the part of an implicit tree that stands at this tile (whose `implicit` is set). Its subtree file is
+  /// read at the first call. Throws InputError.
+  NodeId implicit_root(NodeId id);
+
+  /// The distinct tileset files read so far (no subtrees), in the order of first reading: URI and content.
   std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> files_read() const;
+
+  /// What was warned of in all files read so far, subtrees included; distinct.
+  std::vector<std::string> warnings() const;
 
  private:
   struct File {
     std::string uri;
     std::shared_ptr<const Tileset> tileset;
     NodeId first_node = 0;
-    std::optional<NodeId> named_by;  ///< the tile whose content this external tileset is
+    std::optional<NodeId> named_by;  ///< the tile whose content this external tileset or subtree is
   };
 
   std::shared_ptr<const Tileset> read_tileset(const std::string& uri);
-  NodeId add_file(const std::string& uri, std::optional<NodeId> named_by);
+  std::shared_ptr<const Tileset> read_subtree(NodeId id);
+  NodeId add_file(const std::string& uri, std::shared_ptr<const Tileset> tileset, std::optional<NodeId> named_by);
   void check_chain(const std::string& uri, NodeId named_by) const;
 
   TileSource& source_;
@@ -84,6 +94,7 @@ class TilesetTree {
   std::vector<File> files_;
   std::vector<TreeNode> nodes_;
   std::map<std::pair<NodeId, std::size_t>, NodeId> external_roots_;
+  std::map<NodeId, NodeId> implicit_roots_;
   std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> files_read_;
   std::map<std::string, bool> sniffed_;
 };

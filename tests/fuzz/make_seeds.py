@@ -1,0 +1,153 @@
+#!/usr/bin/env python3
+"""Writes the seeds of the subtree, archive and texture targets and those of points and instances: small, valid files.
+
+    tests/fuzz/make_seeds.py            (writes into tests/fuzz/seeds)
+"""
+import hashlib
+import io
+import json
+import pathlib
+import struct
+import zipfile
+
+SEEDS = pathlib.Path(__file__).parent / "seeds"
+
+
+def padded(text, fill=b" ", multiple=8):
+    return text + fill * (-len(text) % multiple)
+
+
+def write(path, content):
+    file = SEEDS / path
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(content)
+
+
+def glb():
+    """One triangle."""
+    positions = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+    text = padded(json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"byteLength": 36}]}).encode())
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", 36, b"BIN\0") + positions
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def container(magic, table, binary, body=b"", after_lengths=b"", batch=b""):
+    text = padded(json.dumps(table).encode())
+    batch = padded(batch)
+    rest = struct.pack("<4I", len(text), len(binary), len(batch), 0) + after_lengths + text + binary + batch + body
+    return struct.pack("<4sII", magic, 1, 12 + len(rest)) + rest
+
+
+def subtree(table, binary=b""):
+    text = padded(json.dumps(table).encode())
+    return struct.pack("<4sIQQ", b"subt", 1, len(text), len(binary)) + text + binary
+
+
+def points_and_instances():
+    write("content/points.pnts", container(
+        b"pnts", {"POINTS_LENGTH": 2, "POSITION": {"byteOffset": 0}, "RGB": {"byteOffset": 24},
+                  "BATCH_ID": {"byteOffset": 30, "componentType": "UNSIGNED_BYTE"}, "RTC_CENTER": [1, 2, 3]},
+        struct.pack("<6f8B", 0, 0, 0, 1, 1, 1, 9, 8, 7, 6, 5, 4, 0, 1)))
+    write("content/quantised.pnts", container(
+        b"pnts", {"POINTS_LENGTH": 2, "POSITION_QUANTIZED": {"byteOffset": 0}, "RGB565": {"byteOffset": 12},
+                  "NORMAL_OCT16P": {"byteOffset": 16}, "QUANTIZED_VOLUME_OFFSET": [0, 0, 0],
+                  "QUANTIZED_VOLUME_SCALE": [1, 1, 1]}, struct.pack("<8H4B", 0, 1, 2, 3, 4, 5, 6, 7, 1, 2, 3, 4)))
+    write("content/instances.i3dm", container(
+        b"i3dm", {"INSTANCES_LENGTH": 2, "POSITION": {"byteOffset": 0}, "NORMAL_UP_OCT32P": {"byteOffset": 24},
+                  "NORMAL_RIGHT_OCT32P": {"byteOffset": 32}, "SCALE": {"byteOffset": 40}},
+        struct.pack("<6f8H2f", 0, 0, 0, 5, 5, 5, *range(8), 1, 2), glb(), struct.pack("<I", 1), b'{"name":["a","b"]}'))
+
+
+def subtrees():
+    table = {"buffers": [{"byteLength": 24}],
+             "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 10},
+                             {"buffer": 0, "byteOffset": 16, "byteLength": 8}],
+             "tileAvailability": {"bitstream": 0, "availableCount": 3}, "contentAvailability": [{"constant": 1}],
+             "childSubtreeAvailability": {"bitstream": 1}}
+    bits = struct.pack("<24B", 13, *[0] * 15, 1, *[0] * 7)
+    write("subtree/quadtree.subtree", subtree(table, bits))
+    table["childSubtreeAvailability"] = {"constant": 0}
+    table["propertyTables"] = [{"class": "tile", "count": 1, "properties": {"error": {"values": 1}}}]
+    table["tileMetadata"] = 0
+    write("subtree/metadata.subtree", subtree(table, bits))
+    table["buffers"][0]["uri"] = "itself"
+    write("subtree/outside.json", json.dumps(table).encode())
+
+
+def archives():
+    for name, method in (("stored.3tz", zipfile.ZIP_STORED), ("deflated.3tz", zipfile.ZIP_DEFLATED)):
+        memory = io.BytesIO()
+        with zipfile.ZipFile(memory, "w", method) as archive:
+            for path in ("tileset.json", "sub/a.b3dm"):
+                archive.writestr(zipfile.ZipInfo(path), b"{}" * 40, method)
+            index = [(hashlib.md5(info.filename.encode()).digest(), info.header_offset) for info in archive.infolist()]
+            index.sort(key=lambda entry: struct.unpack("<QQ", entry[0]))
+            content = b"".join(digest + struct.pack("<Q", offset) for digest, offset in index)
+            archive.writestr(zipfile.ZipInfo("@3dtilesIndex1@"), content, zipfile.ZIP_STORED)
+        write(f"archive/{name}", memory.getvalue())
+
+
+class Bits:
+    """Numbers with their lowest bit first, codes with their highest bit first."""
+
+    def __init__(self):
+        self.bits = []
+
+    def number(self, value, count):
+        self.bits += [value >> i & 1 for i in range(count)]
+
+    def code(self, value, count):
+        self.bits += [value >> i & 1 for i in reversed(range(count))]
+
+    def flat_table(self, symbols, length):
+        """A Huffman table whose codes all have one length."""
+        self.number(symbols, 14)
+        self.number(21, 5)
+        for symbol in (17, 18, 19, 20, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15, 16):
+            self.number(1 if symbol == length else 0, 3)
+        self.bits += [0] * symbols
+
+    def bytes(self):
+        bits = self.bits + [0] * (-len(self.bits) % 8)
+        return bytes(sum(bits[i + k] << k for k in range(8)) for i in range(0, len(bits), 8))
+
+
+def textures():
+    endpoints, selectors, tables, blocks = Bits(), Bits(), Bits(), Bits()
+    for _ in range(3):
+        endpoints.flat_table(32, 5)
+    endpoints.flat_table(8, 3)
+    endpoints.number(0, 1)
+    for delta in ((2, 15, 16, 0), (6, 5, 4, 20)):
+        endpoints.code(delta[0], 3)
+        for color in delta[1:]:
+            endpoints.code(color, 5)
+    selectors.number(4, 3)
+    for row in (0xE4, 0xE4, 0xE4, 0xE4, 0, 0x55, 0xAA, 0xFF):
+        selectors.number(row, 8)
+    for symbols, length in ((257, 9), (2, 1), (7, 3), (64, 6)):
+        tables.flat_table(symbols, length)
+    tables.number(4, 13)
+    blocks.code(3, 9)
+    for value, count in ((1, 1), (0, 3), (1, 3), (4, 3), (5, 3)):
+        blocks.code(value, count)
+    books = [part.bytes() for part in (endpoints, selectors, tables)]
+    level = blocks.bytes()
+    shared = struct.pack("<2H4I", 2, 2, *map(len, books), 0) + struct.pack("<5I", 0, 0, len(level), 0, 0) + b"".join(books)
+    descriptor = bytearray(28)
+    descriptor[12] = 163
+    start = 80 + 24 + len(descriptor)
+    write("texture/etc1s.ktx2", b"\xabKTX 20\xbb\r\n\x1a\n" +
+          struct.pack("<13I", 0, 1, 8, 8, 0, 0, 1, 1, 1, 104, len(descriptor), 0, 0) +
+          struct.pack("<5Q", start, len(shared), start + len(shared), len(level), 0) + bytes(descriptor) + shared + level)
+
+
+if __name__ == "__main__":
+    points_and_instances()
+    subtrees()
+    archives()
+    textures()

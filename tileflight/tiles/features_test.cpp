@@ -1,0 +1,230 @@
+#include <gmock/gmock.h>
+
+#include <set>
+#include <span>
+
+#include "tests/test_data.h"
+#include "tileflight/tiles/load.h"
+#include "tileflight/tiles/pnts.h"
+#include "tileflight/tiles/property_table.h"
+#include "tileflight/tiles/test_tilesets.h"
+
+/// Which building a triangle belongs to: batch tables, EXT_mesh_features, EXT_instance_features.
+namespace tileflight::tiles {
+namespace {
+
+using imaging::kNoFeature;
+using imaging::TexturedMesh;
+using ::testing::ElementsAre;
+using testing::error_of;
+using testing::GltfWriter;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::Json;
+using testing::raw;
+
+MetadataSchema schema(const Json& properties, const Json& enums = Json::object()) {
+  return parse_metadata_schema({{"classes", {{"c", {{"properties", properties}}}}}, {"enums", enums}}, "schema");
+}
+
+/// A table over these columns, each a bufferView.
+PropertyTable table(const Json& properties, std::size_t count, const Json& columns,
+                    const std::vector<std::string>& views, const Json& enums = Json::object()) {
+  const auto view = [&](std::size_t i) { return std::as_bytes(std::span(views.at(i))); };
+  return PropertyTable({{"class", "c"}, {"count", count}, {"properties", columns}}, schema(properties, enums), view,
+                       "t");
+}
+
+TEST(PropertyTable, numbers_of_any_type) {
+  const std::vector<std::string> views = {raw<std::int16_t>({-3, 32767}),
+                                          raw<std::uint64_t>({1, 18446744073709551615U}),
+                                          raw<float>({1, 2, 3, 4, 5, 6}), raw<std::uint8_t>({0, 255})};
+  const PropertyTable t = table(
+      {{"a", {{"type", "SCALAR"}, {"componentType", "INT16"}}},
+       {"b", {{"type", "SCALAR"}, {"componentType", "UINT64"}}},
+       {"c", {{"type", "VEC3"}, {"componentType", "FLOAT32"}}},
+       {"d", {{"type", "SCALAR"}, {"componentType", "UINT8"}, {"normalized", true}, {"scale", 10}, {"offset", -5}}}},
+      2, {{"a", {{"values", 0}}}, {"b", {{"values", 1}}}, {"c", {{"values", 2}}}, {"d", {{"values", 3}}}}, views);
+  EXPECT_THAT(*t.numbers(0, 0), ElementsAre(-3));
+  EXPECT_EQ(t.text(1, 1), "18446744073709551615");
+  EXPECT_THAT(*t.numbers(2, 1), ElementsAre(4, 5, 6));
+  EXPECT_EQ(t.text(2, 0), "1 2 3");
+  EXPECT_THAT(*t.numbers(3, 1), ElementsAre(5));
+  EXPECT_EQ(t.text(3, 0), "-5");
+  EXPECT_FALSE(t.numbers(0, 2).has_value());
+}
+
+TEST(PropertyTable, strings_booleans_enums_and_arrays) {
+  const std::vector<std::string> views = {"hallbarn",
+                                          raw<std::uint8_t>({0, 4, 8}),
+                                          std::string("\x02"),
+                                          raw<std::uint8_t>({1, 9}),
+                                          raw<std::uint16_t>({5, 6, 7}),
+                                          raw<std::uint32_t>({0, 1, 3})};
+  const PropertyTable t =
+      table({{"a", {{"type", "STRING"}}},
+             {"b", {{"type", "BOOLEAN"}}},
+             {"c", {{"type", "ENUM"}, {"enumType", "kind"}}},
+             {"d", {{"type", "SCALAR"}, {"componentType", "UINT16"}, {"array", true}}}},
+            2,
+            {{"a", {{"values", 0}, {"stringOffsets", 1}, {"stringOffsetType", "UINT8"}}},
+             {"b", {{"values", 2}}},
+             {"c", {{"values", 3}}},
+             {"d", {{"values", 4}, {"arrayOffsets", 5}}}},
+            views, {{"kind", {{"valueType", "UINT8"}, {"values", {{{"name", "Tower"}, {"value", 1}}}}}}});
+  EXPECT_EQ(t.text(0, 0), "hall");
+  EXPECT_EQ(t.text(0, 1), "barn");
+  EXPECT_EQ(t.text(1, 0), "false");
+  EXPECT_EQ(t.text(1, 1), "true");
+  EXPECT_EQ(t.text(2, 0), "Tower");
+  EXPECT_EQ(t.text(2, 1), "9");
+  EXPECT_EQ(t.text(3, 0), "5");
+  EXPECT_EQ(t.text(3, 1), "6 7");
+}
+
+TEST(PropertyTable, faults_are_named) {
+  const Json number = {{"a", {{"type", "SCALAR"}, {"componentType", "UINT32"}}}};
+  const Json text = {{"a", {{"type", "STRING"}}}};
+  const auto message = [](const Json& properties, const Json& column, const std::vector<std::string>& views) {
+    return error_of([&] { table(properties, 2, {{"a", column}}, views); });
+  };
+  EXPECT_THAT(message(number, {{"values", 0}}, {"1234567"}), HasSubstr("property a: needs 2 elements"));
+  EXPECT_THAT(message(number, Json::object(), {}), HasSubstr("values is missing"));
+  EXPECT_THAT(message(text, {{"values", 0}}, {"ab"}), HasSubstr("stringOffsets is missing"));
+  EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}}, {"ab", raw<std::uint32_t>({0, 2, 1})}),
+              HasSubstr("offsets decrease"));
+  EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}}, {"ab", raw<std::uint32_t>({0, 1, 9})}),
+              HasSubstr("needs 9 elements"));
+  EXPECT_THAT(error_of([&] {
+                table(number, 1, {{"b", {{"values", 0}}}}, {"1234"});
+              }),
+              HasSubstr("is not one of class"));
+  EXPECT_THAT(error_of([] { schema({{"a", {{"type", "VEC9"}, {"componentType", "UINT8"}}}}); }), HasSubstr("'VEC9'"));
+}
+
+/// Two triangles; the first belongs to feature 1, the second to feature 0.
+GltfWriter two_buildings(const std::string& attribute) {
+  GltfWriter writer;
+  const std::size_t positions =
+      writer.add_accessor(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0, 5, 0, 0, 6, 0, 0, 5, 1, 0}, 3);
+  const std::size_t ids = writer.add_accessor(std::vector<float>{1, 1, 1, 0, 0, 0}, 1);
+  writer.add_primitive({{"attributes", {{"POSITION", positions}, {attribute, ids}}}});
+  return writer;
+}
+
+DecodedContent decode(const std::string& bytes) { return decode_content(testing::to_bytes(bytes), "f"); }
+
+TEST(Features, batch_table_of_a_b3dm) {
+  const std::string bytes =
+      testing::container("b3dm",
+                         {{{"BATCH_LENGTH", 2}},
+                          "",
+                          {{"name", {"Kelvin Hall", "Mill"}},
+                           {"height", {{"byteOffset", 0}, {"componentType", "DOUBLE"}, {"type", "SCALAR"}}},
+                           {"tags", {{{"a", 1}}, nullptr}}},
+                          raw<double>({20.5, 7})},
+                         two_buildings("_BATCHID").glb());
+  const TexturedMesh mesh = decode(bytes).meshes.at(0);
+  EXPECT_THAT(mesh.feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
+  ASSERT_NE(mesh.features, nullptr);
+  EXPECT_EQ(mesh.features->count, 2U);
+  EXPECT_EQ(mesh.features->name(0), "Kelvin Hall");
+  EXPECT_EQ(mesh.features->name(1), "Mill");
+  EXPECT_EQ(mesh.features->name(2), "2");
+  EXPECT_THAT(mesh.features->properties.at("height"), ElementsAre("20.5", "7"));
+  EXPECT_THAT(mesh.features->properties.at("tags"), ElementsAre("{\"a\":1}", ""));
+}
+
+TEST(Features, a_broken_batch_table_costs_the_names_not_the_tile) {
+  const std::string bytes = testing::container(
+      "b3dm", {{{"BATCH_LENGTH", 2}}, "", {{"height", {{"byteOffset", 8}, {"componentType", "DOUBLE"}}}}, "short"},
+      two_buildings("_BATCHID").glb());
+  const DecodedContent content = decode(bytes);
+  EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("features are without names")));
+  EXPECT_EQ(content.meshes.at(0).features, nullptr);
+  EXPECT_THAT(content.meshes.at(0).feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
+}
+
+/// Adds a table of two names as EXT_structural_metadata.
+void add_names(GltfWriter& writer) {
+  const std::size_t names = writer.add_view(std::vector<char>{'B', 'a', 'r', 'n', 'S', 'i', 'l', 'o'});
+  const std::size_t ends = writer.add_view(std::vector<std::uint32_t>{0, 4, 8});
+  writer.json()["extensions"]["EXT_structural_metadata"] = {
+      {"schema", {{"id", "s"}, {"classes", {{"building", {{"properties", {{"name", {{"type", "STRING"}}}}}}}}}}},
+      {"propertyTables",
+       {{{"class", "building"},
+         {"count", 2},
+         {"properties", {{"name", {{"values", names}, {"stringOffsets", ends}}}}}}}}};
+}
+
+TEST(Features, mesh_features_with_a_property_table) {
+  GltfWriter writer = two_buildings("_FEATURE_ID_0");
+  add_names(writer);
+  writer.json()["meshes"][0]["primitives"][0]["extensions"]["EXT_mesh_features"]["featureIds"] = {
+      {{"featureCount", 2}, {"texture", {{"index", 0}}}},
+      {{"featureCount", 2}, {"attribute", 0}, {"propertyTable", 0}, {"nullFeatureId", 0}}};
+  const DecodedContent content = decode(writer.glb());
+  const TexturedMesh& mesh = content.meshes.at(0);
+  EXPECT_THAT(mesh.feature_ids, ElementsAre(1, 1, 1, kNoFeature, kNoFeature, kNoFeature));
+  EXPECT_EQ(mesh.features->name(1), "Silo");
+  EXPECT_THAT(content.warnings, IsEmpty());
+}
+
+TEST(Features, implicit_ids_and_textures) {
+  GltfWriter writer = two_buildings("_FEATURE_ID_0");
+  Json& primitive = writer.json()["meshes"][0]["primitives"][0];
+  primitive["extensions"]["EXT_mesh_features"]["featureIds"] = {{{"featureCount", 6}}};
+  EXPECT_THAT(decode(writer.glb()).meshes.at(0).feature_ids, ElementsAre(0, 1, 2, 3, 4, 5));
+  primitive["extensions"]["EXT_mesh_features"]["featureIds"] = {{{"featureCount", 6}, {"texture", {{"index", 0}}}}};
+  const DecodedContent content = decode(writer.glb());
+  EXPECT_THAT(content.meshes.at(0).feature_ids, IsEmpty());
+  EXPECT_THAT(content.warnings, ElementsAre("feature ids in textures are not read"));
+}
+
+TEST(Features, instances_have_ids_of_their_own) {
+  GltfWriter writer = two_buildings("COLOR_9");
+  add_names(writer);
+  const std::size_t places = writer.add_accessor(std::vector<float>{0, 0, 0, 9, 0, 0}, 3);
+  const std::size_t ids = writer.add_accessor(std::vector<std::uint16_t>{1, 0}, 1);
+  writer.json()["nodes"][0]["extensions"] = {
+      {"EXT_mesh_gpu_instancing", {{"attributes", {{"TRANSLATION", places}, {"_FEATURE_ID_0", ids}}}}},
+      {"EXT_instance_features", {{"featureIds", {{{"featureCount", 2}, {"attribute", 0}, {"propertyTable", 0}}}}}}};
+  const DecodedContent content = decode(writer.glb());
+  ASSERT_EQ(content.meshes.size(), 2U);
+  EXPECT_EQ(content.meshes[0].features->name(content.meshes[0].feature_ids[0]), "Silo");
+  EXPECT_EQ(content.meshes[1].features->name(content.meshes[1].feature_ids[5]), "Barn");
+}
+
+TEST(Features, points_of_a_gltf) {
+  GltfWriter writer = two_buildings("_FEATURE_ID_0");
+  writer.json()["meshes"][0]["primitives"][0]["mode"] = 0;
+  const DecodedContent content = decode(writer.glb());
+  EXPECT_TRUE(content.meshes.empty());
+  ASSERT_EQ(content.clouds.size(), 1U);
+  EXPECT_EQ(content.clouds[0].positions[4], geometry::Vec3(6, 0, 0));
+  EXPECT_EQ(content.clouds[0].positions[5], geometry::Vec3(5, 0, 1));  // turned z up
+  EXPECT_THAT(content.clouds[0].scalars.at(kFeatureIdScalar), ElementsAre(1, 1, 1, 0, 0, 0));
+  EXPECT_EQ(content.clouds[0].colors[0], (std::array<std::uint8_t, 3>{255, 255, 255}));
+}
+
+/// Ten buildings with a table of names.
+TEST(Features, real_batch_tables) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Batched");
+  for (const char* name : {"BatchedWithBatchTable", "BatchedWithBatchTableBinary"}) {
+    LoadOptions options;
+    const LoadedTiles tiles = load_region((folder / name / "tileset.json").string(), options);
+    std::set<std::uint32_t> ids;
+    for (const TexturedMesh& mesh : tiles.meshes) {
+      ASSERT_NE(mesh.features, nullptr);
+      EXPECT_EQ(mesh.features->count, 10U);
+      EXPECT_EQ(mesh.feature_ids.size(), mesh.mesh.vertices.size());
+      ids.insert(mesh.feature_ids.begin(), mesh.feature_ids.end());
+      EXPECT_EQ(mesh.features->properties.at("Height").size(), 10U);
+    }
+    EXPECT_EQ(ids.size(), 10U);
+    EXPECT_EQ(*ids.rbegin(), 9U);
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::tiles

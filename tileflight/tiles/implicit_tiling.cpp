@@ -1,0 +1,131 @@
+#include "tileflight/tiles/implicit_tiling.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/json_reader.h"
+
+namespace tileflight::tiles {
+namespace {
+
+/// Coordinates are 32-bit numbers.
+constexpr std::size_t kMostLevels = 32;
+
+/// Offset in 0..1 of a tile along each axis, and its share of the root's length.
+struct Share {
+  double size = 1.0;
+  std::array<double, 3> from{0, 0, 0};
+};
+
+Share share_of(const TileCoordinates& tile) {
+  Share share;
+  share.size = std::ldexp(1.0, -static_cast<int>(tile.level));
+  for (std::size_t i = 0; i < 3; ++i) share.from[i] = tile.at[i] * share.size;
+  return share;
+}
+
+OrientedBox part_of(const OrientedBox& root, const Share& share, bool octree) {
+  OrientedBox box = root;
+  for (int i = 0; i < (octree ? 3 : 2); ++i) {
+    const double middle = share.from[static_cast<std::size_t>(i)] + share.size / 2;  // 0..1
+    box.center += root.half_axes.col(i) * (2 * middle - 1);
+    box.half_axes.col(i) *= share.size;
+  }
+  return box;
+}
+
+double wrapped(double longitude_rad) {
+  return longitude_rad > std::numbers::pi ? longitude_rad - 2 * std::numbers::pi : longitude_rad;
+}
+
+GeographicRegion part_of(const GeographicRegion& root, const Share& share, bool octree) {
+  double width = root.east_rad - root.west_rad;
+  if (width < 0) width += 2 * std::numbers::pi;
+  const double depth = root.north_rad - root.south_rad;
+  GeographicRegion region = root;
+  region.west_rad = wrapped(root.west_rad + width * share.from[0]);
+  region.east_rad = wrapped(root.west_rad + width * (share.from[0] + share.size));
+  region.south_rad = root.south_rad + depth * share.from[1];
+  region.north_rad = root.south_rad + depth * (share.from[1] + share.size);
+  if (!octree) return region;
+  const double height = root.max_height_m - root.min_height_m;
+  region.min_height_m = root.min_height_m + height * share.from[2];
+  region.max_height_m = root.min_height_m + height * (share.from[2] + share.size);
+  return region;
+}
+
+}  // namespace
+
+ImplicitTiling parse_implicit_tiling(const Json& json, const std::string& where) {
+  ImplicitTiling out;
+  const std::string scheme = required(find_string(json, "subdivisionScheme", where), "subdivisionScheme", where);
+  if (scheme != "QUADTREE" && scheme != "OCTREE") {
+    throw InputError(where, "subdivisionScheme is '" + scheme + "'; QUADTREE or OCTREE wanted");
+  }
+  out.octree = scheme == "OCTREE";
+  const auto subtree_levels = required(find_index(json, "subtreeLevels", where), "subtreeLevels", where);
+  auto available = find_index(json, "availableLevels", where);
+  if (const auto last = find_index(json, "maximumLevel", where); last && !available) available = *last + 1;
+  const std::size_t levels = required(available, "availableLevels", where);
+  if (subtree_levels < 1 || subtree_levels > (out.octree ? 8U : 12U)) {
+    throw InputError(where, "subtreeLevels is " + std::to_string(subtree_levels) + "; 1 to " +
+                                (out.octree ? "8 (octree)" : "12 (quadtree)") + " are read");
+  }
+  if (levels < 1 || levels > kMostLevels) {
+    throw InputError(where, "availableLevels is " + std::to_string(levels) + "; 1 to 32 are read");
+  }
+  out.subtree_levels = static_cast<std::uint32_t>(subtree_levels);
+  out.available_levels = static_cast<std::uint32_t>(levels);
+  const Json* subtrees = find_object(json, "subtrees", where);
+  if (subtrees == nullptr) throw InputError(where, "subtrees are missing");
+  out.subtree_template = required(find_string(*subtrees, "uri", where), "subtrees.uri", where);
+  return out;
+}
+
+TileCoordinates child_of(const TileCoordinates& parent, std::uint32_t child) {
+  TileCoordinates out{parent.level + 1, {}};
+  for (std::size_t i = 0; i < 3; ++i) out.at[i] = 2 * parent.at[i] + (child >> i & 1U);
+  return out;
+}
+
+BoundingVolume implicit_volume(const ImplicitTiling& tiling, const TileCoordinates& tile) {
+  const Share share = share_of(tile);
+  if (const auto* box = std::get_if<OrientedBox>(&tiling.root_volume)) return part_of(*box, share, tiling.octree);
+  return part_of(std::get<GeographicRegion>(tiling.root_volume), share, tiling.octree);
+}
+
+double implicit_geometric_error_m(const ImplicitTiling& tiling, const TileCoordinates& tile) {
+  return std::ldexp(tiling.root_geometric_error_m, -static_cast<int>(tile.level));
+}
+
+std::string filled_template(const std::string& text, const ImplicitTiling& tiling, const TileCoordinates& tile,
+                            const std::string& where) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const std::size_t end = text[i] == '{' ? text.find('}', i) : std::string::npos;
+    if (end == std::string::npos) {
+      out += text[i];
+      continue;
+    }
+    const std::string variable = text.substr(i + 1, end - i - 1);
+    if (variable == "level") {
+      out += std::to_string(tile.level);
+    } else if (variable == "x" || variable == "y" || (variable == "z" && tiling.octree)) {
+      out += std::to_string(tile.at[static_cast<std::size_t>(variable[0] - 'x')]);
+    } else {
+      throw InputError(where, "the template '" + text + "' has a variable {" + variable + "} that there is not");
+    }
+    i = end;
+  }
+  return out;
+}
+
+std::string text_of(const TileCoordinates& tile, bool octree) {
+  std::string out =
+      "level " + std::to_string(tile.level) + ", x " + std::to_string(tile.at[0]) + ", y " + std::to_string(tile.at[1]);
+  if (octree) out += ", z " + std::to_string(tile.at[2]);
+  return out;
+}
+
+}  // namespace tileflight::tiles

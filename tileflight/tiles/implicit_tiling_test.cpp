@@ -1,0 +1,416 @@
+#include "tileflight/tiles/implicit_tiling.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "tests/test_data.h"
+#include "tileflight/tiles/inspect.h"
+#include "tileflight/tiles/load.h"
+#include "tileflight/tiles/selection.h"
+#include "tileflight/tiles/subtree.h"
+#include "tileflight/tiles/test_tilesets.h"
+
+namespace tileflight::tiles {
+namespace {
+
+using geometry::Vec3;
+using ::testing::ElementsAre;
+using testing::error_of;
+using ::testing::HasSubstr;
+using testing::Json;
+using testing::MemorySource;
+using testing::to_bytes;
+
+ImplicitTiling box_tiling(bool octree, std::uint32_t subtree_levels = 2, std::uint32_t available_levels = 4) {
+  ImplicitTiling tiling;
+  tiling.octree = octree;
+  tiling.subtree_levels = subtree_levels;
+  tiling.available_levels = available_levels;
+  tiling.subtree_template = octree ? "s/{level}.{x}.{y}.{z}.subtree" : "s/{level}.{x}.{y}.subtree";
+  tiling.content_templates = {"a/{level}.{x}.{y}.glb"};
+  OrientedBox box;
+  box.half_axes = Vec3(8, 8, 4).asDiagonal();
+  tiling.root_volume = box;
+  tiling.root_geometric_error_m = 16;
+  return tiling;
+}
+
+ImplicitPlace place_of(const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
+  return {std::make_shared<const ImplicitTiling>(tiling), root};
+}
+
+Subtree parse(const std::string& bytes, const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
+  return parse_subtree(to_bytes(bytes), place_of(tiling, root), "s");
+}
+
+TEST(ImplicitTiling, a_box_is_divided_into_halves) {
+  const ImplicitTiling quadtree = box_tiling(false);
+  const auto box = std::get<OrientedBox>(implicit_volume(quadtree, {2, {3, 0, 0}}));
+  EXPECT_LT((box.center - Vec3(6, -6, 0)).norm(), 1e-12);
+  EXPECT_LT((box.half_axes.diagonal() - Vec3(2, 2, 4)).norm(), 1e-12);  // a quadtree does not divide the height
+  const auto cell = std::get<OrientedBox>(implicit_volume(box_tiling(true), {1, {0, 1, 1}}));
+  EXPECT_LT((cell.center - Vec3(-4, 4, 2)).norm(), 1e-12);
+  EXPECT_LT((cell.half_axes.diagonal() - Vec3(4, 4, 2)).norm(), 1e-12);
+  EXPECT_DOUBLE_EQ(implicit_geometric_error_m(quadtree, {3, {}}), 2.0);
+}
+
+/// The children of a tile cover it without a gap and without overlap, also across the antimeridian.
+TEST(ImplicitTiling, a_region_is_divided_across_the_antimeridian) {
+  ImplicitTiling tiling = box_tiling(true);
+  tiling.root_volume = GeographicRegion{3.0, 0.5, -3.0, 0.7, -10, 30};
+  const auto west = std::get<GeographicRegion>(implicit_volume(tiling, {1, {0, 0, 0}}));
+  const auto east = std::get<GeographicRegion>(implicit_volume(tiling, {1, {1, 1, 1}}));
+  EXPECT_DOUBLE_EQ(west.west_rad, 3.0);
+  EXPECT_NEAR(west.east_rad, M_PI, 1e-12);
+  EXPECT_NEAR(std::abs(east.west_rad), M_PI, 1e-12);
+  EXPECT_NEAR(east.east_rad, -3.0, 1e-12);
+  EXPECT_NEAR(west.north_rad, 0.6, 1e-12);
+  EXPECT_NEAR(east.south_rad, 0.6, 1e-12);
+  EXPECT_NEAR(west.max_height_m, 10, 1e-12);
+  EXPECT_NEAR(east.min_height_m, 10, 1e-12);
+}
+
+TEST(ImplicitTiling, templates) {
+  const ImplicitTiling quadtree = box_tiling(false);
+  EXPECT_EQ(filled_template("{level}/{x}/{y}.glb", quadtree, {4, {11, 2, 0}}, "t"), "4/11/2.glb");
+  EXPECT_EQ(filled_template("{z}{x", box_tiling(true), {4, {11, 2, 7}}, "t"), "7{x");
+  EXPECT_THAT(error_of([&] { filled_template("{z}.glb", quadtree, {}, "t"); }), HasSubstr("a variable {z}"));
+  EXPECT_THAT(error_of([&] { filled_template("{lod}.glb", quadtree, {}, "t"); }), HasSubstr("a variable {lod}"));
+}
+
+/// Two levels of a quadtree, bits in Morton order: the root, its children (1, 0) and (0, 1), and of the sixteen child
+/// subtrees the one at (3, 1) and the one at (1, 2).
+Json two_levels() {
+  return {
+      {"buffers", {{{"byteLength", 16}}}},
+      {"bufferViews",
+       {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 1}}, {{"buffer", 0}, {"byteOffset", 8}, {"byteLength", 2}}}},
+      {"tileAvailability", {{"bitstream", 0}, {"availableCount", 3}}},
+      {"contentAvailability", {{{"constant", 1}}}},
+      {"childSubtreeAvailability", {{"bitstream", 1}}}};
+}
+
+std::string two_levels_binary() {
+  std::string binary(16, '\0');
+  binary[0] = 0b01101;  // root, child 1 (x), child 2 (y)
+  // Child subtrees in Morton order of two levels: (3, 1) is 0b0111 = 7, (1, 2) is 0b1001 = 9.
+  binary[8] = static_cast<char>(1 << 7);
+  binary[9] = 1 << 1;
+  return binary;
+}
+
+void expect_two_levels(const Subtree& subtree) {
+  ASSERT_EQ(subtree.tiles.size(), 3U);
+  EXPECT_THAT(subtree.tiles[0].children, ElementsAre(1U, 2U));
+  EXPECT_THAT(subtree.tiles[1].coordinates.at, ElementsAre(1, 0, 0));
+  EXPECT_THAT(subtree.tiles[2].coordinates.at, ElementsAre(0, 1, 0));
+  ASSERT_EQ(subtree.tiles[1].subtrees.size(), 1U);
+  EXPECT_EQ(subtree.tiles[1].subtrees[0].level, 2U);
+  EXPECT_THAT(subtree.tiles[1].subtrees[0].at, ElementsAre(3, 1, 0));
+  ASSERT_EQ(subtree.tiles[2].subtrees.size(), 1U);
+  EXPECT_THAT(subtree.tiles[2].subtrees[0].at, ElementsAre(1, 2, 0));
+  EXPECT_EQ(subtree.tiles[0].contents.size(), 1U);
+  EXPECT_DOUBLE_EQ(subtree.tiles[2].geometric_error_m, 8.0);
+}
+
+TEST(Subtree, bits_are_in_morton_order) {
+  expect_two_levels(parse(testing::subtree(two_levels(), two_levels_binary()), box_tiling(false)));
+}
+
+TEST(Subtree, as_json_with_a_buffer_beside_it) {
+  Json json = two_levels();
+  json["buffers"][0]["uri"] = "bits.bin";
+  const auto read = [](const std::string& uri) {
+    EXPECT_EQ(uri, "bits.bin");
+    return to_bytes(two_levels_binary());
+  };
+  expect_two_levels(parse_subtree(to_bytes(json.dump()), place_of(box_tiling(false)), "s", read));
+  EXPECT_THAT(error_of([&] { parse(json.dump(), box_tiling(false)); }), HasSubstr("lies in another file"));
+}
+
+TEST(Subtree, as_before_1_1) {
+  Json json = two_levels();
+  json["tileAvailability"] = {{"bufferView", 0}};
+  json["childSubtreeAvailability"] = {{"bufferView", 1}};
+  json["contentAvailability"] = {{"constant", 1}};
+  expect_two_levels(parse(testing::subtree(json, two_levels_binary()), box_tiling(false)));
+}
+
+TEST(Subtree, ends_where_the_tree_ends) {
+  const ImplicitTiling shallow = box_tiling(false, 2, 1);
+  Json json = {{"tileAvailability", {{"constant", 1}}}, {"childSubtreeAvailability", {{"constant", 1}}}};
+  EXPECT_EQ(parse(json.dump(), shallow).tiles.size(), 1U);
+  EXPECT_TRUE(parse(json.dump(), shallow).tiles[0].subtrees.empty());
+  EXPECT_EQ(parse(json.dump(), box_tiling(true)).tiles.size(), 9U);
+  EXPECT_EQ(parse(json.dump(), box_tiling(true)).tiles[8].subtrees.size(), 8U);
+}
+
+TEST(Subtree, several_contents) {
+  ImplicitTiling tiling = box_tiling(false);
+  tiling.content_templates.push_back("b/{level}.{x}.{y}.glb");
+  Json json = two_levels();
+  json["contentAvailability"] = {{{"constant", 0}}, {{"bitstream", 0}}};
+  const Subtree read = parse(testing::subtree(json, two_levels_binary()), tiling);
+  for (const SubtreeTile& tile : read.tiles) {
+    ASSERT_EQ(tile.contents.size(), 1U);
+    EXPECT_EQ(tile.contents[0].template_index, 1U);
+  }
+}
+
+TEST(Subtree, metadata_give_volumes_and_errors) {
+  ImplicitTiling tiling = box_tiling(false);
+  const Json schema = {
+      {"classes",
+       {{"tile",
+         {{"properties",
+           {{"box",
+             {{"type", "SCALAR"},
+              {"componentType", "FLOAT64"},
+              {"array", true},
+              {"count", 12},
+              {"semantic", "TILE_BOUNDING_BOX"}}},
+            {"error", {{"type", "SCALAR"}, {"componentType", "UINT8"}, {"semantic", "TILE_GEOMETRIC_ERROR"}}},
+            {"refine", {{"type", "SCALAR"}, {"componentType", "UINT8"}, {"semantic", "TILE_REFINE"}}}}}}},
+        {"content", {{"properties", {{"uri", {{"type", "STRING"}, {"semantic", "CONTENT_URI"}}}}}}}}}};
+  tiling.schema = std::make_shared<const MetadataSchema>(parse_metadata_schema(schema, "schema"));
+  std::vector<double> boxes;
+  for (const double x : {0.0, 4.0, -4.0}) {
+    for (const double v : {x, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0}) boxes.push_back(v);
+  }
+  std::string binary = two_levels_binary() + testing::raw(boxes);
+  Json json = two_levels();
+  const auto add_view = [&](const std::string& bytes) {
+    json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", binary.size()}, {"byteLength", bytes.size()}});
+    binary += bytes;
+    return json["bufferViews"].size() - 1;
+  };
+  json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", 16}, {"byteLength", boxes.size() * 8}});
+  json["contentAvailability"] = {{{"bitstream", 0}}};
+  json["tileMetadata"] = 0;
+  json["contentMetadata"] = {1};
+  const auto errors = add_view({'\x0a', '\x05', '\x04'});
+  const auto refine = add_view({'\x00', '\x01', '\x01'});
+  const auto uris = add_view("root.glbx1.glby1.glb");
+  const auto ends = add_view(testing::raw<std::uint32_t>({0, 8, 14, 20}));
+  json["propertyTables"] = {
+      {{"class", "tile"},
+       {"count", 3},
+       {"properties", {{"box", {{"values", 2}}}, {"error", {{"values", errors}}}, {"refine", {{"values", refine}}}}}},
+      {{"class", "content"}, {"count", 3}, {"properties", {{"uri", {{"values", uris}, {"stringOffsets", ends}}}}}}};
+  json["buffers"][0]["byteLength"] = binary.size();
+  const Subtree read = parse(testing::subtree(json, binary), tiling);
+  ASSERT_EQ(read.tiles.size(), 3U);
+  const auto box = std::get<OrientedBox>(read.tiles[2].bounding_volume);
+  EXPECT_LT((box.center - Vec3(-4, 0, 1)).norm(), 1e-12);
+  EXPECT_LT((box.half_axes.diagonal() - Vec3(1, 2, 3)).norm(), 1e-12);
+  EXPECT_DOUBLE_EQ(read.tiles[0].geometric_error_m, 10);
+  EXPECT_DOUBLE_EQ(read.tiles[2].geometric_error_m, 4);
+  EXPECT_EQ(read.tiles[0].refine, Refine::kAdd);
+  EXPECT_EQ(read.tiles[1].refine, Refine::kReplace);
+  EXPECT_EQ(read.tiles[1].contents[0].uri, "x1.glb");
+}
+
+TEST(Subtree, faults_are_named) {
+  const auto message = [](const std::function<void(Json&)>& change) {
+    Json json = two_levels();
+    change(json);
+    return error_of([&] { parse(testing::subtree(json, two_levels_binary()), box_tiling(false)); });
+  };
+  EXPECT_EQ(message([](Json&) {}), "");
+  EXPECT_THAT(message([](Json& j) { j.erase("tileAvailability"); }), HasSubstr("tileAvailability is missing"));
+  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = Json::object(); }), HasSubstr("neither bitstream nor"));
+  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"bitstream", 7}}; }), HasSubstr("is not there"));
+  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"constant", 0}}; }), HasSubstr("its own root"));
+  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteLength"] = 1; }), HasSubstr("2 wanted"));
+  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteOffset"] = 15; }), HasSubstr("outside of its buffer"));
+  EXPECT_THAT(message([](Json& j) { j["buffers"][0]["byteLength"] = 99; }), HasSubstr("binary part"));
+  EXPECT_THAT(message([](Json& j) { j["contentAvailability"].push_back({{"constant", 1}}); }), HasSubstr("2 contents"));
+  const std::string whole = testing::subtree(two_levels(), two_levels_binary());
+  for (std::size_t length = 0; length < whole.size(); length += 5) {
+    EXPECT_NE(error_of([&] { parse(whole.substr(0, length), box_tiling(false)); }), "") << length;
+  }
+  ImplicitTiling deep = box_tiling(true, 8, 32);
+  EXPECT_THAT(error_of([&] {
+                parse(R"({"tileAvailability":{"constant":1},"childSubtreeAvailability":{"constant":1}})", deep);
+              }),
+              HasSubstr("more than 1048576 tiles"));
+}
+
+Json implicit_tileset() {
+  Json root = testing::tile(testing::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
+  root["refine"] = "REPLACE";
+  root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"},
+                            {"subtreeLevels", 2},
+                            {"availableLevels", 4},
+                            {"subtrees", {{"uri", "s/{level}.{x}.{y}.subtree"}}}};
+  return testing::tileset(root);
+}
+
+/// Two levels of subtrees, with a triangle for each of their tiles.
+class ImplicitSource : public MemorySource {
+ public:
+  explicit ImplicitSource(const Json& tileset = implicit_tileset()) : MemorySource(tileset) {
+    add("s/0.0.0.subtree", testing::subtree(two_levels(), two_levels_binary()));
+    const Json leaf = {{"tileAvailability", {{"constant", 1}}},
+                       {"contentAvailability", {{{"constant", 1}}}},
+                       {"childSubtreeAvailability", {{"constant", 0}}}};
+    add("s/2.3.1.subtree", leaf.dump());
+    add("s/2.1.2.subtree", testing::subtree(leaf));
+    for (const char* tile : {"0.0.0", "1.1.0", "1.0.1", "2.3.1", "2.1.2", "3.6.2", "3.7.2", "3.6.3", "3.7.3", "3.2.4",
+                             "3.3.4", "3.2.5", "3.3.5"}) {
+      add("a/" + std::string(tile) + ".glb", testing::triangle_glb());
+    }
+  }
+};
+
+TEST(ImplicitTiling, the_finest_cut_is_read_from_two_levels_of_subtrees) {
+  ImplicitSource source;
+  const LoadedTiles tiles = load_region(source, "t", {});
+  EXPECT_TRUE(tiles.complete);
+  EXPECT_EQ(tiles.tiles_loaded, 8);
+  EXPECT_DOUBLE_EQ(tiles.geometric_error_max_m, 2.0);
+  EXPECT_EQ(source.reads().count("a/0.0.0.glb"), 0U);
+  LoadOptions coarse;
+  coarse.error_m = 8;
+  ImplicitSource again;
+  EXPECT_EQ(load_region(again, "t", coarse).tiles_loaded, 2);
+  EXPECT_EQ(again.reads().count("s/2.3.1.subtree"), 0U);  // not needed, not read
+}
+
+TEST(ImplicitTiling, only_the_subtrees_of_the_region_are_read) {
+  ImplicitSource source;
+  LoadOptions options;
+  options.center_local = Vec3(7, -3, 0);
+  options.size = Vec3(1, 1, 1);
+  const LoadedTiles tiles = load_region(source, "t", options);
+  EXPECT_EQ(source.reads().count("s/2.1.2.subtree"), 0U);
+  EXPECT_EQ(tiles.tiles_loaded, 1);
+  EXPECT_EQ(source.reads().count("a/3.7.2.glb"), 1U);
+}
+
+TEST(ImplicitTiling, the_extension_of_1_0_reads_alike) {
+  Json tileset = implicit_tileset();
+  tileset["asset"]["version"] = "1.0";
+  tileset["extensionsRequired"] = {"3DTILES_implicit_tiling"};
+  Json implicit = tileset["root"]["implicitTiling"];
+  tileset["root"].erase("implicitTiling");
+  implicit.erase("availableLevels");
+  implicit["maximumLevel"] = 3;
+  tileset["root"]["extensions"]["3DTILES_implicit_tiling"] = implicit;
+  ImplicitSource source(tileset);
+  EXPECT_EQ(load_region(source, "t", {}).tiles_loaded, 8);
+}
+
+TEST(ImplicitTiling, a_missing_subtree_is_named_and_counted) {
+  ImplicitSource source;
+  source.remove("s/2.1.2.subtree");
+  EXPECT_THAT(error_of([&] { load_region(source, "t", {}); }),
+              HasSubstr("tile root: level 2, x 1, y 2: s/2.1.2.subtree: is missing"));
+  const TilesetSummary summary = inspect_tileset(source);
+  EXPECT_EQ(summary.failures.size(), 1U);
+  LoadOptions options;
+  options.allow_incomplete = true;
+  const LoadedTiles tiles = load_region(source, "t", options);
+  EXPECT_FALSE(tiles.complete);
+  EXPECT_EQ(tiles.tiles_loaded, 4);
+}
+
+TEST(ImplicitTiling, inspect_counts_its_tiles) {
+  ImplicitSource source;
+  const TilesetSummary summary = inspect_tileset(source);
+  EXPECT_EQ(summary.tiles, 13);
+  EXPECT_EQ(summary.depth(), 4);
+  EXPECT_EQ(summary.subtrees, 3);
+  EXPECT_EQ(summary.leaves, 8);
+  EXPECT_EQ(summary.contents.at("glb"), 13);
+  EXPECT_EQ(summary.content_files_missing, 0);
+}
+
+TEST(ImplicitTiling, what_cannot_be_divided_is_refused) {
+  const auto message = [](const std::function<void(Json&)>& change) {
+    Json tileset = implicit_tileset();
+    change(tileset["root"]);
+    ImplicitSource source(tileset);
+    return error_of([&] { load_region(source, "t", {}); });
+  };
+  EXPECT_THAT(message([](Json& r) { r["boundingVolume"] = {{"sphere", {0, 0, 0, 1}}}; }), HasSubstr("is a sphere"));
+  EXPECT_THAT(message([](Json& r) { r["children"] = {testing::tile(testing::box_volume(0, 0, 0, 1, 1, 1), 1)}; }),
+              HasSubstr("both implicitTiling and children"));
+  EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subdivisionScheme"] = "KD"; }), HasSubstr("'KD'"));
+  EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subtreeLevels"] = 0; }), HasSubstr("subtreeLevels is 0"));
+  EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["availableLevels"] = 99; }), HasSubstr("availableLevels"));
+  EXPECT_THAT(message([](Json& r) { r["content"]["uri"] = "{w}.glb"; }), HasSubstr("{w}"));
+}
+
+TEST(ImplicitTiling, explicit_tiles_take_volumes_from_their_metadata) {
+  Json tileset = testing::tileset(testing::tile(testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb"));
+  tileset["schema"] = {
+      {"classes",
+       {{"t",
+         {{"properties",
+           {{"v",
+             {{"type", "SCALAR"},
+              {"componentType", "FLOAT64"},
+              {"array", true},
+              {"count", 4},
+              {"semantic", "TILE_BOUNDING_SPHERE"}}},
+            {"e", {{"type", "SCALAR"}, {"componentType", "FLOAT64"}, {"semantic", "TILE_GEOMETRIC_ERROR"}}}}}}}}}};
+  tileset["root"]["metadata"] = {{"class", "t"}, {"properties", {{"v", {1, 2, 3, 4}}, {"e", 0.5}}}};
+  const Tileset read = parse_tileset_json(tileset.dump(), "t");
+  const auto sphere = std::get<BoundingSphere>(read.tiles[0].bounding_volume);
+  EXPECT_EQ(sphere.center, Vec3(1, 2, 3));
+  EXPECT_EQ(sphere.radius_m, 4);
+  EXPECT_EQ(read.tiles[0].geometric_error_m, 0.5);
+  // The same with the schema in a file of its own, and without warning or volume where that cannot be read.
+  Json outside = tileset;
+  outside.erase("schema");
+  outside["schemaUri"] = "schema.json";
+  const std::string schema = tileset["schema"].dump();
+  const Tileset same = parse_tileset_json(outside.dump(), "t", {}, [&](const std::string& uri) {
+    EXPECT_EQ(uri, "schema.json");
+    return schema;
+  });
+  EXPECT_EQ(same.tiles[0].geometric_error_m, 0.5);
+  const Tileset without = parse_tileset_json(
+      outside.dump(), "t", {}, [](const std::string& uri) -> std::string { throw InputError(uri, "is missing"); });
+  EXPECT_EQ(without.tiles[0].geometric_error_m, 4);
+  EXPECT_THAT(without.warnings, ElementsAre(HasSubstr("schema.json: is missing")));
+}
+
+TEST(Selection, a_viewer_outside_of_the_request_volume_sees_nothing) {
+  Json root = testing::tile(testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb");
+  root["viewerRequestVolume"] = {{"sphere", {0, 0, 0, 20}}};
+  MemorySource source(testing::tileset(root));
+  TilesetTree tree(source);
+  Wanted wanted = wanted_region({Vec3::Zero(), Vec3::Constant(100)}, geometry::SE3(), 0);
+  EXPECT_EQ(select_cut(tree, wanted).contents.size(), 1U);  // nobody looks: it is part of the place
+  const auto viewer_at = [&](double x) {
+    wanted.holds_viewer = [x](const BoundingVolume& volume) {
+      return meets(volume, geometry::SE3(), geometry::Box3(Vec3(x, 0, 0), Vec3(x, 0, 0)));
+    };
+    return select_cut(tree, wanted).contents.size();
+  };
+  EXPECT_EQ(viewer_at(10), 1U);
+  EXPECT_EQ(viewer_at(30), 0U);
+}
+
+LoadedTiles load(const std::filesystem::path& file) { return load_region(file.string(), {}); }
+
+/// Every content of these stands inside its tile: the cells of a sparse cube, each a quarter or so of its cell.
+TEST(ImplicitTiling, real_sparse_trees) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1");
+  const LoadedTiles quadtree = load(folder / "SparseImplicitQuadtree" / "tileset.json");
+  EXPECT_EQ(quadtree.tiles_loaded, 32);
+  const LoadedTiles octree = load(folder / "SparseImplicitOctree" / "tileset.json");
+  EXPECT_EQ(octree.tiles_loaded, octree.tiles_wanted);
+  for (const LoadedTiles* tiles : {&quadtree, &octree}) {
+    geometry::Box3 box;
+    for (const imaging::TexturedMesh& mesh : tiles->meshes) box.extend(geometry::bounds(mesh.mesh));
+    EXPECT_LT((box.min() - tiles->region.box().min()).norm(), 0.1);
+    EXPECT_LT((box.max() - tiles->region.box().max()).norm(), 0.1);
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::tiles

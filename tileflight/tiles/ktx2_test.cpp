@@ -1,0 +1,207 @@
+#include "tileflight/tiles/ktx2.h"
+
+#include <gmock/gmock.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "tests/test_data.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/tiles/test_tilesets.h"
+
+namespace tileflight::tiles {
+namespace {
+
+using imaging::Rgb8;
+using imaging::RgbImage;
+using testing::error_of;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::raw;
+using testing::to_bytes;
+
+constexpr std::int64_t kPixels = 1 << 20;
+
+/// Bits, the lowest of each byte first; codes with their highest bit first, as Huffman codes are.
+class BitWriter {
+ public:
+  void number(std::uint32_t value, unsigned count) {
+    for (unsigned i = 0; i < count; ++i) bit(value >> i & 1U);
+  }
+  void code(std::uint32_t value, unsigned count) {
+    for (unsigned i = count; i-- > 0;) bit(value >> i & 1U);
+  }
+  /// A table of `symbols` codes of the same length, so that the code of a symbol is its number.
+  void flat_table(std::uint32_t symbols, unsigned length) {
+    static constexpr std::array<unsigned, 21> kOrder = {17, 18, 19, 20, 0,  8, 7,  9, 6,  10, 5,
+                                                        11, 4,  12, 3,  13, 2, 14, 1, 15, 16};
+    number(symbols, 14);
+    number(21, 5);
+    for (const unsigned symbol : kOrder) number(symbol == length ? 1 : 0, 3);
+    for (std::uint32_t i = 0; i < symbols; ++i) bit(0);
+  }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  void bit(std::uint32_t value) {
+    if (used_ % 8 == 0) bytes_ += '\0';
+    bytes_.back() = static_cast<char>(static_cast<unsigned char>(bytes_.back()) | value << (used_ % 8));
+    ++used_;
+  }
+
+  std::string bytes_;
+  unsigned used_ = 0;
+};
+
+std::string header(std::uint32_t vk_format, std::uint32_t width, std::uint32_t height, std::uint32_t scheme,
+                   unsigned color_model, const std::string& global_data, const std::string& level) {
+  std::string descriptor(28, '\0');
+  descriptor[12] = static_cast<char>(color_model);
+  const std::uint32_t descriptor_at = 80 + 24;
+  const std::uint64_t global_at = descriptor_at + descriptor.size();
+  return std::string("\xABKTX 20\xBB\r\n\x1A\n", 12) +
+         raw<std::uint32_t>({vk_format, 1, width, height, 0, 0, 1, 1, scheme, descriptor_at,
+                             static_cast<std::uint32_t>(descriptor.size()), 0, 0}) +
+         raw<std::uint64_t>({global_data.empty() ? 0 : global_at, global_data.size(), global_at + global_data.size(),
+                             level.size(), 0}) +
+         descriptor + global_data + level;
+}
+
+/// Two by two blocks: the first with endpoint 1 and selector 0, the second like its left neighbour with selector 1; in
+/// the lower row the first takes the endpoint from above, the second the one two further on; both use the selector of
+/// the history's front.
+std::string small_etc1s() {
+  BitWriter endpoints;  // differences to (16, 16, 16), modulo 32
+  for (int i = 0; i < 3; ++i) endpoints.flat_table(32, 5);
+  endpoints.flat_table(8, 3);
+  endpoints.number(0, 1);
+  // Colours (31, 0, 16) with table 2, (4, 4, 4) with table 0, (10, 20, 30) with table 7.
+  for (const auto& delta : {std::array<std::uint32_t, 4>{2, 15, 16, 0}, {6, 5, 4, 20}, {7, 6, 16, 26}}) {
+    endpoints.code(delta[0], 3);
+    for (std::size_t c = 1; c < 4; ++c) endpoints.code(delta[c], 5);
+  }
+  BitWriter selectors;
+  selectors.number(0, 2);
+  selectors.number(1, 1);
+  for (const std::uint32_t row : {0xE4U, 0xE4U, 0xE4U, 0xE4U}) selectors.number(row, 8);  // 0 1 2 3 from left to right
+  for (const std::uint32_t row : {0x00U, 0x55U, 0xAAU, 0xFFU}) selectors.number(row, 8);  // 0 1 2 3 from top to bottom
+  BitWriter tables;
+  tables.flat_table(257, 9);
+  tables.flat_table(3, 2);
+  tables.flat_table(2 + 4 + 1, 3);
+  tables.flat_table(64, 6);
+  tables.number(4, 13);
+  BitWriter slice;
+  slice.code(3 | 0 << 2 | 1 << 4 | 3 << 6, 9);  // predictions of the four blocks
+  slice.code(1, 2);                             // endpoint 0 + 1
+  slice.code(0, 3);                             // selector 0
+  slice.code(1, 3);                             // selector 1
+  // History of four entries: new ones go to its rear half, places 2 and 3; the first one stands at 2.
+  slice.code(2 + 2, 3);  // selector 0, which moves to place 1
+  slice.code(2, 2);      // endpoint 1 + 2 of 3: 0
+  slice.code(2 + 3, 3);  // selector 1
+  const std::string global = raw<std::uint16_t>({3, 2}) +
+                             raw<std::uint32_t>({static_cast<std::uint32_t>(endpoints.bytes().size()),
+                                                 static_cast<std::uint32_t>(selectors.bytes().size()),
+                                                 static_cast<std::uint32_t>(tables.bytes().size()), 0, 0, 0,
+                                                 static_cast<std::uint32_t>(slice.bytes().size()), 0, 0}) +
+                             endpoints.bytes() + selectors.bytes() + tables.bytes();
+  return header(0, 7, 8, 1, 163, global, slice.bytes());
+}
+
+Rgb8 texel(const std::array<int, 3>& five_bits, int modifier) {
+  Rgb8 out;
+  for (std::size_t c = 0; c < 3; ++c) {
+    out[c] = static_cast<std::uint8_t>(std::clamp((five_bits[c] << 3 | five_bits[c] >> 2) + modifier, 0, 255));
+  }
+  return out;
+}
+
+TEST(Ktx2, a_small_etc1s_texture) {
+  const RgbImage image = decode_ktx2(to_bytes(small_etc1s()), "k", kPixels);
+  ASSERT_EQ(image.width, 7);
+  ASSERT_EQ(image.height, 8);
+  const std::array<int, 4> table0 = {-8, -2, 2, 8};
+  const std::array<int, 4> table2 = {-29, -9, 9, 29};
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 7; ++x) {
+      const auto across = static_cast<std::size_t>(x % 4);
+      const auto down = static_cast<std::size_t>(y);
+      EXPECT_EQ(image(x, y), texel({4, 4, 4}, table0[x < 4 ? across : down])) << x << " " << y;
+      EXPECT_EQ(image(x, 4 + y), x < 4 ? texel({4, 4, 4}, table0[across]) : texel({31, 0, 16}, table2[down]));
+    }
+  }
+}
+
+TEST(Ktx2, plain_pixels) {
+  const std::string pixels = {1, 2, 3, 4, 5, 6, 7, 8};
+  const std::string rgba = header(43, 2, 1, 0, 1, "", pixels);
+  EXPECT_EQ(decode_ktx2(to_bytes(rgba), "k", kPixels).pixels, (std::vector<Rgb8>{{1, 2, 3}, {5, 6, 7}}));
+  std::string packed(64, '\0');
+  packed.resize(ZSTD_compress(packed.data(), packed.size(), pixels.data(), 6, 3));
+  const std::string rgb = header(23, 1, 2, 2, 1, "", packed);
+  EXPECT_EQ(decode_ktx2(to_bytes(rgb), "k", kPixels).pixels, (std::vector<Rgb8>{{1, 2, 3}, {4, 5, 6}}));
+}
+
+TEST(Ktx2, faults_are_named) {
+  const std::string good = small_etc1s();
+  EXPECT_THAT(error_of([&] { decode_ktx2(to_bytes(good), "k", 10); }), HasSubstr("at most 10 are read"));
+  EXPECT_THAT(error_of([&] { decode_ktx2(to_bytes(good), "k", kPixels, 1); }), HasSubstr("no level 1"));
+  EXPECT_THAT(error_of([&] { decode_ktx2(to_bytes(header(0, 4, 4, 0, 166, "", "")), "k", kPixels); }),
+              HasSubstr("UASTC, which is not supported"));
+  EXPECT_THAT(error_of([&] { decode_ktx2(to_bytes(header(131, 4, 4, 0, 128, "", "")), "k", kPixels); }),
+              HasSubstr("Vulkan format 131"));
+  for (std::size_t length = 12; length < good.size(); ++length) {
+    EXPECT_NE(error_of([&] { decode_ktx2(to_bytes(good.substr(0, length)), "k", kPixels); }), "") << length;
+  }
+  std::mt19937 random(5);
+  for (int i = 0; i < 2000; ++i) {
+    std::string damaged = good;
+    for (int k = 0; k < 3; ++k) damaged[random() % damaged.size()] = static_cast<char>(random());
+    EXPECT_THAT(error_of([&] { decode_texture(to_bytes(damaged), "k", kPixels); }), Not(HasSubstr("\n")));
+  }
+}
+
+double rms(const RgbImage& a, const RgbImage& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) sum += std::pow(a.pixels[i][c] - b.pixels[i][c], 2);
+  }
+  return std::sqrt(sum / (3.0 * static_cast<double>(a.pixels.size())));
+}
+
+RgbImage halved(const RgbImage& image) {
+  RgbImage out(image.width / 2, image.height / 2);
+  for (int y = 0; y < out.height; ++y) {
+    for (int x = 0; x < out.width; ++x) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const int sum = image(2 * x, 2 * y)[c] + image(2 * x + 1, 2 * y)[c] + image(2 * x, 2 * y + 1)[c] +
+                        image(2 * x + 1, 2 * y + 1)[c];
+        out(x, y)[c] = static_cast<std::uint8_t>(sum / 4);
+      }
+    }
+  }
+  return out;
+}
+
+/// The levels of a real texture were made from one picture: halved, each looks like the next. A slip anywhere in its
+/// bits would leave noise, tens of grey values apart.
+TEST(Ktx2, levels_of_a_real_texture_agree) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/matterport_cedarcreek_ktx2/mesh_tiles");
+  for (const char* file : {"1/lod1_room5_chunk0_000.ktx2", "3/lod3_room5_chunk0_000.ktx2"}) {
+    const std::vector<std::byte> bytes = geometry::read_bytes(folder / file);
+    RgbImage finer = decode_ktx2(bytes, file, 1 << 26);
+    EXPECT_GE(finer.width, 256);
+    for (std::uint32_t level = 1; finer.width > 32; ++level) {
+      const RgbImage coarser = decode_ktx2(bytes, file, 1 << 26, level);
+      ASSERT_EQ(coarser.width, finer.width / 2);
+      EXPECT_LT(rms(halved(finer), coarser), 28) << file << " level " << level;
+      finer = coarser;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::tiles

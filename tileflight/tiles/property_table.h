@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/tiles/metadata_schema.h"
+
+namespace tileflight::tiles {
+
+/// Rows of metadata in columns (3D Metadata Specification 1.0, "Binary Table Format"), as subtrees and
+/// EXT_structural_metadata carry them. All offsets are checked against what is there when the table is made.
+class PropertyTable {
+ public:
+  /// Bytes of a bufferView; they must outlive the table. May throw InputError.
+  using View = std::function<std::span<const std::byte>(std::size_t)>;
+
+  /// `json`: {class, count, properties}. Throws InputError (where,
+  /// column, cause).
+  PropertyTable(const Json& json, const MetadataSchema& schema, const View& view, const std::string& where);
+
+  std::size_t rows() const { return rows_; }
+  const std::vector<MetadataProperty>& columns() const { return properties_; }
+
+  /// All numbers of a value, scaled and offset; nullopt for strings, booleans and rows that are not there.
+  std::optional<std::vector<double>> numbers(std::size_t column, std::size_t row) const;
+  /// A value as text: a string as it is, an enum by its name, a number in the shortest form that gives it again,
+  /// several with spaces between.
+  std::string text(std::size_t column, std::size_t row) const;
+
+ private:
+  struct Column {
+    std::span<const std::byte> values;
+    std::vector<std::size_t> array_ends;   ///< for arrays of varying length: rows + 1 offsets, in elements
+    std::vector<std::size_t> string_ends;  ///< for strings: elements + 1 offsets, in bytes
+  };
+
+  Column read_column(const MetadataProperty& property, const Json& json, const View& view,
+                     const std::string& where) const;
+  /// First element and number of elements of a row.
+  std::pair<std::size_t, std::size_t> elements(std::size_t column, std::size_t row) const;
+
+  std::size_t rows_ = 0;
+  std::vector<MetadataProperty> properties_;
+  std::vector<Column> columns_;
+};
+
+}  // namespace tileflight::tiles

@@ -1,0 +1,94 @@
+#include "tileflight/tiles/tile_semantics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::tiles {
+namespace {
+
+using geometry::Vec3;
+
+std::optional<double> one_number(const SemanticValues& values, const std::string& semantic, const std::string& where) {
+  const auto numbers = values.numbers(semantic);
+  if (!numbers) return std::nullopt;
+  if (numbers->size() != 1 || !std::isfinite((*numbers)[0])) throw InputError(where, semantic + " is no number");
+  return (*numbers)[0];
+}
+
+std::optional<BoundingVolume> volume_of(const std::string& prefix, const SemanticValues& values,
+                                        const std::string& where) {
+  const auto read = [&](const char* kind, std::size_t count) {
+    const auto numbers = values.numbers(prefix + kind);
+    const bool usable =
+        !numbers || (numbers->size() == count &&
+                     std::all_of(numbers->begin(), numbers->end(), [](double v) { return std::isfinite(v); }));
+    if (!usable) throw InputError(where, prefix + kind + " is not " + std::to_string(count) + " finite numbers");
+    return numbers;
+  };
+  if (const auto v = read("_BOUNDING_BOX", 12)) return box_of(*v);
+  if (const auto v = read("_BOUNDING_REGION", 6)) return region_of(*v, where);
+  if (const auto v = read("_BOUNDING_SPHERE", 4)) return sphere_of(*v, where);
+  return std::nullopt;
+}
+
+}  // namespace
+
+OrientedBox box_of(const std::vector<double>& v) {
+  OrientedBox box;
+  box.center = Vec3(v[0], v[1], v[2]);
+  box.half_axes << v[3], v[6], v[9], v[4], v[7], v[10], v[5], v[8], v[11];
+  return box;
+}
+
+BoundingSphere sphere_of(const std::vector<double>& v, const std::string& where) {
+  if (v[3] < 0) throw InputError(where, "the radius of the bounding sphere is negative");
+  return {Vec3(v[0], v[1], v[2]), v[3]};
+}
+
+GeographicRegion region_of(const std::vector<double>& v, const std::string& where) {
+  constexpr double kRounding_rad = 1e-6;
+  constexpr double kPole_rad = std::numbers::pi / 2;
+  constexpr double kMeridian_rad = std::numbers::pi;
+  const auto within = [](double value, double limit) { return std::abs(value) <= limit + kRounding_rad; };
+  if (!within(v[0], kMeridian_rad) || !within(v[2], kMeridian_rad) || !within(v[1], kPole_rad) ||
+      !within(v[3], kPole_rad)) {
+    throw InputError(where, "boundingVolume.region has an angle outside of its range (radians, west south east north)");
+  }
+  if (v[1] > v[3] || v[4] > v[5]) {
+    throw InputError(where,
+                     "boundingVolume.region has its south above its north, or its lowest height above its highest");
+  }
+  return {v[0], std::max(v[1], -kPole_rad), v[2], std::min(v[3], kPole_rad), v[4], v[5]};
+}
+
+TileSemantics read_semantics(const std::string& prefix, const SemanticValues& values, const std::string& where) {
+  TileSemantics out;
+  out.bounding_volume = volume_of(prefix, values, where);
+  out.min_height_m = one_number(values, prefix + "_MINIMUM_HEIGHT", where);
+  out.max_height_m = one_number(values, prefix + "_MAXIMUM_HEIGHT", where);
+  if (prefix == "CONTENT") {
+    out.uri = values.text("CONTENT_URI");
+    return out;
+  }
+  out.geometric_error_m = one_number(values, "TILE_GEOMETRIC_ERROR", where);
+  if (out.geometric_error_m.value_or(0) < 0) throw InputError(where, "TILE_GEOMETRIC_ERROR is negative");
+  if (const auto refine = one_number(values, "TILE_REFINE", where)) {
+    if (*refine != 0 && *refine != 1) throw InputError(where, "TILE_REFINE is neither 0 (ADD) nor 1 (REPLACE)");
+    out.refine = *refine == 0 ? Refine::kAdd : Refine::kReplace;
+  }
+  return out;
+}
+
+BoundingVolume with_semantics(const BoundingVolume& volume, const TileSemantics& semantics) {
+  BoundingVolume out = semantics.bounding_volume.value_or(volume);
+  if (auto* region = std::get_if<GeographicRegion>(&out)) {
+    region->min_height_m = semantics.min_height_m.value_or(region->min_height_m);
+    region->max_height_m = semantics.max_height_m.value_or(region->max_height_m);
+  }
+  return out;
+}
+
+}  // namespace tileflight::tiles
