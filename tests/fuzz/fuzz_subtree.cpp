@@ -25,9 +25,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   tiling->schema = std::make_shared<const tiles::MetadataSchema>(
       tiles::MetadataSchema{{"tile", {{box, error}}}, {"content", {{uri}}}});
   try {
-    tiles::parse_subtree(bytes, {tiling, {}}, "input", [&](const std::string&) {
-      return std::vector<std::byte>(bytes.begin(), bytes.end());
-    });
+    tiles::parse_subtree(bytes, {tiling, {}}, "input",
+                         [&](const std::string&) { return std::vector<std::byte>(bytes.begin(), bytes.end()); });
   } catch (const InputError&) {
     // one clear line is what broken input is worth
   }
