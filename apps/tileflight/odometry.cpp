@@ -46,7 +46,7 @@ void add_map_filters(CLI::App& command, Options& options) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command.add_flag("--active-points-only", options.active_points_only,
-                   "map: only points of the joint optimisation (about a third)");
+                   "map: only points of the joint optimisation (the most accurate)");
 }
 
 std::string summary(const nlohmann::json& result, const std::string& out) {

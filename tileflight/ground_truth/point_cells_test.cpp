@@ -38,7 +38,7 @@ TEST(PointCells, same_as_asking_every_cell) {
   std::mt19937 random(4);
   std::uniform_real_distribution<double> spread(-1, 2.5);
   PointCloud cloud;
-  for (int i = 0; i < 60; ++i)
+  for (int i = 0; i < 600; ++i)
     cloud.positions.push_back(grid().origin + Vec3(spread(random), spread(random), spread(random)));
   VoxelGrid g = grid();
   occupy(cloud, g);

@@ -82,10 +82,7 @@ TEST(ParseTileset, reads_what_real_files_mean) {
 }
 
 TEST(ParseTileset, names_what_it_lacks) {
-  Json root = tile(kBox, 1);
-  root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"}};
-  EXPECT_EQ(parse(testing::tileset(root)).tiles[0].unsupported, "implicit tiling (QUADTREE)");
-  root = tile({{"extensions", {{"3DTILES_bounding_volume_S2", {{"token", "1"}}}}}}, 1);
+  const Json root = tile({{"extensions", {{"3DTILES_bounding_volume_S2", {{"token", "1"}}}}}}, 1);
   EXPECT_EQ(parse(testing::tileset(root)).tiles[0].unsupported, "the bounding volume 3DTILES_bounding_volume_S2");
   Json json = testing::tileset(tile(kBox, 1));
   json["extensionsRequired"] = {"3DTILES_content_gltf", "ACME_secret", "ACME_secret"};

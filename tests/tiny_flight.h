@@ -1,0 +1,46 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "tests/temporary_folder.h"
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/odometry/synthetic_flight.h"
+
+namespace tileflight::tests {
+
+/// A flight of a second over small hills as a dataset folder: 36 pictures of 280x180 by a wide lens, with its truth.
+/// Rendered once a program, by rays that know nothing of the odometry.
+class TinyFlight {
+ public:
+  static constexpr int kFrames = 36;
+
+  static const odometry::tests::Sequence& sequence() {
+    static const odometry::tests::Sequence kSequence =
+        odometry::tests::over_hills(imaging::make_fisheye(280, 180, 130.0), kFrames);
+    return kSequence;
+  }
+
+  static geometry::Trajectory truth() {
+    geometry::Trajectory poses;
+    for (int i = 0; i < kFrames; ++i) poses.poses.push_back({i / 30.0, sequence().truth[i]});
+    return poses;
+  }
+
+  static void write(const std::filesystem::path& folder) {
+    dataset::DatasetWriter writer(folder, sequence().calibration, {});
+    for (int i = 0; i < kFrames; ++i) writer.add_frame(i, i / 30.0, 0.0, sequence().images[i]);
+    writer.set_groundtruth(truth());
+    writer.finish();
+  }
+
+  /// A copy of the dataset that a test may spoil.
+  static void copy_to(const std::filesystem::path& folder) {
+    static const TemporaryFolder kOriginal;
+    if (!std::filesystem::exists(kOriginal / "dataset")) write(kOriginal / "dataset");
+    std::filesystem::copy(kOriginal / "dataset", folder, std::filesystem::copy_options::recursive);
+  }
+};
+
+}  // namespace tileflight::tests
