@@ -335,8 +335,9 @@ TEST(ImplicitTiling, what_cannot_be_divided_is_refused) {
     return error_of([&] { load_region(source, "t", {}); });
   };
   EXPECT_THAT(message([](Json& r) { r["boundingVolume"] = {{"sphere", {0, 0, 0, 1}}}; }), HasSubstr("is a sphere"));
-  EXPECT_THAT(message([](Json& r) { r["children"] = {testing::tile(testing::box_volume(0, 0, 0, 1, 1, 1), 1)}; }),
-              HasSubstr("both implicitTiling and children"));
+  EXPECT_THAT(
+      message([](Json& r) { r["children"] = Json::array({testing::tile(testing::box_volume(0, 0, 0, 1, 1, 1), 1)}); }),
+      HasSubstr("both implicitTiling and children"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subdivisionScheme"] = "KD"; }), HasSubstr("'KD'"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subtreeLevels"] = 0; }), HasSubstr("subtreeLevels is 0"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["availableLevels"] = 99; }), HasSubstr("availableLevels"));
