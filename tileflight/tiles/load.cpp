@@ -167,8 +167,8 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   const Placement placement = place(tree, options, name);
   const TileCut cut = select_cut(tree, wanted_region(placement.region, placement.T_local_tileset, options.error_m));
   if (cut.contents.empty() && cut.failures.empty()) {
-    throw InputError(name, "no tile meets the region " + extent_text(placement.region.box()) + "; the tileset spans " +
-                               extent_text(tree));
+    throw InputError(name, "no tile with content meets the region " + extent_text(placement.region.box()) +
+                               "; the tileset spans " + extent_text(tree));
   }
 
   LoadedTiles out;

@@ -120,8 +120,13 @@ TEST_F(LoadRegion, empty_region_names_the_extent) {
   options.center_local = Vec3(500, 0, 0);
   options.size = Vec3(4, 4, 4);
   const std::string message = error_of([&] { load(source_, options); });
-  EXPECT_THAT(message, HasSubstr("no tile meets the region x 498.0 … 502.0"));
+  EXPECT_THAT(message, HasSubstr("no tile with content meets the region x 498.0 … 502.0"));
   EXPECT_THAT(message, HasSubstr("spans x -10.0 … 10.0"));
+}
+
+TEST_F(LoadRegion, tileset_without_content_says_so) {
+  source_.add("tileset.json", testing::tileset(tile(box_volume(0, 0, 0, 10, 2, 2), 5)).dump());
+  EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("no tile with content meets the region"));
 }
 
 TEST_F(LoadRegion, wrong_options_are_told) {
