@@ -27,8 +27,8 @@ inline imaging::Rgb8 grey(int value) {
 
 /// Hash of a texel to 0..255: noise without any structure.
 inline int noise(int x, int y, int seed = 0) {
-  auto h = static_cast<std::uint32_t>(x * 73856093) ^ static_cast<std::uint32_t>(y * 19349663) ^
-           static_cast<std::uint32_t>(seed * 83492791);
+  auto h = static_cast<std::uint32_t>(x) * 73856093U ^ static_cast<std::uint32_t>(y) * 19349663U ^
+           static_cast<std::uint32_t>(seed) * 83492791U;
   h = (h ^ (h >> 16U)) * 0x7feb352dU;
   h = (h ^ (h >> 15U)) * 0x846ca68bU;
   return static_cast<int>((h ^ (h >> 16U)) & 0xFFU);

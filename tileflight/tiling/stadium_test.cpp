@@ -77,30 +77,16 @@ TEST(Bake, ATextureIsPaintedWhereItsCoordinatesSay) {
   }
 }
 
-/// The whole place, small textures, written once for all tests below.
-class Stadium : public ::testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    folder_ = std::make_unique<tests::TemporaryFolder>();
-    write_stadium(folder_->path(), {1, 0.05});
-  }
-  static void TearDownTestSuite() { folder_.reset(); }
+tiles::LoadedTiles load(const std::filesystem::path& place, const std::string& model, const geometry::Vec3& size) {
+  tiles::LoadOptions options;
+  options.center = options.origin = geometry::Geodetic{kStadiumLatitudeDeg, kStadiumLongitudeDeg, {kStadiumHeightM}};
+  options.size = size;
+  return tiles::load_region((place / model).string(), options);
+}
 
-  static tiles::LoadedTiles load(const std::string& model, const geometry::Vec3& size) {
-    tiles::LoadOptions options;
-    options.center = options.origin = geometry::Geodetic{kStadiumLatitudeDeg, kStadiumLongitudeDeg, {kStadiumHeightM}};
-    options.size = size;
-    return tiles::load_region((*folder_ / model).string(), options);
-  }
-
-  static std::unique_ptr<tests::TemporaryFolder> folder_;
-};
-
-std::unique_ptr<tests::TemporaryFolder> Stadium::folder_;
-
-TEST_F(Stadium, LiesWhereThePaperFlew) {
+void expect_lies_where_the_paper_flew(const std::filesystem::path& place) {
   for (const std::string model : {"world", "twin"}) {
-    const tiles::LoadedTiles loaded = load(model, {250, 250, 100});
+    const tiles::LoadedTiles loaded = load(place, model, {250, 250, 100});
     EXPECT_TRUE(loaded.complete);
     EXPECT_TRUE(loaded.warnings.empty()) << loaded.warnings.front();
     EXPECT_EQ(loaded.geometric_error_max_m, 0.0);
@@ -115,16 +101,16 @@ TEST_F(Stadium, LiesWhereThePaperFlew) {
   }
 }
 
-TEST_F(Stadium, TheWorldIsFineAndTheTwinKeepsLess) {
-  const tiles::LoadedTiles world = load("world", {600, 600, 200}), twin = load("twin", {600, 600, 200});
+void expect_fine_world_and_lesser_twin(const std::filesystem::path& place) {
+  const tiles::LoadedTiles world = load(place, "world", {600, 600, 200}), twin = load(place, "twin", {600, 600, 200});
   EXPECT_GT(world.triangles, 300000);
   EXPECT_LT(world.triangles, 900000);
   EXPECT_GT(twin.triangles, 100000);
   EXPECT_LT(twin.triangles, 300000);
 }
 
-TEST_F(Stadium, TheTwinLiesOnTheWorld) {
-  const tiles::LoadedTiles world = load("world", {600, 600, 200}), twin = load("twin", {600, 600, 200});
+void expect_twin_on_the_world(const std::filesystem::path& place) {
+  const tiles::LoadedTiles world = load(place, "world", {600, 600, 200}), twin = load(place, "twin", {600, 600, 200});
   const geometry::TriangleIndex surface(joined(world.meshes));
   double sum = 0;
   std::size_t count = 0;
@@ -139,9 +125,9 @@ TEST_F(Stadium, TheTwinLiesOnTheWorld) {
   EXPECT_LT(sum / static_cast<double>(count), 0.06);
 }
 
-TEST_F(Stadium, HoldsAsMuchStructureAsThePapersPlace) {
+void expect_as_much_structure_as_the_papers_place(const std::filesystem::path& place) {
   std::set<std::array<int, 3>> cells;
-  for (const imaging::TexturedMesh& mesh : load("twin", {250, 250, 100}).meshes) {
+  for (const imaging::TexturedMesh& mesh : load(place, "twin", {250, 250, 100}).meshes) {
     for (const geometry::Triangle& t : mesh.mesh.triangles) {
       const Vec3 &a = mesh.mesh.vertices[t[0]], &b = mesh.mesh.vertices[t[1]], &c = mesh.mesh.vertices[t[2]];
       const int steps = 1 + static_cast<int>(3 * std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()}));
@@ -158,6 +144,16 @@ TEST_F(Stadium, HoldsAsMuchStructureAsThePapersPlace) {
   EXPECT_GT(cells.size(),
             110000U);  // 158 446 in the paper; points miss about 5 % of the cells that the surface touches
   EXPECT_LT(cells.size(), 200000U);
+}
+
+// One test, since the place, though with small textures, takes a while to write.
+TEST(Stadium, IsThePapersPlaceTwice) {
+  const tests::TemporaryFolder place;
+  write_stadium(place.path(), {1, 0.05});
+  expect_lies_where_the_paper_flew(place.path());
+  expect_fine_world_and_lesser_twin(place.path());
+  expect_twin_on_the_world(place.path());
+  expect_as_much_structure_as_the_papers_place(place.path());
 }
 
 }  // namespace
