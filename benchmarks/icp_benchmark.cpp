@@ -11,6 +11,7 @@
 #include <optional>
 #include <random>
 
+#include "tests/height_field.h"
 #include "tileflight/alignment/icp.h"
 #include "tileflight/alignment/umeyama.h"
 #include "tileflight/geometry/nearest.h"
@@ -31,7 +32,7 @@ using tileflight::geometry::Vec3;
 constexpr std::size_t kPoints = 84029;
 constexpr std::size_t kSurfacePoints = 500000;
 constexpr double kSide_m = 250.0;
-constexpr int kCells = 500;
+constexpr std::uint32_t kCells = 500;
 
 /// A ravine with terraces and blocks on it.
 double height_m(double x, double y) {
@@ -41,24 +42,6 @@ double height_m(double x, double y) {
   if (block_x > 8.0 && block_x < 18.0 && block_y > 6.0 && block_y < 17.0)
     z += 3.0 + 0.04 * std::floor(x / 31.0) * std::floor(y / 27.0);
   return z;
-}
-
-TriangleMesh make_place() {
-  TriangleMesh mesh;
-  for (int i = 0; i <= kCells; ++i) {
-    for (int j = 0; j <= kCells; ++j) {
-      const double x = kSide_m * i / kCells, y = kSide_m * j / kCells;
-      mesh.vertices.push_back({x, y, height_m(x, y)});
-    }
-  }
-  const auto at = [](int i, int j) { return static_cast<std::uint32_t>(i * (kCells + 1) + j); };
-  for (int i = 0; i < kCells; ++i) {
-    for (int j = 0; j < kCells; ++j) {
-      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  }
-  return mesh;
 }
 
 /// Even by area, with the triangles' normals.
@@ -89,7 +72,7 @@ PointCloud make_surface(const TriangleMesh& mesh, std::size_t n, double noise_m)
 }
 
 struct Task {
-  TriangleMesh mesh = make_place();
+  TriangleMesh mesh = tileflight::tests::height_field(kCells, 0.0, kSide_m, height_m);
   PointCloud voxel_centers = tileflight::geometry::centers(
       tileflight::ground_truth::voxelize(mesh, {Vec3(0, 0, 0), Vec3(kSide_m, kSide_m, 60)}, 1.0));
   PointCloud surface = make_surface(mesh, kSurfacePoints, 0.0);

@@ -9,6 +9,7 @@
 #include <random>
 #include <vector>
 
+#include "tests/height_field.h"
 #include "tileflight/geometry/triangle_index.h"
 
 namespace {
@@ -16,7 +17,7 @@ namespace {
 using tileflight::geometry::TriangleMesh;
 using tileflight::geometry::Vec3;
 
-constexpr std::uint32_t kSide = 632;
+constexpr std::uint32_t kCells = 632;
 constexpr std::size_t kPoints = 2'000'000;
 constexpr double kSize_m = 250.0;
 
@@ -25,23 +26,7 @@ double height_m(double x, double y) {
 }
 
 const TriangleMesh& terrain() {
-  static const TriangleMesh cached = [] {
-    TriangleMesh mesh;
-    for (std::uint32_t y = 0; y <= kSide; ++y) {
-      for (std::uint32_t x = 0; x <= kSide; ++x) {
-        const double px = kSize_m * x / kSide, py = kSize_m * y / kSide;
-        mesh.vertices.emplace_back(px, py, height_m(px, py));
-      }
-    }
-    for (std::uint32_t y = 0; y < kSide; ++y) {
-      for (std::uint32_t x = 0; x < kSide; ++x) {
-        const std::uint32_t a = y * (kSide + 1) + x, b = a + 1, c = a + kSide + 1;
-        mesh.triangles.push_back({a, b, c});
-        mesh.triangles.push_back({b, c + 1, c});
-      }
-    }
-    return mesh;
-  }();
+  static const TriangleMesh cached = tileflight::tests::height_field(kCells, 0.0, kSize_m, height_m);
   return cached;
 }
 

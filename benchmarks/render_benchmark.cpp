@@ -13,6 +13,7 @@
 #include <cmath>
 #include <memory>
 
+#include "tests/height_field.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/ray_table.h"
 #include "tileflight/sensors/render.h"
@@ -24,7 +25,7 @@ using geometry::Vec3;
 
 constexpr int kWidth = 2688;
 constexpr int kHeight = 1512;
-constexpr int kCells = 1000;
+constexpr std::uint32_t kCells = 1000;
 constexpr double kSize_m = 300.0;
 
 double height_m(double x, double y) {
@@ -48,25 +49,11 @@ std::shared_ptr<const imaging::RgbImage> noisy_texture(int size) {
   return image;
 }
 
-imaging::TexturedMesh height_field() {
+imaging::TexturedMesh textured_hills() {
   imaging::TexturedMesh field;
-  for (int j = 0; j <= kCells; ++j) {
-    for (int i = 0; i <= kCells; ++i) {
-      const double u = static_cast<double>(i) / kCells;
-      const double v = static_cast<double>(j) / kCells;
-      const double x = kSize_m * (u - 0.5);
-      const double y = kSize_m * (v - 0.5);
-      field.mesh.vertices.emplace_back(x, y, height_m(x, y));
-      field.uv.emplace_back(static_cast<float>(u), static_cast<float>(1.0 - v));
-    }
-  }
-  const auto columns = static_cast<std::uint32_t>(kCells + 1);
-  for (std::uint32_t j = 0; j + 1 < columns; ++j) {
-    for (std::uint32_t i = 0; i + 1 < columns; ++i) {
-      const std::uint32_t a = j * columns + i;
-      field.mesh.triangles.push_back({a, a + 1, a + columns});
-      field.mesh.triangles.push_back({a + 1, a + columns + 1, a + columns});
-    }
+  field.mesh = tests::height_field(kCells, -0.5 * kSize_m, kSize_m, height_m);
+  for (const Vec3& p : field.mesh.vertices) {
+    field.uv.emplace_back(static_cast<float>(p.x() / kSize_m + 0.5), static_cast<float>(0.5 - p.y() / kSize_m));
   }
   field.texture = noisy_texture(4096);
   return field;
@@ -83,7 +70,7 @@ geometry::SE3 pose() {
 }
 
 const scene::Scene& shared_scene() {
-  static const scene::Scene scene({height_field()});
+  static const scene::Scene scene({textured_hills()});
   return scene;
 }
 

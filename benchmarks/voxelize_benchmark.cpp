@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "tests/height_field.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/ground_truth/voxelize.h"
 
@@ -19,30 +20,12 @@ using tileflight::geometry::Box3;
 using tileflight::geometry::TriangleMesh;
 using tileflight::geometry::Vec3;
 
-constexpr std::uint32_t kSide = 632;  // quads along one side
+constexpr std::uint32_t kCells = 632;
 constexpr double kSize_m = 250.0;
 
 double height_m(double x, double y) {
   return 20.0 + 8.0 * std::sin(0.03 * x) * std::cos(0.05 * y) + 2.0 * std::sin(0.4 * x + 0.2 * y) +
          0.3 * std::sin(3.1 * x) * std::sin(2.7 * y);
-}
-
-TriangleMesh terrain() {
-  TriangleMesh mesh;
-  for (std::uint32_t y = 0; y <= kSide; ++y) {
-    for (std::uint32_t x = 0; x <= kSide; ++x) {
-      const double px = kSize_m * x / kSide, py = kSize_m * y / kSide;
-      mesh.vertices.emplace_back(px, py, height_m(px, py));
-    }
-  }
-  for (std::uint32_t y = 0; y < kSide; ++y) {
-    for (std::uint32_t x = 0; x < kSide; ++x) {
-      const std::uint32_t a = y * (kSide + 1) + x, b = a + 1, c = a + kSide + 1;
-      mesh.triangles.push_back({a, b, c});
-      mesh.triangles.push_back({b, c + 1, c});
-    }
-  }
-  return mesh;
 }
 
 struct Input {
@@ -53,7 +36,9 @@ struct Input {
 const Input& input() {
   static const Input cached = [] {
     const char* file = std::getenv("TILEFLIGHT_BENCHMARK_MESH");
-    if (file == nullptr) return Input{terrain(), Box3(Vec3::Zero(), Vec3(kSize_m, kSize_m, 48.0))};
+    if (file == nullptr)
+      return Input{tileflight::tests::height_field(kCells, 0.0, kSize_m, height_m),
+                   Box3(Vec3::Zero(), Vec3(kSize_m, kSize_m, 48.0))};
     TriangleMesh mesh = tileflight::geometry::read_ply_mesh(file);
     const Box3 box = tileflight::geometry::bounds(mesh);
     return Input{std::move(mesh), box};

@@ -9,6 +9,7 @@
 #include <map>
 #include <random>
 
+#include "tests/height_field.h"
 #include "tests/test_data.h"
 #include "tileflight/alignment/normals.h"
 #include "tileflight/geometry/cloud_files.h"
@@ -30,24 +31,7 @@ double height_m(double x, double y) {
   return building ? hills + 6.0 : hills;
 }
 
-TriangleMesh hills() {
-  TriangleMesh mesh;
-  constexpr int kCells = 120;
-  for (int i = 0; i <= kCells; ++i) {
-    for (int j = 0; j <= kCells; ++j) {
-      const double x = 0.5 * i - 30.0, y = 0.5 * j - 30.0;
-      mesh.vertices.push_back({x, y, height_m(x, y)});
-    }
-  }
-  const auto at = [](int i, int j) { return static_cast<std::uint32_t>(i * (kCells + 1) + j); };
-  for (int i = 0; i < kCells; ++i) {
-    for (int j = 0; j < kCells; ++j) {
-      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
-  }
-  return mesh;
-}
+TriangleMesh hills() { return tests::height_field(120, -30.0, 60.0, height_m); }
 
 /// Random points of the mesh's triangles (its cells are equal in plan, so even there), moved by Gaussian noise.
 PointCloud sampled(const TriangleMesh& mesh, std::size_t n, double noise_m, std::uint64_t seed) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "tests/height_field.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::geometry {
@@ -27,18 +28,7 @@ TriangleMesh random_mesh(int triangles, unsigned seed, double size_m, const Vec3
 
 /// A flat square of side x side squares, two triangles each: neighbours share sides, so many distances are equal.
 TriangleMesh flat_grid(std::uint32_t side) {
-  TriangleMesh mesh;
-  for (std::uint32_t y = 0; y <= side; ++y) {
-    for (std::uint32_t x = 0; x <= side; ++x) mesh.vertices.emplace_back(x, y, 0);
-  }
-  for (std::uint32_t y = 0; y < side; ++y) {
-    for (std::uint32_t x = 0; x < side; ++x) {
-      const std::uint32_t a = y * (side + 1) + x, b = a + 1, c = a + side + 1;
-      mesh.triangles.push_back({a, b, c});
-      mesh.triangles.push_back({b, c + 1, c});
-    }
-  }
-  return mesh;
+  return tests::height_field(side, 0.0, side, [](double, double) { return 0.0; });
 }
 
 SurfacePoint brute_force(const TriangleMesh& mesh, const Vec3& query) {
