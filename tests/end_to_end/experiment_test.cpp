@@ -7,6 +7,8 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
+#include "tileflight/imaging/camera.h"
+#include "tileflight/imaging/image_files.h"
 
 namespace tileflight {
 namespace {
@@ -162,6 +164,36 @@ TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
   const ProgramResult failed = run("failed");
   EXPECT_EQ(failed.exit_code, 1);
   EXPECT_THAT(failed.err, ::testing::HasSubstr("cannot start"));
+}
+
+TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
+  imaging::GrayImage mask(320, 240, 255);
+  for (int y = 200; y < 240; ++y) std::fill_n(&mask(0, y), 320, std::uint8_t{0});
+  imaging::write_gray(folder_ / "mask.png", mask);
+  const std::string simulated_only = std::string(kExperiment).substr(0, std::string(kExperiment).find("real:"));
+  TinyPlace::write_file(folder_ / "experiment.yaml",
+                        simulated_only +
+                            "odometry: {mask: mask.png, rectify_fov: 90, colmap: true, debug_pictures: true, "
+                            "min_parallax: 1.5, dense: false}\n");
+  const ProgramResult result = run("out", {"--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const fs::path odometry = folder_ / "out/simulated/odometry";
+  EXPECT_NEAR(imaging::read_calibration(odometry / "camera.yaml").camera.horizontal_fov_deg(), 90.0, 1e-9);
+  EXPECT_TRUE(fs::exists(odometry / "colmap/points3D.txt"));
+  const auto pictures = std::distance(fs::directory_iterator(folder_ / "out/simulated/keyframe_pictures"), {});
+  EXPECT_EQ(pictures, json::parse(file_text(odometry / "odometry.json"))["keyframes"].get<int>());
+
+  const auto before = stage_times("out");
+  std::fill_n(&mask(0, 190), 320, std::uint8_t{0});
+  imaging::write_gray(folder_ / "mask.png", mask);
+  ASSERT_EQ(run("out").exit_code, 0);
+  EXPECT_NE(stage_times("out").at("simulated-odometry.json"), before.at("simulated-odometry.json"))
+      << "another mask is another input";
+
+  TinyPlace::write_file(folder_ / "experiment.yaml", simulated_only + "odometry: {rectify_fov: 180}\n");
+  const ProgramResult refused = run("refused");
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, ::testing::HasSubstr("odometry.rectify_fov"));
 }
 
 }  // namespace

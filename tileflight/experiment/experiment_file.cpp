@@ -133,6 +133,12 @@ Odometry read_odometry(YamlSection section) {
   Odometry odometry;
   odometry.command = section.text("command").value_or("");
   odometry.options = read_odometry_options(section);
+  odometry.extras.mask = optional_path(section, "mask");
+  odometry.extras.rectify_fov_deg = section.number("rectify_fov");
+  if (const auto& fov_deg = odometry.extras.rectify_fov_deg; fov_deg && !(*fov_deg > 0.0 && *fov_deg < 180.0))
+    throw section.error("rectify_fov", "must be above 0 and below 180 degrees: the pictures become a pinhole's");
+  odometry.extras.colmap = section.boolean("colmap").value_or(false);
+  odometry.debug_pictures = section.boolean("debug_pictures").value_or(false);
   section.finish();
   return odometry;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tileflight/alignment/align_map.h"
+#include "tileflight/experiment/track_extras.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/odometry/options.h"
 #include "tileflight/sensors/image_formation.h"
@@ -71,6 +72,8 @@ struct Flight {
 /// `odometry:` our own with its settings, or an outside program.
 struct Odometry {
   odometry::OdometryOptions options;
+  TrackExtras extras;           ///< mask, rectify_fov, colmap
+  bool debug_pictures = false;  ///< debug_pictures: a picture of each keyframe in DIR/<flight>/keyframe_pictures
   /// A shell command with {dataset} and {out} filled in; it must leave trajectory.txt and map.ply in {out}.
   std::string command;
 };

@@ -61,6 +61,12 @@ std::vector<std::string> Pipeline::place_products() const {
   return uses_built_in_place() ? std::vector<std::string>{"place"} : std::vector<std::string>{};
 }
 
+std::vector<std::string> Pipeline::odometry_products(const FlightStages& flight) const {
+  std::vector<std::string> products{flight.name + "/odometry"};
+  if (experiment_.odometry.debug_pictures) products.push_back(flight.name + "/keyframe_pictures");
+  return products;
+}
+
 void Pipeline::make_place(const Progress& progress) const {
   if (!uses_built_in_place()) return;
   geometry::write_folder(folder_ / "place", false, [&](const fs::path& temporary) {
@@ -145,7 +151,9 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
 }
 
 json Pipeline::odometry_inputs(const FlightStages& f) const {
-  return {{"dataset", cache_.key(f.name + "/dataset")}, {"odometry", section("odometry")}};
+  json inputs{{"dataset", cache_.key(f.name + "/dataset")}, {"odometry", section("odometry")}};
+  if (const fs::path& mask = experiment_.odometry.extras.mask; !mask.empty()) inputs["mask"] = fingerprint(mask);
+  return inputs;
 }
 
 json Pipeline::alignment_inputs(const FlightStages& f) const {

@@ -29,6 +29,7 @@ class Pipeline {
   /// The built-in place, where a source asks for it.
   void make_place(const Progress& progress) const;
   std::vector<std::string> place_products() const;
+  std::vector<std::string> odometry_products(const FlightStages& flight) const;
 
   ExtractSettings extract_settings() const;
   RenderSettings render_settings(const FlightStages& flight) const;

@@ -57,6 +57,7 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
     if (!file.empty() && fs::exists(file)) files.push_back(file);
   };
   add(experiment.place.source);
+  add(experiment.odometry.extras.mask);
   for (const auto* flight : {&experiment.simulated, &experiment.real}) {
     if (!flight->has_value()) continue;
     if ((*flight)->render) {

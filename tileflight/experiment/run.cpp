@@ -14,6 +14,22 @@ namespace tileflight::experiment {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
+namespace {
+
+/// Odometry over a flight's dataset, our own or the experiment's command.
+void find_map(const Odometry& settings, const fs::path& flight, const Progress& progress) {
+  if (!settings.command.empty()) {
+    track_with_command(flight / "dataset", flight / "odometry", false, settings.command);
+    return;
+  }
+  TrackExtras extras = settings.extras;
+  fs::remove_all(flight / "keyframe_pictures");
+  if (settings.debug_pictures) extras.debug_pictures = flight / "keyframe_pictures";
+  track(flight / "dataset", flight / "odometry", false, settings.options, {}, progress, extras);
+}
+
+}  // namespace
+
 // The pipeline. Each line is a stage: what it is made from, what it leaves, and the call that does it. A stage is
 // skipped when its inputs (the settings, the files' fingerprints, the keys of the stages before it) are those that it
 // was done with.
@@ -31,12 +47,8 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
       if (f.flight.render) render_dataset(p.render_settings(f), f.folder / "dataset", false, progress);
       if (f.flight.ingest) ingest_dataset(*f.flight.ingest, f.folder / "dataset", false, progress);
     });
-    cache.once(f.name + "/odometry", p.odometry_inputs(f), {f.name + "/odometry"}, [&] {
-      if (e.odometry.command.empty())
-        track(f.folder / "dataset", f.folder / "odometry", false, e.odometry.options, {}, progress);
-      if (!e.odometry.command.empty())
-        track_with_command(f.folder / "dataset", f.folder / "odometry", false, e.odometry.command);
-    });
+    cache.once(f.name + "/odometry", p.odometry_inputs(f), p.odometry_products(f),
+               [&] { find_map(e.odometry, f.folder, progress); });
     const MapInputs map = map_inputs(f.folder / "odometry", f.folder / "dataset");
     cache.once(f.name + "/alignment", p.alignment_inputs(f), {f.name + "/transform.json"},
                [&] { align(map, folder / "truth", e.alignment, f.folder / "transform.json", progress); });

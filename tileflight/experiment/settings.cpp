@@ -1,7 +1,11 @@
 #include "tileflight/experiment/settings.h"
 
+#include <numbers>
+
 namespace tileflight::experiment {
 namespace {
+
+constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
 
 double positive(YamlSection& section, const std::string& key, double otherwise) {
   const double value = section.number(key).value_or(otherwise);
@@ -96,6 +100,11 @@ odometry::OdometryOptions read_odometry_options(YamlSection& section) {
   options.window.iterations = at_least(section, "iterations", 1, options.window.iterations);
   options.map.min_observations = at_least(section, "min_observations", 1, options.map.min_observations);
   options.map.max_relative_deviation = positive(section, "max_relative_deviation", options.map.max_relative_deviation);
+  if (const auto deg = section.number("min_parallax")) {
+    if (!(*deg >= 0.0)) throw section.error("min_parallax", "must not be negative");
+    options.map.min_parallax_rad = *deg * kRadiansOfDegree;
+  }
+  options.map.dense = section.boolean("dense").value_or(options.map.dense);
   options.start.seed = static_cast<std::uint32_t>(at_least(section, "seed", 0, static_cast<int>(options.start.seed)));
   return options;
 }

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "tileflight/experiment/track_extras.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/odometry/options.h"
@@ -17,15 +18,6 @@ struct FrameRange {
   std::optional<std::size_t> to;  ///< exclusive
   std::size_t every = 1;
   bool reverse = false;
-};
-
-/// What may be given to our odometry and asked of it beside the pictures; all of it optional.
-struct TrackExtras {
-  std::filesystem::path mask;             ///< picture of the frames' size; dark where there is nothing of the scene
-  std::optional<double> rectify_fov_deg;  ///< rectify to a pinhole of this horizontal field of view first
-  std::filesystem::path init_from;        ///< TUM poses (a file), or depth/000000.exr by frame (a folder)
-  bool colmap = false;                    ///< write colmap/ into the output folder
-  std::filesystem::path debug_pictures;   ///< folder for a picture of each keyframe with its points
 };
 
 /// Runs our odometry over a dataset folder and writes trajectory.txt, keyframes.txt, map.ply, camera.yaml (of the
