@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/url_secrets.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -192,9 +193,10 @@ std::vector<std::byte> decode_data_uri(std::string_view uri, const std::string& 
 }
 
 std::string uri_for_message(std::string_view uri) {
-  const std::size_t longest = is_data_uri(uri) ? 32 : 200;
-  if (uri.size() <= longest) return std::string(uri);
-  return std::string(uri.substr(0, longest)) + "…";
+  const bool is_data = is_data_uri(uri);
+  const std::size_t longest = is_data ? 32 : 200;
+  const std::string shown = is_data ? std::string(uri.substr(0, longest + 1)) : redacted(uri);
+  return shown.size() <= longest ? shown : shown.substr(0, longest) + "…";
 }
 
 }  // namespace tileflight::tiles

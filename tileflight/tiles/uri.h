@@ -26,7 +26,8 @@ bool is_data_uri(std::string_view uri);
 /// Bytes of a "data:" URI, base64 or percent-encoded (RFC 2397). Throws InputError.
 std::vector<std::byte> decode_data_uri(std::string_view uri, const std::string& name);
 
-/// A URI as it can stand in a message: a "data:" URI or a very long one is cut short.
+/// A URI as it can stand in a message: keys and tokens in it are hidden (url_secrets.h), a "data:" URI or a very long
+/// one is cut short.
 std::string uri_for_message(std::string_view uri);
 
 }  // namespace tileflight::tiles
