@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "command.h"
+#include "source_options.h"
 
 namespace tileflight::app {
 namespace {
@@ -27,6 +28,7 @@ json center_json(const tiles::TilesetSummary& s) {
 
 json to_json(const tiles::TilesetSummary& s) {
   const auto corner = [](const geometry::Vec3& v) { return json{v.x(), v.y(), v.z()}; };
+  const auto known = [&](std::int64_t number) { return s.content_sizes_known ? json(number) : json(nullptr); };
   return {{"version", s.version},
           {"generator", s.generator},
           {"tiles", s.tiles},
@@ -37,8 +39,8 @@ json to_json(const tiles::TilesetSummary& s) {
           {"tiles_unsupported", s.tiles_unsupported},
           {"contents", s.contents},
           {"content_files", s.content_files},
-          {"content_files_missing", s.content_files_missing},
-          {"content_bytes", s.content_bytes},
+          {"content_files_missing", known(s.content_files_missing)},
+          {"content_bytes", known(s.content_bytes)},
           {"external_tilesets", s.external_tilesets},
           {"subtrees", s.subtrees},
           {"levels", levels_json(s)},
@@ -67,9 +69,11 @@ std::string summary(const tiles::TilesetSummary& s) {
        << s.tiles << " tiles, " << s.leaves << " of them leaves, " << s.depth() << " levels; refine: REPLACE "
        << s.tiles_replace << ", ADD " << s.tiles_add << "\ncontents:";
   for (const auto& [kind, count] : s.contents) text << " " << count << " " << kind;
-  text << " (" << s.content_files << " files, " << static_cast<double>(s.content_bytes) / 1e6 << " MB, "
-       << s.content_files_missing << " missing), " << s.external_tilesets << " external tilesets, " << s.subtrees
-       << " subtrees\n";
+  text << " (" << s.content_files << " files";
+  if (s.content_sizes_known) {
+    text << ", " << static_cast<double>(s.content_bytes) / 1e6 << " MB, " << s.content_files_missing << " missing";
+  }
+  text << "), " << s.external_tilesets << " external tilesets, " << s.subtrees << " subtrees\n";
   const geometry::Vec3 size = s.bounds_local.sizes();
   text << "extent: " << size.x() << " x " << size.y() << " x " << size.z() << " m, ";
   if (s.center) {
@@ -94,15 +98,21 @@ std::string summary(const tiles::TilesetSummary& s) {
 }  // namespace
 
 void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto source = std::make_shared<std::string>();
+  struct Options {
+    std::string source;
+    SourceArguments arguments;
+  };
+  auto options = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("inspect", "what a tileset holds: depth, tiles, formats, extents, errors, attribution");
   command->footer("Example:\n  tileflight inspect tiles/tileset.json");
-  command->add_option("SOURCE", *source, "tileset.json, its folder, a .3tz or a .3dtiles")->required();
+  command->add_option("SOURCE", options->source, kSourceHelp)->required();
+  add_source_options(*command, options->arguments);
   add_common_options(*command, common);
-  command->callback([source, &selection] {
-    selection.run = [source](const CommonOptions&, const Progress& progress) -> Output {
-      const tiles::TilesetSummary s = tiles::inspect_tileset(*source, progress);
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
+      const tiles::TilesetSummary s =
+          tiles::inspect_tileset(options->source, source_options(options->arguments), progress);
       return {to_json(s), summary(s)};
     };
   });

@@ -12,6 +12,7 @@
 #include "tests/test_data.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/md5.h"
+#include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/test_tilesets.h"
 #include "tileflight/tiles/unpack.h"
 

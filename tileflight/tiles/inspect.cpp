@@ -123,11 +123,14 @@ class Inspection {
     add_distinct(source_.warnings(), out_.warnings);
     add_distinct(tree_.warnings(), out_.warnings);
     out_.external_tilesets = static_cast<std::int64_t>(tree_.files_read().size()) - 1;
-    out_.attribution = attribution.sorted();
+    out_.attribution = source_.attribution();
+    add_distinct(attribution.sorted(), out_.attribution);
   }
 
   void describe_contents() {
     out_.content_files = static_cast<std::int64_t>(content_uris_.size());
+    out_.content_sizes_known = source_.knows_sizes();
+    if (!out_.content_sizes_known) return;
     for (const std::string& uri : content_uris_) {
       if (is_data_uri(uri)) continue;
       const std::optional<std::uintmax_t> bytes = source_.size(uri);
@@ -149,8 +152,8 @@ TilesetSummary inspect_tileset(TileSource& source, const Progress& progress) {
   return Inspection(source, progress).run();
 }
 
-TilesetSummary inspect_tileset(const std::string& source, const Progress& progress) {
-  const std::unique_ptr<TileSource> files = open_source(source);
+TilesetSummary inspect_tileset(const std::string& source, const SourceOptions& options, const Progress& progress) {
+  const std::unique_ptr<TileSource> files = open_source(source, options);
   return inspect_tileset(*files, progress);
 }
 

@@ -9,7 +9,7 @@
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/progress.h"
-#include "tileflight/tiles/tile_source.h"
+#include "tileflight/tiles/open_source.h"
 
 namespace tileflight::tiles {
 
@@ -34,6 +34,7 @@ struct TilesetSummary {
   std::map<std::string, std::int64_t> contents;  ///< references by kind: "b3dm", "glb", …, "tileset", "unknown"
   std::int64_t content_files = 0;                ///< distinct URIs, external tilesets not counted
   std::int64_t content_files_missing = 0;        ///< of those, where the source can tell
+  bool content_sizes_known = true;               ///< false: the source cannot tell without fetching each
   std::int64_t content_bytes = 0;                ///< of those that are there
   std::int64_t external_tilesets = 0;            ///< distinct
   std::vector<LevelSummary> levels;          ///< 0 is the root; external trees count on from the tile that names them
@@ -54,6 +55,7 @@ struct TilesetSummary {
 /// Throws InputError when the root cannot be read; what is broken further down stands in `failures`.
 TilesetSummary inspect_tileset(TileSource& source, const Progress& progress = {});
 /// `source`: as load_region takes it.
-TilesetSummary inspect_tileset(const std::string& source, const Progress& progress = {});
+TilesetSummary inspect_tileset(const std::string& source, const SourceOptions& options = {},
+                               const Progress& progress = {});
 
 }  // namespace tileflight::tiles

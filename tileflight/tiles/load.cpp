@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <mutex>
 #include <utility>
@@ -65,9 +66,15 @@ class CutReader {
   std::vector<ReadContent> run() {
     const std::vector<WantedFile> files = distinct_files(tree_, cut_);
     contents_.resize(cut_.contents.size());
-    tbb::parallel_for(std::size_t{0}, files.size(), [&](std::size_t i) {
-      read(files[i]);
-      advance(files[i].places.size());
+    std::vector<std::string> uris;
+    for (const WantedFile& file : files) uris.push_back(file.uri);
+    source_.prefetch(uris);
+    // Threads take the files in the order in which they were announced, so that none waits for what comes last.
+    std::atomic<std::size_t> next = 0;
+    tbb::parallel_for(std::size_t{0}, files.size(), [&](std::size_t) {
+      const WantedFile& file = files[next++];
+      read(file);
+      advance(file.places.size());
     });
     return std::move(contents_);
   }
@@ -154,12 +161,13 @@ void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out)
 }  // namespace
 
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress) {
-  const std::unique_ptr<TileSource> files = open_source(source);
-  return load_region(*files, source, options, progress);
+  const std::unique_ptr<TileSource> files = open_source(source, options.source);
+  return load_region(*files, shown_source(source), options, progress);
 }
 
 LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,
                         const Progress& progress) {
+  for (const Use use : options.uses) require_permitted(source.terms(), use, options.source.terms_accepted, name);
   CountingSource counted(source);
   report_progress(progress, 0, 0, "reading the tileset");
   TilesetTree tree(counted);
@@ -192,7 +200,10 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   }
   for (const auto& [uri, tileset] : tree.files_read()) attribution.add(tileset->copyright);
   add_distinct(tree.warnings(), out.warnings);
-  out.attribution = attribution.sorted();
+  add_distinct(source.warnings(), out.warnings);  // of reading, too
+  out.terms = source.terms();
+  out.attribution = source.attribution();
+  add_distinct(attribution.sorted(), out.attribution);
   out.complete = out.tiles_failed == 0;
   out.bytes_read = counted.bytes();
   return out;

@@ -11,11 +11,10 @@
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/imaging/textured_mesh.h"
+#include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/region.h"
 
 namespace tileflight::tiles {
-
-class TileSource;  // tile_source.h: bytes by URI; injected, so that a test can stage a fault
 
 /// What part of which place, how fine.
 struct LoadOptions {
@@ -37,6 +36,10 @@ struct LoadOptions {
   bool allow_incomplete = false;
   /// Read textures (off for ground truth only).
   bool textures = true;
+  /// How a source that is named is opened, and whether its terms are accepted.
+  SourceOptions source;
+  /// What the tiles are for: refused before any is read where the source's terms forbid it.
+  std::vector<Use> uses;
 };
 
 /// A cut of the tree as meshes in the local frame, and whether it is whole.
@@ -57,11 +60,12 @@ struct LoadedTiles {
   std::int64_t bytes_read = 0;
   std::string cut_hash;                  ///< SHA-256 over the ordered tile identities
   std::vector<std::string> attribution;  ///< distinct, most frequent first
+  Terms terms;                           ///< of the source
   std::vector<std::string> warnings;     ///< distinct
 };
 
 /// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no
-/// ancestors. `source`: as open_source takes it (tile_source.h). Throws InputError.
+/// ancestors. `source`: as open_source takes it (open_source.h). Throws InputError.
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
 /// The same from any source of bytes; `name` stands in messages.
 LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,

@@ -1,10 +1,14 @@
 #include "tileflight/tiles/selection.h"
 
 #include <algorithm>
+#include <optional>
+#include <set>
+#include <utility>
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiles/uri.h"
+#include "tileflight/tiles/url_secrets.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -12,9 +16,13 @@ namespace {
 /// One walk down the tree. Recursion is bounded by the limits on levels and on the external chain.
 class CutWalk {
  public:
-  CutWalk(TilesetTree& tree, const Wanted& wanted) : tree_(tree), wanted_(wanted) {}
+  CutWalk(TilesetTree& tree, const Wanted& wanted) : tree_(tree), wanted_(wanted) {
+    const std::string root = without_secrets(tree.files_read().front().first);
+    root_folder_ = root.substr(0, root.rfind('/') + 1);  // npos + 1 is 0: none
+  }
 
   TileCut run() {
+    if (tree_.reading_waits()) read_ahead();
     visit(tree_.root());
     std::string identities;
     for (const CutContent& content : cut_.contents) identities += content.identity + "\n";
@@ -23,6 +31,29 @@ class CutWalk {
   }
 
  private:
+  /// Files that the tree goes on in are read level by level, all of a level at once; the walk proper then waits for
+  /// none.
+  void read_ahead() {
+    std::set<std::pair<NodeId, std::optional<std::size_t>>> tried;
+    while (true) {
+      std::vector<TilesetTree::Branch> level;
+      unread_ = &level;
+      visit(tree_.root());
+      unread_ = nullptr;
+      cut_ = {};
+      std::erase_if(level, [&](const auto& branch) { return !tried.emplace(branch.node, branch.content).second; });
+      if (level.empty()) return;
+      tree_.read_branches(level);
+    }
+  }
+
+  /// While reading ahead: notes a file that is not read yet instead of going there.
+  bool is_put_off(const TilesetTree::Branch& branch) {
+    if (unread_ == nullptr || tree_.is_read(branch)) return false;
+    unread_->push_back(branch);
+    return true;
+  }
+
   void visit(NodeId id) {
     const BoundingVolume volume = tree_.volume(id);
     if (!wanted_.meets(volume)) return;
@@ -48,6 +79,7 @@ class CutWalk {
   }
 
   void visit_subtree(NodeId id) {
+    if (is_put_off({id, std::nullopt})) return;
     try {
       visit(tree_.implicit_root(id));
     } catch (const InputError& error) {
@@ -61,6 +93,7 @@ class CutWalk {
       if (volume && !wanted_.meets(*volume)) continue;
       try {
         if (tree_.is_external_tileset(id, content)) {
+          if (is_put_off({id, content})) continue;
           visit(enter_external(id, content));
         } else {
           take(id, content, finest_here);
@@ -84,13 +117,20 @@ class CutWalk {
     taken.uri = tree_.content_uri(id, content);
     taken.geometric_error_m = tree_.geometric_error_m(id);
     taken.name = tree_.name(id) + ": " + uri_for_message(taken.uri);
-    taken.identity = tree_.name(id) + " " + taken.uri;
+    taken.identity = from_root(tree_.name(id)) + " " + from_root(without_secrets(taken.uri));
     if (finest_here) cut_.geometric_error_max_m = std::max(cut_.geometric_error_max_m, taken.geometric_error_m);
     cut_.contents.push_back(std::move(taken));
   }
 
+  /// The same place gives the same identities, whether it is read from a folder, an archive or a server.
+  std::string from_root(const std::string& uri) const {
+    return uri.starts_with(root_folder_) ? uri.substr(root_folder_.size()) : uri;
+  }
+
   TilesetTree& tree_;
   const Wanted& wanted_;
+  std::vector<TilesetTree::Branch>* unread_ = nullptr;  ///< set while reading ahead
+  std::string root_folder_;                             ///< URI of the root tileset without its last segment
   TileCut cut_;
 };
 

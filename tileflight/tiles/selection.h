@@ -29,7 +29,7 @@ struct CutContent {
   std::size_t content = 0;  ///< index into the tile's contents
   std::string uri;          ///< resolved
   std::string name;         ///< for messages: the tile and its URI
-  std::string identity;     ///< file, tile path and URI: what the cut's hash is made of
+  std::string identity;     ///< file, tile path and URI, from the root on: what the cut's hash is made of
   double geometric_error_m = 0.0;
 };
 

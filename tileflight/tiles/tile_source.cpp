@@ -1,11 +1,9 @@
 #include "tileflight/tiles/tile_source.h"
 
 #include <algorithm>
-#include <fstream>
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/tiles/archive_source.h"
 #include "tileflight/tiles/unpack.h"
 #include "tileflight/tiles/uri.h"
 
@@ -32,14 +30,6 @@ std::string escaped(const std::string& name) {
 bool leaves_folder(const fs::path& relative) {
   return relative.is_absolute() ||
          std::any_of(relative.begin(), relative.end(), [](const fs::path& segment) { return segment == ".."; });
-}
-
-std::string first_bytes(const fs::path& file) {
-  std::string start(16, '\0');
-  std::ifstream stream(file, std::ios::binary);
-  stream.read(start.data(), static_cast<std::streamsize>(start.size()));
-  start.resize(static_cast<std::size_t>(stream.gcount()));
-  return start;
 }
 
 }  // namespace
@@ -100,25 +90,6 @@ std::vector<std::byte> read_uri(TileSource& source, const std::string& uri) {
   constexpr std::size_t kMostUnpacked = std::size_t{1} << 30;
   std::vector<std::byte> bytes = is_data_uri(uri) ? decode_data_uri(uri, uri_for_message(uri)) : source.read(uri);
   return is_gzip(bytes) ? gunzip(bytes, kMostUnpacked, uri_for_message(uri)) : std::move(bytes);
-}
-
-std::unique_ptr<TileSource> open_source(const std::string& source) {
-  const std::string scheme = uri_scheme(source);
-  if (scheme == "http" || scheme == "https" || scheme == "ion" || source == "google") {
-    throw InputError(source,
-                     "tilesets are read from files so far: give a tileset.json, its folder, a .3tz or a .3dtiles");
-  }
-  const fs::path path(source);
-  if (fs::is_directory(path)) {
-    if (!fs::exists(path / "tileset.json")) throw InputError(source, "the folder has no tileset.json");
-    return std::make_unique<FolderSource>(path / "tileset.json");
-  }
-  if (!fs::exists(path)) throw InputError(source, "no such file or folder");
-  const std::string start = first_bytes(path);
-  if (start.starts_with("SQLite format 3")) return std::make_unique<SqliteSource>(path);
-  if (start.starts_with("PK") || uri_ending(path.filename().string()) == "3tz")
-    return std::make_unique<ZipSource>(path);
-  return std::make_unique<FolderSource>(path);
 }
 
 }  // namespace tileflight::tiles

@@ -4,10 +4,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "tileflight/tiles/terms.h"
 
 namespace tileflight::tiles {
 
@@ -23,6 +24,15 @@ class TileSource {
   virtual std::vector<std::byte> read(const std::string& uri) = 0;
   /// Size in bytes, where the source can tell it without reading; nullopt: not known, or not there.
   virtual std::optional<std::uintmax_t> size(const std::string& uri) = 0;
+  /// Whether `size` tells of every file that is there.
+  virtual bool knows_sizes() const { return true; }
+  /// Says what will be read soon, and in which order: a source for which reading means waiting begins with it. Replaces
+  /// what was said before; an empty list takes it back. False: nothing was gained by saying so.
+  virtual bool prefetch(const std::vector<std::string>& /*uris*/) { return false; }
+  /// Holders that the provider wants to be named beside those that the tiles name.
+  virtual std::vector<std::string> attribution() const { return {}; }
+  /// What the provider permits.
+  virtual Terms terms() const { return unknown_terms("files"); }
   /// What is wrong with the source as a whole and yet can be read; distinct.
   virtual std::vector<std::string> warnings() const { return {}; }
 };
@@ -61,6 +71,10 @@ class CountingSource : public TileSource {
   std::string root_uri() const override { return inner_.root_uri(); }
   std::vector<std::byte> read(const std::string& uri) override;
   std::optional<std::uintmax_t> size(const std::string& uri) override { return inner_.size(uri); }
+  bool knows_sizes() const override { return inner_.knows_sizes(); }
+  bool prefetch(const std::vector<std::string>& uris) override { return inner_.prefetch(uris); }
+  std::vector<std::string> attribution() const override { return inner_.attribution(); }
+  Terms terms() const override { return inner_.terms(); }
   std::vector<std::string> warnings() const override { return inner_.warnings(); }
 
   std::int64_t bytes() const { return bytes_; }
@@ -73,9 +87,5 @@ class CountingSource : public TileSource {
 /// The bytes behind a URI: a "data:" URI carries them itself, all else is the source's. Files that are kept as gzip
 /// (as plain servers and archives have them) are unpacked, up to 1 GiB.
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri);
-
-/// What a user writes as SOURCE: a tileset.json, its folder, a .3tz or a .3dtiles (told apart by their first bytes).
-/// Throws InputError when it is none of them.
-std::unique_ptr<TileSource> open_source(const std::string& source);
 
 }  // namespace tileflight::tiles

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/test_tilesets.h"
 
 namespace tileflight::tiles {
@@ -71,7 +72,7 @@ TEST_F(FolderSourceTest, opens_folder_or_file) {
   EXPECT_EQ(open_source((folder_ / "place" / "tileset.json").string())->root_uri(), "tileset.json");
   EXPECT_THAT(error_of([&] { open_source(folder_.string()); }), HasSubstr("no tileset.json"));
   EXPECT_THAT(error_of([&] { open_source((folder_ / "none").string()); }), HasSubstr("no such file"));
-  EXPECT_THAT(error_of([&] { open_source("https://host/tileset.json"); }), HasSubstr("from files so far"));
+  EXPECT_THAT(error_of([&] { open_source("https://host/place.3tz"); }), HasSubstr("archives are read from files"));
 }
 
 TEST(ReadUri, data_uris_carry_their_bytes) {

@@ -164,6 +164,34 @@ NodeId TilesetTree::implicit_root(NodeId id) {
   return root;
 }
 
+bool TilesetTree::is_read(const Branch& branch) const {
+  return branch.content ? external_roots_.contains({branch.node, *branch.content})
+                        : implicit_roots_.contains(branch.node);
+}
+
+void TilesetTree::read_branches(const std::vector<Branch>& branches) {
+  std::vector<std::string> uris;
+  for (const Branch& branch : branches) {
+    try {
+      uris.push_back(branch.content ? content_uri(branch.node, *branch.content) : subtree_uri(branch.node));
+    } catch (const InputError&) {
+      continue;
+    }
+  }
+  source_.prefetch(uris);
+  for (const Branch& branch : branches) {
+    try {
+      if (branch.content) {
+        external_root(branch.node, *branch.content);
+      } else {
+        implicit_root(branch.node);
+      }
+    } catch (const InputError&) {
+      continue;  // whoever goes that way is told
+    }
+  }
+}
+
 std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> TilesetTree::files_read() const {
   return files_read_;
 }
@@ -209,12 +237,16 @@ void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
   }
 }
 
+std::string TilesetTree::subtree_uri(NodeId id) const {
+  const ImplicitPlace& place = *tile(id).implicit;
+  return resolve_uri(files_[nodes_[id].file].uri,
+                     filled_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
+}
+
 std::shared_ptr<const Tileset> TilesetTree::read_subtree(NodeId id) {
   const Tile& stands_at = tile(id);
   const ImplicitPlace& place = *stands_at.implicit;
-  const std::string uri =
-      resolve_uri(files_[nodes_[id].file].uri,
-                  filled_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
+  const std::string uri = subtree_uri(id);
   const Subtree subtree = parse_subtree(read_uri(source_, uri), place, uri_for_message(uri),
                                         [&](const std::string& r) { return read_uri(source_, resolve_uri(uri, r)); });
   return std::make_shared<const Tileset>(tileset_of(subtree, stands_at, tileset(id), name(id)));

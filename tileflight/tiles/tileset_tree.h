@@ -70,6 +70,19 @@ class TilesetTree {
   /// read at the first call. Throws InputError.
   NodeId implicit_root(NodeId id);
 
+  /// A file that the tree goes on in: the external tileset that a content names, or (no content) the subtree of a tile.
+  struct Branch {
+    NodeId node = 0;
+    std::optional<std::size_t> content;
+  };
+  /// Whether it has been read.
+  bool is_read(const Branch& branch) const;
+  /// Reads these files; where reading means waiting, all at once. What cannot be read is left for `external_root` and
+  /// `implicit_root` to tell.
+  void read_branches(const std::vector<Branch>& branches);
+  /// Whether reading means waiting, so that it pays to read several at once.
+  bool reading_waits() { return source_.prefetch({}); }
+
   /// The distinct tileset files read so far (no subtrees), in the order of first reading: URI and content.
   std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> files_read() const;
 
@@ -86,6 +99,7 @@ class TilesetTree {
 
   std::shared_ptr<const Tileset> read_tileset(const std::string& uri);
   std::shared_ptr<const Tileset> read_subtree(NodeId id);
+  std::string subtree_uri(NodeId id) const;
   NodeId add_file(const std::string& uri, std::shared_ptr<const Tileset> tileset, std::optional<NodeId> named_by);
   void check_chain(const std::string& uri, NodeId named_by) const;
 

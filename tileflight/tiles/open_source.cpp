@@ -1,0 +1,105 @@
+#include "tileflight/tiles/open_source.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/archive_source.h"
+#include "tileflight/tiles/http_source.h"
+#include "tileflight/tiles/provider_google.h"
+#include "tileflight/tiles/provider_ion.h"
+#include "tileflight/tiles/uri.h"
+#include "tileflight/tiles/url_secrets.h"
+
+namespace tileflight::tiles {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_url(const std::string& source) {
+  const std::string scheme = uri_scheme(source);
+  return scheme == "http" || scheme == "https";
+}
+
+std::string first_bytes(const fs::path& file) {
+  std::string start(16, '\0');
+  std::ifstream stream(file, std::ios::binary);
+  stream.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(stream.gcount()));
+  return start;
+}
+
+/// nullptr: none. A folder that nobody has named is not worth a failure.
+std::unique_ptr<HttpCache> open_cache(const SourceOptions& options) {
+  if (options.cache.empty()) return nullptr;
+  try {
+    return std::make_unique<HttpCache>(options.cache, HttpCacheOptions{.max_bytes = options.cache_bytes});
+  } catch (const InputError&) {
+    if (options.cache_asked_for) throw;
+    return nullptr;
+  }
+}
+
+std::unique_ptr<TileSource> open_provider(std::unique_ptr<HttpProvider> provider, const std::string& name,
+                                          const SourceOptions& options) {
+  std::unique_ptr<HttpCache> cache = open_cache(options);
+  auto source =
+      std::make_unique<HttpSource>(std::move(provider), options.http, std::move(cache), options.terms_accepted);
+  if (options.cache_asked_for) {
+    require_permitted(source->terms(), Use::kCache, options.terms_accepted, shown_source(name));
+  }
+  return source;
+}
+
+std::unique_ptr<TileSource> open_url(const std::string& source, const SourceOptions& options) {
+  const std::string ending = uri_ending(source);
+  if (ending == "3tz" || ending == "3dtiles") {
+    throw InputError(uri_for_message(source), "archives are read from files: download it first");
+  }
+  const bool is_folder = source.ends_with('/');
+  return open_provider(std::make_unique<PlainProvider>(is_folder ? source + "tileset.json" : source, options.headers),
+                       source, options);
+}
+
+GoogleOptions google_options(const SourceOptions& options) {
+  GoogleOptions google;
+  google.root_url = options.google_root;
+  google.key = options.google_key;
+  return google;
+}
+
+std::unique_ptr<TileSource> open_file(const std::string& source) {
+  const fs::path path(source);
+  if (fs::is_directory(path)) {
+    if (!fs::exists(path / "tileset.json")) throw InputError(source, "the folder has no tileset.json");
+    return std::make_unique<FolderSource>(path / "tileset.json");
+  }
+  if (!fs::exists(path)) throw InputError(source, "no such file or folder");
+  const std::string start = first_bytes(path);
+  if (start.starts_with("SQLite format 3")) return std::make_unique<SqliteSource>(path);
+  if (start.starts_with("PK") || uri_ending(path.filename().string()) == "3tz")
+    return std::make_unique<ZipSource>(path);
+  return std::make_unique<FolderSource>(path);
+}
+
+}  // namespace
+
+bool is_network_source(const std::string& source) {
+  return is_url(source) || source == "google" || uri_scheme(source) == "ion";
+}
+
+std::string shown_source(const std::string& source) { return is_url(source) ? redacted(source) : source; }
+
+std::unique_ptr<TileSource> open_source(const std::string& source, const SourceOptions& options) {
+  if (is_url(source)) return open_url(source, options);
+  if (source == "google") {
+    return open_provider(std::make_unique<GoogleProvider>(google_options(options)), source, options);
+  }
+  if (uri_scheme(source) == "ion") {
+    const IonOptions ion{options.ion_api, source.substr(4), options.ion_token, google_options(options)};
+    return open_provider(std::make_unique<IonProvider>(ion), source, options);
+  }
+  return open_file(source);
+}
+
+}  // namespace tileflight::tiles
