@@ -6,6 +6,7 @@
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/ground_truth/extract.h"
+#include "tileflight/tiles/open_source.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -28,7 +29,7 @@ json frame_json(const std::optional<geometry::LocalFrame>& frame) {
 json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
               const ground_truth::ExtractResult& truth) {
   return {
-      {"source", settings.source},
+      {"source", tiles::shown_source(settings.source)},
       {"tiles_wanted", loaded.tiles_wanted},
       {"tiles_loaded", loaded.tiles_loaded},
       {"tiles_failed", loaded.tiles_failed},
@@ -48,6 +49,8 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
       {"region", {{"center", to_json(loaded.region.center)}, {"size", to_json(loaded.region.size)}}},
       {"frame", frame_json(loaded.local_frame)},
       {"attribution", loaded.attribution},
+      {"terms", {{"provider", loaded.terms.provider}, {"url", loaded.terms.url}}},
+      {"terms_accepted", settings.load.source.terms_accepted},
       {"warnings", loaded.warnings},
       {"version", version()},
   };
@@ -58,7 +61,9 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                        const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
-  const tiles::LoadedTiles loaded = tiles::load_region(settings.source, settings.load, progress);
+  tiles::LoadOptions load = settings.load;
+  load.uses = {tiles::Use::kExtract};
+  const tiles::LoadedTiles loaded = tiles::load_region(settings.source, load, progress);
   const double load_seconds = seconds_since(start);
 
   json result;

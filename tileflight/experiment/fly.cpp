@@ -15,6 +15,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/fly.h"
 #include "tileflight/sensors/gps.h"
+#include "tileflight/tiles/open_source.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -70,12 +71,14 @@ std::string joined(const std::vector<std::string>& lines) {
 
 std::map<std::string, std::string> description(const RenderSettings& settings, const tiles::LoadedTiles& tiles) {
   return {{"made_by", "tileflight render " + version()},
-          {"source", settings.source},
+          {"source", tiles::shown_source(settings.source)},
           {"flight", settings.flight.flight.string()},
           {"seed", std::to_string(settings.seed)},
           {"cut_sha256", tiles.cut_hash},
           {"tiles", std::to_string(tiles.tiles_loaded)},
-          {"attribution", joined(tiles.attribution)}};
+          {"attribution", joined(tiles.attribution)},
+          {"terms_provider", tiles.terms.provider},
+          {"terms_accepted", settings.load.source.terms_accepted ? "true" : "false"}};
 }
 
 /// Frames come from several threads in any order; a video wants them one after the other.
@@ -168,7 +171,9 @@ sensors::FlightReport film_to_video(const scene::Scene& scene, Mission mission, 
 nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
                               const Progress& progress) {
   const Mission mission = plan_mission(settings);
-  const tiles::LoadedTiles tiles = tiles::load_region(settings.source, settings.load, progress);
+  tiles::LoadOptions load = settings.load;
+  load.uses = {tiles::Use::kAnalyse};
+  const tiles::LoadedTiles tiles = tiles::load_region(settings.source, load, progress);
   const scene::Scene scene(tiles.meshes);
   const sensors::FlightReport report = settings.flight.video_crf
                                            ? film_to_video(scene, mission, settings, tiles, out, replace, progress)
