@@ -51,7 +51,8 @@ tiles::SourceOptions source_options(const SourceArguments& arguments) {
   tiles::SourceOptions options;
   options.headers = arguments.headers;
   options.http.allowed_hosts = arguments.allowed_hosts;
-  if (!arguments.no_cache) options.cache = arguments.cache.empty() ? users_cache() : arguments.cache;
+  if (!arguments.no_cache)
+    options.cache = arguments.cache.empty() ? users_cache() : std::filesystem::path(arguments.cache);
   options.cache_asked_for = !arguments.cache.empty();
   options.cache_bytes = static_cast<std::uintmax_t>(arguments.cache_gb * 1e9);
   options.terms_accepted = arguments.terms_accepted;
