@@ -73,6 +73,18 @@ std::shared_ptr<const Pyramid> Engine::pyramid_of(const InputFrame& frame) const
       build_pyramid(luminance(frame.image, photometric_), static_cast<int>(lens_.lenses.size())));
 }
 
+RollingShutter Engine::shutter_of(const InputFrame& frame) const {
+  const double readout_s = calibration_.line_delay_s * calibration_.camera.height();
+  return rolling_shutter(readout_s, {T_last_map_ * reference_.T_camera_map.inverse(), frame.time_s - last_time_s_,
+                                     T_last_before_last_, failures_ == 0 ? last_interval_s_ : 0.0});
+}
+
+RowRectifier Engine::rectifier(const geometry::Vec6& twist, const ReferenceLevel& reference,
+                               const SE3& T_target_reference) const {
+  return {lens_.lenses[0], calibration_.camera.width(), calibration_.camera.height(), twist,
+          seen_from(lens_.lenses[0], T_target_reference, reference.ray, reference.rho, reference.size())};
+}
+
 AffineLight Engine::light_prior(const InputFrame& frame) const {
   return {photometric_ != nullptr && frame.exposure_ms > 0 ? std::log(frame.exposure_ms) : 0.0, 0.0};
 }
@@ -131,7 +143,28 @@ void Engine::wait_for_start(InputFrame frame) {
   }
 }
 
+/// The pictures of a start as a global shutter would have taken them: from then on they are used as such.
+void Engine::rectify_start(const Start& start) {
+  const double readout_s = calibration_.line_delay_s * calibration_.camera.height();
+  const std::size_t offset = start.first - waiting_first_, last = start.T_camera_first.size() - 1;
+  if (readout_s == 0.0) return;
+  ReferenceLevel corners;
+  for (std::size_t i = 0; i < start.rho.size(); ++i) {
+    const auto ray = lens_.lenses[0].unproject(start.pixels[i].cast<double>());
+    if (ray) corners.add(start.pixels[i], ray->cast<float>(), start.rho[i], 0.0F);
+  }
+  for (std::size_t k = 0; k <= last; ++k) {
+    const std::size_t before = k > 0 ? k - 1 : 0, after = std::min(k + 1, last);
+    const double interval_s = waiting_[offset + after].time_s - waiting_[offset + before].time_s;
+    if (interval_s == 0.0) continue;
+    const SE3 motion = start.T_camera_first[after] * start.T_camera_first[before].inverse();
+    imaging::RgbImage& image = waiting_[offset + k].image;
+    image = rectifier(readout_s / interval_s * motion.log(), corners, start.T_camera_first[k])(image);
+  }
+}
+
 void Engine::begin(const Start& start) {
+  rectify_start(start);
   const std::vector<std::size_t> picks = spread_over_parallax(start.parallax_rad, options_.start.keyframes);
   mapper_.begin(keyframes_of_start(start, picks));
   started_ = true;
@@ -183,12 +216,17 @@ void Engine::align_earlier_frames(std::size_t count) {
   std::vector<std::pair<std::size_t, SE3>> found;
   AlignmentState state;
   SE3 velocity;
+  double velocity_s = 0.0;  // its interval
   for (std::size_t i = count; i-- > 0;) {
     AlignmentState guess = state;
     guess.T_target_reference = velocity * state.T_target_reference;
     const auto pyramid = pyramid_of(waiting_[i]);
-    AlignmentResult alignment = align(lens_, reference.pixels, *pyramid, guess, options_.tracking);
+    const double interval_s = waiting_[i].time_s - waiting_[i + 1].time_s;
+    const RollingShutter shutter = rolling_shutter(calibration_.line_delay_s * calibration_.camera.height(),
+                                                   {state.T_target_reference, interval_s, velocity, velocity_s});
+    AlignmentResult alignment = align(lens_, reference.pixels, *pyramid, guess, options_.tracking, {}, 0, shutter);
     if (!alignment.converged) break;
+    velocity_s = interval_s;
     velocity = alignment.state.T_target_reference * state.T_target_reference.inverse();
     state = alignment.state;
     found.emplace_back(i, state.T_target_reference);
@@ -224,11 +262,13 @@ void Engine::align_start_frames(const Start& start, const std::vector<std::size_
       T_last_before_last_ = T_last_map_ * (before.T_camera_keyframe * keyframe.T_camera_map()).inverse();
   }
   last_a_ = last_b_ = 0.0;
+  last_time_s_ = tracked_.back().time_s;
+  last_interval_s_ = last_time_s_ - before.time_s;
 }
 
 // ---- tracking ----
 
-AlignmentResult Engine::best_alignment(const Pyramid& pyramid) const {
+AlignmentResult Engine::best_alignment(const Pyramid& pyramid, const RollingShutter& shutter) const {
   const SE3 T_last_reference = T_last_map_ * reference_.T_camera_map.inverse();
   const int turns = failures_ == 0 ? 1 : 3;
   AlignmentResult best;
@@ -236,7 +276,7 @@ AlignmentResult Engine::best_alignment(const Pyramid& pyramid) const {
   for (const SE3& pose : motion_hypotheses(T_last_reference, T_last_before_last_, turns)) {
     const AlignmentState start{pose, last_a_, last_b_};
     const AlignmentResult result = align(lens_, reference_.pixels, pyramid, start, options_.tracking,
-                                         best.converged ? best.rmse : std::vector<double>{});
+                                         best.converged ? best.rmse : std::vector<double>{}, 0, shutter);
     const bool better = result.finest_rmse() < best.finest_rmse() && result.converged >= best.converged;
     if (first || better) best = result;
     first = false;
@@ -247,8 +287,9 @@ AlignmentResult Engine::best_alignment(const Pyramid& pyramid) const {
 }
 
 void Engine::track(const InputFrame& frame) {
-  const auto pyramid = timed(processor_time_.pictures, [&] { return pyramid_of(frame); });
-  AlignmentResult alignment = timed(processor_time_.tracking, [&] { return best_alignment(*pyramid); });
+  auto pyramid = timed(processor_time_.pictures, [&] { return pyramid_of(frame); });
+  RollingShutter shutter = shutter_of(frame);
+  AlignmentResult alignment = timed(processor_time_.tracking, [&] { return best_alignment(*pyramid, shutter); });
   if (!alignment.converged) {
     const auto found = timed(processor_time_.tracking, [&] { return recover(*pyramid); });
     if (!found) {
@@ -256,12 +297,15 @@ void Engine::track(const InputFrame& frame) {
       return;
     }
     alignment = *found;
+    shutter = {};  // relocalisation knows no velocity
   }
   recovery_.clear();
   const SE3 T_camera_map = alignment.state.T_target_reference * reference_.T_camera_map;
   const AffineLight light = composed(reference_.light, alignment.state.a, alignment.state.b);
   T_last_before_last_ = failures_ == 0 ? T_camera_map * T_last_map_.inverse() : SE3();
   T_last_map_ = T_camera_map;
+  last_interval_s_ = failures_ == 0 ? frame.time_s - last_time_s_ : 0.0;
+  last_time_s_ = frame.time_s;
   last_a_ = alignment.state.a;
   last_b_ = alignment.state.b;
   last_rmse_ = alignment.finest_rmse();
@@ -269,8 +313,20 @@ void Engine::track(const InputFrame& frame) {
   if (reference_.first_rmse <= 0) reference_.first_rmse = last_rmse_;
   const TrackingChange change{optical_flow(lens_, reference_.pixels, alignment.state.T_target_reference),
                               alignment.state.a, last_rmse_, reference_.first_rmse};
-  if (needs_keyframe(change, calibration_.camera.width(), calibration_.camera.height(), options_.window)) {
-    make_keyframe(frame, pyramid, T_camera_map, light);
+  const bool is_keyframe =
+      needs_keyframe(change, calibration_.camera.width(), calibration_.camera.height(), options_.window);
+  std::optional<InputFrame> global;  // as a global shutter would have taken it
+  if (!shutter.is_global()) {
+    const StageClock clock(processor_time_.pictures);
+    const SE3& T_target_reference = alignment.state.T_target_reference;
+    const RowRectifier rectify =
+        rectifier(shutter.twist(T_target_reference), reference_.pixels.levels[0], T_target_reference);
+    pyramid = std::make_shared<const Pyramid>(
+        build_pyramid(rectify(pyramid->levels[0]), static_cast<int>(lens_.lenses.size())));
+    if (is_keyframe) global = InputFrame{frame.index, frame.time_s, frame.exposure_ms, rectify(frame.image)};
+  }
+  if (is_keyframe) {
+    make_keyframe(global ? *global : frame, pyramid, T_camera_map, light);
   } else {
     record(frame, reference_, alignment.state.T_target_reference);
     const StageClock clock(processor_time_.tracing);

@@ -52,6 +52,11 @@ class Engine {
   };
 
   std::shared_ptr<const Pyramid> pyramid_of(const InputFrame& frame) const;
+  /// The readout of a picture that comes after the last tracked one.
+  RollingShutter shutter_of(const InputFrame& frame) const;
+  RowRectifier rectifier(const geometry::Vec6& twist, const ReferenceLevel& reference,
+                         const SE3& T_target_reference) const;
+  void rectify_start(const Start& start);
   AffineLight light_prior(const InputFrame& frame) const;
   KeyframeSource source_of(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
                            const AffineLight& light) const;
@@ -68,7 +73,7 @@ class Engine {
   void align_earlier_frames(std::size_t count);
 
   void track(const InputFrame& frame);
-  AlignmentResult best_alignment(const Pyramid& pyramid) const;
+  AlignmentResult best_alignment(const Pyramid& pyramid, const RollingShutter& shutter) const;
   std::optional<AlignmentResult> recover(const Pyramid& pyramid);
   void on_failure(const InputFrame& frame, const AlignmentResult& alignment);
   void record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference);
@@ -96,6 +101,8 @@ class Engine {
   Reference reference_;
   SE3 T_last_map_;  ///< camera of the last tracked picture
   SE3 T_last_before_last_;
+  double last_time_s_ = 0.0;            ///< of the last tracked picture
+  double last_interval_s_ = 0.0;        ///< between the last two; 0: not known
   double last_a_ = 0.0, last_b_ = 0.0;  ///< light of the last picture relative to the reference
   double last_rmse_ = 0.0;
   int failures_ = 0;

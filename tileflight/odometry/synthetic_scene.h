@@ -43,6 +43,7 @@ struct Relief {
   std::function<double(double, double)> height_m = [](double, double) { return 0.0; };
   double highest_m = 0.0;  ///< of height_m
   double texel_m = 1.0;    ///< finest wavelength of the texture
+  double period_m = 0.0;   ///< of the texture, which repeats in x and y then; 0: it does not
   double clouds = 0.0;     ///< grey values by which the sky varies, infinitely far away
 
   /// The sky in a direction.
@@ -52,6 +53,7 @@ struct Relief {
 
   /// Octaves finer than a pixel's footprint fade out, as they would in a lens.
   double grey(double x, double y, double footprint_m) const {
+    if (period_m > 0) x -= period_m * std::floor(x / period_m), y -= period_m * std::floor(y / period_m);
     double sum = 0;
     for (int octave = 0; octave < 3; ++octave) {
       const double size = texel_m * (1 << (2 * octave));
@@ -101,9 +103,15 @@ class ReliefCamera {
   const Relief& relief() const { return relief_; }
 
   imaging::RgbImage picture(const SE3& T_local_camera) const {
+    return picture_by_rows([&](int) { return T_local_camera; });
+  }
+
+  /// Each row with its own pose T_local_camera (a rolling shutter).
+  imaging::RgbImage picture_by_rows(const std::function<SE3(int)>& pose_of_row) const {
     imaging::RgbImage image(camera_.width(), camera_.height());
-    const geometry::Mat3 R = T_local_camera.rotation.toRotationMatrix();
     tbb::parallel_for(0, image.height, [&](int y) {
+      const SE3 T_local_camera = pose_of_row(y);
+      const geometry::Mat3 R = T_local_camera.rotation.toRotationMatrix();
       for (int x = 0; x < image.width; ++x) {
         const Vec3 ray = R * rays_[static_cast<std::size_t>(y) * image.width + x];
         const double distance = hit_distance(relief_, T_local_camera.translation, ray);

@@ -11,6 +11,7 @@
 
 #include "tileflight/odometry/lens_lanes.h"
 #include "tileflight/odometry/patch.h"
+#include "tileflight/odometry/rolling_shutter_lanes.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -54,13 +55,19 @@ struct ChunkState {
   float offset = 0.0F;
   float cutoff = 0.0F;
   float huber = 0.0F;
+  bool by_row = false;
+  RowMotion rows;  ///< where the pose is another one for each row
 };
 
 struct Level {
   const Lens& lens;
   const ReferenceLevel& reference;
   const PyramidLevel& target;
-  bool is_finest = false;
+  const RollingShutter& shutter;
+  int index = 0;
+  int picture_height = 0;  ///< of level 0
+
+  bool is_finest() const { return index == 0; }
 };
 
 /// Row I of (J, r)^T w (J, r) over `blocks` blocks of lanes.
@@ -86,6 +93,7 @@ TILEFLIGHT_LANE_INLINE void accumulate_row(const Rows& rows, std::size_t blocks,
 }
 
 /// Residuals and Jacobians of eight pixels from `first` on, into the rows' block.
+template <bool kByRow>
 TILEFLIGHT_LANE_INLINE void evaluate_block(const Level& level, const LensLanes& lens, const ChunkState& state,
                                            std::size_t first, std::size_t block, Rows& rows, Lanes& energy,
                                            LaneMask& inside_count, LaneMask& saturated_count) {
@@ -100,7 +108,13 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const Level& level, const LensLanes& 
     X[d] = state.R[d][0] * ray[0] + state.R[d][1] * ray[1] + state.R[d][2] * ray[2] + rho * state.t[d];
   }
   LanePixels pixel;
-  lens.project(X, pixel);
+  std::array<Lanes, 3> X_row;
+  Lanes share;
+  if constexpr (kByRow) {
+    project_by_row(lens, state.rows, X, rho, X_row, pixel, share);
+  } else {
+    lens.project(X, pixel);
+  }
   const PyramidLevel& target = level.target;
   const LaneMask inside = pixel.valid & (pixel.u >= kMargin_px) & (pixel.v >= kMargin_px) &
                           (pixel.u < static_cast<float>(target.width - 1) - kMargin_px) &
@@ -111,9 +125,9 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const Level& level, const LensLanes& 
   for (std::size_t i = 0; i < std::min<std::size_t>(kLanes, left); ++i) {
     if (!inside[i]) continue;
     const Texel texel = target.sample(pixel.u[i], pixel.v[i]);
-    grey[i] = texel[kIntensity];
-    gx[i] = texel[kGradX];
-    gy[i] = texel[kGradY];
+    grey[i] = texel[static_cast<int>(kIntensity)];
+    gx[i] = texel[static_cast<int>(kGradX)];
+    gy[i] = texel[static_cast<int>(kGradY)];
     counts[i] = -1;
   }
   const Lanes zero{}, predicted = state.gain * host, r = grey - predicted - state.offset;
@@ -126,7 +140,11 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const Level& level, const LensLanes& 
   inside_count -= counts;
   saturated_count -= saturated;
   std::array<Lanes, 3> by_X;
-  for (int d = 0; d < 3; ++d) by_X[d] = pixel.u_by[d] * gx + pixel.v_by[d] * gy;
+  if constexpr (kByRow) {
+    grey_by_middle(state.rows, X_row, rho, pixel, share, gx, gy, by_X);
+  } else {
+    for (int d = 0; d < 3; ++d) by_X[d] = pixel.u_by[d] * gx + pixel.v_by[d] * gy;
+  }
   const auto put = [&](int row, const Lanes& value) __attribute__((always_inline)) {
     store_lanes(good ? value : zero, rows.values[row].data() + block * kLanes);
   };
@@ -147,8 +165,12 @@ void evaluate_chunk(const Level& level, const ChunkState& state, std::size_t beg
   const std::size_t blocks = (end - begin + kLanes - 1) / kLanes;
   Lanes energy{};
   LaneMask inside{}, saturated{};
-  for (std::size_t k = 0; k < blocks; ++k) {
-    evaluate_block(level, lens, state, begin + k * kLanes, k, rows, energy, inside, saturated);
+  if (state.by_row) {
+    for (std::size_t k = 0; k < blocks; ++k)
+      evaluate_block<true>(level, lens, state, begin + k * kLanes, k, rows, energy, inside, saturated);
+  } else {
+    for (std::size_t k = 0; k < blocks; ++k)
+      evaluate_block<false>(level, lens, state, begin + k * kLanes, k, rows, energy, inside, saturated);
   }
   sums.energy = lane_sum(energy);
   for (int i = 0; i < kLanes; ++i) {
@@ -166,7 +188,22 @@ void evaluate_chunk(const Level& level, const ChunkState& state, std::size_t beg
   accumulate_row<8>(rows, blocks, sums);
 }
 
-ChunkState chunk_state(const AlignmentState& state, float cutoff, float huber) {
+RowMotion row_motion(const Level& level, const SE3& T_target_reference) {
+  RowMotion rows;
+  // Level 0's row is (v + 0.5) 2^l - 0.5.
+  const double scale = 1 << level.index, height = level.picture_height;
+  rows.share_per_row = static_cast<float>(scale / height);
+  rows.share_at_zero = static_cast<float>((0.5 * scale - 0.5 * height) / height);
+  const geometry::Vec6 twist = level.shutter.twist(T_target_reference);
+  for (int d = 0; d < 3; ++d) {
+    rows.v[d] = static_cast<float>(twist[d]);
+    rows.w[d] = static_cast<float>(twist[3 + d]);
+  }
+  rows.twist_by_pose = static_cast<float>(level.shutter.share);
+  return rows;
+}
+
+ChunkState chunk_state(const Level& level, const AlignmentState& state, float cutoff, float huber) {
   ChunkState out;
   const geometry::Mat3 R = state.T_target_reference.rotation.toRotationMatrix();
   for (int i = 0; i < 3; ++i) {
@@ -177,6 +214,8 @@ ChunkState chunk_state(const AlignmentState& state, float cutoff, float huber) {
   out.offset = static_cast<float>(state.b);
   out.cutoff = cutoff;
   out.huber = huber;
+  out.by_row = !level.shutter.is_global();
+  if (out.by_row) out.rows = row_motion(level, state.T_target_reference);
   return out;
 }
 
@@ -185,7 +224,7 @@ Sums evaluate(const Level& level, const AlignmentState& state, float cutoff, flo
   constexpr std::size_t kChunksPerTask = 6;
   const std::size_t n = level.reference.size();
   const std::size_t chunks = (n + kChunk - 1) / kChunk;
-  const ChunkState common = chunk_state(state, cutoff, huber);
+  const ChunkState common = chunk_state(level, state, cutoff, huber);
   std::vector<Sums> parts(chunks);
   const auto run = [&](std::size_t begin, std::size_t end) {
     for (std::size_t c = begin; c < end; ++c) {
@@ -237,8 +276,8 @@ LevelOutcome align_level(const Level& level, const AlignmentState& start, int it
   constexpr double kSaturatedShare = 0.6;  // above it the start is far off: widen the cut-off
   // Steps are judged against the estimate's own uncertainty: step^T H step is in units of the residual variance and 8
   // on average for an error of one standard deviation in every unknown. Coarser levels are refined anyway.
-  const double converged = level.is_finest ? 0.1 : 1.0;
-  const double hopeless = level.is_finest ? 1.0 : 8.0;  // of a step that did not help
+  const double converged = level.is_finest() ? 0.1 : 1.0;
+  const double hopeless = level.is_finest() ? 1.0 : 8.0;  // of a step that did not help
   constexpr double kLargestLambda = 1e3;
   float cutoff = options.cutoff;
   LevelOutcome best{start, evaluate(level, start, cutoff, options.huber)};
@@ -368,13 +407,13 @@ TrackingReference make_reference(const LensPyramid& lens, const Pyramid& keyfram
 
 AlignmentResult align(const LensPyramid& lens, const TrackingReference& reference, const Pyramid& target,
                       const AlignmentState& start, const TrackingOptions& options,
-                      const std::vector<double>& give_up_rmse, int finest_level) {
+                      const std::vector<double>& give_up_rmse, int finest_level, const RollingShutter& shutter) {
   AlignmentResult result;
   result.state = start;
   const int levels = static_cast<int>(reference.levels.size());
   result.rmse.assign(levels, std::numeric_limits<double>::infinity());
   for (int l = levels - 1; l >= finest_level; --l) {
-    const Level level{lens.lenses[l], reference.levels[l], target.levels[l], l == 0};
+    const Level level{lens.lenses[l], reference.levels[l], target.levels[l], shutter, l, target.levels[0].height};
     const LevelOutcome outcome = align_level(level, result.state, kIterations[std::min(l, 5)], options);
     result.state = outcome.state;
     result.rmse[l] = outcome.sums.rmse();

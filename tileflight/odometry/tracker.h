@@ -10,6 +10,7 @@
 #include "tileflight/geometry/transform.h"
 #include "tileflight/odometry/options.h"
 #include "tileflight/odometry/pyramid.h"
+#include "tileflight/odometry/rolling_shutter.h"
 
 namespace tileflight::odometry {
 
@@ -61,9 +62,12 @@ struct AlignmentResult {
 
 /// Aligns from `start`. Gives up early (not converged) when a level's RMSE is above `give_up_rmse` of that level (may
 /// be empty). Stops at `finest_level`; then the shares are that level's, and `converged` stays false above level 0.
+/// With a rolling shutter each row of the target has its own pose; the one that is looked for is the middle row's, and
+/// the velocity moves with it. The reference is a global shutter's.
 AlignmentResult align(const LensPyramid& lens, const TrackingReference& reference, const Pyramid& target,
                       const AlignmentState& start, const TrackingOptions& options,
-                      const std::vector<double>& give_up_rmse = {}, int finest_level = 0);
+                      const std::vector<double>& give_up_rmse = {}, int finest_level = 0,
+                      const RollingShutter& shutter = {});
 
 /// Root mean square optical flow between reference and target, pixels of level 0: by translation alone, and by all
 /// motion.

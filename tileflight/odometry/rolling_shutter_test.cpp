@@ -1,0 +1,191 @@
+// Rolling shutter: pictures rendered row by row with a moving camera.
+
+#include "tileflight/odometry/rolling_shutter.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "tileflight/odometry/pixel_selector.h"
+#include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/odometry/tracker.h"
+
+namespace tileflight::odometry {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+using geometry::Vec6;
+using tests::Sequence;
+
+constexpr double kFps = 30.0;
+
+/// Sideways and forwards over hills, shaken about all axes as a vehicle or a hand does.
+SE3 shaken_pose(double time_s) {
+  const Vec3 position(2.5 * time_s, 6.0 * time_s, 12.0 + 0.5 * std::sin(2.0 * time_s));
+  const Vec3 shake(0.05 * std::sin(7.0 * time_s), 0.05 * std::sin(5.0 * time_s + 1.0), 0.06 * std::sin(6.0 * time_s));
+  return tests::looking(position, Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
+         SE3(geometry::so3_exp(shake), Vec3::Zero());
+}
+
+/// Pictures of the shaken flight; a row's time is its frame's and `line_delay_s` for each row below the middle.
+Sequence shaken_flight(int frames, double line_delay_s) {
+  const imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
+  const tests::ReliefCamera scene(camera, tests::hilly_ground());
+  Sequence sequence;
+  sequence.calibration.camera = camera;
+  for (int i = 0; i < frames; ++i) {
+    const double time_s = i / kFps;
+    sequence.truth.push_back(shaken_pose(time_s));
+    sequence.images.push_back(scene.picture_by_rows(
+        [&](int y) { return shaken_pose(time_s + (y - 0.5 * (camera.height() - 1)) * line_delay_s); }));
+  }
+  return sequence;
+}
+
+OdometryResult flown(const Sequence& sequence, double line_delay_s) {
+  imaging::Calibration calibration = sequence.calibration;
+  calibration.line_delay_s = line_delay_s;
+  return run_odometry(calibration, nullptr, sequence.source(), tests::small_options());
+}
+
+TEST(RollingShutter, AConstantVelocityGivesItsReadout) {
+  const Vec6 velocity = (Vec6() << 1.0, -2.0, 0.5, 0.1, -0.3, 0.2).finished();
+  const auto pose = [&](double t) { return SE3::exp(t * velocity); };
+  for (const double earlier_s : {0.0, 0.02}) {
+    const RollingShutter shutter =
+        rolling_shutter(0.015, {pose(1.0), 0.04, pose(1.0) * pose(1.0 - earlier_s).inverse(), earlier_s});
+    EXPECT_LT((shutter.twist(pose(1.04)) - 0.015 * velocity).norm(), 1e-12);
+  }
+  EXPECT_TRUE(rolling_shutter(0.0, {pose(1.0), 0.04, SE3(), 0.0}).is_global());
+  EXPECT_TRUE(rolling_shutter(0.015, {pose(1.0), 0.0, SE3(), 0.0}).is_global());
+}
+
+TEST(RollingShutter, AnAcceleratedMotionIsBroughtOnToThePicturesTime) {
+  const auto pose = [](double t) { return SE3(Eigen::Quaterniond::Identity(), Vec3(2.0 * t + 15.0 * t * t, 0, 0)); };
+  const RollingShutter shutter = rolling_shutter(0.01, {pose(0.1), 0.03, pose(0.1) * pose(0.05).inverse(), 0.05});
+  EXPECT_NEAR(shutter.twist(pose(0.13))[0], 0.01 * (2.0 + 30.0 * 0.13), 1e-12);
+}
+
+/// A view of known depth from before, and a rolling one while the camera moves at a constant velocity.
+struct RollingView {
+  static constexpr double kInterval_s = 1.0 / kFps, kLineDelay_s = 0.9 / kFps / 240;
+  imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
+  tests::ReliefCamera scene{camera, tests::hilly_ground()};
+  LensPyramid lens = build_lens_pyramid(camera, 4);
+  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();  // of T_camera_local
+  SE3 first = tests::looking(Vec3(0, 0, 12), Vec3(0, 1, -1.1));           // T_local_camera
+  Pyramid before = build_pyramid(luminance(scene.picture(first), nullptr), 4);
+
+  SE3 pose(double time_s) const { return first * SE3::exp(time_s * velocity).inverse(); }
+  imaging::RgbImage rolling() const {
+    return scene.picture_by_rows([&](int y) { return pose(kInterval_s + (y - 119.5) * kLineDelay_s); });
+  }
+  SE3 truth() const { return pose(kInterval_s).inverse() * first; }
+  RollingShutter shutter() const { return rolling_shutter(240 * kLineDelay_s, {SE3(), kInterval_s, SE3(), 0.0}); }
+  float rho(const Eigen::Vector2f& pixel, const SE3& T_local_camera) const {
+    const Vec3 ray = *camera.unproject(pixel.cast<double>());
+    const double distance =
+        tests::hit_distance(scene.relief(), T_local_camera.translation, T_local_camera.rotation * ray);
+    return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
+  }
+  TrackingReference reference() const {
+    std::vector<ReferencePoint> points;
+    for (const SelectedPixel& p : select_pixels(before, lens.rays[0], 800, {})) {
+      const Eigen::Vector2f pixel(p.x, p.y);
+      if (rho(pixel, first) > 0) points.push_back({pixel, rho(pixel, first), 1.0F});
+    }
+    return make_reference(lens, before, points);
+  }
+};
+
+double turn_between(const SE3& a, const SE3& b) {
+  return geometry::so3_log(a.rotation.conjugate() * b.rotation).norm();
+}
+
+TEST(RollingShutter, TheTrackerFindsTheMiddleRowsPose) {
+  const RollingView view;
+  const Pyramid target = build_pyramid(luminance(view.rolling(), nullptr), 4);
+  const TrackingReference reference = view.reference();
+  const auto found = [&](const RollingShutter& shutter) {
+    const AlignmentResult result = align(view.lens, reference, target, {}, {}, {}, 0, shutter);
+    EXPECT_TRUE(result.converged);
+    return result.state.T_target_reference;
+  };
+  const SE3 with = found(view.shutter()), without = found({});
+  const SE3 truth = view.truth();
+  EXPECT_LT((with.translation - truth.translation).norm(), 0.01);  // of 0.21 m
+  EXPECT_LT(turn_between(with, truth), 4e-4);
+  EXPECT_GT((without.translation - truth.translation).norm(), 4 * (with.translation - truth.translation).norm());
+}
+
+TEST(RollingShutter, ACameraThatRestsIsTrackedAsWithAGlobalShutter) {
+  const RollingView view;
+  const TrackingReference reference = view.reference();
+  const AlignmentState start{SE3(geometry::so3_exp(Vec3(0.004, -0.003, 0.002)), Vec3(0.02, 0.03, -0.01)), 0.0, 0.0};
+  // The previous pose is the one that will be found, so that there is no velocity there.
+  const AlignmentResult global = align(view.lens, reference, view.before, start, {});
+  RollingShutter resting;
+  resting.share = 0.9;
+  const AlignmentResult rolling = align(view.lens, reference, view.before, start, {}, {}, 0, resting);
+  EXPECT_LT((rolling.state.T_target_reference.translation - global.state.T_target_reference.translation).norm(), 2e-3);
+  EXPECT_LT(turn_between(rolling.state.T_target_reference, global.state.T_target_reference), 1e-4);
+  // And a shutter without a readout changes no bit.
+  const AlignmentResult none = align(view.lens, reference, view.before, start, {}, {}, 0, rolling_shutter(0.0, {}));
+  EXPECT_EQ(none.state.T_target_reference.matrix(), global.state.T_target_reference.matrix());
+  EXPECT_EQ(none.rmse, global.rmse);
+}
+
+double mean_difference(const imaging::FloatImage& a, const imaging::FloatImage& b) {
+  double sum = 0;
+  int count = 0;
+  for (int y = 20; y < a.height - 20; ++y) {
+    for (int x = 20; x < a.width - 20; ++x, ++count) sum += std::abs(a(x, y) - b(x, y));
+  }
+  return sum / count;
+}
+
+TEST(RollingShutter, TheRectifiedPictureIsAGlobalShutters) {
+  const RollingView view;
+  const SE3 middle = view.pose(RollingView::kInterval_s);
+  std::vector<DepthSample> samples;
+  for (int y = 3; y < 240; y += 9) {
+    for (int x = 3; x < 320; x += 9) {
+      const Eigen::Vector2f pixel(x, y);
+      if (view.rho(pixel, middle) > 0) samples.push_back({pixel, view.rho(pixel, middle)});
+    }
+  }
+  const Vec6 twist = 240 * RollingView::kLineDelay_s * view.velocity;
+  const RowRectifier rectify(view.lens.lenses[0], 320, 240, twist, samples);
+  const imaging::RgbImage raw = view.rolling();
+  const imaging::FloatImage rolling = luminance(raw, nullptr), global = luminance(view.scene.picture(middle), nullptr);
+  const imaging::FloatImage rectified = rectify(build_pyramid(luminance(raw, nullptr), 1).levels[0]);
+  // A third of a grey value is the rounding of both pictures.
+  EXPECT_LT(mean_difference(rectified, global), 0.25 * mean_difference(rolling, global));
+  EXPECT_LT(mean_difference(luminance(rectify(raw), nullptr), global), 0.3 * mean_difference(rolling, global));
+}
+
+TEST(RollingShutter, WithoutMotionThePictureStaysAsItIs) {
+  const RollingView view;
+  const RowRectifier rectify(view.lens.lenses[0], 320, 240, Vec6::Zero(), {});
+  const imaging::RgbImage raw = view.rolling();
+  EXPECT_LT(mean_difference(luminance(rectify(raw), nullptr), luminance(raw, nullptr)), 0.01);
+}
+
+TEST(RollingShutter, TheErrorWithRowTimesIsAThirdOfThatWithout) {
+  constexpr double kLineDelay_s = 0.8 / kFps / 240;  // read out over 80 % of the interval
+  constexpr int kFrames = 75;
+  const Sequence rolling = shaken_flight(kFrames, kLineDelay_s), global = shaken_flight(kFrames, 0.0);
+  const OdometryResult with = flown(rolling, kLineDelay_s), without = flown(rolling, 0.0), never = flown(global, 0.0);
+  const double with_ate = tests::ate_share(with.trajectory, rolling.truth);
+  const double without_ate = tests::ate_share(without.trajectory, rolling.truth);
+  const double never_ate = tests::ate_share(never.trajectory, global.truth);
+  std::printf("ATE, %% of path: %.3f with row times, %.3f without, %.3f with a global shutter; frames %ld %ld %ld\n",
+              100 * with_ate, 100 * without_ate, 100 * never_ate, with.frames_tracked, without.frames_tracked,
+              never.frames_tracked);
+  EXPECT_EQ(with.frames_tracked, kFrames);
+  EXPECT_LT(with_ate, without_ate / 3);
+}
+
+}  // namespace
+}  // namespace tileflight::odometry
