@@ -171,7 +171,10 @@ void Engine::begin(const Start& start) {
   align_earlier_frames(start.first - waiting_first_);
   align_start_frames(start, picks);
   const std::size_t offset = start.first - waiting_first_;
-  for (std::size_t s = 0; s < picks.size(); ++s) show(waiting_[offset + picks[s]], static_cast<int>(s));
+  for (std::size_t s = 0; s < picks.size(); ++s) {
+    show(waiting_[offset + picks[s]], static_cast<int>(s));
+    remember_corners(static_cast<int>(s));
+  }
   start_time_s_ = waiting_[offset + picks.back()].time_s;
   waiting_.clear();
 }
@@ -363,6 +366,14 @@ void Engine::make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyrami
   last_a_ = last_b_ = 0.0;
   record(frame, reference_, SE3());
   show(frame, mapper_.window().size() - 1);
+  remember_corners(mapper_.window().size() - 1);
+}
+
+void Engine::remember_corners(int slot) {
+  if (!options_.loops.enabled) return;
+  const StageClock clock(processor_time_.loops);
+  const Keyframe& keyframe = mapper_.window().keyframes[slot];
+  corners_.push_back({keyframe.id, keyframe.frame_index, {}, find_features(*keyframe.pyramid, lens_, {})});
 }
 
 void Engine::on_failure(const InputFrame& frame, const AlignmentResult& alignment) {
@@ -382,6 +393,29 @@ void Engine::record(const InputFrame& frame, const Reference& reference, const S
 
 // ---- result ----
 
+/// Moves keyframes and points; the scale of each keyframe, by id (empty where nothing was found).
+std::map<int, double> Engine::close_loops(std::vector<KeyframeRecord>& keyframes, std::vector<MapPoint>& points,
+                                          OdometryResult& result) const {
+  const StageClock clock(result.processor_time.loops);
+  std::vector<LoopKeyframe> seen = corners_;
+  for (std::size_t k = 0; k < seen.size(); ++k) seen[k].T_map_camera = keyframes[k].T_map_camera;
+  give_distances(lens_.lenses[0], points, seen);
+  const std::vector<Loop> loops = find_loops(seen, options_.loops);
+  if (loops.empty()) return {};
+  const std::vector<geometry::Sim3> poses = closed_poses(seen, loops);
+  std::map<int, double> scale;
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    keyframes[k].T_map_camera = SE3(poses[k].rotation, poses[k].translation);
+    scale[keyframes[k].id] = poses[k].scale;
+  }
+  rescale(scale, points);
+  for (const Loop& loop : loops) {
+    result.loops.push_back(
+        {seen[loop.from].frame_index, seen[loop.to].frame_index, loop.T_from_to.scale, loop.inliers});
+  }
+  return scale;
+}
+
 OdometryResult Engine::result() const {
   OdometryResult result;
   result.frames = frames_;
@@ -391,18 +425,23 @@ OdometryResult Engine::result() const {
   result.lost = lost_ || !started_;
   result.lost_reason = started_ ? lost_reason_ : (frames_ == 0 ? "no pictures" : initializer_.reason());
   if (!started_) return result;
+  std::vector<KeyframeRecord> keyframes = mapper_.keyframes();
+  std::vector<MapPoint> points = mapper_.points();
+  std::map<int, double> scale;
+  if (options_.loops.enabled) scale = close_loops(keyframes, points, result);
   std::map<int, SE3> poses;
   std::vector<int> ids;
-  for (const KeyframeRecord& keyframe : mapper_.keyframes()) {
+  for (const KeyframeRecord& keyframe : keyframes) {
     poses[keyframe.id] = keyframe.T_map_camera;
     result.keyframes.poses.push_back({keyframe.time_s, keyframe.T_map_camera});
     result.keyframe_frames.push_back(keyframe.frame_index);
     ids.push_back(keyframe.id);
   }
   for (const TrackedFrame& frame : tracked_) {
-    result.trajectory.poses.push_back({frame.time_s, poses.at(frame.keyframe) * frame.T_camera_keyframe.inverse()});
+    SE3 T_keyframe_camera = frame.T_camera_keyframe.inverse();
+    if (!scale.empty()) T_keyframe_camera.translation *= scale.at(frame.keyframe);
+    result.trajectory.poses.push_back({frame.time_s, poses.at(frame.keyframe) * T_keyframe_camera});
   }
-  const std::vector<MapPoint> points = mapper_.points();
   result.map = make_cloud(points, poses, options_.map);
   result.map_keyframes = make_tracks(points, ids, options_.map);
   return result;

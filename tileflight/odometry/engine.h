@@ -4,12 +4,14 @@
 // lost.
 
 #include <deque>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "tileflight/odometry/initializer.h"
+#include "tileflight/odometry/loop_closure.h"
 #include "tileflight/odometry/mapper.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/odometry/options.h"
@@ -77,6 +79,9 @@ class Engine {
   std::optional<AlignmentResult> recover(const Pyramid& pyramid);
   void on_failure(const InputFrame& frame, const AlignmentResult& alignment);
   void record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference);
+  void remember_corners(int slot);
+  std::map<int, double> close_loops(std::vector<KeyframeRecord>& keyframes, std::vector<MapPoint>& points,
+                                    OdometryResult& result) const;
   void make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
                      const AffineLight& light);
 
@@ -109,6 +114,7 @@ class Engine {
   std::vector<TrackedFrame> tracked_;
   std::vector<Reference> recovery_;  ///< the window's keyframes as references, while pictures fail to align
   std::int64_t recoveries_ = 0;
+  std::vector<LoopKeyframe> corners_;  ///< of all keyframes, in order of id; only for loop closure
   StageSeconds processor_time_;
 };
 

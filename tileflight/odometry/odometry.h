@@ -35,8 +35,9 @@ struct StageSeconds {
   double tracking = 0.0;   ///< alignment to the keyframe
   double tracing = 0.0;    ///< following immature points
   double keyframes = 0.0;  ///< selection, activation, window optimisation, marginalisation
+  double loops = 0.0;      ///< corners of keyframes, finding and closing loops
 
-  double total() const { return start + pictures + tracking + tracing + keyframes; }
+  double total() const { return start + pictures + tracking + tracing + keyframes + loops; }
 };
 
 /// What is known beside the pictures; all of it optional.
@@ -62,6 +63,14 @@ struct KeyframeView {
 /// Who wants to look on. Called from the odometry's thread.
 using KeyframeObserver = std::function<void(const KeyframeView&)>;
 
+/// Two keyframes that were found to see the same place (options.loops).
+struct LoopFound {
+  std::int64_t from_frame = 0;  ///< the earlier keyframe's InputFrame::index
+  std::int64_t to_frame = 0;
+  double scale_change = 1.0;  ///< length there over the same length here, before the loop was closed
+  int inliers = 0;            ///< corners that agree
+};
+
 struct OdometryResult {
   geometry::Trajectory trajectory;  ///< T_map_camera of every tracked frame; scale arbitrary (monocular) without aids
   geometry::Trajectory keyframes;
@@ -72,10 +81,11 @@ struct OdometryResult {
                             ///< and of others in which it was seen well when it left the window
   std::int64_t frames = 0;  ///< read
   std::int64_t frames_tracked = 0;
-  std::int64_t recoveries = 0;  ///< times that tracking failed and was found again on an older keyframe
-  bool lost = false;        ///< tracking ended before the pictures did, or never began
-  std::string lost_reason;  ///< at which frame and why, when lost
-  double seconds = 0.0;     ///< wall time of the run, image decoding included
+  std::vector<LoopFound> loops;  ///< that the poses and the map were corrected by
+  std::int64_t recoveries = 0;   ///< times that tracking failed and was found again on an older keyframe
+  bool lost = false;             ///< tracking ended before the pictures did, or never began
+  std::string lost_reason;       ///< at which frame and why, when lost
+  double seconds = 0.0;          ///< wall time of the run, image decoding included
   StageSeconds processor_time;
 };
 

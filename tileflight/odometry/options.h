@@ -69,6 +69,20 @@ struct MapOptions {
   bool dense = true;  ///< also points that had no room in the optimisation, fitted once when their keyframe leaves
 };
 
+/// Places that the flight comes back to (loop_closure.h).
+struct LoopOptions {
+  bool enabled = false;
+  int candidates = 5;            ///< earlier keyframes that each one is compared to
+  int min_gap_keyframes = 15;    ///< nearer ones saw each other in the window
+  int min_inliers = 25;          ///< corners that fit by one similarity
+  double min_spread_rad = 0.12;  ///< root mean square angle of their rays about the mean
+  int neighbours = 4;            ///< keyframes to either side that are asked for the same correction
+  int min_supporters = 2;        ///< of them that must say it
+  double max_drift_share = 0.1;  ///< of the path since then: a larger correction is taken for a look-alike
+  double max_log_scale = 0.7;    ///< likewise, logarithm of the change of scale
+  double max_turn_rad = 0.5;     ///< likewise
+};
+
 /// Every setting of the odometry.
 struct OdometryOptions {
   StartOptions start;
@@ -79,6 +93,7 @@ struct OdometryOptions {
   MapOptions map;
   int max_pyramid_levels = 6;    ///< level 0 is the picture itself
   int min_level_area_px = 1500;  ///< no coarser level than this
+  LoopOptions loops;
 };
 
 }  // namespace tileflight::odometry
