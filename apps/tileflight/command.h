@@ -42,6 +42,7 @@ inline void add_common_options(CLI::App& command, CommonOptions& common) {
 void add_scene(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection);

@@ -1,0 +1,83 @@
+#include "tileflight/experiment/coverage.h"
+
+#include <cstdio>
+
+#include "command.h"
+#include "region_options.h"
+#include "source_options.h"
+
+namespace tileflight::app {
+namespace {
+
+std::string percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f %%", 100.0 * share);
+  return text;
+}
+
+std::string table(const nlohmann::json& result, const std::string& out) {
+  char line[200];
+  std::snprintf(line, sizeof line, "%-12s %6s %8s %10s %10s %9s %9s %9s %9s %9s\n", "strategy", "tiles", "at once",
+                "MB read", "MB memory", "right", "coarser", "missing", "at worst", "cells");
+  std::string text = line;
+  for (const char* name : {"view-follow", "view-high", "sensor", "flight", "region"}) {
+    const nlohmann::json& s = result["strategies"][name];
+    std::snprintf(line, sizeof line, "%-12s %6d %8d %10.1f %10.1f %9s %9s %9s %9s %9s\n", name, s["tiles"].get<int>(),
+                  s["tiles_at_once"].get<int>(), 1e-6 * s["bytes"].get<double>(),
+                  1e-6 * s["memory_bytes"].get<double>(), percent(s["right"]).c_str(), percent(s["coarser"]).c_str(),
+                  percent(s["missing"]).c_str(), percent(s["missing_worst"]).c_str(),
+                  percent(s["cells_share"]).c_str());
+    text += line;
+  }
+  return text + out + ": " + std::to_string(result["frames_looked_at"].get<int>()) + " of " +
+         std::to_string(result["frames"].get<int>()) + " frames looked at; figure.png is of frame " +
+         std::to_string(result["picture_frame"].get<int>()) + "\n";
+}
+
+}  // namespace
+
+void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
+  struct Options {
+    RegionOptions region;
+    SourceArguments source_arguments;
+    experiment::CoverageSettings settings;
+    std::string flight, out;
+  };
+  auto options = std::make_shared<Options>();
+  experiment::CoverageSettings& settings = options->settings;
+  CLI::App* command = app.add_subcommand(
+      "coverage", "what each tile-loading strategy gives each frame of a flight: holes, tiles, bytes");
+  command->footer(
+      "Example:\n  tileflight coverage tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
+      "coverage");
+  command->add_option("SOURCE", settings.source, kSourceHelp)->required();
+  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
+      ->required();
+  command->add_option("--out", options->out, "folder to write")->required();
+  command->add_option("--pixel-error", settings.error_px, "pixels of error that are still right")
+      ->capture_default_str();
+  command->add_option("--frames", settings.frames, "so many frames are looked at, evenly over the flight")
+      ->capture_default_str();
+  command->add_option("--width", settings.width, "of the picture whose pixels are counted")->capture_default_str();
+  command->add_option("--voxel", settings.voxel_m, "edge of the region's cells, metres")->capture_default_str();
+  command->add_option("--follow-height", settings.follow_height_m, "of view-follow's camera above the drone, metres")
+      ->capture_default_str();
+  command->add_option("--viewer-fov", settings.viewer_fov_deg, "of the viewers' cameras, horizontal, degrees")
+      ->capture_default_str();
+  command->add_option("--viewer-error", settings.viewer_max_error_px, "screen-space error of the viewers, pixels")
+      ->capture_default_str();
+  add_region_options(*command, options->region);
+  add_source_options(*command, options->source_arguments);
+  add_common_options(*command, common);
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      options->settings.load = load_options(options->region);
+      options->settings.load.source = source_options(options->source_arguments);
+      options->settings.flight = options->flight;
+      const nlohmann::json result = experiment::coverage(options->settings, options->out, shared.force, progress);
+      return {result, table(result, options->out)};
+    };
+  });
+}
+
+}  // namespace tileflight::app

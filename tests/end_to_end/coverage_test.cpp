@@ -1,0 +1,146 @@
+// Which tiles each strategy holds while a flight goes over a small place, and what its pictures then lack.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/run_program.h"
+#include "tests/test_data.h"
+#include "tests/tiny_place.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using tests::file_text;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyPlace;
+
+constexpr const char* kCamera = R"(cam0:
+  camera_model: pinhole
+  intrinsics: [152.0, 152.0, 159.5, 119.5]
+  distortion_model: equidistant
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  resolution: [320, 240]
+)";
+
+// Low over the place's western edge, looking east along the ground.
+constexpr const char* kFlight = R"(camera: camera.yaml
+fps: 5
+speed_m_s: 4
+max_frames: 12
+waypoints:
+  - {position: [-35, -10, 108], yaw_deg: 90, pitch_deg: -15}
+  - {position: [-20, -10, 108], yaw_deg: 90, pitch_deg: -15}
+)";
+
+class Coverage : public ::testing::Test {
+ protected:
+  Coverage() {
+    TinyPlace::write(folder_ / "place");
+    TinyPlace::write_file(folder_ / "camera.yaml", kCamera);
+    TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
+  }
+
+  ProgramResult run(const std::string& out, const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> call{
+        "coverage", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
+        "--out",    (folder_ / out).string(),     "--json",   "--follow-height",
+        "5"};
+    call.insert(call.end(), more.begin(), more.end());
+    return run_tileflight(call);
+  }
+
+  std::int64_t black_pixels(const std::string& picture) const {
+    const imaging::RgbImage image = imaging::read_rgb(folder_ / "out" / (picture + ".png"));
+    return std::count(image.pixels.begin(), image.pixels.end(), imaging::Rgb8{0, 0, 0});
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(Coverage, AFlightsOwnCutHasNoHolesAndAViewFromAboveHas) {
+  const ProgramResult result = run("out");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json coverage = json::parse(result.out);
+  EXPECT_EQ(coverage, json::parse(file_text(folder_ / "out/coverage.json")));
+  EXPECT_EQ(coverage["frames"], 12);
+  const json& strategies = coverage["strategies"];
+  for (const char* name : {"flight", "region"}) {
+    EXPECT_EQ(strategies[name]["missing"], 0.0) << name;
+    EXPECT_EQ(strategies[name]["missing_worst"], 0.0) << name;
+    EXPECT_EQ(strategies[name]["right"], 1.0) << name;
+    EXPECT_EQ(strategies[name]["cells_share"], 1.0) << name;
+    EXPECT_EQ(strategies[name]["bytes_above"], fs::file_size(folder_ / "place/root.glb")) << name;
+    EXPECT_EQ(black_pixels(name), 0) << name;
+  }
+  EXPECT_EQ(strategies["region"]["tiles"], 4);
+  // Five metres above the drone, at 90 degrees, a viewer sees some 20 m around it.
+  const json& follow = strategies["view-follow"];
+  EXPECT_GT(follow["missing_worst"].get<double>(), 0.05);
+  EXPECT_LT(follow["cells_share"].get<double>(), 0.8);
+  EXPECT_GT(black_pixels("view-follow"), 1000);
+  // A picture of 320 x 240 is counted as it is: what is black in it was said to be missing.
+  const double black_share = static_cast<double>(black_pixels("view-follow")) / (320 * 240);
+  EXPECT_LE(black_share, follow["missing_worst"].get<double>());
+  EXPECT_GT(black_share, 0.3 * follow["missing_worst"].get<double>());
+  EXPECT_EQ(tests::line_count(file_text(folder_ / "out/frames.csv")), 1 + 12 * 5);
+  EXPECT_EQ(imaging::read_rgb(folder_ / "out/figure.png").width, 2 * 320 + 8);
+}
+
+TEST_F(Coverage, AViewFromHighAboveHasCoarseTilesOnly) {
+  // From where the region fills the view, 4 m of error are some 100 pixels; with more allowed, the coarse tile will do.
+  const json fine = json::parse(run("fine").out), coarse = json::parse(run("coarse", {"--viewer-error", "200"}).out);
+  EXPECT_EQ(fine["strategies"]["view-high"]["right"], 1.0);
+  EXPECT_EQ(coarse["strategies"]["view-high"]["tiles"], 1);
+  EXPECT_EQ(coarse["strategies"]["view-high"]["missing"], 0.0);
+  EXPECT_GT(coarse["strategies"]["view-high"]["coarser"].get<double>(), 0.9);
+}
+
+TEST_F(Coverage, ThreadsChangeNothing) {
+  ASSERT_EQ(run("one", {"--threads", "1"}).exit_code, 0);
+  ASSERT_EQ(run("two", {"--threads", "2"}).exit_code, 0);
+  for (const char* file : {"coverage.json", "frames.csv", "figure.png"})
+    EXPECT_EQ(file_text(folder_ / "one" / file), file_text(folder_ / "two" / file)) << file;
+}
+
+TEST_F(Coverage, WhatCannotBeIsOneLine) {
+  const auto error_of = [&](const std::string& flight, const std::vector<std::string>& more = {}) {
+    TinyPlace::write_file(folder_ / "flight.yaml", flight);
+    const ProgramResult result = run("bad", more);
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_FALSE(fs::exists(folder_ / "bad"));
+    return result.err;
+  };
+  std::string away = kFlight;
+  for (std::size_t at = away.find("pitch_deg: -15"); at != std::string::npos; at = away.find("pitch_deg: -15"))
+    away.replace(at, 14, "pitch_deg: 80");
+  for (std::size_t at = away.find(", 108]"); at != std::string::npos; at = away.find(", 108]"))
+    away.replace(at, 6, ", 300]");
+  EXPECT_THAT(error_of(away), ::testing::HasSubstr("looks at no tile"));
+  EXPECT_THAT(error_of(kFlight, {"--pixel-error", "0"}), ::testing::HasSubstr("--pixel-error: must be positive"));
+  fs::remove(folder_ / "place/2.glb");
+  EXPECT_THAT(error_of(kFlight), ::testing::HasSubstr("2.glb"));
+}
+
+TEST(CoverageOfMachangara, TheFlightsCutIsWholeAndSmallerThanEverything) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(place, "tilesets/machangara_photogrammetry/tileset.json");
+  const tests::TemporaryFolder folder;
+  const fs::path flight = fs::path(TILEFLIGHT_SOURCE_DIR) / "examples/machangara-flight-simulated.yaml";
+  const ProgramResult result = run_tileflight({"coverage", place.string(), "--flight", flight.string(), "--out",
+                                               (folder / "out").string(), "--json", "--frames", "5", "--width", "160"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json coverage = json::parse(result.out);
+  EXPECT_EQ(coverage["strategies"]["flight"]["missing"], 0.0);
+  EXPECT_EQ(coverage["strategies"]["flight"]["right"], 1.0);
+  EXPECT_EQ(coverage["strategies"]["region"]["missing"], 0.0);
+  EXPECT_LT(coverage["strategies"]["flight"]["tiles"], coverage["strategies"]["region"]["tiles"]);
+  EXPECT_GT(coverage["strategies"]["view-follow"]["missing"].get<double>(), 0.0);
+}
+
+}  // namespace
+}  // namespace tileflight
