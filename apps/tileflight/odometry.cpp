@@ -77,6 +77,8 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
                           "rectify to a pinhole of this horizontal field of view first, degrees; for "
                           "comparison, since the lens itself is used otherwise");
   add_map_filters(*command, *options);
+  command->add_flag("--loop-closure", options->settings.loops.enabled,
+                    "find places that the flight comes back to and spread the drift (after the last picture)");
   command->add_flag("--deterministic", options->deterministic,
                     "the same result for any number of threads (it always is)");
   add_common_options(*command, common);

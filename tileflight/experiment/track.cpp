@@ -34,6 +34,7 @@ View view_of(const imaging::Calibration& calibration, std::optional<double> rect
   View view{calibration.camera, calibration, std::nullopt};
   if (!rectify_fov_deg) return view;
   view.calibration.camera = imaging::make_pinhole(view.native.width(), view.native.height(), *rectify_fov_deg);
+  view.calibration.line_delay_s = 0.0;  // a rectified picture's rows are not the sensor's
   view.rectify.emplace(view.native, view.calibration.camera);
   return view;
 }
@@ -158,6 +159,31 @@ dataset::ColmapModel colmap_model(const imaging::Camera& camera, const odometry:
   return model;
 }
 
+/// The lens with the rows' times as the pictures are played.
+imaging::Calibration as_played(imaging::Calibration calibration, bool reverse) {
+  if (reverse) calibration.line_delay_s = -calibration.line_delay_s;
+  return calibration;
+}
+
+/// What it means that a rolling shutter's pictures are rectified.
+std::vector<std::string> with_notes(std::vector<std::string> warnings, const imaging::Calibration& native,
+                                    const View& view) {
+  if (view.rectify && native.line_delay_s > 0.0)
+    warnings.push_back("rectified pictures have lost their rows' times: the rolling shutter is not corrected");
+  return warnings;
+}
+
+json describe_loops(const std::vector<odometry::LoopFound>& found, const std::vector<dataset::Frame>& frames) {
+  json loops = json::array();
+  for (const odometry::LoopFound& loop : found) {
+    loops.push_back({{"from", frames[static_cast<std::size_t>(loop.from_frame)].id},
+                     {"to", frames[static_cast<std::size_t>(loop.to_frame)].id},
+                     {"scale_change", loop.scale_change},
+                     {"inliers", loop.inliers}});
+  }
+  return loops;
+}
+
 json describe(const odometry::OdometryResult& result, const Skipped& skipped, std::vector<std::string> warnings) {
   if (skipped.frames > 0) {
     warnings.push_back(std::to_string(skipped.frames) +
@@ -228,9 +254,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
       report_progress(progress, done, static_cast<std::int64_t>(frames.size()), what);
     };
-    odometry::OdometryResult result = odometry::run_odometry(
-        view.calibration, photometric ? &*photometric : nullptr, source_of(frames, range.reverse, view, skipped),
-        options, counted, aids, debug_pictures_into(extras.debug_pictures, frames));
+    odometry::OdometryResult result =
+        odometry::run_odometry(as_played(view.calibration, range.reverse), photometric ? &*photometric : nullptr,
+                               source_of(frames, range.reverse, view, skipped), options, counted, aids,
+                               debug_pictures_into(extras.debug_pictures, frames));
     if (extras.colmap) {
       fs::create_directory(temporary / "colmap");
       dataset::write_colmap(temporary / "colmap", colmap_model(view.calibration.camera, result, frames));
@@ -243,7 +270,8 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     geometry::write_tum(temporary / "keyframes.txt", result.keyframes);
     geometry::write_cloud(temporary / "map.ply", result.map);
     imaging::write_kalibr(temporary / "camera.yaml", view.calibration);
-    about = describe(result, skipped, data.warnings);
+    about = describe(result, skipped, with_notes(data.warnings, data.calibration, view));
+    if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
     geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   });
   return about;
