@@ -16,7 +16,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::size_t kChunk = 128;        ///< points a task; few enough that floats may add up
+constexpr std::size_t kChunk = 32;         ///< points a task; so few that floats may add up
 constexpr float kMinInformation = 1e-10F;  ///< of rho: below it a point says nothing
 
 /// Lanes in a std::vector: the compiler's vector type itself is not always allocated as it must be aligned.

@@ -19,9 +19,14 @@ using tests::ate_share;
 using tests::Sequence;
 using tests::small_options;
 
-OdometryResult run(const Sequence& sequence) {
-  return run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+/// Followed to its end, `least_tracked` pictures at least, with an ATE below a share of the path.
+void expect_followed(const Sequence& sequence, std::size_t least_tracked, double most_ate_share = 0.01) {
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, static_cast<std::int64_t>(least_tracked));
+  EXPECT_LT(ate_share(result.trajectory, sequence.truth), most_ate_share);
 }
+void expect_all_followed(const Sequence& sequence) { expect_followed(sequence, sequence.images.size()); }
 
 void scale_light(RgbImage& image, double gain, double offset) {
   for (imaging::Rgb8& pixel : image.pixels) {
@@ -77,22 +82,14 @@ TEST(Robustness, ExposureMayStepAndDrift) {
     const double step = i < 22 ? 1.0 : (i < 36 ? 1.3 : 0.8);
     scale_light(sequence.images[i], step * (1.0 + 0.1 * std::sin(0.2 * i)), i < 36 ? 0.0 : 10.0);
   }
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_EQ(result.frames_tracked, 50);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_all_followed(sequence);
 }
 
 TEST(Robustness, MissingPicturesAreBridged) {
-  const Sequence all = level_flight();
   std::vector<int> order = counted(0, 50);
   order.erase(order.begin() + 41, order.begin() + 43);
   order.erase(order.begin() + 25, order.begin() + 29);
-  const Sequence sequence = picked(all, order);
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_EQ(result.frames_tracked, static_cast<std::int64_t>(order.size()));
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_all_followed(picked(level_flight(), order));
 }
 
 TEST(Robustness, AShortOcclusionIsPassed) {
@@ -103,10 +100,7 @@ TEST(Robustness, AShortOcclusionIsPassed) {
       for (int x = 100; x < 220; ++x) image(x, y) = {30, 30, 30};
     }
   }
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_GE(result.frames_tracked, 45);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_followed(sequence, 45);
 }
 
 TEST(Robustness, BlurredPicturesAreFollowed) {
@@ -126,10 +120,7 @@ TEST(Robustness, BlurredPicturesAreFollowed) {
       image.pixels[p] = {grey, grey, grey};
     }
   }
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_EQ(result.frames_tracked, 42);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_all_followed(sequence);
 }
 
 TEST(Robustness, ATurnOnTheSpotIsFollowed) {
@@ -138,10 +129,7 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
     const double turned = i < 30 ? 0.0 : (i < 50 ? 0.03 * (i - 30) : 0.6);  // and turns by 34 degrees
     return tests::looking(Vec3(0.14 * moved, 0.17 * moved, 20.0), Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_EQ(result.frames_tracked, 70);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_all_followed(sequence);
 }
 
 TEST(Robustness, ASlowStartIsWaitedFor) {
@@ -149,32 +137,21 @@ TEST(Robustness, ASlowStartIsWaitedFor) {
     const double s = i < 40 ? 0.1 * i * i / 40.0 : 4.0 + 0.2 * (i - 40);
     return tests::looking(Vec3(0.6 * s, 0.8 * s, 20.0), Vec3(0.0, 1.0, -1.0));
   });
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_GE(result.frames_tracked, 45);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_followed(sequence, 45);
 }
 
 TEST(Robustness, LargeMotionBetweenPicturesIsFollowed) {
-  const Sequence sequence = picked(level_flight(), counted(0, 50, 3));
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_GE(result.frames_tracked, 15);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.02);
+  expect_followed(picked(level_flight(), counted(0, 50, 3)), 15, 0.02);
 }
 
 TEST(Robustness, AJumpBackAfterBlackPicturesIsFollowed) {
   // The camera looks away (black pictures) and comes back to where it was some keyframes ago.
-  const Sequence all = level_flight();
   std::vector<int> order = counted(0, 46);
   for (const int i : {46, 47, 48}) order.push_back(i);
   for (const int i : counted(30, 19, -1)) order.push_back(i);
-  Sequence sequence = picked(all, order);
+  Sequence sequence = picked(level_flight(), order);
   for (const int i : {46, 47, 48}) blacken(sequence.images[i]);
-  const OdometryResult result = run(sequence);
-  EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_GE(result.frames_tracked, static_cast<std::int64_t>(order.size()) - 6);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  expect_followed(sequence, order.size() - 6);
 }
 
 }  // namespace
