@@ -2,6 +2,7 @@
 
 #include "command.h"
 #include "region_options.h"
+#include "source_options.h"
 
 namespace tileflight::app {
 namespace {
@@ -9,6 +10,7 @@ namespace {
 struct Options {
   std::string source;
   RegionOptions region;
+  SourceArguments source_arguments;
   double voxel_m = 1.0;
   std::string out;
 };
@@ -31,15 +33,17 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
       "truth");
-  command->add_option("SOURCE", options->source, "tileset.json, its folder, a .3tz or a .3dtiles")->required();
+  command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
   command->add_option("--out", options->out, "folder to write")->required();
+  add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const experiment::ExtractSettings settings{
+      experiment::ExtractSettings settings{
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
+      settings.load.source = source_options(options->source_arguments);
       const nlohmann::json result = experiment::extract(settings, options->out, shared.force, progress);
       return {result, summary(result, options->out)};
     };

@@ -2,6 +2,7 @@
 
 #include "command.h"
 #include "region_options.h"
+#include "source_options.h"
 #include "tileflight/experiment/fly.h"
 
 namespace tileflight::app {
@@ -9,6 +10,7 @@ namespace tileflight::app {
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
+    SourceArguments source_arguments;
     experiment::RenderSettings settings;
     std::string flight, out;
   };
@@ -17,7 +19,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->footer(
       "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
       "dataset");
-  command->add_option("SOURCE", options->settings.source, "tileset.json or its folder")->required();
+  command->add_option("SOURCE", options->settings.source, kSourceHelp)->required();
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
   command->add_option("--out", options->out, "dataset folder to write")->required();
@@ -29,10 +31,12 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
   command->add_option("--seed", options->settings.seed, "seed of everything that is random (default 1)");
   add_region_options(*command, options->region);
+  add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       options->settings.load = load_options(options->region);
+      options->settings.load.source = source_options(options->source_arguments);
       options->settings.flight.flight = options->flight;
       const nlohmann::json r = experiment::render_dataset(options->settings, options->out, shared.force, progress);
       std::ostringstream text;

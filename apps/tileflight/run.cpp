@@ -1,6 +1,7 @@
 #include "tileflight/experiment/run.h"
 
 #include "command.h"
+#include "source_options.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::app {
@@ -9,6 +10,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     std::string experiment;
     std::string out;
+    SourceArguments source_arguments;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("run", "an experiment, from tiles to report");
@@ -16,10 +18,12 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("EXPERIMENT", options->experiment, "experiment file (YAML)")->required();
   command->add_option("--out", options->out, "folder for results.json, report.html and what they were made from")
       ->required();
+  add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const experiment::Experiment experiment = experiment::read_experiment(options->experiment);
+      experiment::Experiment experiment = experiment::read_experiment(options->experiment);
+      experiment.source_options = source_options(options->source_arguments);
       if (shared.force) experiment::forget_run(options->out);
       const nlohmann::json results = experiment::run(experiment, options->out, progress);
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();

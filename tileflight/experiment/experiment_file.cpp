@@ -45,6 +45,7 @@ Place read_place(YamlSection section) {
   if (const auto v = section.numbers("size", 3, 3)) place.size = vec3(*v);
   if (const auto v = section.numbers("origin", 3, 3)) place.origin = geodetic(section, "origin", *v);
   place.error_m = section.number("error").value_or(0.0);
+  place.terms_accepted = section.boolean("terms_accepted").value_or(false);
   place.view_margin_m = section.number("view_margin").value_or(place.view_margin_m);
   if (place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
   place.texture_scale = positive(section, "texture_scale", place.texture_scale);

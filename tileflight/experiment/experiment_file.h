@@ -12,10 +12,12 @@
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/odometry/options.h"
 #include "tileflight/sensors/image_formation.h"
+#include "tileflight/tiles/open_source.h"
 
 namespace tileflight::experiment {
 
-/// `place:` what is flown over. Keys: source, center | center_local, size, error, origin, view_margin, texture_scale.
+/// `place:` what is flown over. Keys: source, center | center_local, size, error, origin, view_margin, texture_scale,
+/// terms_accepted.
 struct Place {
   std::string source;                          ///< tileset (SOURCE of the contract), or `stadium:twin`, `stadium:world`
   std::optional<geometry::Geodetic> center;    ///< center: [lat, lon] or [lat, lon, height]
@@ -26,6 +28,7 @@ struct Place {
       origin;  ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
   double view_margin_m = 250.0;  ///< view_margin: how much of the place around the region the cameras can see
   double texture_scale = 1.0;    ///< texture_scale: of the built-in place (smaller: quicker, blurrier)
+  bool terms_accepted = false;   ///< terms_accepted: the user's agreement allows what the provider's terms forbid
 };
 
 /// `truth:` what is taken from the place to score against. Keys: voxel, samples_per_m2.
@@ -98,6 +101,7 @@ struct Experiment {
   Odometry odometry;
   alignment::AlignMapOptions alignment;
   EvaluationSettings evaluation;
+  tiles::SourceOptions source_options;          ///< of sources from the network; set by who has them (command line)
   std::map<std::string, std::string> sections;  ///< each top-level section as text, to tell whether it changed
 };
 

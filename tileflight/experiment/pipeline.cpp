@@ -3,6 +3,8 @@
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/tiles/open_source.h"
+#include "tileflight/tiles/url_secrets.h"
 #include "tileflight/tiling/stadium.h"
 
 namespace tileflight::experiment {
@@ -86,12 +88,21 @@ std::string Pipeline::resolved(const std::string& source) const {
 }
 
 std::string Pipeline::source_fingerprint(const std::string& source) const {
-  return is_stadium(source) ? cache_.key("place") : fingerprint(tileset_folder(source));
+  if (is_stadium(source)) return cache_.key("place");
+  // Of a source from the network only the name is known without asking for everything again.
+  return tiles::is_network_source(source) ? tiles::shown_source(source) : fingerprint(tileset_folder(source));
+}
+
+tiles::SourceOptions Pipeline::source_options() const {
+  tiles::SourceOptions options = experiment_.source_options;
+  options.terms_accepted = options.terms_accepted || experiment_.place.terms_accepted;
+  return options;
 }
 
 std::string Pipeline::section(const std::string& name) const {
   const auto found = experiment_.sections.find(name);
-  return found == experiment_.sections.end() ? "" : found->second;
+  if (found == experiment_.sections.end()) return "";
+  return tiles::scrubbed(found->second, tiles::secrets_of(experiment_.place.source));  // it is kept beside the results
 }
 
 ExtractSettings Pipeline::extract_settings() const {
@@ -101,7 +112,8 @@ ExtractSettings Pipeline::extract_settings() const {
                    .center_local = place.center_local,
                    .size = place.size,
                    .error_m = place.error_m,
-                   .origin = place.origin},
+                   .origin = place.origin,
+                   .source = source_options()},
           .voxel_m = experiment_.truth.voxel_m,
           .samples_per_m2 = experiment_.truth.samples_per_m2};
 }
@@ -117,7 +129,8 @@ RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
           .load = {.center_local = geometry::Vec3(center[0], center[1], center[2]),
                    .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
                    .error_m = experiment_.place.error_m,
-                   .origin = origin_of(truth)},
+                   .origin = origin_of(truth),
+                   .source = source_options()},
           .flight = render,
           .seed = experiment_.seed};
 }

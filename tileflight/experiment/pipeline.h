@@ -46,6 +46,7 @@ class Pipeline {
   bool uses_built_in_place() const;
   std::string resolved(const std::string& source) const;
   std::string source_fingerprint(const std::string& source) const;
+  tiles::SourceOptions source_options() const;
   std::string section(const std::string& name) const;
 
   const Experiment& experiment_;

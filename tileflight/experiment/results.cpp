@@ -88,6 +88,7 @@ nlohmann::json collect_results(const Experiment& experiment, const StageCache& c
                            {"inputs", describe_inputs(experiment)},
                            {"cut_sha256", truth.at("cut_sha256")},
                            {"attribution", truth.at("attribution")},
+                           {"terms_accepted", truth.value("terms_accepted", false)},
                            {"seconds", cache.seconds()}};
   return results;
 }
