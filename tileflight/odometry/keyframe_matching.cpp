@@ -254,30 +254,23 @@ std::vector<FeatureMatch> match_features(const std::vector<Feature>& a, const st
 }
 
 void FeatureIndex::add(int keyframe, const std::vector<Feature>& features) {
-  for (std::size_t i = 0; i < features.size(); ++i) {
-    for (int part = 0; part < kParts; ++part)
-      places_of_part_[part_of(features[i].descriptor, part)].push_back({keyframe, static_cast<int>(i)});
+  for (const Feature& feature : features) {
+    for (int part = 0; part < kParts; ++part) {
+      std::vector<int>& keyframes = keyframes_of_part_[part_of(feature.descriptor, part)];
+      if (keyframes.empty() || keyframes.back() != keyframe) keyframes.push_back(keyframe);
+    }
   }
 }
 
 std::vector<FeatureIndex::Votes> FeatureIndex::candidates(const std::vector<Feature>& features, int end,
                                                           int most) const {
-  constexpr std::size_t kCommon = 2000;
+  constexpr std::size_t kCommon = 60;  // keyframes that have a part: it says little
   std::map<int, int> votes;
-  std::vector<Place> alike;
   for (const Feature& feature : features) {
-    alike.clear();
     for (int part = 0; part < kParts; ++part) {
-      const auto found = places_of_part_.find(part_of(feature.descriptor, part));
-      if (found == places_of_part_.end() || found->second.size() > kCommon) continue;
-      for (const Place& place : found->second) {
-        if (place.keyframe < end) alike.push_back(place);
-      }
-    }
-    std::sort(alike.begin(), alike.end());
-    for (std::size_t i = 1; i < alike.size(); ++i) {
-      const bool second = alike[i] == alike[i - 1] && (i < 2 || !(alike[i] == alike[i - 2]));
-      if (second) ++votes[alike[i].keyframe];
+      const auto found = keyframes_of_part_.find(part_of(feature.descriptor, part));
+      if (found == keyframes_of_part_.end() || found->second.size() > kCommon) continue;
+      for (const int keyframe : found->second) votes[keyframe] += keyframe < end ? 1 : 0;
     }
   }
   std::vector<Votes> out;

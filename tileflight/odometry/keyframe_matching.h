@@ -48,8 +48,8 @@ struct FeatureMatch {
 /// Pairs that are each other's nearest, clearly nearer than the second nearest of either side.
 std::vector<FeatureMatch> match_features(const std::vector<Feature>& a, const std::vector<Feature>& b);
 
-/// Which keyframes have features like these: an inverted index over 16 parts of 16 bits each. A feature votes for one
-/// that has two parts like its own.
+/// Which keyframes have features like these: an inverted index over 16 parts of 16 bits each. Each part of a feature
+/// votes for the keyframes that have it.
 class FeatureIndex {
  public:
   struct Votes {
@@ -57,19 +57,11 @@ class FeatureIndex {
     int votes = 0;
   };
   void add(int keyframe, const std::vector<Feature>& features);
-  /// Keyframes before `end` by descending votes, at most `most`; parts that very many features have do not count.
+  /// Keyframes before `end` by descending votes, at most `most`; parts that very many keyframes have do not count.
   std::vector<Votes> candidates(const std::vector<Feature>& features, int end, int most) const;
 
  private:
-  struct Place {
-    int keyframe = 0;
-    int feature = 0;
-    bool operator<(const Place& o) const {
-      return keyframe != o.keyframe ? keyframe < o.keyframe : feature < o.feature;
-    }
-    bool operator==(const Place& o) const = default;
-  };
-  std::unordered_map<std::uint32_t, std::vector<Place>> places_of_part_;
+  std::unordered_map<std::uint32_t, std::vector<int>> keyframes_of_part_;
 };
 
 }  // namespace tileflight::odometry
