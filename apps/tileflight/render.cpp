@@ -13,6 +13,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     SourceArguments source_arguments;
     experiment::RenderSettings settings;
     std::string flight, out;
+    double pixel_error = 1.0;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("render", "a simulated sensor dataset of a flight through tiles");
@@ -30,13 +31,22 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag("--depth", options->settings.depth, "write depth/000000.exr as well");
   command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
   command->add_option("--seed", options->settings.seed, "seed of everything that is random (default 1)");
+  CLI::Option* pixel_error =
+      command
+          ->add_option("--pixel-error", options->pixel_error,
+                       "load the tiles that the flight looks at, erring by at most so many pixels, instead of a "
+                       "region's; what is done where no region is given (1)")
+          ->check(CLI::PositiveNumber);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, &selection] {
-    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+  command->callback([options, pixel_error, &selection] {
+    const bool by_flight = pixel_error->count() > 0;
+    selection.run = [options, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
       options->settings.load = load_options(options->region);
       options->settings.load.source = source_options(options->source_arguments);
+      const bool has_region = options->settings.load.center || options->settings.load.center_local;
+      if (by_flight || !has_region) options->settings.error_px = options->pixel_error;
       options->settings.flight.flight = options->flight;
       const nlohmann::json r = experiment::render_dataset(options->settings, options->out, shared.force, progress);
       std::ostringstream text;

@@ -107,6 +107,24 @@ TEST_F(Coverage, ThreadsChangeNothing) {
     EXPECT_EQ(file_text(folder_ / "one" / file), file_text(folder_ / "two" / file)) << file;
 }
 
+TEST_F(Coverage, AFlightIsRenderedFromItsOwnCut) {
+  const auto render = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> call{
+        "render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
+        "--out",  (folder_ / out).string(),     "--json"};
+    call.insert(call.end(), more.begin(), more.end());
+    const ProgramResult result = run_tileflight(call);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return json::parse(result.out);
+  };
+  const auto picture = [&](const std::string& out) { return file_text(folder_ / out / "images/000005.jpg"); };
+  EXPECT_EQ(render("region", {"--center-local", "0,0,100", "--size", "80,80,20"})["tiles"], 4);
+  EXPECT_EQ(render("flight", {})["tiles"], 4);
+  EXPECT_EQ(picture("flight"), picture("region"));
+  EXPECT_EQ(render("coarse", {"--pixel-error", "1000"})["tiles"], 1);
+  EXPECT_NE(picture("coarse"), picture("region"));
+}
+
 TEST_F(Coverage, WhatCannotBeIsOneLine) {
   const auto error_of = [&](const std::string& flight, const std::vector<std::string>& more = {}) {
     TinyPlace::write_file(folder_ / "flight.yaml", flight);

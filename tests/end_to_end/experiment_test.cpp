@@ -174,12 +174,13 @@ TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
   TinyPlace::write_file(folder_ / "experiment.yaml",
                         simulated_only +
                             "odometry: {mask: mask.png, rectify_fov: 90, colmap: true, debug_pictures: true, "
-                            "min_parallax: 1.5, dense: false}\n");
+                            "min_parallax: 1.5, dense: false, loop_closure: true}\n");
   const ProgramResult result = run("out", {"--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const fs::path odometry = folder_ / "out/simulated/odometry";
   EXPECT_NEAR(imaging::read_calibration(odometry / "camera.yaml").camera.horizontal_fov_deg(), 90.0, 1e-9);
   EXPECT_TRUE(fs::exists(odometry / "colmap/points3D.txt"));
+  EXPECT_TRUE(json::parse(file_text(odometry / "odometry.json")).contains("loops"));
   const auto pictures = std::distance(fs::directory_iterator(folder_ / "out/simulated/keyframe_pictures"), {});
   EXPECT_EQ(pictures, json::parse(file_text(odometry / "odometry.json"))["keyframes"].get<int>());
 

@@ -51,6 +51,20 @@ Mission plan_mission(const RenderSettings& settings) {
   return mission;
 }
 
+/// Of every picture, and of where the camera is a whole exposure and readout before and after it.
+std::vector<tiles::Eye> eyes_of(const Mission& mission) {
+  const sensors::ImageFormation& formation = mission.options.formation;
+  const double open_s = formation.exposure_time_s + formation.line_delay_s * mission.calibration.camera.height();
+  std::vector<geometry::SE3> poses;
+  for (const geometry::StampedPose& pose : mission.frames.poses) {
+    poses.push_back(pose.T_local_camera);
+    if (open_s > 0.0) {
+      for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
+    }
+  }
+  return tiles::eyes_along(mission.calibration.camera, poses);
+}
+
 /// What a receiver would have said along the path, where the place is on the earth.
 std::vector<dataset::GpsFix> simulated_gps(const Mission& mission, const std::optional<geometry::LocalFrame>& frame,
                                            std::uint64_t seed) {
@@ -173,6 +187,7 @@ nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& ou
   const Mission mission = plan_mission(settings);
   tiles::LoadOptions load = settings.load;
   load.uses = {tiles::Use::kAnalyse};
+  if (settings.error_px) load.flight = {eyes_of(mission), *settings.error_px};
   const tiles::LoadedTiles tiles = tiles::load_region(settings.source, load, progress);
   const scene::Scene scene(tiles.meshes);
   const sensors::FlightReport report = settings.flight.video_crf

@@ -19,6 +19,8 @@ struct RenderSettings {
   std::uint64_t seed = 1;  ///< of noise and of the simulated receiver
   bool depth = false;      ///< write depth/000000.exr
   bool png = false;
+  /// Load what the flight looks at, erring by at most so many pixels, instead of what the region holds.
+  std::optional<double> error_px;
 };
 
 /// Renders the flight into a dataset folder, written whole. With a video rate factor the frames go through H.264 and

@@ -8,6 +8,7 @@
 #include "tileflight/experiment/stage_cache.h"
 #include "tileflight/experiment/track.h"
 #include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::experiment {
@@ -25,7 +26,8 @@ void find_map(const Odometry& settings, const fs::path& flight, const Progress& 
   TrackExtras extras = settings.extras;
   fs::remove_all(flight / "keyframe_pictures");
   if (settings.debug_pictures) extras.debug_pictures = flight / "keyframe_pictures";
-  track(flight / "dataset", flight / "odometry", false, settings.options, {}, progress, extras);
+  const json about = track(flight / "dataset", flight / "odometry", false, settings.options, {}, progress, extras);
+  if (about["frames_tracked"] == 0) throw InputError((flight / "dataset").string(), about["lost_reason"]);
 }
 
 }  // namespace

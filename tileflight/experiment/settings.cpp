@@ -104,6 +104,7 @@ odometry::OdometryOptions read_odometry_options(YamlSection& section) {
     if (!(*deg >= 0.0)) throw section.error("min_parallax", "must not be negative");
     options.map.min_parallax_rad = *deg * kRadiansOfDegree;
   }
+  options.loops.enabled = section.boolean("loop_closure").value_or(options.loops.enabled);
   options.map.dense = section.boolean("dense").value_or(options.map.dense);
   options.start.seed = static_cast<std::uint32_t>(at_least(section, "seed", 0, static_cast<int>(options.start.seed)));
   return options;

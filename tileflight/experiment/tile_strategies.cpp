@@ -22,14 +22,6 @@ SE3 looking_down(const Vec3& from) {
   return {r, from};
 }
 
-/// No strategy is refined beyond what counts.
-Wanted no_finer_than(Wanted wanted, double error_m) {
-  wanted.fine_enough = [inner = std::move(wanted.fine_enough), error_m](const BoundingVolume& volume, double error) {
-    return error <= error_m || inner(volume, error);
-  };
-  return wanted;
-}
-
 /// Above the middle of the region, just so high that its top fills the view.
 SE3 high_above(const StrategySettings& s) {
   const double tan_x = std::tan(s.viewer.horizontal_fov_deg * std::numbers::pi / 360.0);

@@ -44,6 +44,12 @@ void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out)
   out.failures.push_back(what);
 }
 
+Wanted wanted(const Placement& placement, const LoadOptions& options) {
+  if (!options.flight) return wanted_region(placement.region, placement.T_local_tileset, options.error_m);
+  return no_finer_than(wanted_flight(options.flight->eyes, placement.T_local_tileset, options.flight->error_px),
+                       options.error_m);
+}
+
 }  // namespace
 
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress) {
@@ -59,7 +65,7 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   TilesetTree tree(counted);
   require_supported_extensions(tree.tileset(tree.root()), name);
   const Placement placement = place(tree, options, name);
-  const TileCut cut = select_cut(tree, wanted_region(placement.region, placement.T_local_tileset, options.error_m));
+  const TileCut cut = select_cut(tree, wanted(placement, options));
   if (cut.contents.empty() && cut.failures.empty()) {
     throw InputError(name, "no tile with content meets the region " + extent_text(placement.region.box()) +
                                "; the tileset spans " + extent_text(tree));

@@ -13,8 +13,15 @@
 #include "tileflight/imaging/textured_mesh.h"
 #include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/region.h"
+#include "tileflight/tiles/viewing.h"
 
 namespace tileflight::tiles {
+
+/// A flight whose pictures a load has to serve (viewing.h).
+struct FlightNeed {
+  std::vector<Eye> eyes;  ///< local frame; one a picture
+  double error_px = 1.0;  ///< a tile may err by so many pixels where the flight is nearest to it
+};
 
 /// What part of which place, how fine.
 struct LoadOptions {
@@ -32,6 +39,9 @@ struct LoadOptions {
   /// (height = the region's centre height), else the centre of the root's bounding volume. With a tileset that is not
   /// georeferenced: its frame is taken as the east-north-up frame at this origin (whose height is that of its z = 0).
   std::optional<geometry::Geodetic> origin;
+  /// Instead of what a region holds: what a flight looks at, as fine as it sees. No tile is refined beyond `error_m`.
+  /// Centre and size then only place the local frame, and are not needed.
+  std::optional<FlightNeed> flight;
   /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
   bool allow_incomplete = false;
   /// Read textures (off for ground truth only).

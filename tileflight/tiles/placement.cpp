@@ -189,9 +189,13 @@ Placement place(const TilesetTree& tree, const LoadOptions& options, const std::
   check_options(options, source);
   Placement placement = frame_of(tree, options, source);
   const Box3 tileset = root_bounds(tree, placement.T_local_tileset);
-  placement.region = options.center || options.center_local
-                         ? region_about(center_in_frame(options, placement, source), options, tileset, source)
-                         : whole_tileset(tileset, options, tree, source);
+  const bool has_center = options.center || options.center_local;
+  if (options.flight && !has_center) {
+    placement.region = {tileset.center(), tileset.sizes()};
+    return placement;
+  }
+  placement.region = has_center ? region_about(center_in_frame(options, placement, source), options, tileset, source)
+                                : whole_tileset(tileset, options, tree, source);
   return placement;
 }
 

@@ -164,6 +164,13 @@ Wanted wanted_flight(std::vector<Eye> eyes, const SE3& T_local_tileset, double e
               }};
 }
 
+Wanted no_finer_than(Wanted wanted, double error_m) {
+  wanted.fine_enough = [inner = std::move(wanted.fine_enough), error_m](const BoundingVolume& volume, double error) {
+    return error <= error_m || inner(volume, error);
+  };
+  return wanted;
+}
+
 Wanted wanted_view(const ViewerCamera& camera, const SE3& T_local_tileset) {
   const Vec3 position = camera.T_local_camera.translation;
   const double tan_x = std::tan(camera.horizontal_fov_deg * std::numbers::pi / 360.0);

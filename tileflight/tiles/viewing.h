@@ -32,6 +32,9 @@ std::vector<Eye> all_around(std::vector<Eye> eyes);
 /// serves a whole flight; it never changes on the way.
 Wanted wanted_flight(std::vector<Eye> eyes, const geometry::SE3& T_local_tileset, double error_px);
 
+/// The same, but a tile whose geometric error is at most `error_m` is never refined.
+Wanted no_finer_than(Wanted wanted, double error_m);
+
 /// The camera of a program that shows tiles to people.
 struct ViewerCamera {
   geometry::SE3 T_local_camera;  ///< x right, y down, z forward
