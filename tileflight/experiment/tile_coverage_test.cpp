@@ -17,10 +17,10 @@ using tiles::testing::tile;
 Json chain(const std::string& refine_of_middle) {
   Json middle = tile(box_volume(0, 0, 0, 10, 10, 1), 2, "middle.glb");
   middle["refine"] = refine_of_middle;
-  middle["children"] = {tile(box_volume(0, 0, 0, 10, 10, 1), 0, "leaf.glb")};
+  middle["children"] = Json::array({tile(box_volume(0, 0, 0, 10, 10, 1), 0, "leaf.glb")});
   Json root = tile(box_volume(0, 0, 0, 10, 10, 1), 8, "root.glb");
   root["refine"] = "REPLACE";
-  root["children"] = {middle};
+  root["children"] = Json::array({middle});
   return tiles::testing::tileset(root);
 }
 

@@ -194,7 +194,7 @@ TEST(WantedFlight, all_around_misses_nothing_and_a_stricter_error_is_finer) {
 TEST(WantedView, refines_as_the_screen_space_error_says) {
   // One tile of error 10 m with a child below it, 100 m under a camera that looks down: 10 * 960 / 100 = 96 px.
   Json root = tile(box_volume(0, 0, 0, 20, 20, 5), 10, "root.glb");
-  root["children"] = {tile(box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")};
+  root["children"] = Json::array({tile(box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
   MemorySource source(testing::tileset(root));
   TilesetTree tree(source);
   ViewerCamera camera{.T_local_camera = looking({0, 0, 105}, -Vec3::UnitZ())};
