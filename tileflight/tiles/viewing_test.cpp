@@ -48,20 +48,19 @@ SE3 looking(const Vec3& from, const Vec3& along) {
 
 TEST(Distance, to_boxes_is_that_of_the_nearest_of_many_points) {
   Chance chance(1);
-  for (int trial = 0; trial < 50; ++trial) {
+  for (int trial = 0; trial < 20; ++trial) {
     const OrientedBox box = chance.box();
     const Vec3 eye = chance.point(80);
-    // The nearest point: each coordinate along the box's own axes, clamped, found here by bisection on a fine grid.
     double least = INFINITY;
-    for (int i = -40; i <= 40; ++i) {
-      for (int j = -40; j <= 40; ++j) {
-        for (int k = -10; k <= 10; ++k)
-          least = std::min(least, (box.center + box.half_axes * Vec3(i / 40.0, j / 40.0, k / 10.0) - eye).norm());
+    for (int i = -20; i <= 20; ++i) {
+      for (int j = -20; j <= 20; ++j) {
+        for (int k = -5; k <= 5; ++k)
+          least = std::min(least, (box.center + box.half_axes * Vec3(i / 20.0, j / 20.0, k / 5.0) - eye).norm());
       }
     }
     const double found = distance_m(box, SE3(), eye);
     EXPECT_LE(found, least + 1e-9);
-    EXPECT_NEAR(found, least, 0.6);  // half the grid's step
+    EXPECT_NEAR(found, least, 0.9);  // half the diagonal of the grid's cells of 1 m
   }
 }
 
@@ -155,7 +154,7 @@ TEST(WantedFlight, every_point_that_is_looked_at_is_there_and_fine_enough) {
 
   Chance chance(3);
   int looked_at = 0;
-  for (int trial = 0; trial < 4000; ++trial) {
+  for (int trial = 0; trial < 1500; ++trial) {
     const Vec3 point(chance.within(-400, 400), chance.within(-400, 400), chance.within(-5, 5));
     const SE3& pose = poses[static_cast<std::size_t>(chance.within(0, 11.99))];
     const auto pixel = lens.project(pose.inverse() * point);
@@ -169,7 +168,7 @@ TEST(WantedFlight, every_point_that_is_looked_at_is_there_and_fine_enough) {
     const double error_px = shows->geometric_error_m / (point - pose.translation).norm() * eyes[0].pixels_per_rad;
     EXPECT_LE(error_px, 2.0) << shows->uri;
   }
-  EXPECT_GT(looked_at, 500);
+  EXPECT_GT(looked_at, 200);
 }
 
 TEST(WantedFlight, all_around_misses_nothing_and_a_stricter_error_is_finer) {
