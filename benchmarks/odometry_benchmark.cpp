@@ -1,6 +1,6 @@
 // The odometry over whole sequences: accuracy beside time.
 //
-//   odometry_benchmark [--runs N] [--threads N] [PART-OF-A-NAME...]
+//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [PART-OF-A-NAME...]
 //
 // `synthetic` needs no data; the others are read from $TILEFLIGHT_TEST_DATA and left out where they are not there.
 // Processor time is that of all threads, without the decoding of pictures, which has its own column.
@@ -230,7 +230,7 @@ double memory_mb() {
   return 0.0;
 }
 
-Outcome run(const Sequence& sequence, const Order& order) {
+Outcome run(const Sequence& sequence, const Order& order, const odometry::OdometryOptions& options) {
   Outcome outcome;
   const std::vector<std::size_t> indices = order.of(sequence.frames);
   std::size_t next = 0;
@@ -245,7 +245,7 @@ Outcome run(const Sequence& sequence, const Order& order) {
   };
   reset_peak_memory();
   const double memory_before_mb = memory_mb(), begin_s = odometry::processor_time_s();
-  outcome.result = odometry::run_odometry(sequence.calibration, nullptr, source, {});
+  outcome.result = odometry::run_odometry(sequence.calibration, nullptr, source, options);
   outcome.processor_s = odometry::processor_time_s() - begin_s - outcome.decoding_s;
   outcome.memory_mb = peak_memory_mb() - memory_before_mb;
   score(sequence, outcome);
@@ -277,11 +277,14 @@ int main(int argc, char** argv) {
   int runs = 1;
   std::optional<tbb::global_control> limit;
   std::vector<std::string> wanted;
+  odometry::OdometryOptions options;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--runs") == 0 && i + 1 < argc) {
       runs = std::stoi(argv[++i]);
     } else if (std::strcmp(argv[i], "--threads") == 0 && i + 1 < argc) {
       limit.emplace(tbb::global_control::max_allowed_parallelism, std::stoul(argv[++i]));
+    } else if (std::strcmp(argv[i], "--loop-closure") == 0) {
+      options.loops.enabled = true;
     } else {
       wanted.emplace_back(argv[i]);
     }
@@ -297,7 +300,7 @@ int main(int argc, char** argv) {
       std::printf("%-30s no data\n", c.name.c_str());
       continue;
     }
-    for (int i = 0; i < runs; ++i) print(c.name, run(*sequence, c.order));
+    for (int i = 0; i < runs; ++i) print(c.name, run(*sequence, c.order, options));
   }
   return 0;
 }
