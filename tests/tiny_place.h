@@ -18,6 +18,15 @@ class TinyPlace {
  public:
   static constexpr double kHalf = 40.0;  ///< metres; x and y from -40 to 40
 
+  /// A camera for flights over it: 120 degrees across 320 x 240 pixels.
+  static constexpr const char* kCamera = R"(cam0:
+  camera_model: pinhole
+  intrinsics: [152.0, 152.0, 159.5, 119.5]
+  distortion_model: equidistant
+  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
+  resolution: [320, 240]
+)";
+
   static double height(double x, double y) { return 100.0 + 3.0 * std::sin(x / 7.0) * std::cos(y / 9.0); }
 
   /// Writes tileset.json and its five tiles into `folder`.
@@ -48,6 +57,18 @@ class TinyPlace {
               {"refine", "REPLACE"},
               {"content", {{"uri", "root.glb"}}},
               {"children", children}}}};
+  }
+
+  /// A tile of the format pnts (3D Tiles 1.0) with one point in the middle of the place.
+  static std::string one_point_pnts() {
+    std::string feature_table = R"({"POINTS_LENGTH":1,"POSITION":{"byteOffset":0}})";
+    while (feature_table.size() % 8 != 4) feature_table += ' ';  // the header has 28 bytes
+    std::string tile = "pnts";
+    append(tile, std::vector<std::uint32_t>{1, static_cast<std::uint32_t>(28 + feature_table.size() + 12),
+                                            static_cast<std::uint32_t>(feature_table.size()), 12, 0, 0});
+    tile += feature_table;
+    append(tile, std::vector<float>{0.0F, 0.0F, 100.0F});
+    return tile;
   }
 
   static void write_file(const std::filesystem::path& file, const std::string& bytes) {

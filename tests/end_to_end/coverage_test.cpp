@@ -19,14 +19,6 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyPlace;
 
-constexpr const char* kCamera = R"(cam0:
-  camera_model: pinhole
-  intrinsics: [152.0, 152.0, 159.5, 119.5]
-  distortion_model: equidistant
-  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
-  resolution: [320, 240]
-)";
-
 // Low over the place's western edge, looking east along the ground.
 constexpr const char* kFlight = R"(camera: camera.yaml
 fps: 5
@@ -41,7 +33,7 @@ class Coverage : public ::testing::Test {
  protected:
   Coverage() {
     TinyPlace::write(folder_ / "place");
-    TinyPlace::write_file(folder_ / "camera.yaml", kCamera);
+    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
     TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
   }
 
@@ -141,6 +133,9 @@ TEST_F(Coverage, WhatCannotBeIsOneLine) {
     away.replace(at, 6, ", 300]");
   EXPECT_THAT(error_of(away), ::testing::HasSubstr("looks at no tile"));
   EXPECT_THAT(error_of(kFlight, {"--pixel-error", "0"}), ::testing::HasSubstr("--pixel-error: must be positive"));
+  for (const char* name : {"root.glb", "0.glb", "1.glb", "2.glb", "3.glb"})
+    TinyPlace::write_file(folder_ / "place" / name, TinyPlace::one_point_pnts());
+  EXPECT_THAT(error_of(kFlight), ::testing::HasSubstr("holds points only"));
   fs::remove(folder_ / "place/2.glb");
   EXPECT_THAT(error_of(kFlight), ::testing::HasSubstr("2.glb"));
 }

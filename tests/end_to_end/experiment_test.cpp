@@ -20,14 +20,6 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyPlace;
 
-constexpr const char* kCamera = R"(cam0:
-  camera_model: pinhole
-  intrinsics: [152.0, 152.0, 159.5, 119.5]
-  distortion_model: equidistant
-  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]
-  resolution: [320, 240]
-)";
-
 constexpr const char* kFlight = R"(camera: camera.yaml
 fps: 10
 speed_m_s: 4
@@ -56,7 +48,7 @@ class Experiment : public ::testing::Test {
  protected:
   Experiment() {
     TinyPlace::write(folder_ / "place");
-    TinyPlace::write_file(folder_ / "camera.yaml", kCamera);
+    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
     TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
     TinyPlace::write_file(folder_ / "experiment.yaml", kExperiment);
   }

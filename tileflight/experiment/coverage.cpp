@@ -6,6 +6,7 @@
 #include <set>
 #include <sstream>
 
+#include "tileflight/experiment/require_surface.h"
 #include "tileflight/experiment/tile_coverage.h"
 #include "tileflight/experiment/tile_strategies.h"
 #include "tileflight/experiment/version.h"
@@ -80,6 +81,10 @@ class Contents {
   std::size_t size() const { return all_.contents.size(); }
   const CutContent& operator[](std::size_t id) const { return all_.contents[id]; }
   const tiles::ReadContent& content(std::size_t id) const { return read_[id]; }
+
+  bool has_points(const ContentIds& ids) const {
+    return std::ranges::any_of(ids, [&](std::uint32_t id) { return !read_[id].clouds.empty(); });
+  }
 
   /// The meshes of some contents, and which content each is of.
   std::vector<imaging::TexturedMesh> meshes(const ContentIds& ids, std::vector<std::uint32_t>* owner = nullptr) const {
@@ -375,6 +380,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   const ContentIds truth = contents.add(tiles::select_cut(tree, everything_seen(strategy)));
   if (truth.empty()) throw InputError(settings.flight.string(), "looks at no tile of " + name);
   contents.read(*source, tree, placement.T_local_tileset, settings.load.allow_incomplete, progress);
+  require_surface(contents.meshes(truth), contents.has_points(truth), name);
   count(all, watch, contents, truth, tree, settings, progress);
   const CellsFound cells(contents, all.back().tiles.front(), placement.region.box(), settings.voxel_m);
   for (Given& given : all) {

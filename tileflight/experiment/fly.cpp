@@ -6,6 +6,7 @@
 
 #include "tileflight/dataset/ingest.h"
 #include "tileflight/dataset/video.h"
+#include "tileflight/experiment/require_surface.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/flight/path.h"
@@ -189,6 +190,7 @@ nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& ou
   load.uses = {tiles::Use::kAnalyse};
   if (settings.error_px) load.flight = {eyes_of(mission), *settings.error_px};
   const tiles::LoadedTiles tiles = tiles::load_region(settings.source, load, progress);
+  require_surface(tiles.meshes, tiles.points > 0, tiles::shown_source(settings.source));
   const scene::Scene scene(tiles.meshes);
   const sensors::FlightReport report = settings.flight.video_crf
                                            ? film_to_video(scene, mission, settings, tiles, out, replace, progress)

@@ -1,0 +1,17 @@
+#include "tileflight/experiment/require_surface.h"
+
+#include <algorithm>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::experiment {
+
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source) {
+  const auto has_triangle = [](const imaging::TexturedMesh& mesh) { return !mesh.mesh.triangles.empty(); };
+  if (std::ranges::any_of(meshes, has_triangle)) return;
+  if (has_points)
+    throw InputError(source, "holds points only there, which a camera does not see; `extract` makes voxels of them");
+  throw InputError(source, "holds no triangle there; is the region empty?");
+}
+
+}  // namespace tileflight::experiment
