@@ -8,6 +8,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/tiles/etc1s.h"
+#include "tileflight/tiles/uastc.h"
 #include "tileflight/tiles/unpack.h"
 
 namespace tileflight::tiles {
@@ -21,6 +22,7 @@ constexpr std::uint32_t kBasisLz = 1;
 constexpr std::uint32_t kZstandard = 2;
 constexpr unsigned kEtc1s = 163;
 constexpr unsigned kUastc = 166;
+constexpr unsigned kSrgbTransfer = 2;
 
 template <class T>
 T at(Bytes bytes, std::size_t offset) {
@@ -44,6 +46,7 @@ struct Ktx2 {
   std::uint32_t levels = 1;
   std::uint32_t scheme = 0;
   unsigned color_model = 0;
+  bool srgb = false;
   std::uint32_t level = 0;  ///< which is wanted; width and height are its own
   Bytes level_data;
   Bytes global_data;
@@ -75,6 +78,7 @@ Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::u
   const Bytes descriptor = part(bytes, at<std::uint32_t>(bytes, 48), at<std::uint32_t>(bytes, 52), "descriptor", name);
   if (descriptor.size() < 16) throw InputError(name, "the data format descriptor of the KTX2 is cut short");
   out.color_model = std::to_integer<unsigned>(descriptor[12]);
+  out.srgb = std::to_integer<unsigned>(descriptor[14]) == kSrgbTransfer;
   out.global_data = part(bytes, at<std::uint64_t>(bytes, 64), at<std::uint64_t>(bytes, 72), "global data", name);
   const Bytes index = part(bytes, kHeaderBytes + kLevelBytes * level, kLevelBytes, "level index", name);
   out.level_data = part(bytes, at<std::uint64_t>(index, 0), at<std::uint64_t>(index, 8), "level", name);
@@ -104,6 +108,20 @@ imaging::RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
   return books.decode_slice(slice, file.width, file.height, name);
 }
 
+/// The level's `size` bytes as they were before Zstandard, if that was used; `unpacked` then holds them.
+Bytes unpacked_level(const Ktx2& file, std::size_t size, std::vector<std::byte>& unpacked, const std::string& name) {
+  if (file.scheme == kZstandard) unpacked = unpack_zstd(file.level_data, size, name);
+  const Bytes bytes = file.scheme == kZstandard ? Bytes(unpacked) : file.level_data;
+  if (bytes.size() < size) throw InputError(name, "the KTX2 has fewer pixels than it says");
+  return bytes;
+}
+
+imaging::RgbImage decode_uastc_level(const Ktx2& file, const std::string& name) {
+  std::vector<std::byte> unpacked;
+  const Bytes bytes = unpacked_level(file, uastc_bytes(file.width, file.height), unpacked, name);
+  return decode_uastc(bytes, file.width, file.height, file.srgb, name);
+}
+
 /// Bytes of a pixel of the plain formats that are read; 0: another one.
 std::size_t plain_pixel_bytes(std::uint32_t vk_format) {
   if (vk_format == 23 || vk_format == 29) return 3;  // VK_FORMAT_R8G8B8_UNORM, _SRGB
@@ -113,11 +131,8 @@ std::size_t plain_pixel_bytes(std::uint32_t vk_format) {
 
 imaging::RgbImage decode_plain(const Ktx2& file, std::size_t pixel_bytes, const std::string& name) {
   imaging::RgbImage image(file.width, file.height);
-  const std::size_t size = image.pixels.size() * pixel_bytes;
   std::vector<std::byte> unpacked;
-  Bytes bytes = file.level_data;
-  if (file.scheme == kZstandard) bytes = unpacked = unpack_zstd(file.level_data, size, name);
-  if (bytes.size() < size) throw InputError(name, "the KTX2 has fewer pixels than it says");
+  const Bytes bytes = unpacked_level(file, image.pixels.size() * pixel_bytes, unpacked, name);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     for (std::size_t c = 0; c < 3; ++c) {
       image.pixels[i][c] = std::to_integer<std::uint8_t>(bytes[i * pixel_bytes + c]);
@@ -137,14 +152,13 @@ bool is_ktx2(Bytes bytes) {
 imaging::RgbImage decode_ktx2(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::uint32_t level) {
   const Ktx2 file = parse(bytes, name, max_pixels, level);
   if (file.vk_format == 0 && file.color_model == kEtc1s && file.scheme == kBasisLz) return decode_basis_lz(file, name);
-  if (file.vk_format == 0 && file.color_model == kUastc) {
-    throw InputError(name, "the KTX2 is in UASTC, which is not supported; ETC1S is");
-  }
   const std::size_t pixel_bytes = plain_pixel_bytes(file.vk_format);
-  if (pixel_bytes > 0 && (file.scheme == 0 || file.scheme == kZstandard)) return decode_plain(file, pixel_bytes, name);
+  const bool whole_levels = file.scheme == 0 || file.scheme == kZstandard;
+  if (file.vk_format == 0 && file.color_model == kUastc && whole_levels) return decode_uastc_level(file, name);
+  if (pixel_bytes > 0 && whole_levels) return decode_plain(file, pixel_bytes, name);
   throw InputError(name, "the KTX2 has Vulkan format " + std::to_string(file.vk_format) + ", colour model " +
                              std::to_string(file.color_model) + " and scheme " + std::to_string(file.scheme) +
-                             ", which are not supported; ETC1S and plain RGB are");
+                             ", which are not supported; ETC1S, UASTC and plain RGB are");
 }
 
 imaging::RgbImage decode_texture(Bytes bytes, const std::string& name, std::int64_t max_pixels) {
