@@ -56,6 +56,46 @@ Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset
   return {box.min() - Vec3::Constant(bulge_m), box.max() + Vec3::Constant(bulge_m)};
 }
 
+/// The point of the ellipsoid (and at a height above it) where its normal is `normal`.
+Vec3 ecef(const Vec3& normal, double height_m) {
+  constexpr double kSemiMajor_m = 6378137.0;
+  constexpr double kFlattening = 1 / 298.257223563;
+  constexpr double kSemiMinor_m = kSemiMajor_m * (1 - kFlattening);
+  const Vec3 squares(kSemiMajor_m * kSemiMajor_m, kSemiMajor_m * kSemiMajor_m, kSemiMinor_m * kSemiMinor_m);
+  const Vec3 scaled = squares.cwiseProduct(normal);
+  return scaled / std::sqrt(normal.dot(scaled)) + height_m * normal;
+}
+
+/// A box about an S2 cell, upright where the cell's middle is and turned as its edges are: samples on a grid, plus what
+/// the surface can leave their hull by (as above). On the cube's face, with u and v from -1 to 1, the normal's first
+/// and second derivatives stay under 1 and 1.2, and with them the point's second derivative under 1.3 times the largest
+/// radius of curvature.
+OrientedBox box_around(const S2Volume& volume) {
+  constexpr int kSteps = 8;
+  constexpr double kLargestRadius_m = 6.5e6;
+  constexpr double kWidestCube = 8.0 / 3.0;  // the quadratic projection's derivative is at most 8/3 of the grid's step
+  const Vec3 up = s2_normal(volume.cell, 0.5, 0.5);
+  const Vec3 along = s2_normal(volume.cell, 1.0, 0.5) - s2_normal(volume.cell, 0.0, 0.5);
+  Mat3 axes;
+  axes.col(2) = up;
+  axes.col(0) = (along - along.dot(up) * up).normalized();
+  axes.col(1) = up.cross(Vec3(axes.col(0)));
+  Box3 box;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      const Vec3 normal = s2_normal(volume.cell, static_cast<double>(i) / kSteps, static_cast<double>(j) / kSteps);
+      for (const double height_m : {volume.min_height_m, volume.max_height_m}) {
+        box.extend(Vec3(axes.transpose() * ecef(normal, height_m)));
+      }
+    }
+  }
+  const double radius_m = kLargestRadius_m + std::max(std::abs(volume.min_height_m), std::abs(volume.max_height_m));
+  const double step = kWidestCube * std::ldexp(1.0, -static_cast<int>(volume.cell.level)) / kSteps;
+  const double bulge_m = 1.3 * radius_m * 2 * step * step / 8;
+  const Vec3 half_size = box.sizes() / 2 + Vec3::Constant(bulge_m);
+  return {axes * box.center(), axes * half_size.asDiagonal()};
+}
+
 /// Whether the axis separates: the projections of both bodies on it, as intervals about their centres.
 bool separated_along(const Vec3& axis, const Vec3& offset, const Mat3& half_axes, const Vec3& half_size) {
   const double length = axis.norm();
@@ -97,12 +137,15 @@ BoundingVolume transformed(const Mat4& T_a_b, const BoundingVolume& volume_b) {
     const double stretch = Eigen::JacobiSVD<Mat3>(linear).singularValues()(0);
     return BoundingSphere{linear * sphere->center + translation, stretch * sphere->radius_m};
   }
-  return volume_b;
+  return volume_b;  // earth-fixed
 }
 
 Vec3 center_of(const BoundingVolume& volume) {
   if (const auto* box = std::get_if<OrientedBox>(&volume)) return box->center;
   if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) return sphere->center;
+  if (const auto* s2 = std::get_if<S2Volume>(&volume)) {
+    return ecef(s2_normal(s2->cell, 0.5, 0.5), (s2->min_height_m + s2->max_height_m) / 2);
+  }
   const auto& region = std::get<GeographicRegion>(volume);
   return ecef((region.south_rad + region.north_rad) / 2, region.west_rad + longitude_width_rad(region) / 2,
               (region.min_height_m + region.max_height_m) / 2);
@@ -118,6 +161,7 @@ Box3 bounds_local(const BoundingVolume& volume, const SE3& T_local_tileset) {
     const Vec3 center = T_local_tileset * sphere->center;
     return {center - Vec3::Constant(sphere->radius_m), center + Vec3::Constant(sphere->radius_m)};
   }
+  if (const auto* s2 = std::get_if<S2Volume>(&volume)) return bounds_local(box_around(*s2), T_local_tileset);
   return bounds_of_region(std::get<GeographicRegion>(volume), T_local_tileset);
 }
 
@@ -125,6 +169,9 @@ bool meets(const BoundingVolume& volume, const SE3& T_local_tileset, const Box3&
   if (const auto* box = std::get_if<OrientedBox>(&volume)) return box_meets(in_local(*box, T_local_tileset), box_local);
   if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) {
     return box_local.exteriorDistance(T_local_tileset * sphere->center) <= sphere->radius_m + kSlack_m;
+  }
+  if (const auto* s2 = std::get_if<S2Volume>(&volume)) {
+    return box_meets(in_local(box_around(*s2), T_local_tileset), box_local);
   }
   return intervals_meet(bounds_local(volume, T_local_tileset), box_local);
 }

@@ -4,6 +4,7 @@
 
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/transform.h"
+#include "tileflight/tiles/s2_cell.h"
 
 namespace tileflight::tiles {
 
@@ -30,21 +31,30 @@ struct GeographicRegion {
   double max_height_m = 0.0;
 };
 
-using BoundingVolume = std::variant<OrientedBox, BoundingSphere, GeographicRegion>;
+/// An S2 cell between two heights above WGS84, along the ellipsoid's normals (3DTILES_bounding_volume_S2). Always
+/// earth-fixed.
+struct S2Volume {
+  S2Cell cell;
+  double min_height_m = 0.0;
+  double max_height_m = 0.0;
+};
 
-/// The volume in frame a, given it in frame b (affine). A sphere grows by the largest stretch; a geographic region
-/// stays.
+using BoundingVolume = std::variant<OrientedBox, BoundingSphere, GeographicRegion, S2Volume>;
+
+/// The volume in frame a, given it in frame b (affine). A sphere grows by the largest stretch; earth-fixed volumes
+/// stay.
 BoundingVolume transformed(const geometry::Mat4& T_a_b, const BoundingVolume& volume_b);
 
-/// Middle of the volume, in the tileset's frame (earth-centred for a geographic region).
+/// Middle of the volume, in the tileset's frame (earth-centred for earth-fixed ones).
 geometry::Vec3 center_of(const BoundingVolume& volume);
 
 /// Upright box in the local frame that holds all of the volume (given in the tileset's frame). Tight for oriented boxes
-/// and spheres; for a geographic region it holds it for certain and is loose by less than the patch's own curvature.
+/// and spheres; a geographic region or S2 cell it holds for certain and is loose by less than the patch's own curvature
+/// (of an S2 cell it holds the box that stands as the cell does).
 geometry::Box3 bounds_local(const BoundingVolume& volume, const geometry::SE3& T_local_tileset);
 
 /// Whether the volume and an upright box of the local frame share a point; touching counts, and a micrometre of
-/// rounding too. Exact for boxes (separating axes) and spheres; for geographic regions never wrongly false.
+/// rounding too. Exact for boxes (separating axes) and spheres; for earth-fixed ones never wrongly false.
 bool meets(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const geometry::Box3& box_local);
 
 }  // namespace tileflight::tiles

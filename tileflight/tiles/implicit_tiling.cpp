@@ -55,6 +55,18 @@ GeographicRegion part_of(const GeographicRegion& root, const Share& share, bool 
   return region;
 }
 
+/// x runs along the face's u and y along its v, whichever way the Hilbert curve goes there.
+S2Volume part_of(const S2Volume& root, const TileCoordinates& tile, bool octree) {
+  S2Volume out = root;
+  out.cell = s2_descendant(root.cell, tile.level, tile.at[0], tile.at[1]);
+  if (!octree) return out;
+  const Share share = share_of(tile);
+  const double height = root.max_height_m - root.min_height_m;
+  out.min_height_m = root.min_height_m + height * share.from[2];
+  out.max_height_m = root.min_height_m + height * (share.from[2] + share.size);
+  return out;
+}
+
 }  // namespace
 
 ImplicitTiling parse_implicit_tiling(const Json& json, const std::string& where) {
@@ -92,6 +104,7 @@ TileCoordinates child_of(const TileCoordinates& parent, std::uint32_t child) {
 BoundingVolume implicit_volume(const ImplicitTiling& tiling, const TileCoordinates& tile) {
   const Share share = share_of(tile);
   if (const auto* box = std::get_if<OrientedBox>(&tiling.root_volume)) return part_of(*box, share, tiling.octree);
+  if (const auto* s2 = std::get_if<S2Volume>(&tiling.root_volume)) return part_of(*s2, tile, tiling.octree);
   return part_of(std::get<GeographicRegion>(tiling.root_volume), share, tiling.octree);
 }
 

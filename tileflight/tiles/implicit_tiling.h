@@ -28,7 +28,7 @@ struct ImplicitTiling {
   std::uint32_t available_levels = 0;  ///< in the whole tree
   std::string subtree_template;        ///< as written, with {level} {x} {y} {z}
   std::vector<std::string> content_templates;
-  BoundingVolume root_volume;  ///< a box or a geographic region, in the root tile's frame
+  BoundingVolume root_volume;  ///< a box, a geographic region or an S2 cell, in the root tile's frame
   double root_geometric_error_m = 0.0;
   std::shared_ptr<const MetadataSchema> schema;  ///< of the tileset; may be null
 

@@ -149,7 +149,7 @@ Vec3 center_in_frame(const LoadOptions& options, const Placement& placement, con
 
 bool is_georeferenced(const TilesetTree& tree) {
   const BoundingVolume volume = tree.volume(tree.root());
-  if (std::holds_alternative<GeographicRegion>(volume)) return true;
+  if (std::holds_alternative<GeographicRegion>(volume) || std::holds_alternative<S2Volume>(volume)) return true;
   if (!tree.tileset(tree.root()).georeferenced.value_or(true)) return false;
   const Vec3 center = center_of(volume);
   const double radius_m = bounds_local(volume, SE3()).sizes().norm() / 2;

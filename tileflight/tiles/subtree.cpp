@@ -309,7 +309,7 @@ class SubtreeParser {
         const std::size_t row = content_ranks_[i].of(contents_[i], index);
         const TileSemantics own = semantics(content_metadata_[i], row, "CONTENT", where);
         content.uri = own.uri;
-        if (own.bounding_volume || own.min_height_m || own.max_height_m) {
+        if (own.bounding_volume || own.s2_cell || own.min_height_m || own.max_height_m) {
           content.bounding_volume = with_semantics(tile.bounding_volume, own);
         }
       }

@@ -1,6 +1,7 @@
 #include "tileflight/tiles/tile_semantics.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <numbers>
 
@@ -32,6 +33,17 @@ std::optional<BoundingVolume> volume_of(const std::string& prefix, const Semanti
   if (const auto v = read("_BOUNDING_REGION", 6)) return region_of(*v, where);
   if (const auto v = read("_BOUNDING_SPHERE", 4)) return sphere_of(*v, where);
   return std::nullopt;
+}
+
+std::optional<S2Cell> s2_cell_of(const std::string& semantic, const SemanticValues& values, const std::string& where) {
+  const auto text = values.text(semantic);
+  if (!text) return std::nullopt;
+  std::uint64_t id = 0;
+  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), id);
+  const bool is_number = error == std::errc() && end == text->data() + text->size();
+  const std::optional<S2Cell> cell = is_number ? s2_cell_of_id(id) : std::nullopt;
+  if (!cell) throw InputError(where, semantic + " is no S2 cell");
+  return cell;
 }
 
 }  // namespace
@@ -67,6 +79,7 @@ GeographicRegion region_of(const std::vector<double>& v, const std::string& wher
 TileSemantics read_semantics(const std::string& prefix, const SemanticValues& values, const std::string& where) {
   TileSemantics out;
   out.bounding_volume = volume_of(prefix, values, where);
+  out.s2_cell = s2_cell_of(prefix + "_BOUNDING_S2_CELL", values, where);
   out.min_height_m = one_number(values, prefix + "_MINIMUM_HEIGHT", where);
   out.max_height_m = one_number(values, prefix + "_MAXIMUM_HEIGHT", where);
   if (prefix == "CONTENT") {
@@ -84,11 +97,27 @@ TileSemantics read_semantics(const std::string& prefix, const SemanticValues& va
 
 BoundingVolume with_semantics(const BoundingVolume& volume, const TileSemantics& semantics) {
   BoundingVolume out = semantics.bounding_volume.value_or(volume);
-  if (auto* region = std::get_if<GeographicRegion>(&out)) {
-    region->min_height_m = semantics.min_height_m.value_or(region->min_height_m);
-    region->max_height_m = semantics.max_height_m.value_or(region->max_height_m);
+  const auto set_heights = [&](auto& earth_fixed) {
+    earth_fixed.min_height_m = semantics.min_height_m.value_or(earth_fixed.min_height_m);
+    earth_fixed.max_height_m = semantics.max_height_m.value_or(earth_fixed.max_height_m);
+  };
+  const auto heights = heights_of(out);
+  const bool has_heights = heights || (semantics.min_height_m && semantics.max_height_m);
+  if (semantics.s2_cell && has_heights) {
+    const auto [low_m, high_m] = heights.value_or(std::pair{0.0, 0.0});
+    out = S2Volume{*semantics.s2_cell, low_m, high_m};
   }
+  if (auto* region = std::get_if<GeographicRegion>(&out)) set_heights(*region);
+  if (auto* s2 = std::get_if<S2Volume>(&out)) set_heights(*s2);
   return out;
+}
+
+std::optional<std::pair<double, double>> heights_of(const BoundingVolume& volume) {
+  if (const auto* region = std::get_if<GeographicRegion>(&volume)) {
+    return std::pair{region->min_height_m, region->max_height_m};
+  }
+  if (const auto* s2 = std::get_if<S2Volume>(&volume)) return std::pair{s2->min_height_m, s2->max_height_m};
+  return std::nullopt;
 }
 
 }  // namespace tileflight::tiles

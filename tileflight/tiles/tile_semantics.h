@@ -3,6 +3,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tileflight/tiles/bounding_volume.h"
@@ -14,7 +15,8 @@ namespace tileflight::tiles {
 /// "Contents").
 struct TileSemantics {
   std::optional<BoundingVolume> bounding_volume;
-  std::optional<double> min_height_m, max_height_m;  ///< above the ellipsoid; only for geographic regions
+  std::optional<S2Cell> s2_cell;                     ///< needs heights, of its own or of the volume that it replaces
+  std::optional<double> min_height_m, max_height_m;  ///< above the ellipsoid; only for earth-fixed volumes
   std::optional<double> geometric_error_m;
   std::optional<Refine> refine;
   std::optional<std::string> uri;  ///< CONTENT_URI
@@ -36,5 +38,8 @@ BoundingVolume with_semantics(const BoundingVolume& volume, const TileSemantics&
 OrientedBox box_of(const std::vector<double>& numbers);
 GeographicRegion region_of(const std::vector<double>& numbers, const std::string& where);
 BoundingSphere sphere_of(const std::vector<double>& numbers, const std::string& where);
+
+/// The heights of an earth-fixed volume; nullopt: it is another.
+std::optional<std::pair<double, double>> heights_of(const BoundingVolume& volume);
 
 }  // namespace tileflight::tiles

@@ -16,19 +16,44 @@ using geometry::Vec3;
 
 constexpr std::array kSupportedExtensions = {"3DTILES_content_gltf",          "3DTILES_multiple_contents",
                                              "3DTILES_implicit_tiling",       "3DTILES_metadata",
-                                             "3DTILES_batch_table_hierarchy", "3DTILES_draco_point_compression"};
+                                             "3DTILES_batch_table_hierarchy", "3DTILES_draco_point_compression",
+                                             "3DTILES_bounding_volume_S2",    "3DTILES_bounding_volume_cylinder"};
 
 constexpr double kEverywhere_m = 1e9;
 
-/// nullopt where there is none of the three kinds.
+S2Volume s2_volume_of(const Json& json, const std::string& where) {
+  const std::string token = required(find_string(json, "token", where), "token", where);
+  const std::optional<S2Cell> cell = s2_cell_of_token(token);
+  if (!cell) throw InputError(where, "its token '" + token + "' names no S2 cell");
+  const double low_m = required(find_number(json, "minimumHeight", where), "minimumHeight", where);
+  const double high_m = required(find_number(json, "maximumHeight", where), "maximumHeight", where);
+  if (low_m > high_m) throw InputError(where, "its lowest height lies above its highest");
+  return {*cell, low_m, high_m};
+}
+
+/// Volumes that are extensions. Of a cylinder its box is taken, which has the same twelve numbers and holds it.
+std::optional<BoundingVolume> extension_volume(const Json& volume, const std::string& where) {
+  const Json* extensions = find_object(volume, "extensions", where);
+  if (extensions == nullptr) return std::nullopt;
+  if (const Json* s2 = find_object(*extensions, "3DTILES_bounding_volume_S2", where)) {
+    return s2_volume_of(*s2, where + ": 3DTILES_bounding_volume_S2");
+  }
+  const Json* cylinder = find_object(*extensions, "3DTILES_bounding_volume_cylinder", where);
+  const auto v = cylinder == nullptr ? std::nullopt : find_numbers(*cylinder, "cylinder", 12, where);
+  return v ? std::optional(box_of(*v)) : std::nullopt;
+}
+
+/// nullopt where there is none of the kinds that are known.
 std::optional<BoundingVolume> parse_volume(const Json& parent, const std::string& where,
                                            const char* key = "boundingVolume") {
   const Json* json = find_object(parent, key, where);
   if (json == nullptr) return std::nullopt;
-  if (const auto v = find_numbers(*json, "box", 12, where)) return box_of(*v);
-  if (const auto v = find_numbers(*json, "region", 6, where)) return region_of(*v, where);
-  if (const auto v = find_numbers(*json, "sphere", 4, where)) return sphere_of(*v, where);
-  return std::nullopt;
+  std::optional<BoundingVolume> plain;
+  if (const auto v = find_numbers(*json, "sphere", 4, where)) plain = sphere_of(*v, where);
+  if (const auto v = find_numbers(*json, "region", 6, where)) plain = region_of(*v, where);
+  if (const auto v = find_numbers(*json, "box", 12, where)) plain = box_of(*v);
+  const std::optional<BoundingVolume> extended = extension_volume(*json, where);
+  return extended ? extended : plain;
 }
 
 Mat4 parse_transform(const Json& tile, const std::string& where) {
@@ -219,7 +244,7 @@ class TilesetParser {
     const std::shared_ptr<const MetadataSchema> known = id ? schema() : nullptr;
     if (!known || !known->contains(*id)) return written;
     const TileSemantics own = semantics(*metadata, known->at(*id), "CONTENT", where + ": metadata");
-    if (!own.bounding_volume && !own.min_height_m && !own.max_height_m) return written;
+    if (!own.bounding_volume && !own.s2_cell && !own.min_height_m && !own.max_height_m) return written;
     return with_semantics(written.value_or(tile.bounding_volume), own);
   }
 
@@ -248,6 +273,10 @@ class TilesetParser {
     if (std::holds_alternative<BoundingSphere>(tile.bounding_volume)) {
       throw InputError(where, "implicitTiling divides a box or a region; its bounding volume is a sphere");
     }
+    if (is_cylinder(json, where)) {
+      tile.unsupported = "implicit tiling of a cylinder";
+      return;
+    }
     auto tiling = std::make_shared<ImplicitTiling>(parse_implicit_tiling(*implicit, where + ": implicitTiling"));
     tiling->root_volume = tile.bounding_volume;
     tiling->root_geometric_error_m = tile.geometric_error_m;
@@ -258,7 +287,17 @@ class TilesetParser {
     tile.implicit = ImplicitPlace{std::move(tiling), {}};
   }
 
+  static bool is_cylinder(const Json& json, const std::string& where) {
+    const Json* volume = find_object(json, "boundingVolume", where);
+    const Json* extensions = volume == nullptr ? nullptr : find_object(*volume, "extensions", where);
+    return extensions != nullptr && find_member(*extensions, "3DTILES_bounding_volume_cylinder") != nullptr;
+  }
+
   static void check_templates(const ImplicitTiling& tiling, const std::string& where) {
+    if (const auto* s2 = std::get_if<S2Volume>(&tiling.root_volume);
+        s2 != nullptr && s2->cell.level + tiling.available_levels > kFinestS2Level + 1) {
+      throw InputError(where, "divides an S2 cell more often than S2 does");
+    }
     filled_template(tiling.subtree_template, tiling, {}, where + ": subtrees");
     for (const std::string& content : tiling.content_templates) {
       filled_template(content, tiling, {}, where + ": content");
@@ -293,7 +332,13 @@ class TilesetParser {
       }
       return std::nullopt;
     };
-    values.text = [](const std::string&) -> std::optional<std::string> { return std::nullopt; };
+    values.text = [&](const std::string& semantic) -> std::optional<std::string> {
+      for (const MetadataProperty& property : metadata_class.properties) {
+        const Json* value = property.semantic == semantic ? find_member(*properties, property.id.c_str()) : nullptr;
+        if (value != nullptr) return value->is_string() ? value->get<std::string>() : value->dump();
+      }
+      return std::nullopt;
+    };
     return read_semantics(prefix, values, where);
   }
 
