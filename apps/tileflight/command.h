@@ -40,6 +40,7 @@ inline void add_common_options(CLI::App& command, CommonOptions& common) {
 
 // One function a command, each in the file of its name: adds the subcommand and binds it to `selection`.
 void add_scene(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_tile(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection);

@@ -21,6 +21,7 @@ using tileflight::app::Selection;
 void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   namespace commands = tileflight::app;
   commands::add_scene(app, common, selection);
+  commands::add_tile(app, common, selection);
   commands::add_inspect(app, common, selection);
   commands::add_extract(app, common, selection);
   commands::add_coverage(app, common, selection);

@@ -13,9 +13,9 @@ using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"}, {"inspect"},  {"extract"}, {"render"},
-                                                      {"ingest"},           {"odometry"}, {"align"},   {"evaluate"},
-                                                      {"compare"},          {"run"},      {"report"}};
+const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"}, {"tile"},    {"inspect"},  {"extract"},
+                                                      {"render"},           {"ingest"},  {"odometry"}, {"align"},
+                                                      {"evaluate"},         {"compare"}, {"run"},      {"report"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -40,6 +40,7 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
   const tests::TemporaryFolder folder;
   const std::string out = (folder / "out").string();
   const std::vector<std::vector<std::string>> calls{
+      {"tile", "/nonexistent/mesh.obj", "--out", out},
       {"inspect", "/nonexistent/tileset.json"},
       {"extract", "/nonexistent/tileset.json", "--out", out},
       {"render", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},

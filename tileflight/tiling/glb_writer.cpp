@@ -18,6 +18,7 @@ using nlohmann::json;
 
 // glTF 2.0, section 5: numbers of component types, buffer targets, filters, wraps.
 enum : int {
+  kUnsignedByte = 5121,
   kUnsignedShort = 5123,
   kUnsignedInt = 5125,
   kFloat = 5126,
@@ -46,6 +47,7 @@ class Document {
     json primitive;
     primitive["attributes"]["POSITION"] = add_positions(mesh.mesh.vertices, node);
     if (!mesh.uv.empty()) primitive["attributes"]["TEXCOORD_0"] = add_uv(mesh.uv);
+    if (!mesh.colors.empty()) primitive["attributes"]["COLOR_0"] = add_colors(mesh.colors);
     primitive["indices"] = add_indices(mesh.mesh);
     primitive["material"] = add_material(mesh);
     primitives_.push_back(std::move(primitive));
@@ -130,6 +132,14 @@ class Document {
                              {"count", uv.size()}});
   }
 
+  std::size_t add_colors(const std::vector<std::array<std::uint8_t, 4>>& colors) {
+    return add("accessors", {{"bufferView", add_view(colors, kArrayBuffer)},
+                             {"componentType", kUnsignedByte},
+                             {"normalized", true},
+                             {"type", "VEC4"},
+                             {"count", colors.size()}});
+  }
+
   std::size_t add_indices(const geometry::TriangleMesh& mesh) {
     const bool is_short = mesh.vertices.size() < 65535;
     std::vector<std::uint16_t> shorts;
@@ -195,7 +205,7 @@ std::string write_glb(const std::vector<TexturedMesh>& meshes, const GlbOptions&
   Document document(options);
   const Vec3 node = node_of(meshes);
   for (const TexturedMesh& mesh : meshes) {
-    assert(mesh.colors.empty());
+    assert(mesh.colors.empty() || mesh.colors.size() == mesh.mesh.vertices.size());
     if (!mesh.mesh.triangles.empty()) document.add_mesh(mesh, node);
   }
   return document.finish(node);

@@ -85,14 +85,13 @@ void add_quarters(const Piece& p, std::vector<Piece>& pieces) {
 /// How much smaller than the value returned the true distance may be.
 double tolerance_m(double distance_m) { return std::max(1e-3, 0.01 * distance_m); }
 
-/// Upper bound, within the tolerance, of the distance from any point of `mesh` to the surface: pieces that may hold a
-/// farther point than the farthest known are quartered, round by round, until none is left.
-double farthest_m(const geometry::TriangleMesh& mesh, const geometry::TriangleMesh& surface) {
-  const geometry::TriangleIndex index(surface);
-  std::vector<Piece> pieces;
-  for (const geometry::Triangle& t : mesh.triangles)
-    pieces.push_back({mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]});
-  double known_m = 0.0;
+/// Triangles whose pieces are looked at together: what bounds the memory.
+constexpr std::size_t kTrianglesAtOnce = std::size_t{1} << 22;
+
+/// Raises `known_m`, a distance that some point is known to have, until no piece may hold a point that is farther by
+/// more than the tolerance: pieces that may are quartered, round by round.
+void raise_to_farthest(std::vector<Piece> pieces, const geometry::TriangleMesh& surface,
+                       const geometry::TriangleIndex& index, double& known_m) {
   while (!pieces.empty()) {
     std::vector<DistanceBounds> bounds(pieces.size());
     tbb::parallel_for(std::size_t{0}, pieces.size(),
@@ -102,6 +101,22 @@ double farthest_m(const geometry::TriangleMesh& mesh, const geometry::TriangleMe
     for (std::size_t i = 0; i < pieces.size(); ++i)
       if (bounds[i].high_m > known_m + tolerance_m(known_m)) add_quarters(pieces[i], open);
     pieces = std::move(open);
+  }
+}
+
+/// Upper bound, within the tolerance, of the distance from any point of `mesh` to the surface.
+double farthest_m(const geometry::TriangleMesh& mesh, const geometry::TriangleMesh& surface) {
+  const geometry::TriangleIndex index(surface);
+  double known_m = 0.0;
+  for (std::size_t begin = 0; begin < mesh.triangles.size(); begin += kTrianglesAtOnce) {
+    const std::size_t end = std::min(mesh.triangles.size(), begin + kTrianglesAtOnce);
+    std::vector<Piece> pieces;
+    pieces.reserve(end - begin);
+    for (std::size_t i = begin; i < end; ++i) {
+      const geometry::Triangle& t = mesh.triangles[i];
+      pieces.push_back({mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]});
+    }
+    raise_to_farthest(std::move(pieces), surface, index, known_m);
   }
   return known_m + tolerance_m(known_m);
 }

@@ -6,13 +6,13 @@
 #include <cmath>
 #include <map>
 #include <mutex>
-#include <nlohmann/json.hpp>
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiling/glb_writer.h"
 #include "tileflight/tiling/simplify.h"
 #include "tileflight/tiling/texture_sheet.h"
+#include "tileflight/tiling/tileset_json.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -20,7 +20,6 @@ namespace {
 using geometry::Box3;
 using geometry::Vec3;
 using imaging::TexturedMesh;
-using nlohmann::json;
 
 /// A square of the quadtree: level 0 is the root; x, y count its squares from the south-west.
 struct TileId {
@@ -35,7 +34,7 @@ struct TileId {
 
 struct Tile {
   std::vector<std::size_t> meshes;  ///< of the input, in its order
-  Box3 content, bounds;             ///< bounds: content and children
+  Box3 content;
 };
 
 using Tree = std::map<TileId, Tile>;
@@ -127,43 +126,13 @@ Written write_tile(const std::filesystem::path& folder, const TileId& id, Tile& 
   return written;
 }
 
-/// A box of 3D Tiles 1.1, section 6.6.1: centre and three half axes; a millimetre wider than the content for the floats
-/// in the glb.
-json box_json(const Box3& box) {
-  const Vec3 c = box.center(), h = box.sizes() / 2 + Vec3::Constant(1e-3);
-  return {{"box", {c.x(), c.y(), c.z(), h.x(), 0, 0, 0, h.y(), 0, 0, 0, h.z()}}};
-}
-
-json tile_json(const TileId& id, const Tree& tree, const std::vector<double>& errors_m) {
-  const Tile& tile = tree.at(id);
-  json out{{"boundingVolume", box_json(tile.bounds)}, {"geometricError", errors_m[static_cast<std::size_t>(id.level)]}};
-  out["content"] = {{"uri", id.uri()}, {"boundingVolume", box_json(tile.content)}};
+TileEntry entry_of(const TileId& id, const Tree& tree, const std::vector<double>& errors_m) {
+  TileEntry out{id.uri(), tree.at(id).content, errors_m[static_cast<std::size_t>(id.level)], {}};
   for (int child = 0; child < 4; ++child) {
     const TileId child_id{id.level + 1, 2 * id.x + child % 2, 2 * id.y + child / 2};
-    if (tree.contains(child_id)) out["children"].push_back(tile_json(child_id, tree, errors_m));
+    if (tree.contains(child_id)) out.children.push_back(entry_of(child_id, tree, errors_m));
   }
   return out;
-}
-
-json tileset_json(const Tree& tree, const std::vector<double>& errors_m, const TilesetOptions& options) {
-  json root = tile_json({}, tree, errors_m);
-  root["refine"] = "REPLACE";
-  if (options.T_ecef_local) {
-    const geometry::Mat4 m = options.T_ecef_local->matrix();
-    root["transform"] = std::vector<double>(m.data(), m.data() + 16);  // column-major, as the specification wants
-  }
-  const double whole_m = tree.at({}).bounds.diagonal().norm();
-  return {{"asset", {{"version", "1.1"}, {"generator", "tileflight"}}},
-          {"geometricError", std::max(whole_m, errors_m.front())},
-          {"root", root}};
-}
-
-/// Bounds from the leaves up, so that each contains its content and its children.
-void set_bounds(Tree& tree) {
-  for (auto it = tree.rbegin(); it != tree.rend(); ++it) {
-    it->second.bounds.extend(it->second.content);
-    if (it->first.level > 0) tree[it->first.parent()].bounds.extend(it->second.bounds);
-  }
 }
 
 }  // namespace
@@ -187,8 +156,9 @@ TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vec
     const std::lock_guard lock(mutex);
     report_progress(progress, ++done, total, "writing tiles");
   });
-  set_bounds(tree);
-  const std::string text = tileset_json(tree, errors_m, options).dump(1);
+  TileEntry root = entry_of({}, tree, errors_m);
+  set_bounds(root);
+  const std::string text = tileset_json(root, options.T_ecef_local);
   geometry::write_file(folder / "tileset.json", text);
   TilesetSummary summary{std::vector<TilesetLevel>(errors_m.size()), static_cast<std::int64_t>(text.size())};
   for (std::size_t i = 0; i < errors_m.size(); ++i) summary.levels[i].geometric_error_m = errors_m[i];

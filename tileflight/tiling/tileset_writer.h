@@ -24,6 +24,7 @@ struct TilesetLevel {
   std::int64_t triangles = 0;
   std::int64_t texels = 0;
   double geometric_error_m = 0.0;  ///< measured: largest distance from the finest surface, both ways
+  double texel_m = 0.0;            ///< typical edge of a texel; 0: not known, or no texture
 };
 
 struct TilesetSummary {

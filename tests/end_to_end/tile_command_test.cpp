@@ -1,0 +1,140 @@
+// A user's own mesh as 3D Tiles: the whole way back to voxels, and what goes wrong on the way.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/run_program.h"
+#include "tests/test_data.h"
+#include "tests/tiny_place.h"
+#include "tileflight/geometry/geodesy.h"
+
+namespace tileflight {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyPlace;
+
+json run_to_json(std::vector<std::string> call) {
+  call.emplace_back("--json");
+  const ProgramResult result = run_tileflight(call);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  return json::parse(result.out, nullptr, false);
+}
+
+/// extract SOURCE, tile its mesh, extract the tiles: the voxels are the same bytes.
+void expect_same_voxels(const fs::path& folder, const std::string& source, const std::vector<std::string>& region) {
+  std::vector<std::string> first{"extract", source, "--out", (folder / "truth").string()};
+  first.insert(first.end(), region.begin(), region.end());
+  const json truth = run_to_json(first);
+  const json tiled = run_to_json(
+      {"tile", (folder / "truth/mesh.glb").string(), "--out", (folder / "tiles").string(), "--tile-triangles", "3000"});
+  EXPECT_GE(tiled["levels"].size(), 2U);
+  std::vector<std::string> second{"extract", (folder / "tiles").string(), "--out", (folder / "again").string()};
+  second.insert(second.end(), region.begin(), region.end());
+  const json again = run_to_json(second);
+  EXPECT_TRUE(again["complete"].get<bool>());
+  EXPECT_LE(again["triangles_loaded"], truth["triangles"]) << "those without area are left out";
+  EXPECT_GT(again["triangles_loaded"].get<double>(), 0.999 * truth["triangles"].get<double>());
+  EXPECT_EQ(again["voxels_occupied"], truth["voxels_occupied"]);
+  EXPECT_TRUE(tests::file_text(folder / "truth/voxels.binvox") == tests::file_text(folder / "again/voxels.binvox"));
+}
+
+TEST(TileCommand, VoxelsOfATiledMeshAreThoseOfTheMesh) {
+  const tests::TemporaryFolder folder;
+  TinyPlace::write(folder / "place");
+  expect_same_voxels(folder.path(), (folder / "place").string(), {"--center-local", "0,0,100", "--size", "90,90,20"});
+}
+
+TEST(TileCommand, VoxelsOfATiledSurveyAreThoseOfTheSurvey) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(tileset, "tilesets/machangara_photogrammetry/tileset.json");
+  const tests::TemporaryFolder folder;
+  expect_same_voxels(folder.path(), tileset.string(), {"--center-local", "347.8,-131.4,2891.6", "--size", "60,60,100"});
+}
+
+class TileFiles : public ::testing::Test {
+ protected:
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+
+  template <class Matcher>
+  void expect_fails(const std::string& mesh, const Matcher& matcher, std::vector<std::string> more = {}) const {
+    std::vector<std::string> call{"tile", (folder_ / mesh).string(), "--out", (folder_ / "out").string()};
+    call.insert(call.end(), more.begin(), more.end());
+    const ProgramResult result = run_tileflight(call);
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_THAT(result.err, matcher);
+    EXPECT_EQ(result.out, "");
+    for (const auto& entry : fs::directory_iterator(folder_.path()))
+      EXPECT_THAT(entry.path().filename().string(), ::testing::Not(HasSubstr("out"))) << "something is left";
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+constexpr const char* kTriangle = "v 0 0 0\nv 20 0 0\nv 0 20 2\n";
+
+TEST_F(TileFiles, BadMeshesAreOneLine) {
+  expect_fails("nowhere.obj", HasSubstr("nowhere.obj"));
+  write("empty.obj", "");
+  expect_fails("empty.obj", HasSubstr("no triangle"));
+  write("index.obj", std::string(kTriangle) + "f 1 2 7\n");
+  expect_fails("index.obj", AllOf(HasSubstr("index.obj, line 4"), HasSubstr("vertex 7")));
+  write("nan.obj", "v nan 0 0\n");
+  expect_fails("nan.obj", HasSubstr("not finite"));
+  write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+  expect_fails("flat.obj", HasSubstr("area"));
+  write("library.obj", std::string("mtllib my.mtl\nusemtl a\n") + kTriangle + "f 1 2 3\n");
+  expect_fails("library.obj", HasSubstr("my.mtl"));
+  write("my.mtl", "newmtl a\nmap_Kd gone.jpg\n");
+  write("texture.obj", std::string("mtllib my.mtl\nusemtl a\nvt 0 0\n") + kTriangle + "f 1/1 2/1 3/1\n");
+  expect_fails("texture.obj", AllOf(HasSubstr("gone.jpg"), HasSubstr("--no-textures")));
+  write("points.ply",
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 "
+        "0 0\n");
+  expect_fails("points.ply", HasSubstr("points without faces"));
+  write("mesh.stl", "solid");
+  expect_fails("mesh.stl", HasSubstr(".obj"));
+  write("good.obj", std::string(kTriangle) + "f 1 2 3\n");
+  expect_fails("good.obj", HasSubstr("EPSG:1"), {"--crs", "EPSG:1"});
+  expect_fails("good.obj", HasSubstr("latitude"), {"--georeference", "95,0,0"});
+}
+
+TEST_F(TileFiles, AMeshIsPutOnEarth) {
+  write("good.obj", std::string(kTriangle) + "f 1 2 3\n");
+  const std::string mesh = (folder_ / "good.obj").string(), out = (folder_ / "tiles").string();
+  const json stated = run_to_json({"tile", mesh, "--out", out, "--georeference", "50.5,14.25,300"});
+  EXPECT_EQ(stated["frame"]["origin_lat"], 50.5);
+  const json inspected = run_to_json({"inspect", out});
+  EXPECT_EQ(inspected["georeferenced"], true) << inspected.dump(1);
+  const json extract = run_to_json(
+      {"extract", out, "--out", (folder_ / "truth").string(), "--center", "50.5,14.25,300", "--size", "100,100,50"});
+  EXPECT_EQ(extract["triangles"], 1);
+
+  EXPECT_TRUE(run_to_json({"tile", mesh, "--out", out, "--force"})["frame"].is_null());
+  write("odm_georeferencing_model_geo.txt", "WGS84 UTM 33N\n500000 5594000\n");
+  const json found = run_to_json({"tile", mesh, "--out", out, "--force"});
+  EXPECT_NEAR(found["frame"]["origin_lon"].get<double>(), 15.0, 1e-3);
+  EXPECT_NEAR(found["frame"]["origin_lat"].get<double>(), 50.5, 0.02);
+  EXPECT_THAT(found["frame"]["stated_by"].get<std::string>(), HasSubstr("odm_georeferencing_model_geo.txt"));
+  EXPECT_TRUE(run_to_json({"tile", mesh, "--out", out, "--force", "--no-georeference"})["frame"].is_null());
+}
+
+TEST_F(TileFiles, AnExistingFolderIsKept) {
+  write("good.obj", std::string(kTriangle) + "f 1 2 3\n");
+  write("out", "mine");
+  const ProgramResult result =
+      run_tileflight({"tile", (folder_ / "good.obj").string(), "--out", (folder_ / "out").string()});
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, HasSubstr("--force"));
+  EXPECT_EQ(tests::file_text(folder_ / "out"), "mine");
+}
+
+}  // namespace
+}  // namespace tileflight

@@ -1,0 +1,103 @@
+#include "tileflight/tiling/coarser_surface.h"
+
+#include <meshoptimizer.h>
+#include <tbb/parallel_sort.h>
+
+#include <algorithm>
+#include <numeric>
+#include <unordered_map>
+
+#include "tileflight/tiling/simplify.h"
+
+namespace tileflight::tiling {
+namespace {
+
+using geometry::Triangle;
+using geometry::TriangleMesh;
+using geometry::Vec3;
+
+bool before(const Vec3& a, const Vec3& b) {
+  return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+}
+
+bool is_flat(const TriangleMesh& mesh, const Triangle& t) {
+  const Vec3& a = mesh.vertices[t[0]];
+  return !((mesh.vertices[t[1]] - a).cross(mesh.vertices[t[2]] - a).squaredNorm() > 0);
+}
+
+/// Relative to the middle of the extent, so that floats keep their digits.
+std::vector<float> float_positions(const TriangleMesh& mesh) {
+  const Vec3 middle = geometry::bounds(mesh).center();
+  std::vector<float> out;
+  out.reserve(3 * mesh.vertices.size());
+  for (const Vec3& v : mesh.vertices)
+    for (int axis = 0; axis < 3; ++axis) out.push_back(static_cast<float>(v[axis] - middle[axis]));
+  return out;
+}
+
+/// The triangles of a list of corners that have an area.
+TriangleMesh with_corners(const TriangleMesh& mesh, const std::vector<unsigned int>& corners) {
+  std::vector<Triangle> triangles;
+  for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
+    const Triangle t{corners[i], corners[i + 1], corners[i + 2]};
+    if (!is_flat(mesh, t)) triangles.push_back(t);
+  }
+  return with_triangles(mesh, triangles);
+}
+
+}  // namespace
+
+TriangleMesh with_triangles(const TriangleMesh& surface, const std::vector<Triangle>& triangles) {
+  std::unordered_map<std::uint32_t, std::uint32_t> index_of;
+  TriangleMesh out;
+  for (Triangle t : triangles) {
+    for (std::uint32_t& corner : t) {
+      const auto [at, is_new] = index_of.try_emplace(corner, static_cast<std::uint32_t>(out.vertices.size()));
+      if (is_new) out.vertices.push_back(surface.vertices[corner]);
+      corner = at->second;
+    }
+    out.triangles.push_back(t);
+  }
+  return out;
+}
+
+TriangleMesh welded(const std::vector<imaging::TexturedMesh>& meshes) {
+  const TriangleMesh all = joined(meshes);
+  std::vector<std::uint32_t> order(all.vertices.size());
+  std::iota(order.begin(), order.end(), 0U);
+  tbb::parallel_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const Vec3 &p = all.vertices[a], &q = all.vertices[b];
+    return before(p, q) || (!before(q, p) && a < b);
+  });
+  std::vector<std::uint32_t> first(order.size());  // of each vertex: the first one at its place
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool again = i > 0 && all.vertices[order[i]] == all.vertices[order[i - 1]];
+    first[order[i]] = again ? first[order[i - 1]] : order[i];
+  }
+  std::vector<unsigned int> indices;
+  indices.reserve(3 * all.triangles.size());
+  for (const Triangle& t : all.triangles)
+    for (const std::uint32_t corner : t) indices.push_back(first[corner]);
+  return with_corners(all, indices);
+}
+
+TriangleMesh coarser(const TriangleMesh& surface, std::size_t triangles) {
+  const std::vector<float> positions = float_positions(surface);
+  const std::size_t vertices = surface.vertices.size(), stride = 3 * sizeof(float);
+  std::vector<unsigned int> indices;
+  for (const Triangle& t : surface.triangles) indices.insert(indices.end(), t.begin(), t.end());
+  std::vector<unsigned int> result(indices.size());
+  constexpr float kAnyError = 1.0F;  // the whole extent: the number of triangles decides
+  result.resize(meshopt_simplify(result.data(), indices.data(), indices.size(), positions.data(), vertices, stride,
+                                 3 * triangles, kAnyError, 0, nullptr));
+  if (result.size() > 3 * 2 * triangles) {
+    std::vector<unsigned int> sloppy(indices.size());
+    sloppy.resize(meshopt_simplifySloppy(sloppy.data(), indices.data(), indices.size(), positions.data(), vertices,
+                                         stride, 3 * triangles, kAnyError, nullptr));
+    if (!with_corners(surface, sloppy).triangles.empty()) result = std::move(sloppy);
+  }
+  TriangleMesh out = with_corners(surface, result);
+  return out.triangles.empty() ? surface : out;
+}
+
+}  // namespace tileflight::tiling

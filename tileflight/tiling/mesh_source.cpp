@@ -1,0 +1,102 @@
+#include "tileflight/tiling/mesh_source.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/image_files.h"
+#include "tileflight/tiles/content.h"
+#include "tileflight/tiles/gltf_meshes.h"
+#include "tileflight/tiles/uri.h"
+#include "tileflight/tiling/obj_meshes.h"
+#include "tileflight/tiling/ply_meshes.h"
+
+namespace tileflight::tiling {
+namespace {
+
+namespace fs = std::filesystem;
+using geometry::Triangle;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+using tiles::UpAxis;
+
+std::string ending_of(const fs::path& file) {
+  std::string ending = file.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return ending;
+}
+
+MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
+  tiles::ContentOptions content;
+  content.textures = options.textures;
+  content.up_axis = options.up.value_or(UpAxis::kY);
+  const auto beside = [&](const std::string& uri) { return file.parent_path() / tiles::uri_path(uri); };
+  content.read_resource = [&](const std::string& uri) { return geometry::read_bytes(beside(uri)); };
+  content.read_image = [&](const std::string& uri) {
+    return std::make_shared<const imaging::RgbImage>(
+        imaging::read_rgb(beside(uri), {content.limits.max_texture_pixels}));
+  };
+  content.limits.max_texture_pixels = imaging::DecodeLimits{}.max_pixels;
+  const std::vector<std::byte> bytes = geometry::read_bytes(file);
+  if (const std::string kind = tiles::content_kind(bytes); kind != "glb" && kind != "gltf")
+    throw InputError(file.string(), "is not a glTF file, by its first bytes");
+  tiles::DecodedContent decoded = tiles::decode_content(bytes, file.string(), content);
+  if (decoded.meshes.empty() && !decoded.clouds.empty())
+    throw InputError(file.string(), "holds points without surface; a mesh is needed");
+  return {std::move(decoded.meshes), std::move(decoded.copyrights), std::move(decoded.warnings)};
+}
+
+/// Whether the triangle has an area that floats can tell from none.
+bool has_area(const geometry::TriangleMesh& mesh, const Triangle& t) {
+  const Vec3 ab = mesh.vertices[t[1]] - mesh.vertices[t[0]], ac = mesh.vertices[t[2]] - mesh.vertices[t[0]];
+  return ab.cross(ac).squaredNorm() > 0;
+}
+
+/// Leaves out triangles without area, then meshes without triangles; how many triangles went.
+std::int64_t drop_flat_triangles(std::vector<TexturedMesh>& meshes) {
+  std::int64_t dropped = 0;
+  for (TexturedMesh& m : meshes) {
+    dropped += std::erase_if(m.mesh.triangles, [&](const Triangle& t) { return !has_area(m.mesh, t); });
+  }
+  std::erase_if(meshes, [](const TexturedMesh& m) { return m.mesh.triangles.empty(); });
+  return dropped;
+}
+
+/// Turns and scales; positions stay what they are where there is nothing to do.
+void place(std::vector<TexturedMesh>& meshes, UpAxis up, double metres_per_unit) {
+  const geometry::Mat3 turn = metres_per_unit * tiles::R_tile_gltf(up);
+  if (turn.isIdentity(0)) return;
+  for (TexturedMesh& m : meshes)
+    for (Vec3& vertex : m.mesh.vertices) vertex = turn * vertex;
+}
+
+/// Coordinates that neither boxes nor floats can hold are no place on Earth.
+void check_extent(const std::vector<TexturedMesh>& meshes, const std::string& file) {
+  constexpr double kMost_m = 1e8;
+  for (const TexturedMesh& m : meshes)
+    for (const Vec3& vertex : m.mesh.vertices)
+      if (!(vertex.cwiseAbs().maxCoeff() <= kMost_m))
+        throw InputError(file, "has a vertex farther than 100 000 km from its origin; is --scale right?");
+}
+
+}  // namespace
+
+MeshSource read_mesh_source(const fs::path& file, const MeshSourceOptions& options) {
+  const std::string ending = ending_of(file);
+  const bool is_gltf = ending == ".glb" || ending == ".gltf";
+  if (!is_gltf && ending != ".obj" && ending != ".ply")
+    throw InputError(file.string(), "is no mesh file that is known: the name must end in .obj, .glb, .gltf or .ply");
+  MeshSource source = is_gltf            ? read_gltf(file, options)
+                      : ending == ".obj" ? read_obj_meshes(file, options.textures)
+                                         : read_ply_meshes(file, options.textures);
+  place(source.meshes, is_gltf ? UpAxis::kZ : options.up.value_or(UpAxis::kZ), options.metres_per_unit);
+  check_extent(source.meshes, file.string());
+  if (const std::int64_t dropped = drop_flat_triangles(source.meshes); dropped > 0)
+    source.warnings.push_back(std::to_string(dropped) + " triangles without area are left out");
+  if (source.meshes.empty()) throw InputError(file.string(), "holds no triangle that has an area");
+  return source;
+}
+
+}  // namespace tileflight::tiling

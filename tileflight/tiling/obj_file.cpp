@@ -1,0 +1,172 @@
+#include "tileflight/tiling/obj_file.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <map>
+#include <optional>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+
+namespace tileflight::tiling {
+namespace {
+
+using geometry::Vec3;
+
+constexpr std::string_view kBlanks = " \t";
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+}
+
+/// One object a file.
+class ObjParser {
+ public:
+  ObjParser(std::string_view text, const std::string& name) : text_(text), name_(name) {}
+
+  ObjFile parse() {
+    if (text_.starts_with("\xEF\xBB\xBF")) text_.remove_prefix(3);  // a byte order mark
+    while (const auto line = next_line()) read_line(*line);
+    if (!faces_.colors.empty()) finish_colors();
+    return std::move(out_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const {
+    throw InputError(name_ + ", line " + std::to_string(line_number_), what);
+  }
+
+  /// A line, joined with those that it is continued on.
+  std::optional<std::string_view> next_line() {
+    auto line = geometry::take_line(text_);
+    ++line_number_;
+    if (!line || !line->ends_with('\\')) return line;
+    joined_.clear();
+    while (line && line->ends_with('\\')) {
+      joined_.append(line->substr(0, line->size() - 1)).push_back(' ');
+      line = geometry::take_line(text_);
+      ++line_number_;
+    }
+    if (line) joined_.append(*line);
+    return joined_;
+  }
+
+  void read_line(std::string_view line) {
+    const std::string_view key = geometry::take_field(line);
+    if (key == "v") return read_position(line);
+    if (key == "vt") return read_uv(line);
+    if (key == "f") return read_face(line);
+    if (key == "usemtl") return use_material(std::string(trimmed(line)));
+    if (key == "mtllib") out_.libraries.emplace_back(trimmed(line));
+  }
+
+  double number(std::string_view field) const {
+    const auto value = geometry::parse_number<double>(field);
+    if (!value) fail("'" + std::string(field.substr(0, 40)) + "' is not a number");
+    return *value;
+  }
+
+  /// `v x y z`, `v x y z w` (the weight of rational curves, meaningless here), `v x y z r g b`, with or without alpha.
+  void read_position(std::string_view line) {
+    if (faces_.positions.size() >= kNoIndex) fail("more vertices than can be counted");
+    std::array<double, 7> values{};
+    std::size_t count = 0;
+    while (count < values.size()) {
+      const std::string_view field = geometry::take_field(line);
+      if (field.empty() || field.starts_with('#')) break;
+      values[count++] = number(field);
+    }
+    if (count < 3) fail("a vertex needs three coordinates");
+    const Vec3 position(values[0], values[1], values[2]);
+    if (!position.allFinite()) fail("a coordinate is not finite");
+    faces_.positions.push_back(position);
+    if (count < 6) return;
+    faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
+    for (std::size_t c = 0; c < 3; ++c) faces_.colors.back()[c] = static_cast<float>(values[3 + c]);
+  }
+
+  /// Colours beyond 1 are out of 255.
+  void finish_colors() {
+    faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
+    float highest = 0;
+    for (const auto& color : faces_.colors) highest = std::max({highest, color[0], color[1], color[2]});
+    const float scale = highest > 1.0F ? 1.0F / 255.0F : 1.0F;
+    for (auto& color : faces_.colors)
+      for (float& value : color) value = value * scale > 0 ? std::min(value * scale, 1.0F) : 0.0F;
+  }
+
+  void read_uv(std::string_view line) {
+    if (faces_.uv.size() >= kNoIndex) fail("more texture coordinates than can be counted");
+    const std::string_view u = geometry::take_field(line), v = geometry::take_field(line);
+    if (u.empty()) fail("a texture coordinate needs a number");
+    Eigen::Vector2f uv(static_cast<float>(number(u)), v.empty() ? 0.0F : static_cast<float>(number(v)));
+    if (!uv.allFinite()) {
+      ++out_.uv_not_finite;
+      uv.setZero();
+    }
+    faces_.uv.push_back(uv);
+  }
+
+  /// An index as it is written: from 1, or from the last one backwards if negative.
+  std::uint32_t index(std::string_view field, std::size_t count, const char* what) const {
+    const auto value = geometry::parse_number<std::int64_t>(field);
+    if (!value) fail("'" + std::string(field.substr(0, 40)) + "' is not an index");
+    const auto size = static_cast<std::int64_t>(count);
+    const std::int64_t at = *value < 0 ? size + *value : *value - 1;
+    if (*value == 0 || at < 0 || at >= size)
+      fail("a face names " + std::string(what) + " " + std::to_string(*value) + ", but there are " +
+           std::to_string(count) + " so far");
+    return static_cast<std::uint32_t>(at);
+  }
+
+  /// `v`, `v/vt`, `v/vt/vn` or `v//vn`.
+  FaceCorner corner(std::string_view field) const {
+    const std::size_t slash = field.find('/');
+    FaceCorner out{index(field.substr(0, slash), faces_.positions.size(), "vertex"), kNoIndex};
+    if (slash == std::string_view::npos) return out;
+    field.remove_prefix(slash + 1);
+    field = field.substr(0, field.find('/'));
+    if (!field.empty()) out.uv = index(field, faces_.uv.size(), "texture coordinate");
+    return out;
+  }
+
+  void read_face(std::string_view line) {
+    corners_.clear();
+    for (std::string_view field = geometry::take_field(line); !field.empty() && !field.starts_with('#');
+         field = geometry::take_field(line))
+      corners_.push_back(corner(field));
+    if (corners_.size() < 3) {
+      ++out_.faces_left_out;
+      return;
+    }
+    if (group_ == kNoGroup) use_material("");
+    add_face(corners_, faces_.positions, faces_.groups[group_]);
+  }
+
+  void use_material(const std::string& material) {
+    const auto [at, is_new] = group_of_.try_emplace(material, faces_.groups.size());
+    if (is_new) faces_.groups.push_back({material, {}});
+    group_ = at->second;
+  }
+
+  static constexpr std::size_t kNoGroup = std::numeric_limits<std::size_t>::max();
+
+  std::string_view text_;
+  const std::string& name_;
+  std::int64_t line_number_ = 0;
+  std::string joined_;
+  std::vector<FaceCorner> corners_;
+  std::map<std::string, std::size_t> group_of_;
+  std::size_t group_ = kNoGroup;
+  ObjFile out_;
+  IndexedFaces& faces_ = out_.faces;
+};
+
+}  // namespace
+
+ObjFile parse_obj(std::string_view text, const std::string& name) { return ObjParser(text, name).parse(); }
+
+}  // namespace tileflight::tiling
