@@ -138,13 +138,23 @@ def textures():
     books = [part.bytes() for part in (endpoints, selectors, tables)]
     level = blocks.bytes()
     shared = struct.pack("<2H4I", 2, 2, *map(len, books), 0) + struct.pack("<5I", 0, 0, len(level), 0, 0) + b"".join(books)
-    descriptor = bytearray(28)
-    descriptor[12] = 163
-    start = 80 + 24 + len(descriptor)
-    write("texture/etc1s.ktx2", b"\xabKTX 20\xbb\r\n\x1a\n" +
-          struct.pack("<13I", 0, 1, 8, 8, 0, 0, 1, 1, 1, 104, len(descriptor), 0, 0) +
-          struct.pack("<5Q", start, len(shared), start + len(shared), len(level), 0) + bytes(descriptor) + shared + level)
+    write_ktx2("texture/etc1s.ktx2", 163, 1, (8, 8), shared, level)
+    # Six blocks: of one colour (code 10111), then modes 0 and 1 (eight bits an endpoint, weights of two bits).
+    solid = struct.pack("<QQ", 0b10111 | 0x12 << 5 | 0x34 << 13 | 0x56 << 21, 0)
+    plain = struct.pack("<QQ", 0b110101 | 0x10 << 21 | 0xF0 << 29 | 0x20 << 37 | 0xE0 << 45, 0x123456789ABCDEF)
+    digits = struct.pack("<QQ", 1 | 200 << 19 | 0x3FFF << 29, 0xFEDCBA987654321)
+    parted = struct.pack("<QQ", 0b00011 | 5 << 20 | 100 << 24 | 77 << 32, 0xABCDEF)
+    two_planes = struct.pack("<QQ", 0b11011 | 2 << 20 | 99 << 22, 0x5A5A5A5A5A5A)
+    write_ktx2("texture/uastc.ktx2", 166, 0, (10, 7), b"", solid + plain + digits + parted + two_planes + solid)
 
+
+def write_ktx2(name, color_model, scheme, size, shared, level):
+    descriptor = bytearray(28)
+    descriptor[12] = color_model
+    start = 80 + 24 + len(descriptor)
+    write(name, b"\xabKTX 20\xbb\r\n\x1a\n" +
+          struct.pack("<13I", 0, 1, *size, 0, 0, 1, 1, scheme, 104, len(descriptor), 0, 0) +
+          struct.pack("<5Q", start, len(shared), start + len(shared), len(level), 0) + bytes(descriptor) + shared + level)
 
 if __name__ == "__main__":
     points_and_instances()
