@@ -4,7 +4,12 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <map>
 #include <numeric>
+#include <optional>
 #include <unordered_map>
 
 #include "tileflight/tiling/simplify.h"
@@ -45,7 +50,82 @@ TriangleMesh with_corners(const TriangleMesh& mesh, const std::vector<unsigned i
   return with_triangles(mesh, triangles);
 }
 
+/// For each vertex whether an edge ends there that only one triangle uses.
+std::vector<bool> on_border(const TriangleMesh& mesh) {
+  std::vector<std::uint64_t> edges;
+  edges.reserve(3 * mesh.triangles.size());
+  for (const Triangle& t : mesh.triangles)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint64_t a = t[k], b = t[(k + 1) % 3];
+      edges.push_back(std::min(a, b) << 32U | std::max(a, b));
+    }
+  tbb::parallel_sort(edges.begin(), edges.end());
+  std::vector<bool> out(mesh.vertices.size());
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    const bool again = (i > 0 && edges[i] == edges[i - 1]) || (i + 1 < edges.size() && edges[i] == edges[i + 1]);
+    if (!again) out[edges[i] >> 32U] = out[edges[i] & 0xffffffffU] = true;
+  }
+  return out;
+}
+
+/// Places in a grid of cells as wide as the radius of its queries.
+class NearbyPlaces {
+ public:
+  explicit NearbyPlaces(const TriangleMesh& mesh, double radius_m) : mesh_(mesh), radius_m_(radius_m) {}
+
+  /// The nearest vertex that was added within the radius.
+  std::optional<std::uint32_t> nearest(std::uint32_t vertex) const {
+    std::optional<std::uint32_t> best;
+    double best_m = radius_m_;
+    const Cell middle = cell_of(vertex);
+    for (int i = 0; i < 27; ++i) {
+      const auto found = cells_.find({middle[0] + i / 9 - 1, middle[1] + i / 3 % 3 - 1, middle[2] + i % 3 - 1});
+      if (found == cells_.end()) continue;
+      for (const std::uint32_t other : found->second) {
+        const double distance_m = (mesh_.vertices[other] - mesh_.vertices[vertex]).norm();
+        if (distance_m > best_m) continue;
+        best = other;
+        best_m = distance_m;
+      }
+    }
+    return best;
+  }
+
+  void add(std::uint32_t vertex) { cells_[cell_of(vertex)].push_back(vertex); }
+
+ private:
+  using Cell = std::array<std::int64_t, 3>;
+
+  Cell cell_of(std::uint32_t vertex) const {
+    Cell out{};
+    for (int axis = 0; axis < 3; ++axis)
+      out[static_cast<std::size_t>(axis)] =
+          static_cast<std::int64_t>(std::floor(mesh_.vertices[vertex][axis] / radius_m_));
+    return out;
+  }
+
+  const TriangleMesh& mesh_;
+  double radius_m_;
+  std::map<Cell, std::vector<std::uint32_t>> cells_;
+};
+
 }  // namespace
+
+TriangleMesh borders_joined(const TriangleMesh& surface, double within_m) {
+  const std::vector<bool> is_border = on_border(surface);
+  NearbyPlaces places(surface, std::max(within_m, 1e-9));
+  std::vector<std::uint32_t> goes_to(surface.vertices.size());
+  for (std::uint32_t i = 0; i < goes_to.size(); ++i) {
+    const std::optional<std::uint32_t> near = is_border[i] ? places.nearest(i) : std::nullopt;
+    goes_to[i] = near.value_or(i);
+    if (is_border[i] && !near) places.add(i);
+  }
+  std::vector<unsigned int> corners;
+  corners.reserve(3 * surface.triangles.size());
+  for (const Triangle& t : surface.triangles)
+    for (const std::uint32_t corner : t) corners.push_back(goes_to[corner]);
+  return with_corners(surface, corners);
+}
 
 TriangleMesh with_triangles(const TriangleMesh& surface, const std::vector<Triangle>& triangles) {
   std::unordered_map<std::uint32_t, std::uint32_t> index_of;

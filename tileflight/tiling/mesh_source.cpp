@@ -72,6 +72,13 @@ void place(std::vector<TexturedMesh>& meshes, UpAxis up, double metres_per_unit)
     for (Vec3& vertex : m.mesh.vertices) vertex = turn * vertex;
 }
 
+/// Texture coordinates that a scale or an offset has made infinite are read as 0.
+void hold_texture_coordinates(std::vector<TexturedMesh>& meshes) {
+  for (TexturedMesh& m : meshes)
+    for (Eigen::Vector2f& uv : m.uv)
+      if (!uv.allFinite()) uv.setZero();
+}
+
 /// Coordinates that neither boxes nor floats can hold are no place on Earth.
 void check_extent(const std::vector<TexturedMesh>& meshes, const std::string& file) {
   constexpr double kMost_m = 1e8;
@@ -93,6 +100,7 @@ MeshSource read_mesh_source(const fs::path& file, const MeshSourceOptions& optio
                                          : read_ply_meshes(file, options.textures);
   place(source.meshes, is_gltf ? UpAxis::kZ : options.up.value_or(UpAxis::kZ), options.metres_per_unit);
   check_extent(source.meshes, file.string());
+  hold_texture_coordinates(source.meshes);
   if (const std::int64_t dropped = drop_flat_triangles(source.meshes); dropped > 0)
     source.warnings.push_back(std::to_string(dropped) + " triangles without area are left out");
   if (source.meshes.empty()) throw InputError(file.string(), "holds no triangle that has an area");

@@ -42,7 +42,7 @@ double texels_of(const TexturedMesh& m, const Triangle& t) {
   if (!m.texture || m.uv.empty()) return kTexelsOfColors;
   const Eigen::Vector2d a = (m.uv[t[1]] - m.uv[t[0]]).cast<double>(), b = (m.uv[t[2]] - m.uv[t[0]]).cast<double>();
   const double area = std::abs(a.x() * b.y() - a.y() * b.x()) / 2 * m.texture->width * m.texture->height;
-  return std::min(area, 1e9);
+  return area < 1e9 ? area : 1e9;
 }
 
 /// What the source asks of the tree.
@@ -164,7 +164,8 @@ class MeshTiler {
   void write_coarse_levels() {
     if (depth_ == 0) return;
     const TriangleMesh finest = welded(meshes_);
-    TriangleMesh surface = finest;
+    // Half a texel is less than the error that the level above may have.
+    TriangleMesh surface = borders_joined(finest, measure_.texel_m() / 2);
     std::vector<TexturedMesh> below;
     for (int level = depth_ - 1; level >= 0; --level) {
       report_progress(progress_, done_, total_, "simplifying");
