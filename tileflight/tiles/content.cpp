@@ -23,6 +23,9 @@ void append_glb(Bytes bytes, const GltfSurroundings& around, const std::string& 
   constexpr std::size_t kChunkHeader = 8;
   constexpr std::uint32_t kJson = 0x4E4F534A;
   constexpr std::uint32_t kBinary = 0x004E4942;
+  if (bytes.size() >= kHeader && uint32_at(bytes, 4) == 1) {
+    throw InputError(name, "glTF version 1 is not supported; 2 is (upgrade the tileset)");
+  }
   if (bytes.size() >= kHeader) require_version(bytes, 2, "glTF", name);
   Bytes rest = whole_of(bytes, kHeader + kChunkHeader, name).subspan(kHeader);
   const auto next_chunk = [&](std::uint32_t wanted) {

@@ -147,6 +147,24 @@ TEST(DecodeContent, sparse_accessors) {
   EXPECT_THAT(error(writer.glb()), HasSubstr("sparse index lies outside"));
 }
 
+TEST(DecodeContent, sparse_indices) {
+  GltfWriter writer;
+  const std::size_t positions = writer.add_accessor(std::vector<float>(15, 1.0F), 3);
+  const std::size_t corners = writer.add_accessor<std::uint16_t>({0, 1, 2, 2, 1, 3}, 1);
+  const std::size_t places = writer.add_view<std::uint8_t>({0, 5});
+  const std::size_t values = writer.add_view<std::uint16_t>({3, 4});
+  writer.json()["accessors"][corners]["sparse"] = {{"count", 2},
+                                                   {"indices", {{"bufferView", places}, {"componentType", 5121}}},
+                                                   {"values", {{"bufferView", values}}}};
+  writer.add_primitive({{"attributes", {{"POSITION", positions}}}, {"indices", corners}});
+  using T = geometry::Triangle;
+  EXPECT_THAT(mesh_of(writer.glb()).mesh.triangles, ElementsAre(T{3, 1, 2}, T{2, 1, 4}));
+  writer.json()["accessors"][corners].erase("bufferView");
+  EXPECT_THAT(mesh_of(writer.glb()).mesh.triangles, ElementsAre(T{3, 0, 0}, T{0, 0, 4}));
+  writer.json()["accessors"][corners]["count"] = 3;
+  EXPECT_THAT(error(writer.glb()), HasSubstr("sparse index lies outside"));
+}
+
 /// A textured triangle; the texture is 2 x 1 pixels, red and blue.
 GltfWriter textured_triangle() {
   imaging::RgbImage image(2, 1);
@@ -293,6 +311,47 @@ TEST(DecodeContent, meshopt_compression) {
   extension["count"] = 100;
   extension["byteLength"] = packed_vertices.size() - 5;
   EXPECT_THAT(error(writer.glb()), HasSubstr("malformed"));
+}
+
+/// A view in the compressed form, `count` elements of `stride` bytes.
+std::size_t add_meshopt(GltfWriter& writer, const std::vector<unsigned char>& packed, std::size_t count,
+                        std::size_t stride, const char* mode, const char* filter = "NONE") {
+  const std::size_t view = writer.add_view(packed);
+  Json& json = writer.json()["bufferViews"][view];
+  json["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},          {"byteOffset", json["byteOffset"]},
+                                                   {"count", count},       {"byteLength", packed.size()},
+                                                   {"byteStride", stride}, {"mode", mode},
+                                                   {"filter", filter}};
+  json["byteLength"] = count * stride;
+  return view;
+}
+
+/// Index sequences of 16 and 32 bits, and positions through the exponential filter.
+TEST(DecodeContent, meshopt_sequences_and_the_exponential_filter) {
+  const std::vector<float> positions = {0, 0, 0, 1.5F, 0, 0, 0, -2.25F, 0, 1000, 0.125F, 3};
+  std::vector<unsigned char> filtered(positions.size() * 4);
+  meshopt_encodeFilterExp(filtered.data(), 4, 12, 20, positions.data());
+  std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(4, 12));
+  packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), filtered.data(), 4, 12));
+  const std::vector<unsigned int> corners = {2, 1, 0, 3, 1, 2, 0};
+  std::vector<unsigned char> sequence(meshopt_encodeIndexSequenceBound(corners.size(), 4));
+  sequence.resize(meshopt_encodeIndexSequence(sequence.data(), sequence.size(), corners.data(), corners.size()));
+  for (const std::size_t bytes : {2U, 4U}) {
+    GltfWriter writer;
+    const std::size_t vertices = add_meshopt(writer, packed, 4, 12, "ATTRIBUTES", "EXPONENTIAL");
+    const std::size_t strip = add_meshopt(writer, sequence, corners.size(), bytes, "INDICES");
+    writer.json()["accessors"] = {
+        {{"bufferView", vertices}, {"componentType", 5126}, {"type", "VEC3"}, {"count", 4}},
+        {{"bufferView", strip}, {"componentType", bytes == 2 ? 5123 : 5125}, {"type", "SCALAR"}, {"count", 7}}};
+    writer.add_primitive({{"mode", 5}, {"attributes", {{"POSITION", 0}}}, {"indices", 1}});
+    const TexturedMesh mesh = mesh_of(writer.glb(), {.up_axis = UpAxis::kZ});
+    using T = geometry::Triangle;
+    EXPECT_THAT(mesh.mesh.triangles, ElementsAre(T{2, 1, 0}, T{1, 3, 0}, T{0, 3, 1}, T{3, 2, 1}, T{1, 2, 0}));
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(mesh.mesh.vertices[i][static_cast<int>(c)], positions[3 * i + c], 2e-3);
+    }
+  }
 }
 
 TEST(DecodeContent, cut_short_at_every_length) {

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "tests/test_data.h"
+#include "tileflight/imaging/image_files.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/pnts.h"
 #include "tileflight/tiles/property_table.h"
@@ -170,15 +171,43 @@ TEST(Features, mesh_features_with_a_property_table) {
   EXPECT_THAT(content.warnings, IsEmpty());
 }
 
-TEST(Features, implicit_ids_and_textures) {
+TEST(Features, implicit_ids) {
   GltfWriter writer = two_buildings("_FEATURE_ID_0");
   Json& primitive = writer.json()["meshes"][0]["primitives"][0];
   primitive["extensions"]["EXT_mesh_features"]["featureIds"] = {{{"featureCount", 6}}};
   EXPECT_THAT(decode(writer.glb()).meshes.at(0).feature_ids, ElementsAre(0, 1, 2, 3, 4, 5));
-  primitive["extensions"]["EXT_mesh_features"]["featureIds"] = {{{"featureCount", 6}, {"texture", {{"index", 0}}}}};
+}
+
+/// A square of two triangles that share an edge, over a picture of two texels: 258 on the left, 1 on the right.
+TEST(Features, ids_in_a_texture) {
+  GltfWriter writer;
+  const std::size_t positions = writer.add_accessor(std::vector<float>{0, 0, 0, 9, 0, 0, 0, 9, 0, 9, 9, 0}, 3);
+  const std::size_t coords = writer.add_accessor(std::vector<float>{0.1F, 0, 0.6F, 0, 0.1F, 1, 0.9F, 1}, 2);
+  const std::size_t corners = writer.add_accessor(std::vector<std::uint16_t>{0, 1, 2, 1, 3, 2}, 1);
+  imaging::RgbImage image(2, 1);
+  image.pixels = {{2, 9, 1}, {1, 9, 0}};
+  const std::vector<std::byte> png = imaging::encode_png(image);
+  const std::size_t picture = writer.add_view(png);
+  writer.json()["images"] = {{{"bufferView", picture}, {"mimeType", "image/png"}}};
+  writer.json()["textures"] = {{{"source", 0}}};
+  writer.add_primitive({{"attributes", {{"POSITION", positions}, {"TEXCOORD_1", coords}}}, {"indices", corners}});
+  Json& sets = writer.json()["meshes"][0]["primitives"][0]["extensions"]["EXT_mesh_features"]["featureIds"];
+  sets = {{{"featureCount", 2}, {"texture", {{"index", 0}, {"texCoord", 1}, {"channels", {0, 2}}}}}};
   const DecodedContent content = decode(writer.glb());
-  EXPECT_THAT(content.meshes.at(0).feature_ids, IsEmpty());
-  EXPECT_THAT(content.warnings, ElementsAre("feature ids in textures are not read"));
+  const TexturedMesh& mesh = content.meshes.at(0);
+  ASSERT_EQ(mesh.mesh.vertices.size(), 6U);  // the shared edge stands twice
+  ASSERT_EQ(mesh.feature_ids.size(), 6U);
+  for (std::size_t t = 0; t < 2; ++t) {
+    for (const std::uint32_t corner : mesh.mesh.triangles[t]) EXPECT_EQ(mesh.feature_ids[corner], t == 0 ? 258U : 1U);
+  }
+  EXPECT_EQ(mesh.mesh.vertices[mesh.mesh.triangles[1][0]], mesh.mesh.vertices[1]);
+  EXPECT_THAT(content.warnings, IsEmpty());
+  sets[0]["nullFeatureId"] = 1;
+  EXPECT_EQ(decode(writer.glb()).meshes[0].feature_ids[mesh.mesh.triangles[1][1]], kNoFeature);
+  sets[0]["texture"]["channels"] = {3};
+  EXPECT_THAT(decode(writer.glb()).warnings, ElementsAre("feature ids in a texture's fourth channel are not read"));
+  sets[0]["texture"]["channels"] = {4};
+  EXPECT_THAT(error_of([&] { decode(writer.glb()); }), HasSubstr("a channel that no texture has"));
 }
 
 TEST(Features, instances_have_ids_of_their_own) {

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "tests/test_data.h"
@@ -179,6 +180,53 @@ TEST(ForeignFiles, models_of_any_up_axis_stand_upright) {
   }
 }
 
+TEST(ForeignFiles, models_of_gltf_1_are_refused) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/upgradeTileset/upAxisHandling/input");
+  for (const char* name : {"glTF1-x-up", "glTF1-y-up-with-gltfUpAxis-y", "glTF1-z-up-instanced"}) {
+    EXPECT_THAT(error_of([&] { load(folder / name); }), HasSubstr("upgrade the tileset")) << name;
+  }
+}
+
+DecodedContent decoded(const fs::path& file) {
+  return decode_content(geometry::read_bytes(file), file.filename(), {.textures = false});
+}
+
+/// A hexagon of radius 1, drawn in each of the seven modes.
+TEST(ForeignFiles, a_hexagon_in_every_primitive_mode) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(
+      file, "tilesets/cesium_native_testdata/CesiumGltfReader/test/data/MeshPrimitiveModes/MeshPrimitiveModes.gltf");
+  const DecodedContent content = decoded(file);
+  ASSERT_EQ(content.meshes.size(), 3U);
+  for (const imaging::TexturedMesh& mesh : content.meshes) {
+    EXPECT_NEAR(geometry::surface_area_m2(mesh.mesh), 1.5 * std::sqrt(3.0), 1e-3);
+  }
+  ASSERT_EQ(content.clouds.size(), 1U);
+  EXPECT_EQ(content.clouds[0].size(), 7U);
+  EXPECT_THAT(content.warnings, ::testing::ElementsAre(HasSubstr("lines carry no surface")));
+}
+
+/// One model, plain and packed with positions of 9, 12 and 15 bits.
+TEST(ForeignFiles, a_duck_plain_and_meshopt) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_native_testdata/CesiumGltfReader/test/data/DucksMeshopt");
+  const auto duck = [&](const char* name) {
+    const DecodedContent content = decoded(folder / name);
+    EXPECT_EQ(content.meshes.size(), 1U) << name;
+    return content.meshes.at(0).mesh;
+  };
+  const geometry::TriangleMesh plain = duck("Duck.glb");
+  const geometry::Box3 bounds = geometry::bounds(plain);
+  for (const auto& [name, bits] : {std::pair{"Duck-vp-9-vt-9-vn-9.glb", 9},
+                                   {"Duck-vp-12-vt-12-vn-12.glb", 12},
+                                   {"Duck-vp-15-vt-15-vn-15.glb", 15}}) {
+    const geometry::TriangleMesh packed = duck(name);
+    const double step = bounds.sizes().maxCoeff() / std::exp2(bits);
+    EXPECT_LT((geometry::bounds(packed).min() - bounds.min()).cwiseAbs().maxCoeff(), step) << name;
+    EXPECT_LT((geometry::bounds(packed).max() - bounds.max()).cwiseAbs().maxCoeff(), step) << name;
+    const double area_m2 = geometry::surface_area_m2(plain);
+    EXPECT_NEAR(geometry::surface_area_m2(packed), area_m2, 0.03 * area_m2) << name;
+  }
+}
+
 /// Boxes that hold cubes of exactly the size that the file's name says.
 TEST(ForeignFiles, contents_fill_their_bounding_boxes) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/BoundingBoxTests");
@@ -201,6 +249,12 @@ TEST(ForeignFiles, a_leaf_that_is_missing_is_named) {
   options = {};
   options.error_m = 1;  // the middle one is there
   EXPECT_TRUE(load(folder, options).complete);
+}
+
+TEST(ForeignFiles, an_archive_that_holds_nothing) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/packages");
+  EXPECT_THAT(error_of([&] { load(folder / "valid.3tz"); }),
+              HasSubstr("holds nothing: none of its tiles has a content"));
 }
 
 TEST(ForeignFiles, textures_in_ktx2) {

@@ -201,11 +201,14 @@ std::vector<float> Buffers::floats(std::size_t index, std::size_t components) {
       }
     });
   }
-  if (accessor.sparse) apply_sparse(accessor, out, where);
+  const auto convert = [&](auto value) { return to_float(value, accessor.normalized); };
+  if (accessor.sparse) apply_sparse(accessor, out, convert, where);
   return out;
 }
 
-void Buffers::apply_sparse(const Accessor& accessor, std::vector<float>& values, const std::string& where) {
+template <class Out, class Convert>
+void Buffers::apply_sparse(const Accessor& accessor, std::vector<Out>& values, const Convert& convert,
+                           const std::string& where) {
   const SparseAccessor& sparse = *accessor.sparse;
   if (!is_unsigned(sparse.indices_type)) throw InputError(where, "sparse indices are not unsigned integers");
   const Accessor at{.view = sparse.indices_view,
@@ -230,8 +233,7 @@ void Buffers::apply_sparse(const Accessor& accessor, std::vector<float>& values,
     if (place >= accessor.count) throw InputError(where, "a sparse index lies outside of the accessor");
     with_type(accessor.type, [&]<class T>(T) {
       for (std::size_t c = 0; c < accessor.components; ++c) {
-        values[place * accessor.components + c] =
-            to_float(load<T>(news.data + i * news.stride + c * sizeof(T)), accessor.normalized);
+        values[place * accessor.components + c] = convert(load<T>(news.data + i * news.stride + c * sizeof(T)));
       }
     });
   }
@@ -243,21 +245,23 @@ std::vector<std::uint32_t> Buffers::indices(std::size_t index) {
   if (accessor.components != 1 || !is_unsigned(accessor.type)) {
     throw InputError(where, "is no list of unsigned integers, as indices must be");
   }
-  if (accessor.sparse) throw InputError(where, "sparse indices of triangles are not supported");
   const Elements from = elements(accessor, where);
   std::vector<std::uint32_t> out(accessor.count, 0);
-  if (from.data == nullptr) return out;
-  with_type(accessor.type, [&]<class T>(T) {
-    for (std::size_t i = 0; i < accessor.count; ++i) {
-      out[i] = static_cast<std::uint32_t>(load<T>(from.data + i * from.stride));
-    }
-  });
+  if (from.data != nullptr) {
+    with_type(accessor.type, [&]<class T>(T) {
+      for (std::size_t i = 0; i < accessor.count; ++i) {
+        out[i] = static_cast<std::uint32_t>(load<T>(from.data + i * from.stride));
+      }
+    });
+  }
+  const auto convert = [](auto value) { return static_cast<std::uint32_t>(value); };
+  if (accessor.sparse) apply_sparse(accessor, out, convert, where);
   return out;
 }
 
 std::vector<std::uint32_t> Buffers::ids(std::size_t index) {
   const Accessor& accessor = document_.accessors[index];
-  if (is_unsigned(accessor.type) && accessor.components == 1 && !accessor.sparse) return indices(index);
+  if (is_unsigned(accessor.type) && accessor.components == 1) return indices(index);
   const std::vector<float> values = floats(index, 1);
   std::vector<std::uint32_t> out(values.size());
   std::transform(values.begin(), values.end(), out.begin(), id_from_float);

@@ -29,7 +29,7 @@ class Buffers {
   /// -1..1 (glTF 2.0, section 3.6.2.2), sparse values stand in their places. `components` must be what the accessor
   /// has.
   std::vector<float> floats(std::size_t accessor, std::size_t components);
-  /// An accessor of unsigned integers, one component.
+  /// An accessor of unsigned integers, one component; sparse values stand in their places.
   std::vector<std::uint32_t> indices(std::size_t accessor);
   /// Whole numbers from 0 up, of any type; what is none is kNoFeature.
   std::vector<std::uint32_t> ids(std::size_t accessor);
@@ -42,7 +42,10 @@ class Buffers {
                                    const std::string& where);
   std::vector<std::byte> decompress(const MeshoptView& view, const std::string& where);
   Elements elements(const Accessor& accessor, const std::string& where);
-  void apply_sparse(const Accessor& accessor, std::vector<float>& values, const std::string& where);
+  /// Puts the sparse values in their places; `convert` makes a value of the accessor's type one of the list's.
+  template <class Out, class Convert>
+  void apply_sparse(const Accessor& accessor, std::vector<Out>& values, const Convert& convert,
+                    const std::string& where);
   void spend(std::size_t bytes, const std::string& where);
 
   const Document& document_;

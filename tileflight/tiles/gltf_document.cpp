@@ -284,27 +284,46 @@ class DocumentParser {
     return out;
   }
 
-  /// The first of EXT_mesh_features' sets that belongs to vertices, one with a property table before one without; else
+  /// The first of EXT_mesh_features' sets that belongs to vertices, one with a property table before one without; if
+  /// there is none, the first that stands in a texture; without the extension
   /// the attribute of 1.0's batch ids.
-  static void read_features(Primitive& out, const Json& json, const std::string& where) {
+  void read_features(Primitive& out, const Json& json, const std::string& where) const {
     if (const Json* ext = extension(json, "EXT_mesh_features", where)) {
       const Json* sets = find_array(*ext, "featureIds", where);
+      const std::string here = where + ": EXT_mesh_features";
+      const Json* in_texture = nullptr;
       for (std::size_t i = 0; sets != nullptr && i < sets->size(); ++i) {
-        const std::string here = where + ": EXT_mesh_features";
-        if (find_member((*sets)[i], "texture") != nullptr) {
-          out.features_in_texture = true;
+        const Json& set = (*sets)[i];
+        if (find_member(set, "texture") != nullptr) {
+          if (in_texture == nullptr) in_texture = &set;
           continue;
         }
-        const FeatureIds ids = feature_ids((*sets)[i], here);
+        const FeatureIds ids = feature_ids(set, here);
         if (!out.features || (!out.features->property_table && ids.property_table)) out.features = ids;
       }
-      out.features_in_texture = out.features_in_texture && !out.features;
+      if (!out.features && in_texture != nullptr) out.texture_features = texture_features(*in_texture, here);
       return;
     }
     for (const char* attribute : {"_BATCHID", "BATCHID", "_FEATURE_ID_0"}) {
       const bool there = out.attributes.contains(attribute) || (out.draco && out.draco->attributes.contains(attribute));
       if (there && !out.features) out.features = FeatureIds{attribute, std::nullopt, std::nullopt};
     }
+  }
+
+  TextureFeatureIds texture_features(const Json& json, const std::string& where) const {
+    const Json& texture = *find_object(json, "texture", where);  // the caller has found it
+    TextureFeatureIds out{
+        .texture = texture_reference(texture, where), .channels = {0}, .ids = feature_ids(json, where)};
+    if (const auto channels = find_numbers(texture, "channels", 0, where)) {
+      out.channels.clear();
+      for (const double channel : *channels) {
+        if (channel != 0 && channel != 1 && channel != 2 && channel != 3)
+          throw InputError(where, "has a channel that no texture has");
+        out.channels.push_back(static_cast<std::size_t>(channel));
+      }
+      if (out.channels.size() > 4) throw InputError(where, "has more than four channels");
+    }
+    return out;
   }
 
   static FeatureIds feature_ids(const Json& json, const std::string& where) {

@@ -80,20 +80,6 @@ struct FeatureIds {
   std::optional<std::uint32_t> null_id;       ///< belongs to none
 };
 
-struct Primitive {
-  int mode = 4;  ///< 0 points, 1 to 3 lines, 4 triangles, 5 strip, 6 fan
-  std::map<std::string, std::size_t> attributes;
-  std::optional<std::size_t> indices;
-  std::optional<std::size_t> material;
-  std::optional<DracoPrimitive> draco;
-  std::optional<FeatureIds> features;
-  bool features_in_texture = false;  ///< ids there are only in a texture, which is not read
-};
-
-struct Mesh {
-  std::vector<Primitive> primitives;
-};
-
 /// KHR_texture_transform: uv' = T R S uv.
 struct TextureTransform {
   std::array<double, 2> offset{0, 0};
@@ -105,6 +91,27 @@ struct TextureReference {
   std::size_t texture = 0;
   std::size_t tex_coord = 0;  ///< which TEXCOORD_n
   std::optional<TextureTransform> transform;
+};
+
+/// EXT_mesh_features: ids that stand in a texture's channels.
+struct TextureFeatureIds {
+  TextureReference texture;
+  std::vector<std::size_t> channels = {0};
+  FeatureIds ids;  ///< property table and null id
+};
+
+struct Primitive {
+  int mode = 4;  ///< 0 points, 1 to 3 lines, 4 triangles, 5 strip, 6 fan
+  std::map<std::string, std::size_t> attributes;
+  std::optional<std::size_t> indices;
+  std::optional<std::size_t> material;
+  std::optional<DracoPrimitive> draco;
+  std::optional<FeatureIds> features;
+  std::optional<TextureFeatureIds> texture_features;  ///< only where there are no others
+};
+
+struct Mesh {
+  std::vector<Primitive> primitives;
 };
 
 struct Material {

@@ -97,6 +97,9 @@ Geometry decode_draco(std::span<const std::byte> bytes, const Primitive& primiti
   Geometry out;
   out.positions = read("POSITION", 3);
   if (request.tex_coords) out.tex_coords = read("TEXCOORD_" + std::to_string(request.tex_coord_set), 2);
+  if (request.feature_coord_set) {
+    out.feature_coords = read("TEXCOORD_" + std::to_string(*request.feature_coord_set), 2);
+  }
   out.color_components = color_components(primitive, document);
   out.colors = read("COLOR_0", out.color_components);
   if (!request.feature_attribute.empty()) {

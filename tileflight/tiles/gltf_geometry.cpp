@@ -70,6 +70,10 @@ void read_attributes(Geometry& out, const Primitive& primitive, const Document& 
   }
   const auto* uv = find("TEXCOORD_" + std::to_string(request.tex_coord_set));
   if (uv != nullptr && request.tex_coords && out.tex_coords.empty()) out.tex_coords = buffers.floats(*uv, 2);
+  if (request.feature_coord_set && out.feature_coords.empty()) {
+    const auto* coords = find("TEXCOORD_" + std::to_string(*request.feature_coord_set));
+    if (coords != nullptr) out.feature_coords = buffers.floats(*coords, 2);
+  }
   if (const auto* accessor = find("COLOR_0"); accessor != nullptr && out.colors.empty()) {
     out.color_components = document.accessors[*accessor].components == 3 ? 3 : 4;
     out.colors = buffers.floats(*accessor, out.color_components);
@@ -106,6 +110,7 @@ Geometry read_geometry(const Primitive& primitive, const Document& document, Buf
     }
   }
   check_count(out.tex_coords, 2, out.vertex_count(), "TEXCOORD", name);
+  check_count(out.feature_coords, 2, out.vertex_count(), "TEXCOORD", name);
   if (!out.colors.empty()) check_count(out.colors, out.color_components, out.vertex_count(), "COLOR_0", name);
   if (!out.feature_ids.empty() && out.feature_ids.size() != out.vertex_count()) {
     throw InputError(name, request.feature_attribute + " has not one entry for each vertex");

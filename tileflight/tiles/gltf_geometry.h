@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -19,6 +20,7 @@ struct Geometry {
   std::vector<float> colors;               ///< color_components a vertex, 0..1; empty: none
   std::size_t color_components = 0;        ///< 3 or 4
   std::vector<std::uint32_t> feature_ids;  ///< one a vertex; empty: none
+  std::vector<float> feature_coords;  ///< u v of a feature texture, before any transform; empty: none (or not wanted)
   std::vector<geometry::Triangle> triangles;
   std::vector<std::uint32_t> points;  ///< vertices that stand alone (mode 0)
   std::vector<std::string> warnings;
@@ -29,8 +31,9 @@ struct Geometry {
 /// What is wanted of a primitive beside positions and triangles.
 struct GeometryRequest {
   bool tex_coords = true;
-  std::size_t tex_coord_set = 0;       ///< n of TEXCOORD_n
-  std::string feature_attribute = {};  ///< which carries feature ids; empty: none wanted
+  std::size_t tex_coord_set = 0;                      ///< n of TEXCOORD_n
+  std::string feature_attribute = {};                 ///< which carries feature ids; empty: none wanted
+  std::optional<std::size_t> feature_coord_set = {};  ///< n of the TEXCOORD_n of a feature texture
 };
 
 /// Whether the primitive carries surface (points and lines do not).

@@ -10,6 +10,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiles/gltf_buffers.h"
 #include "tileflight/tiles/gltf_document.h"
+#include "tileflight/tiles/gltf_feature_texture.h"
 #include "tileflight/tiles/gltf_features.h"
 #include "tileflight/tiles/gltf_geometry.h"
 #include "tileflight/tiles/ktx2.h"
@@ -196,11 +197,13 @@ class MeshBuilder {
                                                 : nullptr;
     const gltf::GeometryRequest request{.tex_coords = texture != nullptr,
                                         .tex_coord_set = texture == nullptr ? 0 : texture->tex_coord,
-                                        .feature_attribute = primitive.features ? primitive.features->attribute : ""};
-    const gltf::Geometry geometry = gltf::read_geometry(primitive, document_, buffers_, request, where);
+                                        .feature_attribute = primitive.features ? primitive.features->attribute : "",
+                                        .feature_coord_set = feature_coord_set(primitive)};
+    gltf::Geometry geometry = gltf::read_geometry(primitive, document_, buffers_, request, where);
     for (const std::string& warning : geometry.warnings) warn(warning);
     if (!geometry.points.empty()) return add_points(geometry, material, places, where);
     if (geometry.triangles.empty()) return;
+    if (primitive.texture_features) read_feature_texture(*primitive.texture_features, geometry, where);
     TexturedMesh appearance = appearance_of(geometry, texture, where);
     if (material != nullptr) appearance.base_color = material->base_color;
     add_features(primitive, geometry, appearance);
@@ -214,8 +217,31 @@ class MeshBuilder {
     }
   }
 
+  /// Ids in textures matter where textures are read.
+  std::optional<std::size_t> feature_coord_set(const gltf::Primitive& primitive) const {
+    if (!options_.textures || !primitive.texture_features || !gltf::has_surface(primitive)) return std::nullopt;
+    return primitive.texture_features->texture.tex_coord;
+  }
+
+  void read_feature_texture(const gltf::TextureFeatureIds& features, gltf::Geometry& geometry,
+                            const std::string& where) {
+    if (geometry.feature_coords.empty()) return;
+    if (std::count(features.channels.begin(), features.channels.end(), 3U) > 0) {
+      return warn("feature ids in a texture's fourth channel are not read");
+    }
+    const gltf::Texture& sampled = document_.textures[features.texture.texture];
+    const gltf::FeatureTexture texture{image_of(sampled, where), sampled.wrap_u, sampled.wrap_v, features.channels};
+    if (!texture.image) return;
+    const auto transform = features.texture.transform.value_or(gltf::TextureTransform{});
+    gltf::set_features(texture, texture_coordinates(geometry.feature_coords, transform), geometry);
+  }
+
   void add_features(const gltf::Primitive& primitive, const gltf::Geometry& geometry, TexturedMesh& mesh) {
-    if (primitive.features_in_texture) warn("feature ids in textures are not read");
+    if (primitive.texture_features && !geometry.feature_ids.empty()) {
+      mesh.feature_ids = geometry.feature_ids;
+      replace_null(primitive.texture_features->ids, mesh.feature_ids);
+      mesh.features = table_of(primitive.texture_features->ids);
+    }
     if (!primitive.features) return;
     mesh.feature_ids = geometry.feature_ids;
     if (primitive.features->attribute.empty()) {  // each vertex is a feature of its own

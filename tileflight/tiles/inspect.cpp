@@ -29,6 +29,7 @@ class Inspection {
     out_.generator = root.generator;
     out_.geometric_error_m = root.geometric_error_m;
     describe_place();
+    if (tree_.reading_waits()) read_ahead();
     walk();
     describe_files();
     describe_contents();
@@ -45,6 +46,41 @@ class Inspection {
       T_local_tileset = geometry::LocalFrame(*out_.center).T_local_ecef();
     }
     out_.bounds_local = bounds_local(volume, T_local_tileset);
+  }
+
+  /// Files that the tree goes on in are read level by level, all of a level at once.
+  void read_ahead() {
+    std::set<std::pair<NodeId, std::optional<std::size_t>>> tried;
+    while (true) {
+      std::vector<TilesetTree::Branch> level = unread_branches();
+      std::erase_if(level, [&](const auto& branch) { return !tried.emplace(branch.node, branch.content).second; });
+      if (level.empty()) return;
+      report_progress(progress_, static_cast<std::int64_t>(tried.size()), 0, "reading the tree");
+      tree_.read_branches(level);
+    }
+  }
+
+  std::vector<TilesetTree::Branch> unread_branches() {
+    std::vector<TilesetTree::Branch> unread;
+    std::vector<NodeId> pending = {tree_.root()};
+    const auto go_on = [&](const TilesetTree::Branch& branch) {
+      if (!tree_.is_read(branch)) return unread.push_back(branch);
+      pending.push_back(branch.content ? tree_.external_root(branch.node, *branch.content)
+                                       : tree_.implicit_root(branch.node));
+    };
+    while (!pending.empty()) {
+      const NodeId id = pending.back();
+      pending.pop_back();
+      if (tree_.tile(id).implicit) {
+        go_on({id, std::nullopt});
+        continue;
+      }
+      for (const NodeId child : tree_.children(id)) pending.push_back(child);
+      for (std::size_t content = 0; content < tree_.tile(id).contents.size(); ++content) {
+        if (uri_ending(tree_.tile(id).contents[content].uri) == "json") go_on({id, content});
+      }
+    }
+    return unread;
   }
 
   void walk() {

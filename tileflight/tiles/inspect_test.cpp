@@ -58,6 +58,34 @@ TEST(InspectTileset, counts_what_is_there) {
   EXPECT_EQ(source.reads().count("a.glb"), 0U);
 }
 
+/// A source for which reading means waiting, and what it was told to read.
+class SlowSource : public MemorySource {
+ public:
+  using MemorySource::MemorySource;
+  bool prefetch(const std::vector<std::string>& uris) override {
+    if (!uris.empty()) announced.push_back(uris);
+    return true;
+  }
+  std::vector<std::vector<std::string>> announced;
+};
+
+TEST(InspectTileset, external_tilesets_of_a_level_are_asked_for_together) {
+  const Json volume = box_volume(0, 0, 0, 1, 1, 1);
+  Json root = tile(volume, 8);
+  root["children"] = {tile(volume, 4, "a.json"), tile(volume, 4, "gone.json"), tile(volume, 4, "b.json")};
+  SlowSource source(testing::tileset(root));
+  source.add("a.json", testing::tileset(tile(volume, 2, "c.json")).dump());
+  source.add("b.json", testing::tileset(tile(volume, 2, "d.json")).dump());
+  for (const char* name : {"c.json", "d.json"}) source.add(name, testing::tileset(tile(volume, 1, "e.glb")).dump());
+  const TilesetSummary s = inspect_tileset(source);
+  EXPECT_EQ(s.external_tilesets, 4);
+  EXPECT_EQ(s.tiles, 8);
+  EXPECT_THAT(s.failures, ElementsAre(HasSubstr("gone.json: is missing")));
+  ASSERT_EQ(source.announced.size(), 2U);
+  EXPECT_THAT(source.announced[0], UnorderedElementsAre("a.json", "gone.json", "b.json"));
+  EXPECT_THAT(source.announced[1], UnorderedElementsAre("c.json", "d.json"));
+}
+
 TEST(InspectTileset, machangara) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/machangara_photogrammetry");
   const TilesetSummary s = inspect_tileset(folder.string());
@@ -86,6 +114,19 @@ TEST(InspectTileset, implicit_tiling_is_counted) {
   EXPECT_EQ(s.depth(), 6);
   EXPECT_EQ(s.contents.at("glb"), 32);
   EXPECT_EQ(s.content_files_missing, 0);
+}
+
+TEST(InspectTileset, a_full_quadtree_before_1_1) {
+  TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/FullQuadtree");
+  const TilesetSummary s = inspect_tileset(folder.string());
+  EXPECT_EQ(s.subtrees, 1);
+  ASSERT_EQ(s.depth(), 3);
+  EXPECT_EQ(s.levels[2].tiles, 16);
+  EXPECT_EQ(s.leaves, 16);
+  EXPECT_EQ(s.contents.at("b3dm"), 21);
+  EXPECT_EQ(s.content_files, 21);
+  EXPECT_EQ(s.content_files_missing, 0);
+  EXPECT_EQ(s.levels[2].geometric_error_max_m, 1250);
 }
 
 }  // namespace

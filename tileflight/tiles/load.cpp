@@ -44,6 +44,16 @@ void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out)
   out.failures.push_back(what);
 }
 
+/// Whether no file of the tree that was read names anything to be shown.
+bool holds_nothing(const TilesetTree& tree) {
+  const auto files = tree.files_read();
+  return std::all_of(files.begin(), files.end(), [](const auto& file) {
+    const std::vector<Tile>& tiles = file.second->tiles;
+    return std::all_of(tiles.begin(), tiles.end(),
+                       [](const Tile& tile) { return tile.contents.empty() && !tile.implicit; });
+  });
+}
+
 Wanted wanted(const Placement& placement, const LoadOptions& options) {
   if (!options.flight) return wanted_region(placement.region, placement.T_local_tileset, options.error_m);
   return no_finer_than(wanted_flight(options.flight->eyes, placement.T_local_tileset, options.flight->error_px),
@@ -67,6 +77,7 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   const Placement placement = place(tree, options, name);
   const TileCut cut = select_cut(tree, wanted(placement, options));
   if (cut.contents.empty() && cut.failures.empty()) {
+    if (holds_nothing(tree)) throw InputError(name, "the tileset holds nothing: none of its tiles has a content");
     throw InputError(name, "no tile with content meets the region " + extent_text(placement.region.box()) +
                                "; the tileset spans " + extent_text(tree));
   }

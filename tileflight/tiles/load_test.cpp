@@ -126,7 +126,7 @@ TEST_F(LoadRegion, empty_region_names_the_extent) {
 
 TEST_F(LoadRegion, tileset_without_content_says_so) {
   source_.add("tileset.json", testing::tileset(tile(box_volume(0, 0, 0, 10, 2, 2), 5)).dump());
-  EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("no tile with content meets the region"));
+  EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("the tileset holds nothing"));
 }
 
 TEST_F(LoadRegion, wrong_options_are_told) {

@@ -293,6 +293,7 @@ class SubtreeParser {
     const std::string where = name_ + ": tile " + text_of(coordinates, tiling_.octree);
     if (tile_metadata_) {
       const TileSemantics own = semantics(*tile_metadata_, tile_rank_.of(tiles_, index), "TILE", where);
+      if (own.has_transform) warn(kTransformWarning);
       tile.bounding_volume = with_semantics(tile.bounding_volume, own);
       tile.geometric_error_m = own.geometric_error_m.value_or(tile.geometric_error_m);
       tile.refine = own.refine;

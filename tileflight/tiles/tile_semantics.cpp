@@ -86,6 +86,7 @@ TileSemantics read_semantics(const std::string& prefix, const SemanticValues& va
     out.uri = values.text("CONTENT_URI");
     return out;
   }
+  out.has_transform = values.numbers("TILE_TRANSFORM").has_value();
   out.geometric_error_m = one_number(values, "TILE_GEOMETRIC_ERROR", where);
   if (out.geometric_error_m.value_or(0) < 0) throw InputError(where, "TILE_GEOMETRIC_ERROR is negative");
   if (const auto refine = one_number(values, "TILE_REFINE", where)) {

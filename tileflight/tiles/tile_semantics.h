@@ -20,7 +20,10 @@ struct TileSemantics {
   std::optional<double> geometric_error_m;
   std::optional<Refine> refine;
   std::optional<std::string> uri;  ///< CONTENT_URI
+  bool has_transform = false;      ///< TILE_TRANSFORM, which is not heeded
 };
+
+inline constexpr const char* kTransformWarning = "TILE_TRANSFORM in metadata is not heeded: tiles stand by their JSON";
 
 /// Numbers and text of a value by its semantic; nullopt: there is none.
 struct SemanticValues {

@@ -312,6 +312,7 @@ class TilesetParser {
     const std::shared_ptr<const MetadataSchema> known = schema();
     if (!id || !known || !known->contains(*id)) return;
     const TileSemantics own = semantics(*metadata, known->at(*id), "TILE", where + ": metadata");
+    if (own.has_transform) warn(kTransformWarning);
     tile.bounding_volume = with_semantics(tile.bounding_volume, own);
     tile.geometric_error_m = own.geometric_error_m.value_or(tile.geometric_error_m);
     if (own.refine) tile.refine = own.refine;
