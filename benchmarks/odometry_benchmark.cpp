@@ -1,6 +1,6 @@
 // The odometry over whole sequences: accuracy beside time.
 //
-//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [PART-OF-A-NAME...]
+//   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [--fixed-intrinsics] [PART-OF-A-NAME...]
 //
 // `synthetic` needs no data; the others are read from $TILEFLIGHT_TEST_DATA and left out where they are not there.
 // Processor time is that of all threads, without the decoding of pictures, which has its own column.
@@ -257,7 +257,12 @@ void print_header() {
               "% path", "CPU ms", "decode", "start", "pict", "track", "trace", "keyfr", "fps", "keyf", "MB");
 }
 
-void print(const std::string& name, const Outcome& outcome) {
+void print_intrinsics(const imaging::Camera& camera) {
+  std::visit([](const auto& m) { std::printf("%30s fx %.2f fy %.2f cx %.2f cy %.2f\n", "", m.fx, m.fy, m.cx, m.cy); },
+             camera.model());
+}
+
+void print(const std::string& name, const Outcome& outcome, const odometry::OdometryOptions& options) {
   const auto& r = outcome.result;
   const double frames = std::max<double>(1.0, static_cast<double>(r.frames));
   const auto ms = [frames](double s) { return 1e3 * s / frames; };
@@ -268,6 +273,7 @@ void print(const std::string& name, const Outcome& outcome) {
               ms(outcome.decoding_s), ms(cpu.start), ms(cpu.pictures), ms(cpu.tracking), ms(cpu.tracing),
               ms(cpu.keyframes), frames / r.seconds, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
               r.lost ? r.lost_reason.c_str() : "");
+  if (options.window.refine_intrinsics && r.camera) print_intrinsics(*r.camera);
   std::fflush(stdout);
 }
 
@@ -285,6 +291,8 @@ int main(int argc, char** argv) {
       limit.emplace(tbb::global_control::max_allowed_parallelism, std::stoul(argv[++i]));
     } else if (std::strcmp(argv[i], "--loop-closure") == 0) {
       options.loops.enabled = true;
+    } else if (std::strcmp(argv[i], "--fixed-intrinsics") == 0) {
+      options.window.refine_intrinsics = false;
     } else {
       wanted.emplace_back(argv[i]);
     }
@@ -300,7 +308,7 @@ int main(int argc, char** argv) {
       std::printf("%-30s no data\n", c.name.c_str());
       continue;
     }
-    for (int i = 0; i < runs; ++i) print(c.name, run(*sequence, c.order, options));
+    for (int i = 0; i < runs; ++i) print(c.name, run(*sequence, c.order, options), options);
   }
   return 0;
 }

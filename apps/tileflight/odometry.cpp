@@ -76,6 +76,9 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
       command->add_option("--rectify", options->rectify_fov_deg,
                           "rectify to a pinhole of this horizontal field of view first, degrees; for "
                           "comparison, since the lens itself is used otherwise");
+  command->add_flag("--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
+                    "take focal lengths and principal point as the calibration has them; otherwise they are estimated "
+                    "too, beginning there");
   add_map_filters(*command, *options);
   command->add_flag("--loop-closure", options->settings.loops.enabled,
                     "find places that the flight comes back to and spread the drift (after the last picture)");

@@ -166,7 +166,7 @@ TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
   TinyPlace::write_file(folder_ / "experiment.yaml",
                         simulated_only +
                             "odometry: {mask: mask.png, rectify_fov: 90, colmap: true, debug_pictures: true, "
-                            "min_parallax: 1.5, dense: false, loop_closure: true}\n");
+                            "min_parallax: 1.5, dense: false, loop_closure: true, fixed_intrinsics: true}\n");
   const ProgramResult result = run("out", {"--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const fs::path odometry = folder_ / "out/simulated/odometry";

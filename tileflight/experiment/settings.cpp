@@ -105,6 +105,7 @@ odometry::OdometryOptions read_odometry_options(YamlSection& section) {
     options.map.min_parallax_rad = *deg * kRadiansOfDegree;
   }
   options.loops.enabled = section.boolean("loop_closure").value_or(options.loops.enabled);
+  options.window.refine_intrinsics = !section.boolean("fixed_intrinsics").value_or(!options.window.refine_intrinsics);
   options.map.dense = section.boolean("dense").value_or(options.map.dense);
   options.start.seed = static_cast<std::uint32_t>(at_least(section, "seed", 0, static_cast<int>(options.start.seed)));
   return options;

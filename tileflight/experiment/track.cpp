@@ -184,6 +184,15 @@ json describe_loops(const std::vector<odometry::LoopFound>& found, const std::ve
   return loops;
 }
 
+/// Focal lengths and principal point, pixels.
+json intrinsics_of(const imaging::Camera& camera, bool estimated) {
+  return std::visit(
+      [estimated](const auto& model) {
+        return json{{"fx", model.fx}, {"fy", model.fy}, {"cx", model.cx}, {"cy", model.cy}, {"estimated", estimated}};
+      },
+      camera.model());
+}
+
 json describe(const odometry::OdometryResult& result, const Skipped& skipped, std::vector<std::string> warnings) {
   if (skipped.frames > 0) {
     warnings.push_back(std::to_string(skipped.frames) +
@@ -258,9 +267,11 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
         odometry::run_odometry(as_played(view.calibration, range.reverse), photometric ? &*photometric : nullptr,
                                source_of(frames, range.reverse, view, skipped), options, counted, aids,
                                debug_pictures_into(extras.debug_pictures, frames));
+    imaging::Calibration calibration = view.calibration;
+    if (result.camera) calibration.camera = *result.camera;
     if (extras.colmap) {
       fs::create_directory(temporary / "colmap");
-      dataset::write_colmap(temporary / "colmap", colmap_model(view.calibration.camera, result, frames));
+      dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
     if (range.reverse) {
       restore_times(result.trajectory);
@@ -269,9 +280,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     geometry::write_tum(temporary / "trajectory.txt", result.trajectory);
     geometry::write_tum(temporary / "keyframes.txt", result.keyframes);
     geometry::write_cloud(temporary / "map.ply", result.map);
-    imaging::write_kalibr(temporary / "camera.yaml", view.calibration);
+    imaging::write_kalibr(temporary / "camera.yaml", calibration);
     about = describe(result, skipped, with_notes(data.warnings, data.calibration, view));
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
+    about["intrinsics"] = intrinsics_of(calibration.camera, result.camera && options.window.refine_intrinsics);
     geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");
   });
   return about;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 
 #include "tileflight/odometry/distance_map.h"
@@ -68,30 +69,43 @@ DistanceMap map_of_active_points(const Window& window, const Lens& lens, const s
   return map;
 }
 
+/// What becomes of an immature point.
+enum class Fate : std::uint8_t { kKept, kRemoved, kOutOfView };
+
 /// Indices of a keyframe's immature points that are ready and fall where there is room; ones that are beyond use are
-/// marked.
-std::vector<int> candidates(Window& window, const Lens& lens, const Pair& pair, int host, const TracingOptions& options,
-                            double spacing, DistanceMap& map, std::vector<bool>& remove) {
+/// marked, chosen ones too.
+std::vector<int> candidates(const Window& window, const Lens& lens, const Pair& pair, int host,
+                            const TracingOptions& options, double spacing, DistanceMap& map, std::vector<Fate>& fates) {
   std::vector<int> chosen;
-  std::vector<ImmaturePoint>& points = window.keyframes[host].immature;
+  const std::vector<ImmaturePoint>& points = window.keyframes[host].immature;
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
     const ImmaturePoint& point = points[i];
-    if (point.failures >= kMaxFailures) remove[i] = true;
+    if (point.failures >= kMaxFailures) fates[i] = Fate::kRemoved;
     if (!is_ready(point, options)) {
-      if (point.status == Status::kOutside || window.keyframes[host].to_marginalize) remove[i] = true;
+      if (point.status == Status::kOutside && fates[i] == Fate::kKept) fates[i] = Fate::kOutOfView;
       continue;
     }
     const auto pixel = level1_pixel(lens, pair, point.patch, point.rho());
     if (!pixel || !map.contains(pixel->x(), pixel->y())) {
-      remove[i] = true;
+      fates[i] = Fate::kOutOfView;
       continue;
     }
     // Points that stood out at a coarser scale are fewer and stand for more: they get more room.
     if (map.at(pixel->x(), pixel->y()) < spacing * (1.0 + kScaleRoom * point.scale)) continue;
     map.add(pixel->x(), pixel->y());
+    fates[i] = Fate::kRemoved;
     chosen.push_back(i);
   }
   return chosen;
+}
+
+void sort_by_fate(Keyframe& host, const std::vector<Fate>& fates) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < host.immature.size(); ++i) {
+    if (fates[i] == Fate::kOutOfView) host.out_of_view.push_back(host.immature[i]);
+    if (fates[i] == Fate::kKept) host.immature[kept++] = host.immature[i];
+  }
+  host.immature.resize(kept);
 }
 
 }  // namespace
@@ -182,23 +196,21 @@ int activate_points(Window& window, const Lens& lens, const OdometryOptions& opt
   int activated = 0;
   for (int h = 0; h < newest; ++h) {
     Keyframe& host = window.keyframes[h];
-    std::vector<bool> remove(host.immature.size(), false);
+    std::vector<Fate> fates(host.immature.size(), Fate::kKept);
     const std::vector<int> chosen =
-        candidates(window, lens, pairs[h * window.size() + newest], h, options.tracing, spacing.pixels, map, remove);
+        candidates(window, lens, pairs[h * window.size() + newest], h, options.tracing, spacing.pixels, map, fates);
     std::vector<std::optional<ActivePoint>> results(chosen.size());
     const std::vector<PairTransform> from_host = pairs_from(window, h);
     tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {
       results[i] = try_activation(window, lens, h, from_host, host.immature[chosen[i]], options.window, 1);
     });
     for (std::size_t i = 0; i < chosen.size(); ++i) {
-      remove[chosen[i]] = true;
       if (!results[i]) continue;
       host.points.push_back(std::move(*results[i]));
       ++host.hosted;
       ++activated;
     }
-    std::size_t index = 0;
-    std::erase_if(host.immature, [&](const ImmaturePoint&) { return remove[index++]; });
+    sort_by_fate(host, fates);
   }
   return activated;
 }

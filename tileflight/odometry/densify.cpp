@@ -38,11 +38,17 @@ void describe(const Window& window, int host, ActivePoint& point) {
 
 std::vector<ActivePoint> further_points(const Window& window, const Lens& lens, int host,
                                         const OdometryOptions& options) {
-  const std::vector<ImmaturePoint>& candidates = window.keyframes[host].immature;
+  const Keyframe& keyframe = window.keyframes[host];
+  std::vector<const ImmaturePoint*> candidates;
+  for (const auto* points : {&keyframe.out_of_view, &keyframe.immature}) {
+    for (const ImmaturePoint& point : *points) {
+      if (is_found(point, options.tracing)) candidates.push_back(&point);
+    }
+  }
+  const std::vector<PairTransform> pairs = pairs_from(window, host);
   std::vector<std::optional<ActivePoint>> fitted(candidates.size());
   tbb::parallel_for(std::size_t{0}, candidates.size(), [&](std::size_t i) {
-    if (!is_found(candidates[i], options.tracing)) return;
-    fitted[i] = try_activation(window, lens, host, candidates[i], options.window, options.map.min_observations);
+    fitted[i] = try_activation(window, lens, host, pairs, *candidates[i], options.window, options.map.min_observations);
     if (fitted[i]) describe(window, host, *fitted[i]);
   });
   std::vector<ActivePoint> points;

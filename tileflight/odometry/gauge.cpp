@@ -7,7 +7,7 @@
 namespace tileflight::odometry {
 
 Eigen::MatrixXd gauge_directions(const Window& window) {
-  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(8 * window.size(), 7);
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(window.unknowns(), 7);
   for (int i = 0; i < window.size(); ++i) {
     const SE3& T = window.keyframes[i].T_camera_map_linear;
     // T exp(-e) = exp(-Ad(T) e) T; growing the map by ds moves the translation by t ds.

@@ -7,7 +7,8 @@
 namespace tileflight::odometry {
 
 /// Directions of the window's unknowns that no residual can see: position and rotation of the map frame (6) and its
-/// scale (1), at the linearisation points. 8n x 7; the rows of light are zero.
+/// scale (1), at the linearisation points. As many rows as unknowns, 7 columns; the rows of light and lens are
+/// zero.
 Eigen::MatrixXd gauge_directions(const Window& window);
 
 /// x without its part along the gauge directions.

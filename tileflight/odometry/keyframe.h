@@ -84,6 +84,7 @@ struct Keyframe {
   Eigen::Vector2d light_information = Eigen::Vector2d::Zero();
   bool to_marginalize = false;
   std::vector<ImmaturePoint> immature;
+  std::vector<ImmaturePoint> out_of_view;  ///< left the newest keyframe's view; of no use but for the map
   std::vector<ActivePoint> points;
   std::int64_t hosted = 0;  ///< points it has ever activated
 
@@ -91,14 +92,29 @@ struct Keyframe {
   AffineLight light() const { return {light_linear.a + delta[6], light_linear.b + delta[7]}; }
 };
 
+/// Focal lengths and principal point as unknowns that all keyframes share: value() = linear + delta, with Jacobians at
+/// `linear` (first estimate), as for the poses.
+struct LensEstimate {
+  bool estimated = false;  ///< else there are no such unknowns and value() is zero
+  LensDelta linear = LensDelta::Zero();
+  LensDelta delta = LensDelta::Zero();
+  LensDelta delta_backup = LensDelta::Zero();
+
+  LensDelta value() const { return linear + delta; }
+  int unknowns() const { return estimated ? 4 : 0; }
+};
+
 /// The sliding window. The prior is what marginalised points and keyframes left behind: energy delta^T H delta + 2 b^T
-/// delta over the stacked deltas (8 a keyframe, in the order of `keyframes`), oldest keyframe first.
+/// delta over the stacked deltas (8 a keyframe, in the order of `keyframes`, oldest first; then the lens's, if it is
+/// estimated).
 struct Window {
   std::vector<Keyframe> keyframes;
+  LensEstimate lens;
   Eigen::MatrixXd H_prior;
   Eigen::VectorXd b_prior;
 
   int size() const { return static_cast<int>(keyframes.size()); }
+  int unknowns() const { return 8 * size() + lens.unknowns(); }
 };
 
 /// From host to target with the light between them (section 2.2): gain = e^(a_t - a_h), offset = b_t - gain b_h.

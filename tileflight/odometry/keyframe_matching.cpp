@@ -226,7 +226,7 @@ std::vector<Feature> find_features(const Pyramid& pyramid, const LensPyramid& le
       Feature feature;
       const Vector2f pixel(corner.x, corner.y);
       feature.pixel = (pixel + Vector2f::Constant(0.5F)) * size - Vector2f::Constant(0.5F);
-      feature.ray = lens.rays[l].at(corner.x, corner.y);
+      feature.ray = lens.ray(l, corner.x, corner.y);
       feature.size_px = size;
       const auto plane = tangent_plane(lens.lenses[l], pixel, feature.ray);
       if (!plane || !pattern_fits(level, *plane)) continue;

@@ -38,11 +38,34 @@ Eigen::Vector4d cubic_through(double a, double b, double c, double d) {
   return {b, c - b / 2 - a / 3 - d / 6, (a + c) / 2 - b, (d - a) / 6 + (b - c) / 2};
 }
 
+/// Focal lengths and principal point, pixels of level 0.
+struct Intrinsics {
+  double fx, fy, cx, cy;
+};
+
+Intrinsics intrinsics(const imaging::Camera& camera) {
+  return std::visit(
+      [](const auto& model) {
+        return Intrinsics{model.fx, model.fy, model.cx, model.cy};
+      },
+      camera.model());
+}
+
+Intrinsics changed(const Intrinsics& own, const LensDelta& delta) {
+  return {own.fx * (1.0 + delta[0]), own.fy * (1.0 + delta[1]), own.cx + delta[2] * own.fx, own.cy + delta[3] * own.fy};
+}
+
 }  // namespace
 
+imaging::Camera moved(const imaging::Camera& camera, const LensDelta& delta) {
+  const Intrinsics now = changed(intrinsics(camera), delta);
+  auto model = camera.model();
+  std::visit([&now](auto& m) { m.fx = now.fx, m.fy = now.fy, m.cx = now.cx, m.cy = now.cy; }, model);
+  return imaging::Camera(model, camera.width(), camera.height());
+}
+
 Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
-  std::visit([this](const auto& model) { fx_ = model.fx, fy_ = model.fy, cx_ = model.cx, cy_ = model.cy; },
-             camera.model());
+  set_level(0);
   if (const auto* radtan = std::get_if<imaging::PinholeRadtan>(&camera.model())) {
     radtan_ = radtan->d;
     tangential_ = true;
@@ -83,20 +106,39 @@ std::shared_ptr<const Lens::Table> Lens::radial_table(const imaging::Camera& cam
   return table;
 }
 
+void Lens::set_level(int level) {
+  const Intrinsics now = changed(intrinsics(camera_), delta_);
+  const double scale = std::ldexp(1.0, -level);
+  level_ = level;
+  fx_ = now.fx * scale;
+  fy_ = now.fy * scale;
+  cx_ = (now.cx + 0.5) * scale - 0.5;
+  cy_ = (now.cy + 0.5) * scale - 0.5;
+}
+
 Lens Lens::at_level(int level) const {
   Lens lens = *this;
-  const double scale = std::ldexp(1.0, level_ - level);
-  lens.level_ = level;
-  lens.fx_ = fx_ * scale;
-  lens.fy_ = fy_ * scale;
-  lens.cx_ = (cx_ + 0.5) * scale - 0.5;
-  lens.cy_ = (cy_ + 0.5) * scale - 0.5;
+  lens.set_level(level);
   return lens;
+}
+
+Lens Lens::moved(const LensDelta& delta) const {
+  Lens lens = *this;
+  lens.delta_ = delta;
+  lens.set_level(level_);
+  return lens;
+}
+
+Vec2 Lens::own_pixel(const Vec2& pixel) const {
+  if (!is_moved()) return pixel;
+  const double own_fx = fx_ / (1.0 + delta_[0]), own_fy = fy_ / (1.0 + delta_[1]);
+  return {cx_ - delta_[2] * own_fx + (pixel.x() - cx_) / (1.0 + delta_[0]),
+          cy_ - delta_[3] * own_fy + (pixel.y() - cy_) / (1.0 + delta_[1])};
 }
 
 std::optional<Vec3> Lens::unproject(const Vec2& pixel) const {
   const double scale = std::ldexp(1.0, level_);
-  const auto ray = camera_.unproject((pixel + Vec2::Constant(0.5)) * scale - Vec2::Constant(0.5));
+  const auto ray = camera_.unproject((own_pixel(pixel) + Vec2::Constant(0.5)) * scale - Vec2::Constant(0.5));
   if (!ray || ray->z() < min_cos_) return std::nullopt;
   return ray;
 }

@@ -17,6 +17,14 @@
 
 namespace tileflight::odometry {
 
+/// A change of focal lengths and principal point: fx (1 + d[0]), fy (1 + d[1]), cx + d[2] fx, cy + d[3] fy, with the
+/// camera's own fx, fy, cx, cy on the right. In every model these four only scale and shift what the model has
+/// projected.
+using LensDelta = Eigen::Vector4d;
+
+/// The camera with its focal lengths and principal point changed.
+imaging::Camera moved(const imaging::Camera& camera, const LensDelta& delta);
+
 /// A lens at one pyramid level. Pixel centres at integers; level l's pixel is u_l = (u_0 + 0.5) / 2^l - 0.5.
 class Lens {
  public:
@@ -25,6 +33,9 @@ class Lens {
 
   /// The same lens for the picture halved `level` times.
   Lens at_level(int level) const;
+  /// The same lens with the focal lengths and principal point of its camera changed by `delta` (whatever this one's
+  /// change is).
+  Lens moved(const LensDelta& delta) const;
 
   /// Pixel of the direction X (any length). False outside the model's valid cone; the pixel may lie outside the
   /// picture.
@@ -34,6 +45,12 @@ class Lens {
   template <class T>
   bool project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel,
                Eigen::Matrix<T, 2, 3>& d_pixel_d_X) const;
+  /// Derivative of a projected pixel by the LensDelta.
+  template <class T>
+  Eigen::Matrix<T, 2, 4> pixel_by_delta(const Eigen::Matrix<T, 2, 1>& pixel) const;
+  bool is_moved() const { return !delta_.isZero(0); }
+  /// Where the unchanged lens has, at the same level, what this one has at `pixel`.
+  geometry::Vec2 own_pixel(const geometry::Vec2& pixel) const;
   /// Unit ray of a pixel of this level; nullopt where the model does not hold.
   std::optional<geometry::Vec3> unproject(const geometry::Vec2& pixel) const;
 
@@ -49,13 +66,15 @@ class Lens {
     std::vector<Eigen::Vector4d> cubic_d;
   };
   std::shared_ptr<const Table> radial_table(const imaging::Camera& camera) const;
+  void set_level(int level);
   template <class T>
   void radial(T c, T& g, T& g_prime) const;
   template <class T>
   bool project_radtan(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm, Eigen::Matrix<T, 2, 1>& pixel,
                       Eigen::Matrix<T, 2, 3>* derivative) const;
 
-  imaging::Camera camera_;  ///< of level 0
+  imaging::Camera camera_;  ///< of level 0, as it was given
+  LensDelta delta_ = LensDelta::Zero();
   int level_ = 0;
   double fx_ = 0, fy_ = 0, cx_ = 0, cy_ = 0;
   double min_cos_ = 0;
@@ -64,6 +83,17 @@ class Lens {
   std::array<double, 4> radtan_{};
   std::shared_ptr<const Table> table_;
 };
+
+template <class T>
+inline Eigen::Matrix<T, 2, 4> Lens::pixel_by_delta(const Eigen::Matrix<T, 2, 1>& pixel) const {
+  const T own_fx = T(fx_ / (1.0 + delta_[0])), own_fy = T(fy_ / (1.0 + delta_[1]));
+  Eigen::Matrix<T, 2, 4> derivative = Eigen::Matrix<T, 2, 4>::Zero();
+  derivative(0, 0) = (pixel[0] - T(cx_)) / T(1.0 + delta_[0]);
+  derivative(1, 1) = (pixel[1] - T(cy_)) / T(1.0 + delta_[1]);
+  derivative(0, 2) = own_fx;
+  derivative(1, 3) = own_fy;
+  return derivative;
+}
 
 template <class T>
 inline void Lens::radial(T c, T& g, T& g_prime) const {

@@ -1,5 +1,7 @@
 #include "tileflight/odometry/mapper.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 
 #include "tileflight/odometry/densify.h"
@@ -9,10 +11,24 @@
 #include "tileflight/odometry/tracer.h"
 
 namespace tileflight::odometry {
+namespace {
+
+/// What is known of the lens beforehand, on the scale of the residuals' information. Neighbouring residuals share their
+/// errors (of the lens model, of sampling, of the light), so that many say as much as one.
+LensInformation lens_information(const WindowOptions& options, double residual_variance) {
+  constexpr double kAlike = 25.0;
+  const auto of = [&](double deviation) { return kAlike * residual_variance / (deviation * deviation); };
+  return {of(options.focal_deviation), of(options.aspect_deviation), of(options.principal_point_deviation)};
+}
+
+}  // namespace
 
 WindowResult Mapper::begin(std::vector<Keyframe> keyframes) {
   constexpr int kRounds = 3;
   constexpr int kIterations = 8;
+  if (options_.window.refine_intrinsics) {
+    estimate_lens(window_, lens_information(options_.window, residual_variance_));
+  }
   for (Keyframe& keyframe : keyframes) odometry::add_keyframe(window_, std::move(keyframe));
   spacing_.pixels = 0.5;
   activate_points(window_, lens_.lenses[0], options_, spacing_);
@@ -23,7 +39,9 @@ WindowResult Mapper::begin(std::vector<Keyframe> keyframes) {
       update_energy_threshold(window_, slot);
       relinearize(window_, slot);
     }
+    relinearize_lens(window_);
   }
+  follow_lens();
   remove_bad_residuals(window_);
   update_noise(result);
   return result;
@@ -40,12 +58,19 @@ Keyframe Mapper::make_keyframe(const KeyframeSource& source) {
   keyframe.light_prior = source.light_prior;
   keyframe.light_information = source.light_information;
   const PyramidLevel& level = source.pyramid->levels[0];
+  const Lens lens_linear = lens_.lenses[0].moved(window_.lens.linear);
   for (const SelectedPixel& pixel :
-       select_pixels(*source.pyramid, lens_.rays[0], options_.selection.points_per_keyframe, options_.selection)) {
+       select_pixels(*source.pyramid, lens_.rays[0], options_.selection.points_per_keyframe, options_.selection,
+                     selection_block_px_)) {
     auto patch = make_patch(level, lens_.lenses[0], Eigen::Vector2f(pixel.x, pixel.y), options_.window.gradient_weight);
     if (!patch) continue;
     ImmaturePoint point;
     point.patch = *patch;
+    if (window_.lens.estimated) {
+      const auto ray = lens_linear.unproject(geometry::Vec2(pixel.x, pixel.y));
+      if (!ray) continue;
+      point.patch.ray_linear = ray->cast<float>();
+    }
     point.scale = pixel.scale;
     if (source.image != nullptr) point.color = (*source.image)(pixel.x, pixel.y);
     keyframe.immature.push_back(point);
@@ -69,6 +94,7 @@ WindowResult Mapper::add_keyframe(const KeyframeSource& source) {
   activate_points(window_, lens_.lenses[0], options_, spacing_);
   const WindowResult result = optimize_window(window_, lens_.lenses[0], options_.window, options_.window.iterations);
   relinearize(window_, window_.size() - 1);
+  follow_lens();
   remove_bad_residuals(window_);
   update_noise(result);
   retire();
@@ -82,6 +108,23 @@ void Mapper::observe_in_newest() {
       Observation observation;
       observation.target = newest;
       point.observations.push_back(observation);
+    }
+  }
+}
+
+/// Everything that is drawn from the lens, where the last optimisation moved it by more than nothing in any pixel.
+void Mapper::follow_lens() {
+  constexpr double kNothing_px = 0.01;
+  const LensDelta delta = window_.lens.value();
+  if (!window_.lens.estimated || (delta - followed_).cwiseAbs().maxCoeff() * lens_.lenses[0].focal_px() < kNothing_px) {
+    return;
+  }
+  followed_ = delta;
+  move_lens(lens_, delta);
+  for (Keyframe& keyframe : window_.keyframes) {
+    for (auto* points : {&keyframe.immature, &keyframe.out_of_view}) {
+      tbb::parallel_for(std::size_t{0}, points->size(),
+                        [&](std::size_t i) { set_ray(lens_.lenses[0], (*points)[i].patch); });
     }
   }
 }

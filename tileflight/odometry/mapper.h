@@ -35,7 +35,8 @@ struct KeyframeRecord {
 
 class Mapper {
  public:
-  Mapper(const LensPyramid& lens, const OdometryOptions& options) : lens_(lens), options_(options) {}
+  /// Where the lens is estimated, `lens` is moved with the estimate.
+  Mapper(LensPyramid& lens, const OdometryOptions& options) : lens_(lens), options_(options) {}
 
   /// First keyframes, with poses and immature points that were followed already; activates and optimises them together.
   WindowResult begin(std::vector<Keyframe> keyframes);
@@ -48,6 +49,8 @@ class Mapper {
   WindowResult add_keyframe(const KeyframeSource& source);
 
   const Window& window() const { return window_; }
+  /// How focal lengths and principal point differ from the given ones; zero where they are not estimated.
+  LensDelta lens_delta() const { return window_.lens.value(); }
   const Keyframe& newest() const { return window_.keyframes.back(); }
   /// The window's points as `slot` sees them.
   std::vector<ReferencePoint> points_seen_by(int slot) const;
@@ -59,6 +62,7 @@ class Mapper {
   std::size_t active_points() const;
 
  private:
+  void follow_lens();
   void retire();
   void observe_in_newest();
   void update_noise(const WindowResult& result);
@@ -67,10 +71,12 @@ class Mapper {
   /// What a keyframe that leaves has beside its active points.
   void keep_further_points(int host);
 
-  const LensPyramid& lens_;
+  LensPyramid& lens_;
+  LensDelta followed_ = LensDelta::Zero();  ///< that lens_ has
   const OdometryOptions& options_;
   Window window_;
   ActivationSpacing spacing_;
+  int selection_block_px_ = 0;  ///< of the last keyframe (pixel_selector.h)
   int next_id_ = 0;
   double residual_variance_ = 25.0;
   std::vector<MapPoint> left_;

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cassert>
 #include <utility>
 
 namespace tileflight::odometry {
@@ -12,9 +13,9 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// Residuals as a linear function about the linearisation point: r(0) = r(delta) - J delta.
-void move_to_linearization_point(Linearization& lin, const Vec8& relative_delta) {
+void move_to_linearization_point(Linearization& lin, const Vec8& relative_delta, const LensDelta& lens_delta) {
   const Eigen::Matrix<float, 8, 1> d = relative_delta.cast<float>();
-  const Eigen::Vector2f pixel = lin.pixel_by_pose * d.head<6>();
+  const Eigen::Vector2f pixel = lin.pixel_by_pose * d.head<6>() + lin.pixel_by_lens * lens_delta.cast<float>();
   const Eigen::Vector2f light = d.tail<2>();
   lin.sums.gr -= lin.sums.gg * pixel + lin.sums.gA * light;
   lin.sums.Ar -= lin.sums.gA.transpose() * pixel + lin.sums.AA * light;
@@ -40,7 +41,7 @@ void marginalize_points(Window& window, const std::vector<Pair>& pairs, const st
       const Vec8 relative =
           window.keyframes[observation.target].delta +
           pairs[ref.host * n + observation.target].relative_by_host * window.keyframes[ref.host].delta;
-      move_to_linearization_point(observation.linearization, relative);
+      move_to_linearization_point(observation.linearization, relative, window.lens.delta);
     }
   }
   const NormalEquations system = build_normal_equations(window, pairs, points, 0.0);
@@ -49,9 +50,8 @@ void marginalize_points(Window& window, const std::vector<Pair>& pairs, const st
 }
 
 Prior without_keyframe(const Prior& prior, int slot) {
-  const int n = static_cast<int>(prior.b.size()) / 8;
   std::vector<int> order;
-  for (int i = 0; i < 8 * n; ++i) {
+  for (int i = 0; i < static_cast<int>(prior.b.size()); ++i) {
     if (i / 8 != slot) order.push_back(i);
   }
   std::vector<int> out(8);
@@ -84,10 +84,29 @@ void remove_keyframe(Window& window, int slot) {
   }
 }
 
+void estimate_lens(Window& window, const LensInformation& information) {
+  assert(window.keyframes.empty());
+  window.lens.estimated = true;
+  const LensDelta both = LensDelta(0.5, 0.5, 0.0, 0.0), between = LensDelta(1.0, -1.0, 0.0, 0.0);
+  const double principal_point = information.principal_point;
+  window.H_prior =
+      information.focal_length * both * both.transpose() + information.aspect * between * between.transpose();
+  window.H_prior.diagonal().tail<2>().setConstant(principal_point);
+  window.b_prior = VectorXd::Zero(window.lens.unknowns());
+}
+
 void add_keyframe(Window& window, Keyframe keyframe) {
-  const int n = 8 * window.size();
-  window.H_prior.conservativeResizeLike(MatrixXd::Zero(n + 8, n + 8));
-  window.b_prior.conservativeResizeLike(VectorXd::Zero(n + 8));
+  const int n = 8 * window.size(), lens = window.lens.unknowns();
+  MatrixXd H = MatrixXd::Zero(n + 8 + lens, n + 8 + lens);
+  VectorXd b = VectorXd::Zero(n + 8 + lens);
+  H.topLeftCorner(n, n) = window.H_prior.topLeftCorner(n, n);
+  H.topRightCorner(n, lens) = window.H_prior.topRightCorner(n, lens);
+  H.bottomLeftCorner(lens, n) = window.H_prior.bottomLeftCorner(lens, n);
+  H.bottomRightCorner(lens, lens) = window.H_prior.bottomRightCorner(lens, lens);
+  b.head(n) = window.b_prior.head(n);
+  b.tail(lens) = window.b_prior.tail(lens);
+  window.H_prior = std::move(H);
+  window.b_prior = std::move(b);
   window.H_prior(n + 6, n + 6) = keyframe.light_information[0];
   window.H_prior(n + 7, n + 7) = keyframe.light_information[1];
   window.b_prior[n + 6] = keyframe.light_information[0] * (keyframe.light_linear.a - keyframe.light_prior.a);

@@ -24,6 +24,17 @@ Prior without_keyframe(const Prior& prior, int slot);
 /// down. Its own points must have been marginalised or dropped; what is left of them goes with it.
 void remove_keyframe(Window& window, int slot);
 
+/// How firmly the given lens is known: information on the focal length, on the difference of the two (shares of the
+/// focal length) and on each coordinate of the principal point (in focal lengths).
+struct LensInformation {
+  double focal_length = 0.0;
+  double aspect = 0.0;
+  double principal_point = 0.0;
+};
+
+/// Makes the lens's focal lengths and principal point unknowns of an empty window.
+void estimate_lens(Window& window, const LensInformation& information);
+
 /// Appends a keyframe; the prior grows by its (zero) unknowns and the prior on its light.
 void add_keyframe(Window& window, Keyframe keyframe);
 

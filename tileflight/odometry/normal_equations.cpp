@@ -48,6 +48,43 @@ struct alignas(sizeof(Lanes)) PairSums {
   Lanes b{};
 };
 
+constexpr int kLensUnknowns = 4;
+
+/// Sums of one pair with the lens's unknowns, in the first four lanes of each row.
+struct alignas(sizeof(Lanes)) LensSums {
+  std::array<Lanes, 8> by_relative{};  ///< a row for each relative unknown
+  std::array<Lanes, kLensUnknowns> H{};
+  Lanes b{};
+};
+
+/// Derivatives of a residual's pixel by the lens.
+struct LensLanesOf {
+  Lanes x{}, y{};
+
+  explicit TILEFLIGHT_LANE_INLINE LensLanesOf(const Linearization& lin) {
+    for (int i = 0; i < kLensUnknowns; ++i) {
+      x[i] = lin.pixel_by_lens(0, i);
+      y[i] = lin.pixel_by_lens(1, i);
+    }
+  }
+};
+
+TILEFLIGHT_LANE_INLINE void add_lens(const Linearization& lin, const RelativeLanes& r, const LensLanesOf& lens,
+                                     LensSums& sums) {
+  const Eigen::Matrix2f& gg = lin.sums.gg;
+  const Lanes gradient_x = gg(0, 0) * lens.x + gg(0, 1) * lens.y, gradient_y = gg(0, 1) * lens.x + gg(1, 1) * lens.y;
+  for (int i = 0; i < 6; ++i) sums.by_relative[i] += r.x[i] * gradient_x + r.y[i] * gradient_y;
+  for (int i = 0; i < 2; ++i) sums.by_relative[6 + i] += lin.sums.gA(0, i) * lens.x + lin.sums.gA(1, i) * lens.y;
+  for (int i = 0; i < kLensUnknowns; ++i) sums.H[i] += lens.x[i] * gradient_x + lens.y[i] * gradient_y;
+  sums.b += lin.sums.gr[0] * lens.x + lin.sums.gr[1] * lens.y;
+}
+
+/// Of a residual: what couples the lens with rho.
+TILEFLIGHT_LANE_INLINE void rho_lens_coupling(const Linearization& lin, const LensLanesOf& lens, Lanes& coupling) {
+  const Eigen::Vector2f gg_rho = lin.sums.gg * lin.pixel_by_rho;
+  coupling = gg_rho[0] * lens.x + gg_rho[1] * lens.y;
+}
+
 TILEFLIGHT_LANE_INLINE void add_residual(const Linearization& lin, const RelativeLanes& r, PairSums& sums) {
   const Eigen::Matrix2f& gg = lin.sums.gg;
   for (int i = 0; i < 6; ++i) {
@@ -85,30 +122,39 @@ HostRows host_rows(const Mat8& relative_by_host) {
 /// block and in it).
 struct ChunkSums {
   std::vector<PairSums> pairs;
+  std::vector<LensSums> lens;  ///< by pair; empty where the lens is not estimated
   std::vector<Row> H_schur;
   std::vector<Row> b_schur;
 };
 
-/// Windows are small: a point's coupling with all of it stays on the stack.
-constexpr int kMaxKeyframes = 32;
+/// Windows are small: a point's coupling with all of it (eight numbers for each keyframe, and a last block for the
+/// lens) stays on the stack.
+constexpr int kMaxBlocks = 32;
 
 class Builder {
  public:
   Builder(Window& window, const std::vector<Pair>& pairs, double rho_damping)
-      : window_(window), pairs_(pairs), n_(window.size()), damping_(static_cast<float>(1.0 + rho_damping)) {
-    assert(n_ <= kMaxKeyframes);
+      : window_(window),
+        pairs_(pairs),
+        n_(window.size()),
+        lens_(window.lens.estimated),
+        blocks_(n_ + (lens_ ? 1 : 0)),
+        damping_(static_cast<float>(1.0 + rho_damping)) {
+    assert(blocks_ <= kMaxBlocks);
     for (const Pair& pair : pairs) rows_.push_back(host_rows(pair.relative_by_host));
   }
 
   ChunkSums sum(const std::vector<PointRef>& points, std::size_t begin, std::size_t end) const {
-    const std::size_t n = n_;
-    ChunkSums sums{std::vector<PairSums>(pairs_.size()), std::vector<Row>(8 * n * n), std::vector<Row>(n)};
+    const std::size_t n = blocks_;
+    ChunkSums sums{std::vector<PairSums>(pairs_.size()), std::vector<LensSums>(lens_ ? pairs_.size() : 0),
+                   std::vector<Row>(8 * n * n), std::vector<Row>(n)};
     add_points(points, begin, end, sums);
     return sums;
   }
 
   NormalEquations assemble(const std::vector<ChunkSums>& chunks) const {
-    NormalEquations system{MatrixXd::Zero(8 * n_, 8 * n_), VectorXd::Zero(8 * n_)};
+    const int size = window_.unknowns();
+    NormalEquations system{MatrixXd::Zero(size, size), VectorXd::Zero(size)};
     std::vector<Mat8> H(pairs_.size(), Mat8::Zero());
     std::vector<Vec8> b(pairs_.size(), Vec8::Zero());
     for (const ChunkSums& chunk : chunks) {
@@ -126,14 +172,16 @@ class Builder {
         if (host != target) add_pair(H[host * n_ + target], b[host * n_ + target], host, target, system);
       }
     }
+    if (lens_) add_lens_sums(chunks, system);
     return system;
   }
 
  private:
   void subtract_schur(const ChunkSums& chunk, NormalEquations& system) const {
-    for (int row = 0; row < 8 * n_; ++row) {
-      for (int column = row; column < 8 * n_; ++column) {
-        system.H(row, column) -= chunk.H_schur[static_cast<std::size_t>(row) * n_ + column / 8].lanes[column % 8];
+    const int size = window_.unknowns();
+    for (int row = 0; row < size; ++row) {
+      for (int column = row; column < size; ++column) {
+        system.H(row, column) -= chunk.H_schur[static_cast<std::size_t>(row) * blocks_ + column / 8].lanes[column % 8];
       }
       system.b[row] -= chunk.b_schur[row / 8].lanes[row % 8];
     }
@@ -143,8 +191,8 @@ class Builder {
   void add_points(const std::vector<PointRef>& points, std::size_t begin, std::size_t end, ChunkSums& sums) const {
     for (std::size_t i = begin; i < end; ++i) {
       ActivePoint& point = window_.keyframes[points[i].host].points[points[i].index];
-      std::array<Lanes, kMaxKeyframes> coupling;
-      for (int k = 0; k < n_; ++k) coupling[k] = Lanes{};
+      std::array<Lanes, kMaxBlocks> coupling;
+      for (int k = 0; k < blocks_; ++k) coupling[k] = Lanes{};
       float H_rho_rho = 0, b_rho = 0;
       std::uint32_t touched = 0;
       for (const Observation& observation : point.observations) {
@@ -157,26 +205,34 @@ class Builder {
         rho_coupling(lin, relative, by_rho);
         coupling[observation.target] += by_rho;
         for (int k = 0; k < 8; ++k) coupling[points[i].host] += by_rho[k] * rows_[p].rows[k];
+        if (lens_) {
+          const LensLanesOf lens(lin);
+          add_lens(lin, relative, lens, sums.lens[p]);
+          Lanes lens_by_rho;
+          rho_lens_coupling(lin, lens, lens_by_rho);
+          coupling[n_] += lens_by_rho;
+        }
         H_rho_rho += lin.pixel_by_rho.dot(lin.sums.gg * lin.pixel_by_rho);
         b_rho += lin.pixel_by_rho.dot(lin.sums.gr);
         touched |= (1U << observation.target) | (1U << points[i].host);
       }
       point.information = H_rho_rho;
       if (H_rho_rho < kMinInformation) continue;
+      if (lens_) touched |= 1U << n_;
       eliminate(coupling, touched, 1.0F / (H_rho_rho * damping_), b_rho, sums);
     }
   }
 
-  TILEFLIGHT_LANE_INLINE void eliminate(const std::array<Lanes, kMaxKeyframes>& coupling, std::uint32_t touched,
+  TILEFLIGHT_LANE_INLINE void eliminate(const std::array<Lanes, kMaxBlocks>& coupling, std::uint32_t touched,
                                         float inverse, float b_rho, ChunkSums& sums) const {
-    for (int i = 0; i < n_; ++i) {
+    for (int i = 0; i < blocks_; ++i) {
       if ((touched >> i & 1U) == 0) continue;
       const Lanes scaled = inverse * coupling[i];
       sums.b_schur[i].lanes += scaled * b_rho;
-      for (int j = i; j < n_; ++j) {
+      for (int j = i; j < blocks_; ++j) {
         if ((touched >> j & 1U) == 0) continue;
         for (int k = 0; k < 8; ++k) {
-          sums.H_schur[(8 * static_cast<std::size_t>(i) + k) * n_ + j].lanes += scaled[k] * coupling[j];
+          sums.H_schur[(8 * static_cast<std::size_t>(i) + k) * blocks_ + j].lanes += scaled[k] * coupling[j];
         }
       }
     }
@@ -194,10 +250,38 @@ class Builder {
     system.b.segment<8>(8 * host) += M.transpose() * b;
   }
 
+  void add_lens_sums(const std::vector<ChunkSums>& chunks, NormalEquations& system) const {
+    using Mat4 = Eigen::Matrix4d;
+    const int at = 8 * n_;
+    for (int host = 0; host < n_; ++host) {
+      for (int target = 0; target < n_; ++target) {
+        Eigen::Matrix<double, 8, kLensUnknowns> by_relative = Eigen::Matrix<double, 8, kLensUnknowns>::Zero();
+        Mat4 H = Mat4::Zero();
+        for (const ChunkSums& chunk : chunks) {
+          const LensSums& sums = chunk.lens[host * n_ + target];
+          for (int j = 0; j < kLensUnknowns; ++j) {
+            for (int i = 0; i < 8; ++i) by_relative(i, j) += sums.by_relative[i][j];
+            for (int i = 0; i < kLensUnknowns; ++i) H(i, j) += sums.H[i][j];
+            system.b[at + j] += sums.b[j];
+          }
+        }
+        const Eigen::Matrix<double, 8, kLensUnknowns> by_host =
+            pairs_[host * n_ + target].relative_by_host.transpose() * by_relative;
+        system.H.block<8, kLensUnknowns>(8 * target, at) += by_relative;
+        system.H.block<kLensUnknowns, 8>(at, 8 * target) += by_relative.transpose();
+        system.H.block<8, kLensUnknowns>(8 * host, at) += by_host;
+        system.H.block<kLensUnknowns, 8>(at, 8 * host) += by_host.transpose();
+        system.H.bottomRightCorner<kLensUnknowns, kLensUnknowns>() += H;
+      }
+    }
+  }
+
   Window& window_;
   const std::vector<Pair>& pairs_;
   std::vector<HostRows> rows_;
   int n_;
+  bool lens_;
+  int blocks_;  ///< of eight unknowns: one a keyframe, and the lens's
   float damping_;
 };
 
@@ -272,6 +356,8 @@ void back_substitute(Window& window, const std::vector<Pair>& pairs, const std::
     }
   }
   const auto damping = static_cast<float>(1.0 + rho_damping);
+  Eigen::Vector4f lens_step = Eigen::Vector4f::Zero();
+  if (window.lens.estimated) lens_step = x.tail<kLensUnknowns>().cast<float>();
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kChunk), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
       ActivePoint& point = window.keyframes[points[i].host].points[points[i].index];
@@ -284,6 +370,7 @@ void back_substitute(Window& window, const std::vector<Pair>& pairs, const std::
         H += lin.pixel_by_rho.dot(lin.sums.gg * lin.pixel_by_rho);
         b += lin.pixel_by_rho.dot(lin.sums.gr) +
              lane_sum(coupling * relative_step[points[i].host * n + observation.target].lanes);
+        if (window.lens.estimated) b += (lin.sums.gg * lin.pixel_by_rho).dot(lin.pixel_by_lens * lens_step);
       }
       point.step = H < kMinInformation ? 0.0F : -b / (H * damping);
     }
@@ -291,8 +378,9 @@ void back_substitute(Window& window, const std::vector<Pair>& pairs, const std::
 }
 
 VectorXd stacked_delta(const Window& window) {
-  VectorXd delta(8 * window.size());
+  VectorXd delta(window.unknowns());
   for (int i = 0; i < window.size(); ++i) delta.segment<8>(8 * i) = window.keyframes[i].delta;
+  if (window.lens.estimated) delta.tail<kLensUnknowns>() = window.lens.delta;
   return delta;
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
 // Gauss-Newton system of the window: section 2.3 of the paper. Unknowns: 8 a keyframe (left twist of T_camera_map, a,
-// b), one inverse distance a point. A residual depends on its host and target through their relative pose and light
+// b), four of the lens where it is estimated, one inverse distance a point. A residual depends on its host and target through their relative pose and light
 // only, so that sums are kept by pair and moved to both keyframes' unknowns once:
 //   x_rel = x_target + M x_host,   M = diag(-Ad(T_target_host), -1, -gain).
 
@@ -25,7 +25,7 @@ std::vector<Pair> make_pairs(const Window& window);
 /// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
 Eigen::Matrix<double, 6, 6> adjoint(const SE3& T);
 
-/// H x = -b over the keyframes' unknowns, with the points eliminated (Schur complement).
+/// H x = -b over the keyframes' and the lens's unknowns, with the points eliminated (Schur complement).
 struct NormalEquations {
   Eigen::MatrixXd H;
   Eigen::VectorXd b;
@@ -43,11 +43,11 @@ std::vector<PointRef> all_points(const Window& window);
 NormalEquations build_normal_equations(Window& window, const std::vector<Pair>& pairs,
                                        const std::vector<PointRef>& points, double rho_damping);
 
-/// Steps of the points' inverse distances that belong to the keyframes' step x (into ActivePoint::step).
+/// Steps of the points' inverse distances that belong to the other unknowns' step x (into ActivePoint::step).
 void back_substitute(Window& window, const std::vector<Pair>& pairs, const std::vector<PointRef>& points,
                      const Eigen::VectorXd& x, double rho_damping);
 
-/// Stacked deltas of all keyframes from their linearisation points.
+/// Stacked deltas of all keyframes, and of the lens where it is estimated, from their linearisation points.
 Eigen::VectorXd stacked_delta(const Window& window);
 
 }  // namespace tileflight::odometry

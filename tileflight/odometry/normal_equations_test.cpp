@@ -14,13 +14,12 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-TEST(NormalEquations, SchurSolutionIsTheDenseOne) {
-  Window window = tests::random_window(4, 25, 1);
+void expect_schur_solution_is_the_dense_one(Window window) {
   const auto pairs = make_pairs(window);
   const auto points = all_points(window);
   const NormalEquations dense = tests::dense_equations(window, pairs, points);
   const NormalEquations reduced = build_normal_equations(window, pairs, points, 0.0);
-  const int n = 8 * window.size();
+  const int n = window.unknowns();
   const MatrixXd H_pp = dense.H.bottomRightCorner(points.size(), points.size());
   EXPECT_LT((H_pp - MatrixXd(H_pp.diagonal().asDiagonal())).norm(), 1e-12);
   // The gauge leaves both singular: the same small damping on the keyframes' unknowns makes one solution.
@@ -34,6 +33,14 @@ TEST(NormalEquations, SchurSolutionIsTheDenseOne) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     EXPECT_NEAR(window.keyframes[points[i].host].points[points[i].index].step, x_full[n + static_cast<int>(i)], 1e-4);
   }
+}
+
+TEST(NormalEquations, SchurSolutionIsTheDenseOne) {
+  expect_schur_solution_is_the_dense_one(tests::random_window(4, 25, 1));
+}
+
+TEST(NormalEquations, SchurSolutionIsTheDenseOneWithTheLens) {
+  expect_schur_solution_is_the_dense_one(tests::random_window(4, 25, 1, true));
 }
 
 TEST(NormalEquations, SkipObservationsThatAreNotGood) {
@@ -81,11 +88,10 @@ TEST(Gauge, MovesNoRelativePoseAndProjectsAway) {
   EXPECT_LT(without_gauge(N.col(2) - 2 * N.col(6), N).norm(), 1e-9);
 }
 
-TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblem) {
-  Window window = tests::random_window(4, 20, 5);
+void expect_marginalization_keeps_the_solution(Window window) {
   const auto pairs = make_pairs(window);
   const auto points = all_points(window);
-  const int n = 8 * window.size(), kept = n - 8;
+  const int n = window.unknowns(), kept = n - 8;
   // Full problem: everything, with the light's prior and some damping against the gauge.
   window.H_prior.diagonal().array() += 1.0;
   NormalEquations full = tests::dense_equations(window, pairs, points);
@@ -102,19 +108,30 @@ TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblem) {
   EXPECT_LT((x - x_full.segment(8, kept)).norm(), 1e-4 * x_full.head(n).norm());
 }
 
+TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblem) {
+  expect_marginalization_keeps_the_solution(tests::random_window(4, 20, 5));
+}
+
+TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblemWithTheLens) {
+  expect_marginalization_keeps_the_solution(tests::random_window(4, 20, 5, true));
+}
+
 TEST(Marginalization, LinearisesAboutTheFirstEstimate) {
   // Residuals measured at delta belong to a linear function about zero: the prior must have the same minimum as one
   // made at zero.
-  Window at_zero = tests::random_window(3, 15, 6), moved = at_zero;
+  Window at_zero = tests::random_window(3, 15, 6, true), moved = at_zero;
   const auto pairs = make_pairs(at_zero);
   std::mt19937 random(9);
   for (Keyframe& keyframe : moved.keyframes) keyframe.delta = 0.01 * Vec8::Random();
+  moved.lens.delta = LensDelta(0.01, -0.005, 0.002, 0.008);
   for (int h = 0; h < moved.size(); ++h) {
     for (ActivePoint& point : moved.keyframes[h].points) {
       for (Observation& o : point.observations) {
         const Vec8 d =
             moved.keyframes[o.target].delta + pairs[h * 3 + o.target].relative_by_host * moved.keyframes[h].delta;
-        const Eigen::Vector2f pixel = (o.linearization.pixel_by_pose.cast<double>() * d.head<6>()).cast<float>(),
+        const Eigen::Vector2f pixel = (o.linearization.pixel_by_pose.cast<double>() * d.head<6>() +
+                                       o.linearization.pixel_by_lens.cast<double>() * moved.lens.delta)
+                                          .cast<float>(),
                               light = d.tail<2>().cast<float>();
         PatternSums& s = o.linearization.sums;
         s.gr += s.gg * pixel + s.gA * light;

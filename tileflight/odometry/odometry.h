@@ -77,9 +77,10 @@ struct OdometryResult {
   geometry::PointCloud map;  ///< frame `map`; scalars: inverse_depth_variance, observations, first_frame, last_frame
   std::vector<std::int64_t> keyframe_frames;  ///< InputFrame::index of each of `keyframes`
   std::vector<std::vector<int>>
-      map_keyframes;        ///< of each point of `map`: positions in `keyframes` of its host (first)
-                            ///< and of others in which it was seen well when it left the window
-  std::int64_t frames = 0;  ///< read
+      map_keyframes;                      ///< of each point of `map`: positions in `keyframes` of its host (first)
+                                          ///< and of others in which it was seen well when it left the window
+  std::optional<imaging::Camera> camera;  ///< the given one, or what was estimated of it; none where nothing started
+  std::int64_t frames = 0;                ///< read
   std::int64_t frames_tracked = 0;
   std::vector<LoopFound> loops;  ///< that the poses and the map were corrected by
   std::int64_t recoveries = 0;   ///< times that tracking failed and was found again on an older keyframe

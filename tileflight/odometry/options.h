@@ -50,7 +50,7 @@ struct WindowOptions {
   int min_keyframes = 5;
   int max_keyframes = 7;
   int active_points = 2000;
-  int iterations = 6;             ///< Gauss-Newton steps at a keyframe
+  int iterations = 3;             ///< Gauss-Newton steps at a keyframe
   float huber = 9.0F;             ///< grey values
   float gradient_weight = 50.0F;  ///< c of eq. 7, grey values a pixel
   double keyframe_shift = 0.025;  ///< optical flow, as a share of width + height, that makes a keyframe
@@ -59,6 +59,10 @@ struct WindowOptions {
       0.25;  ///< information of marginalised points is scaled by this (their errors are correlated)
   double min_points_left_share = 0.05;  ///< a keyframe with fewer of its points in the newest one is marginalised
   double light_prior_weight = 1e-1;     ///< information on a keyframe's light offset without a photometric calibration
+  bool refine_intrinsics = true;        ///< focal lengths and principal point are estimated too, from the given ones on
+  double focal_deviation = 0.02;        ///< standard deviation of the given focal length, as a share of it
+  double aspect_deviation = 5e-4;       ///< of fx / fy: pixels are square
+  double principal_point_deviation = 0.0015;  ///< in focal lengths
 };
 
 /// Which points are written to the map (map.h).

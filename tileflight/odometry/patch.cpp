@@ -1,20 +1,30 @@
 #include "tileflight/odometry/patch.h"
 
 namespace tileflight::odometry {
+namespace {
+
+/// Ray and its derivative from the pixel; false, and nothing changed, outside the lens's valid region.
+bool find_ray(const Lens& lens, Patch& patch) {
+  const auto ray = lens.unproject(patch.pixel.cast<double>());
+  if (!ray) return false;
+  Eigen::Matrix<double, 2, 3> J;
+  geometry::Vec2 back;
+  if (!lens.project<double>(*ray, back, J)) return false;
+  patch.ray = ray->cast<float>();
+  // J's null space is the ray, so its pseudo-inverse maps to the tangent plane of the sphere.
+  patch.ray_by_pixel = (J.transpose() * (J * J.transpose()).inverse()).cast<float>();
+  return true;
+}
+
+}  // namespace
 
 std::optional<Patch> make_patch(const PyramidLevel& level, const Lens& lens, const Eigen::Vector2f& pixel,
                                 float gradient_weight) {
   if (!level.inside(pixel.x(), pixel.y(), kPatternReach_px + 1.0F)) return std::nullopt;
-  const auto ray = lens.unproject(pixel.cast<double>());
-  if (!ray) return std::nullopt;
-  Eigen::Matrix<double, 2, 3> J;
-  geometry::Vec2 back;
-  if (!lens.project<double>(*ray, back, J)) return std::nullopt;
   Patch patch;
   patch.pixel = pixel;
-  patch.ray = ray->cast<float>();
-  // J's null space is the ray, so its pseudo-inverse maps to the tangent plane of the sphere.
-  patch.ray_by_pixel = (J.transpose() * (J * J.transpose()).inverse()).cast<float>();
+  if (!find_ray(lens, patch)) return std::nullopt;
+  patch.ray_linear = patch.ray;
   patch.structure.setZero();
   const float c2 = gradient_weight * gradient_weight;
   for (int k = 0; k < kPatternSize; ++k) {
@@ -26,5 +36,7 @@ std::optional<Patch> make_patch(const PyramidLevel& level, const Lens& lens, con
   }
   return patch;
 }
+
+void set_ray(const Lens& lens, Patch& patch) { find_ray(lens, patch); }
 
 }  // namespace tileflight::odometry

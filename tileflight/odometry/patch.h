@@ -30,8 +30,10 @@ inline constexpr Lanes kPatternY{-2, -1, -1, 0, 0, 0, 1, 2};
 static_assert(kPatternSize == kLanes);
 
 struct Patch {
-  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();                               ///< level 0 of the host
-  Eigen::Vector3f ray = Eigen::Vector3f::Zero();                                 ///< unit, host frame
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0 of the host
+  Eigen::Vector3f ray = Eigen::Vector3f::Zero();    ///< unit, host frame
+  Eigen::Vector3f ray_linear =
+      Eigen::Vector3f::Zero();  ///< the same by the lens at its linearisation point (keyframe.h)
   Eigen::Matrix<float, 3, 2> ray_by_pixel = Eigen::Matrix<float, 3, 2>::Zero();  ///< derivative of the ray by the pixel
   std::array<float, kPatternSize> intensity{};                                   ///< host's grey values
   std::array<float, kPatternSize> weight{};                                      ///< c^2 / (c^2 + |grad I|^2), eq. 7
@@ -41,6 +43,10 @@ struct Patch {
 /// The patch around a pixel; nullopt outside the lens's valid region or too near to the edge.
 std::optional<Patch> make_patch(const PyramidLevel& level, const Lens& lens, const Eigen::Vector2f& pixel,
                                 float gradient_weight);
+
+/// Gives the patch the ray and its derivative that the pixel has in a lens whose intrinsics moved; the linearisation
+/// point stays.
+void set_ray(const Lens& lens, Patch& patch);
 
 /// How pixels and grey values of a host appear in a target: I_target = gain * I_host + offset.
 struct PairTransform {

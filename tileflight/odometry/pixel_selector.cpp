@@ -160,7 +160,7 @@ std::vector<SelectedPixel> thinned(const std::vector<SelectedPixel>& pixels, int
 }  // namespace
 
 std::vector<SelectedPixel> select_pixels(const Pyramid& pyramid, const RayTable& rays, int wanted,
-                                         const SelectionOptions& options) {
+                                         const SelectionOptions& options, int& block_px) {
   constexpr std::size_t kScales = 3;
   const PyramidLevel& level = pyramid.levels[0];
   std::vector<GradientMap> scales;
@@ -169,17 +169,19 @@ std::vector<SelectedPixel> select_pixels(const Pyramid& pyramid, const RayTable&
   }
   const Thresholds thresholds = region_thresholds(scales[0], options.min_gradient);
   const Selection selection(scales, rays, thresholds, options.border_px);
-  int block = std::max(3, static_cast<int>(std::sqrt(static_cast<double>(level.width) * level.height / wanted) / 2));
-  std::vector<SelectedPixel> pixels = selection.run(block);
+  if (block_px == 0) {
+    block_px = std::max(3, static_cast<int>(std::sqrt(static_cast<double>(level.width) * level.height / wanted) / 2));
+  }
+  std::vector<SelectedPixel> pixels = selection.run(block_px);
   // The count goes with 1 / block^2 at most: aim a little high and thin out.
   constexpr int kAttempts = 4;
   for (int i = 0; i < kAttempts; ++i) {
     const double ratio = static_cast<double>(pixels.size()) / wanted;
     if (ratio >= 1.0 && ratio <= 1.5) break;
-    const int next = std::clamp(static_cast<int>(std::lround(block * std::sqrt(ratio / 1.2))), 1, 64);
-    if (next == block) break;
-    block = next;
-    pixels = selection.run(block);
+    const int next = std::clamp(static_cast<int>(std::lround(block_px * std::sqrt(ratio / 1.2))), 1, 64);
+    if (next == block_px) break;
+    block_px = next;
+    pixels = selection.run(block_px);
   }
   return thinned(pixels, wanted);
 }

@@ -104,9 +104,15 @@ struct RayTable {
 
 /// The lens at each pyramid level with its rays. Made once a sequence.
 struct LensPyramid {
-  std::vector<Lens> lenses;
-  std::vector<RayTable> rays;
+  std::vector<Lens> lenses;    ///< with what is estimated of focal lengths and principal point
+  std::vector<RayTable> rays;  ///< of the camera as it was given
+
+  /// Unit ray of a pixel by `lenses[level]`; zero where `rays` has none.
+  Eigen::Vector3f ray(std::size_t level, int x, int y) const;
 };
 LensPyramid build_lens_pyramid(const imaging::Camera& camera, int levels);
+
+/// Changes focal lengths and principal point of the camera as it was given (lens.h).
+void move_lens(LensPyramid& lens, const LensDelta& delta);
 
 }  // namespace tileflight::odometry

@@ -36,9 +36,12 @@ inline Linearization random_linearization(std::mt19937& random) {
   return lin;
 }
 
-inline Window random_window(int keyframes, int points_each, std::uint32_t seed) {
+/// `lens`: its intrinsics are unknowns too.
+inline Window random_window(int keyframes, int points_each, std::uint32_t seed, bool lens = false) {
   std::mt19937 random(seed);
+  std::normal_distribution<float> normal(0.0F, 1.0F);
   Window window;
+  if (lens) estimate_lens(window, {1.0, 1.0, 1.0});
   for (int i = 0; i < keyframes; ++i) {
     Keyframe keyframe;
     keyframe.id = i;
@@ -53,6 +56,9 @@ inline Window random_window(int keyframes, int points_each, std::uint32_t seed) 
         Observation observation;
         observation.target = t;
         observation.linearization = random_linearization(random);
+        if (lens) {
+          for (int d = 0; d < 8; ++d) observation.linearization.pixel_by_lens(d % 2, d / 2) = normal(random);
+        }
         point.observations.push_back(observation);
       }
       keyframe.points.push_back(point);
@@ -62,10 +68,10 @@ inline Window random_window(int keyframes, int points_each, std::uint32_t seed) 
   return window;
 }
 
-/// Unknowns: 8 a keyframe, then one a point in the order of `points`. Without the prior.
+/// Unknowns: 8 a keyframe, then the lens's, then one a point in the order of `points`. Without the prior.
 inline NormalEquations dense_equations(const Window& window, const std::vector<Pair>& pairs,
                                        const std::vector<PointRef>& points) {
-  const int n = window.size(), unknowns = 8 * n + static_cast<int>(points.size());
+  const int n = window.size(), unknowns = window.unknowns() + static_cast<int>(points.size());
   NormalEquations dense{Eigen::MatrixXd::Zero(unknowns, unknowns), Eigen::VectorXd::Zero(unknowns)};
   for (std::size_t i = 0; i < points.size(); ++i) {
     for (const Observation& o : window.keyframes[points[i].host].points[points[i].index].observations) {
@@ -77,7 +83,8 @@ inline NormalEquations dense_equations(const Window& window, const std::vector<P
       relative.bottomRightCorner<2, 2>().setIdentity();
       J.middleCols<8>(8 * o.target) = relative;
       J.middleCols<8>(8 * points[i].host) = relative * pairs[points[i].host * n + o.target].relative_by_host;
-      J.block<2, 1>(0, 8 * n + i) = o.linearization.pixel_by_rho.cast<double>();
+      if (window.lens.estimated) J.block<2, 4>(0, 8 * n) = o.linearization.pixel_by_lens.cast<double>();
+      J.block<2, 1>(0, window.unknowns() + i) = o.linearization.pixel_by_rho.cast<double>();
       Eigen::Matrix4d W;
       W << s.gg.cast<double>(), s.gA.cast<double>(), s.gA.transpose().cast<double>(), s.AA.cast<double>();
       Eigen::Vector4d r;

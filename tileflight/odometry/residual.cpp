@@ -7,12 +7,16 @@ namespace {
 
 /// Geometric derivatives at the first estimate; false when it projects outside the lens.
 bool linearize_geometry(const Lens& lens, const Patch& patch, float rho, const ResidualFrame& frame,
-                        Linearization& out) {
-  const Eigen::Vector3f X = frame.R_linear * patch.ray + rho * frame.t_linear;
+                        bool lens_is_estimated, Linearization& out) {
+  const Eigen::Vector3f X = frame.R_linear * patch.ray_linear + rho * frame.t_linear;
   Eigen::Vector2f pixel;
   Eigen::Matrix<float, 2, 3> pixel_by_X;
   if (!lens.project<float>(X, pixel, pixel_by_X)) return false;
   pixel_derivatives<float>(pixel_by_X, X, frame.t_linear, rho, out.pixel_by_pose, out.pixel_by_rho);
+  if (lens_is_estimated) {
+    const Eigen::Matrix2f target_by_host = pixel_by_X * (frame.R_linear * patch.ray_by_pixel);
+    out.pixel_by_lens = pixel_by_lens<float>(lens, pixel, patch.pixel, target_by_host);
+  }
   return true;
 }
 
@@ -37,13 +41,17 @@ TILEFLIGHT_LANE_INLINE void sample_pattern(const PyramidLevel& target, const War
 
 TILEFLIGHT_WIDE_VECTORS
 ResidualValue evaluate_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
-                                const ResidualFrame& frame, float huber, Linearization* linearization) {
+                                const ResidualFrame& frame, float huber, Linearization* linearization,
+                                const Lens* lens_linear) {
   ResidualValue value;
   WarpedPatch warped;
   if (!warp_patch(lens, patch, frame.current.R, frame.current.t, rho, warped) || !pattern_inside(target, warped)) {
     return value;
   }
-  if (linearization != nullptr && !linearize_geometry(lens, patch, rho, frame, *linearization)) return value;
+  if (linearization != nullptr && !linearize_geometry(lens_linear != nullptr ? *lens_linear : lens, patch, rho, frame,
+                                                      lens_linear != nullptr, *linearization)) {
+    return value;
+  }
   PatternLanes lanes;
   sample_pattern(target, warped, lanes);
   Lanes host, weight, robust;

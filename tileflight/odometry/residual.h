@@ -28,6 +28,7 @@ struct Linearization {
   Eigen::Matrix<float, 2, 6> pixel_by_pose =
       Eigen::Matrix<float, 2, 6>::Zero();  ///< left increment of T_target_host (translation, rotation)
   Eigen::Vector2f pixel_by_rho = Eigen::Vector2f::Zero();
+  Eigen::Matrix<float, 2, 4> pixel_by_lens = Eigen::Matrix<float, 2, 4>::Zero();  ///< only where it is estimated
   PatternSums sums;
 };
 
@@ -45,6 +46,14 @@ void pixel_derivatives(const Eigen::Matrix<T, 2, 3>& pixel_by_X, const Eigen::Ma
   pixel_by_rho = pixel_by_X * t;
 }
 
+/// Derivative of the pixel by the LensDelta, which changes where the target shows a direction, and which direction the
+/// host's pixel shows: d(target)/d(lens) - d(target)/d(host's pixel) d(host)/d(lens).
+template <class T>
+Eigen::Matrix<T, 2, 4> pixel_by_lens(const Lens& lens, const Eigen::Matrix<T, 2, 1>& target,
+                                     const Eigen::Matrix<T, 2, 1>& host, const Eigen::Matrix<T, 2, 2>& target_by_host) {
+  return lens.pixel_by_delta<T>(target) - target_by_host * lens.pixel_by_delta<T>(host);
+}
+
 /// What a residual needs to know of the pair: values at the current state, derivatives at the linearisation point.
 struct ResidualFrame {
   PairTransform current;
@@ -60,9 +69,11 @@ struct ResidualValue {
 };
 
 /// Energy at the current state; `linearization` (may be null) gets the derivatives. kOutside where the pattern leaves
-/// the picture; otherwise kGood: the caller judges the energy.
+/// the picture; otherwise kGood: the caller judges the energy. `lens_linear`: the lens at its linearisation point where
+/// it is estimated too, else null.
 ResidualValue evaluate_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
-                                const ResidualFrame& frame, float huber, Linearization* linearization);
+                                const ResidualFrame& frame, float huber, Linearization* linearization,
+                                const Lens* lens_linear = nullptr);
 
 /// The pattern's weighted energy and its first two derivatives by rho only, at the current state (activation).
 struct RhoLinearization {

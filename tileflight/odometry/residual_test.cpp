@@ -54,6 +54,48 @@ TEST(PixelDerivatives, AreTheNumericOnes) {
   }
 }
 
+/// Where a target shows what the host has at a pixel.
+Vec2 target_pixel(const Lens& lens, const SE3& T, const Vec2& host, double rho) {
+  return pixel_of(lens, T, *lens.unproject(host), rho).value();
+}
+
+TEST(PixelDerivatives, ByTheLensAreTheNumericOnes) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  const LensDelta at(0.012, -0.008, 0.004, 0.006);
+  for (const imaging::Camera& camera :
+       {imaging::make_fisheye(1008, 566, 155.0, {-0.04, 0.0005, 0, 0}), imaging::make_fisheye(600, 600, 210.0),
+        imaging::make_pinhole(640, 480, 70.0),
+        imaging::Camera(imaging::PinholeRadtan{180, 181, 141, 98, {-0.2, 0.05, 1e-3, -1e-3}}, 280, 200),
+        imaging::Camera(imaging::Unified{230, 231, 141, 98, 1.1, {-0.05, 0.01, 2e-3, -1e-3}}, 280, 200),
+        imaging::Camera(imaging::ExtendedUnified{120, 120, 139.5, 99.5, 0.6, 1.1}, 280, 200),
+        imaging::Camera(imaging::DoubleSphere{80, 80, 139.5, 79.5, 0.4, 0.62}, 280, 160)}) {
+    const Lens own(camera), lens = own.moved(at);
+    for (int i = 0; i < 100; ++i) {
+      const Vec2 host((0.5 + 0.3 * unit(random)) * camera.width(), (0.5 + 0.3 * unit(random)) * camera.height());
+      const SE3 T =
+          SE3::exp(0.2 * Vec6(unit(random), unit(random), unit(random), unit(random), unit(random), unit(random)));
+      const double rho = 0.6 + 0.5 * unit(random);
+      const Vec2 target = target_pixel(lens, T, host, rho);
+      constexpr double kPixel = 1e-3, kStep = 1e-6;
+      Eigen::Matrix2d by_host;
+      for (int d = 0; d < 2; ++d) {
+        const Vec2 step = kPixel * Vec2::Unit(d);
+        by_host.col(d) =
+            (target_pixel(lens, T, host + step, rho) - target_pixel(lens, T, host - step, rho)) / (2 * kPixel);
+      }
+      const Eigen::Matrix<double, 2, 4> derivative = pixel_by_lens<double>(lens, target, host, by_host);
+      for (int d = 0; d < 4; ++d) {
+        const LensDelta step = kStep * LensDelta::Unit(d);
+        const Vec2 numeric =
+            (target_pixel(own.moved(at + step), T, host, rho) - target_pixel(own.moved(at - step), T, host, rho)) /
+            (2 * kStep);
+        EXPECT_LT((numeric - derivative.col(d)).norm(), 1e-6 * (1.0 + lens.focal_px()));
+      }
+    }
+  }
+}
+
 /// A picture whose grey value is linear in the pixel, so that sampled gradients are exact.
 PyramidLevel ramp(int width, int height, float gx, float gy) {
   imaging::FloatImage image(width, height);

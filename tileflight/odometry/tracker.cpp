@@ -348,7 +348,7 @@ SparseDepth spread(const SparseDepth& depth, bool diagonal) {
   return out;
 }
 
-ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, const RayTable& rays,
+ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, const LensPyramid& lens, std::size_t l,
                          std::int64_t most) {
   constexpr int kBorder = 2;
   ReferenceLevel level;
@@ -358,10 +358,11 @@ ReferenceLevel as_arrays(const SparseDepth& depth, const PyramidLevel& picture, 
   for (int y = kBorder; y < depth.height - kBorder; ++y) {
     for (int x = kBorder; x < depth.width - kBorder; ++x) {
       const std::size_t i = depth.index(x, y);
-      if (depth.weight[i] <= 0 || rays.at(x, y).isZero(0)) continue;
+      if (depth.weight[i] <= 0 || lens.rays[l].at(x, y).isZero(0)) continue;
       ++seen;
       if (seen * kept / filled == (seen - 1) * kept / filled) continue;  // every filled/kept-th
-      level.add(Eigen::Vector2f(x, y), rays.at(x, y), depth.weighted_rho[i] / depth.weight[i], picture.intensity(x, y));
+      level.add(Eigen::Vector2f(x, y), lens.ray(l, x, y), depth.weighted_rho[i] / depth.weight[i],
+                picture.intensity(x, y));
     }
   }
   level.fill_up();
@@ -400,7 +401,7 @@ TrackingReference make_reference(const LensPyramid& lens, const Pyramid& keyfram
   for (std::size_t l = 0; l < keyframe.levels.size(); ++l) {
     if (l > 0) depth = halved(depth);
     reference.levels.push_back(
-        as_arrays(spread(depth, l < 2), keyframe.levels[l], lens.rays[l], kMostPixels[std::min<std::size_t>(l, 2)]));
+        as_arrays(spread(depth, l < 2), keyframe.levels[l], lens, l, kMostPixels[std::min<std::size_t>(l, 2)]));
   }
   return reference;
 }

@@ -37,7 +37,11 @@ class Linearizer {
   Linearizer(Window& window, const Lens& lens, const WindowOptions& options)
       : window_(window), lens_(lens), options_(options) {}
 
-  Energy run(const std::vector<Pair>& pairs, const std::vector<PointRef>& points) const {
+  Energy run(const std::vector<Pair>& pairs, const std::vector<PointRef>& points) {
+    if (window_.lens.estimated) {
+      lens_ = lens_.moved(window_.lens.value());
+      lens_linear_ = lens_.moved(window_.lens.linear);
+    }
     return summed(points, [&](const PointRef& ref, Energy& energy) { linearize_point(ref, pairs, energy); });
   }
 
@@ -75,9 +79,10 @@ class Linearizer {
     ActivePoint& point = host.points[ref.index];
     for (Observation& observation : point.observations) {
       const Keyframe& target = window_.keyframes[observation.target];
-      const ResidualValue value = evaluate_residual(lens_, target.pyramid->levels[0], point.patch, point.rho,
-                                                    pairs[ref.host * window_.size() + observation.target].frame,
-                                                    options_.huber, &observation.linearization);
+      const ResidualValue value =
+          evaluate_residual(lens_, target.pyramid->levels[0], point.patch, point.rho,
+                            pairs[ref.host * window_.size() + observation.target].frame, options_.huber,
+                            &observation.linearization, window_.lens.estimated ? &lens_linear_ : nullptr);
       observation.raw_energy = value.energy;
       judge_observation(host, value.state == ResidualState::kGood, observation, energy);
     }
@@ -96,7 +101,8 @@ class Linearizer {
   }
 
   Window& window_;
-  const Lens& lens_;
+  Lens lens_;
+  Lens lens_linear_;  ///< only where it is estimated
   const WindowOptions& options_;
 };
 
@@ -114,7 +120,17 @@ VectorXd solve(const NormalEquations& system, const Window& window, double lambd
   return scale.asDiagonal() * without_gauge(inverse_scale.asDiagonal() * x, N);
 }
 
+/// Where the lens moved, so did the rays of all pixels.
+void move_rays(Window& window, const Lens& lens, const std::vector<PointRef>& points) {
+  if (!window.lens.estimated) return;
+  const Lens moved = lens.moved(window.lens.value());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    set_ray(moved, window.keyframes[points[i].host].points[points[i].index].patch);
+  });
+}
+
 void back_up(Window& window) {
+  window.lens.delta_backup = window.lens.delta;
   for (Keyframe& keyframe : window.keyframes) {
     keyframe.delta_backup = keyframe.delta;
     for (ActivePoint& point : keyframe.points) point.rho_backup = point.rho;
@@ -122,6 +138,7 @@ void back_up(Window& window) {
 }
 
 void apply_step(Window& window, const VectorXd& x) {
+  if (window.lens.estimated) window.lens.delta = window.lens.delta_backup + x.tail<4>();
   for (int i = 0; i < window.size(); ++i) {
     Keyframe& keyframe = window.keyframes[i];
     keyframe.delta = keyframe.delta_backup + x.segment<8>(8 * i);
@@ -130,16 +147,17 @@ void apply_step(Window& window, const VectorXd& x) {
 }
 
 void restore(Window& window) {
+  window.lens.delta = window.lens.delta_backup;
   for (Keyframe& keyframe : window.keyframes) {
     keyframe.delta = keyframe.delta_backup;
     for (ActivePoint& point : keyframe.points) point.rho = point.rho_backup;
   }
 }
 
-bool is_small(const VectorXd& x, double focal_px) {
+bool is_small(const VectorXd& x, const Window& window, double focal_px) {
   constexpr double kSmallest_px = 0.005;
-  double largest = 0;
-  for (int i = 0; i < x.size() / 8; ++i) largest = std::max(largest, x.segment<6>(8 * i).cwiseAbs().maxCoeff());
+  double largest = window.lens.estimated ? x.tail<4>().cwiseAbs().maxCoeff() : 0.0;
+  for (int i = 0; i < window.size(); ++i) largest = std::max(largest, x.segment<6>(8 * i).cwiseAbs().maxCoeff());
   return largest * focal_px < kSmallest_px;
 }
 
@@ -152,7 +170,7 @@ float angle_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
 WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptions& options, int iterations) {
   constexpr double kSettledShare = 1e-4;  // of the energy: a step that changes less is the last
   const std::vector<PointRef> points = all_points(window);
-  const Linearizer linearizer(window, lens, options);
+  Linearizer linearizer(window, lens, options);
   std::vector<Pair> pairs = make_pairs(window);
   Energy energy = linearizer.run(pairs, points);
   update_energy_threshold(window, window.size() - 1);
@@ -166,6 +184,7 @@ WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptio
     back_substitute(window, pairs, points, x, lambda);
     back_up(window);
     apply_step(window, x);
+    move_rays(window, lens, points);
     pairs = make_pairs(window);
     const Energy after = linearizer.run(pairs, points);
     const bool settled = std::abs(energy.total() - after.total()) < kSettledShare * energy.residuals;
@@ -174,12 +193,13 @@ WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptio
       lambda *= 0.25;
     } else {
       restore(window);
+      move_rays(window, lens, points);
       pairs = make_pairs(window);
       energy = linearizer.run(pairs, points);
       lambda = std::max(lambda, 1e-5) * 100.0;
       if (lambda > 10.0) break;
     }
-    if (settled || is_small(x, lens.focal_px())) break;
+    if (settled || is_small(x, window, lens.focal_px())) break;
   }
   result.good_residuals = energy.good_count;
   result.rmse = energy.good_count > 0 ? std::sqrt(energy.good / (kPatternSize * energy.good_count)) : 0.0;
@@ -192,6 +212,17 @@ void relinearize(Window& window, int slot) {
   keyframe.T_camera_map_linear = keyframe.T_camera_map();
   keyframe.light_linear = keyframe.light();
   keyframe.delta.setZero();
+}
+
+void relinearize_lens(Window& window) {
+  if (!window.lens.estimated) return;
+  window.b_prior += window.H_prior.rightCols<4>() * window.lens.delta;
+  window.lens.linear = window.lens.value();
+  window.lens.delta.setZero();
+  for (Keyframe& keyframe : window.keyframes) {
+    for (ActivePoint& point : keyframe.points) point.patch.ray_linear = point.patch.ray;
+    for (ImmaturePoint& point : keyframe.immature) point.patch.ray_linear = point.patch.ray;
+  }
 }
 
 void remove_bad_residuals(Window& window) {

@@ -14,11 +14,16 @@ struct WindowResult {
 };
 
 /// Gauss-Newton with light damping; a step that does not lower the energy is taken back. Residuals above their
-/// keyframes' threshold count with the threshold and pull at nothing.
+/// keyframes' threshold count with the threshold and pull at nothing. Where the window estimates the lens, `lens` may
+/// be any lens of the camera: the window's own estimate of its intrinsics is taken, and rays of active points follow
+/// it.
 WindowResult optimize_window(Window& window, const Lens& lens, const WindowOptions& options, int iterations);
 
 /// Moves the keyframe's linearisation point to its present value: allowed while the prior holds nothing of its pose.
 void relinearize(Window& window, int slot);
+
+/// The same for the lens, where it is estimated.
+void relinearize_lens(Window& window);
 
 /// After an optimisation: forgets residuals that are not good, updates points' counts, and removes points without any
 /// residual left.
