@@ -180,7 +180,9 @@ std::vector<Case> all_cases() {
   cases.push_back({"seven_scenes_500", rooms, {}});
   cases.push_back({"seven_scenes_500/reversed", rooms, {.reverse = true}});
   cases.push_back({"seven_scenes_500/every2", rooms, {.every = 2}});
-  cases.push_back({"seven_scenes_500/from100", rooms, {.from = 100}});
+  for (const std::size_t from : {5U, 10U, 15U, 20U, 25U, 100U}) {
+    cases.push_back({"seven_scenes_500/from" + std::to_string(from), rooms, {.from = from}});
+  }
   const auto kitti = once([] { return dataset_sequence("sequences/kitti_seq1_51frames"); });
   cases.push_back({"kitti_seq1_51frames", kitti, {}});
   cases.push_back({"kitti_seq1_51frames/reversed", kitti, {.reverse = true}});

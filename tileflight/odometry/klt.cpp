@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
+
+#include "tileflight/odometry/lanes.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -55,84 +58,103 @@ Corner best_corner(const PyramidLevel& level, const RayTable& rays, int x0, int 
   return best;
 }
 
+constexpr int kRows = (kPixels + kLanes - 1) / kLanes;  ///< of lanes
+
+/// A patch's pixels in the order of reading, filled up with zeros to whole lanes.
+using PatchValues = std::array<Lanes, kRows>;
+
+TILEFLIGHT_LANE_INLINE void set(PatchValues& values, int pixel, float value) {
+  values[pixel / kLanes][pixel % kLanes] = value;
+}
+
+/// Makes every pixel's value its distance from their mean; the filling stays zero.
+TILEFLIGHT_LANE_INLINE void centre(PatchValues& values) {
+  constexpr Lanes kLast{1};  // pixels in the last row of lanes
+  static_assert(kPixels % kLanes == 1);
+  Lanes sum{};
+  for (const Lanes& row : values) sum += row;
+  const float mean = lane_sum(sum) / kPixels;
+  for (Lanes& row : values) row -= mean;
+  values.back() *= kLast;
+}
+
+TILEFLIGHT_LANE_INLINE float product(const PatchValues& a, const PatchValues& b) {
+  Lanes sum{};
+  for (int i = 0; i < kRows; ++i) sum += a[i] * b[i];
+  return lane_sum(sum);
+}
+
 /// The patch of one point at one level, with what the alignment needs of it.
 struct Template {
-  std::array<float, kPixels> value;
-  std::array<Vector2f, kPixels> gradient;
+  PatchValues value{};  ///< without their mean
+  PatchValues gradient_x{};
+  PatchValues gradient_y{};
   Matrix2f inverse_normal;
   float deviation = 0;
 };
 
-struct Moments {
-  float mean = 0;
-  float deviation = 0;
-};
-
-Moments moments(const std::array<float, kPixels>& values) {
-  float sum = 0, squares = 0;
-  for (const float v : values) sum += v;
-  const float mean = sum / kPixels;
-  for (const float v : values) squares += (v - mean) * (v - mean);
-  return {mean, std::sqrt(squares / kPixels)};
-}
-
+TILEFLIGHT_WIDE_VECTORS
 bool make_template(const PyramidLevel& level, const Vector2f& center, Template& out) {
   if (!level.inside(center.x(), center.y(), kMargin_px)) return false;
-  Matrix2f normal = Matrix2f::Zero();
   for (int k = 0; k < kPixels; ++k) {
     const Texel t = level.sample(center.x() + static_cast<float>(k % kSide - kRadius),
                                  center.y() + static_cast<float>(k / kSide - kRadius));
-    out.value[k] = t[kIntensity];
-    out.gradient[k] = {t[kGradX], t[kGradY]};
+    set(out.value, k, t[kIntensity]);
+    set(out.gradient_x, k, t[kGradX]);
+    set(out.gradient_y, k, t[kGradY]);
   }
-  const Moments m = moments(out.value);
-  for (int k = 0; k < kPixels; ++k) {
-    out.value[k] -= m.mean;
-    normal += out.gradient[k] * out.gradient[k].transpose();
-  }
-  out.deviation = m.deviation;
-  if (normal.determinant() < 1e-3F * normal.trace() * normal.trace() || m.deviation < 0.5F) return false;
+  centre(out.value);
+  out.deviation = std::sqrt(product(out.value, out.value) / kPixels);
+  const float xx = product(out.gradient_x, out.gradient_x), xy = product(out.gradient_x, out.gradient_y);
+  const float yy = product(out.gradient_y, out.gradient_y);
+  Matrix2f normal;
+  normal << xx, xy, xy, yy;
+  if (normal.determinant() < 1e-3F * normal.trace() * normal.trace() || out.deviation < 0.5F) return false;
   out.inverse_normal = normal.inverse();
   return true;
 }
 
 /// The patch's intensities about a position: one pair of weights for all, since they are whole pixels apart.
-void sample_patch(const PyramidLevel& level, const Vector2f& center, std::array<float, kPixels>& value) {
+TILEFLIGHT_LANE_INLINE void sample_patch(const PyramidLevel& level, const Vector2f& center, PatchValues& out) {
   const int ix = static_cast<int>(center.x()), iy = static_cast<int>(center.y());
   const float dx = center.x() - static_cast<float>(ix), dy = center.y() - static_cast<float>(iy);
+  std::array<float, kRows * kLanes> value{};
   for (int v = 0; v < kSide; ++v) {
     const float* top = level.row(iy + v - kRadius) + ix - kRadius;
     const float* bottom = top + level.width;
-    for (int u = 0; u < kSide; ++u) {
-      const float above = top[u] + dx * (top[u + 1] - top[u]), below = bottom[u] + dx * (bottom[u + 1] - bottom[u]);
-      value[v * kSide + u] = above + dy * (below - above);
+    for (const int u : {0, kSide - kLanes}) {  // the two overlap
+      Lanes a, b, c, d;
+      load_lanes(top + u, a), load_lanes(top + u + 1, b), load_lanes(bottom + u, c), load_lanes(bottom + u + 1, d);
+      const Lanes above = a + dx * (b - a), below = c + dx * (d - c);
+      store_lanes(above + dy * (below - above), value.data() + v * kSide + u);
     }
   }
+  std::memcpy(out.data(), value.data(), sizeof(out));
 }
 
-/// Aligns from `guess`; nullopt when it leaves the picture. `correlation`: normalised, of the last position.
-std::optional<Vector2f> align_patch(const Template& patch, const PyramidLevel& to, Vector2f position,
-                                    float& correlation) {
+/// Aligns from `guess`; false when it leaves the picture. `correlation`: normalised, of the last position.
+TILEFLIGHT_WIDE_VECTORS
+bool align_patch(const Template& patch, const PyramidLevel& to, Vector2f& position, float& correlation) {
   constexpr int kIterations = 15;
-  std::array<float, kPixels> value;
+  PatchValues value;
   for (int i = 0; i < kIterations; ++i) {
-    if (!to.inside(position.x(), position.y(), kMargin_px)) return std::nullopt;
+    if (!to.inside(position.x(), position.y(), kMargin_px)) return false;
     sample_patch(to, position, value);
-    const Moments m = moments(value);
-    const float gain = patch.deviation / std::max(m.deviation, 0.1F);
-    Vector2f b = Vector2f::Zero();
-    float product = 0;
-    for (int k = 0; k < kPixels; ++k) {
-      const float centred = value[k] - m.mean;
-      b += patch.gradient[k] * (centred * gain - patch.value[k]);
-      product += centred * patch.value[k];
+    centre(value);
+    const float deviation = std::max(std::sqrt(product(value, value) / kPixels), 0.1F);
+    const float gain = patch.deviation / deviation;
+    Lanes bx{}, by{};
+    for (int k = 0; k < kRows; ++k) {
+      const Lanes difference = value[k] * gain - patch.value[k];
+      bx += patch.gradient_x[k] * difference;
+      by += patch.gradient_y[k] * difference;
     }
-    correlation = product / (kPixels * std::max(m.deviation, 0.1F) * patch.deviation);
-    const Vector2f step = patch.inverse_normal * b;
+    correlation = product(value, patch.value) / (kPixels * deviation * patch.deviation);
+    const Vector2f step = patch.inverse_normal * Vector2f(lane_sum(bx), lane_sum(by));
     position -= step;
     if (step.squaredNorm() < 1e-4F) break;
   }
-  return position;
+  return true;
 }
 
 float scale_of(int level) { return 1.0F / static_cast<float>(1 << level); }
@@ -153,9 +175,9 @@ std::optional<Vector2f> track_one(const Pyramid& from, const Pyramid& to, const 
     Template patch;
     aligned = false;
     if (!make_template(from.levels[l], at_level(point, l), patch)) continue;
-    const auto found = align_patch(patch, to.levels[l], at_level(position, l), correlation);
-    if (!found) continue;
-    const Vector2f moved = at_level0(*found, l);
+    Vector2f found = at_level(position, l);
+    if (!align_patch(patch, to.levels[l], found, correlation)) continue;
+    const Vector2f moved = at_level0(found, l);
     // A coarse level that fits nothing must not throw the finer ones off.
     if (l > 0 && correlation < 0.5F) continue;
     position = moved;

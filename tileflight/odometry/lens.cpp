@@ -69,6 +69,7 @@ Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
   if (const auto* radtan = std::get_if<imaging::PinholeRadtan>(&camera.model())) {
     radtan_ = radtan->d;
     tangential_ = true;
+    distortionless_ = radtan->d == std::array<double, 4>{};
     min_cos_ = std::max(std::cos(camera.max_theta_rad()), 0.02);
     return;
   }

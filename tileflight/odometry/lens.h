@@ -79,7 +79,8 @@ class Lens {
   double fx_ = 0, fy_ = 0, cx_ = 0, cy_ = 0;
   double min_cos_ = 0;
   bool tangential_ = false;
-  double xi_ = 0;  ///< of the unified model; 0: pinhole
+  bool distortionless_ = false;  ///< a pinhole
+  double xi_ = 0;                ///< of the unified model; 0: pinhole
   std::array<double, 4> radtan_{};
   std::shared_ptr<const Table> table_;
 };
@@ -121,6 +122,14 @@ inline bool Lens::project_radtan(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm
   const T xi = T(xi_);
   const T inverse = T(1) / (X[2] + xi / inverse_norm);
   const T x = X[0] * inverse, y = X[1] * inverse;
+  if (distortionless_) {
+    pixel[0] = T(cx_) + T(fx_) * x;
+    pixel[1] = T(cy_) + T(fy_) * y;
+    if (derivative != nullptr) {
+      *derivative << T(fx_) * inverse, T(0), -T(fx_) * x * inverse, T(0), T(fy_) * inverse, -T(fy_) * y * inverse;
+    }
+    return true;
+  }
   const T k1 = T(radtan_[0]), k2 = T(radtan_[1]), p1 = T(radtan_[2]), p2 = T(radtan_[3]);
   const T r2 = x * x + y * y;
   const T radial_factor = T(1) + r2 * (k1 + r2 * k2);

@@ -16,7 +16,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::size_t kChunk = 32;         ///< points a task; so few that floats may add up
+constexpr std::size_t kChunk = 16;         ///< points a task; so few that floats may add up
 constexpr float kMinInformation = 1e-10F;  ///< of rho: below it a point says nothing
 
 /// Lanes in a std::vector: the compiler's vector type itself is not always allocated as it must be aligned.
@@ -118,11 +118,29 @@ HostRows host_rows(const Mat8& relative_by_host) {
   return out;
 }
 
-/// Sums of some points: by pair, and what their elimination takes away (rows of lanes, n a row; right of the diagonal
-/// block and in it).
+/// Some points of one host, one after the other.
+struct Chunk {
+  int host = 0;
+  std::size_t begin = 0;
+  std::size_t end = 0;
+};
+
+std::vector<Chunk> chunks_of(const std::vector<PointRef>& points) {
+  std::vector<Chunk> chunks;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool fits = !chunks.empty() && chunks.back().host == points[i].host && i - chunks.back().begin < kChunk;
+    if (!fits) chunks.push_back({points[i].host, i, i});
+    chunks.back().end = i + 1;
+  }
+  return chunks;
+}
+
+/// Sums of a chunk: by target, and what its points' elimination takes away (rows of lanes, n a row; right of the
+/// diagonal block and in it).
 struct ChunkSums {
+  int host = 0;
   std::vector<PairSums> pairs;
-  std::vector<LensSums> lens;  ///< by pair; empty where the lens is not estimated
+  std::vector<LensSums> lens;  ///< by target; empty where the lens is not estimated
   std::vector<Row> H_schur;
   std::vector<Row> b_schur;
 };
@@ -144,11 +162,11 @@ class Builder {
     for (const Pair& pair : pairs) rows_.push_back(host_rows(pair.relative_by_host));
   }
 
-  ChunkSums sum(const std::vector<PointRef>& points, std::size_t begin, std::size_t end) const {
+  ChunkSums sum(const std::vector<PointRef>& points, const Chunk& chunk) const {
     const std::size_t n = blocks_;
-    ChunkSums sums{std::vector<PairSums>(pairs_.size()), std::vector<LensSums>(lens_ ? pairs_.size() : 0),
+    ChunkSums sums{chunk.host, std::vector<PairSums>(n_), std::vector<LensSums>(lens_ ? n_ : 0),
                    std::vector<Row>(8 * n * n), std::vector<Row>(n)};
-    add_points(points, begin, end, sums);
+    add_points(points, chunk, sums);
     return sums;
   }
 
@@ -158,10 +176,12 @@ class Builder {
     std::vector<Mat8> H(pairs_.size(), Mat8::Zero());
     std::vector<Vec8> b(pairs_.size(), Vec8::Zero());
     for (const ChunkSums& chunk : chunks) {
-      for (std::size_t p = 0; p < H.size(); ++p) {
+      for (int target = 0; target < n_; ++target) {
+        const PairSums& pair = chunk.pairs[target];
+        const std::size_t p = static_cast<std::size_t>(chunk.host) * n_ + target;
         for (int i = 0; i < 8; ++i) {
-          for (int j = i; j < 8; ++j) H[p](i, j) += chunk.pairs[p].H[i][j];
-          b[p][i] += chunk.pairs[p].b[i];
+          for (int j = i; j < 8; ++j) H[p](i, j) += pair.H[i][j];
+          b[p][i] += pair.b[i];
         }
       }
       subtract_schur(chunk, system);
@@ -188,8 +208,8 @@ class Builder {
   }
 
   TILEFLIGHT_WIDE_VECTORS
-  void add_points(const std::vector<PointRef>& points, std::size_t begin, std::size_t end, ChunkSums& sums) const {
-    for (std::size_t i = begin; i < end; ++i) {
+  void add_points(const std::vector<PointRef>& points, const Chunk& chunk, ChunkSums& sums) const {
+    for (std::size_t i = chunk.begin; i < chunk.end; ++i) {
       ActivePoint& point = window_.keyframes[points[i].host].points[points[i].index];
       std::array<Lanes, kMaxBlocks> coupling;
       for (int k = 0; k < blocks_; ++k) coupling[k] = Lanes{};
@@ -198,23 +218,23 @@ class Builder {
       for (const Observation& observation : point.observations) {
         if (observation.state != ResidualState::kGood) continue;
         const Linearization& lin = observation.linearization;
-        const std::size_t p = static_cast<std::size_t>(points[i].host) * n_ + observation.target;
+        const std::size_t p = static_cast<std::size_t>(chunk.host) * n_ + observation.target;
         const RelativeLanes relative(lin);
-        add_residual(lin, relative, sums.pairs[p]);
+        add_residual(lin, relative, sums.pairs[observation.target]);
         Lanes by_rho;
         rho_coupling(lin, relative, by_rho);
         coupling[observation.target] += by_rho;
-        for (int k = 0; k < 8; ++k) coupling[points[i].host] += by_rho[k] * rows_[p].rows[k];
+        for (int k = 0; k < 8; ++k) coupling[chunk.host] += by_rho[k] * rows_[p].rows[k];
         if (lens_) {
           const LensLanesOf lens(lin);
-          add_lens(lin, relative, lens, sums.lens[p]);
+          add_lens(lin, relative, lens, sums.lens[observation.target]);
           Lanes lens_by_rho;
           rho_lens_coupling(lin, lens, lens_by_rho);
           coupling[n_] += lens_by_rho;
         }
         H_rho_rho += lin.pixel_by_rho.dot(lin.sums.gg * lin.pixel_by_rho);
         b_rho += lin.pixel_by_rho.dot(lin.sums.gr);
-        touched |= (1U << observation.target) | (1U << points[i].host);
+        touched |= (1U << observation.target) | (1U << chunk.host);
       }
       point.information = H_rho_rho;
       if (H_rho_rho < kMinInformation) continue;
@@ -258,7 +278,8 @@ class Builder {
         Eigen::Matrix<double, 8, kLensUnknowns> by_relative = Eigen::Matrix<double, 8, kLensUnknowns>::Zero();
         Mat4 H = Mat4::Zero();
         for (const ChunkSums& chunk : chunks) {
-          const LensSums& sums = chunk.lens[host * n_ + target];
+          if (chunk.host != host) continue;
+          const LensSums& sums = chunk.lens[target];
           for (int j = 0; j < kLensUnknowns; ++j) {
             for (int i = 0; i < 8; ++i) by_relative(i, j) += sums.by_relative[i][j];
             for (int i = 0; i < kLensUnknowns; ++i) H(i, j) += sums.H[i][j];
@@ -336,11 +357,9 @@ std::vector<PointRef> all_points(const Window& window) {
 NormalEquations build_normal_equations(Window& window, const std::vector<Pair>& pairs,
                                        const std::vector<PointRef>& points, double rho_damping) {
   const Builder builder(window, pairs, rho_damping);
-  const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
-  std::vector<ChunkSums> sums(chunks);
-  tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
-    sums[c] = builder.sum(points, c * kChunk, std::min(points.size(), (c + 1) * kChunk));
-  });
+  const std::vector<Chunk> chunks = chunks_of(points);
+  std::vector<ChunkSums> sums(chunks.size());
+  tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t c) { sums[c] = builder.sum(points, chunks[c]); });
   return builder.assemble(sums);
 }
 

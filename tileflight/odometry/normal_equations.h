@@ -1,8 +1,8 @@
 #pragma once
 
 // Gauss-Newton system of the window: section 2.3 of the paper. Unknowns: 8 a keyframe (left twist of T_camera_map, a,
-// b), four of the lens where it is estimated, one inverse distance a point. A residual depends on its host and target through their relative pose and light
-// only, so that sums are kept by pair and moved to both keyframes' unknowns once:
+// b), four of the lens where it is estimated, one inverse distance a point. A residual depends on its host and target
+// through their relative pose and light only, so that sums are kept by pair and moved to both keyframes' unknowns once:
 //   x_rel = x_target + M x_host,   M = diag(-Ad(T_target_host), -1, -gain).
 
 #include <vector>

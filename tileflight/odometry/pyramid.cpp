@@ -5,8 +5,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <utility>
+
+#include "tileflight/odometry/lanes.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -23,16 +28,54 @@ void for_rows(int height, const Row& row) {
   });
 }
 
+/// Means of 2x2 pixels, `width` of them.
+TILEFLIGHT_WIDE_VECTORS
+void halve_rows(const float* top, const float* bottom, int width, float* out) {
+  int x = 0;
+  for (; x + kLanes <= width; x += kLanes) {
+    Lanes a, b, c, d;
+    load_lanes(top + 2 * x, a), load_lanes(top + 2 * x + kLanes, b);
+    load_lanes(bottom + 2 * x, c), load_lanes(bottom + 2 * x + kLanes, d);
+    const Lanes sum = ((__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14) +
+                        __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15)) +
+                       __builtin_shufflevector(c, d, 0, 2, 4, 6, 8, 10, 12, 14)) +
+                      __builtin_shufflevector(c, d, 1, 3, 5, 7, 9, 11, 13, 15);
+    store_lanes(0.25F * sum, out + x);
+  }
+  for (; x < width; ++x) out[x] = 0.25F * (top[2 * x] + top[2 * x + 1] + bottom[2 * x] + bottom[2 * x + 1]);
+}
+
+/// Luma of Rec. 601 of a row, not rounded.
+static_assert(std::endian::native == std::endian::little, "luma_row takes pixels' bytes out of words");
+TILEFLIGHT_WIDE_VECTORS
+void luma_row(const imaging::Rgb8* in, int width, float* out) {
+  constexpr float kRed = 0.299F, kGreen = 0.587F, kBlue = 0.114F;
+  int x = 0;
+  for (; x + kLanes < width; x += kLanes) {  // the last pixel's word reaches into the next pixel
+    LaneMask words;
+    for (int i = 0; i < kLanes; ++i) {
+      std::int32_t word;
+      std::memcpy(&word, in + x + i, sizeof(word));
+      words[i] = word;
+    }
+    const Lanes r = __builtin_convertvector(words & 0xff, Lanes);
+    const Lanes g = __builtin_convertvector(words >> 8 & 0xff, Lanes);
+    const Lanes b = __builtin_convertvector(words >> 16 & 0xff, Lanes);
+    store_lanes(kRed * r + kGreen * g + kBlue * b, out + x);
+  }
+  for (; x < width; ++x) {
+    out[x] = kRed * static_cast<float>(in[x][0]) + kGreen * static_cast<float>(in[x][1]) +
+             kBlue * static_cast<float>(in[x][2]);
+  }
+}
+
 PyramidLevel halved(const PyramidLevel& level) {
   PyramidLevel half{level.width / 2, level.height / 2, {}};
   half.grey.resize(static_cast<std::size_t>(half.width) * half.height + PyramidLevel::kPadding);
   for_rows(half.height, [&](int y) {
     const float* top = level.row(2 * y);
     const float* bottom = level.row(2 * y + 1);
-    float* out = half.row(y);
-    for (int x = 0; x < half.width; ++x) {
-      out[x] = 0.25F * (top[2 * x] + top[2 * x + 1] + bottom[2 * x] + bottom[2 * x + 1]);
-    }
+    halve_rows(top, bottom, half.width, half.row(y));
   });
   return half;
 }
@@ -78,12 +121,8 @@ FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricC
   out.pixels.reserve(image.pixels.size() + PyramidLevel::kPadding);  // a pyramid takes it over without a copy
   out.pixels.resize(image.pixels.size());
   for_rows(image.height, [&](int y) {
-    const imaging::Rgb8* in = image.row(y);
     float* to = out.row(y);
-    for (int x = 0; x < image.width; ++x) {
-      to[x] = 0.299F * static_cast<float>(in[x][0]) + 0.587F * static_cast<float>(in[x][1]) +
-              0.114F * static_cast<float>(in[x][2]);
-    }
+    luma_row(image.row(y), image.width, to);
     if (photometric == nullptr) return;
     for (int x = 0; x < image.width; ++x) to[x] = irradiance(photometric->inverse_response, to[x]);
     if (photometric->vignette.empty()) return;

@@ -136,10 +136,15 @@ Match best_step(const Search& search, const Interval& interval) {
   const float step = (interval.phi_max - interval.phi_min) / static_cast<float>(steps - 1);
   std::array<float, kMaxSteps> energies;
   int best = -1;
+  // The direction turns by the same angle at each step, and what is across it as well.
+  const float cosine = std::cos(step), sine = std::sin(step);
+  Vector3f direction = search.curve.direction(interval.phi_min), across = search.curve.tangent(interval.phi_min);
   for (int i = 0; i < steps; ++i) {
     Vector2f pixel;
-    const float phi = interval.phi_min + static_cast<float>(i) * step;
-    const bool usable = search.lens.project<float>(search.curve.direction(phi), pixel) && search.inside(pixel);
+    const bool usable = search.lens.project<float>(direction, pixel) && search.inside(pixel);
+    const Vector3f next = cosine * direction + sine * across;
+    across = cosine * across - sine * direction;
+    direction = next;
     energies[i] = usable ? search.energy(pixel) : std::numeric_limits<float>::infinity();
     if (usable && (best < 0 || energies[i] < energies[best])) best = i;
   }
