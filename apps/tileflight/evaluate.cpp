@@ -31,8 +31,12 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
       std::ostringstream text;
       text << options->out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
            << m["map"]["cutoff"] << " m of a voxel centre, mean " << m["map"]["mean"] << " m, std " << m["map"]["std"]
-           << " m (floor " << m["map"]["quantization_floor"]["mean"] << "); to the surface: median "
-           << m["surface"]["median"] << " m\n";
+           << " m (floor " << m["map"]["quantization_floor"]["mean"] << "); ";
+      if (m["surface"].is_null()) {
+        text << "the truth is of points alone and has no surface to measure to\n";
+      } else {
+        text << "to the surface: median " << m["surface"]["median"] << " m\n";
+      }
       if (!m["trajectory"].is_null())
         text << "ATE RMSE " << m["trajectory"]["ate_rmse"] << " m over " << m["trajectory"]["path_length"] << " m\n";
       return {m, text.str()};

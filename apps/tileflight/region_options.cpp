@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "tileflight/experiment/region_file.h"
+#include "tileflight/tiles/region_file.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::app {
@@ -31,7 +31,10 @@ void add_region_options(CLI::App& command, RegionOptions& options) {
                     ->expected(3)
                     ->excludes(center);
   command.add_option("--size", options.size, "EAST,NORTH,UP of the region, metres")->delimiter(',')->expected(3);
-  command.add_option("--region", options.region_file, "GeoJSON file whose area is the region")
+  command
+      .add_option("--region", options.region_files,
+                  "GeoJSON file whose polygons are the region (repeated: all of them together)")
+      ->allow_extra_args(false)
       ->excludes(center)
       ->excludes(local);
   command
@@ -48,7 +51,7 @@ tiles::LoadOptions load_options(const RegionOptions& options) {
   tiles::LoadOptions load;
   load.error_m = options.error_m;
   load.allow_incomplete = options.allow_incomplete;
-  if (!options.region_file.empty()) experiment::set_region_from_geojson(options.region_file, load);
+  tiles::set_region_from_geojson({options.region_files.begin(), options.region_files.end()}, load);
   if (!options.center.empty()) load.center = geodetic(options.center);
   if (!options.center_local.empty()) load.center_local = vec3(options.center_local);
   if (!options.size.empty()) load.size = vec3(options.size);

@@ -10,11 +10,11 @@ namespace tileflight::app {
 
 /// REGION of the contract as command line options.
 struct RegionOptions {
-  std::vector<double> center;        ///< lat, lon[, height]
-  std::vector<double> center_local;  ///< x, y, z
-  std::vector<double> size;          ///< east, north, up
-  std::vector<double> origin;        ///< lat, lon, height
-  std::string region_file;           ///< GeoJSON
+  std::vector<double> center;             ///< lat, lon[, height]
+  std::vector<double> center_local;       ///< x, y, z
+  std::vector<double> size;               ///< east, north, up
+  std::vector<double> origin;             ///< lat, lon, height
+  std::vector<std::string> region_files;  ///< GeoJSON
   double error_m = 0.0;
   bool allow_incomplete = false;
 };

@@ -131,12 +131,14 @@ struct Given {
 /// Which of the region's occupied cells each content touches.
 class CellsFound {
  public:
-  CellsFound(const Contents& contents, const ContentIds& region_cut, const geometry::Box3& box, double edge_m)
+  CellsFound(const Contents& contents, const ContentIds& region_cut, const tiles::Region& region, double edge_m)
       : cells_of_(contents.size()) {
     const auto cells = [&](std::uint32_t id) {
       const geometry::TriangleMesh mesh = scene::merged(contents.content(id).meshes);
-      return mesh.triangles.empty() ? std::vector<geometry::Cell>{}
-                                    : ground_truth::voxelize(mesh, box, edge_m).occupied;
+      if (mesh.triangles.empty()) return std::vector<geometry::Cell>{};
+      geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region.box(), edge_m);
+      std::erase_if(grid.occupied, [&](const geometry::Cell& cell) { return is_outside(region, grid.center(cell)); });
+      return std::move(grid.occupied);
     };
     for (const std::uint32_t id : region_cut) {
       const std::vector<geometry::Cell> found = cells(id);
@@ -164,6 +166,11 @@ class CellsFound {
   }
 
  private:
+  static bool is_outside(const tiles::Region& region, const geometry::Vec3& center) {
+    return !region.parts.empty() &&
+           std::ranges::none_of(region.parts, [&](const auto& part) { return contains(part, center); });
+  }
+
   std::vector<geometry::Cell> truth_;
   std::vector<std::vector<std::uint32_t>> cells_of_;
 };
@@ -382,7 +389,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   contents.read(*source, tree, placement.T_local_tileset, settings.load.allow_incomplete, progress);
   require_surface(contents.meshes(truth), contents.has_points(truth), name);
   count(all, watch, contents, truth, tree, settings, progress);
-  const CellsFound cells(contents, all.back().tiles.front(), placement.region.box(), settings.voxel_m);
+  const CellsFound cells(contents, all.back().tiles.front(), placement.region, settings.voxel_m);
   for (Given& given : all) {
     for (const ContentIds& ids : given.tiles) given.cells_share = std::max(given.cells_share, cells.share(ids));
   }

@@ -26,6 +26,20 @@ json frame_json(const std::optional<geometry::LocalFrame>& frame) {
       {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
 }
 
+/// Rings in metres of the local frame, where polygons bound the region.
+json region_json(const tiles::Region& region) {
+  json out = {{"center", to_json(region.center)}, {"size", to_json(region.size)}};
+  for (const geometry::Prism& part : region.parts) {
+    json rings = json::array();
+    for (const geometry::Ring& ring : part.base.rings()) {
+      rings.push_back(json::array());
+      for (const Eigen::Vector2d& corner : ring) rings.back().push_back({corner.x(), corner.y()});
+    }
+    out["polygons"].push_back({{"rings", rings}, {"bottom", part.bottom_m}, {"top", part.top_m}});
+  }
+  return out;
+}
+
 json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
               const ground_truth::ExtractResult& truth) {
   return {
@@ -46,7 +60,7 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
       {"voxel_dims", truth.voxels.dims},
       {"voxels_occupied", truth.voxels.occupied.size()},
       {"surface_points", truth.surface_points},
-      {"region", {{"center", to_json(loaded.region.center)}, {"size", to_json(loaded.region.size)}}},
+      {"region", region_json(loaded.region)},
       {"frame", frame_json(loaded.local_frame)},
       {"attribution", loaded.attribution},
       {"terms", {{"provider", loaded.terms.provider}, {"url", loaded.terms.url}}},
@@ -70,7 +84,8 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
   geometry::write_folder(folder, replace, [&](const std::filesystem::path& temporary) {
     const auto truth_start = std::chrono::steady_clock::now();
     const ground_truth::ExtractResult truth = ground_truth::write_ground_truth(
-        loaded.meshes, loaded.region.box(), {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2},
+        loaded.meshes, loaded.region.box(),
+        {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2, .within = loaded.region.parts},
         temporary, progress, loaded.clouds);
     result = describe(settings, loaded, truth);
     result["seconds"] = {

@@ -14,6 +14,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/prism.h"
 #include "tileflight/ground_truth/extract.h"
 #include "tileflight/ground_truth/surface_samples.h"
 #include "tileflight/imaging/camera.h"
@@ -34,12 +35,44 @@ geometry::PointCloud read_map(const fs::path& map) {
   return cloud;
 }
 
-geometry::Box3 region_box(const json& extract_json) {
-  const std::vector<double> center = extract_json.at("region").at("center");
-  const std::vector<double> size = extract_json.at("region").at("size");
+/// What the truth is of: a box, or the polygons in it.
+struct TrueRegion {
+  geometry::Box3 box;
+  std::vector<geometry::PolygonArea> polygons;
+
+  bool is_over_or_under(const geometry::Vec3& p) const {
+    const auto beside = [&](int axis) { return p[axis] < box.min()[axis] || p[axis] > box.max()[axis]; };
+    if (beside(0) || beside(1)) return false;
+    return polygons.empty() ||
+           std::ranges::any_of(polygons, [&](const auto& polygon) { return polygon.contains(p.head<2>()); });
+  }
+};
+
+geometry::PolygonArea polygon_of(const json& polygon) {
+  std::vector<geometry::Ring> rings;
+  for (const json& ring : polygon.at("rings")) {
+    rings.emplace_back();
+    for (const json& corner : ring) rings.back().emplace_back(corner.at(0).get<double>(), corner.at(1).get<double>());
+  }
+  return geometry::PolygonArea(std::move(rings));
+}
+
+TrueRegion region_of(const json& extract_json) {
+  const json& region = extract_json.at("region");
+  const std::vector<double> center = region.at("center");
+  const std::vector<double> size = region.at("size");
   const geometry::Vec3 c(center[0], center[1], center[2]);
   const geometry::Vec3 half = 0.5 * geometry::Vec3(size[0], size[1], size[2]);
-  return {c - half, c + half};
+  TrueRegion out{{c - half, c + half}, {}};
+  for (const json& polygon : region.value("polygons", json::array())) out.polygons.push_back(polygon_of(polygon));
+  return out;
+}
+
+/// Points over the scored region; what lies beside it has no truth to be measured against.
+geometry::PointCloud over_region(const geometry::PointCloud& cloud, const TrueRegion& region) {
+  std::vector<bool> keep(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) keep[i] = region.is_over_or_under(cloud.positions[i]);
+  return geometry::filtered(cloud, keep);
 }
 
 geometry::Trajectory thinned(const geometry::Trajectory& trajectory) {
@@ -59,24 +92,14 @@ geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_l
 /// Even samples of the true surface that the flight's camera saw; all of them where it is not known where or what the
 /// camera was.
 geometry::PointCloud seen_samples(const MapInputs& map, const ground_truth::GroundTruth& truth,
-                                  const geometry::Box3& box, const geometry::Sim3& T_local_map, double per_m2) {
-  const geometry::PointCloud samples = ground_truth::sample_surface(truth.mesh, box, per_m2);
+                                  const TrueRegion& region, const geometry::Sim3& T_local_map, double per_m2) {
+  const geometry::PointCloud samples =
+      over_region(ground_truth::sample_surface(truth.mesh, region.box, per_m2), region);
   const geometry::Trajectory poses = thinned(local_poses(map, T_local_map));
   if (map.camera.empty() || poses.empty()) return samples;
   const scene::Scene scene({imaging::TexturedMesh{.mesh = truth.mesh}});
   const imaging::Camera camera = imaging::read_calibration(map.camera).camera;
   return geometry::filtered(samples, ground_truth::seen_by_camera(scene, samples, poses, camera));
-}
-
-/// Points over the scored region; what lies beside it has no truth to be measured against.
-geometry::PointCloud over_region(const geometry::PointCloud& cloud, const geometry::Box3& box) {
-  std::vector<bool> keep(cloud.size());
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const geometry::Vec3& p = cloud.positions[i];
-    keep[i] = (p.head<2>().array() >= box.min().head<2>().array()).all() &&
-              (p.head<2>().array() <= box.max().head<2>().array()).all();
-  }
-  return geometry::filtered(cloud, keep);
 }
 
 /// What a map is aligned to, held together with what it points into.
@@ -110,9 +133,9 @@ Target read_target(const fs::path& path) {
   ground_truth::GroundTruth truth = ground_truth::read_ground_truth(path);
   target.cloud = std::move(truth.voxel_centers);
   target.mesh = std::move(truth.mesh);
-  target.index.emplace(target.mesh);
+  if (!target.mesh.triangles.empty()) target.index.emplace(target.mesh);
   target.origin = origin_of(about);
-  target.regions = {column(region_box(about))};
+  target.regions = {column(region_of(about).box)};
   return target;
 }
 
@@ -218,9 +241,8 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
       geometry::transformed(alignment::read_transform(transform_file).T_target_source, cloud);
   const geometry::Sim3 T_surface_map = surface_transform(transform_file);
   const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, cloud);
-  const geometry::Box3 box = region_box(read_extract_json(truth_folder));
+  const TrueRegion region = region_of(read_extract_json(truth_folder));
   const ground_truth::GroundTruth truth = ground_truth::read_ground_truth(truth_folder);
-  const geometry::PointCloud seen = seen_samples(map, truth, box, T_surface_map, settings.completeness_samples_per_m2);
   const Poses poses = read_poses(map);
 
   evaluation::Score score =
@@ -230,10 +252,15 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
                             .estimate = poses.both() ? &poses.estimate : nullptr,
                             .truth = poses.both() ? &poses.truth : nullptr},
                            {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
-  // A point beside the region has no surface to be measured against: it counts as a map point, but not as an error.
-  score.metrics.surface =
-      evaluation::evaluate_surface(over_region(on_surface, box), truth.mesh, seen, settings.thresholds_m);
-  score.errors.surface_m = evaluation::surface_distances(on_surface, geometry::TriangleIndex(truth.mesh));
+  // A truth of points alone has cells, and no surface. A point beside the region has no surface to be measured against:
+  // it counts as a map point, but not as an error.
+  if (!truth.mesh.triangles.empty()) {
+    const geometry::PointCloud seen =
+        seen_samples(map, truth, region, T_surface_map, settings.completeness_samples_per_m2);
+    score.metrics.surface =
+        evaluation::evaluate_surface(over_region(on_surface, region), truth.mesh, seen, settings.thresholds_m);
+    score.errors.surface_m = evaluation::surface_distances(on_surface, geometry::TriangleIndex(truth.mesh));
+  }
   evaluation::write_metrics(out, score.metrics, score.errors);
   return evaluation::to_json(score.metrics);
 }

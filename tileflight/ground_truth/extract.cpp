@@ -1,5 +1,6 @@
 #include "tileflight/ground_truth/extract.h"
 
+#include <algorithm>
 #include <limits>
 #include <string>
 
@@ -15,6 +16,8 @@ namespace tileflight::ground_truth {
 namespace {
 
 using geometry::Box3;
+using geometry::PointCloud;
+using geometry::Prism;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
@@ -33,8 +36,32 @@ bool meets(const geometry::TriangleMesh& mesh, const geometry::Triangle& t, cons
   return met;
 }
 
-/// The triangles of a mesh that meet the box, with only the vertices that they use.
-TexturedMesh part_in_box(const TexturedMesh& whole, const Box3& box) {
+bool holds(const std::vector<Prism>& within, const Vec3& point) {
+  return within.empty() ||
+         std::any_of(within.begin(), within.end(), [&](const Prism& part) { return contains(part, point); });
+}
+
+bool meets_any(const std::vector<Prism>& within, const geometry::TriangleMesh& mesh, const geometry::Triangle& t) {
+  return within.empty() || std::any_of(within.begin(), within.end(), [&](const Prism& part) {
+           return geometry::meets(part, {mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]});
+         });
+}
+
+PointCloud points_within(const std::vector<Prism>& within, PointCloud cloud) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (!holds(within, cloud.positions[i])) continue;
+    cloud.positions[kept] = cloud.positions[i];
+    if (!cloud.normals.empty()) cloud.normals[kept] = cloud.normals[i];
+    ++kept;
+  }
+  cloud.positions.resize(kept);
+  if (!cloud.normals.empty()) cloud.normals.resize(kept);
+  return cloud;
+}
+
+/// The triangles of a mesh that meet the box and the polygons, with only the vertices that they use.
+TexturedMesh part_in_box(const TexturedMesh& whole, const Box3& box, const std::vector<Prism>& within) {
   TexturedMesh part = whole;
   part.mesh = {};
   part.uv.clear();
@@ -52,15 +79,17 @@ TexturedMesh part_in_box(const TexturedMesh& whole, const Box3& box) {
     return new_index[vertex];
   };
   for (const geometry::Triangle& t : whole.mesh.triangles) {
-    if (meets(whole.mesh, t, box)) part.mesh.triangles.push_back({moved(t[0]), moved(t[1]), moved(t[2])});
+    if (meets(whole.mesh, t, box) && meets_any(within, whole.mesh, t))
+      part.mesh.triangles.push_back({moved(t[0]), moved(t[1]), moved(t[2])});
   }
   return part;
 }
 
-std::vector<TexturedMesh> parts_in_box(const std::vector<TexturedMesh>& meshes, const Box3& box) {
+std::vector<TexturedMesh> parts_in_box(const std::vector<TexturedMesh>& meshes, const Box3& box,
+                                       const std::vector<Prism>& within) {
   std::vector<TexturedMesh> parts;
   for (const TexturedMesh& mesh : meshes) {
-    TexturedMesh part = part_in_box(mesh, box);
+    TexturedMesh part = part_in_box(mesh, box, within);
     if (!part.mesh.triangles.empty()) parts.push_back(std::move(part));
   }
   return parts;
@@ -72,18 +101,23 @@ ExtractResult write_ground_truth(const std::vector<TexturedMesh>& meshes, const 
                                  const ExtractOptions& options, const std::filesystem::path& folder,
                                  const Progress& progress, const std::vector<geometry::PointCloud>& clouds) {
   if (box.isEmpty() || !(box.sizes().minCoeff() > 0.0)) throw InputError("region", "is empty");
-  const std::vector<TexturedMesh> parts = parts_in_box(meshes, box);
-  const geometry::PointCloud points = points_in_box(clouds, box);
+  const std::vector<TexturedMesh> parts = parts_in_box(meshes, box, options.within);
+  const PointCloud points = points_within(options.within, points_in_box(clouds, box));
   if (parts.empty() && points.empty())
     throw InputError("region", "holds no triangle: check its centre, size and height");
   const geometry::TriangleMesh mesh = scene::merged(parts);
 
   ExtractResult result;
   result.triangles = mesh.triangles.size();
-  result.voxels = voxelize(mesh, box, options.voxel_m, progress);
+  // A cell at a polygon's edge may be touched from beyond it alone.
+  result.voxels = options.within.empty()
+                      ? voxelize(mesh, box, options.voxel_m, progress)
+                      : voxelize(scene::merged(parts_in_box(meshes, box, {})), box, options.voxel_m, progress);
   occupy(points, result.voxels);
+  std::erase_if(result.voxels.occupied,
+                [&](const geometry::Cell& cell) { return !holds(options.within, result.voxels.center(cell)); });
   result.cloud_points = points.size();
-  geometry::PointCloud surface = sample_surface(mesh, box, options.samples_per_m2);
+  PointCloud surface = points_within(options.within, sample_surface(mesh, box, options.samples_per_m2));
   surface.positions.insert(surface.positions.end(), points.positions.begin(), points.positions.end());
   surface.normals.insert(surface.normals.end(), points.normals.begin(), points.normals.end());
   result.surface_points = surface.size();
@@ -104,7 +138,7 @@ ExtractResult write_ground_truth(const std::vector<TexturedMesh>& meshes, const 
 
 GroundTruth read_ground_truth(const std::filesystem::path& folder) {
   GroundTruth truth;
-  truth.mesh = read_mesh_glb(folder / "mesh.glb");
+  if (std::filesystem::exists(folder / "mesh.glb")) truth.mesh = read_mesh_glb(folder / "mesh.glb");
   truth.surface = geometry::read_cloud(folder / "surface.ply");
   truth.voxel_centers = geometry::read_cloud(folder / "voxels.ply");
   truth.voxel_m = geometry::read_binvox_frame(folder / "voxels.binvox").edge_m;

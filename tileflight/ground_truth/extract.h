@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "tileflight/geometry/prism.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/ground_truth/voxelize.h"
 #include "tileflight/scene/scene.h"
@@ -14,6 +15,9 @@ struct ExtractOptions {
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
   bool textured_mesh = true;
+  /// Polygons instead of the whole box: triangles count that meet any of them, points and surface samples that lie in
+  /// one, cells whose centre does. Empty: the box.
+  std::vector<geometry::Prism> within = {};
 };
 
 struct ExtractResult {
@@ -32,7 +36,7 @@ ExtractResult write_ground_truth(const std::vector<imaging::TexturedMesh>& meshe
 
 /// The parts of a folder that `extract` wrote, for scoring. Positions in the local frame.
 struct GroundTruth {
-  geometry::TriangleMesh mesh;         ///< mesh.glb
+  geometry::TriangleMesh mesh;         ///< mesh.glb; empty where points alone were extracted
   geometry::PointCloud surface;        ///< surface.ply
   geometry::PointCloud voxel_centers;  ///< voxels.ply
   double voxel_m = 1.0;

@@ -5,6 +5,7 @@
 #include <octomap/octomap.h>
 #include <tiny_gltf.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <set>
@@ -192,6 +193,54 @@ TEST(GroundTruth, IsWrittenAndReadBack) {
   EXPECT_DOUBLE_EQ(truth.voxel_m, 0.5);
   EXPECT_EQ(voxelize(hills(30, kCorner).mesh, box, 0.5).occupied, result.voxels.occupied);
   for (const Vec3& p : truth.surface.positions) EXPECT_LT(box.exteriorDistance(p), 1e-9);
+}
+
+/// A triangle with a square hole, and a square beside it: whatever lies in neither is left out.
+TEST(GroundTruth, PolygonsCutTheBox) {
+  const tests::TemporaryFolder folder;
+  const auto square = [](double x, double y, double size) -> geometry::Ring {
+    return {{x, y}, {x + size, y}, {x + size, y + size}, {x, y + size}};
+  };
+  const Box3 box(Vec3(0, 0, -4), Vec3(30, 30, 4));
+  const TexturedMesh mesh = hills(30, Vec3::Zero());
+  ExtractOptions options;
+  options.within.push_back({geometry::PolygonArea({{{1, 1}, {25.3, 1}, {1, 25.3}}, square(4, 4, 6)}), -4, 0.5});
+  options.within.push_back({geometry::PolygonArea({square(22.25, 22.25, 5)}), -4, 4});
+  const auto wanted = [&](const Vec3& p) {
+    const bool in_hole = p.x() > 4 && p.x() < 10 && p.y() > 4 && p.y() < 10;
+    const bool in_triangle = p.x() > 1 && p.y() > 1 && p.x() + p.y() < 26.3 && p.z() <= 0.5;
+    return (in_triangle && !in_hole) || (p.head<2>() - Eigen::Vector2d(24.75, 24.75)).cwiseAbs().maxCoeff() < 2.5;
+  };
+  const geometry::PointCloud cloud{.positions = {Vec3(2, 2, 3), Vec3(23, 23, 3), Vec3(5, 5, 0), Vec3(2, 2, -3)}};
+  const ExtractResult result = write_ground_truth({mesh}, box, options, folder.path(), {}, {cloud});
+  EXPECT_EQ(result.cloud_points, 2U);
+  std::set<geometry::Cell> expected;
+  for (const geometry::Cell& cell : voxelize(mesh.mesh, box, 1.0).occupied) {
+    if (wanted(result.voxels.center(cell))) expected.insert(cell);
+  }
+  expected.insert({23, 23, 7});
+  expected.insert({2, 2, 1});
+  EXPECT_EQ(std::set(result.voxels.occupied.begin(), result.voxels.occupied.end()), expected);
+  const GroundTruth truth = read_ground_truth(folder.path());
+  for (const Vec3& p : truth.surface.positions) EXPECT_TRUE(wanted(p)) << p.transpose();
+  // Triangles have edges of at most 2 m: each has a corner that near to what is wanted.
+  EXPECT_EQ(truth.mesh.triangles.size(), result.triangles);
+  std::size_t with_corner = 0;
+  for (const geometry::Triangle& t : mesh.mesh.triangles) {
+    with_corner += std::ranges::any_of(t, [&](auto corner) { return wanted(mesh.mesh.vertices[corner]); }) ? 1 : 0;
+  }
+  EXPECT_GE(result.triangles, with_corner);
+  EXPECT_LE(result.triangles, with_corner + with_corner / 3);
+}
+
+TEST(GroundTruth, PointsAloneAreATruthWithoutAMesh) {
+  const tests::TemporaryFolder folder;
+  const Box3 box(Vec3::Zero(), Vec3(4, 4, 4));
+  write_ground_truth({}, box, {}, folder.path(), {}, {{.positions = {Vec3(1.5, 1.5, 1.5), Vec3(3.5, 0.5, 0.5)}}});
+  const GroundTruth truth = read_ground_truth(folder.path());
+  EXPECT_TRUE(truth.mesh.triangles.empty());
+  EXPECT_EQ(truth.surface.size(), 2U);
+  EXPECT_EQ(truth.voxel_centers.positions, (std::vector<Vec3>{Vec3(1.5, 1.5, 1.5), Vec3(3.5, 0.5, 0.5)}));
 }
 
 TEST(GroundTruth, SameInputsGiveSameBytes) {

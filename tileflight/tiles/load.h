@@ -33,6 +33,9 @@ struct LoadOptions {
   /// An up of 0 or NaN means that none was given: the region is as high as the tileset. A size without a centre lies
   /// about the tileset's middle; a centre without a size is an InputError.
   std::optional<geometry::Vec3> size;
+  /// Polygons instead of the box: what lies in any of them is wanted, and `center` and `size` only place the frame and
+  /// give the heights that an area does not name. They need a frame on the Earth.
+  std::vector<GeographicArea> areas;
   /// Geometric error wanted, metres; 0: the finest there is.
   double error_m = 0.0;
   /// Origin of the local frame of a georeferenced tileset; default: the region's centre on the ellipsoid

@@ -145,6 +145,23 @@ Vec3 center_in_frame(const LoadOptions& options, const Placement& placement, con
   return center_local;
 }
 
+/// The region of polygons, and the box about them.
+Region region_of_areas(const LoadOptions& options, const Placement& placement, const std::string& source) {
+  if (!placement.local_frame) {
+    throw InputError(source, "polygons are places on the Earth, and the tileset is not: give its --origin");
+  }
+  Region region = placement.region;
+  Box3 around;
+  for (const GeographicArea& area : options.areas) {
+    region.parts.push_back(prism_of(area, *placement.local_frame, region.box()));
+    around.extend(geometry::bounds(region.parts.back()));
+  }
+  if (!(around.sizes().minCoeff() > 0)) throw InputError(source, "a polygon's heights or its area are empty");
+  region.center = around.center();
+  region.size = around.sizes();
+  return region;
+}
+
 }  // namespace
 
 bool is_georeferenced(const TilesetTree& tree) {
@@ -196,6 +213,7 @@ Placement place(const TilesetTree& tree, const LoadOptions& options, const std::
   }
   placement.region = has_center ? region_about(center_in_frame(options, placement, source), options, tileset, source)
                                 : whole_tileset(tileset, options, tree, source);
+  if (!options.areas.empty()) placement.region = region_of_areas(options, placement, source);
   return placement;
 }
 

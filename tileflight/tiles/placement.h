@@ -18,9 +18,9 @@ struct Placement {
   std::vector<std::string> warnings;
 };
 
-/// Whether a tileset's frame is the Earth's: its root has a geographic region or an S2 cell, or its bounding volume holds the Earth
-/// or has its middle within 100 km (and its own radius) of the ellipsoid; unless the tileset itself says that it is
-/// not.
+/// Whether a tileset's frame is the Earth's: its root has a geographic region or an S2 cell, or its bounding volume
+/// holds the Earth or has its middle within 100 km (and its own radius) of the ellipsoid; unless the tileset itself
+/// says that it is not.
 bool is_georeferenced(const TilesetTree& tree);
 
 /// From the tileset's frame to the local frame of a tileset that is not georeferenced. That is the tileset's own frame,

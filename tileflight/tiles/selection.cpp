@@ -1,6 +1,7 @@
 #include "tileflight/tiles/selection.h"
 
 #include <algorithm>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
@@ -137,10 +138,22 @@ class CutWalk {
 }  // namespace
 
 Wanted wanted_region(const Region& region, const geometry::SE3& T_local_tileset, double error_m) {
-  return {.meets = [box = region.box(), T_local_tileset](
-                       const BoundingVolume& volume) { return tiles::meets(volume, T_local_tileset, box); },
+  return {.meets = [region, T_local_tileset](
+                       const BoundingVolume& volume) { return tiles::meets(volume, T_local_tileset, region); },
           .fine_enough = [error_m](const BoundingVolume&,
                                    double geometric_error_m) { return geometric_error_m <= error_m; }};
+}
+
+Wanted wanted_union(Wanted a, Wanted b) {
+  const auto fine = [](const Wanted& wanted, const BoundingVolume& volume, double geometric_error_m) {
+    return !wanted.meets(volume) || wanted.fine_enough(volume, geometric_error_m);
+  };
+  const auto both = std::make_shared<const std::pair<Wanted, Wanted>>(std::move(a), std::move(b));
+  return {.meets = [both](const BoundingVolume& v) { return both->first.meets(v) || both->second.meets(v); },
+          .fine_enough =
+              [both, fine](const BoundingVolume& v, double geometric_error_m) {
+                return fine(both->first, v, geometric_error_m) && fine(both->second, v, geometric_error_m);
+              }};
 }
 
 TileCut select_cut(TilesetTree& tree, const Wanted& wanted) { return CutWalk(tree, wanted).run(); }

@@ -23,6 +23,9 @@ struct Wanted {
 /// Everything that meets the region, at a geometric error of at most `error_m` where the tree has that.
 Wanted wanted_region(const Region& region, const geometry::SE3& T_local_tileset, double error_m);
 
+/// What either wants, as fine as whoever wants it there wants it. There is no viewer any more.
+Wanted wanted_union(Wanted a, Wanted b);
+
 /// A content of the cut.
 struct CutContent {
   NodeId node = 0;

@@ -1,0 +1,122 @@
+#include "tileflight/geometry/prism.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+namespace tileflight::geometry {
+namespace {
+
+using Eigen::Vector2d;
+
+class Random {
+ public:
+  double in(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
+  Vector2d point(double reach) { return {in(-reach, reach), in(-reach, reach)}; }
+
+  /// A star about a middle: corners at growing angles, so that it does not cross itself.
+  Ring star(const Vector2d& middle, double least_m, double most_m, int corners) {
+    Ring ring;
+    for (int i = 0; i < corners; ++i) {
+      const double angle = 2 * std::numbers::pi * (i + in(0, 0.9)) / corners;
+      ring.push_back(middle + in(least_m, most_m) * Vector2d(std::cos(angle), std::sin(angle)));
+    }
+    return ring;
+  }
+
+ private:
+  std::mt19937 engine_{3};
+};
+
+/// How often a ring goes round a point, by the angles under which its edges are seen.
+bool inside_by_angles(const std::vector<Ring>& rings, const Vector2d& point) {
+  int turns = 0;
+  for (const Ring& ring : rings) {
+    double angle = 0;
+    for (std::size_t i = 0; i < ring.size(); ++i) {
+      const Vector2d a = ring[i] - point;
+      const Vector2d b = ring[(i + 1) % ring.size()] - point;
+      angle += std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
+    }
+    turns += static_cast<int>(std::lround(angle / (2 * std::numbers::pi)));
+  }
+  return turns % 2 != 0;
+}
+
+/// Two stars side by side, the first with a hole that has an island.
+std::vector<Ring> archipelago(Random& random, int corners) {
+  return {random.star({0, 0}, 8, 10, corners), random.star({0, 0}, 5, 6, corners / 2), random.star({1, 1}, 1, 3, 7),
+          random.star({25, 3}, 2, 9, corners)};
+}
+
+TEST(PolygonArea, holds_the_points_that_its_rings_go_round) {
+  Random random;
+  for (const int corners : {6, 40, 3000}) {
+    const PolygonArea area(archipelago(random, corners));
+    int inside = 0;
+    const int points = corners > 1000 ? 400 : 3000;
+    for (int i = 0; i < points; ++i) {
+      const Vector2d point(random.in(-12, 36), random.in(-12, 14));
+      ASSERT_EQ(area.contains(point), inside_by_angles(area.rings(), point)) << point.transpose();
+      inside += area.contains(point) ? 1 : 0;
+      EXPECT_EQ(area.distance_m(point) == 0, area.contains(point));
+    }
+    EXPECT_GT(inside, points / 10);
+  }
+}
+
+/// Points of the triangle on a fine grid of weights.
+template <class Inside>
+bool any_sample(const std::array<Vec3, 3>& t, const Inside& inside) {
+  constexpr int kSteps = 60;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; i + j <= kSteps; ++j) {
+      const double u = static_cast<double>(i) / kSteps;
+      const double v = static_cast<double>(j) / kSteps;
+      if (inside(Vec3(t[0] + u * (t[1] - t[0]) + v * (t[2] - t[0])))) return true;
+    }
+  }
+  return false;
+}
+
+/// What sampling finds must be found. What is found must be near to what a somewhat larger prism's samples find.
+TEST(Prism, meets_the_triangles_that_have_points_in_it) {
+  Random random;
+  int met = 0;
+  for (int i = 0; i < 1500; ++i) {
+    const Prism prism{PolygonArea(archipelago(random, 12)), -1, 2};
+    const double size = i % 3 == 0 ? 20 : 2;
+    const Vec3 middle(random.in(-12, 36), random.in(-12, 14), random.in(-3, 4));
+    std::array<Vec3, 3> triangle;
+    for (Vec3& corner : triangle)
+      corner = middle + Vec3(random.in(-size, size), random.in(-size, size), random.in(-2, 2));
+    const bool answer = meets(prism, triangle);
+    const bool found = any_sample(triangle, [&](const Vec3& p) { return contains(prism, p); });
+    const double step = size / 10;
+    const bool nearly = any_sample(triangle, [&](const Vec3& p) {
+      return p.z() > -1 - step && p.z() < 2 + step && prism.base.distance_m(p.head<2>()) < step;
+    });
+    ASSERT_TRUE(!found || answer) << i;
+    ASSERT_TRUE(!answer || nearly) << i;
+    met += answer ? 1 : 0;
+  }
+  EXPECT_GT(met, 200);
+  EXPECT_LT(met, 1300);
+}
+
+TEST(Prism, walls_lines_and_points) {
+  const Prism prism{PolygonArea({{{0, 0}, {10, 0}, {10, 10}, {0, 10}}, {{2, 2}, {8, 2}, {8, 8}, {2, 8}}}), 0, 5};
+  EXPECT_TRUE(meets(prism, {Vec3(1, -3, 1), Vec3(1, 30, 1), Vec3(1, 3, 9)}));         // a wall across
+  EXPECT_FALSE(meets(prism, {Vec3(3, 3, 1), Vec3(7, 3, 1), Vec3(5, 3, 4)}));          // a wall in the hole
+  EXPECT_FALSE(meets(prism, {Vec3(1, 1, 6), Vec3(9, 1, 6), Vec3(1, 9, 6)}));          // above
+  EXPECT_TRUE(meets(prism, {Vec3(1, 1, 9), Vec3(1, 1, 9), Vec3(1, 1, 4)}));           // a line that comes down
+  EXPECT_TRUE(meets(prism, {Vec3(-1, 5, 1), Vec3(0, 5, 1), Vec3(-1, 6, 1)}));         // touches
+  EXPECT_TRUE(meets(prism, {Vec3(-90, -90, 1), Vec3(90, -90, 1), Vec3(0, 190, 1)}));  // holds all of it
+  EXPECT_EQ(bounds(prism).max(), Vec3(10, 10, 5));
+  EXPECT_FALSE(PolygonArea({{{0, 0}, {1, 1}}}).contains({0.5, 0.5}));
+}
+
+}  // namespace
+}  // namespace tileflight::geometry
