@@ -1,4 +1,6 @@
+#include <iomanip>
 #include <map>
+#include <sstream>
 
 #include "command.h"
 #include "tileflight/geometry/files.h"
@@ -82,18 +84,19 @@ nlohmann::json result_of(const Options& options, const tiling::MeshTilesetSummar
 
 std::string text_of(const nlohmann::json& result) {
   std::ostringstream text;
-  text << result["tileset"].get<std::string>() << ": " << result["levels"].back()["triangles"] << " triangles, "
-       << result["bytes"].get<std::int64_t>() / 1000000 << " MB";
+  text << std::setprecision(9) << result["tileset"].get<std::string>() << ": " << result["levels"].back()["triangles"]
+       << " triangles, " << result["bytes"].get<std::int64_t>() / 1000000 << " MB";
   if (result["frame"].is_null()) {
     text << ", not georeferenced\n";
   } else {
-    text << ", at " << result["frame"]["origin_lat"] << ", " << result["frame"]["origin_lon"] << " ("
-         << result["frame"]["stated_by"].get<std::string>() << ")\n";
+    text << ", at " << result["frame"]["origin_lat"].get<double>() << ", "
+         << result["frame"]["origin_lon"].get<double>() << " (" << result["frame"]["stated_by"].get<std::string>()
+         << ")\n";
   }
   int number = 0;
   for (const auto& level : result["levels"])
     text << "  level " << number++ << ": " << level["tiles"] << " tiles, " << level["triangles"]
-         << " triangles, geometric error " << level["geometric_error"] << " m\n";
+         << " triangles, geometric error " << std::setprecision(4) << level["geometric_error"].get<double>() << " m\n";
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();
 }

@@ -171,7 +171,7 @@ class MeshTiler {
       report_progress(progress_, done_, total_, "simplifying");
       surface = coarser(surface, std::max<std::size_t>(1, surface.triangles.size() / 4));
       std::vector<TexturedMesh> painted_tiles = paint_level(level, surface, below.empty() ? meshes_ : below);
-      set_error(level, surface_distance_m(surface, finest));
+      set_error(level, surface, finest);
       below = std::move(painted_tiles);
     }
   }
@@ -214,10 +214,10 @@ class MeshTiler {
   }
 
   /// Never smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
-  void set_error(int level, double distance_m) {
+  void set_error(int level, const TriangleMesh& surface, const TriangleMesh& finest) {
     TilesetLevel& own = summary_.levels[static_cast<std::size_t>(level)];
     const TilesetLevel& finer = summary_.levels[static_cast<std::size_t>(level) + 1];
-    own.geometric_error_m = std::max({finer.geometric_error_m, distance_m, own.texel_m});
+    own.geometric_error_m = surface_distance_m(surface, finest, std::max(finer.geometric_error_m, own.texel_m));
   }
 
   /// The part of the tree below a cell; without tiles where the source has no triangle.

@@ -104,10 +104,10 @@ void raise_to_farthest(std::vector<Piece> pieces, const geometry::TriangleMesh& 
   }
 }
 
-/// Upper bound, within the tolerance, of the distance from any point of `mesh` to the surface.
-double farthest_m(const geometry::TriangleMesh& mesh, const geometry::TriangleMesh& surface) {
+/// Upper bound, within the tolerance, of the distance from any point of `mesh` to the surface, or of `at_least_m`.
+double farthest_m(const geometry::TriangleMesh& mesh, const geometry::TriangleMesh& surface, double at_least_m) {
   const geometry::TriangleIndex index(surface);
-  double known_m = 0.0;
+  double known_m = at_least_m;
   for (std::size_t begin = 0; begin < mesh.triangles.size(); begin += kTrianglesAtOnce) {
     const std::size_t end = std::min(mesh.triangles.size(), begin + kTrianglesAtOnce);
     std::vector<Piece> pieces;
@@ -170,8 +170,8 @@ geometry::TriangleMesh joined(const std::vector<TexturedMesh>& meshes) {
   return out;
 }
 
-double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b) {
-  return std::max(farthest_m(a, b), farthest_m(b, a));
+double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b, double at_least_m) {
+  return std::max(farthest_m(a, b, at_least_m), farthest_m(b, a, at_least_m));
 }
 
 }  // namespace tileflight::tiling

@@ -20,7 +20,8 @@ geometry::TriangleMesh joined(const std::vector<imaging::TexturedMesh>& meshes);
 
 /// Largest distance between two surfaces, both ways (Hausdorff), over all points of all triangles: never less than the
 /// true value, at most the larger of 1 mm and 1 % more. Branch and bound as in Guthe, Borodin, Klein, "Fast and
-/// accurate Hausdorff distance calculation between meshes", WSCG 2005. Neither mesh may be empty.
-double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b);
+/// accurate Hausdorff distance calculation between meshes", WSCG 2005. Neither mesh may be empty. `at_least_m`:
+/// distances below it are not told apart, which is much faster where most are; the result is then never less than it.
+double surface_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b, double at_least_m = 0.0);
 
 }  // namespace tileflight::tiling

@@ -115,6 +115,13 @@ TEST(SurfaceDistance, SeesABumpBetweenTheCornersOfALargeTriangle) {
   EXPECT_NEAR(surface_distance_m(fine.mesh, coarse.mesh), 0.8, 0.01);
 }
 
+TEST(SurfaceDistance, BelowWhatIsAskedForIsNotToldApart) {
+  const TexturedMesh low = sheet(0, 5, [](double, double) { return 0.0; });
+  const TexturedMesh high = sheet(0, 3, [](double, double) { return 0.25; });
+  EXPECT_NEAR(surface_distance_m(high.mesh, low.mesh, 0.1), 0.25, 0.003);
+  EXPECT_NEAR(surface_distance_m(high.mesh, low.mesh, 0.5), 0.5, 0.006);
+}
+
 TEST(Simplify, DropsWhatNoTriangleUses) {
   TexturedMesh mesh = sheet(0, 3, gentle);
   const geometry::TriangleMesh before = mesh.mesh;
