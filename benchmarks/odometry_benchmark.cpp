@@ -47,11 +47,17 @@ struct Order {
   std::size_t from = 0;
   std::size_t every = 1;
   bool reverse = false;
+  int passes = 1;  ///< played to and fro so many times
 
   std::vector<std::size_t> of(std::size_t frames) const {
     std::vector<std::size_t> indices;
     for (std::size_t i = from; i < frames; i += every) indices.push_back(i);
     if (reverse) std::reverse(indices.begin(), indices.end());
+    const std::vector<std::size_t> once = indices;
+    for (int pass = 1; pass < passes; ++pass) {
+      if (pass % 2 == 0) indices.insert(indices.end(), once.begin(), once.end());
+      if (pass % 2 == 1) indices.insert(indices.end(), once.rbegin(), once.rend());
+    }
     return indices;
   }
 };
@@ -194,6 +200,10 @@ std::vector<Case> all_cases() {
   cases.push_back({"machangara-a/reversed", flight, {.reverse = true}});
   cases.push_back({"machangara-a/every2", flight, {.every = 2}});
   cases.push_back({"machangara-a/every3", flight, {.every = 3}});
+  for (const int passes : {1, 2, 4, 8}) {
+    cases.push_back(
+        {"length/" + std::to_string(passes) + "x300", once([] { return machangara(1008, 300); }), {.passes = passes}});
+  }
   for (const int width : {504, 1344, 2016, 2688}) {
     cases.push_back({"size/" + std::to_string(width), once([width] { return machangara(width, 120); }), {}});
   }
@@ -201,13 +211,13 @@ std::vector<Case> all_cases() {
 }
 
 /// Root mean square distance to the truth after the best similarity.
-void score(const Sequence& sequence, Outcome& outcome) {
+void score(const Sequence& sequence, const std::vector<std::size_t>& indices, Outcome& outcome) {
   const auto& poses = outcome.result.trajectory.poses;
   if (sequence.truth.empty() || poses.size() < 3) return;
   Eigen::Matrix3Xd from(3, poses.size()), to(3, poses.size());
   for (std::size_t i = 0; i < poses.size(); ++i) {
     from.col(i) = poses[i].T_local_camera.translation;
-    to.col(i) = sequence.truth.at(static_cast<std::size_t>(std::lround(std::abs(poses[i].time_s))));
+    to.col(i) = sequence.truth.at(indices.at(static_cast<std::size_t>(std::lround(poses[i].time_s))));
     if (i > 0) outcome.path_m += (to.col(i) - to.col(i - 1)).norm();
   }
   const Eigen::Matrix4d T = Eigen::umeyama(from, to, true);
@@ -239,10 +249,10 @@ Outcome run(const Sequence& sequence, const Order& order, const odometry::Odomet
   const odometry::FrameSource source = [&]() -> std::optional<odometry::InputFrame> {
     if (next == indices.size()) return std::nullopt;
     const std::size_t i = indices[next];
-    // The time is the picture's index, so that scoring finds its truth; played backwards it still increases.
-    const auto time = static_cast<double>(i);
+    // The time is the position in the order, by which scoring finds its truth.
+    const auto time = static_cast<double>(next);
     return odometry::InputFrame{.index = static_cast<std::int64_t>(next++),
-                                .time_s = order.reverse ? -time : time,
+                                .time_s = time,
                                 .image = odometry::timed(outcome.decoding_s, [&] { return sequence.picture(i); })};
   };
   reset_peak_memory();
@@ -250,7 +260,7 @@ Outcome run(const Sequence& sequence, const Order& order, const odometry::Odomet
   outcome.result = odometry::run_odometry(sequence.calibration, nullptr, source, options);
   outcome.processor_s = odometry::processor_time_s() - begin_s - outcome.decoding_s;
   outcome.memory_mb = peak_memory_mb() - memory_before_mb;
-  score(sequence, outcome);
+  score(sequence, indices, outcome);
   return outcome;
 }
 

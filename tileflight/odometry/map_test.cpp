@@ -28,7 +28,7 @@ TEST(Map, FurtherPointsAreAsTrueAsTheOptimisedOnesAndChangeNothingElse) {
     EXPECT_TRUE(sparse.trajectory.poses[i].T_local_camera.matrix() ==
                 dense.trajectory.poses[i].T_local_camera.matrix());
   }
-  EXPECT_GT(dense.map.size(), 1.1 * static_cast<double>(sparse.map.size()));
+  EXPECT_GT(dense.map.size(), 1.15 * static_cast<double>(sparse.map.size()));
   const double of_sparse = tests::median(tests::heights_over(tests::hilly_ground(), sparse, flight().truth));
   const double of_dense = tests::median(tests::heights_over(tests::hilly_ground(), dense, flight().truth));
   EXPECT_LT(of_sparse, 0.08);

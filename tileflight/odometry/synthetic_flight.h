@@ -32,6 +32,12 @@ struct Sequence {
   }
 };
 
+inline double path_length_m(const std::vector<SE3>& truth) {
+  double path = 0;
+  for (std::size_t i = 1; i < truth.size(); ++i) path += (truth[i].translation - truth[i - 1].translation).norm();
+  return path;
+}
+
 /// Root mean square distance of camera centres after the best similarity, as a share of the path.
 inline double ate_share(const geometry::Trajectory& estimate, const std::vector<SE3>& truth, double fps = 30.0) {
   Eigen::Matrix3Xd from(3, estimate.size()), to(3, estimate.size());
