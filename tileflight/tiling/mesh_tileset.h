@@ -30,10 +30,11 @@ struct MeshTilesetSummary {
 ///
 /// Leaves hold the source's triangles, each exactly once, uncut, with its texels copied. They come from a tree of cells
 /// with four children each that shares triangles and texels out evenly, so all leaves are equally deep. Each level
-/// above has a quarter of the triangles of the one below, simplified as a whole, so its tiles meet without cracks, and
-/// texels twice as long, painted from the level below. The geometric error of a level is the largest distance between
-/// it and the source, measured both ways, or its texel's edge if that is more; leaves have 0. It is the same for all
-/// tiles of a level, so that an error asked for gives a cut of one level.
+/// above has a quarter of the triangles of the one below, simplified as a whole after borders that nearly meet have
+/// been joined, so its tiles meet without cracks, and texels twice as long, painted from the level below. The geometric
+/// error of a level is the largest distance between it and the source, measured both ways, or its texel's edge if that
+/// is more; leaves have 0. It is the same for all tiles of a level, so that an error asked for gives a cut of one
+/// level.
 ///
 /// Memory: the meshes with their textures, one more third of the texels, and some 400 bytes a triangle. The same input
 /// gives the same bytes for any number of threads. Throws InputError when there is no triangle or a file cannot be
