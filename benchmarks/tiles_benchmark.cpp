@@ -1,0 +1,212 @@
+// From tiles to a scene that rays can be cast into: a whole tileset from disk, from a server 20 ms away, and from the
+// cache that this left, beside the time that decoding the same contents takes when they lie in memory.
+//
+//   tiles_benchmark [--runs N] [TILESET.JSON...]
+//
+// Without files: the tilesets in $TILEFLIGHT_TEST_DATA. Each line is the fastest of N runs (default 3). Memory is the
+// most that the run needed beyond what the process held before, the server's included.
+
+#include <sys/resource.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "tests/test_data.h"
+#include "tileflight/scene/scene.h"
+#include "tileflight/tiles/content.h"
+#include "tileflight/tiles/load.h"
+#include "tileflight/tiles/test_http_server.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace tileflight;
+
+constexpr std::chrono::milliseconds kLatency{20};
+
+struct Cost {
+  double wall_s = 1e300;
+  double processor_s = 0.0;
+  double scene_s = 0.0;  ///< of wall_s, for building what rays are cast into
+  double memory_mb = 0.0;
+};
+
+double processor_s() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * t.tv_usec; };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+double status_mb(const char* key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.rfind(key, 0) == 0) return std::stod(line.substr(std::strlen(key) + 1)) / 1024.0;
+  }
+  return 0.0;
+}
+
+double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+/// The fastest of some runs. `work` says how long its scene took.
+Cost fastest(int runs, const std::function<double()>& work, const std::function<void()>& before = {}) {
+  Cost best;
+  for (int i = 0; i < runs; ++i) {
+    if (before) before();
+    std::ofstream("/proc/self/clear_refs") << "5";
+    const double held_mb = status_mb("VmRSS"), begin_s = now_s(), begin_processor_s = processor_s();
+    const double scene_s = work();
+    const double wall_s = now_s() - begin_s;
+    if (wall_s < best.wall_s) {
+      best = {wall_s, processor_s() - begin_processor_s, scene_s, status_mb("VmHWM") - held_mb};
+    }
+  }
+  return best;
+}
+
+/// Keeps what was read.
+class KeepingSource : public tiles::TileSource {
+ public:
+  explicit KeepingSource(const fs::path& tileset) : inner_(tileset) {}
+
+  std::string root_uri() const override { return inner_.root_uri(); }
+  std::vector<std::byte> read(const std::string& uri) override {
+    std::vector<std::byte> bytes = inner_.read(uri);
+    const std::lock_guard lock(mutex_);
+    kept_[uri] = bytes;
+    return bytes;
+  }
+  std::optional<std::uintmax_t> size(const std::string& uri) override { return inner_.size(uri); }
+
+  const std::map<std::string, std::vector<std::byte>>& kept() const { return kept_; }
+
+ private:
+  tiles::FolderSource inner_;
+  std::mutex mutex_;
+  std::map<std::string, std::vector<std::byte>> kept_;
+};
+
+std::string bytes_of(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// A folder behind a server that answers 20 ms late.
+class SlowServer {
+ public:
+  explicit SlowServer(fs::path folder)
+      : folder_(std::move(folder)),
+        server_([this](const tiles::testing::ServedRequest& request, tiles::testing::ServedConnection& connection) {
+          connection.wait(kLatency);
+          const fs::path file = folder_ / request.path().substr(1);
+          return fs::is_regular_file(file) ? connection.answer(200, bytes_of(file), {"Cache-Control: max-age=3600"})
+                                           : connection.answer(404, "no such file");
+        }) {}
+
+  std::string url(const std::string& path) const { return server_.url("/" + path); }
+
+ private:
+  fs::path folder_;
+  tiles::testing::TestHttpServer server_;
+};
+
+/// Reads a place and builds its scene; seconds of the latter.
+double load(const std::string& source, bool textures, const fs::path& cache = {}) {
+  tiles::LoadOptions options;
+  options.textures = textures;
+  options.source.cache = cache;
+  tiles::LoadedTiles loaded = tiles::load_region(source, options);
+  if (!loaded.complete) throw std::runtime_error(source + ": " + loaded.failures.at(0));
+  const double begin_s = now_s();
+  const scene::Scene scene(std::move(loaded.meshes));
+  return now_s() - begin_s;
+}
+
+/// Decodes contents that lie in memory, on all cores, and lets go of them.
+void decode(const std::map<std::string, std::vector<std::byte>>& kept, const std::vector<std::string>& contents,
+            bool textures) {
+  tiles::ContentOptions options;
+  options.textures = textures;
+  tbb::parallel_for(std::size_t{0}, contents.size(), [&](std::size_t i) {
+    tiles::ContentOptions own = options;
+    const std::string folder = contents[i].substr(0, contents[i].rfind('/') + 1);
+    own.read_resource = [&](const std::string& uri) { return kept.at(folder + uri); };
+    tiles::decode_content(kept.at(contents[i]), contents[i], own);
+  });
+}
+
+void print(const std::string& name, const Cost& cost, double floor_s) {
+  std::printf("  %-34s %7.3f s  %7.3f CPU s  %6.2f x decoding  %7.1f MB%s\n", name.c_str(), cost.wall_s,
+              cost.processor_s, (cost.wall_s - cost.scene_s) / floor_s, cost.memory_mb,
+              cost.scene_s > 0 ? ("   scene " + std::to_string(cost.scene_s).substr(0, 5) + " s").c_str() : "");
+  std::fflush(stdout);
+}
+
+void compare(const fs::path& tileset, bool textures, int runs) {
+  KeepingSource keeping(tileset);
+  tiles::LoadOptions options;
+  options.textures = textures;
+  const tiles::LoadedTiles all = tiles::load_region(keeping, tileset.string(), options);
+  std::vector<std::string> contents;
+  std::size_t bytes = 0;
+  for (const auto& [uri, read] : keeping.kept()) {
+    bytes += read.size();
+    const std::string kind = tiles::content_kind(read);
+    if (kind == "b3dm" || kind == "glb" || kind == "i3dm" || kind == "pnts" || kind == "cmpt") contents.push_back(uri);
+  }
+  std::printf("%s, %s: %lld triangles, %lld tiles, %.1f MB\n", tileset.parent_path().filename().c_str(),
+              textures ? "textures" : "geometry", static_cast<long long>(all.triangles),
+              static_cast<long long>(all.tiles_loaded), 1e-6 * static_cast<double>(bytes));
+  const Cost floor = fastest(runs, [&] {
+    decode(keeping.kept(), contents, textures);
+    return 0.0;
+  });
+  print("decoding alone, from memory", floor, floor.wall_s);
+  print("disk", fastest(runs, [&] { return load(tileset.string(), textures); }), floor.wall_s);
+  const SlowServer server(tileset.parent_path());
+  const std::string url = server.url(tileset.filename().string());
+  const fs::path cache = fs::temp_directory_path() / ("tiles_benchmark_" + std::to_string(getpid()));
+  const auto forget = [&] { fs::remove_all(cache); };
+  print("server, 20 ms, no cache", fastest(runs, [&] { return load(url, textures); }), floor.wall_s);
+  print("server, 20 ms, cold cache",
+        fastest(
+            runs, [&] { return load(url, textures, cache); }, forget),
+        floor.wall_s);
+  print("server, 20 ms, warm cache", fastest(runs, [&] { return load(url, textures, cache); }), floor.wall_s);
+  forget();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int runs = 3;
+  std::vector<fs::path> tilesets;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--runs") == 0 && i + 1 < argc) {
+      runs = std::stoi(argv[++i]);
+    } else {
+      tilesets.emplace_back(argv[i]);
+    }
+  }
+  if (tilesets.empty()) {
+    for (const char* name : {"machangara_photogrammetry", "paphos_agora_meshopt"}) {
+      const fs::path tileset = tests::test_data_root() / "tilesets" / name / "tileset.json";
+      if (fs::exists(tileset)) tilesets.push_back(tileset);
+    }
+  }
+  if (tilesets.empty()) std::printf("no tilesets: name some, or set TILEFLIGHT_TEST_DATA\n");
+  for (const fs::path& tileset : tilesets) {
+    for (const bool textures : {false, true}) compare(tileset, textures, runs);
+  }
+  return 0;
+}
