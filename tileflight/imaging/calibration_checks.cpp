@@ -98,6 +98,21 @@ Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
   return {checked_model(numbers), numbers.width, numbers.height};
 }
 
+std::array<double, 4> brown_conrady_of_opencv(const std::string& where, std::span<const double> coefficients) {
+  constexpr std::array<const char*, 14> kNames{"k1", "k2", "p1", "p2", "k3", "k4", "k5",
+                                               "k6", "s1", "s2", "s3", "s4", "tx", "ty"};
+  constexpr std::array<std::size_t, 6> kCounts{0, 4, 5, 8, 12, 14};
+  const std::size_t count = coefficients.size();
+  if (std::find(kCounts.begin(), kCounts.end(), count) == kCounts.end())
+    throw InputError(where, "must have 0, 4, 5, 8, 12 or 14 numbers, not " + std::to_string(count));
+  for (std::size_t i = 4; i < count; ++i)
+    if (coefficients[i] != 0.0)
+      throw InputError(where, std::string(kNames[i]) + " is " + number_text(coefficients[i]) +
+                                  ", but lenses here have no more than k1 k2 p1 p2: calibrate with the others fixed "
+                                  "at 0 (CALIB_FIX_K3, no rational, thin-prism or tilted model), or as a fisheye");
+  return four(coefficients);
+}
+
 std::string number_text(double value) {
   std::string text;
   geometry::append_number(text, value);

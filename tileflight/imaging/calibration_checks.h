@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <span>
 #include <string>
 
@@ -10,7 +12,10 @@ namespace tileflight::imaging {
 /// Largest image side that a calibration may name, pixels.
 inline constexpr int kMaxImageSide_px = 1 << 20;
 
-/// What a calibration file of either format says of the lens, as plain numbers.
+/// Largest calibration file that is read.
+inline constexpr std::uintmax_t kMaxCalibrationBytes = std::uintmax_t{1} << 20;
+
+/// What a calibration file says of the lens, as plain numbers.
 struct LensNumbers {
   std::string distortion;         ///< radtan, equidistant, fov or none
   std::span<const double> focal;  ///< fx fy cx cy, pixels
@@ -25,6 +30,10 @@ std::size_t sphere_number_count(const std::string& file, const std::string& mode
 
 /// The camera, after checking counts, finiteness and signs. Throws InputError(file, cause).
 Camera checked_camera(const std::string& file, const LensNumbers& numbers);
+
+/// k1 k2 p1 p2 of OpenCV's coefficients k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]]; none at all are zeros.
+/// Throws InputError(where, cause, cure) for another count, or when one beyond the fourth is not 0.
+std::array<double, 4> brown_conrady_of_opencv(const std::string& where, std::span<const double> coefficients);
 
 /// Shortest text that reads back as the same number.
 std::string number_text(double value);

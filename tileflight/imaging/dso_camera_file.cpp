@@ -14,8 +14,6 @@ namespace tileflight::imaging {
 
 namespace {
 
-constexpr std::uintmax_t kMaxFileSize = std::uintmax_t{1} << 20;
-
 struct Line {
   int number = 0;
   std::vector<std::string_view> fields;
@@ -156,7 +154,7 @@ std::string focal_of(const Model& m, int width, int height) {
 
 Calibration read_dso_camera(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const std::string text = geometry::read_text(file, kMaxFileSize);
+  const std::string text = geometry::read_text(file, kMaxCalibrationBytes);
   const std::vector<Line> lines = lines_of(text);
   if (lines.size() < 2) throw InputError(name, "must have a line with the camera model and one with the image size");
   ModelLine model = read_model(name, lines[0]);
@@ -184,13 +182,6 @@ void write_dso_camera(const std::filesystem::path& file, const Calibration& cali
       std::visit([&](const auto& m) { return focal_of(m, camera.width(), camera.height()); }, camera.model());
   const char* rectification = lens->name == "Pinhole" ? "none\n" : "crop\n";
   geometry::write_file(file, lens->name + focal + lens->tail + "\n" + size + rectification + size);
-}
-
-Calibration read_calibration(const std::filesystem::path& file) {
-  const std::string extension = file.extension().string();
-  if (extension == ".yaml" || extension == ".yml") return read_kalibr(file);
-  if (extension == ".txt") return read_dso_camera(file);
-  throw InputError(file.string(), "calibrations are read from .yaml (Kalibr) or .txt (DSO) files");
 }
 
 }  // namespace tileflight::imaging

@@ -14,10 +14,8 @@ namespace {
 
 using geometry::Mat4;
 
-constexpr std::uintmax_t kMaxFileSize = std::uintmax_t{1} << 20;
-
 YAML::Node load(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file, kMaxFileSize);
+  const std::string text = geometry::read_text(file, kMaxCalibrationBytes);
   try {
     return YAML::Load(text);
   } catch (const YAML::Exception& error) {

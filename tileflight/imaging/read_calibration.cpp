@@ -1,0 +1,79 @@
+#include <algorithm>
+#include <cctype>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
+#include "tileflight/imaging/calibration_checks.h"
+#include "tileflight/imaging/calibration_files.h"
+
+namespace tileflight::imaging {
+
+namespace {
+
+/// The next line with something on it that is no comment; empty at the end.
+std::string_view next_line(std::string_view& text) {
+  while (const auto line = geometry::take_line(text)) {
+    const std::size_t begin = line->find_first_not_of(" \t");
+    if (begin != std::string_view::npos && (*line)[begin] != '#') return line->substr(begin);
+  }
+  return {};
+}
+
+/// "cam0:" (or another number), also quoted or within braces.
+bool begins_kalibr_camera(std::string_view line) {
+  line.remove_prefix(std::min(line.find_first_not_of("{\"' "), line.size()));
+  if (!line.starts_with("cam")) return false;
+  line.remove_prefix(3);
+  const std::size_t digits = std::min(line.find_first_not_of("0123456789"), line.size());
+  line.remove_prefix(digits);
+  line.remove_prefix(std::min(line.find_first_not_of("\"' "), line.size()));
+  return digits > 0 && line.starts_with(':');
+}
+
+bool has_kalibr_camera(std::string_view text) {
+  while (true) {
+    const std::string_view line = next_line(text);
+    if (line.empty()) return false;
+    if (begins_kalibr_camera(line)) return true;
+  }
+}
+
+bool is_number(std::string_view field) { return geometry::parse_number<double>(field).has_value(); }
+
+/// CAMERA_ID MODEL …
+bool is_colmap_line(const std::vector<std::string_view>& fields) {
+  return fields.size() > 1 && geometry::parse_number<std::int64_t>(fields[0]) && !is_number(fields[1]) &&
+         std::isupper(static_cast<unsigned char>(fields[1].front())) != 0;
+}
+
+/// Numbers, perhaps with a name before them.
+bool is_dso_line(const std::vector<std::string_view>& fields) { return fields.size() > 1 && is_number(fields.back()); }
+
+}  // namespace
+
+std::optional<CalibrationForm> calibration_form(std::string_view text) {
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  std::string_view rest = text;
+  const std::string_view first = next_line(rest);
+  if (first.starts_with('<')) return CalibrationForm::kOpenCv;
+  if (first.starts_with("%YAML") || first.starts_with("---") || first.find(':') != std::string_view::npos)
+    return has_kalibr_camera(text) ? CalibrationForm::kKalibr : CalibrationForm::kOpenCv;
+  const std::vector<std::string_view> fields = geometry::split_fields(first);
+  if (is_colmap_line(fields)) return CalibrationForm::kColmap;
+  if (is_dso_line(fields)) return CalibrationForm::kDso;
+  return std::nullopt;
+}
+
+Calibration read_calibration(const std::filesystem::path& file) {
+  const std::optional<CalibrationForm> form = calibration_form(geometry::read_text(file, kMaxCalibrationBytes));
+  if (form == CalibrationForm::kKalibr) return read_kalibr(file);
+  if (form == CalibrationForm::kOpenCv) return read_opencv(file);
+  if (form == CalibrationForm::kColmap) return read_colmap_cameras(file);
+  if (form == CalibrationForm::kDso) return read_dso_camera(file);
+  throw InputError(file.string(),
+                   "is no calibration that is known: give a Kalibr camchain (with \"cam0\"), OpenCV's YAML or XML, "
+                   "COLMAP's cameras.txt or DSO's camera.txt");
+}
+
+}  // namespace tileflight::imaging
