@@ -19,6 +19,7 @@ find_package(benchmark REQUIRED)
 find_package(ZLIB REQUIRED)
 find_package(SQLite3 REQUIRED)
 find_package(CURL REQUIRED)
+find_package(EXPAT REQUIRED)
 
 pkg_check_modules(proj REQUIRED IMPORTED_TARGET proj)
 pkg_check_modules(webp REQUIRED IMPORTED_TARGET libwebp)

@@ -2,14 +2,14 @@
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/positions.h"
 #include "tileflight/experiment/version.h"
-#include "tileflight/flight/telemetry.h"
+#include "tileflight/flight/telemetry_file.h"
 
 namespace tileflight::experiment {
 namespace {
 
 void add_telemetry(const IngestFlight& flight, dataset::IngestOptions& options, std::vector<std::string>& warnings) {
   if (flight.telemetry.empty()) return;
-  const flight::Telemetry telemetry = flight::read_dji_srt(flight.telemetry);
+  const flight::Telemetry telemetry = flight::read_telemetry(flight.telemetry);
   warnings.insert(warnings.end(), telemetry.warnings.begin(), telemetry.warnings.end());
   options.gps = gps_fixes(telemetry, flight);
   options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);

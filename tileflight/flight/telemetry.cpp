@@ -14,39 +14,21 @@
 #include "tileflight/flight/telemetry.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
-#include <chrono>
-#include <cmath>
 #include <string_view>
 
+#include "tileflight/flight/fix_filter.h"
+#include "tileflight/flight/log_text.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
 
-/// An hour of 60 Hz subtitles is about 60 MB.
-constexpr std::uintmax_t kLargestLogBytes = std::uintmax_t{1} << 30;
-
 /// The lines of one subtitle: its number, then the stamps' line, then the payload.
 struct Entry {
   std::string_view number;
   std::vector<std::string_view> lines;
 };
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
-bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-std::string_view without_byte_order_mark(std::string_view text) {
-  return text.starts_with("\xEF\xBB\xBF") ? text.substr(3) : text;
-}
 
 /// A line of digits alone starts a subtitle; what stands before the first is ignored.
 std::vector<Entry> split_entries(std::string_view text) {
@@ -64,51 +46,6 @@ std::vector<Entry> split_entries(std::string_view text) {
   return entries;
 }
 
-/// Takes a number from the front (spaces before it and a leading '+' are skipped); nullopt and `text` as it was if
-/// there is none.
-std::optional<double> take_number(std::string_view& text) {
-  std::string_view rest = text;
-  while (!rest.empty() && is_blank(rest.front())) rest.remove_prefix(1);
-  if (!rest.empty() && rest.front() == '+') rest.remove_prefix(1);
-  double value = 0;
-  const auto [end, fault] = std::from_chars(rest.data(), rest.data() + rest.size(), value);
-  if (fault != std::errc() || !std::isfinite(value)) return std::nullopt;
-  text = rest.substr(static_cast<std::size_t>(end - rest.data()));
-  return value;
-}
-
-/// Takes `expected` from the front if it is there.
-bool take(std::string_view& text, std::string_view expected) {
-  if (!text.starts_with(expected)) return false;
-  text.remove_prefix(expected.size());
-  return true;
-}
-
-/// Whole number of exactly the next digits, for dates and stamps ("08" is 8).
-std::optional<int> take_digits(std::string_view& text) {
-  std::size_t count = 0;
-  while (count < text.size() && count < 9 && is_digit(text[count])) ++count;
-  if (count == 0) return std::nullopt;
-  int value = 0;
-  std::from_chars(text.data(), text.data() + count, value);
-  text.remove_prefix(count);
-  return value;
-}
-
-/// HH:MM:SS, then milliseconds after a comma or a point.
-std::optional<double> take_clock(std::string_view& text) {
-  std::array<int, 3> parts{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    if (i > 0 && !take(text, ":")) return std::nullopt;
-    const std::optional<int> part = take_digits(text);
-    if (!part) return std::nullopt;
-    parts[i] = *part;
-  }
-  double milliseconds = 0;
-  if (take(text, ",") || take(text, ".")) milliseconds = take_digits(text).value_or(0);
-  return 3600.0 * parts[0] + 60.0 * parts[1] + parts[2] + milliseconds / 1000.0;
-}
-
 /// Start of `HH:MM:SS,mmm --> HH:MM:SS,mmm`.
 std::optional<double> stamp_s(std::string_view line) {
   const std::optional<double> start = take_clock(line);
@@ -117,19 +54,11 @@ std::optional<double> stamp_s(std::string_view line) {
 
 /// `2017.08.05 14:11:51,393` as seconds since 1970, for the dialect that has no stamps.
 std::optional<double> date_s(std::string_view line) {
-  std::array<int, 3> date{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    if (i > 0 && !take(line, ".") && !take(line, "-")) return std::nullopt;
-    const std::optional<int> part = take_digits(line);
-    if (!part) return std::nullopt;
-    date[i] = *part;
-  }
-  const std::chrono::year_month_day day{std::chrono::year{date[0]}, std::chrono::month(static_cast<unsigned>(date[1])),
-                                        std::chrono::day(static_cast<unsigned>(date[2]))};
+  const std::optional<double> day = take_day(line);
   line = trimmed(line);
   const std::optional<double> clock = take_clock(line);
-  if (!clock || !day.ok() || date[0] > 9999) return std::nullopt;
-  return 86400.0 * static_cast<double>(std::chrono::sys_days(day).time_since_epoch().count()) + *clock;
+  if (!day || !clock) return std::nullopt;
+  return 86400.0 * *day + *clock;
 }
 
 /// What follows `key` in the line where `key` stands as a word of its own; nullopt if it does not.
@@ -243,26 +172,6 @@ Reading read_entry(const Entry& entry) {
   return reading;
 }
 
-bool is_on_earth(const TelemetryFix& fix) {
-  return std::abs(fix.latitude_deg) <= 90.0 && std::abs(fix.longitude_deg) <= 180.0;
-}
-bool is_null_island(const TelemetryFix& fix) { return fix.latitude_deg == 0.0 && fix.longitude_deg == 0.0; }
-
-/// How many entries were dropped for each reason.
-struct Dropped {
-  std::size_t without_time = 0, without_fix = 0, off_the_earth = 0, out_of_order = 0;
-};
-
-void describe(const Dropped& dropped, std::vector<std::string>& warnings) {
-  const auto tell = [&](std::size_t count, const std::string& reason) {
-    if (count > 0) warnings.push_back(std::to_string(count) + " entries dropped: " + reason);
-  };
-  tell(dropped.without_time, "no time");
-  tell(dropped.without_fix, "no position fix");
-  tell(dropped.off_the_earth, "latitude or longitude out of range");
-  tell(dropped.out_of_order, "time does not increase");
-}
-
 /// Matrice 300 without RTK writes 0.0M throughout: a height that never leaves exactly 0 is a field that was not filled
 /// in.
 void forget_unfilled_heights(Telemetry& telemetry) {
@@ -275,28 +184,23 @@ void forget_unfilled_heights(Telemetry& telemetry) {
 Telemetry collect(const std::vector<Reading>& readings) {
   const bool by_stamp =
       std::any_of(readings.begin(), readings.end(), [](const Reading& r) { return r.stamp_s.has_value(); });
-  Telemetry telemetry;
-  Dropped dropped;
+  FixFilter filter;
   std::optional<double> first_date_s;
   for (const Reading& reading : readings) {
     fill(first_date_s, reading.date_s);
     std::optional<double> time_s = reading.stamp_s;
     if (!by_stamp && reading.date_s) time_s = *reading.date_s - *first_date_s;
     if (!time_s) {
-      ++dropped.without_time;
-    } else if (!reading.has_position || is_null_island(reading.fix)) {
-      ++dropped.without_fix;
-    } else if (!is_on_earth(reading.fix)) {
-      ++dropped.off_the_earth;
-    } else if (!telemetry.fixes.empty() && *time_s <= telemetry.fixes.back().time_s) {
-      ++dropped.out_of_order;
+      filter.drop_without_time();
+    } else if (!reading.has_position) {
+      filter.drop_without_fix();
     } else {
-      telemetry.fixes.push_back(reading.fix);
-      telemetry.fixes.back().time_s = *time_s;
+      TelemetryFix fix = reading.fix;
+      fix.time_s = *time_s;
+      filter.add(fix);
     }
   }
-  describe(dropped, telemetry.warnings);
-  return telemetry;
+  return std::move(filter).finish();
 }
 
 }  // namespace

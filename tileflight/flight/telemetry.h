@@ -17,6 +17,8 @@ struct TelemetryFix {
   std::optional<double> absolute_height_m;  ///< as the log names it; its datum is Telemetry::height_datum
   std::optional<double> height_above_takeoff_m;
   std::optional<double> gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg;
+  /// The vehicle's own attitude: yaw clockwise from north, then pitch (nose up), then roll (right side down).
+  std::optional<double> body_yaw_deg, body_pitch_deg, body_roll_deg;
 };
 
 enum class HeightDatum { kUnknown, kEllipsoid, kMeanSeaLevel };

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <filesystem>
+
+#include "tileflight/flight/telemetry.h"
+
+namespace tileflight::flight {
+
+/// A flight log of any format that docs/formats.md names (Telemetry). What it is is told from its content; its name
+/// decides only where subtitles begin with something else. Throws InputError (file, cause) as its reader does.
+Telemetry read_telemetry(const std::filesystem::path& file);
+
+}  // namespace tileflight::flight
