@@ -7,6 +7,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -81,6 +82,26 @@ TEST(Colmap, FilesHoldTheModelInColmapsConventions) {
     }
   }
   EXPECT_EQ(numbers_of(points[3]).size(), 8U) << "seen by no picture";
+}
+
+TEST(Colmap, CamerasThatAreWrittenAreReadBack) {
+  const tests::TemporaryFolder folder;
+  for (const imaging::CameraModel& lens :
+       {imaging::CameraModel(imaging::PinholeRadtan{300.1, 302, 317.3, 241.7, {}}),
+        {imaging::PinholeRadtan{300.1, 302, 317.3, 241.7, {-0.1, 0.02, 1e-3, -2e-4}}},
+        {imaging::KannalaBrandt{300.1, 302, 317.3, 241.7, {0.01, -0.02, 3e-3, 4e-4}}},
+        {imaging::FovModel{300.1, 302, 317.3, 241.7, 0.9}}}) {
+    const imaging::Camera camera(lens, 640, 480);
+    write_colmap(folder.path(), small_model(camera));
+    for (const imaging::Camera& back : {imaging::read_calibration(folder / "cameras.txt").camera,
+                                        imaging::read_colmap_cameras(folder / "cameras.txt", 1).camera}) {
+      EXPECT_EQ(back.model().index(), camera.model().index());
+      EXPECT_EQ(back.width(), 640);
+      EXPECT_EQ(back.height(), 480);
+      for (const Vec3& point : {Vec3(0.1, 0.2, 1), Vec3(-0.5, 0.4, 1), Vec3(0.3, -0.5, 1.1)})
+        EXPECT_LT((camera.project(point).value() - back.project(point).value()).norm(), 1e-9);
+    }
+  }
 }
 
 TEST(Colmap, EachLensHasItsNameOrIsRefused) {

@@ -25,14 +25,19 @@ struct Span_s {
 std::string seconds(double time_s) { return rounded_text(time_s, 2) + " s"; }
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
+struct FittedCalibration {
+  imaging::Calibration calibration;
+  std::string scaled_from;  ///< the size that the file is for; empty when it is that of the frames
+};
+
 /// The calibration for frames of this size.
-imaging::Calibration calibration_for(int width, int height, const IngestOptions& options,
-                                     std::vector<std::string>& notes) {
+FittedCalibration calibration_for(int width, int height, const IngestOptions& options,
+                                  std::vector<std::string>& notes) {
   imaging::Calibration calibration = imaging::read_calibration(options.calibration);
   const imaging::Camera& camera = calibration.camera;
-  if (camera.width() == width && camera.height() == height) return calibration;
-  const std::string sizes = "is for images of " + size_text(camera.width(), camera.height()) + ", the frames have " +
-                            size_text(width, height);
+  if (camera.width() == width && camera.height() == height) return {calibration, {}};
+  const std::string own_size = size_text(camera.width(), camera.height());
+  const std::string sizes = "is for images of " + own_size + ", the frames have " + size_text(width, height);
   try {
     calibration.line_delay_s *=
         static_cast<double>(camera.height()) / height;  // the same read-out time over other rows
@@ -42,7 +47,7 @@ imaging::Calibration calibration_for(int width, int height, const IngestOptions&
                      sizes + ": the aspect ratio differs, so calibrate at the video's size");
   }
   notes.push_back(options.calibration.string() + ": " + sizes + "; the calibration was scaled");
-  return calibration;
+  return {calibration, own_size};
 }
 
 /// The times' range of things within the span, with one more on each side so that values at its ends can be
@@ -89,8 +94,10 @@ void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, con
   writer.set_groundtruth(std::move(trajectory));
 }
 
-void describe(DatasetWriter& writer, const IngestOptions& options) {
+void describe(DatasetWriter& writer, const IngestOptions& options, const FittedCalibration& fitted) {
   writer.describe("source", options.video_or_images.filename().string());
+  writer.describe("calibration.file", options.calibration.filename().string());
+  if (!fitted.scaled_from.empty()) writer.describe("calibration.scaled_from", fitted.scaled_from);
   writer.describe("excerpt.from_s", fixed_text(options.excerpt.from_s));
   if (options.excerpt.to_s) writer.describe("excerpt.to_s", fixed_text(*options.excerpt.to_s));
   writer.describe("excerpt.every", std::to_string(options.excerpt.every));
@@ -120,8 +127,8 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   if (info.duration_s > 0.0) require_reaches(options, info.duration_s, period_s);
   result.width = info.width;
   result.height = info.height;
-  DatasetWriter writer(folder, calibration_for(info.width, info.height, options, result.notes),
-                       writer_options(options));
+  const FittedCalibration fitted = calibration_for(info.width, info.height, options, result.notes);
+  DatasetWriter writer(folder, fitted.calibration, writer_options(options));
 
   const double end_s = options.excerpt.to_s.value_or(info.duration_s);
   const auto expected =
@@ -143,7 +150,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   const Span_s frames{result.first_time_s, result.last_time_s};
   add_gps(writer, options, frames, result);
   add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
-  describe(writer, options);
+  describe(writer, options, fitted);
   writer.finish();
 }
 
@@ -200,8 +207,8 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
   result.frames = frames.size();
   result.first_time_s = frames.front().time_s;
   result.last_time_s = frames.back().time_s;
-  DatasetWriter writer(folder, calibration_for(first.width, first.height, options, result.notes),
-                       writer_options(options));
+  const FittedCalibration fitted = calibration_for(first.width, first.height, options, result.notes);
+  DatasetWriter writer(folder, fitted.calibration, writer_options(options));
   std::mutex mutex;
   std::int64_t done = 0;
   tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
@@ -212,7 +219,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
   const Span_s span{result.first_time_s, result.last_time_s};
   add_gps(writer, options, span, result);
   add_groundtruth(writer, groundtruth, options.groundtruth.string(), span, result);
-  describe(writer, options);
+  describe(writer, options, fitted);
   writer.finish();
 }
 

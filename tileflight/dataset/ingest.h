@@ -16,7 +16,7 @@ namespace tileflight::dataset {
 struct IngestOptions {
   std::filesystem::path video_or_images;  ///< a video file, or a folder of images (with times.txt in it or beside it,
                                           ///< else `image_rate_hz`)
-  std::filesystem::path calibration;      ///< Kalibr camchain or DSO camera.txt
+  std::filesystem::path calibration;      ///< of any form that imaging::read_calibration knows
   VideoExcerpt excerpt;                   ///< on the video's clock (first frame at 0; images: the times of times.txt)
   double image_rate_hz = 30.0;            ///< of an image folder without times.txt
   std::vector<GpsFix> gps;                ///< of the flight's log, on the log's clock

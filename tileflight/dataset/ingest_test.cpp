@@ -128,6 +128,43 @@ TEST_F(IngestTest, CalibrationOfAnotherSize) {
   EXPECT_THAT(error(), AllOf(HasSubstr("96x96"), HasSubstr("96x64"), HasSubstr("camera.yaml")));
 }
 
+TEST_F(IngestTest, CalibrationsOfOtherFormsAreScaledOrRefusedToo) {
+  const auto files = [](int width, int height) {
+    const std::string w = std::to_string(width), h = std::to_string(height);
+    return std::map<std::string, std::string>{
+        {"opencv.yml", "%YAML:1.0\n---\nimage_width: " + w + "\nimage_height: " + h +
+                           "\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+                           "   data: [ 160., 0., 95.5, 0., 161., 63.5, 0., 0., 1. ]\n"
+                           "distortion_coefficients: [-0.1, 0.02, 0., 0., 0.]\n"},
+        {"opencv.xml", "<?xml version=\"1.0\"?>\n<opencv_storage><image_width>" + w + "</image_width><image_height>" +
+                           h +
+                           "</image_height><K><data>160 0 95.5 0 161 63.5 0 0 1</data></K>"
+                           "<D><data>-0.1 0.02 0 0 0</data></D></opencv_storage>\n"},
+        {"cameras.txt", "1 RADIAL " + w + " " + h + " 160 96 64 -0.1 0.02\n"},
+        {"camera.txt", "RadTan 160 161 95.5 63.5 -0.1 0.02 0 0\n" + w + " " + h + "\nnone\n" + w + " " + h + "\n"}};
+  };
+  // Half the size: half the focal length, and the middle of the picture stays its middle.
+  for (const auto& [name, content] : files(2 * kWidth, 2 * kHeight)) {
+    options.calibration = folder / name;
+    geometry::write_file(options.calibration, content);
+    const IngestResult result = ingest(options, folder / "set");
+    EXPECT_THAT(result.notes, ElementsAre(AllOf(HasSubstr(name), HasSubstr("192x128"), HasSubstr("scaled"))));
+    const Dataset dataset = read_dataset(folder / "set");
+    const auto pixel = dataset.calibration.camera.project({0.3, 0.0, 1.0});
+    ASSERT_TRUE(pixel);
+    EXPECT_NEAR(pixel->x(), 80 * 0.3 * (1 - 0.1 * 0.09 + 0.02 * 0.09 * 0.09) + 47.5, 1e-9) << name;
+    EXPECT_NEAR(pixel->y(), 31.5, 1e-9) << name;
+    EXPECT_EQ(dataset.about.at("calibration.file"), name);
+    EXPECT_EQ(dataset.about.at("calibration.scaled_from"), "192x128");
+    fs::remove_all(folder / "set");
+  }
+  for (const auto& [name, content] : files(kWidth, kWidth)) {
+    options.calibration = folder / name;
+    geometry::write_file(options.calibration, content);
+    EXPECT_THAT(error(), AllOf(HasSubstr("96x96"), HasSubstr("96x64"), HasSubstr(name), HasSubstr("aspect")));
+  }
+}
+
 TEST_F(IngestTest, TelemetryAndTruthWithoutOverlap) {
   options.gps_time_offset_s = 100.0;
   EXPECT_THAT(error(), AllOf(HasSubstr("telemetry"), HasSubstr("no moment in common")));
