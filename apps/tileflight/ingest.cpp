@@ -17,7 +17,9 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       "Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height "
       "ellipsoid --every 4 --out dataset");
   command->add_option("VIDEO", options->video, "video file or folder of images")->required();
-  command->add_option("--camera", options->camera, "calibration: Kalibr camchain (.yaml) or DSO camera (.txt)")
+  command
+      ->add_option("--camera", options->camera,
+                   "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt or DSO camera.txt")
       ->required();
   command->add_option("--telemetry", options->telemetry, "flight log (DJI .srt)");
   command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")
