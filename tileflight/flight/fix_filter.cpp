@@ -8,9 +8,6 @@
 namespace tileflight::flight {
 namespace {
 
-/// Clocks that start with the log, the video or the vehicle are far below, dates far above.
-constexpr double kFirstDate_s = 1e9;
-
 bool is_on_earth(const TelemetryFix& fix) {
   return std::abs(fix.latitude_deg) <= 90.0 && std::abs(fix.longitude_deg) <= 180.0;
 }
@@ -60,8 +57,10 @@ void count_from_first_fix(Telemetry& telemetry) {
   for (TelemetryFix& fix : telemetry.fixes) fix.time_s -= first_s;
 }
 
+bool is_date(double time_s) { return time_s >= 1e9; }
+
 void count_dates_from_first_fix(Telemetry& telemetry) {
-  if (!telemetry.fixes.empty() && telemetry.fixes.front().time_s >= kFirstDate_s) count_from_first_fix(telemetry);
+  if (!telemetry.fixes.empty() && is_date(telemetry.fixes.front().time_s)) count_from_first_fix(telemetry);
 }
 
 void drop_fixes_without_height(Telemetry& telemetry) {

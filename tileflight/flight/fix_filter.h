@@ -31,7 +31,11 @@ class FixFilter {
 /// Times become seconds from the first fix.
 void count_from_first_fix(Telemetry& telemetry);
 
-/// Times that are dates (seconds since 1970, later than September 2001) count from the first fix; others stay.
+/// Whether a time in seconds is one since 1970 (later than September 2001) rather than of a clock that starts with the
+/// log, the video or the vehicle.
+bool is_date(double time_s);
+
+/// Times that are dates count from the first fix; others stay.
 void count_dates_from_first_fix(Telemetry& telemetry);
 
 /// Where some fixes have a height and others have none at all, those without are dropped, with a warning.

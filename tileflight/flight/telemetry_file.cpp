@@ -5,13 +5,15 @@
 #include <fstream>
 #include <string>
 
+#include "tileflight/flight/csv_log.h"
 #include "tileflight/flight/gpx.h"
 #include "tileflight/flight/log_text.h"
+#include "tileflight/flight/ulog.h"
 
 namespace tileflight::flight {
 namespace {
 
-enum class Format { kDjiSubtitles, kGpx };
+enum class Format { kDjiSubtitles, kGpx, kCsv, kUlog };
 
 std::string first_bytes(const std::filesystem::path& file) {
   std::array<char, 4096> bytes{};
@@ -26,10 +28,23 @@ bool is_xml(std::string_view head) {
          head.starts_with("\xFE\xFF");
 }
 
+/// The first line with anything in it is the number of a subtitle, which no table's header is.
+bool is_subtitles(std::string_view head) {
+  head = trimmed(without_byte_order_mark(head));
+  const std::string_view line = trimmed(head.substr(0, head.find('\n')));
+  return !line.empty() && std::all_of(line.begin(), line.end(), is_digit);
+}
+
+bool has_subtitles_name(const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  return extension == ".srt" || extension == ".SRT";
+}
+
 Format format_of(const std::filesystem::path& file) {
   const std::string head = first_bytes(file);
+  if (head.starts_with("ULog")) return Format::kUlog;
   if (is_xml(head)) return Format::kGpx;
-  return Format::kDjiSubtitles;
+  return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
 }
 
 }  // namespace
@@ -38,6 +53,10 @@ Telemetry read_telemetry(const std::filesystem::path& file) {
   switch (format_of(file)) {
     case Format::kGpx:
       return read_gpx(file);
+    case Format::kCsv:
+      return read_csv_log(file);
+    case Format::kUlog:
+      return read_ulog(file);
     case Format::kDjiSubtitles:
       break;
   }

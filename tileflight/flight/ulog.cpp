@@ -1,0 +1,152 @@
+#include "tileflight/flight/ulog.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/flight/fix_filter.h"
+#include "tileflight/flight/log_text.h"
+#include "tileflight/flight/ulog_topics.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::flight {
+namespace {
+
+using Rows = std::vector<std::vector<double>>;
+
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+constexpr double kFarthestAttitude_s = 0.2;
+constexpr double kThreeDimensionalFix = 3;
+
+/// Receivers' topics name their fields in degrees and metres since PX4 1.14; before, in 1e-7 degrees and millimetres.
+const UlogFields kReceiverFields = {
+    "timestamp", "latitude_deg", "longitude_deg", "altitude_msl_m", "altitude_ellipsoid_m",
+    "lat",       "lon",          "alt",           "alt_ellipsoid",  "fix_type"};
+const UlogFields kEstimatorFields = {"timestamp", "lat", "lon", "alt", "alt_ellipsoid"};
+const UlogFields kAttitudeFields = {"timestamp", "q[0]", "q[1]", "q[2]", "q[3]"};
+
+/// One position; numbers that are not there are NaN.
+struct Position {
+  double time_s, latitude_deg, longitude_deg, sea_level_m, ellipsoid_m;
+  bool has_fix;
+};
+
+Position receiver_position(const std::vector<double>& row) {
+  const bool has_degrees = !std::isnan(row[1]);
+  return {.time_s = 1e-6 * row[0],
+          .latitude_deg = has_degrees ? row[1] : 1e-7 * row[5],
+          .longitude_deg = has_degrees ? row[2] : 1e-7 * row[6],
+          .sea_level_m = has_degrees ? row[3] : 1e-3 * row[7],
+          .ellipsoid_m = has_degrees ? row[4] : 1e-3 * row[8],
+          .has_fix = !(row[9] < kThreeDimensionalFix)};
+}
+
+Position estimator_position(const std::vector<double>& row) {
+  return {.time_s = 1e-6 * row[0],
+          .latitude_deg = row[1],
+          .longitude_deg = row[2],
+          .sea_level_m = row[3],
+          .ellipsoid_m = row[4],
+          .has_fix = true};
+}
+
+bool is_usable(const Position& p) {
+  return p.has_fix && std::isfinite(p.time_s) && std::isfinite(p.latitude_deg) && std::isfinite(p.longitude_deg);
+}
+
+/// Of the first topic that holds a fix; else of the last that holds anything.
+std::vector<Position> positions_of(const UlogTopics& topics) {
+  std::vector<Position> positions;
+  for (const char* name : {"vehicle_gps_position", "sensor_gps", "vehicle_global_position"}) {
+    const auto found = topics.rows.find(name);
+    if (found == topics.rows.end()) continue;
+    const bool is_estimate = found->first == "vehicle_global_position";
+    positions.clear();
+    std::transform(found->second.begin(), found->second.end(), std::back_inserter(positions),
+                   is_estimate ? estimator_position : receiver_position);
+    if (std::any_of(positions.begin(), positions.end(), is_usable)) break;
+  }
+  return positions;
+}
+
+/// Drivers and simulators that do not know the geoid leave the field at 0, or copy the other height into it.
+bool has_ellipsoidal_heights(const std::vector<Position>& positions) {
+  return std::any_of(positions.begin(), positions.end(), [](const Position& p) {
+    return std::isfinite(p.ellipsoid_m) && p.ellipsoid_m != 0.0 && p.ellipsoid_m != p.sea_level_m;
+  });
+}
+
+/// Yaw, pitch and roll of a body with axes forward, right, down in north, east, down, from its unit quaternion w, x, y,
+/// z (Diebel, "Representing Attitude", 2006, section 5.6, sequence 1, 2, 3).
+void set_attitude(TelemetryFix& fix, const std::vector<double>& row) {
+  const double norm = std::hypot(std::hypot(row[1], row[2]), std::hypot(row[3], row[4]));
+  if (!(norm > 0.5) || !std::isfinite(norm)) return;
+  const double w = row[1] / norm, x = row[2] / norm, y = row[3] / norm, z = row[4] / norm;
+  fix.body_yaw_deg = kDegrees * std::atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
+  fix.body_pitch_deg = kDegrees * std::asin(std::clamp(2 * (w * y - z * x), -1.0, 1.0));
+  fix.body_roll_deg = kDegrees * std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
+}
+
+/// `attitudes`: sorted by time.
+void add_attitude(TelemetryFix& fix, const Rows& attitudes) {
+  const auto later = std::lower_bound(attitudes.begin(), attitudes.end(), 1e6 * fix.time_s,
+                                      [](const std::vector<double>& row, double time_us) { return row[0] < time_us; });
+  const auto distance_s = [&](auto row) { return std::abs(1e-6 * (*row)[0] - fix.time_s); };
+  auto nearest = later;
+  if (nearest == attitudes.end() || (later != attitudes.begin() && distance_s(later - 1) < distance_s(later))) {
+    if (later == attitudes.begin()) return;
+    nearest = later - 1;
+  }
+  if (distance_s(nearest) <= kFarthestAttitude_s) set_attitude(fix, *nearest);
+}
+
+Rows sorted_attitudes(const UlogTopics& topics) {
+  const auto found = topics.rows.find("vehicle_attitude");
+  Rows rows = found == topics.rows.end() ? Rows{} : found->second;
+  std::erase_if(rows, [](const std::vector<double>& row) { return std::isnan(row[0]); });
+  std::stable_sort(rows.begin(), rows.end(),
+                   [](const std::vector<double>& a, const std::vector<double>& b) { return a[0] < b[0]; });
+  return rows;
+}
+
+FixFilter filtered(const std::vector<Position>& positions, bool ellipsoidal, const Rows& attitudes) {
+  FixFilter filter;
+  for (const Position& position : positions) {
+    if (!is_usable(position)) {
+      filter.drop_without_fix();
+      continue;
+    }
+    TelemetryFix fix;
+    fix.time_s = position.time_s;
+    fix.latitude_deg = position.latitude_deg;
+    fix.longitude_deg = position.longitude_deg;
+    const double height_m = ellipsoidal ? position.ellipsoid_m : position.sea_level_m;
+    if (std::isfinite(height_m)) fix.absolute_height_m = height_m;
+    add_attitude(fix, attitudes);
+    filter.add(fix);
+  }
+  return filter;
+}
+
+}  // namespace
+
+Telemetry read_ulog(const std::filesystem::path& file) {
+  const std::map<std::string, UlogFields> wanted = {{"vehicle_gps_position", kReceiverFields},
+                                                    {"sensor_gps", kReceiverFields},
+                                                    {"vehicle_global_position", kEstimatorFields},
+                                                    {"vehicle_attitude", kAttitudeFields}};
+  const std::vector<std::byte> bytes = geometry::read_bytes(file, kLargestLogBytes);
+  const UlogTopics topics = read_ulog_topics(bytes, wanted, file.string());
+  const std::vector<Position> positions = positions_of(topics);
+  const bool ellipsoidal = has_ellipsoidal_heights(positions);
+  Telemetry telemetry =
+      filtered(positions, ellipsoidal, sorted_attitudes(topics)).finish(file.string(), "position messages");
+  telemetry.warnings.insert(telemetry.warnings.end(), topics.warnings.begin(), topics.warnings.end());
+  count_from_first_fix(telemetry);
+  drop_fixes_without_height(telemetry);
+  telemetry.height_datum = ellipsoidal ? HeightDatum::kEllipsoid : HeightDatum::kMeanSeaLevel;
+  return telemetry;
+}
+
+}  // namespace tileflight::flight
