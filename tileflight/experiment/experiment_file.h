@@ -54,7 +54,7 @@ struct RenderFlight {
 struct IngestFlight {
   std::filesystem::path video;  ///< video file or folder of images
   std::filesystem::path camera;
-  std::filesystem::path telemetry;           ///< DJI .srt; empty: none
+  std::filesystem::path telemetry;           ///< flight::read_telemetry; empty: none
   std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; what the log's heights are above
   std::optional<double> takeoff_height_m;    ///< of the take-off place above the ellipsoid, where heights are above it
   std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated while aligning
