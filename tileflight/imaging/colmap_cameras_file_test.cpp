@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"

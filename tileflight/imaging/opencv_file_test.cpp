@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
+#include <random>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"
@@ -190,6 +192,35 @@ TEST(OpenCv, BadFilesAreOneClearLine) {
   EXPECT_THAT(error("<opencv_storage>\n<a"), AllOf(HasSubstr("line 2"), HasSubstr("ends within")));
   EXPECT_THAT(error("<opencv_storage><!-- "), HasSubstr("ends within"));
   EXPECT_THAT(error("<opencv_storage></opencv_storage>"), HasSubstr("camera_matrix"));
+}
+
+TEST(CalibrationForm, DamagedFilesAreReadOrRefusedInOneLine) {
+  const std::vector<std::string> whole{
+      lens_file(kFive), lens_file("0, 0, 0, 0", "distortion_model: equidistant\n"),
+      "<?xml version=\"1.0\"?><!-- a --><opencv_storage><image_size>640 480</image_size><K a=\"b\"><rows>3</rows>"
+      "<data>500 0 320 0 500 240 0 0 1</data></K><D><data>0 0 0 0 0</data></D></opencv_storage>",
+      "# Cameras\n1 OPENCV 640 480 500 500 320 240 -0.1 0.02 0 0\n2 FOV 640 480 500 500 320 240 0.9\n"};
+  const std::string pieces = "<>/!?-#:[]{}\"', \n\t.0e9n&*%\xEF\xFF";
+  const tests::TemporaryFolder folder;
+  std::mt19937 random(5);
+  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random()) % n; };
+  int refused = 0;
+  constexpr int kTries = 1200;
+  for (int i = 0; i < kTries; ++i) {
+    std::string text = whole[below(whole.size())];
+    for (std::size_t changes = 1 + below(4); changes > 0; --changes)
+      text[below(text.size())] = pieces[below(pieces.size())];
+    if (below(4) == 0) text.resize(1 + below(text.size()));
+    geometry::write_file(folder / "camera", text);
+    try {
+      EXPECT_GT(read_calibration(folder / "camera").camera.width(), 0);
+    } catch (const InputError& e) {
+      EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos) << e.what();
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, kTries / 4);
+  EXPECT_LT(refused, kTries);
 }
 
 TEST(CalibrationForm, IsToldByContent) {

@@ -101,15 +101,12 @@ class XmlEntries {
   }
 
   void open() {
-    const std::size_t begin = at_;
     std::string_view tag = take_until(">").substr(1);
     const bool empty = tag.ends_with('/');
     if (empty) tag.remove_suffix(1);
     const std::string name(geometry::take_field(tag, kBlanks));
-    if (open_.empty() && name != "opencv_storage") {
-      at_ = begin;
+    if (open_.empty() && name != "opencv_storage")
       throw InputError(file_, "is XML with <" + name + "> at its top, not OpenCV's <opencv_storage>");
-    }
     if (open_.size() == 1) entries_.push_back({name, {}, {}, {}});
     if (!empty) open_.push_back(name);
   }
