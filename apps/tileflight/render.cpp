@@ -14,6 +14,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     experiment::RenderSettings settings;
     std::string flight, out;
     double pixel_error = 1.0;
+    double memory_gb = 0.0;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("render", "a simulated sensor dataset of a flight through tiles");
@@ -37,11 +38,21 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
                        "load the tiles that the flight looks at, erring by at most so many pixels, instead of a "
                        "region's; what is done where no region is given (1)")
           ->check(CLI::PositiveNumber);
+  CLI::Option* memory =
+      command
+          ->add_option(
+              "--memory", options->memory_gb,
+              "GB of tiles that may be in memory at once (default: half of the machine's); a flight that looks "
+              "at more is rendered in parts, which changes no pixel")
+          ->check(CLI::PositiveNumber);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, pixel_error, &selection] {
+  command->callback([options, pixel_error, memory, &selection] {
     const bool by_flight = pixel_error->count() > 0;
+    if (memory->count() > 0) {
+      options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
+    }
     selection.run = [options, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
       options->settings.load = load_options(options->region);
       options->settings.load.source = source_options(options->source_arguments);

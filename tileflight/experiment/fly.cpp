@@ -1,5 +1,9 @@
 #include "tileflight/experiment/fly.h"
 
+#include <unistd.h>
+
+#include <algorithm>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <numeric>
@@ -90,7 +94,7 @@ std::map<std::string, std::string> description(const RenderSettings& settings, c
           {"flight", settings.flight.flight.string()},
           {"seed", std::to_string(settings.seed)},
           {"cut_sha256", tiles.cut_hash},
-          {"tiles", std::to_string(tiles.tiles_loaded)},
+          {"tiles", std::to_string(tiles.cut_size - tiles.tiles_failed)},
           {"attribution", joined(tiles.attribution)},
           {"terms_provider", tiles.terms.provider},
           {"terms_accepted", settings.load.source.terms_accepted ? "true" : "false"}};
@@ -118,22 +122,132 @@ class InOrder {
   std::size_t next_ = 0;
 };
 
-sensors::FlightReport film_to_dataset(const scene::Scene& scene, const Mission& mission, const RenderSettings& settings,
-                                      const tiles::LoadedTiles& tiles, const fs::path& out, bool replace,
-                                      const Progress& progress) {
+/// What came of a flight, all its parts together.
+struct Filmed {
+  sensors::FlightReport report;
+  tiles::LoadedTiles tiles;  ///< without what was in them; triangles: the most that were there at once
+  std::int64_t parts = 0;
+};
+
+void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
+  for (const std::string& text : from) {
+    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
+  }
+}
+
+void add_part(const sensors::FlightReport& report, const tiles::LoadedTiles& tiles, Filmed& filmed) {
+  tiles::LoadedTiles& all = filmed.tiles;
+  all.local_frame = tiles.local_frame;
+  all.terms = tiles.terms;
+  all.cut_hash = tiles.cut_hash;
+  all.cut_size = tiles.cut_size;
+  all.complete = tiles.complete && (filmed.parts == 0 || all.complete);
+  all.tiles_failed = std::max(all.tiles_failed, tiles.tiles_failed);
+  all.triangles = std::max(all.triangles, tiles.triangles);
+  add_distinct(tiles.attribution, all.attribution);
+  add_distinct(tiles.warnings, all.warnings);
+  filmed.report.frames += report.frames;
+  filmed.report.seconds += report.seconds;
+  filmed.report.frames_per_second = static_cast<double>(filmed.report.frames) / filmed.report.seconds;
+  filmed.report.warnings.insert(filmed.report.warnings.end(), report.warnings.begin(), report.warnings.end());
+  ++filmed.parts;
+}
+
+/// Half of the machine's memory.
+std::uintmax_t default_memory_bytes() {
+  const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
+  if (pages <= 0 || page_bytes <= 0) return std::numeric_limits<std::uintmax_t>::max();
+  return static_cast<std::uintmax_t>(pages) / 2 * static_cast<std::uintmax_t>(page_bytes);
+}
+
+/// Where nothing is in view there is yet something to cast rays into: a triangle without area, which none meets.
+std::vector<imaging::TexturedMesh> or_nothing(std::vector<imaging::TexturedMesh> meshes) {
+  if (!meshes.empty()) return meshes;
+  imaging::TexturedMesh nothing;
+  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
+  nothing.mesh.triangles.push_back({0, 1, 2});
+  return {nothing};
+}
+
+/// Loads what a flight looks at and renders it, in as many parts as memory wants.
+class Filming {
+ public:
+  Filming(const Mission& mission, const RenderSettings& settings, const Progress& progress)
+      : mission_(mission),
+        settings_(settings),
+        progress_(progress),
+        source_(tiles::open_source(settings.source, settings.load.source)),
+        load_(settings.load) {
+    load_.uses = {tiles::Use::kAnalyse};
+    load_.max_memory_bytes = settings.max_memory_bytes.value_or(default_memory_bytes());
+    if (settings.error_px) load_.flight = {eyes_of(mission), *settings.error_px, {}};
+  }
+
+  Filmed run(const sensors::FrameSink& sink) {
+    Filmed filmed;
+    bool any_surface = false, any_points = false;
+    const std::size_t frames = mission_.frames.size();
+    for (std::size_t begin = 0, count = frames; begin < frames; begin += count) {
+      tiles::LoadedTiles tiles = load(begin, count);
+      any_surface = any_surface || !tiles.meshes.empty();
+      any_points = any_points || tiles.points > 0;
+      if (count == frames) require_surface(tiles.meshes, any_points, tiles::shown_source(settings_.source));
+      const scene::Scene scene(or_nothing(std::move(tiles.meshes)), anchor());
+      sensors::FlightOptions options = mission_.options;
+      options.first_frame = begin;
+      options.end_frame = begin + count;
+      add_part(sensors::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
+                                      sink, progress_),
+               tiles, filmed);
+    }
+    if (!any_surface) require_surface({}, any_points, tiles::shown_source(settings_.source));
+    return filmed;
+  }
+
+ private:
+  /// The same for all parts of a flight, so that they see the same surfaces to the last bit.
+  geometry::Vec3 anchor() const {
+    return mission_.frames.poses[mission_.frames.size() / 2].T_local_camera.translation;
+  }
+
+  /// Tiles for `count` frames from `begin` on, or for half of them, and so on, until they fit.
+  tiles::LoadedTiles load(std::size_t begin, std::size_t& count) {
+    count = std::min(count, mission_.frames.size() - begin);
+    while (true) {
+      if (load_.flight) {
+        const std::size_t eyes_a_frame = load_.flight->eyes.size() / mission_.frames.size();
+        load_.flight->part = {begin * eyes_a_frame, (begin + count) * eyes_a_frame};
+      }
+      try {
+        return tiles::load_region(*source_, tiles::shown_source(settings_.source), load_, progress_);
+      } catch (const tiles::MemoryExceeded&) {
+        if (!load_.flight || count == 1) throw;
+        count = (count + 1) / 2;
+      }
+    }
+  }
+
+  const Mission& mission_;
+  const RenderSettings& settings_;
+  const Progress& progress_;
+  std::unique_ptr<tiles::TileSource> source_;
+  tiles::LoadOptions load_;
+};
+
+Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
+                       const Progress& progress) {
+  Filming filming(mission, settings, progress);
   dataset::DatasetWriter writer(out, mission.calibration,
                                 {.replace = replace, .depth = settings.depth, .png = settings.png});
-  const sensors::FlightReport report = sensors::render_flight(
-      scene, mission.calibration.camera, mission.frames, mission.pose_at, mission.options,
-      [&](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
-          const imaging::FloatImage* depth) { writer.add_frame(index, time_s, exposure_ms, rgb, depth); },
-      progress);
+  Filmed filmed =
+      filming.run([&](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
+                      const imaging::FloatImage* depth) { writer.add_frame(index, time_s, exposure_ms, rgb, depth); });
   writer.set_groundtruth(mission.frames);
-  const std::vector<dataset::GpsFix> gps = simulated_gps(mission, tiles.local_frame, settings.seed);
+  const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
-  for (const auto& [key, value] : description(settings, tiles)) writer.describe(key, value);
+  for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
   writer.finish();
-  return report;
+  return filmed;
 }
 
 double frame_rate(const geometry::Trajectory& frames) {
@@ -149,22 +263,18 @@ geometry::Trajectory on_video_clock(geometry::Trajectory frames) {
 }
 
 /// Through a video file and back, as a camera that records does: the pictures of the dataset are the decoded ones.
-sensors::FlightReport film_to_video(const scene::Scene& scene, Mission mission, const RenderSettings& settings,
-                                    const tiles::LoadedTiles& tiles, const fs::path& out, bool replace,
-                                    const Progress& progress) {
+Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::path& out, bool replace,
+                     const Progress& progress) {
   const fs::path folder = out.string() + ".video";
-  sensors::FlightReport report;
+  Filming filming(mission, settings, progress);
+  Filmed filmed;
   geometry::write_folder(folder, true, [&](const fs::path& temporary) {
     const imaging::Camera& camera = mission.calibration.camera;
     dataset::VideoWriter video(temporary / "video.mp4", camera.width(), camera.height(),
                                {.frames_per_second = frame_rate(mission.frames), .crf = *settings.flight.video_crf});
     InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
-    report = sensors::render_flight(
-        scene, camera, mission.frames, mission.pose_at, mission.options,
-        [&](std::size_t index, double, double, const imaging::RgbImage& rgb, const imaging::FloatImage*) {
-          in_order.add(index, rgb);
-        },
-        progress);
+    filmed = filming.run([&](std::size_t index, double, double, const imaging::RgbImage& rgb,
+                             const imaging::FloatImage*) { in_order.add(index, rgb); });
     video.finish();
     imaging::write_kalibr(temporary / "camera.yaml", mission.calibration);
     mission.frames = on_video_clock(mission.frames);
@@ -172,13 +282,13 @@ sensors::FlightReport film_to_video(const scene::Scene& scene, Mission mission, 
   });
   dataset::ingest({.video_or_images = folder / "video.mp4",
                    .calibration = folder / "camera.yaml",
-                   .gps = simulated_gps(mission, tiles.local_frame, settings.seed),
+                   .gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed),
                    .groundtruth = folder / "groundtruth.txt",
                    .replace = replace,
-                   .description = description(settings, tiles)},
+                   .description = description(settings, filmed.tiles)},
                   out, progress);
   fs::remove_all(folder);
-  return report;
+  return filmed;
 }
 
 }  // namespace
@@ -186,23 +296,17 @@ sensors::FlightReport film_to_video(const scene::Scene& scene, Mission mission, 
 nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
                               const Progress& progress) {
   const Mission mission = plan_mission(settings);
-  tiles::LoadOptions load = settings.load;
-  load.uses = {tiles::Use::kAnalyse};
-  if (settings.error_px) load.flight = {eyes_of(mission), *settings.error_px};
-  const tiles::LoadedTiles tiles = tiles::load_region(settings.source, load, progress);
-  require_surface(tiles.meshes, tiles.points > 0, tiles::shown_source(settings.source));
-  const scene::Scene scene(tiles.meshes);
-  const sensors::FlightReport report = settings.flight.video_crf
-                                           ? film_to_video(scene, mission, settings, tiles, out, replace, progress)
-                                           : film_to_dataset(scene, mission, settings, tiles, out, replace, progress);
-  std::vector<std::string> warnings = report.warnings;
-  warnings.insert(warnings.end(), tiles.warnings.begin(), tiles.warnings.end());
-  return {{"frames", report.frames},
-          {"seconds", report.seconds},
-          {"frames_per_second", report.frames_per_second},
-          {"tiles", tiles.tiles_loaded},
-          {"complete", tiles.complete},
-          {"triangles", tiles.triangles},
+  const Filmed filmed = settings.flight.video_crf ? film_to_video(mission, settings, out, replace, progress)
+                                                  : film_to_dataset(mission, settings, out, replace, progress);
+  std::vector<std::string> warnings = filmed.report.warnings;
+  warnings.insert(warnings.end(), filmed.tiles.warnings.begin(), filmed.tiles.warnings.end());
+  return {{"frames", filmed.report.frames},
+          {"seconds", filmed.report.seconds},
+          {"frames_per_second", filmed.report.frames_per_second},
+          {"tiles", filmed.tiles.cut_size - filmed.tiles.tiles_failed},
+          {"parts", filmed.parts},
+          {"complete", filmed.tiles.complete},
+          {"triangles", filmed.tiles.triangles},
           {"path_length", geometry::path_length_m(mission.frames)},
           {"warnings", warnings}};
 }

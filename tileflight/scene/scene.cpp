@@ -110,7 +110,8 @@ struct Scene::Impl {
   EmbreeTree tree;
 };
 
-Scene::Scene(std::vector<imaging::TexturedMesh> meshes) : impl_(std::make_unique<Impl>()) {
+Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor)
+    : impl_(std::make_unique<Impl>()) {
   for (std::size_t i = 0; i < meshes.size(); ++i) {
     check_mesh(meshes[i], i);
     impl_->triangle_count += meshes[i].mesh.triangles.size();
@@ -118,7 +119,7 @@ Scene::Scene(std::vector<imaging::TexturedMesh> meshes) : impl_(std::make_unique
   if (impl_->triangle_count == 0) throw InputError("scene", "there is no triangle in it; is the region empty?");
   impl_->meshes = std::move(meshes);
   impl_->bounds = bounds_of(impl_->meshes);
-  impl_->anchor = impl_->bounds.center();
+  impl_->anchor = anchor.value_or(impl_->bounds.center());
   impl_->tree = build_embree_tree(impl_->meshes, impl_->anchor);
 }
 

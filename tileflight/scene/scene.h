@@ -34,14 +34,15 @@ class Scene {
   /// Takes the meshes (positions in the local frame). Throws InputError (mesh name, cause) when there is no triangle,
   /// a coordinate is not finite, a triangle names a vertex that is not there, or an attribute has not one value a
   /// vertex.
-  explicit Scene(std::vector<imaging::TexturedMesh> meshes);
+  /// `anchor`: what coordinates are relative to where they are floats; none given: the middle of the bounds.
+  explicit Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor = {});
   ~Scene();
   Scene(Scene&&) noexcept;
   Scene& operator=(Scene&&) noexcept;
 
   const std::vector<imaging::TexturedMesh>& meshes() const;
   const geometry::Box3& bounds() const;  ///< of all vertices, local frame
-  const geometry::Vec3& anchor() const;  ///< centre of the bounds
+  const geometry::Vec3& anchor() const;
   std::size_t triangle_count() const;
 
   /// The nearest surface along the ray, seen from either side.

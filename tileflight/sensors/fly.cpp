@@ -69,13 +69,27 @@ std::string range_name(std::size_t first, std::size_t last) {
   return "frames " + std::to_string(first) + " to " + std::to_string(last);
 }
 
+/// Frames that are rendered.
+struct FrameRange {
+  std::size_t begin = 0;
+  std::size_t end = 0;
+
+  std::size_t count() const { return end - begin; }
+};
+
+FrameRange range_of(const FlightOptions& options, std::size_t frames) {
+  const std::size_t end = std::min(options.end_frame, frames);
+  return {std::min(options.first_frame, end), end};
+}
+
 /// One line for each run of frames for which `found` holds.
 template <class Found>
-void warn_of_runs(std::size_t count, const Found& found, const std::string& what, std::vector<std::string>& warnings) {
-  for (std::size_t i = 0; i < count; ++i) {
+void warn_of_runs(const FrameRange& range, const Found& found, const std::string& what,
+                  std::vector<std::string>& warnings) {
+  for (std::size_t i = range.begin; i < range.end; ++i) {
     if (!found(i)) continue;
     const std::size_t first = i;
-    while (i + 1 < count && found(i + 1)) ++i;
+    while (i + 1 < range.end && found(i + 1)) ++i;
     warnings.push_back(range_name(first, i) + ": " + what);
   }
 }
@@ -86,23 +100,24 @@ bool passes_through(const scene::Scene& scene, const SE3& from, const SE3& to) {
   return length_m > 1e-6 && scene.occluded({from.translation, step / length_m}, length_m);
 }
 
-std::vector<std::string> path_warnings(const scene::Scene& scene, const Trajectory& frames,
+std::vector<std::string> path_warnings(const scene::Scene& scene, const Trajectory& frames, const FrameRange& range,
                                        const std::vector<FrameView>& views, double clearance_m) {
   std::vector<std::string> warnings;
   std::ostringstream near;
   near << "a surface is nearer to the camera than " << clearance_m << " m";
   const auto& poses = frames.poses;
   warn_of_runs(
-      views.size(), [&](std::size_t i) { return views[i].nearest_m < clearance_m; }, near.str(), warnings);
+      range, [&](std::size_t i) { return views[i - range.begin].nearest_m < clearance_m; }, near.str(), warnings);
   warn_of_runs(
-      views.size(), [&](std::size_t i) { return views[i].surface_share == 0.0; }, "no surface is in view", warnings);
+      range, [&](std::size_t i) { return views[i - range.begin].surface_share == 0.0; }, "no surface is in view",
+      warnings);
   warn_of_runs(
-      views.size(), [&](std::size_t i) { return views[i].back_share > 0.5; },
+      range, [&](std::size_t i) { return views[i - range.begin].back_share > 0.5; },
       "most surfaces are seen from behind; is the camera inside something?", warnings);
   const auto collides = [&](std::size_t i) {
     return i + 1 < poses.size() && passes_through(scene, poses[i].T_local_camera, poses[i + 1].T_local_camera);
   };
-  warn_of_runs(views.size(), collides, "the path to the next frame goes through a surface", warnings);
+  warn_of_runs(range, collides, "the path to the next frame goes through a surface", warnings);
   return warnings;
 }
 
@@ -134,18 +149,19 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
   if (options.frames_in_flight < 1) throw InputError("frames in flight", "must be at least 1");
   const auto start = std::chrono::steady_clock::now();
   const FrameMaker maker(scene, camera, frames, pose_at, options);
-  std::vector<FrameView> views(frames.size());
-  std::size_t next = 0;
+  const FrameRange range = range_of(options, frames.size());
+  std::vector<FrameView> views(range.count());
+  std::size_t next = range.begin;
   std::int64_t done = 0;
   std::mutex progress_mutex;
 
   const auto take = [&](tbb::flow_control& flow) -> std::size_t {
-    if (next == frames.size()) flow.stop();
+    if (next == range.end) flow.stop();
     return next++;
   };
   const auto make = [&](std::size_t index) {
     MadeFrame made{index, maker.make(index, frames.poses[index])};
-    views[index] = made.frame.view;
+    views[index - range.begin] = made.frame.view;
     return made;
   };
   const auto hand_over = [&](const MadeFrame& made) {
@@ -153,7 +169,8 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
     const imaging::FloatImage* depth_m = made.frame.depth_m.empty() ? nullptr : &made.frame.depth_m;
     sink(made.index, time_s, maker.exposure_ms(time_s), made.frame.rgb, depth_m);
     const std::scoped_lock lock(progress_mutex);
-    report_progress(progress, ++done, static_cast<std::int64_t>(frames.size()), "frames rendered");
+    report_progress(progress, static_cast<std::int64_t>(range.begin) + ++done, static_cast<std::int64_t>(frames.size()),
+                    "frames rendered");
   };
   // While one thread encodes a frame, the others render tiles of the next ones; the tokens bound the memory.
   tbb::parallel_pipeline(static_cast<std::size_t>(options.frames_in_flight),
@@ -163,7 +180,7 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
 
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   FlightReport report = report_of(views, seconds.count());
-  report.warnings = path_warnings(scene, frames, views, options.clearance_m);
+  report.warnings = path_warnings(scene, frames, range, views, options.clearance_m);
   return report;
 }
 

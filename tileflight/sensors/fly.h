@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,10 @@ namespace tileflight::sensors {
 struct FlightOptions {
   RenderOptions render;
   ImageFormation formation;
+  /// Which of the frames are rendered: from `first_frame` on, before `end_frame`. They keep their numbers, and are the
+  /// same pictures as those of the whole flight.
+  std::size_t first_frame = 0;
+  std::size_t end_frame = std::numeric_limits<std::size_t>::max();
   int frames_in_flight = 4;  ///< frames that may be in memory at once, rendered or being written
   double clearance_m = 0.3;  ///< a surface nearer than this to the camera is reported
 };

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <map>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include "tileflight/geometry/input_error.h"
@@ -44,13 +45,14 @@ std::vector<WantedFile> distinct_files(const TilesetTree& tree, const TileCut& c
 class CutReader {
  public:
   CutReader(TileSource& source, const TilesetTree& tree, const TileCut& cut, const geometry::SE3& T_local_tileset,
-            bool textures, const Progress& progress)
+            bool textures, const Progress& progress, std::uintmax_t max_memory_bytes)
       : source_(source),
         tree_(tree),
         cut_(cut),
         T_local_tileset_(T_local_tileset.matrix()),
         textures_(textures),
         progress_(progress),
+        max_memory_bytes_(max_memory_bytes),
         images_(source) {}
 
   std::vector<ReadContent> run() {
@@ -63,10 +65,13 @@ class CutReader {
     std::atomic<std::size_t> next = 0;
     tbb::parallel_for(std::size_t{0}, files.size(), [&](std::size_t) {
       const WantedFile& file = files[next++];
+      if (memory_bytes_ > max_memory_bytes_) return;
       read(file);
       advance(file.places.size());
     });
-    return std::move(contents_);
+    if (memory_bytes_ <= max_memory_bytes_) return std::move(contents_);
+    source_.prefetch({});
+    return {};
   }
 
  private:
@@ -83,6 +88,7 @@ class CutReader {
         content.copyrights = decoded.copyrights;
         content.warnings = decoded.warnings;
         const Mat4 T_local_tile = T_local_tileset_ * tree_.node(cut_.contents[file.places[i]].node).T_tileset_tile;
+        count(content);
         for (TexturedMesh& mesh : content.meshes) place_mesh(T_local_tile, mesh);
         for (geometry::PointCloud& cloud : content.clouds) place_cloud(T_local_tile, cloud);
       }
@@ -104,6 +110,19 @@ class CutReader {
     return decode_content(bytes, uri_for_message(file.uri), content_options);
   }
 
+  /// Adds to the memory that is held; an image that meshes share counts once.
+  void count(const ReadContent& content) {
+    std::uintmax_t bytes = 0;
+    for (const geometry::PointCloud& cloud : content.clouds) bytes += cloud.size() * sizeof(geometry::Vec3);
+    for (const TexturedMesh& mesh : content.meshes) bytes += memory_bytes(mesh);
+    const std::lock_guard lock(textures_mutex_);
+    for (const TexturedMesh& mesh : content.meshes) {
+      if (!mesh.texture || !counted_textures_.insert(mesh.texture.get()).second) continue;
+      bytes += mesh.texture->pixels.size() * sizeof(imaging::Rgb8);
+    }
+    memory_bytes_ += bytes;
+  }
+
   void advance(std::size_t count) {
     const std::lock_guard lock(progress_mutex_);
     done_ += static_cast<std::int64_t>(count);
@@ -116,17 +135,29 @@ class CutReader {
   Mat4 T_local_tileset_;
   bool textures_;
   const Progress& progress_;
+  std::uintmax_t max_memory_bytes_;
   SharedImages images_;
   std::vector<ReadContent> contents_;
+  std::atomic<std::uintmax_t> memory_bytes_ = 0;
+  std::mutex textures_mutex_;
+  std::set<const imaging::RgbImage*> counted_textures_;
   std::mutex progress_mutex_;
   std::int64_t done_ = 0;
 };
 
 }  // namespace
 
+std::uintmax_t memory_bytes(const TexturedMesh& mesh) {
+  constexpr std::uintmax_t kTreeBytes = 90;  // of Embree for a triangle, its own copy of the vertices included
+  return mesh.mesh.vertices.size() * sizeof(geometry::Vec3) + mesh.uv.size() * sizeof(mesh.uv[0]) +
+         mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]) +
+         mesh.mesh.triangles.size() * (sizeof(mesh.mesh.triangles[0]) + kTreeBytes);
+}
+
 std::vector<ReadContent> read_cut(TileSource& source, const TilesetTree& tree, const TileCut& cut,
-                                  const geometry::SE3& T_local_tileset, bool textures, const Progress& progress) {
-  return CutReader(source, tree, cut, T_local_tileset, textures, progress).run();
+                                  const geometry::SE3& T_local_tileset, bool textures, const Progress& progress,
+                                  std::uintmax_t max_memory_bytes) {
+  return CutReader(source, tree, cut, T_local_tileset, textures, progress, max_memory_bytes).run();
 }
 
 }  // namespace tileflight::tiles

@@ -1,6 +1,8 @@
 #include "tileflight/tiles/load.h"
 
 #include <algorithm>
+#include <iomanip>
+#include <sstream>
 #include <utility>
 
 #include "tileflight/geometry/input_error.h"
@@ -44,6 +46,12 @@ void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out)
   out.failures.push_back(what);
 }
 
+std::string gigabytes(std::uintmax_t bytes) {
+  std::ostringstream text;
+  text << std::setprecision(3) << 1e-9 * static_cast<double>(bytes) << " GB";
+  return text.str();
+}
+
 /// Whether no file of the tree that was read names anything to be shown.
 bool holds_nothing(const TilesetTree& tree) {
   const auto files = tree.files_read();
@@ -54,10 +62,22 @@ bool holds_nothing(const TilesetTree& tree) {
   });
 }
 
-Wanted wanted(const Placement& placement, const LoadOptions& options) {
+Wanted wanted(const Placement& placement, const LoadOptions& options, const EyeRange& part) {
   if (!options.flight) return wanted_region(placement.region, placement.T_local_tileset, options.error_m);
-  return no_finer_than(wanted_flight(options.flight->eyes, placement.T_local_tileset, options.flight->error_px),
+  return no_finer_than(wanted_flight(options.flight->eyes, placement.T_local_tileset, options.flight->error_px, part),
                        options.error_m);
+}
+
+bool is_part(const LoadOptions& options) {
+  return options.flight && (options.flight->part.begin > 0 || options.flight->part.end < options.flight->eyes.size());
+}
+
+/// The cut that is read. A part's goes by the name of the whole flight's.
+TileCut cut_of(TilesetTree& tree, const Placement& placement, const LoadOptions& options, LoadedTiles& out) {
+  TileCut cut = select_cut(tree, wanted(placement, options, {}));
+  out.cut_hash = cut.hash;
+  out.cut_size = static_cast<std::int64_t>(cut.contents.size());
+  return is_part(options) ? select_cut(tree, wanted(placement, options, options.flight->part)) : cut;
 }
 
 }  // namespace
@@ -75,26 +95,30 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   TilesetTree tree(counted);
   require_supported_extensions(tree.tileset(tree.root()), name);
   const Placement placement = place(tree, options, name);
-  const TileCut cut = select_cut(tree, wanted(placement, options));
-  if (cut.contents.empty() && cut.failures.empty()) {
+  LoadedTiles out;
+  const TileCut cut = cut_of(tree, placement, options, out);
+  if (cut.contents.empty() && cut.failures.empty() && !is_part(options)) {
     if (holds_nothing(tree)) throw InputError(name, "the tileset holds nothing: none of its tiles has a content");
     throw InputError(name, "no tile with content meets the region " + extent_text(placement.region.box()) +
                                "; the tileset spans " + extent_text(tree));
   }
 
-  LoadedTiles out;
   out.local_frame = placement.local_frame;
   out.region = placement.region;
   out.tiles_wanted = static_cast<std::int64_t>(cut.contents.size() + cut.failures.size());
   out.geometric_error_max_m = cut.geometric_error_max_m;
-  out.cut_hash = cut.hash;
   out.warnings = placement.warnings;
   add_distinct(source.warnings(), out.warnings);
   for (const std::string& failure : cut.failures) fail(failure, options, out);
 
   Attribution attribution;
   std::vector<ReadContent> contents =
-      read_cut(counted, tree, cut, placement.T_local_tileset, options.textures, progress);
+      read_cut(counted, tree, cut, placement.T_local_tileset, options.textures, progress, options.max_memory_bytes);
+  if (contents.size() < cut.contents.size()) {
+    throw MemoryExceeded(name, "what is wanted needs more than " + gigabytes(options.max_memory_bytes) +
+                                   " of memory: ask for less (--size), for coarser tiles (--error, --pixel-error), or "
+                                   "allow more (--memory)");
+  }
   for (ReadContent& content : contents) {
     if (content.failure.empty()) {
       collect(std::move(content), out, attribution);

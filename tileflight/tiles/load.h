@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/imaging/textured_mesh.h"
@@ -21,6 +23,13 @@ namespace tileflight::tiles {
 struct FlightNeed {
   std::vector<Eye> eyes;  ///< local frame; one a picture
   double error_px = 1.0;  ///< a tile may err by so many pixels where the flight is nearest to it
+  EyeRange part;          ///< read only what these eyes look at, out of the one cut for all
+};
+
+/// What is wanted does not fit into LoadOptions::max_memory_bytes.
+class MemoryExceeded : public InputError {
+ public:
+  using InputError::InputError;
 };
 
 /// What part of which place, how fine.
@@ -47,6 +56,9 @@ struct LoadOptions {
   std::optional<FlightNeed> flight;
   /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
   bool allow_incomplete = false;
+  /// Of what is read, with the tree that rays need (memory_bytes of cut_reader.h). What needs more is a MemoryExceeded,
+  /// told before it is all there.
+  std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max();
   /// Read textures (off for ground truth only).
   bool textures = true;
   /// How a source that is named is opened, and whether its terms are accepted.
@@ -71,7 +83,8 @@ struct LoadedTiles {
   std::int64_t triangles = 0;
   std::int64_t points = 0;  ///< of all clouds
   std::int64_t bytes_read = 0;
-  std::string cut_hash;                  ///< SHA-256 over the ordered tile identities
+  std::int64_t cut_size = 0;             ///< contents of the cut that cut_hash names
+  std::string cut_hash;                  ///< SHA-256 over the ordered tile identities; of the whole cut for a flight
   std::vector<std::string> attribution;  ///< distinct, most frequent first
   Terms terms;                           ///< of the source
   std::vector<std::string> warnings;     ///< distinct

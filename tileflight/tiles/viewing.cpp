@@ -146,12 +146,15 @@ std::vector<Eye> all_around(std::vector<Eye> eyes) {
   return eyes;
 }
 
-Wanted wanted_flight(std::vector<Eye> eyes, const SE3& T_local_tileset, double error_px) {
+Wanted wanted_flight(std::vector<Eye> eyes, const SE3& T_local_tileset, double error_px, const EyeRange& part) {
   const auto shared = std::make_shared<const std::vector<Eye>>(std::move(eyes));
   return {.meets =
-              [shared, T_local_tileset](const BoundingVolume& volume) {
+              [shared, T_local_tileset, part](const BoundingVolume& volume) {
                 const BoundingSphere sphere = sphere_around(in_local(volume, T_local_tileset));
-                return std::ranges::any_of(*shared, [&](const Eye& eye) { return sees(eye, sphere); });
+                const std::size_t end = std::min(part.end, shared->size());
+                return std::any_of(shared->begin() + static_cast<std::ptrdiff_t>(std::min(part.begin, end)),
+                                   shared->begin() + static_cast<std::ptrdiff_t>(end),
+                                   [&](const Eye& eye) { return sees(eye, sphere); });
               },
           .fine_enough =
               [shared, T_local_tileset, error_px](const BoundingVolume& volume, double geometric_error_m) {

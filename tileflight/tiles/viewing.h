@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -27,10 +29,19 @@ std::vector<Eye> eyes_along(const imaging::Camera& camera, const std::vector<geo
 /// The same places, but looking all around (a spinning lidar, or a drone that turns).
 std::vector<Eye> all_around(std::vector<Eye> eyes);
 
+/// Some of a flight's eyes, by index: from `begin` on, before `end`.
+struct EyeRange {
+  std::size_t begin = 0;
+  std::size_t end = std::numeric_limits<std::size_t>::max();
+};
+
 /// Everything that any of the eyes looks at, such that a tile's geometric error, seen from where the eye is nearest to
 /// the tile's volume, covers at most `error_px` pixels: error_m * pixels_per_rad <= error_px * distance_m. A cut for it
 /// serves a whole flight; it never changes on the way.
-Wanted wanted_flight(std::vector<Eye> eyes, const geometry::SE3& T_local_tileset, double error_px);
+/// `part`: only what these of the eyes look at, but as fine as all of them want it: those of the whole cut's tiles that
+/// a part of the flight sees.
+Wanted wanted_flight(std::vector<Eye> eyes, const geometry::SE3& T_local_tileset, double error_px,
+                     const EyeRange& part = {});
 
 /// The same, but a tile whose geometric error is at most `error_m` is never refined.
 Wanted no_finer_than(Wanted wanted, double error_m);
