@@ -110,7 +110,7 @@ bool has_dso_name(const Camera& camera);
 /// Throws InputError for a lens without a name there.
 void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration);
 
-/// By the ending: .yaml/.yml Kalibr, .txt DSO.
+/// By its content: Kalibr, OpenCV, COLMAP or DSO (calibration_files.h). Throws InputError.
 Calibration read_calibration(const std::filesystem::path& file);
 
 }  // namespace tileflight::imaging
