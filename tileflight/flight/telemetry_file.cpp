@@ -7,13 +7,16 @@
 
 #include "tileflight/flight/csv_log.h"
 #include "tileflight/flight/gpx.h"
+#include "tileflight/flight/kml.h"
 #include "tileflight/flight/log_text.h"
 #include "tileflight/flight/ulog.h"
+#include "tileflight/flight/xml_stream.h"
+#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
 
-enum class Format { kDjiSubtitles, kGpx, kCsv, kUlog };
+enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog };
 
 std::string first_bytes(const std::filesystem::path& file) {
   std::array<char, 4096> bytes{};
@@ -26,6 +29,20 @@ std::string first_bytes(const std::filesystem::path& file) {
 bool is_xml(std::string_view head) {
   return trimmed(without_byte_order_mark(head)).starts_with('<') || head.starts_with("\xFF\xFE") ||
          head.starts_with("\xFE\xFF");
+}
+
+/// Name of the root of XML of which this is the beginning; empty where it does not begin with one.
+std::string root_of(std::string_view head) {
+  std::string root;
+  const auto name_and_stop = [&](std::string_view name, const XmlEvents::Attributes&) {
+    root = name;
+    return false;
+  };
+  try {
+    read_xml(head, "", {.start = name_and_stop, .end = [](std::string_view, std::string_view) { return false; }});
+  } catch (const InputError&) {  // a document type: its reader says so with the file's name
+  }
+  return root;
 }
 
 /// The first line with anything in it is the number of a subtitle, which no table's header is.
@@ -43,7 +60,7 @@ bool has_subtitles_name(const std::filesystem::path& file) {
 Format format_of(const std::filesystem::path& file) {
   const std::string head = first_bytes(file);
   if (head.starts_with("ULog")) return Format::kUlog;
-  if (is_xml(head)) return Format::kGpx;
+  if (is_xml(head)) return root_of(head) == "kml" ? Format::kKml : Format::kGpx;
   return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
 }
 
@@ -53,6 +70,8 @@ Telemetry read_telemetry(const std::filesystem::path& file) {
   switch (format_of(file)) {
     case Format::kGpx:
       return read_gpx(file);
+    case Format::kKml:
+      return read_kml(file);
     case Format::kCsv:
       return read_csv_log(file);
     case Format::kUlog:
