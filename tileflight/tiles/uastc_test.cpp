@@ -231,7 +231,7 @@ TEST(Uastc, endpoints_are_those_of_the_tables) {
                                     11, 244, 27, 228, 43, 212, 59, 196, 76, 179, 92, 163, 108, 147, 124, 131};
   for (const auto& [mode, table] : {std::pair{3, range12}, {7, range40}, {10, range48}}) {
     const Layout& layout =
-        *std::find_if(kLayouts.begin(), kLayouts.end(), [&](const Layout& l) { return l.mode == mode; });
+        *std::find_if(kLayouts.begin(), kLayouts.end(), [wanted = mode](const Layout& l) { return l.mode == wanted; });
     for (unsigned i = 0; i < table.size(); ++i) {
       Fields fields;
       fields.digits.assign(endpoint_count(layout), i >> layout.endpoint_bits);
