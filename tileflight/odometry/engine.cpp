@@ -68,9 +68,8 @@ std::string Engine::state() const {
          " active points, RMSE " + std::to_string(last_rmse_).substr(0, 4);
 }
 
-std::shared_ptr<const Pyramid> Engine::pyramid_of(const InputFrame& frame) const {
-  return std::make_shared<const Pyramid>(
-      build_pyramid(luminance(frame.image, photometric_), static_cast<int>(lens_.lenses.size())));
+std::shared_ptr<const Pyramid> Engine::pyramid_of(const InputFrame& frame) {
+  return pyramids_.make(frame.image, photometric_, static_cast<int>(lens_.lenses.size()));
 }
 
 RollingShutter Engine::shutter_of(const InputFrame& frame) const {

@@ -53,7 +53,7 @@ class Engine {
     double first_rmse = 0.0;  ///< of the first picture aligned to it; 0: none yet
   };
 
-  std::shared_ptr<const Pyramid> pyramid_of(const InputFrame& frame) const;
+  std::shared_ptr<const Pyramid> pyramid_of(const InputFrame& frame);
   /// The readout of a picture that comes after the last tracked one.
   RollingShutter shutter_of(const InputFrame& frame) const;
   RowRectifier rectifier(const geometry::Vec6& twist, const ReferenceLevel& reference,
@@ -87,6 +87,7 @@ class Engine {
 
   imaging::Calibration calibration_;
   const imaging::PhotometricCalibration* photometric_;
+  PyramidPool pyramids_;
   OdometryOptions options_;
   Aids aids_;
   KeyframeObserver observer_;

@@ -69,8 +69,8 @@ void luma_row(const imaging::Rgb8* in, int width, float* out) {
   }
 }
 
-PyramidLevel halved(const PyramidLevel& level) {
-  PyramidLevel half{level.width / 2, level.height / 2, {}};
+PyramidLevel halved(const PyramidLevel& level, std::vector<float> memory) {
+  PyramidLevel half{level.width / 2, level.height / 2, std::move(memory)};
   half.grey.resize(static_cast<std::size_t>(half.width) * half.height + PyramidLevel::kPadding);
   for_rows(half.height, [&](int y) {
     const float* top = level.row(2 * y);
@@ -114,8 +114,9 @@ int pyramid_levels(int width, int height, const OdometryOptions& options) {
   return levels;
 }
 
-FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric) {
-  FloatImage out;
+FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric,
+                     FloatImage memory) {
+  FloatImage out = std::move(memory);
   out.width = image.width;
   out.height = image.height;
   out.pixels.reserve(image.pixels.size() + PyramidLevel::kPadding);  // a pyramid takes it over without a copy
@@ -132,13 +133,38 @@ FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricC
   return out;
 }
 
-Pyramid build_pyramid(FloatImage image, int levels) {
+Pyramid build_pyramid(FloatImage image, int levels, Pyramid memory) {
+  memory.levels.resize(static_cast<std::size_t>(levels));
   Pyramid pyramid;
   pyramid.levels.reserve(levels);
   image.pixels.resize(image.pixels.size() + PyramidLevel::kPadding);
   pyramid.levels.push_back({image.width, image.height, std::move(image.pixels)});
-  for (int l = 1; l < levels; ++l) pyramid.levels.push_back(halved(pyramid.levels.back()));
+  for (int l = 1; l < levels; ++l) {
+    pyramid.levels.push_back(halved(pyramid.levels.back(), std::move(memory.levels[l].grey)));
+  }
   return pyramid;
+}
+
+Pyramid PyramidPool::take() {
+  const std::lock_guard lock(store_->mutex);
+  if (store_->free.empty()) return {};
+  Pyramid pyramid = std::move(store_->free.back());
+  store_->free.pop_back();
+  return pyramid;
+}
+
+std::shared_ptr<const Pyramid> PyramidPool::make(const imaging::RgbImage& image,
+                                                 const imaging::PhotometricCalibration* photometric, int levels) {
+  Pyramid memory = take();
+  FloatImage grey;
+  if (!memory.levels.empty()) grey.pixels = std::move(memory.levels[0].grey);
+  auto made = std::make_unique<Pyramid>(
+      build_pyramid(luminance(image, photometric, std::move(grey)), levels, std::move(memory)));
+  return {made.release(), [store = store_](Pyramid* pyramid) {
+            const std::unique_ptr<Pyramid> owned(pyramid);
+            const std::lock_guard lock(store->mutex);
+            store->free.push_back(std::move(*owned));
+          }};
 }
 
 LensPyramid build_lens_pyramid(const imaging::Camera& camera, int levels) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "tileflight/imaging/image.h"
@@ -89,9 +90,30 @@ int pyramid_levels(int width, int height, const OdometryOptions& options);
 
 /// Grey values 0..255 as irradiance: luma of Rec. 601 (not rounded), then I = G^-1(luma) / V where a calibration is
 /// given (section 2.1, eq. 2 and 3, of the paper).
-imaging::FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric);
+/// `memory`: what nobody needs any more, to be overwritten.
+imaging::FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric,
+                              imaging::FloatImage memory = {});
 
-Pyramid build_pyramid(imaging::FloatImage image, int levels);
+/// `memory`: likewise, of its levels but the first.
+Pyramid build_pyramid(imaging::FloatImage image, int levels, Pyramid memory = {});
+
+/// Makes pyramids in the memory of those that nobody holds any more: a flight allocates none once its window is full.
+class PyramidPool {
+ public:
+  /// Of a picture's luminance.
+  std::shared_ptr<const Pyramid> make(const imaging::RgbImage& image,
+                                      const imaging::PhotometricCalibration* photometric, int levels);
+
+ private:
+  /// Outlives the pool as long as any of its pyramids is held.
+  struct Store {
+    std::mutex mutex;
+    std::vector<Pyramid> free;
+  };
+  Pyramid take();
+
+  std::shared_ptr<Store> store_ = std::make_shared<Store>();
+};
 
 /// Unit ray of each pixel of a level; zero where the lens model does not hold.
 struct RayTable {
