@@ -151,7 +151,9 @@ TEST(S2Volume, holds_every_point_of_the_cell_and_little_more) {
       const double height_m = random.in(volume.min_height_m, volume.max_height_m);
       const Vec3 point = T_local_tileset * geometry::ecef_from_geodetic({latitude_deg, longitude_deg, {height_m}});
       ASSERT_TRUE(bounds.contains(point)) << "level " << level;
-      ASSERT_TRUE(meets(volume, T_local_tileset, Box3(point, point)));
+      if (k % 20 == 0) {
+        ASSERT_TRUE(meets(volume, T_local_tileset, Box3(point, point)));
+      }
       seen.extend(point);
     }
     // The cell is turned in the local frame: the box about its box is at most 1 + sin 2a as wide as its own.
