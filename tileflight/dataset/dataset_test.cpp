@@ -22,8 +22,8 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using tests::message_of;
 using tests::moving_picture;
+using tests::refusal_of;
 using tileflight::tests::TemporaryFolder;
 
 constexpr int kWidth = 64;
@@ -161,7 +161,7 @@ TEST(DatasetWriter, ExistingFolderIsRefusedAtOnceUnlessReplaced) {
   TemporaryFolder folder;
   write_whole(folder / "set");
   geometry::write_file(folder / "set/mine.txt", "precious");
-  EXPECT_THAT(message_of([&] { DatasetWriter(folder / "set", calibration(), {}); }), HasSubstr("exists already"));
+  EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "set", calibration(), {}); }), HasSubstr("exists already"));
   EXPECT_TRUE(fs::exists(folder / "set/mine.txt"));
   {
     DatasetWriter interrupted(folder / "set", calibration(), {.replace = true});
@@ -177,10 +177,10 @@ TEST(DatasetWriter, TimesMustIncreaseAndFramesMustBe) {
   TemporaryFolder folder;
   {
     DatasetWriter writer(folder / "set", calibration(), {});
-    EXPECT_THAT(message_of([&] { writer.finish(); }), HasSubstr("no frames"));
+    EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("no frames"));
     writer.add_frame(0, 1.0, 0.0, moving_picture(kWidth, kHeight, 0));
     writer.add_frame(1, 1.0, 0.0, moving_picture(kWidth, kHeight, 1));
-    EXPECT_THAT(message_of([&] { writer.finish(); }), HasSubstr("000001"));
+    EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("000001"));
   }
   EXPECT_TRUE(names(folder.path()).empty());
 }
@@ -209,7 +209,7 @@ TEST(DatasetWriter, NoSpaceLeavesNothing) {
   TemporaryFolder folder;
   {
     const FileSizeLimit limit(1000);
-    EXPECT_THAT(message_of([&] { write_whole(folder / "set"); }), HasSubstr("cannot be written"));
+    EXPECT_THAT(refusal_of([&] { write_whole(folder / "set"); }), HasSubstr("cannot be written"));
   }
   EXPECT_TRUE(names(folder.path()).empty());
 }
@@ -217,8 +217,8 @@ TEST(DatasetWriter, NoSpaceLeavesNothing) {
 TEST(DatasetWriter, FolderThatCannotBeMade) {
   TemporaryFolder folder;
   geometry::write_file(folder / "file", "x");
-  EXPECT_THAT(message_of([&] { DatasetWriter(folder / "file/set", calibration(), {}); }), HasSubstr("cannot be made"));
-  EXPECT_THAT(message_of([&] { DatasetWriter(folder / "file", calibration(), {.replace = true}); }),
+  EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file/set", calibration(), {}); }), HasSubstr("cannot be made"));
+  EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file", calibration(), {.replace = true}); }),
               HasSubstr("not a folder"));
 }
 
@@ -235,7 +235,7 @@ struct DsoFolder {
   }
   void times(const std::string& text) const { geometry::write_file(folder / "times.txt", text); }
   std::string error() const {
-    return message_of([&] { read_dataset(folder); });
+    return refusal_of([&] { read_dataset(folder); });
   }
   fs::path folder;
 };
@@ -309,7 +309,7 @@ TEST(DsoLayout, BadFoldersAreOneClearLine) {
   EXPECT_THAT(dso.error(), HasSubstr("neither images/"));
   fs::create_directory(dso.folder / "images");
   EXPECT_THAT(dso.error(), HasSubstr("no images"));
-  EXPECT_THAT(message_of([&] { read_dataset(folder / "none"); }), HasSubstr("no such folder"));
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder / "none"); }), HasSubstr("no such folder"));
 }
 
 TEST(DsoLayout, BadSideFilesAreOneClearLine) {
@@ -349,9 +349,9 @@ TEST(KittiLayout, CalibTimesAndPoses) {
   EXPECT_LT((dataset.groundtruth->poses[1].T_local_camera * geometry::Vec3(0, 0, 1) - geometry::Vec3(6, 6, 7)).norm(),
             1e-12);
   geometry::write_file(folder / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
-  EXPECT_THAT(message_of([&] { read_dataset(folder.path()); }), HasSubstr("1 poses for 2 images"));
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder.path()); }), HasSubstr("1 poses for 2 images"));
   geometry::write_file(folder / "calib.txt", "P0: 50 0\n");
-  EXPECT_THAT(message_of([&] { read_dataset(folder.path()); }), HasSubstr("expected 12 numbers"));
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder.path()); }), HasSubstr("expected 12 numbers"));
 }
 
 TEST(RealSequences, SevenScenes) {

@@ -17,8 +17,8 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using tests::message_of;
 using tests::moving_picture;
+using tests::refusal_of;
 
 constexpr int kWidth = 96;
 constexpr int kHeight = 64;
@@ -47,7 +47,7 @@ class IngestTest : public testing::Test {
   }
 
   std::string error() {
-    const std::string message = message_of([&] { ingest(options, folder / "set"); });
+    const std::string message = refusal_of([&] { ingest(options, folder / "set"); });
     EXPECT_FALSE(fs::exists(folder / "set"));
     for (const auto& entry : fs::directory_iterator(folder.path()))
       EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
@@ -199,7 +199,7 @@ TEST_F(IngestTest, WhatIsNotThereOrBrokenIsNamed) {
 
 TEST_F(IngestTest, ExistingFolder) {
   ingest(options, folder / "set");
-  EXPECT_THAT(message_of([&] { ingest(options, folder / "set"); }), HasSubstr("exists already"));
+  EXPECT_THAT(refusal_of([&] { ingest(options, folder / "set"); }), HasSubstr("exists already"));
   options.replace = true;
   EXPECT_EQ(ingest(options, folder / "set").frames, 60U);
 }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "tileflight/geometry/input_error.h"
+#include "tests/refusal.h"
 #include "tileflight/imaging/image.h"
 
 namespace tileflight::dataset::tests {
@@ -32,17 +32,6 @@ inline double psnr(const imaging::RgbImage& a, const imaging::RgbImage& b) {
   return 10.0 * std::log10(255.0 * 255.0 * 3.0 * static_cast<double>(a.pixels.size()) / std::max(sum, 1e-9));
 }
 
-/// The message of the InputError that `action` throws; fails if there is none or if it has several lines.
-template <class Action>
-std::string message_of(const Action& action) {
-  try {
-    action();
-  } catch (const InputError& error) {
-    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
-    return error.what();
-  }
-  ADD_FAILURE() << "no InputError";
-  return "";
-}
+using tileflight::tests::refusal_of;
 
 }  // namespace tileflight::dataset::tests

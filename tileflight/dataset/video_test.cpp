@@ -18,9 +18,9 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
-using tests::message_of;
 using tests::moving_picture;
 using tests::psnr;
+using tests::refusal_of;
 using tileflight::tests::TemporaryFolder;
 
 constexpr int kWidth = 96;
@@ -239,7 +239,7 @@ TEST(Video, ThatEndsEarlyIsAnErrorWithTheTime) {
   truncate_copy(folder / "front.mp4", folder / "cut.mp4", 0.6);
   int frames = 0;
   double last_s = 0.0;
-  const std::string message = message_of([&] {
+  const std::string message = refusal_of([&] {
     read_video(folder / "cut.mp4", {}, [&](std::int64_t, double time_s, const imaging::RgbImage&) {
       ++frames;
       last_s = time_s;
@@ -260,14 +260,14 @@ TEST(Video, CutOffsOfEachKindAreErrors) {
   TemporaryFolder folder;
   write_video(folder / "a.mp4", 150);
   truncate_copy(folder / "a.mp4", folder / "no_index.mp4", 0.9);
-  EXPECT_THAT(message_of([&] { read_all(folder / "no_index.mp4"); }), HasSubstr("no_index.mp4"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "no_index.mp4"); }), HasSubstr("no_index.mp4"));
   keep_times(folder / "a.mp4", folder / "front.mp4", "faststart");
   truncate_copy(folder / "front.mp4", folder / "cut.mp4", 0.97);
-  EXPECT_THAT(message_of([&] { read_all(folder / "cut.mp4"); }), HasSubstr("ends early"));
-  EXPECT_THAT(message_of([&] { read_all(folder / "cut.mp4", {4.0, {}, 1}); }), HasSubstr("ends early"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "cut.mp4"); }), HasSubstr("ends early"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "cut.mp4", {4.0, {}, 1}); }), HasSubstr("ends early"));
   keep_times(folder / "a.mp4", folder / "a.mkv");
   truncate_copy(folder / "a.mkv", folder / "cut.mkv", 0.6);
-  EXPECT_THAT(message_of([&] { read_all(folder / "cut.mkv"); }), HasSubstr("ends early"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "cut.mkv"); }), HasSubstr("ends early"));
 }
 
 TEST(Video, DamageIsAnError) {
@@ -277,46 +277,46 @@ TEST(Video, DamageIsAnError) {
   const std::size_t data = bytes.find("mdat");
   for (std::size_t i = data + 600; i < data + 900 && i < bytes.size(); ++i) bytes[i] = static_cast<char>(i * 37);
   geometry::write_file(folder / "bad.mp4", bytes);
-  EXPECT_THAT(message_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("bad.mp4"), HasSubstr("damaged")));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("bad.mp4"), HasSubstr("damaged")));
 }
 
 TEST(Video, OtherFilesAreNotVideos) {
   TemporaryFolder folder;
   const auto error = [&](const std::string& name, const std::string& content) {
     geometry::write_file(folder / name, content);
-    return message_of([&] { probe_video(folder / name); });
+    return refusal_of([&] { probe_video(folder / name); });
   };
   EXPECT_THAT(error("a.mp4", "this is no video at all"), HasSubstr("a.mp4"));
   EXPECT_THAT(error("empty.mp4", ""), HasSubstr("empty.mp4"));
   EXPECT_THAT(error("a.srt", "1\n00:00:00,000 --> 00:00:01,000\nhello\n"), HasSubstr("no video"));
   EXPECT_THAT(error("a.txt", "plain text\nof two lines\n"), HasSubstr("a.txt"));
-  EXPECT_THAT(message_of([&] { probe_video(folder / "none.mp4"); }), HasSubstr("no such"));
-  EXPECT_THAT(message_of([&] { probe_video(folder.path()); }), HasSubstr("no such video"));
-  EXPECT_THAT(message_of([&] { probe_video("http://localhost/a.mp4"); }), HasSubstr("no such video"));
+  EXPECT_THAT(refusal_of([&] { probe_video(folder / "none.mp4"); }), HasSubstr("no such"));
+  EXPECT_THAT(refusal_of([&] { probe_video(folder.path()); }), HasSubstr("no such video"));
+  EXPECT_THAT(refusal_of([&] { probe_video("http://localhost/a.mp4"); }), HasSubstr("no such video"));
 }
 
 TEST(Video, ExcerptsThatHoldNothing) {
   TemporaryFolder folder;
   write_video(folder / "a.mp4", 30);
-  EXPECT_THAT(message_of([&] {
+  EXPECT_THAT(refusal_of([&] {
                 read_all(folder / "a.mp4", {5.0, {}, 1});
               }),
               AllOf(HasSubstr("5.00 s"), HasSubstr("1.00 s long")));
-  EXPECT_THAT(message_of([&] { read_all(folder / "a.mp4", {0.501, 0.502, 1}); }), HasSubstr("no frame"));
-  EXPECT_THAT(message_of([&] { read_all(folder / "a.mp4", {1.0, 0.5, 1}); }), HasSubstr("after its start"));
-  EXPECT_THAT(message_of([&] { read_all(folder / "a.mp4", {-1.0, {}, 1}); }), HasSubstr("0 s or later"));
-  EXPECT_THAT(message_of([&] { read_all(folder / "a.mp4", {0.0, {}, 0}); }), HasSubstr("step"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {0.501, 0.502, 1}); }), HasSubstr("no frame"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {1.0, 0.5, 1}); }), HasSubstr("after its start"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {-1.0, {}, 1}); }), HasSubstr("0 s or later"));
+  EXPECT_THAT(refusal_of([&] { read_all(folder / "a.mp4", {0.0, {}, 0}); }), HasSubstr("step"));
 }
 
 TEST(VideoWriter, SizesAndRates) {
   TemporaryFolder folder;
-  EXPECT_THAT(message_of([&] { VideoWriter(folder / "a.mp4", 95, 64, {}); }),
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 95, 64, {}); }),
               AllOf(HasSubstr("even"), HasSubstr("95x64")));
-  EXPECT_THAT(message_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {0.0, 18}); }), HasSubstr("frame rate"));
-  EXPECT_THAT(message_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {30.0, 99}); }), HasSubstr("crf"));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {0.0, 18}); }), HasSubstr("frame rate"));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {30.0, 99}); }), HasSubstr("crf"));
   VideoWriter writer(folder / "a.mp4", 96, 64, {});
-  EXPECT_THAT(message_of([&] { writer.add(moving_picture(64, 96, 0)); }), HasSubstr("64x96"));
-  EXPECT_THAT(message_of([&] { writer.finish(); }), HasSubstr("no frames"));
+  EXPECT_THAT(refusal_of([&] { writer.add(moving_picture(64, 96, 0)); }), HasSubstr("64x96"));
+  EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("no frames"));
 }
 
 TEST(VideoWriter, NtscRateIsExact) {
@@ -333,7 +333,7 @@ TEST(VideoWriter, NothingIsLeftWithoutFinish) {
     EXPECT_FALSE(fs::exists(folder / "a.mp4"));
   }
   EXPECT_TRUE(fs::is_empty(folder.path()));
-  EXPECT_THAT(message_of([&] { VideoWriter(folder / "none/a.mp4", kWidth, kHeight, {}); }),
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "none/a.mp4", kWidth, kHeight, {}); }),
               HasSubstr("cannot be written"));
 }
 
@@ -360,7 +360,7 @@ class SmallFilesOnly {
 TEST(VideoWriter, NoSpaceLeft) {
   TemporaryFolder folder;
   const SmallFilesOnly limit(4096);
-  EXPECT_THAT(message_of([&] { write_video(folder / "a.mp4", 200); }), HasSubstr("cannot be written"));
+  EXPECT_THAT(refusal_of([&] { write_video(folder / "a.mp4", 200); }), HasSubstr("cannot be written"));
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <fstream>
 
-#include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/flight/telemetry_file.h"
+#include "tileflight/flight/test_log.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
@@ -17,21 +17,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-class CsvLog : public testing::Test {
+class CsvLog : public LogTest {
  protected:
-  Telemetry read(const std::string& text) {
-    std::ofstream(folder_ / "log.csv", std::ios::binary) << text;
-    return read_csv_log(folder_ / "log.csv");
-  }
-  std::string fault(const std::string& text) {
-    try {
-      read(text);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
-  }
-  tests::TemporaryFolder folder_;
+  CsvLog() : LogTest("log.csv", read_csv_log) {}
 };
 
 TEST_F(CsvLog, PlainColumns) {

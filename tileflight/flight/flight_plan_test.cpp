@@ -5,6 +5,7 @@
 
 #include <fstream>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/geometry/input_error.h"
@@ -22,12 +23,7 @@ class FlightPlanFile : public testing::Test {
   }
   FlightPlan read(const std::string& text) { return read_flight_plan(write("flight.yaml", text)); }
   std::string fault(const std::string& text) {
-    try {
-      read(text);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
+    return tests::refusal_of([&] { read(text); });
   }
   tests::TemporaryFolder folder_;
 };

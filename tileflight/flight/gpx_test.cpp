@@ -4,8 +4,8 @@
 
 #include <fstream>
 
-#include "tests/temporary_folder.h"
 #include "tileflight/flight/telemetry_file.h"
+#include "tileflight/flight/test_log.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
@@ -25,21 +25,9 @@ std::string point(const std::string& latitude, const std::string& time, const st
 
 std::string track(const std::string& points) { return kHead + ("<trk><trkseg>" + points + "</trkseg></trk></gpx>\n"); }
 
-class Gpx : public testing::Test {
+class Gpx : public LogTest {
  protected:
-  Telemetry read(const std::string& text) {
-    std::ofstream(folder_ / "log.gpx", std::ios::binary) << text;
-    return read_gpx(folder_ / "log.gpx");
-  }
-  std::string fault(const std::string& text) {
-    try {
-      read(text);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
-  }
-  tests::TemporaryFolder folder_;
+  Gpx() : LogTest("log.gpx", read_gpx) {}
 };
 
 TEST_F(Gpx, PointsOfAllSegmentsWithTimesOfAnyOffset) {

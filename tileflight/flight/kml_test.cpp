@@ -2,11 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include <fstream>
-
-#include "tests/temporary_folder.h"
 #include "tileflight/flight/telemetry_file.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/flight/test_log.h"
 
 namespace tileflight::flight {
 namespace {
@@ -28,21 +25,9 @@ const char* const kPoints =
     "<when>2024-01-01T00:00:00Z</when><when>2024-01-01T00:00:01.5Z</when>"
     "<gx:coord>-78.5 -0.25 2900.5</gx:coord>\n<gx:coord> -78.6 -0.26 2901 </gx:coord>";
 
-class Kml : public testing::Test {
+class Kml : public LogTest {
  protected:
-  Telemetry read(const std::string& text) {
-    std::ofstream(folder_ / "log.kml", std::ios::binary) << text;
-    return read_telemetry(folder_ / "log.kml");
-  }
-  std::string fault(const std::string& text) {
-    try {
-      read(text);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
-  }
-  tests::TemporaryFolder folder_;
+  Kml() : LogTest("log.kml", read_telemetry) {}
 };
 
 TEST_F(Kml, TimesAndPlacesBelongTogetherByTheirOrder) {

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "tests/refusal.h"
 #include "tileflight/flight/cubic_spline.h"
 #include "tileflight/flight/speed_plan.h"
 #include "tileflight/geometry/input_error.h"
@@ -215,12 +216,7 @@ TEST(WaypointPath, TurnsBackWhereItCame) {
 TEST(WaypointPath, RefusesWhatCannotBeFlown) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto fault = [](const std::vector<Waypoint>& mission, const SpeedLimits& limits = {}) -> std::string {
-    try {
-      path_through_waypoints(mission, limits);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
+    return tests::refusal_of([&] { path_through_waypoints(mission, limits); });
   };
   using testing::HasSubstr;
   const Waypoint a = at({0, 0, 10}), b = at({10, 0, 10});

@@ -3,10 +3,9 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <fstream>
 
-#include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/flight/test_log.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/trajectory.h"
 
@@ -16,21 +15,9 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-class TelemetryText : public testing::Test {
+class TelemetryText : public LogTest {
  protected:
-  Telemetry read(const std::string& text) {
-    std::ofstream(folder_ / "log.srt", std::ios::binary) << text;
-    return read_dji_srt(folder_ / "log.srt");
-  }
-  std::string fault(const std::string& text) {
-    try {
-      read(text);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
-  }
-  tests::TemporaryFolder folder_;
+  TelemetryText() : LogTest("log.srt", read_dji_srt) {}
 };
 
 TEST_F(TelemetryText, BracketedKeysWithHeightsAndGimbal) {

@@ -11,6 +11,7 @@
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/flight/telemetry_file.h"
+#include "tileflight/flight/test_log.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -66,21 +67,9 @@ std::string attitude_row(double time_s, float w, float x, float y, float z) {
                           raw(x) + raw(y) + raw(z));
 }
 
-class Ulog : public testing::Test {
+class Ulog : public LogTest {
  protected:
-  Telemetry read(const std::string& bytes) {
-    std::ofstream(folder_ / "log.ulg", std::ios::binary) << bytes;
-    return read_ulog(folder_ / "log.ulg");
-  }
-  std::string fault(const std::string& bytes) {
-    try {
-      read(bytes);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
-  }
-  tests::TemporaryFolder folder_;
+  Ulog() : LogTest("log.ulg", read_ulog) {}
 };
 
 TEST_F(Ulog, PositionsOfTheFirstReceiver) {

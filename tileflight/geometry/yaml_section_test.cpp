@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
 namespace tileflight::geometry {
@@ -22,13 +23,10 @@ class YamlFile : public testing::Test {
   /// What is said when `read` is called on a file of this text.
   template <class Read>
   std::string fault(const std::string& text, const Read& read) {
-    try {
+    return tests::refusal_of([&] {
       YamlSection section = load(text);
       read(section);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
+    });
   }
   tests::TemporaryFolder folder_;
 };

@@ -10,6 +10,7 @@
 #include <limits>
 #include <random>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -54,19 +55,6 @@ double psnr(const RgbImage& a, const RgbImage& b) {
   for (std::size_t i = 0; i < a.pixels.size(); ++i)
     for (int c = 0; c < 3; ++c) sum += std::pow(a.pixels[i][c] - b.pixels[i][c], 2);
   return 10.0 * std::log10(255.0 * 255.0 * 3.0 * a.pixels.size() / std::max(sum, 1e-9));
-}
-
-/// The message of the InputError that `action` throws; fails if there is none or if it has several lines.
-template <class Action>
-std::string message_of(const Action& action) {
-  try {
-    action();
-  } catch (const InputError& error) {
-    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
-    return error.what();
-  }
-  ADD_FAILURE() << "no InputError";
-  return "";
 }
 
 TEST(ImageFiles, PngIsLossless) {
@@ -146,7 +134,7 @@ TEST(ImageFiles, WrittenByEnding) {
   EXPECT_EQ(read_rgb(folder / "a.png").pixels, image.pixels);
   EXPECT_GT(psnr(read_rgb(folder / "a.JPG"), image), 40.0);
   EXPECT_EQ(read_gray(folder / "g.jpeg").width, image.width);
-  EXPECT_THAT(message_of([&] { write_rgb(folder / "a.bmp", image); }), HasSubstr("a.bmp"));
+  EXPECT_THAT(tests::refusal_of([&] { write_rgb(folder / "a.bmp", image); }), HasSubstr("a.bmp"));
 }
 
 TEST(ImageFiles, EveryTruncationIsAnError) {
@@ -163,7 +151,7 @@ TEST(ImageFiles, EveryTruncationIsAnError) {
 TEST(ImageFiles, TruncatedJpegIsNotAGreyHalf) {
   Bytes bytes = encode_jpeg(picture(400, 300), 90);
   bytes.resize(bytes.size() / 2);
-  EXPECT_THAT(message_of([&] { decode_rgb(bytes, "photo.jpg"); }),
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(bytes, "photo.jpg"); }),
               testing::AllOf(HasSubstr("photo.jpg"), HasSubstr("truncated")));
 }
 
@@ -201,25 +189,25 @@ TEST(ImageFiles, HugeHeadersAreRefusedBeforeAllocation) {
   put_big_endian(png, 16, 900000, 4);  // IHDR: width, height
   put_big_endian(png, 20, 900000, 4);
   put_big_endian(png, 29, crc32_of(std::span(png).subspan(12, 17)), 4);
-  EXPECT_THAT(message_of([&] { decode_rgb(png, "big.png"); }), HasSubstr("900000x900000"));
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(png, "big.png"); }), HasSubstr("900000x900000"));
 
   Bytes jpeg = encode_jpeg(picture(), 90);
   const std::array<std::byte, 2> frame_marker{std::byte{0xFF}, std::byte{0xC0}};
   const auto frame = std::search(jpeg.begin(), jpeg.end(), frame_marker.begin(), frame_marker.end());
   put_big_endian(jpeg, static_cast<std::size_t>(frame - jpeg.begin()) + 5, 65500, 2);
   put_big_endian(jpeg, static_cast<std::size_t>(frame - jpeg.begin()) + 7, 65500, 2);
-  EXPECT_THAT(message_of([&] { decode_rgb(jpeg, "big.jpg"); }), HasSubstr("65500x65500"));
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(jpeg, "big.jpg"); }), HasSubstr("65500x65500"));
 
-  EXPECT_THAT(message_of([&] { decode_rgb(encode_webp(picture()), "big.webp", {1000}); }), HasSubstr("61x43"));
+  EXPECT_THAT(tests::refusal_of([&] { decode_rgb(encode_webp(picture()), "big.webp", {1000}); }), HasSubstr("61x43"));
 }
 
 TEST(ImageFiles, OtherFilesAreNamed) {
   tests::TemporaryFolder folder;
   geometry::write_file(folder / "a.jpg", "this is text");
-  EXPECT_THAT(message_of([&] { read_rgb(folder / "a.jpg"); }), HasSubstr("neither JPEG, PNG nor WebP"));
+  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "a.jpg"); }), HasSubstr("neither JPEG, PNG nor WebP"));
   geometry::write_file(folder / "b.jpg", "");
-  EXPECT_THAT(message_of([&] { read_rgb(folder / "b.jpg"); }), HasSubstr("empty"));
-  EXPECT_THAT(message_of([&] { read_rgb(folder / "none.jpg"); }), HasSubstr("none.jpg"));
+  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "b.jpg"); }), HasSubstr("empty"));
+  EXPECT_THAT(tests::refusal_of([&] { read_rgb(folder / "none.jpg"); }), HasSubstr("none.jpg"));
 }
 
 TEST(Exr, RoundTripKeepsEveryBit) {
@@ -252,7 +240,7 @@ TEST(Exr, TruncatedDamagedAndHuge) {
   const std::string whole = geometry::read_text(folder / "a.exr");
   for (std::size_t size = 0; size < whole.size() - 1; size += 1 + size / 8) {
     geometry::write_file(folder / "part.exr", whole.substr(0, size));
-    EXPECT_THAT(message_of([&] { read_exr(folder / "part.exr"); }), HasSubstr("part.exr")) << size;
+    EXPECT_THAT(tests::refusal_of([&] { read_exr(folder / "part.exr"); }), HasSubstr("part.exr")) << size;
   }
   for (int i = 0; i < 300; ++i) {
     std::string damaged = whole;
@@ -268,7 +256,7 @@ TEST(Exr, TruncatedDamagedAndHuge) {
   const std::size_t window = huge.find("dataWindow") + sizeof("dataWindow") + sizeof("box2i") + 4;
   huge.replace(window + 8, 8, std::string("\xFF\xFF\xFF\x3F\xFF\xFF\xFF\x3F"));
   geometry::write_file(folder / "huge.exr", huge);
-  EXPECT_THAT(message_of([&] { read_exr(folder / "huge.exr"); }), HasSubstr("1073741824x1073741824"));
+  EXPECT_THAT(tests::refusal_of([&] { read_exr(folder / "huge.exr"); }), HasSubstr("1073741824x1073741824"));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <functional>
 #include <random>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -25,16 +26,9 @@ Camera read(const std::string& content, const std::string& name = "calibration.d
 }
 
 std::string error(const std::string& content) {
-  try {
-    read(content);
-  } catch (const InputError& e) {
-    const std::string message = e.what();
-    EXPECT_EQ(message.find('\n'), std::string::npos) << message;
-    EXPECT_THAT(message, HasSubstr("calibration.dat"));
-    return message;
-  }
-  ADD_FAILURE() << "accepted:\n" << content;
-  return "";
+  const std::string line = tests::refusal_of([&] { read(content); });
+  EXPECT_THAT(line, HasSubstr("calibration.dat")) << content;
+  return line;
 }
 
 /// cv::projectPoints as its documentation has it: x' = x (1 + k1 r2 + k2 r4) + 2 p1 x y + p2 (r2 + 2 x x).

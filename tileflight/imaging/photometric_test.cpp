@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -75,12 +76,7 @@ TEST(Photometric, BadFilesAreOneClearLine) {
   tests::TemporaryFolder folder;
   const auto response_error = [&](const std::string& text) -> std::string {
     geometry::write_file(folder / "pcalib.txt", text);
-    try {
-      read_photometric(folder / "pcalib.txt", {});
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "accepted";
+    return tests::refusal_of([&] { read_photometric(folder / "pcalib.txt", {}); });
   };
   EXPECT_THAT(response_error("1 2 3"), HasSubstr("at least 256 numbers, not 3"));
   EXPECT_THAT(response_error(""), HasSubstr("not 0"));

@@ -4,10 +4,10 @@
 
 #include <fstream>
 
+#include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/web/synthetic_run.h"
 #include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/report/key_figures.h"
 
 namespace tileflight::report {
@@ -29,12 +29,7 @@ class Report : public testing::Test {
   nlohmann::json results() { return nlohmann::json::parse(geometry::read_text(run_ / "results.json")); }
   void write_results(const nlohmann::json& value) { std::ofstream(run_ / "results.json") << value.dump(); }
   std::string fault() {
-    try {
-      write_report(run_);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "no error";
+    return tests::refusal_of([&] { write_report(run_); });
   }
 
   tests::TemporaryFolder folder_;

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::tests {
+
+/// The one line with which `call` refuses its input (InputError); "no error" where it takes it.
+template <typename Call>
+std::string refusal_of(const Call& call) {
+  try {
+    call();
+  } catch (const InputError& error) {
+    const std::string line = error.what();
+    EXPECT_EQ(line.find('\n'), std::string::npos) << line;
+    return line;
+  }
+  return "no error";
+}
+
+}  // namespace tileflight::tests
