@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "tileflight/flight/cubic_spline.h"
+#include "tileflight/flight/orientation_curve.h"
 #include "tileflight/flight/speed_plan.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -26,54 +27,21 @@ constexpr double kSamplingMargin = 1.01;
 constexpr double kLeastAngleFromVerticalRad = 1.0 * kRadiansPerDegree;
 constexpr double kLeastDistance_m = 1e-3;
 
-/// Blends unit quaternions by a spline in four dimensions, brought back to unit length. Turning all of them from either
-/// side is a rotation of the four-dimensional space, which splines commute with: the blend does not depend on the
-/// choice of frames.
-struct BlendedOrientation {
-  CubicSpline<4> quaternion;  ///< x, y, z, w
-
-  Eigen::Quaterniond at(double u) const {
-    const Eigen::Vector4d q = quaternion.value(u);
-    return Eigen::Quaterniond(q.data()).normalized();
-  }
-};
-
-/// Looks from the curve at a moving target, with a roll.
-struct TargetOrientation {
-  CubicSpline<4> target_and_roll;  ///< target in metres, roll in degrees
-
-  Eigen::Quaterniond at(double u, const Vec3& position) const;
-};
-
-Mat3 rolled(const Vec3& forward, const Vec3& right, double roll_deg) {
-  const Vec3 down = forward.cross(right);
-  const double c = std::cos(roll_deg * kRadiansPerDegree), s = std::sin(roll_deg * kRadiansPerDegree);
-  Mat3 R_local_camera;
-  R_local_camera << c * right + s * down, c * down - s * right, forward;
-  return R_local_camera;
-}
-
-/// `to_target` is not vertical.
-Eigen::Quaterniond looking_along(const Vec3& to_target, double roll_deg) {
-  const Vec3 forward = to_target.normalized();
-  return Eigen::Quaterniond(rolled(forward, forward.cross(Vec3::UnitZ()).normalized(), roll_deg));
-}
-
-Eigen::Quaterniond TargetOrientation::at(double u, const Vec3& position) const {
-  const Eigen::Vector4d value = target_and_roll.value(u);
-  return looking_along(value.head<3>() - position, value[3]);
-}
-
 /// A curve of camera poses over a parameter u.
 struct Curve {
   CubicSpline<3> position;
-  std::variant<BlendedOrientation, TargetOrientation> orientation;
+  OrientationCurve orientation;
 
   Eigen::Quaterniond rotation(double u) const {
     if (const auto* blended = std::get_if<BlendedOrientation>(&orientation)) return blended->at(u);
     return std::get<TargetOrientation>(orientation).at(u, position.value(u));
   }
   SE3 pose(double u) const { return {rotation(u), position.value(u)}; }
+  Turning turning(double u) const {
+    if (const auto* blended = std::get_if<BlendedOrientation>(&orientation)) return blended->turning(u);
+    return std::get<TargetOrientation>(orientation)
+        .turning(u, {position.value(u), position.first_derivative(u), position.second_derivative(u)});
+  }
 };
 
 std::string name_of(std::size_t waypoint) { return "waypoint " + std::to_string(waypoint + 1); }
@@ -134,8 +102,7 @@ std::vector<double> centripetal_knots(const std::vector<Waypoint>& waypoints) {
   return knots;
 }
 
-std::variant<BlendedOrientation, TargetOrientation> orientation_along(const std::vector<Waypoint>& waypoints,
-                                                                      const std::vector<double>& knots) {
+OrientationCurve orientation_along(const std::vector<Waypoint>& waypoints, const std::vector<double>& knots) {
   std::vector<Eigen::Quaterniond> rotations;
   std::vector<Eigen::Vector4d> targets;
   for (const Waypoint& w : waypoints) {
@@ -221,11 +188,15 @@ Vec3 Path::acceleration(double time_s) const {
   return position.second_derivative(p.u) * (p.rate * p.rate) + position.first_derivative(p.u) * p.acceleration;
 }
 
-Eigen::Quaterniond camera_orientation(double yaw_deg, double pitch_deg, double roll_deg) {
-  const double yaw = yaw_deg * kRadiansPerDegree, pitch = pitch_deg * kRadiansPerDegree;
-  const Vec3 forward(std::sin(yaw) * std::cos(pitch), std::cos(yaw) * std::cos(pitch), std::sin(pitch));
-  const Vec3 right(std::cos(yaw), -std::sin(yaw), 0.0);
-  return Eigen::Quaterniond(rolled(forward, right, roll_deg));
+Vec3 Path::angular_velocity(double time_s) const {
+  const Progression p = motion_->at(time_s);
+  return motion_->curve.turning(p.u).rate * p.rate;
+}
+
+Vec3 Path::angular_acceleration(double time_s) const {
+  const Progression p = motion_->at(time_s);
+  const Turning turning = motion_->curve.turning(p.u);
+  return turning.acceleration * (p.rate * p.rate) + turning.rate * p.acceleration;
 }
 
 Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedLimits& limits) {

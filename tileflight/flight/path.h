@@ -14,9 +14,11 @@ class Path {
   double start_s() const;
   double end_s() const;
 
-  geometry::SE3 pose(double time_s) const;           ///< T_local_camera
-  geometry::Vec3 velocity(double time_s) const;      ///< of the camera, local frame, m/s
-  geometry::Vec3 acceleration(double time_s) const;  ///< of the camera, local frame, m/s^2, without gravity
+  geometry::SE3 pose(double time_s) const;               ///< T_local_camera
+  geometry::Vec3 velocity(double time_s) const;          ///< of the camera, local frame, m/s
+  geometry::Vec3 acceleration(double time_s) const;      ///< of the camera, local frame, m/s^2, without gravity
+  geometry::Vec3 angular_velocity(double time_s) const;  ///< of the camera in the local frame, in camera axes, rad/s
+  geometry::Vec3 angular_acceleration(double time_s) const;  ///< its derivative, in camera axes, rad/s^2
 
   struct Motion;  ///< path.cpp
   explicit Path(std::shared_ptr<const Motion> motion);
