@@ -9,6 +9,7 @@
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/tiles/content.h"
 #include "tileflight/tiles/gltf_meshes.h"
+#include "tileflight/tiles/ktx2.h"
 #include "tileflight/tiles/uri.h"
 #include "tileflight/tiling/obj_meshes.h"
 #include "tileflight/tiling/ply_meshes.h"
@@ -35,12 +36,12 @@ MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
   const auto beside = [&](const std::string& uri) { return file.parent_path() / tiles::uri_path(uri); };
   content.read_resource = [&](const std::string& uri) { return geometry::read_bytes(beside(uri)); };
   content.read_image = [&](const std::string& uri) {
-    return std::make_shared<const imaging::RgbImage>(
-        imaging::read_rgb(beside(uri), {content.limits.max_texture_pixels}));
+    return std::make_shared<const imaging::RgbImage>(tiles::decode_texture(
+        geometry::read_bytes(beside(uri)), beside(uri).string(), content.limits.max_texture_pixels));
   };
   content.limits.max_texture_pixels = imaging::DecodeLimits{}.max_pixels;
   const std::vector<std::byte> bytes = geometry::read_bytes(file);
-  if (const std::string kind = tiles::content_kind(bytes); kind != "glb" && kind != "gltf")
+  if (const std::string kind = tiles::content_kind(bytes); kind != "glb" && kind != "JSON")
     throw InputError(file.string(), "is not a glTF file, by its first bytes");
   tiles::DecodedContent decoded = tiles::decode_content(bytes, file.string(), content);
   if (decoded.meshes.empty() && !decoded.clouds.empty())
