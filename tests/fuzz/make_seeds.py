@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the seeds of the subtree, archive and texture targets and those of points and instances: small, valid files.
+"""Writes the seeds of all targets but tileset, and of content those of points and instances: small, valid files.
 
     tests/fuzz/make_seeds.py            (writes into tests/fuzz/seeds)
 """
@@ -156,8 +156,61 @@ def write_ktx2(name, color_model, scheme, size, shared, level):
           struct.pack("<13I", 0, 1, *size, 0, 0, 1, 1, scheme, 104, len(descriptor), 0, 0) +
           struct.pack("<5Q", start, len(shared), start + len(shared), len(level), 0) + bytes(descriptor) + shared + level)
 
+
+
+def logs():
+    write("log/plain.csv", b"time,lat,lon,alt,yaw,pitch,roll\n1.5,-0.25,-78.5,2900.5,10,-2,3\n2,-0.26,-78.5,2901,,,\n")
+    write("log/dji.srt", b"1\n00:00:01,500 --> 00:00:01,533\n<font size=\"28\">FrameCnt: 1\n2023-02-21 10:14:03.000\n"
+          b"[latitude: -0.241013] [longitude: -78.518213] [rel_alt: 38.000 abs_alt: 2933.438] "
+          b"[gb_yaw: 139.7 gb_pitch: -27.8 gb_roll: 0.5] </font>\n\n2\n00:00:02,000 --> 00:00:03,000\nGPS(-78.5,-0.25,19)\n")
+    write("log/track.gpx", b"<?xml version='1.0'?><gpx version='1.1' xmlns='http://www.topografix.com/GPX/1/1'><trk><trkseg>"
+          b"<trkpt lat='-0.25' lon='-78.5'><ele>2900.5</ele><time>2024-02-28T23:59:59.5Z</time></trkpt>"
+          b"<trkpt lat='-0.26' lon='-78.5'><time>2024-02-29T02:00:02+02:00</time></trkpt></trkseg></trk></gpx>")
+    write("log/track.kml", b"<kml xmlns='http://www.opengis.net/kml/2.2' xmlns:gx='http://www.google.com/kml/ext/2.2'>"
+          b"<gx:Track><altitudeMode>absolute</altitudeMode><when>2024-01-01T00:00:00Z</when><when>2024-01-01T00:00:01.5Z</when>"
+          b"<gx:coord>-78.5 -0.25 2900.5</gx:coord><gx:coord>-78.6 -0.26 2901</gx:coord></gx:Track></kml>")
+    rows = [(b"B", bytes(40)),
+            (b"F", b"vehicle_gps_position:uint64_t timestamp;part[2] parts;int32_t lat;int32_t lon;int32_t alt;"
+                   b"int32_t alt_ellipsoid;uint8_t fix_type;uint8_t[3] _padding0;"),
+            (b"F", b"part:float a;uint8_t[2] b;"), (b"A", struct.pack("<BH", 0, 7) + b"vehicle_gps_position"),
+            (b"D", struct.pack("<HQ12x4iB", 7, 1500000, -2500000, -785000000, 2900500, 2926250, 3)),
+            (b"S", bytes.fromhex("2f731320250cbb12"))]
+    write("log/flight.ulg", b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1000000) +
+          b"".join(struct.pack("<H", len(body)) + letter + body for letter, body in rows))
+
+
+def calibrations():
+    write("calibration/kalibr.yaml", b"cam0:\n  camera_model: pinhole\n  intrinsics: [152.0, 152.0, 159.5, 119.5]\n"
+          b"  distortion_model: equidistant\n  distortion_coeffs: [0.01, 0.0, 0.0, 0.0]\n  resolution: [320, 240]\n"
+          b"  T_cam_imu: [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n")
+    write("calibration/opencv.yml", b"%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n"
+          b"camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 538.5, 0., 319.75, 0., 540.25, 241.125, 0., 0., 1. ]\n"
+          b"distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -0.21, 0.05, 0.0011, -0.0007, 0. ]\n")
+    write("calibration/opencv.xml", b"<?xml version=\"1.0\"?><opencv_storage><image_width>640</image_width><image_height>480</image_height>"
+          b"<camera_matrix type_id=\"opencv-matrix\"><rows>3</rows><cols>3</cols><dt>d</dt><data>538.5 0. 319.75 0. 540.25 241.125 0. 0. 1."
+          b"</data></camera_matrix><distortion_coefficients type_id=\"opencv-matrix\"><rows>5</rows><cols>1</cols><dt>d</dt>"
+          b"<data>-0.21 0.05 0.0011 -0.0007 0.</data></distortion_coefficients></opencv_storage>")
+    write("calibration/cameras.txt", b"# Camera list\n1 OPENCV_FISHEYE 640 480 300 301 320 240 0.01 0.002 0 0\n")
+    write("calibration/camera.txt", b"FOV 0.5 0.66 0.49 0.5 0.92\n640 480\ncrop\n640 480\n")
+
+
+def meshes():
+    write("mesh/house.obj", b"mtllib a.mtl\no house\nv 0 0 0\nv 2 0 0 1\nv 2 1 \\\n0\nv 0 1 0 0.5 0.5 0.5\nvt 0 0\nvt 1 0\nvt 1 1 0\n"
+          b"vn 0 0 1\nusemtl wall\nf -4/-3/1 -3/-2/1 -2/-1/1 # three\nf 1//1 2//1 3//1 4//1\n")
+    write("mesh/house.mtl", b"newmtl wall\nKd 0.2 0.2 0.2\nmap_Kd -s 1 1 1 -clamp on -o 0.5 wall.png\nd 1\n")
+    write("mesh/text.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+          b"property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\n"
+          b"property list uchar float texcoord\nend_header\n0 0 0 1 2 3\n1 0 0 4 5 6\n0 1 0 7 8 9\n3 0 1 2 6 0 0 1 0 0 1\n")
+    write("mesh/binary.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty double x\nproperty double y\n"
+          b"property double z\nelement face 1\nproperty list uchar uint vertex_indices\nend_header\n" +
+          struct.pack("<9d", 0, 0, 0, 1, 0, 0, 0, 1, 0) + struct.pack("<B3I", 3, 0, 1, 2))
+
+
 if __name__ == "__main__":
     points_and_instances()
     subtrees()
     archives()
     textures()
+    logs()
+    calibrations()
+    meshes()

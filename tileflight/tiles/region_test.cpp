@@ -62,7 +62,7 @@ TEST(Region, volumes_that_hold_a_point_of_a_polygon_meet_it) {
   const Region region = two_parts();
   int met = 0;
   int met_and_sampled = 0;
-  for (int i = 0; i < 4000; ++i) {
+  for (int i = 0; i < 1500; ++i) {
     const SE3 T_local_tileset(
         Eigen::Quaterniond(random.in(-1, 1), random.in(-1, 1), random.in(-1, 1), random.in(-1, 1)), random.vector(20));
     OrientedBox box{T_local_tileset.inverse() * Vec3(random.vector(30) + Vec3(10, 10, 5)), geometry::Mat3::Zero()};
@@ -83,7 +83,7 @@ TEST(Region, volumes_that_hold_a_point_of_a_polygon_meet_it) {
     met += box_met ? 1 : 0;
     met_and_sampled += box_sampled ? 1 : 0;
   }
-  EXPECT_GT(met_and_sampled, 150);
+  EXPECT_GT(met_and_sampled, 55);
   EXPECT_LT(met, 2 * met_and_sampled);
 }
 

@@ -1,0 +1,15 @@
+#include "tests/fuzz/memory_file.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/camera.h"
+
+/// A camera's calibration of any bytes: Kalibr, OpenCV, ROS, COLMAP or DSO.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace tileflight;
+  const fuzz::MemoryFile file(data, size);
+  try {
+    imaging::read_calibration(file.path());
+  } catch (const InputError&) {
+    // one clear line is what broken input is worth
+  }
+  return 0;
+}

@@ -1,0 +1,15 @@
+#include "tests/fuzz/memory_file.h"
+#include "tileflight/flight/telemetry_file.h"
+#include "tileflight/geometry/input_error.h"
+
+/// A flight log of any bytes: subtitles, CSV, GPX, KML or ULog.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace tileflight;
+  const fuzz::MemoryFile file(data, size);
+  try {
+    flight::read_telemetry(file.path());
+  } catch (const InputError&) {
+    // one clear line is what broken input is worth
+  }
+  return 0;
+}
