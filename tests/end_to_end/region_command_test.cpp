@@ -1,0 +1,151 @@
+// `extract --region`: polygons of a GeoJSON file, from the command line to the voxels.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "tests/run_program.h"
+#include "tileflight/geometry/geodesy.h"
+
+namespace tileflight {
+namespace {
+
+using geometry::Vec3;
+using nlohmann::json;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using tests::ProgramResult;
+using tests::run_tileflight;
+
+const geometry::Geodetic kOrigin{50.5, 14.25, {300}};
+constexpr double kHeight_m = 0.5;
+
+/// An upright rectangle, metres east and north of the origin.
+struct Rectangle {
+  double west, south, east, north;
+  bool holds(double x, double y) const { return x >= west && x <= east && y >= south && y <= north; }
+};
+
+json ring(const Rectangle& r) {
+  const geometry::LocalFrame frame(kOrigin);
+  json out = json::array();
+  for (const auto& [x, y] : {std::pair(r.west, r.south), std::pair(r.east, r.south), std::pair(r.east, r.north),
+                             std::pair(r.west, r.north), std::pair(r.west, r.south)}) {
+    const geometry::Geodetic corner = frame.geodetic_from_local(Vec3(x, y, 0));
+    out.push_back(json::array({corner.longitude_deg, corner.latitude_deg}));
+  }
+  return out;
+}
+
+/// A level square of 200 m in 20 x 20 m pieces, tiled and put on earth.
+class RegionFiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::ofstream obj(folder_ / "ground.obj");
+    for (int j = 0; j <= 10; ++j)
+      for (int i = 0; i <= 10; ++i) obj << "v " << 20 * i - 100 << " " << 20 * j - 100 << " " << kHeight_m << "\n";
+    for (int j = 0; j < 10; ++j)
+      for (int i = 1; i <= 10; ++i) {
+        const int a = 11 * j + i;
+        obj << "f " << a << " " << a + 1 << " " << a + 12 << " " << a + 11 << "\n";
+      }
+    obj.close();
+    const ProgramResult tiled = run_tileflight({"tile", (folder_ / "ground.obj").string(), "--out", place(),
+                                                "--georeference", "50.5,14.25,300", "--tile-triangles", "20"});
+    ASSERT_EQ(tiled.exit_code, 0) << tiled.err;
+  }
+
+  std::string place() const { return (folder_ / "place").string(); }
+
+  std::string write(const std::string& name, const json& geojson) const {
+    std::ofstream(folder_ / name) << geojson.dump();
+    return (folder_ / name).string();
+  }
+
+  ProgramResult extract(const std::vector<std::string>& files) const {
+    std::vector<std::string> call{"extract",  place(),          "--out", (folder_ / "truth").string(),
+                                  "--origin", "50.5,14.25,300", "--json"};
+    for (const std::string& file : files) call.insert(call.end(), {"--region", file});
+    return run_tileflight(call);
+  }
+
+  void expect_refused(const std::string& file, const ::testing::Matcher<std::string>& matcher) const {
+    const ProgramResult result = extract({file});
+    EXPECT_EQ(result.exit_code, 1) << file;
+    EXPECT_THAT(result.err, matcher);
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "truth"));
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+/// The centres of the occupied cells, as the header of voxels.ply and its lines have them.
+std::set<std::pair<double, double>> cells_of(const std::filesystem::path& ply) {
+  std::istringstream text(tests::file_text(ply));
+  std::string line;
+  std::size_t count = 0;
+  bool ascii = false;
+  while (std::getline(text, line) && line != "end_header") {
+    ascii = ascii || line == "format ascii 1.0";
+    if (line.starts_with("element vertex ")) count = std::stoul(line.substr(15));
+  }
+  std::set<std::pair<double, double>> out;
+  for (std::size_t i = 0; i < count && !ascii; ++i) {
+    std::array<float, 3> at{};
+    text.read(reinterpret_cast<char*>(at.data()), sizeof at);
+    out.emplace(at[0], at[1]);
+  }
+  return out;
+}
+
+/// Cells of 1 m whose inside meets `wanted`, asked on a grid of 1/16 m.
+template <class Holds>
+void expect_cells_are_those_of(const std::set<std::pair<double, double>>& cells, const Holds& wanted) {
+  std::size_t sampled = 0;
+  for (const auto& [x, y] : cells) {
+    int inside = 0;
+    for (int k = 0; k < 256; ++k)
+      inside += wanted(x - 0.5 + (k % 16 + 0.5) / 16, y - 0.5 + (k / 16 + 0.5) / 16) ? 1 : 0;
+    EXPECT_GT(inside, 0) << x << " " << y << " is not wanted";
+    sampled += static_cast<std::size_t>(inside);
+  }
+  std::size_t area = 0;  // no cell is missing: the cells hold all of the wanted area
+  for (int j = 0; j < 200 * 16; ++j)
+    for (int i = 0; i < 200 * 16; ++i) area += wanted(-100 + (i + 0.5) / 16, -100 + (j + 0.5) / 16) ? 1 : 0;
+  EXPECT_NEAR(static_cast<double>(sampled), static_cast<double>(area), 0.002 * static_cast<double>(area));
+}
+
+TEST_F(RegionFiles, CellsAreThoseOfThePolygonsAndTheirHoles) {
+  const Rectangle field{-31.3, -12.2, 44.4, 25.7}, hole{-10.4, 0.3, 9.6, 12.8}, yard{60.1, -80.2, 72.7, -70.9};
+  const std::string first =
+      write("field.geojson", {{"type", "Polygon"}, {"coordinates", json::array({ring(field), ring(hole)})}});
+  const json feature = {{"type", "Feature"},
+                        {"properties", json::object()},
+                        {"geometry", {{"type", "Polygon"}, {"coordinates", json::array({ring(yard)})}}}};
+  const std::string second =
+      write("yard.geojson", {{"type", "FeatureCollection"}, {"features", json::array({feature})}});
+  const ProgramResult result = extract({first, second});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json out = json::parse(result.out);
+  EXPECT_TRUE(out["complete"].get<bool>());
+  const auto cells = cells_of(folder_ / "truth/voxels.ply");
+  EXPECT_EQ(cells.size(), out["voxels_occupied"].get<std::size_t>());
+  expect_cells_are_those_of(
+      cells, [&](double x, double y) { return (field.holds(x, y) && !hole.holds(x, y)) || yard.holds(x, y); });
+}
+
+TEST_F(RegionFiles, UnusableFilesAreOneLine) {
+  expect_refused((folder_ / "none.geojson").string(), HasSubstr("none.geojson"));
+  expect_refused(write("empty.geojson", {{"type", "FeatureCollection"}, {"features", json::array()}}),
+                 AllOf(HasSubstr("empty.geojson"), HasSubstr("no Polygon")));
+  expect_refused(write("point.geojson", {{"type", "Point"}, {"coordinates", {14.25, 50.5}}}), HasSubstr("no Polygon"));
+  expect_refused(
+      write("far.geojson", {{"type", "Polygon"}, {"coordinates", json::array({ring({5000, 5000, 5100, 5100})})}}),
+      HasSubstr("no tile"));
+}
+
+}  // namespace
+}  // namespace tileflight
