@@ -11,7 +11,7 @@ void add_telemetry(const IngestFlight& flight, dataset::IngestOptions& options, 
   if (flight.telemetry.empty()) return;
   const flight::Telemetry telemetry = flight::read_telemetry(flight.telemetry);
   warnings.insert(warnings.end(), telemetry.warnings.begin(), telemetry.warnings.end());
-  options.gps = gps_fixes(telemetry, flight);
+  options.gps = gps_fixes(telemetry, flight, warnings);
   options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);
 }
 

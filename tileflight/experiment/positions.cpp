@@ -1,5 +1,7 @@
 #include "tileflight/experiment/positions.h"
 
+#include <optional>
+
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::experiment {
@@ -9,45 +11,66 @@ namespace {
 constexpr double kHorizontalSigma_m = 1.0;
 constexpr double kVerticalSigma_m = 2.0;
 
-std::string height_datum(const flight::Telemetry& telemetry, const IngestFlight& flight) {
-  if (!flight.telemetry_height.empty()) return flight.telemetry_height;
-  if (telemetry.height_datum == flight::HeightDatum::kEllipsoid) return "ellipsoid";
-  if (telemetry.height_datum == flight::HeightDatum::kMeanSeaLevel) return "sea-level";
-  throw InputError(flight.telemetry.string(),
-                   "does not say what its heights are above; set telemetry_height to ellipsoid, sea-level or takeoff");
+enum class Above { kEllipsoid, kSeaLevel, kTakeoff };
+
+Above heights_are_above(const flight::Telemetry& telemetry, const IngestFlight& flight) {
+  if (flight.telemetry_height == "takeoff") return Above::kTakeoff;
+  if (flight.telemetry_height == "ellipsoid") return Above::kEllipsoid;
+  if (flight.telemetry_height == "sea-level") return Above::kSeaLevel;
+  if (telemetry.height_datum == flight::HeightDatum::kEllipsoid) return Above::kEllipsoid;
+  if (telemetry.height_datum == flight::HeightDatum::kMeanSeaLevel) return Above::kSeaLevel;
+  throw InputError(
+      flight.telemetry.string(),
+      "does not say what its heights are above; say --telemetry-height (telemetry_height in an experiment) "
+      "ellipsoid, sea-level or takeoff");
 }
 
-double absolute_height(const flight::TelemetryFix& fix, const IngestFlight& flight) {
-  if (fix.absolute_height_m) return *fix.absolute_height_m;
-  throw InputError(flight.telemetry.string(),
-                   "has no absolute heights; set telemetry_height to takeoff, and takeoff_height");
-}
-
-geometry::EllipsoidalHeight ellipsoidal_height(const flight::TelemetryFix& fix, const std::string& datum,
-                                               const IngestFlight& flight) {
-  if (datum == "ellipsoid") return {absolute_height(fix, flight)};
-  if (datum == "sea-level") {
-    return geometry::ellipsoidal_from_orthometric(fix.latitude_deg, fix.longitude_deg, {absolute_height(fix, flight)});
+/// None where the fix has no height of that kind.
+std::optional<geometry::EllipsoidalHeight> ellipsoidal_height(const flight::TelemetryFix& fix, Above above,
+                                                              const IngestFlight& flight) {
+  if (above == Above::kTakeoff) {
+    if (!fix.height_above_takeoff_m) return {};
+    return geometry::EllipsoidalHeight{flight.takeoff_height_m.value() + *fix.height_above_takeoff_m};
   }
-  if (!flight.takeoff_height_m) {
-    throw InputError(flight.telemetry.string(),
-                     "heights above take-off need takeoff_height, the take-off place's metres above the ellipsoid");
-  }
-  if (!fix.height_above_takeoff_m) throw InputError(flight.telemetry.string(), "has no heights above take-off");
-  return {*flight.takeoff_height_m + *fix.height_above_takeoff_m};
+  if (!fix.absolute_height_m) return {};
+  if (above == Above::kEllipsoid) return geometry::EllipsoidalHeight{*fix.absolute_height_m};
+  return geometry::ellipsoidal_from_orthometric(fix.latitude_deg, fix.longitude_deg, {*fix.absolute_height_m});
 }
 
 }  // namespace
 
-std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const IngestFlight& flight) {
-  const std::string datum = height_datum(telemetry, flight);
+std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const IngestFlight& flight,
+                                       std::vector<std::string>& warnings) {
+  const Above above = heights_are_above(telemetry, flight);
+  if (above == Above::kTakeoff && !flight.takeoff_height_m) {
+    throw InputError(flight.telemetry.string(),
+                     "heights above take-off need --takeoff-height (takeoff_height), the take-off place's metres above "
+                     "the ellipsoid");
+  }
   std::vector<dataset::GpsFix> fixes;
+  std::size_t without_height = 0;
   for (const flight::TelemetryFix& fix : flight::distinct_fixes(telemetry)) {
+    const auto height = ellipsoidal_height(fix, above, flight);
+    if (!height) {
+      ++without_height;
+      continue;
+    }
     fixes.push_back({.time_s = fix.time_s,
-                     .place = {fix.latitude_deg, fix.longitude_deg, ellipsoidal_height(fix, datum, flight)},
+                     .place = {fix.latitude_deg, fix.longitude_deg, *height},
                      .horizontal_sigma_m = kHorizontalSigma_m,
                      .vertical_sigma_m = kVerticalSigma_m});
   }
+  if (fixes.empty() && above == Above::kTakeoff)
+    throw InputError(flight.telemetry.string(), "has no heights above take-off");
+  if (fixes.empty()) {
+    throw InputError(
+        flight.telemetry.string(),
+        "has no absolute heights; say --telemetry-height takeoff and --takeoff-height (telemetry_height and "
+        "takeoff_height in an experiment)");
+  }
+  if (without_height > 0)
+    warnings.push_back(std::to_string(without_height) +
+                       " positions of the flight log left out: no height of that kind");
   return fixes;
 }
 

@@ -11,9 +11,11 @@
 namespace tileflight::experiment {
 
 /// A flight log's positions as gps.csv has them: heights above the ellipsoid, converted from what the log's are above
-/// (`telemetry_height`; without it the log must say so itself), times on the log's clock. Throws InputError where a
-/// height's datum is not known: heights are never mixed in silence.
-std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const IngestFlight& flight);
+/// (`telemetry_height`; without it the log must say so itself), times on the log's clock. Positions without a height of
+/// that kind are left out, counted in `warnings`. Throws InputError where a height's datum is not known (heights are
+/// never mixed in silence) or no position has such a height.
+std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const IngestFlight& flight,
+                                       std::vector<std::string>& warnings);
 
 /// Positions in the local frame, with their times.
 std::vector<geometry::Vec3> local_positions(const std::vector<dataset::GpsFix>& fixes,
