@@ -39,21 +39,21 @@ json ring(const Rectangle& r) {
   return out;
 }
 
-/// A level square of 200 m in 20 x 20 m pieces, tiled and put on earth.
+/// A level square of 200 m in pieces of 10 m, tiled and put on earth.
 class RegionFiles : public ::testing::Test {
  protected:
   void SetUp() override {
     std::ofstream obj(folder_ / "ground.obj");
-    for (int j = 0; j <= 10; ++j)
-      for (int i = 0; i <= 10; ++i) obj << "v " << 20 * i - 100 << " " << 20 * j - 100 << " " << kHeight_m << "\n";
-    for (int j = 0; j < 10; ++j)
-      for (int i = 1; i <= 10; ++i) {
-        const int a = 11 * j + i;
-        obj << "f " << a << " " << a + 1 << " " << a + 12 << " " << a + 11 << "\n";
+    for (int j = 0; j <= 20; ++j)
+      for (int i = 0; i <= 20; ++i) obj << "v " << 10 * i - 100 << " " << 10 * j - 100 << " " << kHeight_m << "\n";
+    for (int j = 0; j < 20; ++j)
+      for (int i = 1; i <= 20; ++i) {
+        const int a = 21 * j + i;
+        obj << "f " << a << " " << a + 1 << " " << a + 22 << " " << a + 21 << "\n";
       }
     obj.close();
     const ProgramResult tiled = run_tileflight({"tile", (folder_ / "ground.obj").string(), "--out", place(),
-                                                "--georeference", "50.5,14.25,300", "--tile-triangles", "20"});
+                                                "--georeference", "50.5,14.25,300", "--tile-triangles", "100"});
     ASSERT_EQ(tiled.exit_code, 0) << tiled.err;
   }
 
