@@ -323,8 +323,8 @@ void Engine::track(const InputFrame& frame) {
     const SE3& T_target_reference = alignment.state.T_target_reference;
     const RowRectifier rectify =
         rectifier(shutter.twist(T_target_reference), reference_.pixels.levels[0], T_target_reference);
-    pyramid = std::make_shared<const Pyramid>(
-        build_pyramid(rectify(pyramid->levels[0]), static_cast<int>(lens_.lenses.size())));
+    pyramid = pyramids_.make([&](imaging::FloatImage memory) { return rectify(pyramid->levels[0], std::move(memory)); },
+                             static_cast<int>(lens_.lenses.size()));
     if (is_keyframe) global = InputFrame{frame.index, frame.time_s, frame.exposure_ms, rectify(frame.image)};
   }
   if (is_keyframe) {

@@ -114,13 +114,18 @@ int pyramid_levels(int width, int height, const OdometryOptions& options) {
   return levels;
 }
 
+FloatImage picture_in(FloatImage memory, int width, int height) {
+  const std::size_t count = static_cast<std::size_t>(width) * height;
+  memory.width = width;
+  memory.height = height;
+  memory.pixels.reserve(count + PyramidLevel::kPadding);  // a pyramid takes it over without a copy
+  memory.pixels.resize(count);
+  return memory;
+}
+
 FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric,
                      FloatImage memory) {
-  FloatImage out = std::move(memory);
-  out.width = image.width;
-  out.height = image.height;
-  out.pixels.reserve(image.pixels.size() + PyramidLevel::kPadding);  // a pyramid takes it over without a copy
-  out.pixels.resize(image.pixels.size());
+  FloatImage out = picture_in(std::move(memory), image.width, image.height);
   for_rows(image.height, [&](int y) {
     float* to = out.row(y);
     luma_row(image.row(y), image.width, to);
@@ -155,11 +160,14 @@ Pyramid PyramidPool::take() {
 
 std::shared_ptr<const Pyramid> PyramidPool::make(const imaging::RgbImage& image,
                                                  const imaging::PhotometricCalibration* photometric, int levels) {
+  return make([&](FloatImage memory) { return luminance(image, photometric, std::move(memory)); }, levels);
+}
+
+std::shared_ptr<const Pyramid> PyramidPool::make(const std::function<FloatImage(FloatImage)>& picture, int levels) {
   Pyramid memory = take();
   FloatImage grey;
   if (!memory.levels.empty()) grey.pixels = std::move(memory.levels[0].grey);
-  auto made = std::make_unique<Pyramid>(
-      build_pyramid(luminance(image, photometric, std::move(grey)), levels, std::move(memory)));
+  auto made = std::make_unique<Pyramid>(build_pyramid(picture(std::move(grey)), levels, std::move(memory)));
   return {made.release(), [store = store_](Pyramid* pyramid) {
             const std::unique_ptr<Pyramid> owned(pyramid);
             const std::lock_guard lock(store->mutex);

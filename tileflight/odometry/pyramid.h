@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -94,6 +95,9 @@ int pyramid_levels(int width, int height, const OdometryOptions& options);
 imaging::FloatImage luminance(const imaging::RgbImage& image, const imaging::PhotometricCalibration* photometric,
                               imaging::FloatImage memory = {});
 
+/// A picture in `memory`, which keeps room for a pyramid's padding; its pixels have no defined values.
+imaging::FloatImage picture_in(imaging::FloatImage memory, int width, int height);
+
 /// `memory`: likewise, of its levels but the first.
 Pyramid build_pyramid(imaging::FloatImage image, int levels, Pyramid memory = {});
 
@@ -103,6 +107,9 @@ class PyramidPool {
   /// Of a picture's luminance.
   std::shared_ptr<const Pyramid> make(const imaging::RgbImage& image,
                                       const imaging::PhotometricCalibration* photometric, int levels);
+  /// Of what `picture` makes in the memory it is given.
+  std::shared_ptr<const Pyramid> make(const std::function<imaging::FloatImage(imaging::FloatImage memory)>& picture,
+                                      int levels);
 
  private:
   /// Outlives the pool as long as any of its pyramids is held.

@@ -1,9 +1,14 @@
 #include "tileflight/odometry/rolling_shutter.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "tileflight/odometry/lanes.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -152,13 +157,12 @@ BetweenCells between_cells(int pixel, int cells) {
 }
 
 /// A row's displacements at the columns of cells.
-std::vector<Vector2f> row_displacements(const std::vector<Vector2f>& cells, int columns, int rows, int y) {
+void row_displacements(const std::vector<Vector2f>& cells, int columns, int rows, int y, std::vector<Vector2f>& out) {
   const BetweenCells at = between_cells(y, rows);
   const Vector2f* top = cells.data() + static_cast<std::size_t>(at.cell) * columns;
   const Vector2f* bottom = rows > 1 ? top + columns : top;
-  std::vector<Vector2f> out(columns);
+  out.resize(columns);
   for (int c = 0; c < columns; ++c) out[c] = top[c] + at.share * (bottom[c] - top[c]);
-  return out;
 }
 
 Vector2f displaced(const std::vector<Vector2f>& row, int x, int y) {
@@ -166,6 +170,78 @@ Vector2f displaced(const std::vector<Vector2f>& row, int x, int y) {
   const BetweenCells at = between_cells(x, columns);
   const Vector2f &left = row[at.cell], &right = row[std::min(at.cell + 1, columns - 1)];
   return Vector2f(x, y) + left + at.share * (right - left);
+}
+
+/// cubic_weights of eight.
+TILEFLIGHT_LANE_INLINE void cubic_weights(const Lanes& t, std::array<Lanes, 4>& out) {
+  const Lanes t2 = t * t, t3 = t2 * t;
+  out = {0.5F * (-t + 2 * t2 - t3), 0.5F * (2 - 5 * t2 + 3 * t3), 0.5F * (t + 4 * t2 - 3 * t3), 0.5F * (t3 - t2)};
+}
+
+TILEFLIGHT_LANE_INLINE void clamp_lanes(float most, Lanes& x) {
+  x = x < 0.0F ? Lanes{} : x;
+  x = x > most ? Lanes{} + most : x;
+}
+
+/// Where eight pixels' neighbourhoods begin, and their weights.
+struct Neighbourhoods {
+  LaneMask column, row;
+  std::array<Lanes, 4> across, down;
+};
+
+/// Of the pixels x ... x + 7 of row y; x is a multiple of 8, so that all of them lie between the same columns of cells.
+TILEFLIGHT_LANE_INLINE void neighbourhoods(const std::vector<Vector2f>& displacements, int width, int height, int x,
+                                           int y, Neighbourhoods& out) {
+  static_assert(kCell_px == 2 * kLanes);
+  const int columns = static_cast<int>(displacements.size());
+  Lanes share;
+  int cell = 0;
+  for (int i = 0; i < kLanes; ++i) {
+    const BetweenCells at = between_cells(x + i, columns);
+    share[i] = at.share;
+    if (i == 0) cell = at.cell;
+  }
+  const Vector2f left = displacements[cell], step = displacements[std::min(cell + 1, columns - 1)] - left;
+  const Lanes ramp{0, 1, 2, 3, 4, 5, 6, 7};
+  Lanes u = (ramp + static_cast<float>(x) + left.x()) + share * step.x();
+  Lanes v = (Lanes{} + static_cast<float>(y) + left.y()) + share * step.y();
+  clamp_lanes(static_cast<float>(width - 1), u);
+  clamp_lanes(static_cast<float>(height - 1), v);
+  const LaneMask iu = __builtin_convertvector(u, LaneMask), iv = __builtin_convertvector(v, LaneMask);
+  cubic_weights(u - __builtin_convertvector(iu, Lanes), out.across);
+  cubic_weights(v - __builtin_convertvector(iv, Lanes), out.down);
+  out.column = iu - 1;
+  out.row = iv - 1;
+}
+
+/// A row of the picture that a global shutter would have taken.
+TILEFLIGHT_WIDE_VECTORS
+void rectify_row(const PyramidLevel& picture, const std::vector<Vector2f>& displacements, int y, float* out) {
+  const int width = picture.width, height = picture.height;
+  const auto grey = [&](int x, int row) { return picture.row(row)[x]; };
+  int x = 0;
+  for (; x + kLanes <= width; x += kLanes) {
+    Neighbourhoods at;
+    neighbourhoods(displacements, width, height, x, y, at);
+    for (int i = 0; i < kLanes; ++i) {
+      const int column = at.column[i], row = at.row[i];
+      Four sum{};
+      if (column >= 0 && row >= 0 && column + 3 < width && row + 3 < height) {
+        const float* from = picture.row(row) + column;
+        for (int j = 0; j < 4; ++j) {
+          Four four;
+          std::memcpy(&four, from + static_cast<std::size_t>(j) * width, sizeof(four));
+          sum += at.down[j][i] * four;
+        }
+      } else {
+        for (int j = 0; j < 4; ++j) sum += at.down[j][i] * four_pixels(width, height, column, row + j, grey);
+      }
+      const float value =
+          (at.across[0][i] * sum[0] + at.across[1][i] * sum[1]) + (at.across[2][i] * sum[2] + at.across[3][i] * sum[3]);
+      out[x + i] = std::max(value, 0.0F);
+    }
+  }
+  for (; x < width; ++x) out[x] = std::max(sample_cubic(width, height, displaced(displacements, x, y), grey), 0.0F);
 }
 
 }  // namespace
@@ -200,25 +276,33 @@ RowRectifier::RowRectifier(const Lens& lens, int width, int height, const Vec6& 
   });
 }
 
-Vector2f RowRectifier::source(int x, int y) const {
-  return displaced(row_displacements(displacement_px_, columns_, rows_, y), x, y);
+template <class Row>
+void RowRectifier::for_rows(const Row& row) const {
+  constexpr int kRowsPerTask = 32;
+  tbb::parallel_for(tbb::blocked_range<int>(0, height_, kRowsPerTask), [&](const tbb::blocked_range<int>& range) {
+    std::vector<Vector2f> displacements;
+    for (int y = range.begin(); y < range.end(); ++y) {
+      row_displacements(displacement_px_, columns_, rows_, y, displacements);
+      row(y, displacements);
+    }
+  });
 }
 
-imaging::FloatImage RowRectifier::operator()(const PyramidLevel& picture) const {
-  imaging::FloatImage out(width_, height_);
-  const auto grey = [&](int x, int y) { return picture.row(y)[x]; };
-  tbb::parallel_for(0, height_, [&](int y) {
-    const std::vector<Vector2f> row = row_displacements(displacement_px_, columns_, rows_, y);
-    for (int x = 0; x < width_; ++x)
-      out(x, y) = std::max(sample_cubic(width_, height_, displaced(row, x, y), grey), 0.0F);
-  });
+Vector2f RowRectifier::source(int x, int y) const {
+  std::vector<Vector2f> row;
+  row_displacements(displacement_px_, columns_, rows_, y, row);
+  return displaced(row, x, y);
+}
+
+imaging::FloatImage RowRectifier::operator()(const PyramidLevel& picture, imaging::FloatImage memory) const {
+  imaging::FloatImage out = picture_in(std::move(memory), width_, height_);
+  for_rows([&](int y, const std::vector<Vector2f>& row) { rectify_row(picture, row, y, out.row(y)); });
   return out;
 }
 
 imaging::RgbImage RowRectifier::operator()(const imaging::RgbImage& picture) const {
   imaging::RgbImage out(width_, height_);
-  tbb::parallel_for(0, height_, [&](int y) {
-    const std::vector<Vector2f> row = row_displacements(displacement_px_, columns_, rows_, y);
+  for_rows([&](int y, const std::vector<Vector2f>& row) {
     for (int x = 0; x < width_; ++x) out(x, y) = color_cubic(picture, displaced(row, x, y));
   });
   return out;

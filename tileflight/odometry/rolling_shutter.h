@@ -54,13 +54,18 @@ class RowRectifier {
   RowRectifier(const Lens& lens, int width, int height, const geometry::Vec6& twist,
                const std::vector<DepthSample>& samples);
 
-  /// Cubic interpolation (Keys 1981, a = -1/2), so that little contrast is lost; the edge goes on outside.
-  imaging::FloatImage operator()(const PyramidLevel& picture) const;
+  /// Cubic interpolation (Keys 1981, a = -1/2), so that little contrast is lost; the edge goes on outside. `memory`:
+  /// what nobody needs any more, to be overwritten.
+  imaging::FloatImage operator()(const PyramidLevel& picture, imaging::FloatImage memory = {}) const;
   imaging::RgbImage operator()(const imaging::RgbImage& picture) const;
   /// Source of a pixel.
   Eigen::Vector2f source(int x, int y) const;
 
  private:
+  /// Calls `row(y, displacements at the columns of cells)` for each row, in parallel.
+  template <class Row>
+  void for_rows(const Row& row) const;
+
   int width_, height_;
   int columns_, rows_;
   std::vector<Eigen::Vector2f> displacement_px_;  ///< at the cells' centres, row by row

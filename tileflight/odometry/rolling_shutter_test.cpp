@@ -4,7 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <random>
 
 #include "tileflight/odometry/pixel_selector.h"
 #include "tileflight/odometry/synthetic_flight.h"
@@ -163,6 +166,47 @@ TEST(RollingShutter, TheRectifiedPictureIsAGlobalShutters) {
   // A third of a grey value is the rounding of both pictures.
   EXPECT_LT(mean_difference(rectified, global), 0.25 * mean_difference(rolling, global));
   EXPECT_LT(mean_difference(luminance(rectify(raw), nullptr), global), 0.3 * mean_difference(rolling, global));
+}
+
+/// Keys's kernel of a = -1/2 (Keys 1981, eq. 15) over the whole picture, the edge repeated.
+double keys_interpolated(const imaging::FloatImage& image, double x, double y) {
+  const auto kernel = [](double s) {
+    s = std::abs(s);
+    if (s <= 1) return 1.5 * s * s * s - 2.5 * s * s + 1;
+    return s < 2 ? -0.5 * s * s * s + 2.5 * s * s - 4 * s + 2 : 0.0;
+  };
+  x = std::clamp(x, 0.0, image.width - 1.0);
+  y = std::clamp(y, 0.0, image.height - 1.0);
+  double sum = 0;
+  for (int j = static_cast<int>(y) - 1; j <= static_cast<int>(y) + 2; ++j) {
+    for (int i = static_cast<int>(x) - 1; i <= static_cast<int>(x) + 2; ++i) {
+      sum +=
+          kernel(x - i) * kernel(y - j) * image(std::clamp(i, 0, image.width - 1), std::clamp(j, 0, image.height - 1));
+    }
+  }
+  return std::max(sum, 0.0);
+}
+
+TEST(RollingShutter, RectifiedPixelsAreInterpolatedAtTheirSources) {
+  constexpr int kWidth = 317, kHeight = 237;
+  const RollingView view;
+  Vec6 twist;
+  twist << 0.2, -0.1, 0.05, 0.1, 0.08, -0.12;
+  const RowRectifier rectify(view.lens.lenses[0], kWidth, kHeight, twist, {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
+  std::mt19937 random(1);
+  imaging::FloatImage noise(kWidth, kHeight);
+  for (float& pixel : noise.pixels) pixel = static_cast<float>(random() % 256);
+  const imaging::FloatImage rectified = rectify(build_pyramid(noise, 1).levels[0]);
+  ASSERT_EQ(rectified.pixels.size(), noise.pixels.size());
+  double moved_px = 0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const Eigen::Vector2f from = rectify.source(x, y);
+      ASSERT_NEAR(rectified(x, y), keys_interpolated(noise, from.x(), from.y()), 0.02) << x << " " << y;
+      moved_px = std::max<double>(moved_px, (from - Eigen::Vector2f(x, y)).norm());
+    }
+  }
+  EXPECT_GT(moved_px, 8) << "the edge has to be met";
 }
 
 TEST(RollingShutter, WithoutMotionThePictureStaysAsItIs) {
