@@ -12,7 +12,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     RegionOptions region;
     SourceArguments source_arguments;
     experiment::RenderSettings settings;
-    std::string flight, out;
+    std::string flight, out, outputs;
+    bool depth = false;
     double pixel_error = 1.0;
     double memory_gb = 0.0;
   };
@@ -29,7 +30,10 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->add_option("--samples", options->settings.flight.samples_per_pixel,
                    "samples per pixel: 1, 4, 9 or 16 (default 1)")
       ->check(CLI::IsMember({1, 4, 9, 16}));
-  command->add_flag("--depth", options->settings.depth, "write depth/000000.exr as well");
+  command->add_option("--outputs", options->outputs,
+                      "further images of each frame, with commas between: depth, range, normals, segmentation, "
+                      "infrared, flow, visibility");
+  command->add_flag("--depth", options->depth, "the same as --outputs depth");
   command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
   command->add_option("--seed", options->settings.seed, "seed of everything that is random (default 1)");
   CLI::Option* pixel_error =
@@ -59,6 +63,10 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       const bool has_region = options->settings.load.center || options->settings.load.center_local;
       if (by_flight || !has_region) options->settings.error_px = options->pixel_error;
       options->settings.flight.flight = options->flight;
+      experiment::RenderOutputs& outputs = options->settings.flight.outputs;
+      outputs = experiment::parse_outputs(options->outputs,
+                                          [](const std::string& what) { return InputError("--outputs", what); });
+      outputs.depth = outputs.depth || options->depth;
       const nlohmann::json r = experiment::render_dataset(options->settings, options->out, shared.force, progress);
       std::ostringstream text;
       text << options->out << ": " << r["frames"] << " frames, " << r["frames_per_second"] << " a second\n";

@@ -62,8 +62,7 @@ class DatasetWriter {
  public:
   struct Options {
     bool replace = false;
-    bool depth = false;  ///< depth/000000.exr
-    bool png = false;    ///< images as PNG instead of JPEG
+    bool png = false;  ///< images as PNG instead of JPEG
     int jpeg_quality = 95;
   };
   DatasetWriter(std::filesystem::path folder, imaging::Calibration calibration, Options options);
@@ -71,11 +70,10 @@ class DatasetWriter {
   DatasetWriter(const DatasetWriter&) = delete;
   DatasetWriter& operator=(const DatasetWriter&) = delete;
 
-  /// Where files of this dataset go before finish(); for extras such as pcalib.txt.
+  /// Where files of this dataset go before finish(); for extras such as pcalib.txt and depth/ (frame_layers.h).
   const std::filesystem::path& temporary_folder() const { return temporary_; }
 
-  void add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image,
-                 const imaging::FloatImage* depth_m = nullptr);
+  void add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image);
   /// A frame whose file is copied as it is; `extension` is ".jpg" or ".png".
   void add_encoded_frame(std::size_t index, double time_s, double exposure_ms, std::span<const std::byte> bytes,
                          const std::string& extension);

@@ -48,12 +48,9 @@ geometry::Trajectory poses() {
 }
 
 /// Writes five frames with everything that a dataset can hold.
-void write_whole(const fs::path& folder, DatasetWriter::Options options = {.depth = true}, bool parallel = false) {
+void write_whole(const fs::path& folder, DatasetWriter::Options options = {}, bool parallel = false) {
   DatasetWriter writer(folder, calibration(), options);
-  const auto add = [&](int i) {
-    const imaging::FloatImage depth(kWidth, kHeight, 10.0F + static_cast<float>(i));
-    writer.add_frame(i, 0.1 * i, 5.0 + i, moving_picture(kWidth, kHeight, i), &depth);
-  };
+  const auto add = [&](int i) { writer.add_frame(i, 0.1 * i, 5.0 + i, moving_picture(kWidth, kHeight, i)); };
   if (parallel)
     tbb::parallel_for(0, 5, [&](int i) { add(4 - i); });
   else
@@ -86,10 +83,9 @@ TEST(Dataset, LayoutIsTheContracts) {
   const auto files = contents(folder / "set");
   std::vector<std::string> found;
   for (const auto& [name, content] : files) found.push_back(name);
-  EXPECT_THAT(found, ElementsAre("camera.txt", "camera.yaml", "dataset.yaml", "depth/000000.exr", "depth/000001.exr",
-                                 "depth/000002.exr", "depth/000003.exr", "depth/000004.exr", "gps.csv",
-                                 "groundtruth.txt", "images/000000.jpg", "images/000001.jpg", "images/000002.jpg",
-                                 "images/000003.jpg", "images/000004.jpg", "times.txt"));
+  EXPECT_THAT(found, ElementsAre("camera.txt", "camera.yaml", "dataset.yaml", "gps.csv", "groundtruth.txt",
+                                 "images/000000.jpg", "images/000001.jpg", "images/000002.jpg", "images/000003.jpg",
+                                 "images/000004.jpg", "times.txt"));
   EXPECT_EQ(files.at("times.txt"),
             "000000 0 5\n000001 0.1 6\n000002 0.2 7\n000003 0.30000000000000004 8\n000004 0.4 9\n");
   EXPECT_THAT(
@@ -108,7 +104,6 @@ TEST(Dataset, ReadsWhatItWrote) {
   EXPECT_EQ(dataset.frames[3].time_s, 0.1 * 3);
   EXPECT_EQ(dataset.frames[3].exposure_ms, 8.0);
   EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[3].image), moving_picture(kWidth, kHeight, 3)), 38.0);
-  EXPECT_EQ(imaging::read_exr(folder / "set/depth/000003.exr").pixels[0], 13.0F);
   EXPECT_EQ(dataset.calibration.line_delay_s, 1e-5);
   EXPECT_NEAR(dataset.calibration.camera.horizontal_fov_deg(), 155.0, 1e-9);
   ASSERT_TRUE(dataset.groundtruth.has_value());
@@ -126,7 +121,7 @@ TEST(Dataset, ReadsWhatItWrote) {
 TEST(Dataset, SameBytesInAnyOrderAndFromSeveralThreads) {
   TemporaryFolder folder;
   write_whole(folder / "a");
-  write_whole(folder / "b", {.depth = true}, true);
+  write_whole(folder / "b", {}, true);
   EXPECT_EQ(contents(folder / "a"), contents(folder / "b"));
 }
 

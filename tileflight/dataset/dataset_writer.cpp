@@ -1,8 +1,8 @@
-#include <cstdio>
 #include <mutex>
 
 #include "tileflight/dataset/about_file.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/number_text.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -19,12 +19,6 @@ struct Stamp {
   double time_s = 0.0;
   double exposure_ms = 0.0;
 };
-
-std::string frame_id(std::size_t index) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%06zu", index);
-  return text;
-}
 
 /// "out/" and "out" name one folder, and an absolute path has a parent to build the temporary one in.
 fs::path target_of(const fs::path& folder) {
@@ -94,7 +88,6 @@ DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, 
   impl_->options = options;
   temporary_ = make_temporary(impl_->target, options.replace);
   make_folder(temporary_ / "images");
-  if (options.depth) make_folder(temporary_ / "depth");
 }
 
 DatasetWriter::~DatasetWriter() {
@@ -102,13 +95,10 @@ DatasetWriter::~DatasetWriter() {
   fs::remove_all(temporary_, ignored);  // renamed away after finish()
 }
 
-void DatasetWriter::add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image,
-                              const imaging::FloatImage* depth_m) {
+void DatasetWriter::add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image) {
   const bool png = impl_->options.png;
   const std::vector<std::byte> bytes =
       png ? imaging::encode_png(image) : imaging::encode_jpeg(image, impl_->options.jpeg_quality);
-  if (impl_->options.depth && depth_m != nullptr)
-    imaging::write_exr(temporary_ / "depth" / (frame_id(index) + ".exr"), *depth_m);
   add_encoded_frame(index, time_s, exposure_ms, bytes, png ? ".png" : ".jpg");
 }
 

@@ -22,13 +22,13 @@ class EncodeQueue {
   EncodeQueue& operator=(const EncodeQueue&) = delete;
 
   /// Throws what an earlier frame's writing threw.
-  void add(std::size_t index, double time_s, const imaging::RgbImage& image) {
+  void add(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image) {
     rethrow();
-    if (waiting_.load() >= kMaxWaiting) return writer_.add_frame(index, time_s, 0.0, image);
+    if (waiting_.load() >= kMaxWaiting) return writer_.add_frame(index, time_s, exposure_ms, image);
     ++waiting_;
-    tasks_.run([this, index, time_s, copy = std::make_shared<const imaging::RgbImage>(image)] {
+    tasks_.run([this, index, time_s, exposure_ms, copy = std::make_shared<const imaging::RgbImage>(image)] {
       try {
-        writer_.add_frame(index, time_s, 0.0, *copy);
+        writer_.add_frame(index, time_s, exposure_ms, *copy);
       } catch (...) {
         const std::lock_guard lock(mutex_);
         if (!failure_) failure_ = std::current_exception();

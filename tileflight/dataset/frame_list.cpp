@@ -100,6 +100,11 @@ std::vector<Frame> matched_by_name(const std::vector<fs::path>& images, const st
 
 }  // namespace
 
+std::string frame_id(std::size_t index) {
+  const std::string digits = std::to_string(index);
+  return std::string(digits.size() < 6 ? 6 - digits.size() : 0, '0') + digits;
+}
+
 std::vector<fs::path> list_images(const fs::path& folder) {
   std::vector<fs::path> images;
   std::error_code error;

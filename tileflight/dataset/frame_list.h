@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -10,6 +11,9 @@ namespace tileflight::dataset {
 
 /// Frame period where no times are known, seconds.
 inline constexpr double kDefaultPeriod_s = 1.0 / 30.0;
+
+/// Name of a frame's files in the contract's layout, without ending: "000007".
+std::string frame_id(std::size_t index);
 
 /// Image files (.jpg, .jpeg, .png, .webp) of a folder, by name. Throws InputError when there are none.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);

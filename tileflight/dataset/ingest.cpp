@@ -138,7 +138,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
     if (index == 0) result.first_time_s = time_s;
     result.last_time_s = time_s;
     result.frames = static_cast<std::size_t>(index) + 1;
-    queue.add(static_cast<std::size_t>(index), time_s, image);
+    queue.add(static_cast<std::size_t>(index), time_s, 0.0, image);
     report_progress(progress, index + 1, std::max(expected, index + 1), "decoding video");
     return true;
   };

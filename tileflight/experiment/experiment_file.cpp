@@ -89,6 +89,9 @@ RenderFlight read_render(YamlSection section) {
   render.samples_per_pixel = section.integer("samples_per_pixel").value_or(render.samples_per_pixel);
   render.max_frames = section.integer("max_frames");
   if (render.max_frames && *render.max_frames < 2) throw section.error("max_frames", "must be at least 2");
+  if (const auto words = section.text("outputs")) {
+    render.outputs = parse_outputs(*words, [&](const std::string& what) { return section.error("outputs", what); });
+  }
   if (auto degrade = section.section("degrade")) {
     render.video_crf = degrade->integer("video_crf");
     render.degrade = read_image_formation(*degrade);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tileflight/alignment/align_map.h"
+#include "tileflight/experiment/render_outputs.h"
 #include "tileflight/experiment/track_extras.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/odometry/options.h"
@@ -38,13 +39,14 @@ struct Truth {
 };
 
 /// `render:` a flight through the place's tiles. Keys: flight, source, resolution, samples_per_pixel, max_frames,
-/// degrade.
+/// outputs, degrade.
 struct RenderFlight {
   std::filesystem::path flight;      ///< FLIGHT file
   std::string source;                ///< another model of the same place; empty: the place's
   std::optional<int> width, height;  ///< the flight's camera over another image size; both or none
   int samples_per_pixel = 1;
   std::optional<int> max_frames;
+  RenderOutputs outputs;                           ///< outputs: a list of words, "depth, flow"
   std::optional<sensors::ImageFormation> degrade;  ///< what makes the second flight's camera less than perfect
   std::optional<int> video_crf;                    ///< through H.264 and back at this rate factor; none: no compression
 };

@@ -8,8 +8,9 @@
 #include <mutex>
 #include <numeric>
 
-#include "tileflight/dataset/ingest.h"
+#include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
+#include "tileflight/experiment/output_files.h"
 #include "tileflight/experiment/require_surface.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/flight/flight_plan.h"
@@ -49,7 +50,8 @@ Mission plan_mission(const RenderSettings& settings) {
   const flight::Path path = plan.poses ? flight::path_through_poses(*plan.poses)
                                        : flight::path_through_waypoints(plan.waypoints, plan.limits);
   mission.pose_at = [path](double time_s) { return path.pose(time_s); };
-  mission.options.render = {.depth = settings.depth, .samples_per_pixel = flight.samples_per_pixel};
+  mission.options.render = {.depth = flight.outputs.depth, .samples_per_pixel = flight.samples_per_pixel};
+  mission.options.outputs = flight.outputs.of_frame();
   if (flight.degrade) mission.options.formation = *flight.degrade;
   mission.options.formation.seed = settings.seed;
   mission.calibration.line_delay_s = mission.options.formation.line_delay_s;
@@ -169,6 +171,20 @@ std::vector<imaging::TexturedMesh> or_nothing(std::vector<imaging::TexturedMesh>
   return {nothing};
 }
 
+/// What the output `visibility` is about.
+sensors::PlaceTest scored_place(const RenderSettings& settings, const tiles::Region& region) {
+  if (settings.scored) {
+    return [box = *settings.scored](const geometry::Vec3& point) { return box.contains(point); };
+  }
+  const tiles::LoadOptions& load = settings.load;
+  if (!load.center && !load.center_local && !load.size && load.areas.empty()) return {};
+  return [region](const geometry::Vec3& point) {
+    return region.box().contains(point) &&
+           (region.parts.empty() ||
+            std::ranges::any_of(region.parts, [&](const auto& part) { return geometry::contains(part, point); }));
+  };
+}
+
 /// Loads what a flight looks at and renders it, in as many parts as memory wants.
 class Filming {
  public:
@@ -196,6 +212,7 @@ class Filming {
       sensors::FlightOptions options = mission_.options;
       options.first_frame = begin;
       options.end_frame = begin + count;
+      options.place = scored_place(settings_, tiles.region);
       add_part(sensors::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
                                       sink, progress_),
                tiles, filmed);
@@ -206,9 +223,7 @@ class Filming {
 
  private:
   /// The same for all parts of a flight, so that they see the same surfaces to the last bit.
-  geometry::Vec3 anchor() const {
-    return mission_.frames.poses[mission_.frames.size() / 2].T_local_camera.translation;
-  }
+  geometry::Vec3 anchor() const { return mission_.frames.poses[mission_.frames.size() / 2].T_local_camera.translation; }
 
   /// Tiles for `count` frames from `begin` on, or for half of them, and so on, until they fit.
   tiles::LoadedTiles load(std::size_t begin, std::size_t& count) {
@@ -234,18 +249,26 @@ class Filming {
   tiles::LoadOptions load_;
 };
 
-Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
-                       const Progress& progress) {
-  Filming filming(mission, settings, progress);
-  dataset::DatasetWriter writer(out, mission.calibration,
-                                {.replace = replace, .depth = settings.depth, .png = settings.png});
-  Filmed filmed =
-      filming.run([&](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
-                      const imaging::FloatImage* depth) { writer.add_frame(index, time_s, exposure_ms, rgb, depth); });
+/// What a dataset holds beside frames and their outputs.
+void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const RenderSettings& settings,
+               const Filmed& filmed) {
   writer.set_groundtruth(mission.frames);
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
   for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
+}
+
+Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
+                       const Progress& progress) {
+  Filming filming(mission, settings, progress);
+  dataset::DatasetWriter writer(out, mission.calibration, {.replace = replace, .png = settings.png});
+  OutputFiles outputs(writer.temporary_folder(), settings.flight.outputs);
+  Filmed filmed = filming.run([&](const sensors::SensedFrame& frame) {
+    writer.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
+    outputs.add(frame);
+  });
+  outputs.finish();
+  add_lists(writer, mission, settings, filmed);
   writer.finish();
   return filmed;
 }
@@ -262,32 +285,41 @@ geometry::Trajectory on_video_clock(geometry::Trajectory frames) {
   return frames;
 }
 
+/// The video's pictures as the dataset's frames.
+void add_decoded(const fs::path& video, const geometry::Trajectory& frames, const std::vector<double>& exposures_ms,
+                 dataset::DatasetWriter& writer) {
+  dataset::EncodeQueue queue(writer);
+  dataset::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
+    const auto i = static_cast<std::size_t>(index);
+    queue.add(i, frames.poses[i].time_s, exposures_ms[i], image);
+    return true;
+  });
+  queue.finish();
+}
+
 /// Through a video file and back, as a camera that records does: the pictures of the dataset are the decoded ones.
 Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::path& out, bool replace,
                      const Progress& progress) {
-  const fs::path folder = out.string() + ".video";
   Filming filming(mission, settings, progress);
-  Filmed filmed;
-  geometry::write_folder(folder, true, [&](const fs::path& temporary) {
-    const imaging::Camera& camera = mission.calibration.camera;
-    dataset::VideoWriter video(temporary / "video.mp4", camera.width(), camera.height(),
-                               {.frames_per_second = frame_rate(mission.frames), .crf = *settings.flight.video_crf});
-    InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
-    filmed = filming.run([&](std::size_t index, double, double, const imaging::RgbImage& rgb,
-                             const imaging::FloatImage*) { in_order.add(index, rgb); });
-    video.finish();
-    imaging::write_kalibr(temporary / "camera.yaml", mission.calibration);
-    mission.frames = on_video_clock(mission.frames);
-    geometry::write_tum(temporary / "groundtruth.txt", mission.frames);
+  const imaging::Camera& camera = mission.calibration.camera;
+  dataset::DatasetWriter writer(out, mission.calibration, {.replace = replace, .png = settings.png});
+  OutputFiles outputs(writer.temporary_folder(), settings.flight.outputs);
+  const fs::path file = writer.temporary_folder() / "video.mp4";
+  dataset::VideoWriter video(file, camera.width(), camera.height(),
+                             {.frames_per_second = frame_rate(mission.frames), .crf = *settings.flight.video_crf});
+  InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
+  std::vector<double> exposures_ms(mission.frames.size());
+  const Filmed filmed = filming.run([&](const sensors::SensedFrame& frame) {
+    exposures_ms[frame.index] = frame.exposure_ms;
+    outputs.add(frame);
+    in_order.add(frame.index, frame.rgb);
   });
-  dataset::ingest({.video_or_images = folder / "video.mp4",
-                   .calibration = folder / "camera.yaml",
-                   .gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed),
-                   .groundtruth = folder / "groundtruth.txt",
-                   .replace = replace,
-                   .description = description(settings, filmed.tiles)},
-                  out, progress);
-  fs::remove_all(folder);
+  video.finish();
+  outputs.finish();
+  mission.frames = on_video_clock(mission.frames);
+  add_decoded(file, mission.frames, exposures_ms, writer);
+  add_lists(writer, mission, settings, filmed);
+  writer.finish();
   return filmed;
 }
 

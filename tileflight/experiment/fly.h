@@ -17,19 +17,20 @@ struct RenderSettings {
   tiles::LoadOptions load;  ///< region, geometric error, origin of the local frame
   RenderFlight flight;
   std::uint64_t seed = 1;  ///< of noise and of the simulated receiver
-  bool depth = false;      ///< write depth/000000.exr
   bool png = false;
   /// Load what the flight looks at, erring by at most so many pixels, instead of what the region holds.
   std::optional<double> error_px;
   /// Tiles that may be in memory at once. A flight that looks at more is rendered in parts, from the same tiles; none
   /// given: half of what the machine has.
   std::optional<std::uintmax_t> max_memory_bytes;
+  /// What the output `visibility` is about, local frame. None: the region that `load` names, else everything.
+  std::optional<geometry::Box3> scored;
 };
 
 /// Renders the flight into a dataset folder, written whole. With a video rate factor the frames go through H.264 and
-/// back, and the video stands in the folder as video.mp4. Poses are groundtruth.txt; positions as a receiver would give
-/// them are gps.csv, where the place is georeferenced. Returns a summary (frames, seconds, frames a second, parts,
-/// warnings). Throws InputError.
+/// back, and the video stands in the folder as video.mp4; other outputs are of what the camera saw before. Poses are
+/// groundtruth.txt; positions as a receiver would give them are gps.csv, where the place is georeferenced. Returns a
+/// summary (frames, seconds, frames a second, parts, warnings). Throws InputError.
 nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
                               const Progress& progress = {});
 

@@ -125,14 +125,16 @@ RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
   const std::vector<double> center = truth.at("region").at("center");
   const std::vector<double> size = truth.at("region").at("size");
   const double margin = 2 * experiment_.place.view_margin_m;
+  const geometry::Vec3 middle(center[0], center[1], center[2]), half(size[0] / 2, size[1] / 2, size[2] / 2);
   return {.source = resolved(render.source.empty() ? experiment_.place.source : render.source),
-          .load = {.center_local = geometry::Vec3(center[0], center[1], center[2]),
+          .load = {.center_local = middle,
                    .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
                    .error_m = experiment_.place.error_m,
                    .origin = origin_of(truth),
                    .source = source_options()},
           .flight = render,
-          .seed = experiment_.seed};
+          .seed = experiment_.seed,
+          .scored = geometry::Box3(middle - half, middle + half)};
 }
 
 json Pipeline::place_inputs() const {

@@ -5,6 +5,7 @@
 #include <ImfInputFile.h>
 #include <ImfOutputFile.h>
 
+#include <cassert>
 #include <cstdint>
 #include <cstring>
 #include <span>
@@ -12,6 +13,7 @@
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/codecs.h"
+#include "tileflight/imaging/exr_channels.h"
 
 namespace tileflight::imaging {
 
@@ -94,9 +96,11 @@ Imf::Slice slice_of(FloatImage& image, int min_x, int min_y) {
   return Imf::Slice(Imf::FLOAT, base, sizeof(float), stride);
 }
 
-FloatImage decode_exr(std::span<const std::byte> bytes, const std::string& name) {
+/// `wanted` empty: the channel that there is for one.
+FloatImage decode_exr(std::span<const std::byte> bytes, const std::string& name, const std::string& wanted) {
   const Imf::Header header = read_header(bytes, name);
-  const std::string channel = channel_to_read(header, name);
+  const std::string channel = wanted.empty() ? channel_to_read(header, name) : wanted;
+  if (header.channels().findChannel(channel) == nullptr) throw InputError(name, "has no channel " + channel);
   MemoryReader stream(bytes);
   Imf::InputFile file(stream, kNoThreads);
   const Imath::Box2i window = file.header().dataWindow();
@@ -110,25 +114,38 @@ FloatImage decode_exr(std::span<const std::byte> bytes, const std::string& name)
 
 }  // namespace
 
-void write_exr(const std::filesystem::path& file, const FloatImage& image, const std::string& channel) {
-  Imf::Header header(image.width, image.height);
+void write_exr_channels(const std::filesystem::path& file, int width, int height, std::span<const float> pixels,
+                        std::span<const std::string> channels) {
+  assert(pixels.size() == channels.size() * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  const std::size_t pixel_bytes = channels.size() * sizeof(float);
+  Imf::Header header(width, height);
   header.compression() = Imf::ZIP_COMPRESSION;
-  header.channels().insert(channel, Imf::Channel(Imf::FLOAT));
+  Imf::FrameBuffer buffer;
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    header.channels().insert(channels[c], Imf::Channel(Imf::FLOAT));
+    char* base = reinterpret_cast<char*>(const_cast<float*>(pixels.data() + c));  // only read by OutputFile
+    buffer.insert(channels[c],
+                  Imf::Slice(Imf::FLOAT, base, pixel_bytes, pixel_bytes * static_cast<std::size_t>(width)));
+  }
   MemoryWriter stream;
   {
     Imf::OutputFile output(stream, header, kNoThreads);
-    Imf::FrameBuffer buffer;
-    buffer.insert(channel, slice_of(const_cast<FloatImage&>(image), 0, 0));  // only read by OutputFile
     output.setFrameBuffer(buffer);
-    output.writePixels(image.height);
+    output.writePixels(height);
   }
   geometry::write_file(file, stream.bytes());
 }
 
-FloatImage read_exr(const std::filesystem::path& file) {
+void write_exr(const std::filesystem::path& file, const FloatImage& image, const std::string& channel) {
+  write_exr_channels(file, image.width, image.height, image.pixels, {&channel, 1});
+}
+
+FloatImage read_exr(const std::filesystem::path& file) { return read_exr_channel(file, {}); }
+
+FloatImage read_exr_channel(const std::filesystem::path& file, const std::string& channel) {
   const std::vector<std::byte> bytes = geometry::read_bytes(file);
   try {
-    return decode_exr(bytes, file.string());
+    return decode_exr(bytes, file.string(), channel);
   } catch (const InputError&) {
     throw;
   } catch (const std::exception& error) {

@@ -31,33 +31,70 @@ PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames,
   return [path = flight::path_through_poses(frames)](double time_s) { return path.pose(time_s); };
 }
 
+struct MadeFrame {
+  SensedFrame frame;
+  FrameView view;
+};
+
 /// Makes one frame after another; several threads may each make one.
 class FrameMaker {
  public:
   FrameMaker(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
              const PoseFunction& pose_at, const FlightOptions& options)
       : renderer_(scene, camera, options.render),
+        outputs_(renderer_, scene, options.outputs, options.place),
+        has_outputs_(options.outputs.any()),
+        frames_(frames),
         formation_(options.formation),
         pose_at_(shutter_path(pose_at, frames, options.formation)),
         vignette_(vignette_of(formation_, camera.width(), camera.height())) {}
 
-  RenderedFrame make(std::size_t index, const StampedPose& pose) const {
-    if (is_ideal(formation_)) return renderer_.render(pose.T_local_camera);
-    LightFrame light = renderer_.render_light(poses_of(pose));
-    const double gain = exposure_gain(formation_, pose.time_s);
-    return {develop(light.light, vignette_, formation_, gain, index), std::move(light.depth_m), light.view};
-  }
-  double exposure_ms(double time_s) const {
-    return 1e3 * formation_.exposure_time_s * exposure_gain(formation_, time_s);
+  MadeFrame make(std::size_t index) const {
+    const StampedPose& pose = frames_.poses[index];
+    MadeFrame made;
+    made.frame.index = index;
+    made.frame.time_s = pose.time_s;
+    made.frame.exposure_ms = 1e3 * formation_.exposure_time_s * exposure_gain(formation_, pose.time_s);
+    take_picture(made);
+    if (has_outputs_) {
+      made.frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
+      made.frame.objects = outputs_.objects();
+    }
+    return made;
   }
 
  private:
-  ShutterPoses poses_of(const StampedPose& pose) const {
+  void take_picture(MadeFrame& made) const {
+    SensedFrame& frame = made.frame;
+    if (is_ideal(formation_)) {
+      RenderedFrame rendered = renderer_.render(frames_.poses[frame.index].T_local_camera);
+      frame.rgb = std::move(rendered.rgb);
+      frame.depth_m = std::move(rendered.depth_m);
+      made.view = rendered.view;
+      return;
+    }
+    LightFrame light = renderer_.render_light(poses_of(frame.index));
+    frame.rgb = develop(light.light, vignette_, formation_, exposure_gain(formation_, frame.time_s), frame.index);
+    frame.depth_m = std::move(light.depth_m);
+    made.view = light.view;
+  }
+  ShutterPoses poses_of(std::size_t index) const {
+    const StampedPose& pose = frames_.poses[index];
     if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}};
     return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height());
   }
+  /// At the middle of the exposure; empty beyond the last frame.
+  std::vector<SE3> rows_of(std::size_t index) const {
+    if (index >= frames_.size()) return {};
+    const ShutterPoses poses = poses_of(index);
+    const auto first = poses.T_local_camera.begin() + static_cast<std::ptrdiff_t>(poses.times / 2) * poses.rows;
+    return {first, first + poses.rows};
+  }
 
   CameraRenderer renderer_;
+  OutputRenderer outputs_;
+  bool has_outputs_;
+  const Trajectory& frames_;
   ImageFormation formation_;
   PoseFunction pose_at_;
   imaging::FloatImage vignette_;
@@ -121,11 +158,6 @@ std::vector<std::string> path_warnings(const scene::Scene& scene, const Trajecto
   return warnings;
 }
 
-struct MadeFrame {
-  std::size_t index = 0;
-  RenderedFrame frame;
-};
-
 FlightReport report_of(const std::vector<FrameView>& views, double seconds) {
   FlightReport report;
   report.frames = static_cast<std::int64_t>(views.size());
@@ -159,15 +191,13 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
     if (next == range.end) flow.stop();
     return next++;
   };
-  const auto make = [&](std::size_t index) {
-    MadeFrame made{index, maker.make(index, frames.poses[index])};
-    views[index - range.begin] = made.frame.view;
-    return made;
+  const auto make = [&](std::size_t index) -> SensedFrame {
+    MadeFrame made = maker.make(index);
+    views[index - range.begin] = made.view;
+    return std::move(made.frame);
   };
-  const auto hand_over = [&](const MadeFrame& made) {
-    const double time_s = frames.poses[made.index].time_s;
-    const imaging::FloatImage* depth_m = made.frame.depth_m.empty() ? nullptr : &made.frame.depth_m;
-    sink(made.index, time_s, maker.exposure_ms(time_s), made.frame.rgb, depth_m);
+  const auto hand_over = [&](const SensedFrame& frame) {
+    sink(frame);
     const std::scoped_lock lock(progress_mutex);
     report_progress(progress, static_cast<std::int64_t>(range.begin) + ++done, static_cast<std::int64_t>(frames.size()),
                     "frames rendered");
@@ -175,8 +205,8 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
   // While one thread encodes a frame, the others render tiles of the next ones; the tokens bound the memory.
   tbb::parallel_pipeline(static_cast<std::size_t>(options.frames_in_flight),
                          tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, take) &
-                             tbb::make_filter<std::size_t, MadeFrame>(tbb::filter_mode::parallel, make) &
-                             tbb::make_filter<MadeFrame, void>(tbb::filter_mode::parallel, hand_over));
+                             tbb::make_filter<std::size_t, SensedFrame>(tbb::filter_mode::parallel, make) &
+                             tbb::make_filter<SensedFrame, void>(tbb::filter_mode::parallel, hand_over));
 
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   FlightReport report = report_of(views, seconds.count());

@@ -8,6 +8,7 @@
 
 #include "tileflight/geometry/progress.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/sensors/frame_outputs.h"
 #include "tileflight/sensors/image_formation.h"
 #include "tileflight/sensors/render.h"
 
@@ -16,6 +17,8 @@ namespace tileflight::sensors {
 struct FlightOptions {
   RenderOptions render;
   ImageFormation formation;
+  FrameOutputs outputs;
+  PlaceTest place;  ///< for FrameOutputs::visibility; none: everything counts
   /// Which of the frames are rendered: from `first_frame` on, before `end_frame`. They keep their numbers, and are the
   /// same pictures as those of the whole flight.
   std::size_t first_frame = 0;
@@ -24,11 +27,19 @@ struct FlightOptions {
   double clearance_m = 0.3;  ///< a surface nearer than this to the camera is reported
 };
 
+/// A finished frame.
+struct SensedFrame {
+  std::size_t index = 0;
+  double time_s = 0.0;
+  double exposure_ms = 0.0;  ///< how long the shutter was open; 0 where the formation has no exposure time
+  imaging::RgbImage rgb;
+  imaging::FloatImage depth_m;           ///< empty where no depth is wanted
+  OutputImages outputs;                  ///< what FlightOptions::outputs asks for
+  std::span<const SceneObject> objects;  ///< of outputs.objects
+};
+
 /// Takes a finished frame (encode, write). Called once a frame, from several threads at once and in any order.
-/// `exposure_ms`: how long the shutter was open, 0 where the formation has no exposure time. `depth_m`: null where no
-/// depth is wanted.
-using FrameSink = std::function<void(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
-                                     const imaging::FloatImage* depth_m)>;
+using FrameSink = std::function<void(const SensedFrame& frame)>;
 
 struct FlightReport {
   std::int64_t frames = 0;

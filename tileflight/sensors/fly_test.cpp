@@ -49,10 +49,9 @@ struct Collector {
   std::map<std::size_t, Collected> frames;
 
   FrameSink sink() {
-    return [this](std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& rgb,
-                  const imaging::FloatImage* depth_m) {
+    return [this](const SensedFrame& frame) {
       const std::scoped_lock lock(mutex);
-      frames[index] = {rgb, time_s, exposure_ms, depth_m != nullptr};
+      frames[frame.index] = {frame.rgb, frame.time_s, frame.exposure_ms, !frame.depth_m.empty()};
     };
   }
 };
@@ -111,7 +110,7 @@ TEST(Fly, MemoryIsBoundedByTheFramesInFlight) {
   std::atomic<int> most{0};
   FlightOptions options;
   options.frames_in_flight = 2;
-  const FrameSink slow = [&](std::size_t, double, double, const imaging::RgbImage&, const imaging::FloatImage*) {
+  const FrameSink slow = [&](const SensedFrame&) {
     const int now = ++taken;
     int before = most;
     while (before < now && !most.compare_exchange_weak(before, now)) {

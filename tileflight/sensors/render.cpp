@@ -68,6 +68,18 @@ imaging::Rgb8 encoded(const Float4& squares) {
   return pixel;
 }
 
+SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet, int lane) {
+  SurfacePoint point;
+  point.ray_camera = {rays.x[lane], rays.y[lane], rays.z[lane]};
+  point.hit = packet.mesh[lane] != scene::RayPacket8::kMiss;
+  if (!point.hit) return point;
+  point.mesh = packet.mesh[lane];
+  point.triangle = packet.triangle[lane];
+  point.distance_m = packet.far[lane];
+  point.normal_local = {packet.normal_x[lane], packet.normal_y[lane], packet.normal_z[lane]};
+  return point;
+}
+
 /// Poses of the rows at one moment of the exposure.
 class RowPoses {
  public:
@@ -83,6 +95,10 @@ class RowPoses {
   int last_row_;
   std::vector<TracerPose> poses_;
 };
+
+void require_a_pose_a_row(std::size_t poses, int height) {
+  if (poses != 1 && poses != static_cast<std::size_t>(height)) throw std::invalid_argument("one pose a row");
+}
 
 }  // namespace
 
@@ -117,6 +133,7 @@ struct CameraRenderer::Impl {
   RowPoses rows_at(const ShutterPoses& poses, int moment) const;
   ViewCounts trace_central(const Tile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
                            imaging::FloatImage* depth_m) const;
+  void visit_tile(const Tile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
   void write_block(const TracedBlock& block, std::uint8_t valid, int x, int y, imaging::RgbImage* rgb,
                    imaging::FloatImage* depth_m, const RayBlock& rays) const;
   void add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const;
@@ -176,6 +193,25 @@ ViewCounts CameraRenderer::Impl::trace_central(const Tile& tile, const RowPoses&
     }
   }
   return counts;
+}
+
+void CameraRenderer::Impl::visit_tile(const Tile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const {
+  scene::RayPacket8 packet;
+  for (int y = tile.y0; y < tile.y1; y += RayBlock::kRows) {
+    for (int x = tile.x0; x < tile.x1; x += RayBlock::kColumns) {
+      const std::uint8_t valid = central.valid(x / RayBlock::kColumns, y / RayBlock::kRows);
+      if (valid == 0) continue;
+      const RayBlock& rays = central.block(x / RayBlock::kColumns, y / RayBlock::kRows);
+      tracer.cast(rays, valid, poses.of(y), poses.of(y + 1), packet);
+      for (int i = 0; i < RayBlock::kLanes; ++i) {
+        if ((valid >> i & 1) == 0) continue;
+        SurfacePoint point = surface_point(rays, packet, i);
+        point.x = x + i % RayBlock::kColumns;
+        point.y = y + i / RayBlock::kColumns;
+        visitor(point);
+      }
+    }
+  }
 }
 
 void CameraRenderer::Impl::write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
@@ -264,7 +300,7 @@ RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera) const 
 
 RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const {
   const std::size_t rows = T_local_camera_of_row.size();
-  if (rows != 1 && rows != static_cast<std::size_t>(impl_->height())) throw std::invalid_argument("one pose a row");
+  require_a_pose_a_row(rows, impl_->height());
   if (!impl_->samples) return impl_->render(T_local_camera_of_row);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
   LightFrame light = impl_->render_light(shutter);
@@ -282,6 +318,13 @@ LightFrame CameraRenderer::render_light(const ShutterPoses& poses) const {
     throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
   }
   return impl_->render_light(poses);
+}
+
+void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row,
+                                   const SurfaceVisitor& visitor) const {
+  require_a_pose_a_row(T_local_camera_of_row.size(), impl_->height());
+  const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor(), impl_->height());
+  tbb::parallel_for(0, impl_->tile_count(), [&](int i) { impl_->visit_tile(impl_->tile(i), poses, visitor); });
 }
 
 }  // namespace tileflight::sensors

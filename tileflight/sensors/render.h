@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -51,6 +53,20 @@ struct ShutterPoses {
   std::vector<geometry::SE3> T_local_camera;  ///< times x rows: moment k of row y is [k * rows + y]
 };
 
+/// What the ray through a pixel's centre met.
+struct SurfacePoint {
+  int x = 0, y = 0;                     ///< pixel
+  bool hit = false;                     ///< false: nothing is there, and what follows but the ray is 0
+  std::uint32_t mesh = 0;               ///< index into Scene::meshes()
+  std::uint32_t triangle = 0;           ///< index into that mesh's triangles
+  float distance_m = 0.0F;              ///< along the ray
+  std::array<float, 3> ray_camera{};    ///< unit, camera frame
+  std::array<float, 3> normal_local{};  ///< by the triangle's winding, not of unit length
+};
+
+/// Called once for each pixel within the lens's valid cone, from several threads at once and in any order.
+using SurfaceVisitor = std::function<void(const SurfacePoint& point)>;
+
 /// Frames of one camera in one scene, by casting each pixel's own ray; textured, unlit, either side of a surface.
 /// Texture reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), so
 /// that frames neither shimmer nor blur where surfaces recede; samples, rows and moments are averaged in linear light.
@@ -73,6 +89,8 @@ class CameraRenderer {
   RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const;
   /// Linear light averaged over the exposure. Throws std::invalid_argument when the number of poses is wrong.
   LightFrame render_light(const ShutterPoses& poses) const;
+  /// Geometry alone, one ray a pixel: `T_local_camera_of_row` is one pose, or one a row.
+  void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor) const;
 
  private:
   struct Impl;
