@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <variant>
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+
+namespace tileflight::sensors {
+
+// Where a lidar's beams go. Lidar frame: x forward, y left, z up (as Velodyne's, Ouster's sensor frame and ROS's REP
+// 103).
+
+struct LidarBeam {
+  geometry::Vec3 direction;  ///< unit length, lidar frame
+  double time_s = 0.0;       ///< after the scan's start
+  std::uint16_t ring = 0;    ///< of spinning lidars: the channel, counted from the lowest; of a raster: the row
+};
+
+/// A column of channels that turns about z, clockwise from above; a scan is a whole turn.
+struct SpinningPattern {
+  double rate_hz = 10.0;               ///< turns a second
+  int columns = 1800;                  ///< firings a turn, evenly in time and azimuth
+  std::vector<double> elevations_deg;  ///< of each channel, upwards, in the order of firing
+  double channel_delay_s = 0.0;        ///< from one channel to the next within a column; 0: all at once
+  double azimuth_from_deg = -180.0;    ///< beams are kept between these, counted clockwise from x
+  double azimuth_to_deg = 180.0;
+};
+
+/// Two prisms of equal deflection that turn against each other: a rosette that is another one in each scan.
+struct RosettePattern {
+  double rate_hz = 10.0;  ///< scans a second (the pattern goes on from scan to scan)
+  double points_per_second = 1e5;
+  double fov_deg = 38.4;  ///< full angle of the cone
+  double first_prism_rpm = 7294.0;
+  double second_prism_rpm = -4664.0;
+};
+
+/// Rows from top to bottom, each from left to right.
+struct RasterPattern {
+  double rate_hz = 10.0;
+  int columns = 256, rows = 64;
+  double horizontal_fov_deg = 60.0, vertical_fov_deg = 20.0;
+};
+
+using LidarPattern = std::variant<SpinningPattern, RosettePattern, RasterPattern>;
+
+/// From one scan's start to the next one's, seconds.
+double scan_period_s(const LidarPattern& pattern);
+
+/// The beams of a scan, in the order of their times.
+std::vector<LidarBeam> beams_of(const LidarPattern& pattern, std::uint64_t scan);
+
+/// Throws InputError for patterns that have no beams, go backwards or are beyond reason (ten million beams a scan).
+void check(const LidarPattern& pattern);
+
+}  // namespace tileflight::sensors
