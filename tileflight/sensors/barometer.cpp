@@ -26,6 +26,8 @@ double geometric_m(double geopotential_m) {
   return kEarthRadius_m * geopotential_m / (kEarthRadius_m - geopotential_m);
 }
 
+}  // namespace
+
 void check(const BarometerOptions& options) {
   if (!(options.atmosphere.sea_level_pressure_pa > 0.0))
     throw InputError("barometer sea_level_pressure", "must be more than 0");
@@ -35,8 +37,6 @@ void check(const BarometerOptions& options) {
     throw InputError("barometer noise", "and drift must be 0 or more");
   if (!(options.drift_time_s > 0.0)) throw InputError("barometer drift_time", "must be more than 0");
 }
-
-}  // namespace
 
 double Atmosphere::temperature_k(double height_m) const {
   return sea_level_temperature_k - kLapse_k_m * geopotential_m(height_m);

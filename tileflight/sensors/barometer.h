@@ -30,6 +30,9 @@ struct BarometerOptions {
   double drift_time_s = 600.0;  ///< over which it is forgotten
 };
 
+/// Throws InputError for options out of range.
+void check(const BarometerOptions& options);
+
 struct BarometerSample {
   double time_s = 0.0;
   double pressure_pa = 0.0;

@@ -18,17 +18,6 @@ void check_not_negative(double value, const char* option) {
   if (!(value >= 0.0 && std::isfinite(value))) throw InputError(std::string("IMU ") + option, "must be 0 or more");
 }
 
-void check(const ImuOptions& options) {
-  check_not_negative(options.accelerometer_noise_density, "accelerometer_noise_density");
-  check_not_negative(options.accelerometer_random_walk, "accelerometer_random_walk");
-  check_not_negative(options.gyroscope_noise_density, "gyroscope_noise_density");
-  check_not_negative(options.gyroscope_random_walk, "gyroscope_random_walk");
-  if (!(options.accelerometer_range_m_s2 > 0.0)) throw InputError("IMU accelerometer_range", "must be more than 0");
-  if (!(options.gyroscope_range_rad_s > 0.0)) throw InputError("IMU gyroscope_range", "must be more than 0");
-  if (!options.accelerometer_bias.allFinite() || !options.gyroscope_bias.allFinite())
-    throw InputError("IMU bias", "must be finite");
-}
-
 /// Independent standard normal vectors by their number.
 class NormalVectors {
  public:
@@ -51,6 +40,17 @@ ImuSample ideal_sample(const Motion& imu, double time_s, double gravity_m_s2) {
 }
 
 }  // namespace
+
+void check(const ImuOptions& options) {
+  check_not_negative(options.accelerometer_noise_density, "accelerometer_noise_density");
+  check_not_negative(options.accelerometer_random_walk, "accelerometer_random_walk");
+  check_not_negative(options.gyroscope_noise_density, "gyroscope_noise_density");
+  check_not_negative(options.gyroscope_random_walk, "gyroscope_random_walk");
+  if (!(options.accelerometer_range_m_s2 > 0.0)) throw InputError("IMU accelerometer_range", "must be more than 0");
+  if (!(options.gyroscope_range_rad_s > 0.0)) throw InputError("IMU gyroscope_range", "must be more than 0");
+  if (!options.accelerometer_bias.allFinite() || !options.gyroscope_bias.allFinite())
+    throw InputError("IMU bias", "must be finite");
+}
 
 ImuOptions imu_preset(const std::string& name) {
   ImuOptions options;

@@ -42,6 +42,9 @@ struct ImuOptions {
 /// (no errors and no limits). Throws InputError that lists them.
 ImuOptions imu_preset(const std::string& name);
 
+/// Throws InputError for options out of range.
+void check(const ImuOptions& options);
+
 /// One sample: what the unit reads at an instant, in its own axes.
 struct ImuSample {
   double time_s = 0.0;

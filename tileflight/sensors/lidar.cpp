@@ -24,19 +24,6 @@ void require(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("lidar ") + option, what);
 }
 
-void check(const LidarOptions& options) {
-  check(options.pattern);
-  require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "max_range",
-          "must be more than min_range");
-  require(options.range_sigma_m >= 0.0 && options.range_sigma_share >= 0.0, "range_sigma", "must be 0 or more");
-  require(options.divergence_rad >= 0.0 && options.divergence_rad < 1.0, "divergence", "must be 0 to 1 rad");
-  require(options.intensity_reference_m > 0.0, "intensity_reference", "must be more than 0");
-  require(options.white_range_m > 0.0, "white_range", "must be more than 0");
-  require(options.signal_spread >= 0.0, "signal_spread", "must be 0 or more");
-  require(options.max_incidence_deg > 0.0, "max_incidence", "must be more than 0");
-  require(options.dropout_share >= 0.0 && options.dropout_share <= 1.0, "dropout_share", "must be 0 to 1");
-}
-
 /// A number in [0, 1) as a function of key and counter alone.
 double uniform_number(std::uint64_t key, std::uint64_t counter) {
   return static_cast<double>(mixed_bits(key ^ mixed_bits(counter)) >> 11U) * 0x1p-53;
@@ -116,6 +103,19 @@ LidarOptions livox_mid_40() {
 }
 
 }  // namespace
+
+void check(const LidarOptions& options) {
+  check(options.pattern);
+  require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "max_range",
+          "must be more than min_range");
+  require(options.range_sigma_m >= 0.0 && options.range_sigma_share >= 0.0, "range_sigma", "must be 0 or more");
+  require(options.divergence_rad >= 0.0 && options.divergence_rad < 1.0, "divergence", "must be 0 to 1 rad");
+  require(options.intensity_reference_m > 0.0, "intensity_reference", "must be more than 0");
+  require(options.white_range_m > 0.0, "white_range", "must be more than 0");
+  require(options.signal_spread >= 0.0, "signal_spread", "must be 0 or more");
+  require(options.max_incidence_deg > 0.0, "max_incidence", "must be more than 0");
+  require(options.dropout_share >= 0.0 && options.dropout_share <= 1.0, "dropout_share", "must be 0 to 1");
+}
 
 /// z of the camera forward, x to the right: x of the lidar is the camera's z, y its -x, z its -y.
 SE3 LidarOptions::upright_on_camera() {

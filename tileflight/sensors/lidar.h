@@ -49,6 +49,9 @@ struct LidarOptions {
   static geometry::SE3 upright_on_camera();
 };
 
+/// Throws InputError for options out of range.
+void check(const LidarOptions& options);
+
 /// A lidar by its public data sheet: "vlp-16", "os1-64", "hdl-64e", "livox-mid-40"; lidar.cpp says which number comes
 /// from where. Throws InputError that lists them.
 LidarOptions lidar_preset(const std::string& name);

@@ -14,11 +14,17 @@ constexpr std::uint64_t kNoiseStream = 31;
 
 }  // namespace
 
+void check(const MagnetometerOptions& options) {
+  if (!(options.noise_ut >= 0.0)) throw InputError("magnetometer noise", "must be 0 or more");
+  if (!options.hard_iron_ut.allFinite() || !options.soft_iron.allFinite())
+    throw InputError("magnetometer hard_iron", "and soft_iron must be finite");
+}
+
 std::vector<MagnetometerSample> simulate_magnetometer(const std::function<SE3(double)>& T_local_camera_at,
                                                       const std::function<Vec3(const Vec3&)>& field_at, double start_s,
                                                       double end_s, const MagnetometerOptions& options) {
   const SampleTimes times = sample_times("magnetometer", start_s, end_s, options.rate_hz);
-  if (!(options.noise_ut >= 0.0)) throw InputError("magnetometer noise", "must be 0 or more");
+  check(options);
   const std::uint64_t key = stream_key(options.seed, kNoiseStream);
   std::vector<MagnetometerSample> samples;
   samples.reserve(times.count());

@@ -18,6 +18,9 @@ struct MagnetometerOptions {
   geometry::Mat3 soft_iron = geometry::Mat3::Identity();  ///< what is measured of a field: M b
 };
 
+/// Throws InputError for options out of range.
+void check(const MagnetometerOptions& options);
+
 struct MagnetometerSample {
   double time_s = 0.0;
   geometry::Vec3 field_ut;  ///< sensor axes, microtesla
