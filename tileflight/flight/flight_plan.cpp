@@ -97,6 +97,8 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   plan.limits = read_limits(section);
   plan.fps = positive(section, "fps");
   plan.max_frames = read_max_frames(section);
+  section.section("sensors");    // known here, but read by those who simulate them
+  section.path("sensors_file");  // the same
   section.finish();
   if (trajectory) plan.poses = geometry::read_tum(*trajectory);
   check_whole(section, plan);

@@ -36,7 +36,8 @@ struct FlightPlan {
   std::optional<int> max_frames;
 };
 
-/// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. Throws InputError.
+/// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. `sensors` and `sensors_file` may stand
+/// there and are left to sensors::read_sensor_suite. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
 /// The poses at which frames are taken: the file's own, or the path sampled at `fps` from its start. Times start at the
