@@ -12,6 +12,7 @@
 #include "tileflight/dataset/video.h"
 #include "tileflight/experiment/output_files.h"
 #include "tileflight/experiment/require_surface.h"
+#include "tileflight/experiment/sensor_files.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/flight/path.h"
@@ -35,6 +36,7 @@ struct Mission {
   geometry::Trajectory frames;    ///< a pose for each picture
   sensors::PoseFunction pose_at;  ///< in between, for the shutter
   sensors::FlightOptions options;
+  std::shared_ptr<SensorFiles> sensor_files;  ///< beside the camera
 };
 
 Mission plan_mission(const RenderSettings& settings) {
@@ -50,6 +52,8 @@ Mission plan_mission(const RenderSettings& settings) {
   const flight::Path path = plan.poses ? flight::path_through_poses(*plan.poses)
                                        : flight::path_through_waypoints(plan.waypoints, plan.limits);
   mission.pose_at = [path](double time_s) { return path.pose(time_s); };
+  mission.sensor_files = std::make_shared<SensorFiles>(
+      sensors::read_sensor_suite(flight.flight, settings.seed, mission.calibration.T_cam_imu), path, mission.frames);
   mission.options.render = {.depth = flight.outputs.depth, .samples_per_pixel = flight.samples_per_pixel};
   mission.options.outputs = flight.outputs.of_frame();
   if (flight.degrade) mission.options.formation = *flight.degrade;
@@ -69,7 +73,8 @@ std::vector<tiles::Eye> eyes_of(const Mission& mission) {
       for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
     }
   }
-  return tiles::eyes_along(mission.calibration.camera, poses);
+  std::vector<tiles::Eye> eyes = tiles::eyes_along(mission.calibration.camera, poses);
+  return mission.sensor_files->suite().needs_scene() ? tiles::all_around(std::move(eyes)) : eyes;
 }
 
 /// What a receiver would have said along the path, where the place is on the earth.
@@ -77,7 +82,8 @@ std::vector<dataset::GpsFix> simulated_gps(const Mission& mission, const std::op
                                            std::uint64_t seed) {
   if (!frame || mission.frames.size() < 2) return {};
   std::vector<dataset::GpsFix> fixes;
-  for (const sensors::PositionFix& fix : sensors::simulate_gnss(mission.frames, {.seed = seed})) {
+  const sensors::GnssOptions options = mission.sensor_files->suite().gnss.value_or(sensors::GnssOptions{.seed = seed});
+  for (const sensors::PositionFix& fix : sensors::simulate_gnss(mission.frames, options)) {
     fixes.push_back(
         {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
   }
@@ -199,7 +205,8 @@ class Filming {
     if (settings.error_px) load_.flight = {eyes_of(mission), *settings.error_px, {}};
   }
 
-  Filmed run(const sensors::FrameSink& sink) {
+  /// `folder`: of the dataset, for what its other sensors say.
+  Filmed run(const fs::path& folder, const sensors::FrameSink& sink) {
     Filmed filmed;
     bool any_surface = false, any_points = false;
     const std::size_t frames = mission_.frames.size();
@@ -213,6 +220,7 @@ class Filming {
       options.first_frame = begin;
       options.end_frame = begin + count;
       options.place = scored_place(settings_, tiles.region);
+      mission_.sensor_files->record(scene, tiles.local_frame, begin, begin + count, folder);
       add_part(sensors::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
                                       sink, progress_),
                tiles, filmed);
@@ -256,6 +264,8 @@ void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const Ren
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
   for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
+  mission.sensor_files->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s, writer.temporary_folder());
+  for (const auto& [key, value] : mission.sensor_files->description()) writer.describe(key, value);
 }
 
 Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
@@ -263,7 +273,7 @@ Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, c
   Filming filming(mission, settings, progress);
   dataset::DatasetWriter writer(out, mission.calibration, {.replace = replace, .png = settings.png});
   OutputFiles outputs(writer.temporary_folder(), settings.flight.outputs);
-  Filmed filmed = filming.run([&](const sensors::SensedFrame& frame) {
+  Filmed filmed = filming.run(writer.temporary_folder(), [&](const sensors::SensedFrame& frame) {
     writer.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
     outputs.add(frame);
   });
@@ -309,7 +319,7 @@ Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::
                              {.frames_per_second = frame_rate(mission.frames), .crf = *settings.flight.video_crf});
   InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
   std::vector<double> exposures_ms(mission.frames.size());
-  const Filmed filmed = filming.run([&](const sensors::SensedFrame& frame) {
+  const Filmed filmed = filming.run(writer.temporary_folder(), [&](const sensors::SensedFrame& frame) {
     exposures_ms[frame.index] = frame.exposure_ms;
     outputs.add(frame);
     in_order.add(frame.index, frame.rgb);
