@@ -147,7 +147,12 @@ TEST_F(HttpCacheTest, damage_within_is_set_aside_when_it_is_met) {
     HttpCache cache = open();
     for (int i = 0; i < 50; ++i) cache.store(std::to_string(i), kAnswer, to_bytes(std::string(10'000, 'x')));
   }
+  sqlite3* database = nullptr;
+  sqlite3_open(file().c_str(), &database);
+  sqlite3_exec(database, "PRAGMA wal_checkpoint(TRUNCATE)", nullptr, nullptr, nullptr);
+  sqlite3_close(database);
   const auto size = static_cast<std::streamoff>(fs::file_size(file()));
+  ASSERT_GT(size, 400'000);
   std::fstream stream(file(), std::ios::in | std::ios::out | std::ios::binary);
   for (std::streamoff at = 4096; at < size; at += 4096) {  // all pages but the first, which the opening reads
     stream.seekp(at);
