@@ -22,6 +22,7 @@ find_package(CURL REQUIRED)
 find_package(EXPAT REQUIRED)
 
 pkg_check_modules(proj REQUIRED IMPORTED_TARGET proj)
+pkg_check_modules(exif REQUIRED IMPORTED_TARGET libexif)
 pkg_check_modules(webp REQUIRED IMPORTED_TARGET libwebp)
 pkg_check_modules(draco REQUIRED IMPORTED_TARGET draco)
 pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)

@@ -179,6 +179,34 @@ def logs():
           b"".join(struct.pack("<H", len(body)) + letter + body for letter, body in rows))
 
 
+def photos():
+    """EXIF of two directories beside the first, and XMP."""
+    def directory(at, entries):
+        count, head, tail = len(entries), b"", b""
+        values = at + 2 + 12 * count + 4
+        for tag, kind, number, value in entries:
+            head += struct.pack("<HHI", tag, kind, number)
+            head += value.ljust(4, b"\0") if len(value) <= 4 else struct.pack("<I", values + len(tail))
+            tail += value if len(value) > 4 else b""
+        return struct.pack("<H", count) + head + bytes(4) + tail
+
+    def segment(content):
+        return b"\xff\xe1" + struct.pack(">H", len(content) + 2) + content
+
+    shot = [(0x829A, 5, 1, struct.pack("<2I", 1, 250)), (0x9003, 2, 20, b"2024:05:06 07:08:09\0"), (0x9291, 2, 3, b"25\0")]
+    place = [(1, 2, 2, b"N\0"), (2, 5, 3, struct.pack("<6I", 45, 1, 30, 1, 0, 1)), (3, 2, 2, b"W\0"),
+             (4, 5, 3, struct.pack("<6I", 9, 1, 14, 1, 15, 1)), (5, 1, 1, b"\0"), (6, 5, 1, struct.pack("<2I", 1205, 10))]
+    shot_at = 8 + 2 + 12 * 3 + 4
+    shot_bytes = directory(shot_at, shot)
+    first = directory(8, [(0x112, 3, 1, struct.pack("<H", 6)), (0x8769, 4, 1, struct.pack("<I", shot_at)),
+                          (0x8825, 4, 1, struct.pack("<I", shot_at + len(shot_bytes)))])
+    exif = b"Exif\0\0II*\0\x08\0\0\0" + first + shot_bytes + directory(shot_at + len(shot_bytes), place)
+    xmp = (b"http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x='adobe:ns:meta/'><rdf:RDF "
+           b"xmlns:rdf='http://www.w3.org/1999/02/22-rdf-syntax-ns#'><rdf:Description "
+           b"xmlns:drone-dji='http://www.dji.com/drone-dji/1.0/' drone-dji:RelativeAltitude='+40.00'/></rdf:RDF></x:xmpmeta>")
+    write("photo/dji.jpg", b"\xff\xd8" + segment(exif) + segment(xmp) + b"\xff\xda\0\2\xff\xd9")
+
+
 def calibrations():
     write("calibration/kalibr.yaml", b"cam0:\n  camera_model: pinhole\n  intrinsics: [152.0, 152.0, 159.5, 119.5]\n"
           b"  distortion_model: equidistant\n  distortion_coeffs: [0.01, 0.0, 0.0, 0.0]\n  resolution: [320, 240]\n"
@@ -212,5 +240,6 @@ if __name__ == "__main__":
     archives()
     textures()
     logs()
+    photos()
     calibrations()
     meshes()

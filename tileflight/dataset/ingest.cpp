@@ -154,6 +154,22 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   writer.finish();
 }
 
+/// Images in the order of their times.
+std::vector<Frame> timed_frames(const std::vector<fs::path>& images, const std::map<std::string, ImageTime>& times,
+                                std::vector<std::string>& notes) {
+  std::vector<Frame> frames;
+  for (const fs::path& image : images) {
+    if (const auto found = times.find(image.filename().string()); found != times.end())
+      frames.push_back({{}, image, found->second.time_s, found->second.exposure_ms});
+  }
+  if (frames.size() < images.size())
+    notes.push_back(std::to_string(images.size() - frames.size()) +
+                    " images left out: they do not say when they were taken");
+  std::stable_sort(frames.begin(), frames.end(), [](const Frame& a, const Frame& b) { return a.time_s < b.time_s; });
+  for (std::size_t i = 0; i < frames.size(); ++i) frames[i].id = frame_id(i);
+  return frames;
+}
+
 std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::string>& notes) {
   const fs::path& given = options.video_or_images;
   const fs::path folder = fs::is_directory(given / "images") ? given / "images" : given;
@@ -161,6 +177,7 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
   for (const fs::path& times :
        {folder / "times.txt", fs::absolute(folder).lexically_normal().parent_path() / "times.txt"})
     if (fs::is_regular_file(times)) return frames_with_times(images, times, notes);
+  if (!options.image_times.empty()) return timed_frames(images, options.image_times, notes);
   if (!(options.image_rate_hz > 0.0)) throw InputError(given.string(), "the frame rate of the images must be above 0");
   notes.push_back(given.string() + ": no times.txt, so the images are taken to be " +
                   rounded_text(options.image_rate_hz, 3) + " a second");

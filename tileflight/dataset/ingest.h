@@ -12,6 +12,11 @@
 
 namespace tileflight::dataset {
 
+struct ImageTime {
+  double time_s = 0.0;
+  double exposure_ms = 0.0;  ///< 0: unknown
+};
+
 /// A real flight, as it comes from the camera and the log.
 struct IngestOptions {
   std::filesystem::path video_or_images;  ///< a video file, or a folder of images (with times.txt in it or beside it,
@@ -19,11 +24,14 @@ struct IngestOptions {
   std::filesystem::path calibration;      ///< of any form that imaging::read_calibration knows
   VideoExcerpt excerpt;                   ///< on the video's clock (first frame at 0; images: the times of times.txt)
   double image_rate_hz = 30.0;            ///< of an image folder without times.txt
-  std::vector<GpsFix> gps;                ///< of the flight's log, on the log's clock
-  double gps_time_offset_s = 0.0;         ///< video time = log time + this
-  std::filesystem::path groundtruth;      ///< TUM poses on the video's clock; may be empty
-  int jpeg_quality = 95;                  ///< of a video's frames; image files are copied as they are
-  bool replace = false;                   ///< an existing dataset folder
+  /// When the images of a folder without times.txt were taken, by file name; empty: not known. Images that are not
+  /// named here are left out (and noted).
+  std::map<std::string, ImageTime> image_times;
+  std::vector<GpsFix> gps;                         ///< of the flight's log, on the log's clock
+  double gps_time_offset_s = 0.0;                  ///< video time = log time + this
+  std::filesystem::path groundtruth;               ///< TUM poses on the video's clock; may be empty
+  int jpeg_quality = 95;                           ///< of a video's frames; image files are copied as they are
+  bool replace = false;                            ///< an existing dataset folder
   std::map<std::string, std::string> description;  ///< further lines of dataset.yaml, "a.b" nests
 };
 

@@ -238,6 +238,25 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
   EXPECT_THAT(error(), HasSubstr("p2.png"));
 }
 
+TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
+  fs::create_directory(folder / "photos");
+  for (int i = 0; i < 4; ++i)
+    imaging::write_rgb(folder / ("photos/p" + std::to_string(i) + ".jpg"), moving_picture(kWidth, kHeight, i), 80);
+  options.video_or_images = folder / "photos";
+  options.image_times = {{"p0.jpg", {7.5, 4.0}}, {"p1.jpg", {0.0, 2.0}}, {"p3.jpg", {3.0, 0.0}}};
+  const IngestResult result = ingest(options, folder / "set");
+  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images left out")));
+  const Dataset dataset = read_dataset(folder / "set");
+  ASSERT_EQ(dataset.frames.size(), 3U);
+  const std::array<const char*, 3> photos{"p1.jpg", "p3.jpg", "p0.jpg"};
+  const std::array<double, 3> times_s{0.0, 3.0, 7.5}, exposures_ms{2.0, 0.0, 4.0};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(dataset.frames[i].time_s, times_s[i]);
+    EXPECT_EQ(dataset.frames[i].exposure_ms, exposures_ms[i]);
+    EXPECT_TRUE(geometry::read_bytes(dataset.frames[i].image) == geometry::read_bytes(folder / "photos" / photos[i]));
+  }
+}
+
 TEST(Ingest, Machangara) {
   TILEFLIGHT_REQUIRE_TEST_DATA(flight, "flights/machangara-a");
   tileflight::tests::TemporaryFolder folder;

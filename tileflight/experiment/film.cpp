@@ -2,17 +2,31 @@
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/positions.h"
 #include "tileflight/experiment/version.h"
+#include "tileflight/flight/photo_log.h"
 #include "tileflight/flight/telemetry_file.h"
 
 namespace tileflight::experiment {
 namespace {
 
-void add_telemetry(const IngestFlight& flight, dataset::IngestOptions& options, std::vector<std::string>& warnings) {
-  if (flight.telemetry.empty()) return;
-  const flight::Telemetry telemetry = flight::read_telemetry(flight.telemetry);
+void add_positions(const flight::Telemetry& telemetry, const IngestFlight& flight, dataset::IngestOptions& options,
+                   std::vector<std::string>& warnings) {
   warnings.insert(warnings.end(), telemetry.warnings.begin(), telemetry.warnings.end());
   options.gps = gps_fixes(telemetry, flight, warnings);
   options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);
+}
+
+/// What photos say of themselves: when they were taken unless a rate is given, and where unless a log says so.
+void add_photos(const IngestFlight& flight, dataset::IngestOptions& options, std::vector<std::string>& warnings) {
+  if (!std::filesystem::is_directory(flight.video)) return;
+  const bool in_folder = std::filesystem::is_directory(flight.video / "images");
+  const flight::PhotoLog photos = flight::read_photo_log(in_folder ? flight.video / "images" : flight.video);
+  if (photos.times.size() < 2 || flight.fps) return;
+  warnings.insert(warnings.end(), photos.warnings.begin(), photos.warnings.end());
+  for (const auto& [name, taken] : photos.times) options.image_times[name] = {taken.time_s, taken.exposure_ms};
+  if (!flight.telemetry.empty() || photos.telemetry.fixes.empty()) return;
+  IngestFlight own = flight;
+  own.telemetry = flight.video;  // whom messages name
+  add_positions(photos.telemetry, own, options, warnings);
 }
 
 }  // namespace
@@ -27,7 +41,8 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
                                  .description = {{"made_by", "tileflight ingest " + version()}}};
   if (flight.fps) options.image_rate_hz = *flight.fps;
   std::vector<std::string> warnings;
-  add_telemetry(flight, options, warnings);
+  if (!flight.telemetry.empty()) add_positions(flight::read_telemetry(flight.telemetry), flight, options, warnings);
+  add_photos(flight, options, warnings);
   const dataset::IngestResult result = dataset::ingest(options, out, progress);
   warnings.insert(warnings.end(), result.notes.begin(), result.notes.end());
   return {{"frames", result.frames},

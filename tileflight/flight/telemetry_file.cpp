@@ -9,6 +9,7 @@
 #include "tileflight/flight/gpx.h"
 #include "tileflight/flight/kml.h"
 #include "tileflight/flight/log_text.h"
+#include "tileflight/flight/photo_log.h"
 #include "tileflight/flight/ulog.h"
 #include "tileflight/flight/xml_stream.h"
 #include "tileflight/geometry/input_error.h"
@@ -64,9 +65,19 @@ Format format_of(const std::filesystem::path& file) {
   return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
 }
 
+Telemetry read_photos(const std::filesystem::path& folder) {
+  PhotoLog log = read_photo_log(folder);
+  if (log.telemetry.fixes.empty()) {
+    throw InputError(folder.string(),
+                     "none of its " + std::to_string(log.photos) + " JPEG photos says when and where it was taken");
+  }
+  return std::move(log.telemetry);
+}
+
 }  // namespace
 
 Telemetry read_telemetry(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file)) return read_photos(file);
   switch (format_of(file)) {
     case Format::kGpx:
       return read_gpx(file);

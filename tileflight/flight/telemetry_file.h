@@ -6,8 +6,9 @@
 
 namespace tileflight::flight {
 
-/// A flight log of any format that docs/formats.md names (Telemetry). What it is is told from its content; its name
-/// decides only where subtitles begin with something else. Throws InputError (file, cause) as its reader does.
+/// A flight log of any format that docs/formats.md names (Telemetry), or a folder of photos that say where they were
+/// taken. What it is is told from its content; its name decides only where subtitles begin with something else. Throws
+/// InputError (file, cause) as its reader does.
 Telemetry read_telemetry(const std::filesystem::path& file);
 
 }  // namespace tileflight::flight
