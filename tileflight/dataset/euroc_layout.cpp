@@ -1,6 +1,7 @@
 // EuRoC's ASL layout (Burri et al., IJRR 2016): cam0/data.csv "time_ns,file", cam0/data/, cam0/sensor.yaml.
 #include <yaml-cpp/yaml.h>
 
+#include <cmath>
 #include <cstdint>
 
 #include "tileflight/dataset/frame_list.h"
@@ -89,6 +90,30 @@ imaging::Calibration read_sensor(const fs::path& file) {
   }
 }
 
+/// state_groundtruth_estimate0/data.csv beside the camera's folder: time, position and quaternion (w first) of the
+/// body, which is the IMU; further columns are not needed.
+std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geometry::SE3& T_cam_imu) {
+  if (!fs::is_regular_file(file)) return std::nullopt;
+  const std::string text = geometry::read_text(file);
+  std::string_view rest = text;
+  geometry::Trajectory trajectory;
+  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = geometry::split_fields(*line, ", \t");
+    if (fields.empty() || fields.front().starts_with('#')) continue;
+    const std::string where = file.string() + ": line " + std::to_string(number);
+    const auto time_ns = geometry::parse_number<std::int64_t>(fields.front());
+    if (!time_ns || fields.size() < 8) throw InputError(where, "expected a time in nanoseconds and 7 numbers");
+    Eigen::Matrix<double, 7, 1> v;
+    for (int i = 0; i < 7; ++i) v[i] = geometry::parse_number<double>(fields[i + 1]).value_or(NAN);
+    if (!v.allFinite() || v.tail<4>().norm() < 0.5) throw InputError(where, "is not a position and a unit quaternion");
+    const geometry::SE3 T_local_body(Eigen::Quaterniond(v[3], v[4], v[5], v[6]), v.head<3>());
+    trajectory.poses.push_back({1e-9 * static_cast<double>(*time_ns), T_local_body * T_cam_imu.inverse()});
+    if (trajectory.size() > 1 && !(trajectory.poses.back().time_s > trajectory.poses[trajectory.size() - 2].time_s))
+      throw InputError(where, "the time is not after the one before it");
+  }
+  return trajectory;
+}
+
 }  // namespace
 
 bool is_euroc(const fs::path& folder) { return !camera_folder(folder).empty(); }
@@ -99,6 +124,8 @@ Dataset read_euroc(const fs::path& folder) {
   const fs::path camera = camera_folder(folder);
   dataset.frames = read_frames(camera, dataset.warnings);
   dataset.calibration = read_sensor(camera / "sensor.yaml");
+  dataset.groundtruth =
+      read_truth(camera.parent_path() / "state_groundtruth_estimate0" / "data.csv", dataset.calibration.T_cam_imu);
   return dataset;
 }
 

@@ -1,0 +1,69 @@
+#include "tileflight/dataset/export_dataset.h"
+
+#include <cmath>
+
+#include "tileflight/dataset/exports.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/known_keys.h"
+
+namespace tileflight::dataset {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Layout {
+  std::string name;
+  exports::Writer write;
+};
+
+const std::vector<Layout>& layouts() {
+  static const std::vector<Layout> kLayouts{{"tum-mono", exports::write_tum_mono},
+                                            {"euroc", exports::write_euroc},
+                                            {"kitti", exports::write_kitti},
+                                            {"colmap", exports::write_colmap_folder}};
+  return kLayouts;
+}
+
+}  // namespace
+
+const std::vector<std::string>& export_layouts() {
+  static const std::vector<std::string> kNames = [] {
+    std::vector<std::string> names;
+    for (const Layout& layout : layouts()) names.push_back(layout.name);
+    return names;
+  }();
+  return kNames;
+}
+
+ExportResult export_dataset(const Dataset& dataset, const std::string& layout, const fs::path& folder, bool replace,
+                            const Progress& progress) {
+  for (const Layout& known : layouts()) {
+    if (known.name != layout) continue;
+    ExportResult result{dataset.frames.size(), {}};
+    geometry::write_folder(folder, replace,
+                           [&](const fs::path& temporary) { known.write(dataset, temporary, result.notes, progress); });
+    return result;
+  }
+  throw InputError("layout '" + layout + "'",
+                   "is not known; did you mean '" + geometry::nearest_key(layout, export_layouts()) + "'?");
+}
+
+std::vector<geometry::SE3> poses_of_frames(const Dataset& dataset) {
+  constexpr double kSameTime_s = 1e-4;
+  if (!dataset.groundtruth)
+    throw InputError(dataset.folder.string(), "has no groundtruth.txt, which this layout needs");
+  const std::vector<geometry::StampedPose>& poses = dataset.groundtruth->poses;
+  std::vector<geometry::SE3> result;
+  std::size_t k = 0;
+  for (const Frame& frame : dataset.frames) {
+    while (k < poses.size() && poses[k].time_s < frame.time_s - kSameTime_s) ++k;
+    if (k == poses.size() || std::abs(poses[k].time_s - frame.time_s) > kSameTime_s)
+      throw InputError(dataset.folder.string(), "groundtruth.txt has no pose at the time of frame " + frame.id);
+    result.push_back(poses[k].T_local_camera);
+  }
+  return result;
+}
+
+}  // namespace tileflight::dataset

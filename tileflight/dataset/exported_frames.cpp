@@ -1,0 +1,64 @@
+#include <tbb/parallel_for.h>
+
+#include <cstdio>
+#include <mutex>
+
+#include "tileflight/dataset/exports.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::dataset::exports {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Calls `write` for each frame, several at once.
+void each_frame(const Dataset& dataset, const fs::path& folder, const Progress& progress,
+                const std::function<void(std::size_t index)>& write) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  const auto frames = static_cast<std::int64_t>(dataset.frames.size());
+  std::mutex mutex;
+  std::int64_t done = 0;
+  tbb::parallel_for(std::size_t{0}, dataset.frames.size(), [&](std::size_t i) {
+    write(i);
+    const std::lock_guard lock(mutex);
+    report_progress(progress, ++done, frames, "writing images");
+  });
+}
+
+void copy_bytes(const fs::path& from, const fs::path& to) {
+  const std::vector<std::byte> bytes = geometry::read_bytes(from);
+  geometry::write_file(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+}
+
+}  // namespace
+
+std::string numbered(std::size_t index) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%06zu", index);
+  return text;
+}
+
+void copy_frames(const Dataset& dataset, const fs::path& folder, const NameOf& stem_of, const Progress& progress) {
+  each_frame(dataset, folder, progress, [&](std::size_t i) {
+    const fs::path& image = dataset.frames[i].image;
+    copy_bytes(image, folder / (stem_of(i) + image.extension().string()));
+  });
+}
+
+void write_png_frames(const Dataset& dataset, const fs::path& folder, const NameOf& stem_of, const Progress& progress) {
+  each_frame(dataset, folder, progress, [&](std::size_t i) {
+    const fs::path& image = dataset.frames[i].image;
+    const fs::path target = folder / (stem_of(i) + ".png");
+    if (image.extension() == ".png")
+      copy_bytes(image, target);
+    else
+      imaging::write_rgb(target, imaging::read_rgb(image));
+  });
+}
+
+}  // namespace tileflight::dataset::exports
