@@ -8,7 +8,7 @@ namespace tileflight::app {
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     experiment::IngestFlight flight;
-    std::string video, camera, telemetry, groundtruth, out;
+    std::string video, camera, telemetry, truth, groundtruth, out;
     double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
   };
   auto options = std::make_shared<Options>();
@@ -21,11 +21,14 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->add_option("--camera", options->camera,
                    "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt or DSO camera.txt")
       ->required();
-  command->add_option("--telemetry", options->telemetry, "flight log (DJI .srt, GPX, CSV, PX4 .ulg)");
+  command->add_option("--telemetry", options->telemetry,
+                      "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg) or folder of photos");
   command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,
                                              "of the take-off place above the ellipsoid, metres");
+  command->add_option("--truth", options->truth,
+                      "folder of `extract`, on whose surface the take-off place's height is found");
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
   command->add_option("--from", options->flight.from_s, "start of the excerpt, seconds");
   CLI::Option* to = command->add_option("--to", options->to_s, "end of the excerpt, seconds");
@@ -43,7 +46,8 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
     if (fps->count() > 0) options->flight.fps = options->fps;
     if (takeoff->count() > 0) options->flight.takeoff_height_m = options->takeoff_height_m;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const nlohmann::json r = experiment::ingest_dataset(options->flight, options->out, shared.force, progress);
+      const nlohmann::json r =
+          experiment::ingest_dataset(options->flight, options->truth, options->out, shared.force, progress);
       std::ostringstream text;
       text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions\n";
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";

@@ -35,8 +35,9 @@ nlohmann::json render_dataset(const RenderSettings& settings, const std::filesys
                               const Progress& progress = {});
 
 /// A filmed flight as a dataset folder of the same layout, written whole. Log positions become gps.csv (ellipsoidal
-/// heights). Throws InputError.
-nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem::path& out, bool replace,
-                              const Progress& progress = {});
+/// heights). `truth`: a folder that extract() wrote, on whose surface the take-off place's height is found where it is
+/// needed and not given; empty: none. Throws InputError.
+nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem::path& truth,
+                              const std::filesystem::path& out, bool replace, const Progress& progress = {});
 
 }  // namespace tileflight::experiment

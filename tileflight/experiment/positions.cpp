@@ -45,7 +45,7 @@ std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const
   if (above == Above::kTakeoff && !flight.takeoff_height_m) {
     throw InputError(flight.telemetry.string(),
                      "heights above take-off need --takeoff-height (takeoff_height), the take-off place's metres above "
-                     "the ellipsoid");
+                     "the ellipsoid, or a ground truth to find it in (--truth)");
   }
   std::vector<dataset::GpsFix> fixes;
   std::size_t without_height = 0;

@@ -47,7 +47,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   for (const FlightStages& f : p.flights()) {
     cache.once(f.name + "/dataset", p.dataset_inputs(f), {f.name + "/dataset"}, [&] {
       if (f.flight.render) render_dataset(p.render_settings(f), f.folder / "dataset", false, progress);
-      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, f.folder / "dataset", false, progress);
+      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder / "truth", f.folder / "dataset", false, progress);
     });
     cache.once(f.name + "/odometry", p.odometry_inputs(f), p.odometry_products(f),
                [&] { find_map(e.odometry, f.folder, progress); });
