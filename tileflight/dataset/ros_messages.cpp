@@ -1,0 +1,211 @@
+// Definitions: https://github.com/ros2/common_interfaces (Humble), fields only.
+#include "tileflight/dataset/ros_messages.h"
+
+#include <array>
+#include <map>
+#include <numeric>
+#include <variant>
+
+#include "tileflight/dataset/cdr.h"
+
+namespace tileflight::dataset::ros {
+
+namespace {
+
+struct Definition {
+  std::string fields;
+  std::vector<std::string> parts;  ///< messages that it is made of, theirs too
+};
+
+const std::map<std::string, Definition>& definitions() {
+  static const std::map<std::string, Definition> kDefinitions{
+      {"builtin_interfaces/Time", {"int32 sec\nuint32 nanosec\n", {}}},
+      {"std_msgs/Header", {"builtin_interfaces/Time stamp\nstring frame_id\n", {"builtin_interfaces/Time"}}},
+      {"geometry_msgs/Vector3", {"float64 x\nfloat64 y\nfloat64 z\n", {}}},
+      {"geometry_msgs/Quaternion", {"float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n", {}}},
+      {"geometry_msgs/Transform",
+       {"geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+        {"geometry_msgs/Vector3", "geometry_msgs/Quaternion"}}},
+      {"geometry_msgs/TransformStamped",
+       {"std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+        {"std_msgs/Header", "geometry_msgs/Transform"}}},
+      {"tf2_msgs/TFMessage", {"geometry_msgs/TransformStamped[] transforms\n", {"geometry_msgs/TransformStamped"}}},
+      {"sensor_msgs/CompressedImage", {"std_msgs/Header header\nstring format\nuint8[] data\n", {"std_msgs/Header"}}},
+      {"sensor_msgs/RegionOfInterest",
+       {"uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n", {}}},
+      {"sensor_msgs/CameraInfo",
+       {"std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
+        "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi\n",
+        {"std_msgs/Header", "sensor_msgs/RegionOfInterest"}}},
+      {"sensor_msgs/Imu",
+       {"std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n",
+        {"std_msgs/Header", "geometry_msgs/Quaternion", "geometry_msgs/Vector3"}}},
+      {"sensor_msgs/NavSatStatus", {"int8 status\nuint16 service\n", {}}},
+      {"sensor_msgs/NavSatFix",
+       {"std_msgs/Header header\nsensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n"
+        "float64 altitude\nfloat64[9] position_covariance\nuint8 position_covariance_type\n",
+        {"std_msgs/Header", "sensor_msgs/NavSatStatus"}}},
+      {"sensor_msgs/PointField", {"string name\nuint32 offset\nuint8 datatype\nuint32 count\n", {}}},
+      {"sensor_msgs/PointCloud2",
+       {"std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n"
+        "uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n",
+        {"std_msgs/Header", "sensor_msgs/PointField"}}},
+      {"sensor_msgs/FluidPressure",
+       {"std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance\n", {"std_msgs/Header"}}},
+      {"sensor_msgs/MagneticField",
+       {"std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\nfloat64[9] magnetic_field_covariance\n",
+        {"std_msgs/Header", "geometry_msgs/Vector3"}}},
+      {"sensor_msgs/Range",
+       {"std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n"
+        "float32 range\n",
+        {"std_msgs/Header"}}}};
+  return kDefinitions;
+}
+
+/// Each part once, those of parts too.
+void collect(const std::string& name, std::vector<std::string>& parts) {
+  for (const std::string& part : definitions().at(name).parts) {
+    if (std::find(parts.begin(), parts.end(), part) != parts.end()) continue;
+    parts.push_back(part);
+    collect(part, parts);
+  }
+}
+
+constexpr std::array<double, 9> kUnknownCovariance{};  ///< all zeros
+constexpr std::array<double, 9> kNoEstimate{-1.0, 0, 0, 0, 0, 0, 0, 0, 0};
+
+CdrWriter begun(const Head& head) {
+  constexpr std::int64_t kSecond_ns = 1000000000;
+  CdrWriter writer;
+  writer.number(static_cast<std::int32_t>(head.time_ns / kSecond_ns));
+  writer.number(static_cast<std::uint32_t>(head.time_ns % kSecond_ns)).text(head.frame_id);
+  return writer;
+}
+
+CdrWriter& put(CdrWriter& writer, const geometry::Vec3& v) { return writer.number(v.x()).number(v.y()).number(v.z()); }
+
+struct Lens {
+  std::string name;
+  std::vector<double> coefficients;
+};
+
+Lens lens_of(const imaging::CameraModel& model) {
+  if (const auto* m = std::get_if<imaging::PinholeRadtan>(&model))
+    return {"plumb_bob", {m->d[0], m->d[1], m->d[2], m->d[3], 0.0}};
+  if (const auto* m = std::get_if<imaging::KannalaBrandt>(&model)) return {"equidistant", {m->k.begin(), m->k.end()}};
+  return {};
+}
+
+}  // namespace
+
+McapWriter::Schema schema(const std::string& name) {
+  const std::size_t slash = name.find('/');
+  const std::string short_name = name.substr(0, slash) + name.substr(name.rfind('/'));
+  std::vector<std::string> parts;
+  collect(short_name, parts);
+  std::string text = definitions().at(short_name).fields;
+  for (const std::string& part : parts)
+    text += std::string(80, '=') + "\nMSG: " + part + "\n" + definitions().at(part).fields;
+  return {name, "ros2msg", text};
+}
+
+std::string compressed_image(const Head& head, std::string_view format, std::string_view file_bytes) {
+  return begun(head).text(format).blob(file_bytes).bytes();
+}
+
+std::string camera_info(const Head& head, const imaging::Camera& camera) {
+  const auto [fx, fy, cx, cy] = std::visit(
+      [](const auto& m) {
+        return std::array{m.fx, m.fy, m.cx, m.cy};
+      },
+      camera.model());
+  const Lens lens = lens_of(camera.model());
+  CdrWriter writer = begun(head);
+  writer.number(static_cast<std::uint32_t>(camera.height())).number(static_cast<std::uint32_t>(camera.width()));
+  writer.text(lens.name).number(static_cast<std::uint32_t>(lens.coefficients.size())).each(lens.coefficients);
+  writer.each(std::array{fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0});
+  writer.each(std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0});
+  writer.each(std::array{fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0});
+  writer.each(std::array<std::uint32_t, 6>{}).number(std::uint8_t{0});
+  return writer.bytes();
+}
+
+std::string transform(const Head& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child) {
+  constexpr std::int64_t kSecond_ns = 1000000000;
+  CdrWriter writer;
+  writer.number(std::uint32_t{1});  // of transforms
+  writer.number(static_cast<std::int32_t>(head.time_ns / kSecond_ns));
+  writer.number(static_cast<std::uint32_t>(head.time_ns % kSecond_ns)).text(head.frame_id).text(child_frame_id);
+  put(writer, T_frame_child.translation);
+  const Eigen::Quaterniond& q = T_frame_child.rotation;
+  return writer.each(std::array{q.x(), q.y(), q.z(), q.w()}).bytes();
+}
+
+std::string imu(const Head& head, const ImuReading& reading) {
+  CdrWriter writer = begun(head);
+  writer.each(std::array{0.0, 0.0, 0.0, 1.0}).each(kNoEstimate);
+  put(writer, reading.angular_rate_rad_s).each(kUnknownCovariance);
+  return put(writer, reading.specific_force_m_s2).each(kUnknownCovariance).bytes();
+}
+
+std::string nav_sat_fix(const Head& head, const GpsFix& fix) {
+  constexpr std::uint8_t kDiagonalKnown = 2;
+  const double level = fix.horizontal_sigma_m * fix.horizontal_sigma_m;
+  CdrWriter writer = begun(head);
+  writer.number(std::int8_t{0}).number(std::uint16_t{1});  // a fix, of GPS
+  writer.each(std::array{fix.place.latitude_deg, fix.place.longitude_deg, fix.place.height.m});
+  writer.each(std::array{level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, fix.vertical_sigma_m * fix.vertical_sigma_m});
+  return writer.number(kDiagonalKnown).bytes();
+}
+
+std::string point_cloud(const Head& head, const std::vector<ScanPoint>& points) {
+  constexpr std::uint8_t kFloat32 = 7, kUint16 = 4;
+  constexpr std::uint32_t kStep = 22;
+  struct Field {
+    const char* name;
+    std::uint32_t offset;
+    std::uint8_t type;
+  };
+  CdrWriter writer = begun(head);
+  const auto count = static_cast<std::uint32_t>(points.size());
+  writer.number(std::uint32_t{1}).number(count).number(std::uint32_t{6});
+  for (const Field& field : {Field{"x", 0, kFloat32},
+                             {"y", 4, kFloat32},
+                             {"z", 8, kFloat32},
+                             {"intensity", 12, kFloat32},
+                             {"time", 16, kFloat32},
+                             {"ring", 20, kUint16}})
+    writer.text(field.name).number(field.offset).number(field.type).number(std::uint32_t{1});
+  std::string data;
+  data.reserve(points.size() * kStep);
+  for (const ScanPoint& point : points) {
+    const std::array<float, 5> v{point.position.x(), point.position.y(), point.position.z(), point.intensity,
+                                 point.time_s};
+    data.append(reinterpret_cast<const char*>(v.data()), sizeof v);
+    data.append(reinterpret_cast<const char*>(&point.ring), sizeof point.ring);
+  }
+  writer.number(std::uint8_t{0}).number(kStep).number(kStep * count).blob(data);
+  return writer.number(std::uint8_t{1}).bytes();
+}
+
+std::string fluid_pressure(const Head& head, double pressure_pa) {
+  return begun(head).number(pressure_pa).number(0.0).bytes();
+}
+
+std::string magnetic_field(const Head& head, const geometry::Vec3& field_ut) {
+  CdrWriter writer = begun(head);
+  return put(writer, 1e-6 * field_ut).each(kUnknownCovariance).bytes();
+}
+
+std::string range(const Head& head, double range_m) {
+  constexpr std::uint8_t kInfrared = 1;
+  return begun(head)
+      .number(kInfrared)
+      .each(std::array{0.0F, 0.0F, std::numeric_limits<float>::infinity()})
+      .number(static_cast<float>(range_m))
+      .bytes();
+}
+
+}  // namespace tileflight::dataset::ros
