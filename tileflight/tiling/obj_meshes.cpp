@@ -112,8 +112,7 @@ void color_plainly(const MtlMaterial& material, TexturedMesh& mesh) {
 class ObjMeshes {
  public:
   ObjMeshes(const fs::path& file, bool textures)
-      : file_(file),
-        textures_(textures),
+      : textures_(textures),
         obj_(parse_obj(geometry::read_text(file, kMostBytes), file.string())),
         materials_(file, textures ? obj_.libraries : std::vector<std::string>{}) {}
 
@@ -156,7 +155,6 @@ class ObjMeshes {
     if (obj_.uv_not_finite > 0) warnings_.insert("texture coordinates that are not finite are read as 0");
   }
 
-  const fs::path& file_;
   bool textures_;
   ObjFile obj_;
   Materials materials_;
