@@ -12,7 +12,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     RegionOptions region;
     SourceArguments source_arguments;
     experiment::RenderSettings settings;
-    std::string flight, out, outputs;
+    std::string flight, out, outputs, degrade;
     bool depth = false;
     double pixel_error = 1.0;
     double memory_gb = 0.0;
@@ -32,7 +32,11 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->check(CLI::IsMember({1, 4, 9, 16}));
   command->add_option("--outputs", options->outputs,
                       "further images of each frame, with commas between: depth, range, normals, segmentation, "
-                      "infrared, flow, visibility");
+                      "infrared, flow, visibility, photometric");
+  command
+      ->add_option("--degrade", options->degrade,
+                   "what makes the camera less than perfect: a YAML file of the keys of an experiment's degrade")
+      ->check(CLI::ExistingFile);
   command->add_flag("--depth", options->depth, "the same as --outputs depth");
   command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
   command->add_option("--seed", options->settings.seed, "seed of everything that is random (default 1)");
@@ -67,6 +71,10 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       outputs = experiment::parse_outputs(options->outputs,
                                           [](const std::string& what) { return InputError("--outputs", what); });
       outputs.depth = outputs.depth || options->depth;
+      if (!options->degrade.empty()) {
+        auto degrade = geometry::YamlSection::load(options->degrade);
+        experiment::read_degrade(degrade, options->settings.flight);
+      }
       const nlohmann::json r = experiment::render_dataset(options->settings, options->out, shared.force, progress);
       std::ostringstream text;
       text << options->out << ": " << r["frames"] << " frames, " << r["frames_per_second"] << " a second\n";

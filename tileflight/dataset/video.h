@@ -33,9 +33,15 @@ VideoInfo probe_video(const std::filesystem::path& file);
 void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
                 const std::function<bool(std::int64_t index, double time_s, const imaging::RgbImage& image)>& on_frame);
 
+/// How much a video may cost.
+struct VideoRate {
+  int crf = 18;                 ///< x264 constant rate factor, 0..51
+  double megabits_per_s = 0.0;  ///< above 0: this on average, instead of a constant factor
+};
+
 struct VideoOptions {
   double frames_per_second = 30.0;
-  int crf = 18;  ///< x264 constant rate factor
+  VideoRate rate;
 };
 
 /// H.264 in MP4 (libx264 where libavcodec has it, else MPEG-4 part 2), yuv420p, single-threaded so that the bytes are

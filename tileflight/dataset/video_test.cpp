@@ -135,6 +135,37 @@ TEST(Video, ColoursSurvive) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(frames.images[i](16, 16)[c], colours[i][c], 4) << i << " " << c;
 }
 
+/// With grain that no encoder can foresee.
+imaging::RgbImage grainy_picture(int width, int height, int frame) {
+  imaging::RgbImage image = moving_picture(width, height, frame);
+  std::uint32_t state = 12345U + static_cast<std::uint32_t>(frame);
+  for (imaging::Rgb8& pixel : image.pixels) {
+    state = state * 1664525U + 1013904223U;
+    pixel[0] = static_cast<std::uint8_t>(pixel[0] + (state >> 27U));
+    pixel[1] = static_cast<std::uint8_t>(pixel[1] - (state >> 27U));
+  }
+  return image;
+}
+
+TEST(Video, ABitRateIsKeptOnAverage) {
+  const TemporaryFolder folder;
+  constexpr int kFrames = 60;
+  for (const double megabits_per_s : {0.5, 2.0}) {
+    const fs::path file = folder / "a.mp4";
+    VideoWriter writer(file, 192, 128, {30.0, {.megabits_per_s = megabits_per_s}});
+    for (int i = 0; i < kFrames; ++i) writer.add(grainy_picture(192, 128, i));
+    writer.finish();
+    const double wanted_bytes = 1e6 / 8 * megabits_per_s * kFrames / 30.0;
+    EXPECT_GT(static_cast<double>(fs::file_size(file)), 0.6 * wanted_bytes) << megabits_per_s;
+    EXPECT_LT(static_cast<double>(fs::file_size(file)), 1.5 * wanted_bytes) << megabits_per_s;
+    EXPECT_GT(psnr(read_all(file).images[40], grainy_picture(192, 128, 40)), 25.0) << megabits_per_s;
+  }
+  EXPECT_THAT(refusal_of([&] {
+                VideoWriter(folder / "b.mp4", 96, 64, {30.0, {.megabits_per_s = -1.0}});
+              }),
+              HasSubstr("bit rate"));
+}
+
 TEST(Video, SameFramesSameBytes) {
   TemporaryFolder folder;
   write_video(folder / "a.mp4", 12);

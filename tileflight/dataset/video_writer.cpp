@@ -51,6 +51,7 @@ struct VideoWriter::Impl {
   }
 
   void open_encoder(int width, int height, const VideoOptions& options);
+  void set_rate(AVCodecID id, const VideoRate& rate);
   void open_file();
   void make_scaler();
   void encode(const AVFrame* image);
@@ -73,14 +74,20 @@ void VideoWriter::Impl::open_encoder(int width, int height, const VideoOptions& 
   codec->color_primaries = AVCOL_PRI_BT709;
   codec->color_trc = AVCOL_TRC_BT709;
   codec->flags |= AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_BITEXACT;
-  if (encoder->id == AV_CODEC_ID_H264) {
-    av_opt_set(codec->priv_data, "preset", "veryfast", 0);
-    av_opt_set_double(codec->priv_data, "crf", options.crf, 0);
+  set_rate(encoder->id, options.rate);
+  require(avcodec_open2(codec.get(), encoder, nullptr), "the video encoder does not start");
+}
+
+void VideoWriter::Impl::set_rate(AVCodecID id, const VideoRate& rate) {
+  if (id == AV_CODEC_ID_H264) av_opt_set(codec->priv_data, "preset", "veryfast", 0);
+  if (rate.megabits_per_s > 0.0) {
+    codec->bit_rate = std::llround(1e6 * rate.megabits_per_s);
+  } else if (id == AV_CODEC_ID_H264) {
+    av_opt_set_double(codec->priv_data, "crf", rate.crf, 0);
   } else {
     codec->flags |= AV_CODEC_FLAG_QSCALE;
-    codec->global_quality = FF_QP2LAMBDA * std::max(1, options.crf / 6);
+    codec->global_quality = FF_QP2LAMBDA * std::max(1, rate.crf / 6);
   }
-  require(avcodec_open2(codec.get(), encoder, nullptr), "the video encoder does not start");
 }
 
 void VideoWriter::Impl::open_file() {
@@ -132,7 +139,9 @@ VideoWriter::VideoWriter(const fs::path& file, int width, int height, const Vide
                                         std::to_string(height));
   if (!(options.frames_per_second > 0.0 && options.frames_per_second <= 1000.0))
     throw InputError(file.string(), "the frame rate must be above 0 and at most 1000 frames a second");
-  if (options.crf < 0 || options.crf > 51) throw InputError(file.string(), "crf must be from 0 to 51");
+  if (options.rate.crf < 0 || options.rate.crf > 51) throw InputError(file.string(), "crf must be from 0 to 51");
+  if (!(options.rate.megabits_per_s >= 0.0 && options.rate.megabits_per_s <= 1000.0))
+    throw InputError(file.string(), "the bit rate must be from 0 to 1000 Mbit/s");
   impl_->temporary = geometry::temporary_beside(file);
   impl_->open_encoder(width, height, options);
   impl_->open_file();

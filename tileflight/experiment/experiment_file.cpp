@@ -92,10 +92,7 @@ RenderFlight read_render(YamlSection section) {
   if (const auto words = section.text("outputs")) {
     render.outputs = parse_outputs(*words, [&](const std::string& what) { return section.error("outputs", what); });
   }
-  if (auto degrade = section.section("degrade")) {
-    render.video_crf = degrade->integer("video_crf");
-    render.degrade = read_image_formation(*degrade);
-  }
+  if (auto degrade = section.section("degrade")) read_degrade(*degrade, render);
   section.finish();
   return render;
 }
@@ -159,6 +156,16 @@ EvaluationSettings read_evaluation(YamlSection section) {
 }
 
 }  // namespace
+
+void read_degrade(YamlSection& section, RenderFlight& flight) {
+  const std::optional<int> crf = section.integer("video_crf");
+  const std::optional<double> megabits = section.number("video_bitrate");
+  if (crf && megabits) throw section.error("video_bitrate", "does not go together with 'video_crf'");
+  if (megabits && *megabits <= 0.0) throw section.error("video_bitrate", "must be positive (Mbit/s)");
+  if (crf) flight.video = dataset::VideoRate{.crf = *crf};
+  if (megabits) flight.video = dataset::VideoRate{.megabits_per_s = *megabits};
+  flight.degrade = read_image_formation(section);
+}
 
 Experiment read_experiment(const fs::path& file) {
   YamlSection root = YamlSection::load(file);

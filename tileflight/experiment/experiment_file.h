@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "tileflight/alignment/align_map.h"
+#include "tileflight/dataset/video.h"
 #include "tileflight/experiment/render_outputs.h"
 #include "tileflight/experiment/track_extras.h"
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/yaml_section.h"
 #include "tileflight/odometry/options.h"
 #include "tileflight/sensors/image_formation.h"
 #include "tileflight/tiles/open_source.h"
@@ -48,7 +50,7 @@ struct RenderFlight {
   std::optional<int> max_frames;
   RenderOutputs outputs;                           ///< outputs: a list of words, "depth, flow"
   std::optional<sensors::ImageFormation> degrade;  ///< what makes the second flight's camera less than perfect
-  std::optional<int> video_crf;                    ///< through H.264 and back at this rate factor; none: no compression
+  std::optional<dataset::VideoRate> video;  ///< video_crf, video_bitrate: through H.264 and back; none: no compression
 };
 
 /// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, takeoff_height,
@@ -106,6 +108,9 @@ struct Experiment {
   tiles::SourceOptions source_options;          ///< of sources from the network; set by who has them (command line)
   std::map<std::string, std::string> sections;  ///< each top-level section as text, to tell whether it changed
 };
+
+/// The keys of `degrade:`, of an experiment's section or of a file of their own, into the flight. Throws InputError.
+void read_degrade(geometry::YamlSection& section, RenderFlight& flight);
 
 /// Throws InputError (file, line, key): unknown keys name the nearest known one; wrong types; missing files; unset
 /// variables.

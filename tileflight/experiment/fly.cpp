@@ -65,7 +65,8 @@ Mission plan_mission(const RenderSettings& settings) {
 /// Of every picture, and of where the camera is a whole exposure and readout before and after it.
 std::vector<tiles::Eye> eyes_of(const Mission& mission) {
   const sensors::ImageFormation& formation = mission.options.formation;
-  const double open_s = formation.exposure_time_s + formation.line_delay_s * mission.calibration.camera.height();
+  const double open_s = formation.exposure_time_s * sensors::max_exposure_gain(formation) +
+                        std::abs(formation.line_delay_s) * mission.calibration.camera.height();
   std::vector<geometry::SE3> poses;
   for (const geometry::StampedPose& pose : mission.frames.poses) {
     poses.push_back(pose.T_local_camera);
@@ -154,6 +155,7 @@ void add_part(const sensors::FlightReport& report, const tiles::LoadedTiles& til
   all.triangles = std::max(all.triangles, tiles.triangles);
   add_distinct(tiles.attribution, all.attribution);
   add_distinct(tiles.warnings, all.warnings);
+  filmed.report.exposure_after = report.exposure_after;
   filmed.report.frames += report.frames;
   filmed.report.seconds += report.seconds;
   filmed.report.frames_per_second = static_cast<double>(filmed.report.frames) / filmed.report.seconds;
@@ -220,6 +222,7 @@ class Filming {
       options.first_frame = begin;
       options.end_frame = begin + count;
       options.place = scored_place(settings_, tiles.region);
+      options.exposure_before = filmed.report.exposure_after;
       mission_.sensor_files->record(scene, tiles.local_frame, begin, begin + count, folder);
       add_part(sensors::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
                                       sink, progress_),
@@ -257,9 +260,19 @@ class Filming {
   tiles::LoadOptions load_;
 };
 
+/// What undoes the camera's response and vignetting.
+void write_photometric(const Mission& mission, const fs::path& folder) {
+  const imaging::Camera& camera = mission.calibration.camera;
+  const imaging::PhotometricCalibration calibration =
+      sensors::photometric_calibration(mission.options.formation, camera.width(), camera.height());
+  imaging::write_pcalib(folder / "pcalib.txt", calibration.inverse_response);
+  if (!calibration.vignette.empty()) imaging::write_vignette(folder / "vignette.png", calibration.vignette);
+}
+
 /// What a dataset holds beside frames and their outputs.
 void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const RenderSettings& settings,
                const Filmed& filmed) {
+  if (settings.flight.outputs.photometric) write_photometric(mission, writer.temporary_folder());
   writer.set_groundtruth(mission.frames);
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
@@ -316,7 +329,7 @@ Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::
   OutputFiles outputs(writer.temporary_folder(), settings.flight.outputs);
   const fs::path file = writer.temporary_folder() / "video.mp4";
   dataset::VideoWriter video(file, camera.width(), camera.height(),
-                             {.frames_per_second = frame_rate(mission.frames), .crf = *settings.flight.video_crf});
+                             {.frames_per_second = frame_rate(mission.frames), .rate = *settings.flight.video});
   InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
   std::vector<double> exposures_ms(mission.frames.size());
   const Filmed filmed = filming.run(writer.temporary_folder(), [&](const sensors::SensedFrame& frame) {
@@ -338,8 +351,8 @@ Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::
 nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
                               const Progress& progress) {
   const Mission mission = plan_mission(settings);
-  const Filmed filmed = settings.flight.video_crf ? film_to_video(mission, settings, out, replace, progress)
-                                                  : film_to_dataset(mission, settings, out, replace, progress);
+  const Filmed filmed = settings.flight.video ? film_to_video(mission, settings, out, replace, progress)
+                                              : film_to_dataset(mission, settings, out, replace, progress);
   std::vector<std::string> warnings = filmed.report.warnings;
   warnings.insert(warnings.end(), filmed.tiles.warnings.begin(), filmed.tiles.warnings.end());
   return {{"frames", filmed.report.frames},

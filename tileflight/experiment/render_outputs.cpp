@@ -13,10 +13,10 @@ using Member = bool RenderOutputs::*;
 
 const std::map<std::string, Member>& members() {
   static const std::map<std::string, Member> kMembers{
-      {"depth", &RenderOutputs::depth},          {"range", &RenderOutputs::range},
-      {"normals", &RenderOutputs::normals},      {"segmentation", &RenderOutputs::segmentation},
-      {"infrared", &RenderOutputs::infrared},    {"flow", &RenderOutputs::flow},
-      {"visibility", &RenderOutputs::visibility}};
+      {"depth", &RenderOutputs::depth},           {"range", &RenderOutputs::range},
+      {"normals", &RenderOutputs::normals},       {"segmentation", &RenderOutputs::segmentation},
+      {"infrared", &RenderOutputs::infrared},     {"flow", &RenderOutputs::flow},
+      {"visibility", &RenderOutputs::visibility}, {"photometric", &RenderOutputs::photometric}};
   return kMembers;
 }
 

@@ -17,6 +17,7 @@ struct RenderOutputs {
   bool infrared = false;      ///< infrared/ (and segmentation.csv)
   bool flow = false;          ///< flow/: to the next frame
   bool visibility = false;    ///< visibility/: where the place that is scored is seen
+  bool photometric = false;   ///< pcalib.txt and, where there is vignetting, vignette.png; of the whole flight
 
   /// The renderer's part of it.
   sensors::FrameOutputs of_frame() const;

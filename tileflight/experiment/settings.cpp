@@ -26,6 +26,18 @@ alignment::IcpMethod icp_method(YamlSection& section, const std::string& key, al
   return *word == "point-to-plane" ? alignment::IcpMethod::kPointToPlane : alignment::IcpMethod::kPointToMesh;
 }
 
+/// The section alone switches it on.
+sensors::AutoExposure read_auto_exposure(YamlSection& section) {
+  constexpr double kMiddleGrey = 0.18;
+  sensors::AutoExposure a;
+  a.target = positive(section, "target", kMiddleGrey);
+  a.time_constant_s = section.number("time_constant").value_or(a.time_constant_s);
+  a.min_gain = positive(section, "min_gain", a.min_gain);
+  a.max_gain = positive(section, "max_gain", a.max_gain);
+  section.finish();
+  return a;
+}
+
 /// `regions: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
 std::vector<geometry::Box3> read_regions(YamlSection& section) {
   std::vector<geometry::Box3> regions;
@@ -45,17 +57,23 @@ std::vector<geometry::Box3> read_regions(YamlSection& section) {
 
 }  // namespace
 
-/// Keys: exposure_time, exposure_samples, line_delay (s), vignetting, exposure_drift, exposure_drift_period (s),
-/// exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma.
+/// Keys: haze_visibility (m), chromatic_red, chromatic_blue, exposure_time, exposure_samples, line_delay (s),
+/// vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain}, exposure_drift, exposure_drift_period
+/// (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma, sharpening, sharpening_radius
+/// (px).
 sensors::ImageFormation read_image_formation(YamlSection& section) {
   sensors::ImageFormation f;
   const auto number = [&section](const std::string& key, double& value) {
     value = section.number(key).value_or(value);
   };
+  number("haze_visibility", f.haze_visibility_m);
+  number("chromatic_red", f.chromatic_red);
+  number("chromatic_blue", f.chromatic_blue);
   number("exposure_time", f.exposure_time_s);
   f.exposure_samples = section.integer("exposure_samples").value_or(f.exposure_samples);
   number("line_delay", f.line_delay_s);
   number("vignetting", f.vignetting);
+  if (auto automatic = section.section("auto_exposure")) f.auto_exposure = read_auto_exposure(*automatic);
   number("exposure_drift", f.exposure_drift);
   number("exposure_drift_period", f.exposure_drift_period_s);
   for (YamlSection& step : section.sections("exposure_steps")) {
@@ -65,6 +83,8 @@ sensors::ImageFormation read_image_formation(YamlSection& section) {
   number("white_electrons", f.white_electrons);
   number("read_noise_electrons", f.read_noise_electrons);
   number("gamma", f.gamma);
+  number("sharpening", f.sharpening);
+  number("sharpening_radius", f.sharpening_radius_px);
   section.finish();
   sensors::check(f);
   return f;

@@ -96,8 +96,10 @@ TracerPose::TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3
   }
 }
 
-BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background)
-    : scene_(scene), appearance_(appearance) {
+BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
+                         double haze_per_m)
+    : scene_(scene), appearance_(appearance), haze_per_m_(static_cast<float>(haze_per_m)) {
+  for (std::size_t c = 0; c < 3; ++c) background_[c] = SrgbTables::get().decode(background[c]);
   for (int c = 0; c < 3; ++c) {
     background_squares_[c] = static_cast<float>(background[static_cast<std::size_t>(c)]) *
                              static_cast<float>(background[static_cast<std::size_t>(c)]);
@@ -135,7 +137,21 @@ void BlockTracer::shade(std::uint8_t valid, TracedBlock& block) const {
       squares = sample_squares(material->texture, read_of(*textures.shade[i], packet, footprints, lane));
     }
     block.squares[i] = material->plain ? squares : tinted(*material, packet, lane, squares);
+    if (haze_per_m_ > 0.0F) block.squares[i] = hazy(block.squares[i], packet.far[lane]);
   }
+}
+
+/// Koschmieder's law in linear light.
+Float4 BlockTracer::hazy(const Float4& squares, float distance_m) const {
+  const SrgbTables& srgb = SrgbTables::get();
+  const float clear = std::exp(-haze_per_m_ * distance_m);
+  Float4 result{};
+  for (int c = 0; c < 3; ++c) {
+    const float light = srgb.decode(std::sqrt(squares[c]));
+    const float value = srgb.encode(clear * light + (1.0F - clear) * background_[static_cast<std::size_t>(c)]);
+    result[c] = value * value;
+  }
+  return result;
 }
 
 /// The texture (if any) times the mesh's colours, in linear light.

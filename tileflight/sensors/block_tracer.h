@@ -28,7 +28,9 @@ struct TracedBlock {
 /// Casts and shades blocks of samples. The hot loop of rendering: no allocation, no virtual call.
 class BlockTracer {
  public:
-  BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background);
+  /// `haze_per_m`: see RenderOptions.
+  BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
+              double haze_per_m);
 
   /// Geometry only: `upper` and `lower` are the poses of the block's two rows of samples.
   void cast(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper, const TracerPose& lower,
@@ -39,9 +41,13 @@ class BlockTracer {
  private:
   Float4 tinted(const Material& material, const scene::RayPacket8& packet, int lane, const Float4& squares) const;
 
+  Float4 hazy(const Float4& squares, float distance_m) const;
+
   const scene::Scene& scene_;
   const Appearance& appearance_;
   Float4 background_squares_;
+  Light background_;  ///< linear
+  float haze_per_m_;
 };
 
 }  // namespace tileflight::sensors

@@ -31,81 +31,6 @@ PoseFunction shutter_path(const PoseFunction& pose_at, const Trajectory& frames,
   return [path = flight::path_through_poses(frames)](double time_s) { return path.pose(time_s); };
 }
 
-struct MadeFrame {
-  SensedFrame frame;
-  FrameView view;
-};
-
-/// Makes one frame after another; several threads may each make one.
-class FrameMaker {
- public:
-  FrameMaker(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
-             const PoseFunction& pose_at, const FlightOptions& options)
-      : renderer_(scene, camera, options.render),
-        outputs_(renderer_, scene, options.outputs, options.place),
-        has_outputs_(options.outputs.any()),
-        frames_(frames),
-        formation_(options.formation),
-        pose_at_(shutter_path(pose_at, frames, options.formation)),
-        vignette_(vignette_of(formation_, camera.width(), camera.height())) {}
-
-  MadeFrame make(std::size_t index) const {
-    const StampedPose& pose = frames_.poses[index];
-    MadeFrame made;
-    made.frame.index = index;
-    made.frame.time_s = pose.time_s;
-    made.frame.exposure_ms = 1e3 * formation_.exposure_time_s * exposure_gain(formation_, pose.time_s);
-    take_picture(made);
-    if (has_outputs_) {
-      made.frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
-      made.frame.objects = outputs_.objects();
-    }
-    return made;
-  }
-
- private:
-  void take_picture(MadeFrame& made) const {
-    SensedFrame& frame = made.frame;
-    if (is_ideal(formation_)) {
-      RenderedFrame rendered = renderer_.render(frames_.poses[frame.index].T_local_camera);
-      frame.rgb = std::move(rendered.rgb);
-      frame.depth_m = std::move(rendered.depth_m);
-      made.view = rendered.view;
-      return;
-    }
-    LightFrame light = renderer_.render_light(poses_of(frame.index));
-    frame.rgb = develop(light.light, vignette_, formation_, exposure_gain(formation_, frame.time_s), frame.index);
-    frame.depth_m = std::move(light.depth_m);
-    made.view = light.view;
-  }
-  ShutterPoses poses_of(std::size_t index) const {
-    const StampedPose& pose = frames_.poses[index];
-    if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}};
-    return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height());
-  }
-  /// At the middle of the exposure; empty beyond the last frame.
-  std::vector<SE3> rows_of(std::size_t index) const {
-    if (index >= frames_.size()) return {};
-    const ShutterPoses poses = poses_of(index);
-    const auto first = poses.T_local_camera.begin() + static_cast<std::ptrdiff_t>(poses.times / 2) * poses.rows;
-    return {first, first + poses.rows};
-  }
-
-  CameraRenderer renderer_;
-  OutputRenderer outputs_;
-  bool has_outputs_;
-  const Trajectory& frames_;
-  ImageFormation formation_;
-  PoseFunction pose_at_;
-  imaging::FloatImage vignette_;
-};
-
-/// "frame 3", "frames 3 to 7".
-std::string range_name(std::size_t first, std::size_t last) {
-  if (first == last) return "frame " + std::to_string(first);
-  return "frames " + std::to_string(first) + " to " + std::to_string(last);
-}
-
 /// Frames that are rendered.
 struct FrameRange {
   std::size_t begin = 0;
@@ -117,6 +42,129 @@ struct FrameRange {
 FrameRange range_of(const FlightOptions& options, std::size_t frames) {
   const std::size_t end = std::min(options.end_frame, frames);
   return {std::min(options.first_frame, end), end};
+}
+
+/// With the formation's haze.
+RenderOptions in_air(RenderOptions render, const ImageFormation& formation) {
+  render.haze_per_m = haze_per_m(formation);
+  return render;
+}
+
+struct MadeFrame {
+  SensedFrame frame;
+  FrameView view;
+};
+
+/// Makes one frame after another; several threads may each make one.
+class FrameMaker {
+ public:
+  FrameMaker(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
+             const PoseFunction& pose_at, const FlightOptions& options)
+      : renderer_(scene, camera, in_air(options.render, options.formation)),
+        outputs_(renderer_, scene, options.outputs, options.place),
+        has_outputs_(options.outputs.any()),
+        frames_(frames),
+        first_frame_(range_of(options, frames.size()).begin),
+        formation_(options.formation),
+        pose_at_(shutter_path(pose_at, frames, options.formation)),
+        vignette_(vignette_of(formation_, camera.width(), camera.height())),
+        exposure_(options.exposure_before) {
+    RenderOptions colour = in_air(options.render, formation_);
+    colour.depth = false;
+    const auto with_lens = [&](double larger, std::optional<CameraRenderer>& renderer) {
+      if (larger != 0.0) renderer.emplace(scene, renderer_.appearance(), magnified(camera, larger), colour);
+    };
+    with_lens(formation_.chromatic_red, red_);
+    with_lens(formation_.chromatic_blue, blue_);
+    if (formation_.auto_exposure.target > 0.0) meter(scene, colour, range_of(options, frames.size()));
+  }
+
+  /// After the last of the range's frames; nullopt without an automatic exposure.
+  const std::optional<ExposureState>& exposure_after() const { return exposure_; }
+
+  MadeFrame make(std::size_t index) const {
+    const StampedPose& pose = frames_.poses[index];
+    MadeFrame made;
+    made.frame.index = index;
+    made.frame.time_s = pose.time_s;
+    made.frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(index);
+    take_picture(made);
+    if (has_outputs_) {
+      made.frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
+      made.frame.objects = outputs_.objects();
+    }
+    return made;
+  }
+
+ private:
+  /// The automatic exposure's gains of all frames, before the first is rendered.
+  void meter(const scene::Scene& scene, const RenderOptions& options, const FrameRange& range) {
+    const std::span<const StampedPose> poses = std::span(frames_.poses).subspan(range.begin, range.count());
+    std::vector<double> times_s;
+    for (const StampedPose& pose : poses) times_s.push_back(pose.time_s);
+    const std::vector<double> light =
+        metered_light(scene, renderer_.appearance(), renderer_.camera(), options, formation_, poses);
+    gains_ = exposure_gains(formation_.auto_exposure, times_s, light, exposure_);
+  }
+  void take_picture(MadeFrame& made) const {
+    SensedFrame& frame = made.frame;
+    if (is_ideal(formation_)) {
+      RenderedFrame rendered = renderer_.render(frames_.poses[frame.index].T_local_camera);
+      frame.rgb = std::move(rendered.rgb);
+      frame.depth_m = std::move(rendered.depth_m);
+      made.view = rendered.view;
+      return;
+    }
+    LightFrame light = light_of(frame.index);
+    frame.rgb = develop(light.light, vignette_, formation_, gain_of(frame.index), frame.index);
+    frame.depth_m = std::move(light.depth_m);
+    made.view = light.view;
+  }
+  /// Red and blue through lenses of their own, where they have one.
+  LightFrame light_of(std::size_t index) const {
+    const ShutterPoses poses = poses_of(index, gain_of(index));
+    LightFrame light = renderer_.render_light(poses);
+    if (red_) take_channel(0, red_->render_light(poses).light, light.light);
+    if (blue_) take_channel(2, blue_->render_light(poses).light, light.light);
+    return light;
+  }
+  static void take_channel(std::size_t channel, const LightImage& from, LightImage& to) {
+    for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
+  }
+  double gain_of(std::size_t index) const {
+    const double automatic = gains_.empty() ? 1.0 : gains_[index - first_frame_];
+    return automatic * exposure_gain(formation_, frames_.poses[index].time_s);
+  }
+  ShutterPoses poses_of(std::size_t index, double gain) const {
+    const StampedPose& pose = frames_.poses[index];
+    if (!has_shutter(formation_)) return {1, 1, {pose.T_local_camera}};
+    return shutter_poses(formation_, pose_at_, pose.time_s, renderer_.camera().height(), gain);
+  }
+  /// At the middle of the exposure, whatever its length; empty beyond the last frame.
+  std::vector<SE3> rows_of(std::size_t index) const {
+    if (index >= frames_.size()) return {};
+    const ShutterPoses poses = poses_of(index, 1.0);
+    const auto first = poses.T_local_camera.begin() + static_cast<std::ptrdiff_t>(poses.times / 2) * poses.rows;
+    return {first, first + poses.rows};
+  }
+
+  CameraRenderer renderer_;
+  OutputRenderer outputs_;
+  bool has_outputs_;
+  const Trajectory& frames_;
+  std::size_t first_frame_;
+  ImageFormation formation_;
+  PoseFunction pose_at_;
+  imaging::FloatImage vignette_;
+  std::optional<CameraRenderer> red_, blue_;  ///< where their image is of another size
+  std::optional<ExposureState> exposure_;
+  std::vector<double> gains_;  ///< the automatic exposure's, from first_frame_ on; empty: there is none
+};
+
+/// "frame 3", "frames 3 to 7".
+std::string range_name(std::size_t first, std::size_t last) {
+  if (first == last) return "frame " + std::to_string(first);
+  return "frames " + std::to_string(first) + " to " + std::to_string(last);
 }
 
 /// One line for each run of frames for which `found` holds.
@@ -210,6 +258,7 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
 
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   FlightReport report = report_of(views, seconds.count());
+  report.exposure_after = maker.exposure_after();
   report.warnings = path_warnings(scene, frames, range, views, options.clearance_m);
   return report;
 }

@@ -8,6 +8,7 @@
 
 #include "tileflight/geometry/progress.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/sensors/auto_exposure.h"
 #include "tileflight/sensors/frame_outputs.h"
 #include "tileflight/sensors/image_formation.h"
 #include "tileflight/sensors/render.h"
@@ -23,6 +24,8 @@ struct FlightOptions {
   /// same pictures as those of the whole flight.
   std::size_t first_frame = 0;
   std::size_t end_frame = std::numeric_limits<std::size_t>::max();
+  /// Of the automatic exposure, before `first_frame`: FlightReport::exposure_after of the frames before it.
+  std::optional<ExposureState> exposure_before{};
   int frames_in_flight = 4;  ///< frames that may be in memory at once, rendered or being written
   double clearance_m = 0.3;  ///< a surface nearer than this to the camera is reported
 };
@@ -45,8 +48,9 @@ struct FlightReport {
   std::int64_t frames = 0;
   double seconds = 0.0;  ///< wall clock, rendering and sink together
   double frames_per_second = 0.0;
-  double mean_surface_share = 0.0;  ///< of pixels that see a surface
-  double nearest_m = 0.0;           ///< of all surfaces seen
+  double mean_surface_share = 0.0;              ///< of pixels that see a surface
+  double nearest_m = 0.0;                       ///< of all surfaces seen
+  std::optional<ExposureState> exposure_after;  ///< where there is an automatic exposure
   std::vector<std::string>
       warnings;  ///< path through or too near a surface, frames that see none; one line each, with the frames
 };

@@ -6,8 +6,11 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/sensors/random_numbers.h"
@@ -43,6 +46,78 @@ class Response {
   std::array<float, kSteps + 2> power_{};
 };
 
+/// Values 0..255 before they are rounded.
+using ValueImage = imaging::Image<std::array<float, 3>>;
+
+float luma(const std::array<float, 3>& value) { return 0.299F * value[0] + 0.587F * value[1] + 0.114F * value[2]; }
+
+/// Weights of the pixels 0, 1, 2, ... away, as far as they count; both sides together sum to 1.
+std::vector<float> gaussian_weights(double sigma_px) {
+  const int reach = std::max(1, static_cast<int>(std::ceil(3.0 * sigma_px)));
+  std::vector<float> weights;
+  double sum = 0.0;
+  for (int i = 0; i <= reach; ++i) {
+    const double weight = std::exp(-0.5 * i * i / (sigma_px * sigma_px));
+    weights.push_back(static_cast<float>(weight));
+    sum += i == 0 ? weight : 2.0 * weight;
+  }
+  for (float& weight : weights) weight /= static_cast<float>(sum);
+  return weights;
+}
+
+/// One direction of a Gaussian; the outermost pixel goes on beyond the border.
+imaging::FloatImage blurred(const imaging::FloatImage& image, const std::vector<float>& weights, int step_x,
+                            int step_y) {
+  imaging::FloatImage out(image.width, image.height);
+  const auto at = [&](int x, int y) {
+    return image(std::clamp(x, 0, image.width - 1), std::clamp(y, 0, image.height - 1));
+  };
+  tbb::parallel_for(0, image.height, [&](int y) {
+    for (int x = 0; x < image.width; ++x) {
+      float sum = weights[0] * image(x, y);
+      for (int i = 1; i < static_cast<int>(weights.size()); ++i) {
+        sum += weights[static_cast<std::size_t>(i)] *
+               (at(x - i * step_x, y - i * step_y) + at(x + i * step_x, y + i * step_y));
+      }
+      out(x, y) = sum;
+    }
+  });
+  return out;
+}
+
+/// Unsharp mask: what a Gaussian takes away from the luma is added to all three channels.
+void sharpen(ValueImage& values, double amount, double radius_px) {
+  imaging::FloatImage lumas(values.width, values.height);
+  std::transform(values.pixels.begin(), values.pixels.end(), lumas.pixels.begin(), luma);
+  const std::vector<float> weights = gaussian_weights(radius_px);
+  const imaging::FloatImage soft = blurred(blurred(lumas, weights, 1, 0), weights, 0, 1);
+  for (std::size_t i = 0; i < values.pixels.size(); ++i) {
+    const float detail = static_cast<float>(amount) * (lumas.pixels[i] - soft.pixels[i]);
+    for (float& value : values.pixels[i]) value += detail;
+  }
+}
+
+imaging::RgbImage rounded(const ValueImage& values) {
+  imaging::RgbImage image(values.width, values.height);
+  std::transform(values.pixels.begin(), values.pixels.end(), image.pixels.begin(),
+                 [](const std::array<float, 3>& value) {
+                   imaging::Rgb8 pixel;
+                   for (std::size_t c = 0; c < 3; ++c) {
+                     pixel[c] = static_cast<std::uint8_t>(std::clamp(value[c], 0.0F, 255.0F) + 0.5F);
+                   }
+                   return pixel;
+                 });
+  return image;
+}
+
+void check_auto_exposure(const AutoExposure& a) {
+  require(a.target >= 0.0 && a.target <= 1.0, "auto exposure's target", "must lie between 0 and 1");
+  require(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0, "auto exposure's time constant",
+          "must lie between 0 and 1000 s");
+  require(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6, "auto exposure's gains",
+          "must be positive, the least not above the largest");
+}
+
 /// Photon and read noise of one channel, in units of white. Photon counts are Poisson; their normal approximation has
 /// the same mean and variance, and read noise blurs what differs at a few electrons.
 float with_noise(float light, float normal, const ImageFormation& formation) {
@@ -55,6 +130,13 @@ float with_noise(float light, float normal, const ImageFormation& formation) {
 }  // namespace
 
 void check(const ImageFormation& f) {
+  require(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
+  require(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
+          "must lie between -0.05 and 0.05");
+  require(f.sharpening >= 0.0 && f.sharpening <= 10.0, "sharpening", "must lie between 0 and 10");
+  require(f.sharpening_radius_px >= 0.1 && f.sharpening_radius_px <= 20.0, "sharpening radius",
+          "must lie between 0.1 and 20 pixels");
+  check_auto_exposure(f.auto_exposure);
   require(f.exposure_time_s >= 0.0 && f.exposure_time_s < 10.0, "exposure time", "must lie between 0 and 10 s");
   require(f.exposure_samples >= 1 && f.exposure_samples <= 99 && f.exposure_samples % 2 == 1, "exposure samples",
           "must be an odd number from 1 to 99");
@@ -77,7 +159,22 @@ void check(const ImageFormation& f) {
 
 bool is_ideal(const ImageFormation& f) {
   return f.exposure_time_s == 0.0 && f.line_delay_s == 0.0 && f.vignetting == 0.0 && f.exposure_drift == 0.0 &&
-         f.exposure_steps.empty() && f.white_electrons == 0.0 && f.gamma == 0.0;
+         f.exposure_steps.empty() && f.white_electrons == 0.0 && f.gamma == 0.0 && f.chromatic_red == 0.0 &&
+         f.chromatic_blue == 0.0 && f.auto_exposure.target == 0.0 && f.sharpening == 0.0 && f.haze_visibility_m == 0.0;
+}
+
+double haze_per_m(const ImageFormation& formation) {
+  constexpr double kTwoPercent = 3.912;  // -ln 0.02
+  return formation.haze_visibility_m > 0.0 ? kTwoPercent / formation.haze_visibility_m : 0.0;
+}
+
+imaging::Camera magnified(const imaging::Camera& camera, double larger) {
+  const auto scaled = [&](auto lens) -> imaging::CameraModel {
+    lens.fx *= 1.0 + larger;
+    lens.fy *= 1.0 + larger;
+    return lens;
+  };
+  return {std::visit(scaled, camera.model()), camera.width(), camera.height()};
 }
 
 double exposure_gain(const ImageFormation& formation, double time_s) {
@@ -90,8 +187,16 @@ double exposure_gain(const ImageFormation& formation, double time_s) {
   return gain * step_gain;
 }
 
-ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height) {
-  const double open_s = formation.exposure_time_s * exposure_gain(formation, time_s);
+double max_exposure_gain(const ImageFormation& formation) {
+  double step = 1.0;
+  for (const ExposureStep& s : formation.exposure_steps) step = std::max(step, s.gain);
+  const AutoExposure& automatic = formation.auto_exposure;
+  return (1.0 + formation.exposure_drift) * step * (automatic.target > 0.0 ? automatic.max_gain : 1.0);
+}
+
+ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height,
+                           double gain) {
+  const double open_s = formation.exposure_time_s * gain;
   ShutterPoses poses;
   poses.times = open_s > 0.0 ? formation.exposure_samples : 1;
   poses.rows = formation.line_delay_s != 0.0 ? height : 1;
@@ -124,7 +229,7 @@ imaging::FloatImage vignette_of(const ImageFormation& formation, int width, int 
 imaging::RgbImage develop(const LightImage& light, const imaging::FloatImage& vignette, const ImageFormation& formation,
                           double gain, std::uint64_t frame) {
   assert(vignette.empty() || vignette.pixels.size() == light.pixels.size());
-  imaging::RgbImage image(light.width, light.height);
+  ValueImage values(light.width, light.height);
   const Response response(formation.gamma);
   const std::uint64_t key = stream_key(stream_key(formation.seed, kSensorNoiseStream), frame);
   const bool noisy = formation.white_electrons > 0.0;
@@ -137,12 +242,12 @@ imaging::RgbImage develop(const LightImage& light, const imaging::FloatImage& vi
       const std::array<float, 4> normal = noisy ? normal_numbers(key, index) : std::array<float, 4>{};
       for (std::size_t c = 0; c < 3; ++c) {
         const float exposed = factor * light(x, y)[c];
-        const float signal = noisy ? with_noise(exposed, normal[c], formation) : exposed;
-        image(x, y)[c] = static_cast<std::uint8_t>(response.value(signal) + 0.5F);
+        values(x, y)[c] = response.value(noisy ? with_noise(exposed, normal[c], formation) : exposed);
       }
     }
   });
-  return image;
+  if (formation.sharpening > 0.0) sharpen(values, formation.sharpening, formation.sharpening_radius_px);
+  return rounded(values);
 }
 
 imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height) {

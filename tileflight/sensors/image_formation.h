@@ -20,11 +20,30 @@ struct ExposureStep {
   double gain = 1.0;
 };
 
-/// What a real camera does to light on its way into a file. Every effect is off by default; then frames are the
-/// textures' own colours. The order is that of a camera: light gathered while the shutter is open (motion blur; each
-/// row at its own time) -> vignetting -> exposure -> photon and read noise -> full well -> response curve -> 8 bits.
+/// An automatic exposure (auto_exposure.h): the shutter stays open so long that the picture's mean light comes near
+/// `target`, with a lag.
+struct AutoExposure {
+  double target = 0.0;           ///< mean linear light of the picture, 0..1 (0.18: middle grey); 0: off
+  double time_constant_s = 0.5;  ///< of the control's lag; 0: each frame gets what the one before it wanted
+  double min_gain = 0.125;       ///< limits of the factor on the exposure
+  double max_gain = 8.0;
+};
+
+/// What air and a real camera do to light on its way into a file. Every effect is off by default; then frames are the
+/// textures' own colours. The order is that of nature: haze -> lens (lateral chromatic aberration) -> light gathered
+/// while the shutter is open (motion blur; each row at its own time) -> vignetting -> exposure -> photon and read noise
+/// -> full well -> response curve -> sharpening -> 8 bits.
 struct ImageFormation {
   std::uint64_t seed = 1;  ///< of the noise; the same seed gives the same bytes
+
+  /// Distance at which contrast has fallen to 2 %, metres: light that reaches the camera is L T + A (1 - T),
+  /// T = exp(-3.912 d / haze_visibility_m) (Koschmieder 1924), A being the background's colour. 0: clear air.
+  double haze_visibility_m = 0.0;
+
+  // Lateral chromatic aberration: the red (blue) image is larger than the green one by this share, about the principal
+  // point.
+  double chromatic_red = 0.0;
+  double chromatic_blue = 0.0;
 
   // Shutter.
   double exposure_time_s = 0.0;  ///< at gain 1; centred on the frame's time. 0: an instant, no motion blur
@@ -34,8 +53,8 @@ struct ImageFormation {
   // Optics: V(r) = 1 - vignetting (r / r_corner)^2, r from the image's centre.
   double vignetting = 0.0;  ///< share of the light that is lost in the corners, 0..1
 
-  // Exposure: a slow drift and steps, as an automatic exposure makes them; both change the time that the shutter is
-  // open.
+  // Exposure: a slow drift, steps, and an automatic exposure, which all multiply the time that the shutter is open.
+  AutoExposure auto_exposure{};
   double exposure_drift = 0.0;                 ///< amplitude of the gain's oscillation, 0..1
   double exposure_drift_period_s = 8.0;        ///< of the oscillation, which starts rising at time 0
   std::vector<ExposureStep> exposure_steps{};  ///< in time order; each holds until the next
@@ -46,6 +65,10 @@ struct ImageFormation {
 
   // Response: sRGB, as the textures are encoded, or a power.
   double gamma = 0.0;  ///< value = light^(1 / gamma); 0: sRGB's curve
+
+  // Sharpening of the camera's own: an unsharp mask on the luma of the response's values.
+  double sharpening = 0.0;            ///< amount: how many times what a Gaussian takes away is added; 0: none
+  double sharpening_radius_px = 1.0;  ///< standard deviation of the Gaussian
 };
 
 /// Throws InputError (option, cause) where a value is out of its range.
@@ -54,11 +77,22 @@ void check(const ImageFormation& formation);
 /// Whether every effect is off, so that frames are the textures' own colours.
 bool is_ideal(const ImageFormation& formation);
 
-/// Factor on the time that the shutter is open, for a frame at `time_s`.
+/// Share of the light that the haze takes on a metre of air (its natural logarithm).
+double haze_per_m(const ImageFormation& formation);
+
+/// The lens through which one colour is seen: its image is larger by the share `larger`, about the principal point.
+imaging::Camera magnified(const imaging::Camera& camera, double larger);
+
+/// Factor on the time that the shutter is open, for a frame at `time_s`, without the automatic exposure's.
 double exposure_gain(const ImageFormation& formation, double time_s);
 
-/// The moments and rows of a frame at `time_s`: row y is taken around time_s + (y - (height - 1) / 2) line_delay_s.
-ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height);
+/// The largest factor that the formation can come to, drift, steps and automatic exposure together.
+double max_exposure_gain(const ImageFormation& formation);
+
+/// The moments and rows of a frame at `time_s`: row y is taken around time_s + (y - (height - 1) / 2) line_delay_s. The
+/// shutter is open for `gain` times the exposure time.
+ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height,
+                           double gain = 1.0);
 
 /// V of every pixel, in (0, 1]; empty where there is no vignetting.
 imaging::FloatImage vignette_of(const ImageFormation& formation, int width, int height);
@@ -67,7 +101,8 @@ imaging::FloatImage vignette_of(const ImageFormation& formation, int width, int 
 imaging::RgbImage develop(const LightImage& light, const imaging::FloatImage& vignette, const ImageFormation& formation,
                           double gain, std::uint64_t frame);
 
-/// The photometric calibration that undoes response and vignetting: I = G(t V B) as in imaging/photometric.h.
+/// The photometric calibration that undoes response and vignetting: I = G(t V B) as in imaging/photometric.h. Noise and
+/// sharpening are not undone by any.
 imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height);
 
 }  // namespace tileflight::sensors

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/sensors/fly.h"
 #include "tileflight/sensors/test_scenes.h"
 
 namespace tileflight::sensors {
@@ -158,6 +159,90 @@ TEST(ImageFormation, RollingShutterShearsAMovingEdge) {
   }
 }
 
+/// Where, along the middle row right of the centre, a channel falls through half of white, in pixels.
+double edge_px(const imaging::RgbImage& image, std::size_t channel) {
+  const int y = image.height / 2;
+  for (int x = image.width / 2; x + 1 < image.width; ++x) {
+    const double here = srgb_decode(image(x, y)[channel]), next = srgb_decode(image(x + 1, y)[channel]);
+    if (here >= 0.5 && next < 0.5) return x + (here - 0.5) / (here - next);
+  }
+  return -1.0;
+}
+
+TEST(ImageFormation, ChromaticAberrationMagnifiesRedAndBlueAboutThePrincipalPoint) {
+  // A white square of 60 m seen from 100 m: its eastern rim is 120 pixels right of the principal point.
+  const auto white = test_scenes::texture(2, 2, [](int, int) { return test_scenes::grey(255); });
+  const scene::Scene scene({test_scenes::ground(Vec3(0, 0, 0), 60.0, white)});
+  const imaging::Camera camera(imaging::PinholeRadtan{400, 400, 150, 40, {}}, 301, 81);
+  FlightOptions options;
+  options.render = {.samples_per_pixel = 16, .background = {0, 0, 0}};
+  options.formation.chromatic_red = 0.02;
+  options.formation.chromatic_blue = -0.01;
+  geometry::Trajectory frames;
+  frames.poses = {{0.0, test_scenes::looking_down({0, 0, 100})}};
+  imaging::RgbImage image;
+  render_flight(scene, camera, frames, {}, options, [&](const SensedFrame& frame) { image = frame.rgb; });
+  EXPECT_NEAR(edge_px(image, 1), 270.0, 0.15);
+  EXPECT_NEAR(edge_px(image, 0), 150 + 120 * 1.02, 0.15);
+  EXPECT_NEAR(edge_px(image, 2), 150 + 120 * 0.99, 0.15);
+}
+
+TEST(ImageFormation, HazeFollowsKoschmieder) {
+  const auto dark = test_scenes::texture(2, 2, [](int, int) { return test_scenes::grey(40); });
+  const scene::Scene scene({test_scenes::ground(Vec3(0, 0, 0), 4000.0, dark)});
+  const imaging::Camera camera = imaging::make_pinhole(33, 21, 60.0);
+  const imaging::Rgb8 sky{200, 210, 220};
+  for (const double distance_m : {20.0, 200.0, 500.0, 2000.0}) {
+    const ImageFormation formation{.haze_visibility_m = 500.0};
+    const CameraRenderer renderer(scene, camera, {.background = sky, .haze_per_m = haze_per_m(formation)});
+    const RenderedFrame frame = renderer.render(test_scenes::looking_down({0, 0, distance_m}));
+    const double clear = std::pow(0.02, distance_m / 500.0);  // 2 % of the contrast are left at 500 m
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double light = clear * srgb_decode(40) + (1 - clear) * srgb_decode(sky[c]);
+      EXPECT_NEAR(frame.rgb(16, 10)[c], srgb_encode(light), 0.6) << distance_m;
+    }
+  }
+  EXPECT_EQ(haze_per_m({}), 0.0);
+}
+
+/// A step of two greys, the second from column 20 on.
+LightImage step_of_light(double left_grey, double right_grey) {
+  LightImage light(40, 9);
+  for (int y = 0; y < 9; ++y) {
+    for (int x = 0; x < 40; ++x) light(x, y).fill(static_cast<float>(srgb_decode(x < 20 ? left_grey : right_grey)));
+  }
+  return light;
+}
+
+TEST(ImageFormation, SharpeningOvershootsAtEdgesAndLeavesPlainsAlone) {
+  const ImageFormation formation{.sharpening = 1.5, .sharpening_radius_px = 1.2};
+  const imaging::RgbImage image = developed(step_of_light(80, 160), formation);
+  // v + amount (v - v * g): beside a step of height h, the Gaussian's share of the other side is its tail. Pixels are
+  // sums over whole steps, so the tails are sums of the sampled weights.
+  double total = 0.0;
+  for (int i = -4; i <= 4; ++i) total += std::exp(-0.5 * i * i / 1.44);
+  const auto tail = [&](int from) {
+    double sum = 0.0;
+    for (int i = from; i <= 4; ++i) sum += std::exp(-0.5 * i * i / 1.44);
+    return sum / total;
+  };
+  for (int away = 0; away < 20; ++away) {
+    const double halo = 1.5 * 80.0 * tail(away + 1);
+    EXPECT_NEAR(image(20 + away, 4)[1], std::min(255.0, 160.0 + halo), 0.51) << away;
+    EXPECT_NEAR(image(19 - away, 4)[1], std::max(0.0, 80.0 - halo), 0.51) << away;
+  }
+  EXPECT_EQ(developed(even_light(16, 9, 0.3F), formation).pixels, developed(even_light(16, 9, 0.3F), {}).pixels);
+}
+
+TEST(ImageFormation, SharpeningKeepsColoursApart) {
+  // Only the luma is sharpened: the differences between the channels stay, where nothing is clipped.
+  LightImage light = step_of_light(110, 150);
+  for (Light& pixel : light.pixels) pixel[0] = static_cast<float>(srgb_decode(srgb_encode(pixel[1]) - 30.0));
+  const imaging::RgbImage image = developed(light, {.sharpening = 1.0});
+  for (const imaging::Rgb8& pixel : image.pixels) EXPECT_NEAR(pixel[1] - pixel[0], 30, 1);
+  EXPECT_GT(image(20, 4)[1], 152);
+}
+
 TEST(ImageFormation, RefusesValuesOutOfRange) {
   EXPECT_NO_THROW(check({}));
   EXPECT_THROW(check({.exposure_time_s = -1.0}), InputError);
@@ -169,6 +254,12 @@ TEST(ImageFormation, RefusesValuesOutOfRange) {
   EXPECT_THROW(check({.exposure_steps = {{1.0, 1.0}, {1.0, 2.0}}}), InputError);
   EXPECT_THROW(check({.read_noise_electrons = 3.0}), InputError);
   EXPECT_THROW(check({.gamma = -2.2}), InputError);
+  EXPECT_THROW(check({.haze_visibility_m = -1.0}), InputError);
+  EXPECT_THROW(check({.chromatic_red = 0.2}), InputError);
+  EXPECT_THROW(check({.auto_exposure = {.target = 1.5}}), InputError);
+  EXPECT_THROW(check({.auto_exposure = {.min_gain = 2.0, .max_gain = 1.0}}), InputError);
+  EXPECT_THROW(check({.sharpening = -1.0}), InputError);
+  EXPECT_THROW(check({.sharpening_radius_px = 0.0}), InputError);
 }
 
 }  // namespace

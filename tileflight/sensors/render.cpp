@@ -116,7 +116,7 @@ struct CameraRenderer::Impl {
         appearance(std::move(a)),
         camera(std::move(c)),
         options(o),
-        tracer(scene, *appearance, options.background),
+        tracer(scene, *appearance, options.background, options.haze_per_m),
         central(camera, 1) {
     const int n = samples_along_axis(options.samples_per_pixel);
     if (n > 1) samples.emplace(camera, n);

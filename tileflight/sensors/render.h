@@ -20,7 +20,8 @@ class Appearance;  // appearance.h
 struct RenderOptions {
   bool depth = true;
   int samples_per_pixel = 1;                ///< n x n even grid for n^2 samples: 1, 4, 9, 16
-  imaging::Rgb8 background{135, 180, 225};  ///< where no surface is (sky)
+  imaging::Rgb8 background{135, 180, 225};  ///< where no surface is (sky), and the haze's colour
+  double haze_per_m = 0.0;                  ///< surfaces fade to the background: exp(-haze_per_m distance) is left
 };
 
 /// What the pixels' central rays met, for the checks of a flight.
