@@ -119,6 +119,56 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
   EXPECT_NE(after.at("real-odometry.json"), before.at("real-odometry.json"));
 }
 
+constexpr const char* kFollowing = R"(name: following
+place:
+  source: place/tileset.json
+  center_local: [0, 0, 100]
+  size: [80, 80, 20]
+simulated:
+  render: {follow: real}
+real:
+  kind: surrogate
+  render: {flight: flight.yaml}
+)";
+
+TEST_F(Experiment, FliesTheOtherFlightAgain) {
+  TinyPlace::write_file(folder_ / "experiment.yaml", kFollowing);
+  const ProgramResult first = run("a", {"--json"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const json results = json::parse(first.out);
+  const json& again = results["reproduction"];
+  EXPECT_GT(again["pairs"].get<int>(), 50);
+  EXPECT_EQ(again["poses"], "true");
+  EXPECT_GT(again["overlap"]["p10"].get<double>(), 0.9);
+  EXPECT_GT(again["ncc"]["p10"].get<double>(), 0.8) << again.dump(1);
+  EXPECT_LT(again["position_m"]["p90"].get<double>(), 0.3);
+  EXPECT_LT(again["rotation_deg"]["p90"].get<double>(), 1.0);
+  ASSERT_TRUE(again["time_offset_s"].is_number()) << again.dump(1);
+  EXPECT_NEAR(again["time_offset_s"].get<double>(), 0.0, 0.03);
+  EXPECT_GT(again["excerpt"]["to_s"].get<double>(), again["excerpt"]["from_s"].get<double>() + 3);
+  EXPECT_EQ(tests::line_count(file_text(folder_ / "a/reproduction.csv")), 1 + again["pairs"].get<int>());
+  EXPECT_EQ(results["simulated"]["resolution"], results["real"]["resolution"]);
+  const auto before = stage_times("a");
+  ASSERT_EQ(run("a").exit_code, 0);
+  EXPECT_EQ(stage_times("a"), before) << "a stage was done again";
+}
+
+TEST_F(Experiment, WhatCannotBeFollowedIsOneLine) {
+  const auto expect_refused = [&](const std::string& from, const std::string& to, const std::string& cause) {
+    std::string text = kFollowing;
+    text.replace(text.find(from), from.size(), to);
+    TinyPlace::write_file(folder_ / "experiment.yaml", text);
+    const ProgramResult result = run("a");
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_THAT(result.err, testing::HasSubstr(cause));
+  };
+  expect_refused("{follow: real}", "{follow: real, flight: flight.yaml}", "does not go together");
+  expect_refused("{follow: real}", "{follow: reel}", "real");
+  expect_refused("render: {flight: flight.yaml}", "render: {follow: real}", "itself");
+  expect_refused("real:\n  kind: surrogate\n  render: {flight: flight.yaml}\n", "", "which is missing");
+}
+
 TEST_F(Experiment, ThreadsChangeNoByte) {
   ASSERT_EQ(run("one", {"--threads", "1"}).exit_code, 0);
   ASSERT_EQ(run("two", {"--threads", "2"}).exit_code, 0);

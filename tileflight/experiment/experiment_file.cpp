@@ -79,7 +79,9 @@ fs::path optional_path(YamlSection& section, const std::string& key) {
 
 RenderFlight read_render(YamlSection section) {
   RenderFlight render;
-  render.flight = required_path(section, "flight");
+  render.follows_real = section.choice("follow", {"real"}).has_value();
+  if (!render.follows_real) render.flight = required_path(section, "flight");
+  if (render.follows_real && section.has("flight")) throw section.error("flight", "does not go together with 'follow'");
   render.source = source_text(section, "source");
   if (const auto v = section.numbers("resolution", 2, 2)) {
     render.width = static_cast<int>((*v)[0]);
@@ -185,6 +187,10 @@ Experiment read_experiment(const fs::path& file) {
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
   root.finish();
   for (const std::string& key : root.keys()) experiment.sections[key] = root.raw(key);
+  if (experiment.real && experiment.real->render && experiment.real->render->follows_real)
+    throw root.error("real", "cannot follow itself; 'follow: real' is for 'simulated'");
+  const bool follows = experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
+  if (follows && !experiment.real) throw root.error("simulated", "follows the flight 'real', which is missing");
   if (!experiment.simulated && !experiment.real)
     throw root.error("simulated", "or 'real' is needed: at least one flight");
   return experiment;

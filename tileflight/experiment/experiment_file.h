@@ -40,10 +40,11 @@ struct Truth {
   double samples_per_m2 = 16.0;
 };
 
-/// `render:` a flight through the place's tiles. Keys: flight, source, resolution, samples_per_pixel, max_frames,
-/// outputs, degrade.
+/// `render:` a flight through the place's tiles. Keys: flight | follow, source, resolution, samples_per_pixel,
+/// max_frames, outputs, degrade.
 struct RenderFlight {
-  std::filesystem::path flight;      ///< FLIGHT file
+  std::filesystem::path flight;      ///< FLIGHT file; empty where another flight is followed
+  bool follows_real = false;         ///< follow: real: where the second flight was found to be, with its lens
   std::string source;                ///< another model of the same place; empty: the place's
   std::optional<int> width, height;  ///< the flight's camera over another image size; both or none
   int samples_per_pixel = 1;

@@ -3,6 +3,7 @@
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/camera.h"
 #include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/url_secrets.h"
 #include "tileflight/tiling/stadium.h"
@@ -49,8 +50,16 @@ void check_run_folder(const fs::path& folder) {
 
 Pipeline::Pipeline(const Experiment& experiment, fs::path folder, const StageCache& cache)
     : experiment_(experiment), folder_(std::move(folder)), cache_(cache) {
-  if (experiment_.simulated) flights_.push_back({"simulated", *experiment_.simulated, folder_ / "simulated"});
+  const auto add_simulated = [&] {
+    if (experiment_.simulated) flights_.push_back({"simulated", *experiment_.simulated, folder_ / "simulated"});
+  };
+  if (!simulated_follows_real()) add_simulated();
   if (experiment_.real) flights_.push_back({"real", *experiment_.real, folder_ / "real"});
+  if (simulated_follows_real()) add_simulated();
+}
+
+bool Pipeline::simulated_follows_real() const {
+  return experiment_.simulated && experiment_.simulated->render && experiment_.simulated->render->follows_real;
 }
 
 bool Pipeline::uses_built_in_place() const {
@@ -120,7 +129,12 @@ ExtractSettings Pipeline::extract_settings() const {
 
 /// The cameras see more of the place than is scored: the region grown on every side, in the truth's own frame.
 RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
-  const RenderFlight& render = *flight.flight.render;
+  RenderFlight render = *flight.flight.render;
+  if (render.follows_real) {
+    render.flight = flight.folder / "flight/flight.yaml";
+    const double line_delay_s = imaging::read_calibration(flight.folder / "flight/camera.yaml").line_delay_s;
+    if (!render.degrade && line_delay_s != 0.0) render.degrade = sensors::ImageFormation{.line_delay_s = line_delay_s};
+  }
   const json truth = read_extract_json(folder_ / "truth");
   const std::vector<double> center = truth.at("region").at("center");
   const std::vector<double> size = truth.at("region").at("size");
@@ -154,7 +168,8 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
   if (f.flight.render) {
     const std::string& own = f.flight.render->source;
     inputs["tiles"] = source_fingerprint(own.empty() ? experiment_.place.source : own);
-    inputs["flight"] = plan_fingerprint(f.flight.render->flight);
+    inputs["flight"] =
+        f.flight.render->follows_real ? cache_.key(f.name + "/flight") : plan_fingerprint(f.flight.render->flight);
   }
   if (f.flight.ingest) {
     const IngestFlight& ingest = *f.flight.ingest;
@@ -163,6 +178,16 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
     }
   }
   return inputs;
+}
+
+json Pipeline::followed_inputs() const {
+  return {{"dataset", cache_.key("real/dataset")}, {"alignment", cache_.key("real/alignment")}};
+}
+
+json Pipeline::reproduction_inputs() const {
+  return {{"simulated", cache_.key("simulated/dataset")},
+          {"real", cache_.key("real/alignment")},
+          {"truth", cache_.key("truth")}};
 }
 
 json Pipeline::odometry_inputs(const FlightStages& f) const {

@@ -24,7 +24,9 @@ class Pipeline {
  public:
   Pipeline(const Experiment& experiment, std::filesystem::path folder, const StageCache& cache);
 
+  /// In the order in which they are flown.
   const std::vector<FlightStages>& flights() const { return flights_; }
+  bool simulated_follows_real() const;
 
   /// The built-in place, where a source asks for it.
   void make_place(const Progress& progress) const;
@@ -37,6 +39,8 @@ class Pipeline {
   nlohmann::json place_inputs() const;
   nlohmann::json truth_inputs() const;
   nlohmann::json dataset_inputs(const FlightStages& flight) const;
+  nlohmann::json followed_inputs() const;
+  nlohmann::json reproduction_inputs() const;
   nlohmann::json odometry_inputs(const FlightStages& flight) const;
   nlohmann::json alignment_inputs(const FlightStages& flight) const;
   nlohmann::json evaluation_inputs(const FlightStages& flight) const;

@@ -81,6 +81,9 @@ nlohmann::json collect_results(const Experiment& experiment, const StageCache& c
   if (experiment.simulated) results["simulated"] = describe_flight(*experiment.simulated, run / "simulated");
   if (experiment.real) results["real"] = describe_flight(*experiment.real, run / "real");
   results["comparison"] = experiment.simulated && experiment.real ? read_json(run / "comparison.json") : json(nullptr);
+  const bool follows =
+      experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
+  results["reproduction"] = follows ? read_json(run / "reproduction.json") : json(nullptr);
   results["provenance"] = {{"version", version()},
                            {"commit", commit()},
                            {"seed", experiment.seed},

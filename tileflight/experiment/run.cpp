@@ -2,7 +2,9 @@
 
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/fly.h"
+#include "tileflight/experiment/follow.h"
 #include "tileflight/experiment/pipeline.h"
+#include "tileflight/experiment/reproduction.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/experiment/score.h"
 #include "tileflight/experiment/stage_cache.h"
@@ -45,6 +47,10 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
              [&] { extract(p.extract_settings(), folder / "truth", false, progress); });
 
   for (const FlightStages& f : p.flights()) {
+    if (f.flight.render && f.flight.render->follows_real) {
+      cache.once(f.name + "/flight", p.followed_inputs(), {f.name + "/flight"},
+                 [&] { write_followed_flight(folder / "real", f.folder / "flight"); });
+    }
     cache.once(f.name + "/dataset", p.dataset_inputs(f), {f.name + "/dataset"}, [&] {
       if (f.flight.render) render_dataset(p.render_settings(f), f.folder / "dataset", false, progress);
       if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder / "truth", f.folder / "dataset", false, progress);
@@ -57,6 +63,10 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
     cache.once(f.name + "/evaluation", p.evaluation_inputs(f), {f.name + "/metrics.json", f.name + "/errors.ply"}, [&] {
       evaluate(map, folder / "truth", f.folder / "transform.json", e.evaluation, f.folder / "metrics.json", progress);
     });
+  }
+  if (p.simulated_follows_real()) {
+    cache.once("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
+               [&] { measure_reproduction(folder, progress); });
   }
   if (e.simulated && e.real) {
     cache.once("comparison", p.comparison_inputs(), {"comparison.json"}, [&] {

@@ -1,0 +1,27 @@
+#include "tileflight/experiment/follow.h"
+
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/trajectory.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+
+void write_followed_flight(const fs::path& real, const fs::path& out) {
+  const geometry::Trajectory estimate = geometry::read_tum(real / "odometry/trajectory.txt");
+  if (estimate.size() < 2)
+    throw InputError((real / "odometry/trajectory.txt").string(),
+                     "has fewer than two poses; there is no path to follow");
+  const geometry::Trajectory local =
+      geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
+  geometry::write_folder(out, true, [&](const fs::path& folder) {
+    geometry::write_tum(folder / "poses.txt", local);
+    fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");
+    geometry::write_file(folder / "flight.yaml",
+                         "# The path on which odometry found the other flight, at its pictures' times.\n"
+                         "camera: camera.yaml\ntrajectory: poses.txt\n");
+  });
+}
+
+}  // namespace tileflight::experiment
