@@ -7,6 +7,7 @@
 #include <set>
 
 #include "tests/run_program.h"
+#include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 
 namespace tileflight {
@@ -82,22 +83,10 @@ class RegionFiles : public ::testing::Test {
   tests::TemporaryFolder folder_;
 };
 
-/// The centres of the occupied cells, as the header of voxels.ply and its lines have them.
+/// The centres of the occupied cells, east and north.
 std::set<std::pair<double, double>> cells_of(const std::filesystem::path& ply) {
-  std::istringstream text(tests::file_text(ply));
-  std::string line;
-  std::size_t count = 0;
-  bool ascii = false;
-  while (std::getline(text, line) && line != "end_header") {
-    ascii = ascii || line == "format ascii 1.0";
-    if (line.starts_with("element vertex ")) count = std::stoul(line.substr(15));
-  }
   std::set<std::pair<double, double>> out;
-  for (std::size_t i = 0; i < count && !ascii; ++i) {
-    std::array<float, 3> at{};
-    text.read(reinterpret_cast<char*>(at.data()), sizeof at);
-    out.emplace(at[0], at[1]);
-  }
+  for (const Vec3& at : geometry::read_cloud(ply).positions) out.emplace(at.x(), at.y());
   return out;
 }
 
