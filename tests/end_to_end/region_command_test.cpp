@@ -111,7 +111,8 @@ void expect_cells_are_those_of(const std::set<std::pair<double, double>>& cells,
   for (double x = first_x - std::floor(first_x + 99); x < 100; x += 1) {
     for (double y = first_y - std::floor(first_y + 99); y < 100; y += 1) {
       there += is_there(x, y) ? 1 : 0;
-      if (!is_near_edge(x, y)) EXPECT_EQ(is_there(x, y), wanted(x, y)) << x << " " << y;
+      if (is_near_edge(x, y)) continue;
+      EXPECT_EQ(is_there(x, y), wanted(x, y)) << x << " " << y;
     }
   }
   EXPECT_EQ(there, cells.size());
