@@ -46,6 +46,7 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_export(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_align(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection);

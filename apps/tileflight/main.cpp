@@ -27,6 +27,7 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   commands::add_coverage(app, common, selection);
   commands::add_render(app, common, selection);
   commands::add_ingest(app, common, selection);
+  commands::add_export(app, common, selection);
   commands::add_odometry(app, common, selection);
   commands::add_align(app, common, selection);
   commands::add_evaluate(app, common, selection);

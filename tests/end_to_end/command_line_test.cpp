@@ -13,9 +13,9 @@ using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
 
-const std::vector<std::vector<std::string>> kCommands{{"scene", "stadium"}, {"tile"},    {"inspect"},  {"extract"},
-                                                      {"render"},           {"ingest"},  {"odometry"}, {"align"},
-                                                      {"evaluate"},         {"compare"}, {"run"},      {"report"}};
+const std::vector<std::vector<std::string>> kCommands{
+    {"scene", "stadium"}, {"tile"},  {"inspect"},  {"extract"}, {"render"}, {"ingest"}, {"export"},
+    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},    {"report"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -45,6 +45,7 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
       {"extract", "/nonexistent/tileset.json", "--out", out},
       {"render", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
       {"ingest", "/nonexistent.mp4", "--camera", "/nonexistent.yaml", "--out", out},
+      {"export", "/nonexistent", "--layout", "euroc", "--out", out},
       {"odometry", "/nonexistent", "--out", out},
       {"align", "/nonexistent", "--to", "/nonexistent", "--out", out},
       {"evaluate", "/nonexistent", "--truth", "/nonexistent", "--transform", "/nonexistent", "--out", out},

@@ -1,0 +1,60 @@
+#include <sstream>
+
+#include "command.h"
+#include "tileflight/dataset/export_dataset.h"
+#include "tileflight/dataset/mcap_export.h"
+
+namespace tileflight::app {
+namespace {
+
+const char* const kMcap = "mcap";  ///< one file; the others are folders
+
+std::vector<std::string> layouts() {
+  std::vector<std::string> names = dataset::export_layouts();
+  names.emplace_back(kMcap);
+  return names;
+}
+
+Output exported_folder(const dataset::Dataset& source, const std::string& layout, const std::string& out, bool replace,
+                       const Progress& progress) {
+  const dataset::ExportResult result = dataset::export_dataset(source, layout, out, replace, progress);
+  std::ostringstream text;
+  text << out << ": " << result.frames << " frames\n";
+  for (const std::string& note : result.notes) text << "note: " << note << "\n";
+  return {{{"frames", result.frames}, {"layout", layout}, {"notes", result.notes}}, text.str()};
+}
+
+Output exported_mcap(const dataset::Dataset& source, const std::string& out, bool replace, const Progress& progress) {
+  const dataset::McapResult result = dataset::export_mcap(source, out, replace, progress);
+  std::ostringstream text;
+  text << out << ": " << result.messages << " messages, " << result.topics.size() << " topics\n";
+  return {
+      {{"frames", source.frames.size()}, {"layout", kMcap}, {"messages", result.messages}, {"topics", result.topics}},
+      text.str()};
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
+  struct Options {
+    std::string dataset, layout, out;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("export", "a dataset in another program's layout");
+  command->footer("Example:\n  tileflight export dataset --layout euroc --out dataset-euroc");
+  command->add_option("DATASET", options->dataset, "dataset folder")->required();
+  command->add_option("--layout", options->layout, "whose layout to write")
+      ->required()
+      ->check(CLI::IsMember(layouts()));
+  command->add_option("--out", options->out, "folder to write; of mcap: file")->required();
+  add_common_options(*command, common);
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      const dataset::Dataset source = dataset::read_dataset(options->dataset);
+      return options->layout == kMcap ? exported_mcap(source, options->out, shared.force, progress)
+                                      : exported_folder(source, options->layout, options->out, shared.force, progress);
+    };
+  });
+}
+
+}  // namespace tileflight::app
