@@ -132,7 +132,8 @@ waypoints:
 )");
   const auto render = [&](const std::string& out, const std::string& memory_gb) {
     return run_tileflight({"render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
-                           "--out", (folder_ / out).string(), "--memory", memory_gb, "--json"});
+                           "--out", (folder_ / out).string(), "--memory", memory_gb, "--outputs",
+                           "segmentation,infrared,flow", "--json"});
   };
   const ProgramResult whole = render("whole", "1"), parts = render("parts", "0.0008"), none = render("none", "0.0003");
   ASSERT_EQ(whole.exit_code, 0) << whole.err;
