@@ -110,6 +110,7 @@ void check(const LidarOptions& options) {
           "must be more than min_range");
   require(options.range_sigma_m >= 0.0 && options.range_sigma_share >= 0.0, "range_sigma", "must be 0 or more");
   require(options.divergence_rad >= 0.0 && options.divergence_rad < 1.0, "divergence", "must be 0 to 1 rad");
+  require(options.albedo_gain > 0.0, "albedo_gain", "must be more than 0");
   require(options.intensity_reference_m > 0.0, "intensity_reference", "must be more than 0");
   require(options.white_range_m > 0.0, "white_range", "must be more than 0");
   require(options.signal_spread >= 0.0, "signal_spread", "must be 0 or more");
@@ -152,7 +153,9 @@ Lidar::Shot Lidar::shoot(const LidarBeam& beam, std::uint64_t counter, const SE3
   const auto hit = scene_.intersect(ray, reach_m);
   if (!hit) return {};
   const double cosine = std::abs(scene_.normal(*hit).dot(ray.direction));
-  const double albedo = Reflectance(scene_, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m);
+  const double albedo =
+      std::min(1.0, options_.albedo_gain *
+                        Reflectance(scene_, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m));
   const std::array<float, 4> n = normal_numbers(stream_key(options_.seed, kNoiseStream), counter);
   const double distance_m = hit->distance_m, threshold = std::pow(distance_m / options_.white_range_m, 2);
   const bool lost = albedo * cosine * std::exp(options_.signal_spread * n[1]) < threshold ||

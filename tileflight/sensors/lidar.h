@@ -33,6 +33,9 @@ struct LidarOptions {
   double range_sigma_share = 0.0;  ///< and this share of it
   double divergence_rad = 3e-3;    ///< full angle of a beam, over which the surface's colour is averaged
 
+  /// On the albedo of the tiles' pictures, up to 1: what is dark to the eye may be bright to a laser (plants in
+  /// infrared some five times as much).
+  double albedo_gain = 1.0;
   /// Intensity is albedo * cos(incidence), from 0 to 1; with this, also divided by the squared range over
   /// `intensity_reference_m` (what a receiver gets that does not make up for the distance).
   bool intensity_falls_with_range = false;

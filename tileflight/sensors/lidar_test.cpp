@@ -199,6 +199,18 @@ TEST(Lidar, NeitherNearerNorFartherThanItsLimits) {
   }
 }
 
+TEST(Lidar, WhatIsDarkToTheEyeMayBeBrightToALaser) {
+  const scene::Scene scene = ground();
+  LidarOptions options = looking_down(RasterPattern{.columns = 3, .rows = 3});
+  const PoseFunction pose = still(test_scenes::looking_down(Vec3(0, 0, 20)));
+  const auto intensity_at = [&](double gain) {
+    options.albedo_gain = gain;
+    return Lidar(scene, options).scan(0, 0.0, pose).points.at(4).intensity;  // straight down
+  };
+  EXPECT_NEAR(intensity_at(1.5), 1.5 * kAlbedo, 3e-3);
+  EXPECT_NEAR(intensity_at(10.0), 1.0, 1e-6);
+}
+
 TEST(Lidar, TheColourUnderTheBeamMakesTheIntensity) {
   std::vector<imaging::TexturedMesh> meshes;
   meshes.push_back(square(Vec3(-50, -50, 0), Vec3(50, 0, 0), Vec3(0, 100, 0), 255));

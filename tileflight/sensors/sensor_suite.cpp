@@ -229,6 +229,7 @@ LidarOptions read_lidar(YamlSection section, std::uint64_t seed, bool& kitti_sca
   number(section, "range_sigma_m", o.range_sigma_m);
   number(section, "range_sigma_share", o.range_sigma_share);
   number(section, "divergence_rad", o.divergence_rad);
+  number(section, "albedo_gain", o.albedo_gain);
   o.intensity_falls_with_range = section.boolean("intensity_falls_with_range").value_or(o.intensity_falls_with_range);
   number(section, "intensity_reference_m", o.intensity_reference_m);
   number(section, "white_range_m", o.white_range_m);
