@@ -22,15 +22,16 @@ Html columns(const Html& content) { return element("div", {{"class", "columns"}}
 
 /// In the order of reading; empty ones are left out.
 std::vector<Section> sections_of(const RunFolder& run) {
-  const std::vector<Section> all{{"errors", "Map error",
-                                  columns(histogram_figure(run) + cumulative_figure(run)) + surface_table(run.flights) +
-                                      comparison_table(run.results)},
-                                 {"frames", "Pictures of the flights", frames_figure(run)},
-                                 {"error-maps", "Where the error is", error_maps_figure(run)},
-                                 {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights))},
-                                 {"tracking", "Odometry and alignment", tracking_table(run.flights)},
-                                 {"provenance", "Where the numbers come from",
-                                  element("div", {{"class", "provenance"}}, provenance_tables(run.results))}};
+  const std::vector<Section> all{
+      {"errors", "Map error",
+       columns(histogram_figure(run) + cumulative_figure(run)) + surface_table(run.flights) +
+           comparison_table(run.results)},
+      {"frames", "Pictures of the flights", frames_figure(run)},
+      {"error-maps", "Where the error is", error_maps_figure(run)},
+      {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights)) + reproduction_table(run.results)},
+      {"tracking", "Odometry and alignment", tracking_table(run.flights)},
+      {"provenance", "Where the numbers come from",
+       element("div", {{"class", "provenance"}}, provenance_tables(run.results))}};
   std::vector<Section> shown;
   for (const Section& section : all) {
     const bool empty = section.content.empty() || section.content.str() == columns(Html()).str();

@@ -55,6 +55,29 @@ TEST_F(Report, ShowsTheKeyFiguresOfThePaperAndOfTheRun) {
   }
 }
 
+TEST_F(Report, SaysHowAlikeAFollowedFlightIs) {
+  make();
+  EXPECT_THAT(page(), Not(HasSubstr("follows the other one")));
+  nlohmann::json value = results();
+  const auto spread = [](double p10, double median, double p90) {
+    return nlohmann::json{{"p10", p10}, {"median", median}, {"p90", p90}};
+  };
+  value["reproduction"] = {{"pairs", 200},
+                           {"poses", "true"},
+                           {"overlap", spread(0.987, 0.998, 1.0)},
+                           {"ncc", spread(0.8961, 0.9123, 0.9234)},
+                           {"ssim", nullptr},
+                           {"position_m", spread(0.041, 0.066, 0.101)},
+                           {"rotation_deg", spread(0.1, 0.12, 0.13)},
+                           {"time_offset_s", -0.009}};
+  write_results(value);
+  const std::string html = page();
+  for (const char* said : {"follows the other one: 200 pairs of pictures, true poses", ">0.998</td>", ">0.912</td>",
+                           ">0.066</td>", "\u22120.009"}) {
+    EXPECT_THAT(html, HasSubstr(said));
+  }
+}
+
 TEST_F(Report, HoldsEveryFigureAndLoadsNothing) {
   make();
   const std::string html = page();

@@ -257,6 +257,27 @@ Html comparison_table(const nlohmann::json& results) {
                      {"Equivalent within, m", fixed(number_at(c, "/equivalent_within_m"), 4)}}});
 }
 
+Html reproduction_table(const nlohmann::json& results) {
+  const json r = member(results, "reproduction");
+  if (!r.is_object() || r.empty()) return {};
+  const auto spread = [&](const std::string& label, const std::string& key, int digits) {
+    std::vector<std::string> cells{label};
+    for (const char* share : {"p10", "median", "p90"})
+      cells.push_back(fixed(number_at(r, "/" + key + "/" + share), digits));
+    return cells;
+  };
+  const std::string poses =
+      text_at(r, "/poses").value_or("") == "true" ? "true poses" : "estimated poses, which are those flown";
+  Table table{"The simulated flight follows the other one: " + fixed(number_at(r, "/pairs"), 0) +
+                  " pairs of pictures, " + poses,
+              {"", "10 %", "Median", "90 %"},
+              {spread("Overlap of views", "overlap", 3), spread("Correlation of pictures", "ncc", 3),
+               spread("Structural similarity", "ssim", 3), spread("Between the cameras, m", "position_m", 3),
+               spread("Between their axes, \u00b0", "rotation_deg", 3)}};
+  table.rows.push_back({"Best time offset, s", "", with_sign(number_at(r, "/time_offset_s"), 3), ""});
+  return draw(table);
+}
+
 Html provenance_tables(const nlohmann::json& results) {
   const json provenance = member(results, "provenance");
   if (!provenance.is_object()) return element("p", text("results.json has no provenance."));

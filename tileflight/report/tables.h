@@ -30,6 +30,8 @@ Html tracking_table(const std::vector<FlightRun>& flights);
 Html trajectory_table(const std::vector<FlightRun>& flights);
 /// Simulated against second flight; empty markup if the run has no comparison.
 Html comparison_table(const nlohmann::json& results);
+/// How like the flight that it follows the simulated one is; empty markup if it follows none.
+Html reproduction_table(const nlohmann::json& results);
 /// Where the numbers come from: program, command, inputs, time.
 Html provenance_tables(const nlohmann::json& results);
 
