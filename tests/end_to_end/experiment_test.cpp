@@ -38,7 +38,7 @@ place:
   size: [80, 80, 20]
 truth: {voxel: 1.0}
 simulated:
-  render: {flight: flight.yaml}
+  render: {flight: flight.yaml, outputs: "visibility, photometric"}
 real:
   kind: surrogate
   render: {flight: flight.yaml, resolution: [256, 192]}
@@ -100,6 +100,9 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
                                       "wasserstein_m", "mean_difference_ci95", "equivalent_within_m"});
   expect_keys(results["provenance"], {"version", "commit", "seed", "inputs", "seconds"});
   EXPECT_TRUE(fs::exists(folder_ / "a/report.html"));
+  EXPECT_TRUE(fs::exists(folder_ / "a/simulated/dataset/visibility/000009.png"));
+  EXPECT_TRUE(fs::exists(folder_ / "a/simulated/dataset/pcalib.txt"));
+  EXPECT_FALSE(fs::exists(folder_ / "a/real/dataset/visibility"));
   EXPECT_EQ(json::parse(file_text(folder_ / "a/results.json")), results);
 
   const auto before = stage_times("a");

@@ -189,7 +189,8 @@ Experiment read_experiment(const fs::path& file) {
   for (const std::string& key : root.keys()) experiment.sections[key] = root.raw(key);
   if (experiment.real && experiment.real->render && experiment.real->render->follows_real)
     throw root.error("real", "cannot follow itself; 'follow: real' is for 'simulated'");
-  const bool follows = experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
+  const bool follows =
+      experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
   if (follows && !experiment.real) throw root.error("simulated", "follows the flight 'real', which is missing");
   if (!experiment.simulated && !experiment.real)
     throw root.error("simulated", "or 'real' is needed: at least one flight");
