@@ -27,7 +27,7 @@ constexpr int kWidth = 96;
 constexpr int kHeight = 64;
 
 void write_video(const fs::path& file, int frames, double rate = 30.0, int width = kWidth, int height = kHeight) {
-  VideoWriter writer(file, width, height, {rate, 12});
+  VideoWriter writer(file, width, height, {rate, {12}});
   for (int i = 0; i < frames; ++i) writer.add(moving_picture(width, height, i));
   writer.finish();
 }
@@ -127,7 +127,7 @@ TEST(Video, ColoursSurvive) {
   TemporaryFolder folder;
   const std::vector<imaging::Rgb8> colours{{255, 0, 0},     {0, 255, 0}, {0, 0, 255},
                                            {255, 255, 255}, {0, 0, 0},   {128, 128, 128}};
-  VideoWriter writer(folder / "a.mp4", 32, 32, {30.0, 8});
+  VideoWriter writer(folder / "a.mp4", 32, 32, {30.0, {8}});
   for (const imaging::Rgb8& colour : colours) writer.add(imaging::RgbImage(32, 32, colour));
   writer.finish();
   const Frames frames = read_all(folder / "a.mp4");
@@ -343,8 +343,8 @@ TEST(VideoWriter, SizesAndRates) {
   TemporaryFolder folder;
   EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 95, 64, {}); }),
               AllOf(HasSubstr("even"), HasSubstr("95x64")));
-  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {0.0, 18}); }), HasSubstr("frame rate"));
-  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {30.0, 99}); }), HasSubstr("crf"));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {0.0, {18}}); }), HasSubstr("frame rate"));
+  EXPECT_THAT(refusal_of([&] { VideoWriter(folder / "a.mp4", 96, 64, {30.0, {99}}); }), HasSubstr("crf"));
   VideoWriter writer(folder / "a.mp4", 96, 64, {});
   EXPECT_THAT(refusal_of([&] { writer.add(moving_picture(64, 96, 0)); }), HasSubstr("64x96"));
   EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("no frames"));

@@ -11,13 +11,13 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-/// Two positions: one with an absolute height, one with both.
+/// Two positions in Timbuktu: one with an absolute height, one with both.
 flight::Telemetry log_of_two(flight::HeightDatum datum) {
   flight::Telemetry log;
   log.height_datum = datum;
   log.fixes.resize(2);
-  log.fixes[0] = {.time_s = 1, .latitude_deg = 45, .longitude_deg = 10, .absolute_height_m = 120};
-  log.fixes[1] = {.time_s = 2, .latitude_deg = 45.001, .longitude_deg = 10, .absolute_height_m = 121};
+  log.fixes[0] = {.time_s = 1, .latitude_deg = 16.775833, .longitude_deg = -3.009444, .absolute_height_m = 120};
+  log.fixes[1] = {.time_s = 2, .latitude_deg = 16.776833, .longitude_deg = -3.009444, .absolute_height_m = 121};
   log.fixes[1].height_above_takeoff_m = 15;
   return log;
 }
@@ -38,7 +38,7 @@ class Heights : public testing::Test {
 TEST_F(Heights, TheDatumIsTheLogsUnlessItIsStated) {
   EXPECT_EQ(fixes(flight::HeightDatum::kEllipsoid).front().place.height.m, 120);
   const double sea_level_m = fixes(flight::HeightDatum::kMeanSeaLevel).front().place.height.m;
-  EXPECT_NEAR(sea_level_m, 120 + 44.5, 3) << "the geoid of northern Italy lies some 45 m above the ellipsoid";
+  EXPECT_NEAR(sea_level_m, 120 + 28.7068, 0.1) << "EGM96 as GeographicLib's manual of GeoidEval has it there";
   flight_.telemetry_height = "ellipsoid";
   EXPECT_EQ(fixes(flight::HeightDatum::kMeanSeaLevel).front().place.height.m, 120);
   EXPECT_THAT(warnings_, IsEmpty());
