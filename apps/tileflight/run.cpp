@@ -2,6 +2,7 @@
 
 #include "command.h"
 #include "source_options.h"
+#include "tileflight/report/ablation_table.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::app {
@@ -27,7 +28,9 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       if (shared.force) experiment::forget_run(options->out);
       const nlohmann::json results = experiment::run(experiment, options->out, progress);
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
-      return {results, report::results_table(results) + "\nreport: " + report + "\n"};
+      const std::string variants = report::ablation_text(results);
+      return {results, report::results_table(results) + (variants.empty() ? "" : "\n" + variants) +
+                           "\nreport: " + report + "\n"};
     };
   });
 }

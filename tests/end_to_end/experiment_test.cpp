@@ -122,6 +122,57 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
   EXPECT_NE(after.at("real-odometry.json"), before.at("real-odometry.json"));
 }
 
+TEST_F(Experiment, FliesVariantsOfTheSimulatedFlight) {
+  TinyPlace::write_file(folder_ / "experiment.yaml", R"(name: ablation
+place:
+  source: place/tileset.json
+  center_local: [0, 0, 100]
+  size: [80, 80, 20]
+simulated:
+  render: {flight: flight.yaml, max_frames: 50}
+variants:
+  - {name: noise, degrade: {white_electrons: 500, read_noise_electrons: 5}}
+  - {name: small, resolution: [160, 120]}
+  - {name: dark, degrade: {exposure_steps: [{time: 0, gain: 0.0001}]}}
+)");
+  const ProgramResult first = run("a", {"--json"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const json results = json::parse(first.out);
+  const json& lines = results["ablation"];
+  ASSERT_EQ(lines.size(), 4U);
+  EXPECT_EQ(lines[0]["name"], "as it is");
+  EXPECT_EQ(lines[0]["points"], results["simulated"]["map"]["points"]);
+  for (const int i : {1, 2}) {
+    EXPECT_GT(lines[i]["points"].get<int>(), 100) << lines[i];
+    EXPECT_NE(lines[i]["ate_rmse_m"], lines[0]["ate_rmse_m"]);
+    EXPECT_GT(lines[i]["ate_share"].get<double>(), 0);
+    EXPECT_TRUE(lines[i]["failed"].is_null());
+  }
+  EXPECT_TRUE(lines[3]["failed"].is_string()) << "black pictures: " << lines[3];
+  EXPECT_TRUE(lines[3]["points"].is_null());
+  EXPECT_EQ(json::parse(file_text(folder_ / "a/variants/small/results.json"))["simulated"]["resolution"],
+            json({160, 120}));
+  EXPECT_EQ(tests::line_count(file_text(folder_ / "a/ablation.csv")), 5);
+  EXPECT_THAT(file_text(folder_ / "a/report.html"), testing::HasSubstr("Variants of the simulated flight"));
+  const auto kept = fs::last_write_time(folder_ / "a/variants/noise/stages/simulated-odometry.json");
+  ASSERT_EQ(run("a").exit_code, 0);
+  EXPECT_EQ(fs::last_write_time(folder_ / "a/variants/noise/stages/simulated-odometry.json"), kept);
+}
+
+TEST_F(Experiment, VariantsThatCannotBeAreOneLine) {
+  const auto expect_refused = [&](const std::string& variants, const std::string& cause) {
+    TinyPlace::write_file(folder_ / "experiment.yaml", std::string(kExperiment) + "variants:\n" + variants);
+    const ProgramResult result = run("a");
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_THAT(result.err, testing::HasSubstr(cause));
+  };
+  expect_refused("  - {degrade: {vignetting: 0.5}}\n", "names a folder");
+  expect_refused("  - {name: ../up}\n", "names a folder");
+  expect_refused("  - {name: a}\n  - {name: a}\n", "two of them are called 'a'");
+  expect_refused("  - {name: a, degrad: {vignetting: 0.5}}\n", "degrade");
+}
+
 constexpr const char* kFollowing = R"(name: following
 place:
   source: place/tileset.json

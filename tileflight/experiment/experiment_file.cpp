@@ -1,5 +1,7 @@
 #include "tileflight/experiment/experiment_file.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 
@@ -77,17 +79,22 @@ fs::path optional_path(YamlSection& section, const std::string& key) {
   return section.has(key) ? required_path(section, key) : fs::path();
 }
 
+void read_resolution(YamlSection& section, RenderFlight& render) {
+  const auto v = section.numbers("resolution", 2, 2);
+  if (!v) return;
+  render.width = static_cast<int>((*v)[0]);
+  render.height = static_cast<int>((*v)[1]);
+  if (*render.width < 16 || *render.height < 16) throw section.error("resolution", "must be at least 16 x 16");
+}
+
 RenderFlight read_render(YamlSection section) {
   RenderFlight render;
   render.follows_real = section.choice("follow", {"real"}).has_value();
   if (!render.follows_real) render.flight = required_path(section, "flight");
   if (render.follows_real && section.has("flight")) throw section.error("flight", "does not go together with 'follow'");
+  render.camera = optional_path(section, "camera");
   render.source = source_text(section, "source");
-  if (const auto v = section.numbers("resolution", 2, 2)) {
-    render.width = static_cast<int>((*v)[0]);
-    render.height = static_cast<int>((*v)[1]);
-    if (*render.width < 16 || *render.height < 16) throw section.error("resolution", "must be at least 16 x 16");
-  }
+  read_resolution(section, render);
   render.samples_per_pixel = section.integer("samples_per_pixel").value_or(render.samples_per_pixel);
   render.max_frames = section.integer("max_frames");
   if (render.max_frames && *render.max_frames < 2) throw section.error("max_frames", "must be at least 2");
@@ -97,6 +104,40 @@ RenderFlight read_render(YamlSection section) {
   if (auto degrade = section.section("degrade")) read_degrade(*degrade, render);
   section.finish();
   return render;
+}
+
+Variant read_variant(YamlSection section, const RenderFlight& flight) {
+  Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .text = {}};
+  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
+  if (variant.name.empty() || !std::ranges::all_of(variant.name, is_plain))
+    throw section.error("name", "must be there, of letters, digits, '-' and '_': it names a folder");
+  if (section.has("flight")) {
+    variant.render.flight = required_path(section, "flight");
+    variant.render.follows_real = false;
+  }
+  if (section.has("camera")) variant.render.camera = required_path(section, "camera");
+  read_resolution(section, variant.render);
+  variant.render.samples_per_pixel = section.integer("samples_per_pixel").value_or(flight.samples_per_pixel);
+  if (section.has("texture_scale")) variant.texture_scale = positive(section, "texture_scale", 1.0);
+  if (auto degrade = section.section("degrade")) {
+    variant.render.video.reset();
+    read_degrade(*degrade, variant.render);
+  }
+  section.finish();
+  for (const std::string& key : section.keys()) variant.text += key + ": " + section.raw(key) + "\n";
+  return variant;
+}
+
+std::vector<Variant> read_variants(YamlSection& root, const std::optional<Flight>& simulated) {
+  std::vector<Variant> variants;
+  for (YamlSection& section : root.sections("variants")) {
+    if (!simulated || !simulated->render) throw root.error("variants", "are of a 'simulated' flight that is rendered");
+    variants.push_back(read_variant(section, *simulated->render));
+    for (std::size_t i = 0; i + 1 < variants.size(); ++i)
+      if (variants[i].name == variants.back().name)
+        throw root.error("variants", "two of them are called '" + variants[i].name + "'");
+  }
+  return variants;
 }
 
 IngestFlight read_ingest(YamlSection section) {
@@ -182,6 +223,7 @@ Experiment read_experiment(const fs::path& file) {
   if (auto truth = root.section("truth")) experiment.truth = read_truth(*truth);
   if (auto flight = root.section("simulated")) experiment.simulated = read_flight(*flight, "simulated");
   if (auto flight = root.section("real")) experiment.real = read_flight(*flight, "video");
+  experiment.variants = read_variants(root, experiment.simulated);
   if (auto odometry = root.section("odometry")) experiment.odometry = read_odometry(*odometry);
   if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment(*alignment);
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);

@@ -40,11 +40,12 @@ struct Truth {
   double samples_per_m2 = 16.0;
 };
 
-/// `render:` a flight through the place's tiles. Keys: flight | follow, source, resolution, samples_per_pixel,
+/// `render:` a flight through the place's tiles. Keys: flight | follow, camera, source, resolution, samples_per_pixel,
 /// max_frames, outputs, degrade.
 struct RenderFlight {
   std::filesystem::path flight;      ///< FLIGHT file; empty where another flight is followed
   bool follows_real = false;         ///< follow: real: where the second flight was found to be, with its lens
+  std::filesystem::path camera;      ///< a calibration instead of the flight's; empty: the flight's
   std::string source;                ///< another model of the same place; empty: the place's
   std::optional<int> width, height;  ///< the flight's camera over another image size; both or none
   int samples_per_pixel = 1;
@@ -77,6 +78,15 @@ struct Flight {
   std::optional<IngestFlight> ingest;
 };
 
+/// `variants:` the simulated flight once more, with something changed. Keys: name, flight, camera, resolution,
+/// samples_per_pixel, degrade (in place of the flight's own), texture_scale.
+struct Variant {
+  std::string name;     ///< letters, digits, '-' and '_': also its folder's name
+  RenderFlight render;  ///< the simulated flight's with the changes
+  std::optional<double> texture_scale;
+  std::string text;  ///< as written, to tell whether it changed
+};
+
 /// `odometry:` our own with its settings, or an outside program.
 struct Odometry {
   odometry::OdometryOptions options;
@@ -103,6 +113,7 @@ struct Experiment {
   Truth truth;
   std::optional<Flight> simulated;
   std::optional<Flight> real;
+  std::vector<Variant> variants;  ///< of the simulated flight
   Odometry odometry;
   alignment::AlignMapOptions alignment;
   EvaluationSettings evaluation;

@@ -43,7 +43,7 @@ Mission plan_mission(const RenderSettings& settings) {
   const RenderFlight& flight = settings.flight;
   const flight::FlightPlan plan = flight::read_flight_plan(flight.flight);
   Mission mission;
-  mission.calibration = imaging::read_calibration(plan.camera);
+  mission.calibration = imaging::read_calibration(flight.camera.empty() ? plan.camera : flight.camera);
   if (flight.width) mission.calibration.camera = mission.calibration.camera.scaled_to(*flight.width, *flight.height);
   mission.frames = flight::frame_poses(plan);
   if (flight.max_frames && mission.frames.size() > static_cast<std::size_t>(*flight.max_frames)) {

@@ -68,6 +68,26 @@ bool Pipeline::uses_built_in_place() const {
   return uses;
 }
 
+Experiment Pipeline::variant_of(const Variant& variant) const {
+  Experiment changed = experiment_;
+  changed.name = experiment_.name + "/" + variant.name;
+  changed.simulated->render = variant.render;
+  changed.real.reset();
+  changed.variants.clear();
+  changed.sections["simulated"] += "\n" + variant.text;
+  if (changed.simulated->render->follows_real) {
+    changed.simulated->render->follows_real = false;
+    changed.simulated->render->flight = folder_ / "simulated/flight/flight.yaml";
+  }
+  if (variant.texture_scale) {
+    changed.place.texture_scale = *variant.texture_scale;
+    return changed;
+  }
+  changed.place.source = resolved(changed.place.source);  // the built-in place is built once
+  changed.simulated->render->source = resolved(changed.simulated->render->source);
+  return changed;
+}
+
 std::vector<std::string> Pipeline::place_products() const {
   return uses_built_in_place() ? std::vector<std::string>{"place"} : std::vector<std::string>{};
 }
@@ -168,6 +188,7 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
   if (f.flight.render) {
     const std::string& own = f.flight.render->source;
     inputs["tiles"] = source_fingerprint(own.empty() ? experiment_.place.source : own);
+    if (!f.flight.render->camera.empty()) inputs["camera"] = fingerprint(f.flight.render->camera);
     inputs["flight"] =
         f.flight.render->follows_real ? cache_.key(f.name + "/flight") : plan_fingerprint(f.flight.render->flight);
   }

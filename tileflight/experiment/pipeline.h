@@ -27,6 +27,8 @@ class Pipeline {
   /// In the order in which they are flown.
   const std::vector<FlightStages>& flights() const { return flights_; }
   bool simulated_follows_real() const;
+  /// The experiment that flies a variant of the simulated flight alone, over the same place.
+  Experiment variant_of(const Variant& variant) const;
 
   /// The built-in place, where a source asks for it.
   void make_place(const Progress& progress) const;

@@ -1,5 +1,6 @@
 #include "tileflight/experiment/run.h"
 
+#include "tileflight/experiment/ablation.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/follow.h"
@@ -74,7 +75,12 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
       geometry::write_file(folder / "comparison.json", c.dump(2) + "\n");
     });
   }
-  const json results = collect_results(e, cache);
+  json results = collect_results(e, cache);
+  if (!e.variants.empty()) {
+    results["ablation"] = fly_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& own) {
+      return run(p.variant_of(variant), own, progress);
+    });
+  }
   geometry::write_file(folder / "results.json", results.dump(2) + "\n");
   cache.once("report", {{"results", geometry::sha256_hex(results.dump())}}, {"report.html"},
              [&] { report::write_report(folder); });

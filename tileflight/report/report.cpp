@@ -1,6 +1,7 @@
 #include "tileflight/report/report.h"
 
 #include "tileflight/geometry/files.h"
+#include "tileflight/report/ablation_table.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/html.h"
 #include "tileflight/report/key_figures.h"
@@ -30,6 +31,7 @@ std::vector<Section> sections_of(const RunFolder& run) {
       {"error-maps", "Where the error is", error_maps_figure(run)},
       {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights)) + reproduction_table(run.results)},
       {"tracking", "Odometry and alignment", tracking_table(run.flights)},
+      {"ablation", "Variants of the simulated flight", ablation_table(run.results)},
       {"provenance", "Where the numbers come from",
        element("div", {{"class", "provenance"}}, provenance_tables(run.results))}};
   std::vector<Section> shown;

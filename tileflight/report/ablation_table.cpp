@@ -1,0 +1,72 @@
+#include "tileflight/report/ablation_table.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "tileflight/report/numbers.h"
+#include "tileflight/report/tables.h"
+
+namespace tileflight::report {
+namespace {
+
+using nlohmann::json;
+
+std::vector<std::string> row_of(const json& line) {
+  const std::string name = text_at(line, "/name").value_or(kUnknown);
+  const auto why = text_at(line, "/failed");
+  if (why) return {name, "no map", kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
+  const auto share = number_at(line, "/ate_share");
+  return {name,
+          count(number_at(line, "/frames_tracked")),
+          count(number_at(line, "/points")),
+          fixed(number_at(line, "/mean_m"), 4),
+          fixed(number_at(line, "/median_to_surface_m"), 4),
+          fixed(number_at(line, "/ate_rmse_m"), 4),
+          share ? fixed(100.0 * *share, 3) : kUnknown};
+}
+
+const std::vector<std::string>& head() {
+  static const std::vector<std::string> kHead{"Variant",           "Frames tracked",       "Map points",
+                                              "Mean to voxels, m", "Median to surface, m", "Path error, m",
+                                              "% of path"};
+  return kHead;
+}
+
+std::vector<std::vector<std::string>> rows_of(const json& results) {
+  std::vector<std::vector<std::string>> rows;
+  const auto found = results.find("ablation");
+  if (found == results.end() || !found->is_array()) return rows;
+  for (const json& line : *found) rows.push_back(row_of(line));
+  return rows;
+}
+
+/// Characters, not bytes.
+std::size_t width_of(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
+}
+
+}  // namespace
+
+Html ablation_table(const json& results) {
+  const auto rows = rows_of(results);
+  if (rows.empty()) return {};
+  return draw(Table{"What each part of the camera does to the simulated flight's map and path", head(), rows});
+}
+
+std::string ablation_text(const json& results) {
+  auto rows = rows_of(results);
+  if (rows.empty()) return "";
+  rows.insert(rows.begin(), head());
+  std::vector<std::size_t> widths(head().size(), 0);
+  for (const auto& row : rows)
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], width_of(row[i]));
+  std::string text;
+  for (const auto& row : rows) {
+    text += row[0] + std::string(widths[0] - width_of(row[0]), ' ');
+    for (std::size_t i = 1; i < row.size(); ++i) text += "  " + std::string(widths[i] - width_of(row[i]), ' ') + row[i];
+    text += "\n";
+  }
+  return text;
+}
+
+}  // namespace tileflight::report
