@@ -74,6 +74,22 @@ DistanceStatistics statistics_of(std::vector<double> distances) {
   return result;
 }
 
+Percentiles percentiles_of(std::vector<double> distances) {
+  Percentiles result;
+  if (distances.empty()) return result;
+  auto first = distances.begin();  // what lies before is in its place already
+  for (const int percent : {25, 50, 75, 90, 95, 99}) {
+    const std::size_t hundredths = (distances.size() - 1) * static_cast<std::size_t>(percent);
+    const auto below = distances.begin() + static_cast<std::ptrdiff_t>(hundredths / 100);
+    std::nth_element(first, below, distances.end());
+    const double fraction = static_cast<double>(hundredths % 100) / 100.0;
+    result[percent] =
+        fraction > 0.0 ? (1.0 - fraction) * *below + fraction * *std::min_element(below + 1, distances.end()) : *below;
+    first = below;
+  }
+  return result;
+}
+
 std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& targets, const char* what,
                                     const char* target_name, double radius_m) {
   check(points, what);
@@ -118,6 +134,7 @@ MapMetrics score_map(const std::vector<double>& distances, const std::vector<dou
   result.points = distances.size();
   result.correspondences = kept.size();
   result.distances = statistics_of(kept);
+  result.percentiles = percentiles_of(kept);
   result.histogram = histogram_of(kept, options.cutoff_m, options.bins);
   result.cutoff_m = options.cutoff_m;
   result.quantization_floor = statistics_of(up_to(floor_distances, options.cutoff_m));
@@ -128,6 +145,7 @@ SurfaceMetrics score_surface(const std::vector<double>& distances, const std::ve
                              const std::vector<double>& thresholds_m) {
   SurfaceMetrics result;
   result.distances = statistics_of(distances);
+  result.percentiles = percentiles_of(distances);
   for (const double t : thresholds_m) {
     if (!(t > 0.0) || !std::isfinite(t)) throw InputError("threshold", "must be above zero, in metres");
     const double accuracy = share_within(distances, t);

@@ -63,6 +63,11 @@ std::vector<std::size_t> JsonReader::counts(const std::string& key) {
   return list.get<std::vector<std::size_t>>();
 }
 
+bool JsonReader::has(const std::string& key) {
+  asked_.push_back(key);
+  return object_->contains(key);
+}
+
 JsonReader JsonReader::object(const std::string& key) { return {value(key), where_, name(key)}; }
 
 std::vector<std::string> JsonReader::keys() const {

@@ -21,6 +21,8 @@ class JsonReader {
   std::vector<std::size_t> counts(const std::string& key);
   const nlohmann::json& value(const std::string& key);
   JsonReader object(const std::string& key);
+  /// Whether the key is there; for those that older files lack.
+  bool has(const std::string& key);
 
   std::vector<std::string> keys() const;
   std::string name(const std::string& key) const;

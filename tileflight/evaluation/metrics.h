@@ -27,6 +27,12 @@ struct DistanceStatistics {
 
 DistanceStatistics statistics_of(std::vector<double> distances);
 
+/// By percentage, metres: half of the distances are at most percentiles[50]. Empty without distances.
+using Percentiles = std::map<int, double>;
+
+/// The 25th, 50th, 75th, 90th, 95th and 99th, linear between neighbours in order (Hyndman and Fan 1996, definition 7).
+Percentiles percentiles_of(std::vector<double> distances);
+
 struct Histogram {
   std::vector<double> edges;  ///< 51 of them for 50 bins from 0 to the cut-off
   std::vector<std::size_t> counts;
@@ -38,6 +44,7 @@ struct MapMetrics {
   std::size_t points = 0;
   std::size_t correspondences = 0;
   DistanceStatistics distances;  ///< of the kept ones
+  Percentiles percentiles;       ///< of the kept ones
   Histogram histogram;
   double cutoff_m = 1.0;
   DistanceStatistics quantization_floor;  ///< the score of points sampled on the true surface
@@ -46,6 +53,7 @@ struct MapMetrics {
 /// Distance to the exact surface, nothing cut off; shares by threshold.
 struct SurfaceMetrics {
   DistanceStatistics distances;
+  Percentiles percentiles;
   std::map<double, double> accuracy, completeness,
       f_score;  ///< by threshold, metres; the last two empty where no surface was seen
 };

@@ -29,6 +29,21 @@ DistanceStatistics read_statistics(JsonReader& reader, std::size_t count) {
   return s;
 }
 
+/// Empty in a file that was written before there were any.
+Percentiles read_percentiles(JsonReader& parent) {
+  Percentiles percentiles;
+  if (!parent.has("percentiles")) return percentiles;
+  JsonReader reader = parent.object("percentiles");
+  for (const std::string& key : reader.keys()) {
+    int percent = 0;
+    const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), percent);
+    const bool whole = error == std::errc() && end == key.data() + key.size();
+    if (!whole || percent < 0 || percent > 100) reader.fail(key, "must be a whole percentage, 0 to 100");
+    percentiles[percent] = reader.number(key);
+  }
+  return percentiles;
+}
+
 Histogram read_histogram(JsonReader reader) {
   Histogram histogram{reader.numbers("edges"), reader.counts("counts")};
   if (histogram.edges.size() != histogram.counts.size() + 1)
@@ -49,6 +64,7 @@ MapMetrics read_map(JsonReader reader) {
   m.correspondences = reader.count("correspondences");
   if (m.correspondences > m.points) reader.fail("correspondences", "are more than the points");
   m.distances = read_statistics(reader, m.correspondences);
+  m.percentiles = read_percentiles(reader);
   m.histogram = read_histogram(reader.object("histogram"));
   m.cutoff_m = reader.number("cutoff");
   m.quantization_floor = read_floor(reader.object("quantization_floor"));
@@ -74,6 +90,7 @@ std::optional<SurfaceMetrics> read_surface(JsonReader& parent) {
   JsonReader reader = parent.object("surface");
   SurfaceMetrics m;
   m.distances = read_statistics(reader, reader.count("points"));
+  m.percentiles = read_percentiles(reader);
   m.accuracy = read_shares(reader.object("accuracy"));
   m.completeness = read_shares(reader.object("completeness"));
   m.f_score = read_shares(reader.object("f_score"));

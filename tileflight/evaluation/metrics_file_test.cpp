@@ -5,6 +5,8 @@
 #include <cmath>
 #include <filesystem>
 #include <random>
+#include <set>
+#include <string>
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
@@ -19,6 +21,8 @@ namespace {
 using geometry::PointCloud;
 using geometry::Vec3;
 using nlohmann::json;
+
+const std::set<std::string> kNotInOlderFiles{"map.percentiles", "surface.percentiles"};
 
 PointCloud scattered(std::size_t n, std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -119,6 +123,8 @@ TEST_F(MetricsFiles, KeysOfTheContract) {
                           "/map/std",
                           "/map/median",
                           "/map/rmse",
+                          "/map/percentiles/25",
+                          "/map/percentiles/99",
                           "/map/histogram/edges",
                           "/map/histogram/counts",
                           "/map/cutoff",
@@ -130,6 +136,7 @@ TEST_F(MetricsFiles, KeysOfTheContract) {
                           "/surface/std",
                           "/surface/median",
                           "/surface/rmse",
+                          "/surface/percentiles/50",
                           "/surface/accuracy/0.1",
                           "/surface/accuracy/1",
                           "/surface/completeness/0.5",
@@ -150,6 +157,7 @@ TEST_F(MetricsFiles, EveryMissingKeyIsNamed) {
   const json whole = written();
   for (const char* section : {"map", "surface", "trajectory"}) {
     for (const auto& item : whole.at(section).items()) {
+      if (kNotInOlderFiles.contains(std::string(section) + "." + item.key())) continue;
       json without = whole;
       without.at(section).erase(item.key());
       write(without);
@@ -161,6 +169,20 @@ TEST_F(MetricsFiles, EveryMissingKeyIsNamed) {
     write(without);
     EXPECT_NE(complaint().find("'" + std::string(section) + "' is missing"), std::string::npos) << complaint();
   }
+}
+
+TEST_F(MetricsFiles, OlderFilesAreRead) {
+  write_metrics(file_, score_.metrics, score_.errors);
+  json older = written();
+  for (const std::string& key : kNotInOlderFiles) {
+    const auto dot = key.find('.');
+    ASSERT_EQ(older.at(key.substr(0, dot)).erase(key.substr(dot + 1)), 1u) << key;
+  }
+  write(older);
+  const MetricsFile back = read_metrics(file_);
+  EXPECT_TRUE(back.metrics.map.percentiles.empty());
+  EXPECT_TRUE(back.metrics.surface->percentiles.empty());
+  EXPECT_EQ(back.metrics.map.distances.mean, score_.metrics.map.distances.mean);
 }
 
 TEST_F(MetricsFiles, UnknownAndWrongKeysAreNamed) {
@@ -176,6 +198,9 @@ TEST_F(MetricsFiles, UnknownAndWrongKeysAreNamed) {
                                                 {"/map/histogram", 5},
                                                 {"/map/histogram/counts", {1}},
                                                 {"/map/truth", "surface"},
+                                                {"/map/percentiles", 3},
+                                                {"/map/percentiles", {{"half", 0.1}}},
+                                                {"/surface/percentiles", {{"101", 0.1}}},
                                                 {"/surface/accuracy", {{"wide", 1}}},
                                                 {"/trajectory/rpe", 3},
                                                 {"/trajectory/rpe/0", 3},

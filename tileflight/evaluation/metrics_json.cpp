@@ -21,6 +21,12 @@ json by_threshold(const std::map<double, double>& shares) {
   return object;
 }
 
+json by_percentage(const Percentiles& percentiles) {
+  json object = json::object();
+  for (const auto& [percent, distance_m] : percentiles) object[std::to_string(percent)] = distance_m;
+  return object;
+}
+
 json statistics(const DistanceStatistics& s) {
   return {{"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
 }
@@ -33,6 +39,7 @@ double share_kept(const MapMetrics& m) {
 
 json to_json(const MapMetrics& m) {
   json object = statistics(m.distances);
+  object["percentiles"] = by_percentage(m.percentiles);
   object["points"] = m.points;
   object["correspondences"] = m.correspondences;
   object["share_kept"] = share_kept(m);
@@ -46,6 +53,7 @@ json to_json(const MapMetrics& m) {
 
 json to_json(const SurfaceMetrics& m) {
   json object = statistics(m.distances);
+  object["percentiles"] = by_percentage(m.percentiles);
   object["points"] = m.distances.count;
   object["accuracy"] = by_threshold(m.accuracy);
   object["completeness"] = by_threshold(m.completeness);

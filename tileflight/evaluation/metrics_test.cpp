@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <random>
 
+#include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/paper.h"
 #include "tileflight/geometry/input_error.h"
@@ -43,6 +45,42 @@ TEST(DistanceStatistics, TooFewAreNotANumber) {
   EXPECT_TRUE(std::isnan(statistics_of({}).mean));
   EXPECT_DOUBLE_EQ(statistics_of({0.7}).mean, 0.7);
   EXPECT_TRUE(std::isnan(statistics_of({0.7}).std));
+}
+
+TEST(Percentiles, ClosedForm) {
+  std::vector<double> shuffled;
+  for (int k = 0; k <= 200; ++k) shuffled.push_back((k * 77) % 201);  // 0 to 200 in some order
+  EXPECT_EQ(percentiles_of(shuffled), (Percentiles{{25, 50}, {50, 100}, {75, 150}, {90, 180}, {95, 190}, {99, 198}}));
+  const Percentiles two = percentiles_of({3.0, 2.0});
+  EXPECT_DOUBLE_EQ(two.at(25), 2.25) << "linear between neighbours";
+  EXPECT_DOUBLE_EQ(two.at(99), 2.99);
+  for (const auto& [percent, value] : percentiles_of({0.7})) EXPECT_EQ(value, 0.7) << percent;
+  EXPECT_TRUE(percentiles_of({}).empty());
+}
+
+TEST(Percentiles, AreThoseOfTheSortedDistances) {
+  std::mt19937_64 random(5);
+  std::lognormal_distribution<double> distance(-2.0, 1.0);
+  for (std::size_t n = 2; n < 130; ++n) {
+    std::vector<double> distances(n);
+    for (double& d : distances) d = std::round(20.0 * distance(random)) / 20.0;  // many are equal
+    const Percentiles found = percentiles_of(distances);
+    std::sort(distances.begin(), distances.end());
+    EXPECT_EQ(found.size(), 6u);
+    for (const auto& [percent, value] : found) {
+      const double rank = percent / 100.0 * static_cast<double>(n - 1);
+      const auto below = std::min(n - 2, static_cast<std::size_t>(rank));
+      const double between = std::lerp(distances[below], distances[below + 1], rank - static_cast<double>(below));
+      EXPECT_NEAR(value, between, 1e-12) << percent << " % of " << n;
+    }
+    EXPECT_DOUBLE_EQ(found.at(50), statistics_of(distances).median);
+  }
+}
+
+TEST(Percentiles, OfTheMapAreOfTheKeptOnesOfTheSurfaceOfAll) {
+  const std::vector<double> distances{0.2, 5.0, 0.4, 0.6, 7.0};
+  EXPECT_DOUBLE_EQ(score_map(distances, {}, {}).percentiles.at(50), 0.4);
+  EXPECT_DOUBLE_EQ(score_surface(distances, {}, {}).percentiles.at(50), 0.6);
 }
 
 // ------------------------------------------------------------------------------------------------ the paper's numbers
