@@ -19,6 +19,7 @@ using nlohmann::json;
 IcpOptions final_icp() {
   IcpOptions options;
   options.go_on = true;
+  options.max_scale_change = 1.3;
   return options;
 }
 

@@ -12,7 +12,8 @@
 
 namespace tileflight::alignment {
 
-/// The paper's ICP settings, but that a false stop of its rule is not left where it is.
+/// The paper's ICP settings, but that a false stop of its rule is not left where it is, and that a start whose scale is
+/// 20 % too small (true scale: 1.25 of it) has its true scale within the bound.
 IcpOptions final_icp();
 
 struct AlignMapOptions {

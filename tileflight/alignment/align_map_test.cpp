@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "tests/height_field.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/geometry/input_error.h"
@@ -157,6 +158,37 @@ TEST_F(AlignMap, PullsInTiltedAndShiftedStarts) {
     EXPECT_LT(error_m(alignment.result.T_target_source), 0.12) << "start " << k << ": " << alignment.result.note;
     EXPECT_GT(alignment.moved_from_start_m, 1.0);
   }
+}
+
+TEST_F(AlignMap, PullsInStartsTenMetresFifteenDegreesAndAFifthOfTheScaleOff) {
+  AlignMapOptions options;
+  options.icp.method = IcpMethod::kPointToMesh;
+  const Vec3 shift = 10.0 * Vec3(0.6, -0.64, 0.48), turn_rad = 0.2618 * Vec3(0.48, 0.6, -0.64);
+  for (const auto& [scale, sign] : {std::pair{0.8, 1.0}, {1.2, -1.0}}) {
+    const Sim3 off(scale, geometry::so3_exp(sign * turn_rad), sign * shift);
+    const AlignmentResult result = align_map(map_, off * T_local_map(), target_, options).result;
+    EXPECT_LT(error_m(result.T_target_source), 0.12) << "scale " << scale << ": " << result.note;
+    EXPECT_TRUE(result.converged) << result.note;
+  }
+}
+
+TEST(AlignMapToARoundPlace, SaysWhichTurnIsOpen) {
+  // A level floor, and from 25 m on a slope all around: any turn about the vertical fits as well.
+  const TriangleMesh bowl = tests::height_field(
+      100, -50.0, 100.0, [](double x, double y) { return 0.8 * std::max(0.0, std::hypot(x, y) - 25.0); });
+  const TriangleIndex index(bowl);
+  PointCloud map;
+  for (const Vec3& p : surface_points(bowl, 3000).positions) {
+    if (std::hypot(p.x(), p.y()) < 48.0) map.positions.push_back(p);
+  }
+  AlignMapOptions options;
+  options.icp.method = IcpMethod::kPointToMesh;
+  const Sim3 start(1.03, geometry::so3_exp({0.02, -0.01, 0.2}), {1.0, -1.0, 0.5});
+  const AlignmentResult result = align_map(map, start, {nullptr, &index, &bowl}, options).result;
+  EXPECT_FALSE(result.constraint.well_constrained);
+  EXPECT_EQ(result.constraint.weakest_motion, "rotation about z");
+  EXPECT_NE(result.note.find("ambiguous"), std::string::npos) << result.note;
+  EXPECT_NEAR(result.T_target_source.scale, 1.0, 0.005) << "the rest is found";
 }
 
 TEST_F(AlignMap, ScaleBoundIsAboutTheFirstStart) {

@@ -169,7 +169,7 @@ void note_fit(const AlignmentResult& found, const CenteredSource& source, const 
 
 void note_constraint(AlignmentResult& result) {
   if (result.constraint.well_constrained) return;
-  add_note(result, "ill-constrained: the matched surface hardly holds " +
+  add_note(result, "ambiguous, ill-constrained: the matched surface hardly holds " +
                        (result.constraint.weakest_motion.empty() ? "any motion" : result.constraint.weakest_motion));
 }
 

@@ -50,8 +50,8 @@ struct Constraint {
       strengths;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
   geometry::Vec7 weakest = geometry::Vec7::Zero();  ///< motion of the first: translation, rotation about the points'
                                                     ///< centre, stretch; unit length
-  std::string weakest_motion;                       ///< its largest part in words, e.g. "translation along x"
-  bool well_constrained = true;                     ///< no strength below 0.003 (a plane has zeros)
+  std::string weakest_motion;    ///< in words, e.g. "scale"; of open motions, all: "rotation about y, scale"
+  bool well_constrained = true;  ///< no strength below 0.003 (a plane has zeros)
 };
 
 struct AlignmentResult {
