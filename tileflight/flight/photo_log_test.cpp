@@ -2,13 +2,12 @@
 
 #include <gmock/gmock.h>
 
-#include <cstring>
-
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/flight/photo_tags.h"
 #include "tileflight/flight/telemetry_file.h"
+#include "tileflight/flight/test_bytes.h"
 #include "tileflight/geometry/files.h"
 
 namespace tileflight::flight {
@@ -17,13 +16,6 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-template <typename T>
-std::string raw(T value) {
-  std::string bytes(sizeof value, '\0');
-  std::memcpy(bytes.data(), &value, sizeof value);
-  return bytes;
-}
 
 /// A little-endian TIFF directory as EXIF has it (TIFF 6.0, section 2): values longer than four bytes stand behind it.
 class Directory {

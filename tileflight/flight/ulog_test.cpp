@@ -4,13 +4,13 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <fstream>
 #include <numbers>
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
 #include "tileflight/flight/telemetry_file.h"
+#include "tileflight/flight/test_bytes.h"
 #include "tileflight/flight/test_log.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -21,13 +21,6 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-template <typename T>
-std::string raw(T value) {
-  std::string bytes(sizeof value, '\0');
-  std::memcpy(bytes.data(), &value, sizeof value);
-  return bytes;
-}
 
 std::string message(char letter, const std::string& payload) {
   return raw(static_cast<std::uint16_t>(payload.size())) + letter + payload;
