@@ -2,6 +2,7 @@
 // https://colmap.github.io/cameras.html.
 #include "tileflight/dataset/colmap.h"
 
+#include <algorithm>
 #include <optional>
 #include <variant>
 
@@ -37,6 +38,10 @@ std::optional<Lens> known(const imaging::KannalaBrandt& m) {
   return named("OPENCV_FISHEYE", focal(m), {m.k[0], m.k[1], m.k[2], m.k[3]});
 }
 std::optional<Lens> known(const imaging::FovModel& m) { return named("FOV", focal(m), {m.w}); }
+std::optional<Lens> known(const imaging::PinholeRational& m) {
+  if (std::any_of(m.d.begin() + 8, m.d.end(), [](double s) { return s != 0.0; })) return std::nullopt;
+  return named("FULL_OPENCV", focal(m), {m.d[0], m.d[1], m.d[2], m.d[3], m.d[4], m.d[5], m.d[6], m.d[7]});
+}
 std::optional<Lens> known(const auto& /*m*/) { return std::nullopt; }
 
 Lens lens_of(const imaging::Camera& camera) {

@@ -1,6 +1,7 @@
 // Definitions: https://github.com/ros2/common_interfaces (Humble), fields only.
 #include "tileflight/dataset/ros_messages.h"
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <numeric>
@@ -91,9 +92,15 @@ struct Lens {
   std::vector<double> coefficients;
 };
 
+bool without_prism(const imaging::PinholeRational& m) {
+  return std::all_of(m.d.begin() + 8, m.d.end(), [](double s) { return s == 0.0; });
+}
+
 Lens lens_of(const imaging::CameraModel& model) {
   if (const auto* m = std::get_if<imaging::PinholeRadtan>(&model))
     return {"plumb_bob", {m->d[0], m->d[1], m->d[2], m->d[3], 0.0}};
+  if (const auto* m = std::get_if<imaging::PinholeRational>(&model); m != nullptr && without_prism(*m))
+    return {"rational_polynomial", {m->d.begin(), m->d.begin() + 8}};
   if (const auto* m = std::get_if<imaging::KannalaBrandt>(&model)) return {"equidistant", {m->k.begin(), m->k.end()}};
   return {};
 }

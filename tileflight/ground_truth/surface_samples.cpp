@@ -103,24 +103,6 @@ void check_samples(const TriangleMesh& mesh, const Box3& box, double per_m2) {
   }
 }
 
-/// Largest angle between the optical axis and a ray of the image, radians: found on the image's border.
-double widest_angle_rad(const imaging::Camera& camera) {
-  double widest = 0.0;
-  const auto take = [&](double x, double y) {
-    const auto ray = camera.unproject({x, y});
-    widest = std::max(widest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : camera.max_theta_rad());
-  };
-  const double right = camera.width() - 0.5;
-  const double bottom = camera.height() - 0.5;
-  constexpr int kSteps = 32;
-  for (int i = 0; i <= kSteps; ++i) {
-    const double share = static_cast<double>(i) / kSteps;
-    for (const double y : {-0.5, bottom}) take(-0.5 + share * (right + 0.5), y);
-    for (const double x : {-0.5, right}) take(x, -0.5 + share * (bottom + 0.5));
-  }
-  return widest;
-}
-
 /// Whether a camera that stands somewhere sees a point.
 class Viewer {
  public:
@@ -130,7 +112,7 @@ class Viewer {
     for (const auto& pose : poses.poses) T_camera_local_.push_back(pose.T_local_camera.inverse());
     for (const auto& pose : poses.poses) centers_.push_back(pose.T_local_camera.translation);
     // A little wider than the image: this only spares the full projection.
-    cos_widest_ = std::cos(std::min(std::numbers::pi, 1.02 * widest_angle_rad(camera) + 0.01));
+    cos_widest_ = std::cos(std::min(std::numbers::pi, 1.02 * camera.widest_angle_rad() + 0.01));
   }
 
   std::size_t poses() const { return centers_.size(); }

@@ -24,28 +24,6 @@ std::optional<Vec2> undistort_radial(const std::array<double, 4>& d, std::option
   return target * (solve_growing(wanted, wanted, 0.0, upper, value, slope) / wanted);
 }
 
-/// Newton in two dimensions with step halving; nullopt where it does not arrive.
-std::optional<Vec2> undistort_from(const std::array<double, 4>& d, Vec2 m, const Vec2& target) {
-  Distorted at = distort(d, m);
-  for (int i = 0; i < kMaxNewtonSteps; ++i) {
-    if (!(at.d_m.determinant() > 0.0)) return std::nullopt;
-    Vec2 step = at.d_m.inverse() * (target - at.m);
-    const double error = (target - at.m).norm();
-    if (error <= kNewtonTolerance * (1.0 + target.norm())) return m;
-    Distorted next = distort(d, m + step);
-    while ((target - next.m).norm() > error && step.norm() > kNewtonTolerance * (1.0 + m.norm())) {
-      step *= 0.5;
-      next = distort(d, m + step);
-    }
-    m += step;
-    at = next;
-    if (step.norm() <= kNewtonTolerance * (1.0 + m.norm())) break;
-  }
-  constexpr double kAccepted = 1e-12;  // rounding may keep the residual just above the stopping threshold
-  if ((target - at.m).norm() > kAccepted * (1.0 + target.norm())) return std::nullopt;
-  return m;
-}
-
 }  // namespace
 
 Distorted distort(const std::array<double, 4>& d, const Vec2& m) {
@@ -76,7 +54,9 @@ std::optional<Vec2> undistort(const std::array<double, 4>& d, std::optional<doub
   if (d == std::array<double, 4>{}) return target;
   const std::optional<Vec2> start = undistort_radial(d, max_radius, target);
   const bool radial_only = d[2] == 0.0 && d[3] == 0.0;
-  const std::optional<Vec2> m = radial_only ? start : undistort_from(d, start.value_or(target), target);
+  const std::optional<Vec2> m =
+      radial_only ? start
+                  : undistort_from([&d](const Vec2& at) { return distort(d, at); }, start.value_or(target), target);
   if (m && max_radius && m->norm() > *max_radius) return std::nullopt;
   return m;
 }

@@ -3,15 +3,10 @@
 #include <array>
 #include <optional>
 
-#include "tileflight/geometry/transform.h"
+#include "tileflight/imaging/plane_distortion.h"
 
 /// Radial and tangential distortion in normalised coordinates (Brown 1966; OpenCV's first four: k1 k2 p1 p2).
 namespace tileflight::imaging::brown_conrady {
-
-struct Distorted {
-  geometry::Vec2 m;
-  Eigen::Matrix2d d_m;  ///< by the undistorted coordinates
-};
 
 /// x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2), and the same for y with p1 and p2 exchanged.
 Distorted distort(const std::array<double, 4>& d, const geometry::Vec2& m);

@@ -21,11 +21,22 @@ void require_finite(const std::string& file, const std::string& what, std::span<
   throw InputError(file, what + " must be finite numbers");
 }
 
-std::size_t coefficient_count(const std::string& file, const std::string& distortion) {
-  if (distortion == "radtan" || distortion == "equidistant") return 4;
-  if (distortion == "fov") return 1;
-  if (distortion == "none") return 0;
-  throw InputError(file, "distortion model \"" + distortion + "\" is not known: use radtan, equidistant, fov or none");
+void require_coefficient_count(const std::string& file, const std::string& distortion, std::size_t found) {
+  const std::string what = "distortion coefficients of \"" + distortion + "\"";
+  if (distortion == "rational") {
+    if (found != 5 && found != 8 && found != 12)
+      throw InputError(file, what + " must have 5, 8 or 12 numbers (k1 k2 p1 p2 k3 [k4 k5 k6 [s1 s2 s3 s4]]), not " +
+                                 std::to_string(found));
+  } else if (distortion == "radtan" || distortion == "equidistant") {
+    require_count(file, what, 4, found);
+  } else if (distortion == "fov") {
+    require_count(file, what, 1, found);
+  } else if (distortion == "none") {
+    require_count(file, what, 0, found);
+  } else {
+    throw InputError(
+        file, "distortion model \"" + distortion + "\" is not known: use radtan, rational, equidistant, fov or none");
+  }
 }
 
 void check_focal(const std::string& file, const LensNumbers& numbers) {
@@ -41,8 +52,7 @@ void check_focal(const std::string& file, const LensNumbers& numbers) {
 
 void check_distortion(const std::string& file, const LensNumbers& numbers) {
   const std::span<const double> k = numbers.distortion_coefficients;
-  require_count(file, "distortion coefficients of \"" + numbers.distortion + "\"",
-                coefficient_count(file, numbers.distortion), k.size());
+  require_coefficient_count(file, numbers.distortion, k.size());
   require_finite(file, "distortion coefficients", k);
   if (numbers.distortion == "fov" && !(k[0] >= 0.0 && k[0] < std::numbers::pi))
     throw InputError(file, "the field-of-view parameter must be from 0 to below pi radians");
@@ -64,31 +74,37 @@ void check_sphere(const std::string& file, const LensNumbers& numbers) {
     throw InputError(file, "\"eucm\" must have alpha from 0 to 1 and beta above 0");
 }
 
-std::array<double, 4> four(std::span<const double> values) {
-  return values.empty() ? std::array<double, 4>{} : std::array<double, 4>{values[0], values[1], values[2], values[3]};
+/// With zeros for what is not given.
+template <std::size_t N>
+std::array<double, N> padded(std::span<const double> values) {
+  std::array<double, N> out{};
+  std::copy_n(values.begin(), std::min(N, values.size()), out.begin());
+  return out;
 }
 
 CameraModel checked_model(const LensNumbers& numbers) {
   const std::span<const double> f = numbers.focal;
   const std::span<const double> k = numbers.distortion_coefficients;
   const std::span<const double> s = numbers.sphere;
-  if (numbers.model == "omni") return Unified{f[0], f[1], f[2], f[3], s[0], four(k)};
+  if (numbers.model == "omni") return Unified{f[0], f[1], f[2], f[3], s[0], padded<4>(k)};
   if (numbers.model == "ds") return DoubleSphere{f[0], f[1], f[2], f[3], s[0], s[1]};
   if (numbers.model == "eucm") return ExtendedUnified{f[0], f[1], f[2], f[3], s[0], s[1]};
-  if (numbers.distortion == "equidistant") return KannalaBrandt{f[0], f[1], f[2], f[3], four(k)};
+  if (numbers.distortion == "equidistant") return KannalaBrandt{f[0], f[1], f[2], f[3], padded<4>(k)};
+  if (numbers.model == "equirectangular") return Equirectangular{f[0], f[1], f[2], f[3]};
+  if (numbers.distortion == "rational") return PinholeRational{f[0], f[1], f[2], f[3], padded<12>(k)};
   if (numbers.distortion == "fov") return FovModel{f[0], f[1], f[2], f[3], k[0]};
-  return PinholeRadtan{f[0], f[1], f[2], f[3], four(k)};
+  return PinholeRadtan{f[0], f[1], f[2], f[3], padded<4>(k)};
 }
 
 }  // namespace
 
 std::size_t sphere_number_count(const std::string& file, const std::string& model) {
-  if (model == "pinhole") return 0;
+  if (model == "pinhole" || model == "equirectangular") return 0;
   if (model == "omni") return 1;
   if (model == "ds" || model == "eucm") return 2;
   throw InputError(file, "camera model \"" + model +
-                             "\" is not supported: use pinhole (with radtan, equidistant, fov or none), omni (with "
-                             "radtan or none), ds or eucm");
+                             "\" is not supported: use pinhole (with radtan, rational, equidistant, fov or none), omni "
+                             "(with radtan or none), ds, eucm or equirectangular");
 }
 
 Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
@@ -98,19 +114,21 @@ Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
   return {checked_model(numbers), numbers.width, numbers.height};
 }
 
-std::array<double, 4> brown_conrady_of_opencv(const std::string& where, std::span<const double> coefficients) {
-  constexpr std::array<const char*, 14> kNames{"k1", "k2", "p1", "p2", "k3", "k4", "k5",
-                                               "k6", "s1", "s2", "s3", "s4", "tx", "ty"};
+NamedDistortion distortion_of_opencv(const std::string& where, std::span<const double> coefficients) {
   constexpr std::array<std::size_t, 6> kCounts{0, 4, 5, 8, 12, 14};
+  constexpr std::size_t kWithoutTilt = 12;
   const std::size_t count = coefficients.size();
   if (std::find(kCounts.begin(), kCounts.end(), count) == kCounts.end())
     throw InputError(where, "must have 0, 4, 5, 8, 12 or 14 numbers, not " + std::to_string(count));
-  for (std::size_t i = 4; i < count; ++i)
+  for (std::size_t i = kWithoutTilt; i < count; ++i)
     if (coefficients[i] != 0.0)
-      throw InputError(where, std::string(kNames[i]) + " is " + number_text(coefficients[i]) +
-                                  ", but lenses here have no more than k1 k2 p1 p2: calibrate with the others fixed "
-                                  "at 0 (CALIB_FIX_K3, no rational, thin-prism or tilted model), or as a fisheye");
-  return four(coefficients);
+      throw InputError(where, (i == kWithoutTilt ? "tx is " : "ty is ") + number_text(coefficients[i]) +
+                                  ", but no lens model here has a tilted sensor: calibrate without "
+                                  "CALIB_TILTED_MODEL");
+  const auto all = padded<kWithoutTilt>(coefficients);
+  const bool brown_conrady = std::all_of(all.begin() + 4, all.end(), [](double value) { return value == 0.0; });
+  if (brown_conrady) return {"radtan", {all.begin(), all.begin() + 4}};
+  return {"rational", {all.begin(), all.end()}};
 }
 
 std::string number_text(double value) {

@@ -21,6 +21,11 @@ struct Parameters {
   void operator()(const FovModel& m) { values = {2, m.fx, m.fy, m.cx, m.cy, m.w}; }
   void operator()(const DoubleSphere& m) { values = {3, m.fx, m.fy, m.cx, m.cy, m.xi, m.alpha}; }
   void operator()(const Unified& m) { values = {4, m.fx, m.fy, m.cx, m.cy, m.xi, m.d[0], m.d[1], m.d[2], m.d[3]}; }
+  void operator()(const PinholeRational& m) {
+    values = {6, m.fx, m.fy, m.cx, m.cy};
+    values.insert(values.end(), m.d.begin(), m.d.end());
+  }
+  void operator()(const Equirectangular& m) { values = {7, m.fx, m.fy, m.cx, m.cy}; }
   void operator()(const ExtendedUnified& m) { values = {5, m.fx, m.fy, m.cx, m.cy, m.alpha, m.beta}; }
 };
 
@@ -45,6 +50,10 @@ std::vector<Camera> sphere_cameras() {
   return {{DoubleSphere{158.28600034966977, 158.2743455478755, 254.96116578191653, 256.8894394501779,
                         -0.17213086034353243, 0.5931177593944744},
            512, 512},
+          {PinholeRational{
+               570.5, 572.25, 640.5, 362.25, {8.1, 3.2, 2e-4, -3e-4, 0.14, 8.4, 5.6, 0.78, 1e-3, -2e-3, 3e-3, -4e-3}},
+           1280, 720},
+          make_panorama(1920, 960),
           {Unified{1167.1, 1163.8, 360.9, 238.4, 1.9, {-0.26, 0.07, 1e-4, -2e-4}}, 720, 480},
           {ExtendedUnified{460.76484651566468, 459.4051018049483, 365.8937161309615, 249.33499869752445,
                            0.5903365915227143, 1.127468196965374},

@@ -13,6 +13,7 @@
 #include "tileflight/imaging/brown_conrady.h"
 #include "tileflight/imaging/newton.h"
 #include "tileflight/imaging/polynomial.h"
+#include "tileflight/imaging/rational_distortion.h"
 #include "tileflight/imaging/sphere_lenses.h"
 
 namespace tileflight::imaging {
@@ -100,19 +101,23 @@ std::optional<Vec3> unproject_normalized(const FovModel& m, double /*max_theta*/
   return ray_at_angle(d, r, std::atan(std::tan(r * m.w) / (2.0 * std::tan(0.5 * m.w))));
 }
 
-// ---- pinhole with Brown-Conrady distortion ----
+// ---- pinholes with distortion ----
+
+Distorted distorted_by(const PinholeRadtan& m, const Vec2& flat) { return brown_conrady::distort(m.d, flat); }
+Distorted distorted_by(const PinholeRational& m, const Vec2& flat) { return rational::distort(m.d, flat); }
 
 std::optional<double> max_radius(double max_theta) {
   return max_theta < 0.5 * kPi ? std::optional<double>(std::tan(max_theta)) : std::nullopt;
 }
 
-std::optional<Vec2> project_radtan(const PinholeRadtan& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
+template <class Model>
+std::optional<Vec2> project_flat(const Model& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
   if (!(p.z() > 0.0)) return std::nullopt;
   const double inverse_z = 1.0 / p.z();
   const Vec2 flat = p.head<2>() * inverse_z;
   const std::optional<double> largest = max_radius(max_theta);
   if (largest && flat.squaredNorm() > *largest * *largest) return std::nullopt;
-  const auto distorted = brown_conrady::distort(m.d, flat);
+  const Distorted distorted = distorted_by(m, flat);
   if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;  // folded by the tangential part
   if (jacobian != nullptr) {
     const Mat2 d = Vec2(m.fx, m.fy).asDiagonal() * distorted.d_m * inverse_z;
@@ -127,14 +132,42 @@ std::optional<Vec3> unproject_normalized(const PinholeRadtan& m, double max_thet
   return Vec3(flat->x(), flat->y(), 1.0).normalized();
 }
 
+std::optional<Vec3> unproject_normalized(const PinholeRational& m, double max_theta, const Vec2& d) {
+  const std::optional<Vec2> flat = rational::undistort(m.d, std::tan(max_theta), d);
+  if (!flat) return std::nullopt;
+  return Vec3(flat->x(), flat->y(), 1.0).normalized();
+}
+
+// ---- panorama ----
+
+std::optional<Vec2> project_panorama(const Equirectangular& m, const Vec3& p, Jacobian* jacobian) {
+  const double level2 = p.x() * p.x() + p.z() * p.z();
+  const double level = std::sqrt(level2);
+  const double range2 = level2 + p.y() * p.y();
+  if (!(range2 > 0.0)) return std::nullopt;
+  if (jacobian != nullptr) {
+    if (level == 0.0) return std::nullopt;
+    *jacobian << m.fx * p.z() / level2, 0.0, -m.fx * p.x() / level2,  //
+        -m.fy * p.y() * p.x() / (level * range2), m.fy * level / range2, -m.fy * p.y() * p.z() / (level * range2);
+  }
+  return Vec2(m.fx * std::atan2(p.x(), p.z()) + m.cx, m.fy * std::atan2(p.y(), level) + m.cy);
+}
+
+std::optional<Vec3> unproject_normalized(const Equirectangular& /*m*/, double /*max_theta*/, const Vec2& d) {
+  constexpr double kRounding = 1.0 + 1e-12;  // the image's own borders are seen
+  if (!(std::abs(d.x()) <= kPi * kRounding && std::abs(d.y()) <= 0.5 * kPi * kRounding)) return std::nullopt;
+  const double level = std::cos(d.y());
+  return Vec3(level * std::sin(d.x()), std::sin(d.y()), level * std::cos(d.x()));
+}
+
 // ---- lenses by way of spheres (sphere_lenses.h) ----
 
 /// Largest coordinates before distortion.
 std::optional<double> max_radius(const Unified& m) { return brown_conrady::largest_radius(m.d); }
 
+Distorted distorted_by(const Unified& m, const Vec2& flat) { return brown_conrady::distort(m.d, flat); }
 template <class Model>
-brown_conrady::Distorted distorted_by(const Model& m, const Vec2& flat) {
-  if constexpr (std::is_same_v<Model, Unified>) return brown_conrady::distort(m.d, flat);
+Distorted distorted_by(const Model& /*m*/, const Vec2& flat) {
   return {flat, Mat2::Identity()};
 }
 
@@ -145,7 +178,7 @@ std::optional<Vec2> project_by_sphere(const Model& m, double max_theta, const Ve
   const sphere_lenses::Denominator denominator = sphere_lenses::denominator(m, p);
   if (!(denominator.value > 0.0)) return std::nullopt;
   const Vec2 flat = p.head<2>() / denominator.value;
-  const brown_conrady::Distorted distorted = distorted_by(m, flat);
+  const Distorted distorted = distorted_by(m, flat);
   if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;
   if (jacobian != nullptr) {
     Jacobian flat_by_point = -flat * denominator.by_point.transpose();
@@ -181,9 +214,14 @@ std::optional<Vec2> project_by(const FovModel& m, double max_theta, const Vec3& 
   return project_radial(m, max_theta, p, j);
 }
 std::optional<Vec2> project_by(const PinholeRadtan& m, double max_theta, const Vec3& p, Jacobian* j) {
-  return project_radtan(m, max_theta, p, j);
+  return project_flat(m, max_theta, p, j);
 }
-
+std::optional<Vec2> project_by(const PinholeRational& m, double max_theta, const Vec3& p, Jacobian* j) {
+  return project_flat(m, max_theta, p, j);
+}
+std::optional<Vec2> project_by(const Equirectangular& m, double /*max_theta*/, const Vec3& p, Jacobian* j) {
+  return project_panorama(m, p, j);
+}
 std::optional<Vec2> project_by(const DoubleSphere& m, double max_theta, const Vec3& p, Jacobian* j) {
   return project_by_sphere(m, max_theta, p, j);
 }
@@ -204,6 +242,8 @@ double max_theta_of(const PinholeRadtan& m) {
   const std::optional<double> radius = brown_conrady::largest_radius(m.d);
   return radius ? std::atan(*radius) : 0.5 * kPi;
 }
+double max_theta_of(const PinholeRational& m) { return std::atan(rational::largest_radius(m.d)); }
+double max_theta_of(const Equirectangular& /*m*/) { return kPi; }
 double max_theta_of(const DoubleSphere& m) { return sphere_lenses::max_theta_rad(m); }
 double max_theta_of(const Unified& m) { return sphere_lenses::max_theta_rad(m); }
 double max_theta_of(const ExtendedUnified& m) { return sphere_lenses::max_theta_rad(m); }
@@ -234,6 +274,21 @@ std::optional<Vec3> Camera::unproject(const Vec2& pixel) const {
         return unproject_normalized(m, max_theta_rad_, Vec2((pixel.x() - m.cx) / m.fx, (pixel.y() - m.cy) / m.fy));
       },
       model_);
+}
+
+double Camera::widest_angle_rad() const {
+  double widest = 0.0;
+  const auto take = [&](double x, double y) {
+    const std::optional<Vec3> ray = unproject({x, y});
+    widest = std::max(widest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : max_theta_rad_);
+  };
+  constexpr int kSteps = 32;  // even, so that the middles are among them: a panorama sees farthest there
+  for (int i = 0; i <= kSteps; ++i) {
+    const double share = static_cast<double>(i) / kSteps;
+    for (const double y : {-0.5, height_ - 0.5}) take(share * width_ - 0.5, y);
+    for (const double x : {-0.5, width_ - 0.5}) take(x, share * height_ - 0.5);
+  }
+  return widest;
 }
 
 double Camera::horizontal_fov_deg() const {
@@ -294,6 +349,10 @@ Camera make_pinhole(int width, int height, double fov_deg) {
                      std::to_string(fov_deg) + " degrees: a pinhole sees more than 0 and less than 180");
   const double f = 0.5 * width / std::tan(0.5 * fov_deg * kPi / 180.0);
   return {PinholeRadtan{f, f, 0.5 * (width - 1), 0.5 * (height - 1), {}}, width, height};
+}
+
+Camera make_panorama(int width, int height) {
+  return {Equirectangular{width / (2.0 * kPi), height / kPi, 0.5 * (width - 1), 0.5 * (height - 1)}, width, height};
 }
 
 }  // namespace tileflight::imaging

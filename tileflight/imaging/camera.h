@@ -17,6 +17,13 @@ struct PinholeRadtan {
   std::array<double, 4> d{};              ///< k1 k2 p1 p2
 };
 
+/// Pinhole with OpenCV's rational and thin-prism distortion, in its order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
+/// (rational_distortion.h). k4 to s4 of zero are Brown-Conrady with a third radial coefficient.
+struct PinholeRational {
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  std::array<double, 12> d{};
+};
+
 /// Kannala-Brandt (Kalibr pinhole-equi, OpenCV fisheye): r = theta + k1 theta^3 + k2 theta^5 + k3 theta^7 + k4 theta^9.
 /// Valid beyond 180 degrees, up to where r(theta) stops growing.
 struct KannalaBrandt {
@@ -50,7 +57,14 @@ struct ExtendedUnified {
   double alpha = 0, beta = 1;
 };
 
-using CameraModel = std::variant<PinholeRadtan, KannalaBrandt, FovModel, DoubleSphere, Unified, ExtendedUnified>;
+/// Panorama: u = fx longitude + cx, v = fy latitude + cy, with longitude = atan2(x, z) and latitude = atan2(y,
+/// |(x, z)|), radians. A whole sphere over W x H pixels has fx = W / (2 pi), fy = H / pi.
+struct Equirectangular {
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+};
+
+using CameraModel = std::variant<PinholeRadtan, KannalaBrandt, FovModel, DoubleSphere, Unified, ExtendedUnified,
+                                 PinholeRational, Equirectangular>;
 
 /// A lens over an image of width x height. Camera frame: x right, y down, z forward.
 class Camera {
@@ -65,7 +79,8 @@ class Camera {
   /// Pixel of a point (any length; only its direction counts). nullopt outside the model's valid cone; pixels outside
   /// the image are returned as they are.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera) const;
-  /// As project, with the 2x3 derivative of the pixel by the point.
+  /// As project, with the 2x3 derivative of the pixel by the point; nullopt also at a panorama's poles, where there is
+  /// none.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera,
                                         Eigen::Matrix<double, 2, 3>& d_pixel_d_point) const;
   /// Unit ray of a pixel; nullopt outside the model's valid region. project(unproject(p)) == p to 1e-9 px.
@@ -73,6 +88,9 @@ class Camera {
 
   /// Largest angle from the optical axis for which the model holds, radians.
   double max_theta_rad() const { return max_theta_rad_; }
+  /// Largest angle from the optical axis that the image shows, radians: found along its border, and max_theta_rad()
+  /// where that lies outside of the valid region.
+  double widest_angle_rad() const;
   /// Full horizontal angle seen along the middle row, degrees.
   double horizontal_fov_deg() const;
 
@@ -90,6 +108,8 @@ class Camera {
 /// Equidistant-like fisheye (Kannala-Brandt, k as given) whose horizontal field of view over `width` is `fov_deg`.
 Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4> k = {});
 Camera make_pinhole(int width, int height, double fov_deg);
+/// The whole sphere.
+Camera make_panorama(int width, int height);
 
 /// A calibration file: the lens, and what the file says beside it.
 struct Calibration {
@@ -98,8 +118,9 @@ struct Calibration {
   double line_delay_s = 0.0;  ///< rolling shutter: time from one row to the next; 0 is a global shutter
 };
 
-/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none; omni + radtan | none; ds; eucm). Throws
-/// InputError (file, key, cause): unknown models, NaN, wrong counts, resolution <= 0.
+/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none; omni + radtan | none; ds; eucm), and in the
+/// same form what Kalibr has no name for: pinhole + rational (5, 8 or 12 numbers, OpenCV's order), equirectangular.
+/// Throws InputError (file, key, cause): unknown models, NaN, wrong counts, resolution <= 0.
 Calibration read_kalibr(const std::filesystem::path& file);
 void write_kalibr(const std::filesystem::path& file, const Calibration& calibration);
 

@@ -51,6 +51,14 @@ std::vector<Lens> lenses() {
       {"unified without a sphere",
        {Unified{458.654, 457.296, 367.215, 248.375, 0, {-0.28, 0.07, 0.0002, 2e-5}}, 752, 480}},
       {"extended unified", {ExtendedUnified{190, 191, 254, 256.5, 0.63, 1.05}, 512, 512}},
+      {"rational of a wide lens",
+       {PinholeRational{570, 572, 640.5, 362.25, {8.1, 3.2, 2e-4, -3e-4, 0.14, 8.4, 5.6, 0.78, 0, 0, 0, 0}}, 1280,
+        720}},
+      {"rational, radial only", {PinholeRational{500, 500, 320, 240, {-0.3, 0.12, 0, 0, -0.03}}, 640, 480}},
+      {"thin prism",
+       {PinholeRational{700, 710, 630, 350, {0.2, -0.1, 1e-3, -2e-3, 0.05, 0.3, -0.05, 0.01, 2e-3, -1e-3, 1e-3, 5e-4}},
+        1280, 720}},
+      {"panorama without its poles and seam", {Equirectangular{100, 101, 299.5, 139.5}, 600, 280}},
       {"extended unified beyond 180 degrees", {ExtendedUnified{300, 300, 399.5, 99.5, 0.7, 1.3}, 800, 200}},
   };
 }
@@ -77,6 +85,7 @@ TEST(Camera, UnprojectUndoesProjectOverTheCone) {
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
   for (const Lens& lens : lenses()) {
     const bool flat = std::holds_alternative<PinholeRadtan>(lens.camera.model()) ||
+                      std::holds_alternative<PinholeRational>(lens.camera.model()) ||
                       std::holds_alternative<FovModel>(lens.camera.model());
     for (int i = 0; i < 2000; ++i) {
       // Near the edge of the cone the inverse is ill-conditioned by nature, so tests stay a little inside it.
@@ -297,6 +306,72 @@ TEST(Camera, ConesOfSphereLensesEndWhereTheRadiusStopsGrowing) {
       });
       EXPECT_NEAR(camera.max_theta_rad(), walked, 1e-3) << alpha << " " << beta;
     }
+}
+
+TEST(Camera, RationalWithoutADenominatorIsRadtan) {
+  const Camera radtan(PinholeRadtan{458, 457, 367, 248, {-0.28, 0.07, 2e-4, 2e-5}}, 752, 480);
+  const Camera rational(PinholeRational{458, 457, 367, 248, {-0.28, 0.07, 2e-4, 2e-5}}, 752, 480);
+  EXPECT_NEAR(rational.max_theta_rad(), radtan.max_theta_rad(), 2e-6);  // it ends at a radius of 1e6
+  for (double y = 0; y < 480; y += 31)
+    for (double x = 0; x < 752; x += 31)
+      EXPECT_LT((*rational.unproject({x, y}) - *radtan.unproject({x, y})).norm(), 1e-13) << x << " " << y;
+}
+
+TEST(Camera, RationalByHand) {
+  // x = 0.5, y = 0.25: r2 = 0.3125, r4 = 0.09765625, r6 = 0.030517578125.
+  const Camera camera(PinholeRational{1000, 1000, 0, 0, {0.1, 0.2, 0.01, 0.02, 0.3, 0.4, 0.5, 0.6, 0.1, 0.2, 0.3, 0.4}},
+                      100, 100);
+  const double ratio = (1 + 0.1 * 0.3125 + 0.2 * 0.09765625 + 0.3 * 0.030517578125) /
+                       (1 + 0.4 * 0.3125 + 0.5 * 0.09765625 + 0.6 * 0.030517578125);
+  const double x = 0.5 * ratio + 2 * 0.01 * 0.125 + 0.02 * (0.3125 + 0.5) + 0.1 * 0.3125 + 0.2 * 0.09765625;
+  const double y = 0.25 * ratio + 0.01 * (0.3125 + 0.125) + 2 * 0.02 * 0.125 + 0.3 * 0.3125 + 0.4 * 0.09765625;
+  EXPECT_LT((*camera.project({1, 0.5, 2}) - Vec2(1000 * x, 1000 * y)).norm(), 1e-10);
+}
+
+TEST(Camera, ConesOfRationalLensesEndWhereTheRadiusStopsGrowing) {
+  for (const std::array<double, 6>& k : {std::array<double, 6>{-0.3, 0, 0, 0, 0, 0},
+                                         {0, 0, 0, 0.5, 0, 0},
+                                         {0.2, -0.1, 0, 0, 0.3, 0.4},
+                                         {0, 0, 0, -0.4, 0, 0},
+                                         {-0.2, 0.3, -0.4, 0.1, 0.0, 0.0},
+                                         {1.0, 1.0, 1.0, 1.0, 1.0, 1.0}}) {
+    const Camera camera(PinholeRational{100, 100, 50, 50, {k[0], k[1], 0, 0, k[2], k[3], k[4], k[5]}}, 101, 101);
+    const double walked = walked_cone([&](double t) {
+      const double r = std::tan(t), r2 = r * r;
+      const double below = 1 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]));
+      return t < kPi / 2 && below > 0 ? r * (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / below : -1.0;
+    });
+    EXPECT_NEAR(camera.max_theta_rad(), walked, 2e-4) << k[0] << " " << k[3];
+  }
+}
+
+TEST(Camera, PanoramaShowsTheWholeSphere) {
+  const Camera camera = make_panorama(720, 360);  // two pixels a degree
+  EXPECT_NEAR(camera.horizontal_fov_deg(), 360.0, 1e-9);
+  EXPECT_NEAR(camera.widest_angle_rad(), kPi, 1e-7);
+  const Vec2 middle(359.5, 179.5);
+  EXPECT_LT((*camera.project({0, 0, 3}) - middle).norm(), 1e-12);
+  EXPECT_LT((*camera.project({2, 0, 0}) - middle - Vec2(180, 0)).norm(), 1e-12);
+  EXPECT_LT((*camera.project({-1, 0, 1}) - middle - Vec2(-90, 0)).norm(), 1e-12);
+  EXPECT_LT((*camera.project({0, 1, 1}) - middle - Vec2(0, 90)).norm(), 1e-12);
+  EXPECT_NEAR(camera.project({0, -1, 0})->y(), -0.5, 1e-12);
+  EXPECT_NEAR(std::abs(camera.project({0, 0, -1})->x() - middle.x()), 360, 1e-12);
+  Jacobian none;
+  EXPECT_FALSE(camera.project({0, 1, 0}, none).has_value());
+  EXPECT_FALSE(camera.project({0, 0, 0}).has_value());
+  EXPECT_FALSE(camera.project({std::nan(""), 0, 1}).has_value());
+  EXPECT_FALSE(camera.unproject({720.0, 100.0}).has_value());
+  EXPECT_FALSE(camera.unproject({100.0, 360.0}).has_value());
+  for (int y = 0; y < 360; y += 7)
+    for (int x = 0; x < 720; x += 7) {
+      const Vec3 ray = *camera.unproject({static_cast<double>(x), static_cast<double>(y)});
+      EXPECT_LT((*camera.project(5.0 * ray) - Vec2(x, y)).norm(), 1e-9);
+    }
+}
+
+TEST(Camera, WidestAngleIsThatOfTheBorder) {
+  EXPECT_NEAR(make_pinhole(100, 100, 90).widest_angle_rad(), std::atan(std::sqrt(2.0)), 1e-9);
+  EXPECT_NEAR(make_fisheye(400, 100, 200).widest_angle_rad(), std::hypot(1.0, 0.25) * 100 * kPi / 180, 1e-9);
 }
 
 TEST(Camera, ImpossibleFieldsOfViewAreRefused) {

@@ -113,13 +113,11 @@ std::vector<double> parameters_of(const Row& row, const ColmapLens& lens) {
   return values;
 }
 
-std::vector<double> coefficients_of(const Row& row, const ColmapLens& lens, std::span<const double> given) {
-  std::vector<double> k(given.begin(), given.end());
-  if (lens.distortion == "none" || lens.distortion == "fov") return k;
-  if (k.size() < 4) k.resize(4, 0.0);
-  if (lens.distortion == "equidistant") return k;
-  const std::array<double, 4> kept = brown_conrady_of_opencv(row.where, k);
-  return {kept.begin(), kept.end()};
+NamedDistortion distortion_of(const Row& row, const ColmapLens& lens, std::span<const double> given) {
+  NamedDistortion out{std::string(lens.distortion), {given.begin(), given.end()}};
+  if (lens.distortion == "none" || lens.distortion == "fov") return out;
+  if (out.numbers.size() < 4) out.numbers.resize(4, 0.0);
+  return lens.distortion == "equidistant" ? out : distortion_of_opencv(row.where, out.numbers);
 }
 
 }  // namespace
@@ -132,10 +130,10 @@ Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional
   const ColmapLens& lens = lens_of(row);
   const std::vector<double> all = parameters_of(row, lens);
   const std::array<double, 4> focal{all[0], all[1], all[2] - kPixelCentre, all[3] - kPixelCentre};
-  const std::vector<double> coefficients = coefficients_of(row, lens, std::span(all).subspan(4));
+  const NamedDistortion distortion = distortion_of(row, lens, std::span(all).subspan(4));
   Calibration calibration;
-  calibration.camera = checked_camera(row.where, {std::string(lens.distortion), focal, coefficients,
-                                                  side_of(row, 2, "WIDTH"), side_of(row, 3, "HEIGHT")});
+  calibration.camera = checked_camera(
+      row.where, {distortion.name, focal, distortion.numbers, side_of(row, 2, "WIDTH"), side_of(row, 3, "HEIGHT")});
   return calibration;
 }
 

@@ -1,5 +1,6 @@
 // DSO's camera.txt: "MODEL parameters" / "width height" / how to rectify / rectified size. The last two lines are for
 // DSO's own rectification to a pinhole, which is not made here: they are checked and not used.
+#include <algorithm>
 #include <cctype>
 #include <map>
 #include <optional>
@@ -137,6 +138,11 @@ std::optional<NameAndTail> describe(const Unified& m) {
   return std::nullopt;
 }
 std::optional<NameAndTail> describe(const ExtendedUnified&) { return std::nullopt; }
+std::optional<NameAndTail> describe(const PinholeRational& m) {
+  if (std::any_of(m.d.begin() + 4, m.d.end(), [](double d) { return d != 0.0; })) return std::nullopt;
+  return describe(PinholeRadtan{m.fx, m.fy, m.cx, m.cy, {m.d[0], m.d[1], m.d[2], m.d[3]}});
+}
+std::optional<NameAndTail> describe(const Equirectangular&) { return std::nullopt; }
 
 std::optional<NameAndTail> describe(const Camera& camera) {
   return std::visit([](const auto& m) { return describe(m); }, camera.model());

@@ -73,8 +73,9 @@ geometry::SE3 read_transform(const YAML::Node& node, const std::string& file) {
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
   const auto model = scalar<std::string>(required(camera, "camera_model", file), "camera_model", file);
   const std::size_t sphere = sphere_number_count(file, model);
-  const YAML::Node distortion_node =
-      sphere == 2 ? camera["distortion_model"] : required(camera, "distortion_model", file);
+  const YAML::Node distortion_node = sphere == 2 || model == "equirectangular"
+                                         ? camera["distortion_model"]
+                                         : required(camera, "distortion_model", file);
   const auto distortion = distortion_node ? scalar<std::string>(distortion_node, "distortion_model", file) : "none";
   const std::vector<double> intrinsics = numbers(required(camera, "intrinsics", file), "intrinsics", file);
   const YAML::Node coefficient_node = camera["distortion_coeffs"];
@@ -96,11 +97,12 @@ double read_line_delay(const YAML::Node& camera, const std::string& file) {
   return delay;
 }
 
-std::string list(std::initializer_list<double> values) {
+std::string list(std::span<const double> values) {
   std::string text = "[";
   for (const double value : values) text += (text.size() > 1 ? ", " : "") + number_text(value);
   return text + "]";
 }
+std::string list(std::initializer_list<double> values) { return list(std::span(values.begin(), values.size())); }
 
 std::string distortion_lines(const std::string& name, const std::string& coefficients) {
   return "  distortion_model: " + name + "\n  distortion_coeffs: " + coefficients + "\n";
@@ -117,6 +119,12 @@ std::string lens_lines(const std::string& model, std::initializer_list<double> i
 }
 std::string lens_lines(const PinholeRadtan& m) {
   return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, radtan_lines(m.d));
+}
+std::string lens_lines(const PinholeRational& m) {
+  return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("rational", list(m.d)));
+}
+std::string lens_lines(const Equirectangular& m) {
+  return lens_lines("equirectangular", {m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
 }
 std::string lens_lines(const KannalaBrandt& m) {
   return lens_lines("pinhole", {m.fx, m.fy, m.cx, m.cy},

@@ -85,12 +85,7 @@ Family read_family(const OpenCvStorage& storage, const std::string& file) {
   throw InputError(file, quoted(flag->key) + " must be 0 or 1, not " + quoted(value));
 }
 
-struct Distortion {
-  std::string name;  ///< radtan or equidistant
-  std::vector<double> numbers;
-};
-
-Distortion read_distortion(const OpenCvStorage& storage, const std::string& file) {
+NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string& file) {
   const StorageEntry* entry =
       storage.find({"distortioncoefficients", "distcoeffs", "distortioncoeffs", "distcoef", "d"});
   if (entry == nullptr)
@@ -102,8 +97,7 @@ Distortion read_distortion(const OpenCvStorage& storage, const std::string& file
     throw InputError(file, quoted(entry->key) +
                                " has 4 numbers, which are k1 k2 p1 p2 or the fisheye module's k1 k2 k3 k4: say which "
                                "with the line \"distortion_model: plumb_bob\" or \"distortion_model: equidistant\"");
-  const std::array<double, 4> kept = brown_conrady_of_opencv(file + ": " + quoted(entry->key), d);
-  return {"radtan", {kept.begin(), kept.end()}};
+  return distortion_of_opencv(file + ": " + quoted(entry->key), d);
 }
 
 }  // namespace
@@ -113,7 +107,7 @@ Calibration read_opencv(const std::filesystem::path& file) {
   const OpenCvStorage storage(geometry::read_text(file, kMaxCalibrationBytes), name);
   const std::vector<double> focal = read_matrix(storage, name);
   const Size size = read_size(storage, name);
-  const Distortion distortion = read_distortion(storage, name);
+  const NamedDistortion distortion = read_distortion(storage, name);
   Calibration calibration;
   calibration.camera = checked_camera(name, {distortion.name, focal, distortion.numbers, size.width, size.height});
   return calibration;

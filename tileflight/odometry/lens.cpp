@@ -1,7 +1,10 @@
 #include "tileflight/odometry/lens.h"
 
 #include <algorithm>
+#include <numbers>
 #include <variant>
+
+#include "tileflight/imaging/rational_distortion.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -55,6 +58,14 @@ Intrinsics changed(const Intrinsics& own, const LensDelta& delta) {
   return {own.fx * (1.0 + delta[0]), own.fy * (1.0 + delta[1]), own.cx + delta[2] * own.fx, own.cy + delta[3] * own.fy};
 }
 
+/// Whether a pixel's distance from the principal point depends on the angle from the axis alone (of the lenses that are
+/// not evaluated here).
+bool is_symmetric(const imaging::Camera& camera) {
+  if (std::holds_alternative<imaging::Equirectangular>(camera.model())) return false;
+  const auto* rational = std::get_if<imaging::PinholeRational>(&camera.model());
+  return rational == nullptr || imaging::rational::is_radial(rational->d);
+}
+
 }  // namespace
 
 imaging::Camera moved(const imaging::Camera& camera, const LensDelta& delta) {
@@ -68,9 +79,15 @@ Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
   set_level(0);
   if (const auto* radtan = std::get_if<imaging::PinholeRadtan>(&camera.model())) {
     radtan_ = radtan->d;
-    tangential_ = true;
+    formula_ = Formula::kRadtan;
     distortionless_ = radtan->d == std::array<double, 4>{};
     min_cos_ = std::max(std::cos(camera.max_theta_rad()), 0.02);
+    return;
+  }
+  if (!is_symmetric(camera)) {
+    formula_ = Formula::kCamera;
+    // Near 90 degrees a pinhole's pixel runs away; a panorama has no such limit.
+    min_cos_ = camera.max_theta_rad() < std::numbers::pi ? std::max(std::cos(camera.max_theta_rad()), 0.02) : -2.0;
     return;
   }
   min_cos_ = std::cos(std::min(camera.max_theta_rad(), widest_angle_rad(camera) + kMarginRad));
@@ -78,7 +95,7 @@ Lens::Lens(const imaging::Camera& camera) : camera_(camera) {
       unified != nullptr && (unified->d[2] != 0.0 || unified->d[3] != 0.0)) {
     radtan_ = unified->d;
     xi_ = unified->xi;
-    tangential_ = true;
+    formula_ = Formula::kRadtan;
     return;
   }
   table_ = radial_table(camera);
@@ -128,6 +145,16 @@ Lens Lens::moved(const LensDelta& delta) const {
   lens.delta_ = delta;
   lens.set_level(level_);
   return lens;
+}
+
+bool Lens::project_by_camera(const Vec3& X, Vec2& pixel, Eigen::Matrix<double, 2, 3>* derivative) const {
+  const auto own = derivative != nullptr ? camera_.project(X, *derivative) : camera_.project(X);
+  if (!own) return false;
+  const Intrinsics given = intrinsics(camera_);
+  const Vec2 scale(fx_ / given.fx, fy_ / given.fy);
+  pixel = Vec2(cx_, cy_) + scale.cwiseProduct(*own - Vec2(given.cx, given.cy));
+  if (derivative != nullptr) *derivative = scale.asDiagonal() * *derivative;
+  return true;
 }
 
 Vec2 Lens::own_pixel(const Vec2& pixel) const {

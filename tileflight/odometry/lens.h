@@ -1,8 +1,9 @@
 #pragma once
 
 // The camera model as the inner loops need it: any lens that is symmetric about its axis is a table of one variable,
-// read by cubic interpolation; pinhole and unified lenses with tangential distortion are evaluated as they are. Works
-// beyond 180 degrees.
+// read by cubic interpolation; pinhole and unified lenses with tangential distortion are evaluated as they are, and
+// what is neither (panoramas, rational distortion with a tangential part) is asked of the camera itself. Works beyond
+// 180 degrees.
 //
 // With n = |X|, c = z/n = cos(theta), m = (x, y)/n:   u = cx + fx g(c) m_x,   v = cy + fy g(c) m_y,
 // g(c) = r(theta)/sin(theta), which is smooth in c up to the axis.
@@ -59,6 +60,7 @@ class Lens {
 
  private:
   friend class LensLanes;  // the same for vectors of directions
+  enum class Formula { kTable, kRadtan, kCamera };
   struct Table {
     double min_cos = 0.0;
     double cells_per_unit = 0.0;
@@ -72,13 +74,17 @@ class Lens {
   template <class T>
   bool project_radtan(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm, Eigen::Matrix<T, 2, 1>& pixel,
                       Eigen::Matrix<T, 2, 3>* derivative) const;
+  bool project_by_camera(const geometry::Vec3& X, geometry::Vec2& pixel, Eigen::Matrix<double, 2, 3>* derivative) const;
+  template <class T>
+  bool project_evaluated(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm, Eigen::Matrix<T, 2, 1>& pixel,
+                         Eigen::Matrix<T, 2, 3>* derivative) const;
 
   imaging::Camera camera_;  ///< of level 0, as it was given
   LensDelta delta_ = LensDelta::Zero();
   int level_ = 0;
   double fx_ = 0, fy_ = 0, cx_ = 0, cy_ = 0;
   double min_cos_ = 0;
-  bool tangential_ = false;
+  Formula formula_ = Formula::kTable;
   bool distortionless_ = false;  ///< a pinhole
   double xi_ = 0;                ///< of the unified model; 0: pinhole
   std::array<double, 4> radtan_{};
@@ -150,12 +156,25 @@ inline bool Lens::project_radtan(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm
 }
 
 template <class T>
+inline bool Lens::project_evaluated(const Eigen::Matrix<T, 3, 1>& X, T inverse_norm, Eigen::Matrix<T, 2, 1>& pixel,
+                                    Eigen::Matrix<T, 2, 3>* derivative) const {
+  if (formula_ == Formula::kRadtan) return project_radtan<T>(X, inverse_norm, pixel, derivative);
+  geometry::Vec2 exact_pixel;
+  Eigen::Matrix<double, 2, 3> exact_derivative;
+  const geometry::Vec3 direction = X.template cast<double>();
+  if (!project_by_camera(direction, exact_pixel, derivative != nullptr ? &exact_derivative : nullptr)) return false;
+  pixel = exact_pixel.template cast<T>();
+  if (derivative != nullptr) *derivative = exact_derivative.template cast<T>();
+  return true;
+}
+
+template <class T>
 inline bool Lens::project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1>& pixel) const {
   const T n2 = X.squaredNorm();
   const T in = T(1) / std::sqrt(n2);
   const T c = X[2] * in;
   if (!(c >= T(min_cos_))) return false;
-  if (tangential_) return project_radtan<T>(X, in, pixel, nullptr);
+  if (formula_ != Formula::kTable) return project_evaluated<T>(X, in, pixel, nullptr);
   T g, g_prime;
   radial(c, g, g_prime);
   pixel[0] = T(cx_) + T(fx_) * g * X[0] * in;
@@ -169,7 +188,7 @@ inline bool Lens::project(const Eigen::Matrix<T, 3, 1>& X, Eigen::Matrix<T, 2, 1
   const T in = T(1) / std::sqrt(X.squaredNorm());
   const Eigen::Matrix<T, 3, 1> d = X * in;
   if (!(d[2] >= T(min_cos_))) return false;
-  if (tangential_) return project_radtan<T>(X, in, pixel, &d_pixel_d_X);
+  if (formula_ != Formula::kTable) return project_evaluated<T>(X, in, pixel, &d_pixel_d_X);
   T g, g_prime;
   radial(d[2], g, g_prime);
   pixel[0] = T(cx_) + T(fx_) * g * d[0];

@@ -23,10 +23,12 @@ class LensLanes {
     square_root(X[0] * X[0] + X[1] * X[1] + X[2] * X[2], norm);
     const Lanes inverse_norm = 1.0F / norm;
     out.valid = X[2] * inverse_norm >= static_cast<float>(lens_.min_cos_);
-    if (lens_.tangential_) {
+    if (lens_.formula_ == Lens::Formula::kTable) {
+      project_radial(X, inverse_norm, out);
+    } else if (lens_.formula_ == Lens::Formula::kRadtan) {
       project_radtan(X, inverse_norm, out);
     } else {
-      project_radial(X, inverse_norm, out);
+      project_by_camera(X, out);
     }
   }
 
@@ -72,6 +74,20 @@ class LensLanes {
       const Lanes y_by = ((i == 1 ? 1.0F : 0.0F) - y * D_by_X) * inverse;
       out.u_by[i] = du_dx * x_by + du_dy * y_by;
       out.v_by[i] = dv_dx * x_by + dv_dy * y_by;
+    }
+  }
+
+  void project_by_camera(const std::array<Lanes, 3>& X, LanePixels& out) const {
+    for (int i = 0; i < kLanes; ++i) {
+      geometry::Vec2 pixel = geometry::Vec2::Zero();
+      Eigen::Matrix<double, 2, 3> derivative = Eigen::Matrix<double, 2, 3>::Zero();
+      if (!lens_.project_by_camera({X[0][i], X[1][i], X[2][i]}, pixel, &derivative)) out.valid[i] = 0;
+      out.u[i] = static_cast<float>(pixel.x());
+      out.v[i] = static_cast<float>(pixel.y());
+      for (int k = 0; k < 3; ++k) {
+        out.u_by[k][i] = static_cast<float>(derivative(0, k));
+        out.v_by[k][i] = static_cast<float>(derivative(1, k));
+      }
     }
   }
 

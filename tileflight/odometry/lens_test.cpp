@@ -22,7 +22,11 @@ std::vector<Camera> lenses() {
           Camera(imaging::Unified{1167, 1164, 361, 238, 1.9, {-0.26, 0.07, 1e-3, -2e-3}}, 720, 480),
           Camera(imaging::Unified{300, 300, 399.5, 199.5, 1.0, {0.05, 0.0, 0.0, 0.0}}, 800, 400),
           Camera(imaging::Unified{250, 250, 399.5, 149.5, 0.98, {0.01, 0.0, 1e-3, 1e-3}}, 800, 300),
-          Camera(imaging::ExtendedUnified{300, 300, 399.5, 99.5, 0.7, 1.3}, 800, 200)};
+          Camera(imaging::ExtendedUnified{300, 300, 399.5, 99.5, 0.7, 1.3}, 800, 200),
+          Camera(imaging::PinholeRational{570, 572, 640.5, 362.25, {8.1, 3.2, 0, 0, 0.14, 8.4, 5.6, 0.78}}, 1280, 720),
+          Camera(imaging::PinholeRational{570, 572, 640.5, 362.25, {8.1, 3.2, 2e-4, -3e-4, 0.14, 8.4, 5.6, 0.78, 1e-3}},
+                 1280, 720),
+          imaging::make_panorama(800, 400)};
 }
 
 /// Directions that a camera's picture shows, at several distances.

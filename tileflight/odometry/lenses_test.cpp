@@ -45,6 +45,11 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"unified beyond 180 degrees", Camera(imaging::Unified{105, 105, 139.5, 79.5, 1.0, {}}, 280, 160)},
         Case{"extended unified", Camera(imaging::ExtendedUnified{120, 120, 139.5, 99.5, 0.6, 1.1}, 280, 200)},
         Case{"Kannala-Brandt beyond 180 degrees", imaging::make_fisheye(280, 160, 200.0)},
+        Case{"rational", Camera(
+                             imaging::PinholeRational{
+                                 180, 181, 141, 98, {0.3, 0.1, 1e-3, -1e-3, 0.02, 0.5, 0.1, 0.01, 1e-3, 0, 1e-3, 0}},
+                             280, 200)},
+        Case{"panorama", imaging::make_panorama(480, 240)},
         Case{"radtan", Camera(imaging::PinholeRadtan{180, 181, 141, 98, {-0.2, 0.05, 1e-3, -1e-3}}, 280, 200)}),
     [](const testing::TestParamInfo<Case>& lens) {
       std::string name = lens.param.name;

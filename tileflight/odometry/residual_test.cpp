@@ -69,6 +69,9 @@ TEST(PixelDerivatives, ByTheLensAreTheNumericOnes) {
         imaging::Camera(imaging::PinholeRadtan{180, 181, 141, 98, {-0.2, 0.05, 1e-3, -1e-3}}, 280, 200),
         imaging::Camera(imaging::Unified{230, 231, 141, 98, 1.1, {-0.05, 0.01, 2e-3, -1e-3}}, 280, 200),
         imaging::Camera(imaging::ExtendedUnified{120, 120, 139.5, 99.5, 0.6, 1.1}, 280, 200),
+        imaging::Camera(
+            imaging::PinholeRational{180, 181, 141, 98, {0.3, 0.1, 1e-3, -1e-3, 0.02, 0.5, 0.1, 0.01, 1e-3}}, 280, 200),
+        imaging::make_panorama(400, 200),
         imaging::Camera(imaging::DoubleSphere{80, 80, 139.5, 79.5, 0.4, 0.62}, 280, 160)}) {
     const Lens own(camera), lens = own.moved(at);
     for (int i = 0; i < 100; ++i) {

@@ -83,7 +83,8 @@ bool sees(const Eye& eye, const BoundingSphere& sphere) {
 double angle_between_rad(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
 
 /// The most pixels that a small angle covers about a ray: the largest singular value of the pixel's derivative across
-/// the ray.
+/// the ray. Of a panorama the smallest: towards its poles it shows the same direction in many pixels of a row, and what
+/// it shows of it is told by the columns.
 double pixels_per_rad(const imaging::Camera& camera, const Vec3& ray) {
   Eigen::Matrix<double, 2, 3> d_pixel_d_point;
   if (!camera.project(ray, d_pixel_d_point)) return 0.0;
@@ -91,7 +92,8 @@ double pixels_per_rad(const imaging::Camera& camera, const Vec3& ray) {
   across.col(0) = ray.unitOrthogonal();
   across.col(1) = ray.cross(across.col(0));
   const Eigen::Matrix2d d_pixel_d_angle = d_pixel_d_point * across;
-  return Eigen::JacobiSVD<Eigen::Matrix2d>(d_pixel_d_angle).singularValues()(0);
+  const bool panorama = std::holds_alternative<imaging::Equirectangular>(camera.model());
+  return Eigen::JacobiSVD<Eigen::Matrix2d>(d_pixel_d_angle).singularValues()(panorama ? 1 : 0);
 }
 
 /// Unit normals of the frustum's four sides, pointing inwards, local frame.
