@@ -22,7 +22,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
                    "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt or DSO camera.txt")
       ->required();
   command->add_option("--telemetry", options->telemetry,
-                      "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg) or folder of photos");
+                      "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg, ArduPilot .bin) or folder of photos");
   command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,

@@ -2,7 +2,7 @@
 #include "tileflight/flight/telemetry_file.h"
 #include "tileflight/geometry/input_error.h"
 
-/// A flight log of any bytes: subtitles, CSV, GPX, KML or ULog.
+/// A flight log of any bytes: subtitles, CSV, GPX, KML, ULog or DataFlash.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   const fuzz::MemoryFile file(data, size);

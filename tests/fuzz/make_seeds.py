@@ -177,6 +177,17 @@ def logs():
             (b"S", bytes.fromhex("2f731320250cbb12"))]
     write("log/flight.ulg", b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1000000) +
           b"".join(struct.pack("<H", len(body)) + letter + body for letter, body in rows))
+    def layout(kind, length, name, letters, labels):
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, letters, labels)
+    write("log/flight.bin", layout(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns") +
+          layout(2, 20, b"MULT", b"Qbd", b"TimeUS,Id,Mult") + layout(3, 44, b"FMTU", b"QBNN", b"TimeUS,FmtType,UnitIds,MultIds") +
+          layout(10, 27, b"GPS", b"QBBLLeH", b"TimeUS,I,Status,Lat,Lng,Alt,GWk") +
+          layout(12, 17, b"ATT", b"QccC", b"TimeUS,Roll,Pitch,Yaw") + layout(13, 24, b"IMU", b"QBfff", b"TimeUS,I,GyrX,GyrY,GyrZ") +
+          b"\xa3\x95\x02" + struct.pack("<Qcd", 0, b"F", 1e-6) +
+          b"\xa3\x95\x03" + struct.pack("<QB16s16s", 0, 10, b"s#-DUm-", b"F------") +
+          b"\xa3\x95\x0c" + struct.pack("<QhhH", 1400000, 550, -1025, 27000) +
+          b"\xa3\x95\x0d" + struct.pack("<QB3f", 1450000, 0, 0.125, 0.5, -0.25) +
+          b"\xa3\x95\x0a" + struct.pack("<QBBiiiH", 1500000, 0, 3, -2500000, -785000000, 290050, 2000))
 
 
 def photos():

@@ -55,6 +55,7 @@ void count_from_first_fix(Telemetry& telemetry) {
   if (telemetry.fixes.empty()) return;
   const double first_s = telemetry.fixes.front().time_s;
   for (TelemetryFix& fix : telemetry.fixes) fix.time_s -= first_s;
+  for (BodyRate& rate : telemetry.body_rates) rate.time_s -= first_s;
 }
 
 bool is_date(double time_s) { return time_s >= 1e9; }

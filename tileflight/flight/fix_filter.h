@@ -28,7 +28,7 @@ class FixFilter {
   std::size_t entries_ = 0, without_time_ = 0, without_fix_ = 0, off_the_earth_ = 0, out_of_order_ = 0;
 };
 
-/// Times become seconds from the first fix.
+/// Times, of the gyroscope too, become seconds from the first fix.
 void count_from_first_fix(Telemetry& telemetry);
 
 /// Whether a time in seconds is one since 1970 (later than September 2001) rather than of a clock that starts with the

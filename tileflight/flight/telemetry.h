@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/transform.h"
 
 namespace tileflight::flight {
 
@@ -21,11 +22,19 @@ struct TelemetryFix {
   std::optional<double> body_yaw_deg, body_pitch_deg, body_roll_deg;
 };
 
+/// What the vehicle's gyroscope said, on the clock of the fixes.
+struct BodyRate {
+  double time_s = 0.0;
+  geometry::Vec3 rate_rad_s = geometry::Vec3::Zero();  ///< about the vehicle's axes: forward, right, down
+};
+
 enum class HeightDatum { kUnknown, kEllipsoid, kMeanSeaLevel };
 
 struct Telemetry {
   std::vector<TelemetryFix> fixes;  ///< strictly increasing time; repeated positions (held between fixes) are kept
   HeightDatum height_datum = HeightDatum::kUnknown;
+  std::vector<BodyRate> body_rates;   ///< strictly increasing time; empty where the log has no gyroscope's
+  std::optional<double> zero_utc_s;   ///< time 0 as seconds since 1970 in UTC, where the log knows it
   std::vector<std::string> warnings;  ///< e.g. entries dropped, one line each
 };
 

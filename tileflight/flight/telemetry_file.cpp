@@ -6,6 +6,8 @@
 #include <string>
 
 #include "tileflight/flight/csv_log.h"
+#include "tileflight/flight/dataflash_log.h"
+#include "tileflight/flight/dataflash_messages.h"
 #include "tileflight/flight/gpx.h"
 #include "tileflight/flight/kml.h"
 #include "tileflight/flight/log_text.h"
@@ -17,7 +19,7 @@
 namespace tileflight::flight {
 namespace {
 
-enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog };
+enum class Format { kDjiSubtitles, kGpx, kKml, kCsv, kUlog, kDataflash };
 
 std::string first_bytes(const std::filesystem::path& file) {
   std::array<char, 4096> bytes{};
@@ -61,6 +63,7 @@ bool has_subtitles_name(const std::filesystem::path& file) {
 Format format_of(const std::filesystem::path& file) {
   const std::string head = first_bytes(file);
   if (head.starts_with("ULog")) return Format::kUlog;
+  if (is_dataflash(head)) return Format::kDataflash;
   if (is_xml(head)) return root_of(head) == "kml" ? Format::kKml : Format::kGpx;
   return is_subtitles(head) || has_subtitles_name(file) ? Format::kDjiSubtitles : Format::kCsv;
 }
@@ -87,6 +90,8 @@ Telemetry read_telemetry(const std::filesystem::path& file) {
       return read_csv_log(file);
     case Format::kUlog:
       return read_ulog(file);
+    case Format::kDataflash:
+      return read_dataflash(file);
     case Format::kDjiSubtitles:
       break;
   }

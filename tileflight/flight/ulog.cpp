@@ -6,14 +6,13 @@
 
 #include "tileflight/flight/fix_filter.h"
 #include "tileflight/flight/log_text.h"
+#include "tileflight/flight/timed_rows.h"
 #include "tileflight/flight/ulog_topics.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
-
-using Rows = std::vector<std::vector<double>>;
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kFarthestAttitude_s = 0.2;
@@ -88,29 +87,19 @@ void set_attitude(TelemetryFix& fix, const std::vector<double>& row) {
   fix.body_roll_deg = kDegrees * std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
 }
 
-/// `attitudes`: sorted by time.
-void add_attitude(TelemetryFix& fix, const Rows& attitudes) {
-  const auto later = std::lower_bound(attitudes.begin(), attitudes.end(), 1e6 * fix.time_s,
-                                      [](const std::vector<double>& row, double time_us) { return row[0] < time_us; });
-  const auto distance_s = [&](auto row) { return std::abs(1e-6 * (*row)[0] - fix.time_s); };
-  auto nearest = later;
-  if (nearest == attitudes.end() || (later != attitudes.begin() && distance_s(later - 1) < distance_s(later))) {
-    if (later == attitudes.begin()) return;
-    nearest = later - 1;
-  }
-  if (distance_s(nearest) <= kFarthestAttitude_s) set_attitude(fix, *nearest);
+const LogRows& rows_of(const UlogTopics& topics, const std::string& name) {
+  static const LogRows none;
+  const auto found = topics.rows.find(name);
+  return found == topics.rows.end() ? none : found->second;
 }
 
-Rows sorted_attitudes(const UlogTopics& topics) {
-  const auto found = topics.rows.find("vehicle_attitude");
-  Rows rows = found == topics.rows.end() ? Rows{} : found->second;
-  std::erase_if(rows, [](const std::vector<double>& row) { return std::isnan(row[0]); });
-  std::stable_sort(rows.begin(), rows.end(),
-                   [](const std::vector<double>& a, const std::vector<double>& b) { return a[0] < b[0]; });
-  return rows;
+/// Filtered as the controller has it, else as the sensor gave it.
+std::vector<BodyRate> body_rates(const UlogTopics& topics) {
+  const LogRows& filtered = rows_of(topics, "vehicle_angular_velocity");
+  return body_rates_of(filtered.empty() ? rows_of(topics, "sensor_combined") : filtered, 1e-6);
 }
 
-FixFilter filtered(const std::vector<Position>& positions, bool ellipsoidal, const Rows& attitudes) {
+FixFilter filtered(const std::vector<Position>& positions, bool ellipsoidal, const LogRows& attitudes) {
   FixFilter filter;
   for (const Position& position : positions) {
     if (!is_usable(position)) {
@@ -123,7 +112,7 @@ FixFilter filtered(const std::vector<Position>& positions, bool ellipsoidal, con
     fix.longitude_deg = position.longitude_deg;
     const double height_m = ellipsoidal ? position.ellipsoid_m : position.sea_level_m;
     if (std::isfinite(height_m)) fix.absolute_height_m = height_m;
-    add_attitude(fix, attitudes);
+    if (const auto* row = next_in_time(attitudes, 1e6 * fix.time_s, 1e6 * kFarthestAttitude_s)) set_attitude(fix, *row);
     filter.add(fix);
   }
   return filter;
@@ -132,17 +121,21 @@ FixFilter filtered(const std::vector<Position>& positions, bool ellipsoidal, con
 }  // namespace
 
 Telemetry read_ulog(const std::filesystem::path& file) {
-  const std::map<std::string, UlogFields> wanted = {{"vehicle_gps_position", kReceiverFields},
-                                                    {"sensor_gps", kReceiverFields},
-                                                    {"vehicle_global_position", kEstimatorFields},
-                                                    {"vehicle_attitude", kAttitudeFields}};
+  const std::map<std::string, UlogFields> wanted = {
+      {"vehicle_gps_position", kReceiverFields},
+      {"sensor_gps", kReceiverFields},
+      {"vehicle_global_position", kEstimatorFields},
+      {"vehicle_attitude", kAttitudeFields},
+      {"vehicle_angular_velocity", {"timestamp", "xyz[0]", "xyz[1]", "xyz[2]"}},
+      {"sensor_combined", {"timestamp", "gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"}}};
   const std::vector<std::byte> bytes = geometry::read_bytes(file, kLargestLogBytes);
   const UlogTopics topics = read_ulog_topics(bytes, wanted, file.string());
   const std::vector<Position> positions = positions_of(topics);
   const bool ellipsoidal = has_ellipsoidal_heights(positions);
-  Telemetry telemetry =
-      filtered(positions, ellipsoidal, sorted_attitudes(topics)).finish(file.string(), "position messages");
+  Telemetry telemetry = filtered(positions, ellipsoidal, in_order_of_time(rows_of(topics, "vehicle_attitude")))
+                            .finish(file.string(), "position messages");
   telemetry.warnings.insert(telemetry.warnings.end(), topics.warnings.begin(), topics.warnings.end());
+  telemetry.body_rates = body_rates(topics);
   count_from_first_fix(telemetry);
   drop_fixes_without_height(telemetry);
   telemetry.height_datum = ellipsoidal ? HeightDatum::kEllipsoid : HeightDatum::kMeanSeaLevel;

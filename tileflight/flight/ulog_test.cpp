@@ -115,6 +115,24 @@ TEST_F(Ulog, AttitudeNextInTime) {
   EXPECT_NEAR(*up.fixes[0].body_pitch_deg, 90, 0.1);  // nose up
 }
 
+TEST_F(Ulog, TurningRatesOfTheControllerElseOfTheSensor) {
+  const auto row = [](std::uint16_t id, double time_s, float x) {
+    return message(
+        'D', raw(id) + raw(static_cast<std::uint64_t>(std::llround(1e6 * time_s))) + raw(x) + raw(2.0F) + raw(3.0F));
+  };
+  const std::string sensor = header() + kReceiver + receiver_row(10, 45) +
+                             message('F', "sensor_combined:uint64_t timestamp;float[3] gyro_rad;") +
+                             subscription(11, "sensor_combined") + row(11, 9.5, 0.5F) + row(11, 11, 0.25F);
+  const Telemetry raw_rates = read(sensor);
+  ASSERT_EQ(raw_rates.body_rates.size(), 2u);
+  EXPECT_NEAR(raw_rates.body_rates[0].time_s, -0.5, 1e-9);  // on the clock of the fixes
+  EXPECT_EQ(raw_rates.body_rates[1].rate_rad_s, geometry::Vec3(0.25, 2, 3));
+  const Telemetry filtered = read(sensor + message('F', "vehicle_angular_velocity:uint64_t timestamp;float[3] xyz;") +
+                                  subscription(12, "vehicle_angular_velocity") + row(12, 10.5, 7));
+  ASSERT_EQ(filtered.body_rates.size(), 1u);
+  EXPECT_EQ(filtered.body_rates[0].rate_rad_s.x(), 7);
+}
+
 TEST_F(Ulog, DropoutsBrokenStretchesAndMissingFixesAreCounted) {
   const Telemetry log =
       read(header() + kReceiver + receiver_row(1, 45, 2) + receiver_row(2, 45) + message('O', raw(std::uint16_t{30})) +
@@ -203,6 +221,7 @@ TEST(RealUlog, SampleOfPx4) {
   EXPECT_EQ(log.height_datum, HeightDatum::kEllipsoid);
   EXPECT_THAT(log.warnings, ElementsAre("1 dropouts of the logger, 30 ms in all"));
   EXPECT_NEAR(*first.body_yaw_deg, 13.1647, 1e-3);
+  EXPECT_GT(log.body_rates.size(), 100u);
 }
 
 TEST(RealUlog, CutAnywhereIsReadAsFarAsItGoes) {

@@ -1,0 +1,212 @@
+#include "tileflight/flight/dataflash_log.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tileflight/flight/dataflash_messages.h"
+#include "tileflight/flight/fix_filter.h"
+#include "tileflight/flight/gps_time.h"
+#include "tileflight/flight/log_text.h"
+#include "tileflight/geometry/files.h"
+
+namespace tileflight::flight {
+namespace {
+
+constexpr double kFarthest_s = 0.2;
+constexpr double kThreeDimensionalFix = 3;
+/// AEl is the least 32-bit number of centimetres where the receiver does not know it.
+constexpr double kLeastHeight_m = -1e6;
+
+using Wanted = std::map<std::string, std::vector<DataflashField>>;
+
+/// Logs up to 2014 count milliseconds since the start: T in a receiver's messages, whose TimeMS is the week's, and
+/// TimeMS in others.
+const Wanted& wanted_messages() {
+  static const Wanted wanted = {
+      {"GPS",
+       {{"TimeUS", 1e-6},
+        {"T", 1e-3},
+        {"I"},
+        {"Status"},
+        {"Lat"},
+        {"Lng"},
+        {"Alt"},
+        {"GWk"},
+        {"Week"},
+        {"GMS", 1e-3},
+        {"TimeMS", 1e-3}}},
+      {"GPA", {{"TimeUS", 1e-6}, {"I"}, {"AEl"}}},
+      {"POS", {{"TimeUS", 1e-6}, {"Lat"}, {"Lng"}, {"Alt"}, {"RelHomeAlt"}}},
+      {"BARO", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"I"}, {"Alt"}}},
+      {"ATT", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"Yaw"}, {"Pitch"}, {"Roll"}}},
+      {"AHR2", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"Yaw"}, {"Pitch"}, {"Roll"}}},
+      {"IMU", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"I"}, {"GyrX"}, {"GyrY"}, {"GyrZ"}}},
+  };
+  return wanted;
+}
+
+const LogRows& rows_of(const DataflashMessages& log, const std::string& name) {
+  static const LogRows none;
+  const auto found = log.rows.find(name);
+  return found == log.rows.end() ? none : found->second;
+}
+
+double either(double first, double second) { return std::isnan(first) ? second : first; }
+
+/// Rows of a time, as one of two fields, and of the numbers from `first` on; of the lowest instance alone where
+/// `instance` is a field.
+LogRows timed(const LogRows& rows, std::size_t second_time, std::size_t first, std::optional<std::size_t> instance) {
+  double lowest = std::numeric_limits<double>::infinity();
+  if (instance) {
+    for (const auto& row : rows) lowest = std::fmin(lowest, row[*instance]);
+  }
+  LogRows result;
+  for (const auto& row : rows) {
+    if (instance && !std::isnan(row[*instance]) && row[*instance] != lowest) continue;
+    std::vector<double> kept{either(row[0], row[second_time])};
+    kept.insert(kept.end(), row.begin() + static_cast<std::ptrdiff_t>(first), row.end());
+    result.push_back(std::move(kept));
+  }
+  return result;
+}
+
+/// What a receiver or the estimator says at one time; NaN for what it does not.
+struct Position {
+  double time_s, instance, latitude_deg, longitude_deg, sea_level_m, utc_s;
+  bool has_fix;
+};
+
+Position receiver_position(const std::vector<double>& row) {
+  return {.time_s = either(row[0], either(row[1], row[10])),
+          .instance = either(row[2], 0.0),
+          .latitude_deg = row[4],
+          .longitude_deg = row[5],
+          .sea_level_m = row[6],
+          .utc_s = utc_from_gps_s(either(row[7], row[8]), either(row[9], row[10])),
+          .has_fix = !(row[3] < kThreeDimensionalFix)};
+}
+
+Position estimator_position(const std::vector<double>& row) {
+  return {.time_s = row[0],
+          .instance = 0.0,
+          .latitude_deg = row[1],
+          .longitude_deg = row[2],
+          .sea_level_m = row[3],
+          .utc_s = std::numeric_limits<double>::quiet_NaN(),
+          .has_fix = true};
+}
+
+bool is_usable(const Position& p) {
+  return p.has_fix && std::isfinite(p.time_s) && std::isfinite(p.latitude_deg) && std::isfinite(p.longitude_deg);
+}
+
+/// The receiver's, where it has a fix at any time; else the estimator's; else the receiver's without fixes.
+std::vector<Position> positions_of(const DataflashMessages& log) {
+  std::vector<Position> receiver, estimator;
+  std::ranges::transform(rows_of(log, "GPS"), std::back_inserter(receiver), receiver_position);
+  std::ranges::transform(rows_of(log, "POS"), std::back_inserter(estimator), estimator_position);
+  double instance = std::numeric_limits<double>::infinity();
+  for (const Position& p : receiver) {
+    if (is_usable(p)) instance = std::min(instance, p.instance);
+  }
+  if (std::isinf(instance)) return estimator.empty() ? receiver : estimator;
+  std::erase_if(receiver, [&](const Position& p) { return p.instance != instance; });
+  return receiver;
+}
+
+/// Rows of time and metres above the ellipsoid, as the receiver has them that the positions are of.
+LogRows ellipsoidal_heights(const DataflashMessages& log, const std::vector<Position>& positions) {
+  LogRows rows;
+  for (const auto& row : rows_of(log, "GPA")) {
+    if (either(row[1], 0.0) == positions.front().instance && row[2] > kLeastHeight_m) rows.push_back({row[0], row[2]});
+  }
+  return in_order_of_time(std::move(rows));
+}
+
+LogRows heights_above_takeoff(const DataflashMessages& log) {
+  LogRows rows;
+  for (const auto& row : rows_of(log, "POS")) {
+    if (std::isfinite(row[4])) rows.push_back({row[0], row[4]});
+  }
+  if (rows.empty()) rows = timed(rows_of(log, "BARO"), 1, 3, 2);
+  return in_order_of_time(std::move(rows));
+}
+
+LogRows attitudes_of(const DataflashMessages& log) {
+  const LogRows& rows = rows_of(log, "ATT");
+  return in_order_of_time(timed(rows.empty() ? rows_of(log, "AHR2") : rows, 1, 2, std::nullopt));
+}
+
+std::optional<double> finite(double value) { return std::isfinite(value) ? std::optional(value) : std::nullopt; }
+
+/// What is known beside a position at its time.
+struct Beside {
+  LogRows ellipsoidal_m, above_takeoff_m, attitudes_deg;
+  bool by_ellipsoid = false;
+};
+
+Beside beside(const DataflashMessages& log, const std::vector<Position>& positions) {
+  Beside found;
+  if (positions.empty()) return found;
+  found.ellipsoidal_m = ellipsoidal_heights(log, positions);
+  found.above_takeoff_m = heights_above_takeoff(log);
+  found.attitudes_deg = attitudes_of(log);
+  found.by_ellipsoid = std::ranges::all_of(positions, [&](const Position& p) {
+    return !is_usable(p) || next_in_time(found.ellipsoidal_m, p.time_s, kFarthest_s) != nullptr;
+  });
+  return found;
+}
+
+TelemetryFix fix_of(const Position& position, const Beside& beside) {
+  TelemetryFix fix;
+  fix.time_s = position.time_s;
+  fix.latitude_deg = position.latitude_deg;
+  fix.longitude_deg = position.longitude_deg;
+  fix.absolute_height_m = beside.by_ellipsoid ? (*next_in_time(beside.ellipsoidal_m, position.time_s, kFarthest_s))[1]
+                                              : finite(position.sea_level_m);
+  if (const auto* row = next_in_time(beside.above_takeoff_m, position.time_s, kFarthest_s)) {
+    fix.height_above_takeoff_m = finite((*row)[1]);
+  }
+  if (const auto* row = next_in_time(beside.attitudes_deg, position.time_s, kFarthest_s)) {
+    fix.body_yaw_deg = finite((*row)[1]);
+    fix.body_pitch_deg = finite((*row)[2]);
+    fix.body_roll_deg = finite((*row)[3]);
+  }
+  return fix;
+}
+
+/// UTC of time 0 of the log, by the first position that knows it.
+std::optional<double> zero_utc_s(const std::vector<Position>& positions) {
+  const auto known = std::ranges::find_if(
+      positions, [](const Position& p) { return is_usable(p) && std::isfinite(p.utc_s) && is_date(p.utc_s); });
+  return known == positions.end() ? std::nullopt : std::optional(known->utc_s - known->time_s);
+}
+
+}  // namespace
+
+Telemetry read_dataflash(const std::filesystem::path& file) {
+  const std::vector<std::byte> bytes = geometry::read_bytes(file, kLargestLogBytes);
+  const DataflashMessages log = read_dataflash_messages(bytes, wanted_messages(), file.string());
+  const std::vector<Position> positions = positions_of(log);
+  const Beside known = beside(log, positions);
+  FixFilter filter;
+  for (const Position& position : positions) {
+    if (is_usable(position)) {
+      filter.add(fix_of(position, known));
+    } else {
+      filter.drop_without_fix();
+    }
+  }
+  Telemetry telemetry = std::move(filter).finish(file.string(), "position messages");
+  telemetry.warnings.insert(telemetry.warnings.end(), log.warnings.begin(), log.warnings.end());
+  telemetry.body_rates = body_rates_of(timed(rows_of(log, "IMU"), 1, 3, 2), 1.0);
+  telemetry.zero_utc_s = zero_utc_s(positions);
+  if (telemetry.zero_utc_s) *telemetry.zero_utc_s += telemetry.fixes.front().time_s;
+  count_from_first_fix(telemetry);
+  drop_fixes_without_height(telemetry);
+  telemetry.height_datum = known.by_ellipsoid ? HeightDatum::kEllipsoid : HeightDatum::kMeanSeaLevel;
+  return telemetry;
+}
+
+}  // namespace tileflight::flight
