@@ -1,0 +1,74 @@
+#include "tileflight/flight/vehicle_command.h"
+
+#include <cmath>
+#include <string>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::flight {
+namespace {
+
+void require(bool good, const std::string& command, const std::string& what) {
+  if (!good) throw InputError(command, what);
+}
+
+bool positive(double value) { return std::isfinite(value) && value > 0.0; }
+bool duration(double value_s) { return std::isfinite(value_s) && value_s >= 0.0; }
+
+/// Given in seconds, or endless.
+void require_timeout(double timeout_s, const std::string& command) {
+  require(timeout_s > 0.0, command, "the timeout must be more than 0 seconds");
+}
+
+void require_yaw(const YawMode& yaw, Drivetrain drivetrain, const std::string& command) {
+  require(std::isfinite(yaw.value), command, "the yaw must be finite");
+  require(drivetrain == Drivetrain::kMaxDegreeOfFreedom || yaw.kind != YawMode::Kind::kRate, command,
+          "forward only leaves no room for a yaw rate; give an angle from the direction of flight");
+}
+
+struct Checker {
+  void operator()(const TakeOff& c) const {
+    require(positive(c.height_m), "take-off", "the height must be more than 0");
+    require(positive(c.speed_m_s), "take-off", "the speed must be more than 0");
+    require_timeout(c.timeout_s, "take-off");
+  }
+  void operator()(const Land& c) const {
+    require(positive(c.speed_m_s), "land", "the speed must be more than 0");
+    require_timeout(c.timeout_s, "land");
+  }
+  void operator()(const Hover& c) const {
+    require(duration(c.duration_s), "hover", "the duration must not be negative");
+  }
+  void operator()(const FollowPath& c) const {
+    for (const geometry::Vec3& point : c.points) require(point.allFinite(), "path", "a point is not finite");
+    require(positive(c.speed_m_s), "path", "the speed must be more than 0");
+    require(!c.lookahead_m || positive(*c.lookahead_m), "path", "the lookahead must be more than 0");
+    require(positive(c.arrival_m), "path", "the arrival distance must be more than 0");
+    require_timeout(c.timeout_s, "path");
+    require_yaw(c.yaw, c.drivetrain, "path");
+  }
+  void operator()(const FlyVelocity& c) const {
+    require(c.velocity_m_s.allFinite() && std::isfinite(c.height_m.value_or(0.0)), "velocity", "is not finite");
+    require(duration(c.duration_s), "velocity", "the duration must not be negative");
+    require_yaw(c.yaw, c.drivetrain, "velocity");
+  }
+  void operator()(const Turn& c) const {
+    require(std::isfinite(c.yaw_rad), "turn", "the yaw must be finite");
+    require(positive(c.margin_rad), "turn", "the margin must be more than 0");
+    require_timeout(c.timeout_s, "turn");
+  }
+  void operator()(const TurnAtRate& c) const {
+    require(std::isfinite(c.yaw_rate_rad_s), "turn", "the rate must be finite");
+    require(duration(c.duration_s), "turn", "the duration must not be negative");
+  }
+  void operator()(const Track& c) const {
+    require(static_cast<bool>(c.reference), "track", "has no reference");
+    require(duration(c.duration_s), "track", "the duration must not be negative");
+  }
+};
+
+}  // namespace
+
+void check(const Command& command) { std::visit(Checker{}, command); }
+
+}  // namespace tileflight::flight
