@@ -5,6 +5,7 @@
 #include <string>
 
 #include "tileflight/flight/path.h"
+#include "tileflight/flight/smooth_path.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/yaml_section.h"
 
@@ -72,7 +73,13 @@ void check_whole(const YamlSection& section, const FlightPlan& plan) {
     throw section.error("waypoints", "and 'trajectory' are both given; keep one of the two");
   if (!plan.poses && plan.waypoints.size() < 2)
     throw section.error("waypoints", "must be at least two, or 'trajectory' must name a TUM file");
+  if (!plan.poses && plan.smoothing) throw section.error("smooth", "is of a 'trajectory'; waypoints are met exactly");
   if (!plan.poses && !plan.fps) throw section.error("fps", "is missing; waypoints have no frames of their own");
+}
+
+geometry::Trajectory moved_onto(const Path& path, geometry::Trajectory trajectory) {
+  for (geometry::StampedPose& pose : trajectory.poses) pose.T_local_camera = path.pose(pose.time_s);
+  return trajectory;
 }
 
 geometry::Trajectory sampled(const Path& path, double fps, double most_frames) {
@@ -93,6 +100,7 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   FlightPlan plan;
   plan.camera = section.path("camera").value_or("");
   const auto trajectory = section.path("trajectory");
+  plan.smoothing = read_smoothing(section, std::nullopt);
   plan.waypoints = read_waypoints(section);
   plan.limits = read_limits(section);
   plan.fps = positive(section, "fps");
@@ -105,6 +113,11 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   return plan;
 }
 
+Path path_of(const FlightPlan& plan) {
+  if (!plan.poses) return path_through_waypoints(plan.waypoints, plan.limits);
+  return plan.smoothing ? smooth_path(*plan.poses, *plan.smoothing).path : path_through_poses(*plan.poses);
+}
+
 geometry::Trajectory frame_poses(const FlightPlan& plan) {
   const double most_frames = plan.max_frames ? *plan.max_frames : HUGE_VAL;
   if (!plan.fps) {
@@ -112,10 +125,9 @@ geometry::Trajectory frame_poses(const FlightPlan& plan) {
     geometry::Trajectory trajectory = *plan.poses;
     if (static_cast<double>(trajectory.size()) > most_frames)
       trajectory.poses.resize(static_cast<std::size_t>(most_frames));
-    return trajectory;
+    return plan.smoothing ? moved_onto(path_of(plan), std::move(trajectory)) : trajectory;
   }
-  const Path path = plan.poses ? path_through_poses(*plan.poses) : path_through_waypoints(plan.waypoints, plan.limits);
-  return sampled(path, *plan.fps, most_frames);
+  return sampled(path_of(plan), *plan.fps, most_frames);
 }
 
 }  // namespace tileflight::flight

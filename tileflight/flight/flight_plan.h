@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "tileflight/flight/smoothing.h"
 #include "tileflight/geometry/trajectory.h"
 
 namespace tileflight::flight {
@@ -30,6 +31,7 @@ struct SpeedLimits {
 struct FlightPlan {
   std::filesystem::path camera;               ///< Kalibr camchain or DSO camera.txt
   std::optional<geometry::Trajectory> poses;  ///< as in the file (TUM), when the plan names one
+  std::optional<SmoothingOptions> smoothing;  ///< smooth: of the path along these; none: through every one of them
   std::vector<Waypoint> waypoints;            ///< else these
   SpeedLimits limits;
   std::optional<double> fps;  ///< without: one frame at each pose of the file
@@ -40,9 +42,12 @@ struct FlightPlan {
 /// there and are left to sensors::read_sensor_suite. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
-/// The poses at which frames are taken: the file's own, or the path sampled at `fps` from its start. Times start at the
-/// file's (or 0 for waypoints). Waypoint paths are smooth (positions twice differentiable, orientation continuous in
-/// rate) and keep the limits.
+/// The path that the plan flies: along its poses or through its waypoints.
+Path path_of(const FlightPlan& plan);
+
+/// The poses at which frames are taken: the file's own (as the path has them, where it is smoothed), or the path
+/// sampled at `fps` from its start. Times start at the file's (or 0 for waypoints). Waypoint paths are smooth
+/// (positions twice differentiable, orientation continuous in rate) and keep the limits.
 geometry::Trajectory frame_poses(const FlightPlan& plan);
 
 }  // namespace tileflight::flight

@@ -69,6 +69,24 @@ TEST_F(FlightPlanFile, PosesOfAFileAsTheyAreOrSampled) {
   EXPECT_NEAR(sampled.poses[5].T_local_camera.translation.x(), 1.25, 1e-12);
 }
 
+TEST_F(FlightPlanFile, PosesOfAFileSmoothed) {
+  std::string poses;
+  for (int i = 0; i < 40; ++i)
+    poses += std::to_string(i) + " " + std::to_string(2 * i) + (i % 2 == 0 ? " 0.1" : " -0.1") + " 0 0 0 0 1\n";
+  write("poses.txt", poses);
+  const std::string plan = "camera: c.yaml\ntrajectory: poses.txt\n";
+  EXPECT_EQ(frame_poses(read(plan + "smooth: none\n")).poses[20].T_local_camera.translation.y(), 0.1);
+  for (const std::string smooth : {"smooth: auto\n", "smooth: 10\n"}) {
+    const geometry::Trajectory frames = frame_poses(read(plan + smooth));
+    ASSERT_EQ(frames.size(), 40u);
+    EXPECT_LT(frames.poses[20].T_local_camera.translation.cwiseAbs().y(), 0.03);
+    EXPECT_NEAR(frames.poses[20].T_local_camera.translation.x(), 40, 1e-5);
+    EXPECT_EQ(frame_poses(read(plan + smooth + "fps: 2\n")).size(), 79u);
+  }
+  EXPECT_THAT(fault(plan + "smooth: 0\n"), HasSubstr("must be 'auto', 'none' or the seconds between two knots"));
+  EXPECT_THAT(fault(std::string(kMission) + "smooth: auto\n"), HasSubstr("is of a 'trajectory'"));
+}
+
 TEST_F(FlightPlanFile, VariablesAreFilledIn) {
   setenv("TILEFLIGHT_FLIGHT_TEST", (folder_ / "deep").c_str(), 1);
   EXPECT_EQ(read(std::string(kMission).replace(8, 4, "${TILEFLIGHT_FLIGHT_TEST}")).camera,

@@ -159,7 +159,10 @@ CurveBounds bounds_of(const Curve& curve, const std::vector<double>& grid) {
 
 }  // namespace
 
-struct Path::Motion {
+namespace {
+
+/// A curve, flown as a plan says.
+struct CurveMotion {
   Curve curve;
   std::optional<SpeedPlan> plan;  ///< none: the curve's parameter is the time
 
@@ -168,35 +171,77 @@ struct Path::Motion {
     const bool inside = time_s >= curve.position.start() && time_s <= curve.position.end();
     return {std::clamp(time_s, curve.position.start(), curve.position.end()), inside ? 1.0 : 0.0, 0.0};
   }
+
+  double start_s() const { return plan ? 0.0 : curve.position.start(); }
+  double end_s() const { return plan ? plan->duration_s() : curve.position.end(); }
+  SE3 pose(double time_s) const { return curve.pose(at(time_s).u); }
+  Vec3 velocity(double time_s) const {
+    const Progression p = at(time_s);
+    return curve.position.first_derivative(p.u) * p.rate;
+  }
+  Vec3 acceleration(double time_s) const {
+    const Progression p = at(time_s);
+    return curve.position.second_derivative(p.u) * (p.rate * p.rate) +
+           curve.position.first_derivative(p.u) * p.acceleration;
+  }
+  Turning turning(double time_s) const {
+    const Progression p = at(time_s);
+    const Turning turning = curve.turning(p.u);
+    return {turning.rate * p.rate, turning.acceleration * (p.rate * p.rate) + turning.rate * p.acceleration};
+  }
+};
+
+/// B-splines over time; the camera stands still before and behind them.
+struct SplineMotion {
+  BSpline<3> position;
+  RotationSpline rotation;
+
+  double start_s() const { return position.knots.start_s; }
+  double end_s() const { return position.knots.end_s(); }
+  bool is_inside(double time_s) const { return time_s >= start_s() && time_s <= end_s(); }
+  SE3 pose(double time_s) const { return {rotation.at(time_s), position.value(time_s)}; }
+  Vec3 velocity(double time_s) const {
+    return is_inside(time_s) ? position.first_derivative(time_s) : Vec3(Vec3::Zero());
+  }
+  Vec3 acceleration(double time_s) const {
+    return is_inside(time_s) ? position.second_derivative(time_s) : Vec3(Vec3::Zero());
+  }
+  Turning turning(double time_s) const { return is_inside(time_s) ? rotation.turning(time_s) : Turning{}; }
+};
+
+}  // namespace
+
+struct Path::Motion {
+  std::variant<CurveMotion, SplineMotion> kind;
+
+  template <class Ask>
+  auto ask(const Ask& question) const {
+    return std::visit(question, kind);
+  }
 };
 
 Path::Path(std::shared_ptr<const Motion> motion) : motion_(std::move(motion)) {}
 
-double Path::start_s() const { return motion_->plan ? 0.0 : motion_->curve.position.start(); }
-double Path::end_s() const { return motion_->plan ? motion_->plan->duration_s() : motion_->curve.position.end(); }
-
-SE3 Path::pose(double time_s) const { return motion_->curve.pose(motion_->at(time_s).u); }
-
+double Path::start_s() const {
+  return motion_->ask([](const auto& motion) { return motion.start_s(); });
+}
+double Path::end_s() const {
+  return motion_->ask([](const auto& motion) { return motion.end_s(); });
+}
+SE3 Path::pose(double time_s) const {
+  return motion_->ask([&](const auto& motion) { return motion.pose(time_s); });
+}
 Vec3 Path::velocity(double time_s) const {
-  const Progression p = motion_->at(time_s);
-  return motion_->curve.position.first_derivative(p.u) * p.rate;
+  return motion_->ask([&](const auto& motion) { return motion.velocity(time_s); });
 }
-
 Vec3 Path::acceleration(double time_s) const {
-  const Progression p = motion_->at(time_s);
-  const CubicSpline<3>& position = motion_->curve.position;
-  return position.second_derivative(p.u) * (p.rate * p.rate) + position.first_derivative(p.u) * p.acceleration;
+  return motion_->ask([&](const auto& motion) { return motion.acceleration(time_s); });
 }
-
 Vec3 Path::angular_velocity(double time_s) const {
-  const Progression p = motion_->at(time_s);
-  return motion_->curve.turning(p.u).rate * p.rate;
+  return motion_->ask([&](const auto& motion) { return motion.turning(time_s).rate; });
 }
-
 Vec3 Path::angular_acceleration(double time_s) const {
-  const Progression p = motion_->at(time_s);
-  const Turning turning = motion_->curve.turning(p.u);
-  return turning.acceleration * (p.rate * p.rate) + turning.rate * p.acceleration;
+  return motion_->ask([&](const auto& motion) { return motion.turning(time_s).acceleration; });
 }
 
 Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedLimits& limits) {
@@ -207,7 +252,7 @@ Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedL
   check_targets(curve, grid);
   const SpeedPlan plan(bounds_of(curve, grid),
                        {limits.speed_m_s, limits.acceleration_m_s2, limits.yaw_rate_deg_s * kRadiansPerDegree});
-  return Path(std::make_shared<const Path::Motion>(Path::Motion{std::move(curve), plan}));
+  return Path(std::make_shared<const Path::Motion>(Path::Motion{CurveMotion{std::move(curve), plan}}));
 }
 
 Path path_through_poses(const geometry::Trajectory& trajectory) {
@@ -221,7 +266,12 @@ Path path_through_poses(const geometry::Trajectory& trajectory) {
     rotations.push_back(pose.T_local_camera.rotation);
   }
   Curve curve{CubicSpline<3>(times, positions), BlendedOrientation{CubicSpline<4>(times, on_one_side(rotations))}};
-  return Path(std::make_shared<const Path::Motion>(Path::Motion{std::move(curve), std::nullopt}));
+  return Path(std::make_shared<const Path::Motion>(Path::Motion{CurveMotion{std::move(curve), std::nullopt}}));
+}
+
+Path path_along(BSpline<3> position, RotationSpline rotation) {
+  return Path(
+      std::make_shared<const Path::Motion>(Path::Motion{SplineMotion{std::move(position), std::move(rotation)}}));
 }
 
 }  // namespace tileflight::flight

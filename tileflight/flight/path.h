@@ -3,7 +3,9 @@
 #include <memory>
 #include <vector>
 
+#include "tileflight/flight/b_spline.h"
 #include "tileflight/flight/flight_plan.h"
+#include "tileflight/flight/rotation_spline.h"
 
 namespace tileflight::flight {
 
@@ -38,6 +40,10 @@ Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedL
 /// Through all poses at their times (at least two). Positions are a cubic spline in time; so are the unit quaternions,
 /// brought back to unit length. Throws InputError for fewer than two poses.
 Path path_through_poses(const geometry::Trajectory& trajectory);
+
+/// Along a spline of positions and one of rotations that have their start and end in common; their parameter is time.
+/// smooth_path() fits them to poses.
+Path path_along(BSpline<3> position, RotationSpline rotation);
 
 /// Orientation of a camera (x right, y down, z forward) by compass heading clockwise from north, elevation of its axis
 /// above the horizon, and roll about the axis (positive: right side down), degrees.

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "tileflight/flight/b_spline.h"
+#include "tileflight/flight/orientation_curve.h"
+
+namespace tileflight::flight {
+
+/// Cumulative uniform cubic B-spline of rotations (Kim, Kim, Shin 1995): R(t) = R_i exp(λ1 d1) exp(λ2 d2) exp(λ3 d3)
+/// with dj = log(R_(i+j-1)' R_(i+j)). Twice continuously differentiable; a turn at a constant rate is one of its
+/// curves.
+struct RotationSpline {
+  UniformKnots knots;
+  std::vector<Eigen::Quaterniond> controls;  ///< knots.controls(); neighbours turn by less than pi
+
+  Eigen::Quaterniond at(double time_s) const;
+  /// By time, in the turned frame. Sommer et al. 2020, (38) to (41).
+  Turning turning(double time_s) const;
+
+  /// How the rotation turns, in the turned frame, when each of the segment's control points turns a little in its own:
+  /// the rotation at the time and a matrix for each of the four.
+  struct Sensitivity {
+    std::size_t segment;
+    Eigen::Quaterniond rotation;
+    std::array<geometry::Mat3, 4> by_control;
+  };
+  Sensitivity sensitivity(double time_s) const;
+};
+
+/// The right Jacobian of rotations and its inverse: exp(w + dw) = exp(w) exp(J dw). Barfoot, State Estimation for
+/// Robotics, section 7.1.
+geometry::Mat3 right_jacobian(const geometry::Vec3& omega_rad);
+geometry::Mat3 right_jacobian_inverse(const geometry::Vec3& omega_rad);
+
+}  // namespace tileflight::flight

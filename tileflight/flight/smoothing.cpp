@@ -1,0 +1,30 @@
+#include "tileflight/flight/smoothing.h"
+
+#include <iomanip>
+#include <sstream>
+
+#include "tileflight/flight/log_text.h"
+
+namespace tileflight::flight {
+
+std::optional<SmoothingOptions> read_smoothing(geometry::YamlSection& section,
+                                               const std::optional<SmoothingOptions>& otherwise) {
+  const std::optional<std::string> text = section.text("smooth");
+  if (!text) return otherwise;
+  if (*text == "none") return std::nullopt;
+  if (*text == "auto") return SmoothingOptions{};
+  const std::optional<double> spacing_s = whole_number_text(*text);
+  if (!spacing_s || *spacing_s <= 0.0)
+    throw section.error("smooth", "must be 'auto', 'none' or the seconds between two knots");
+  return SmoothingOptions{.knot_spacing_s = spacing_s};
+}
+
+std::string smoothing_text(const std::optional<SmoothingOptions>& smoothing) {
+  if (!smoothing) return "none";
+  if (!smoothing->knot_spacing_s) return "auto";
+  std::ostringstream text;
+  text << std::setprecision(17) << *smoothing->knot_spacing_s;
+  return text.str();
+}
+
+}  // namespace tileflight::flight
