@@ -199,12 +199,16 @@ void HttpCache::open_locked() {
   sqlite3_db_config(opened, SQLITE_DBCONFIG_ENABLE_TRIGGER, 1, nullptr);
   sqlite3_db_config(opened, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   sqlite3_wal_autocheckpoint(opened, kLogPages);
+  // Nothing is lost with an empty database: its making waits for no disk.
+  std::error_code absent;
+  const bool is_new = fs::file_size(file_, absent) == 0 || absent;
+  if (is_new) Statement::execute(opened, "PRAGMA synchronous = OFF");
   Statement::execute(opened, "PRAGMA journal_mode = WAL");
-  // A cache may lose its last entries to a power failure, but not its soundness.
-  Statement::execute(opened, "PRAGMA synchronous = NORMAL");
   Statement::execute(opened, "BEGIN IMMEDIATE");
   for (const char* sql : kSchema) Statement::execute(opened, sql);
   Statement::execute(opened, "COMMIT");
+  // A cache may lose its last entries to a power failure, but not its soundness.
+  Statement::execute(opened, "PRAGMA synchronous = NORMAL");
   inode_ = inode_of(file_);
 }
 
@@ -283,25 +287,39 @@ std::optional<std::vector<std::byte>> HttpCache::body(const std::string& key) {
 }
 
 void HttpCache::store(const std::string& key, const CachedAnswer& answer, std::span<const std::byte> body) {
-  const std::string headers = text_of(answer.headers);
-  const std::size_t bytes = key.size() + headers.size() + body.size();
-  if (bytes > options_.max_bytes) return remove(key);
   run([&](sqlite3* database) {
     Statement::execute(database, "BEGIN IMMEDIATE");
-    Statement(database, "DELETE FROM entry WHERE key = ?1").bind(key).step();
-    Statement(database, "INSERT INTO entry VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)")
-        .bind(key)
-        .bind(now_us())
-        .bind(static_cast<std::int64_t>(bytes))
-        .bind(answer.fresh_until_s)
-        .bind(std::int64_t{answer.must_revalidate})
-        .bind(headers)
-        .bind(crc_of(body))
-        .bind(body)
-        .step();
+    put(database, key, answer, body);
     evict(database);
     Statement::execute(database, "COMMIT");
   });
+}
+
+void HttpCache::store(std::span<const Entry* const> entries) {
+  run([&](sqlite3* database) {
+    Statement::execute(database, "BEGIN IMMEDIATE");
+    for (const Entry* entry : entries) put(database, entry->key, entry->answer, entry->body);
+    evict(database);
+    Statement::execute(database, "COMMIT");
+  });
+}
+
+void HttpCache::put(sqlite3* database, const std::string& key, const CachedAnswer& answer,
+                    std::span<const std::byte> body) {
+  const std::string headers = text_of(answer.headers);
+  const std::size_t bytes = key.size() + headers.size() + body.size();
+  Statement(database, "DELETE FROM entry WHERE key = ?1").bind(key).step();
+  if (bytes > options_.max_bytes) return;
+  Statement(database, "INSERT INTO entry VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)")
+      .bind(key)
+      .bind(now_us())
+      .bind(static_cast<std::int64_t>(bytes))
+      .bind(answer.fresh_until_s)
+      .bind(std::int64_t{answer.must_revalidate})
+      .bind(headers)
+      .bind(crc_of(body))
+      .bind(body)
+      .step();
 }
 
 void HttpCache::evict(sqlite3* database) {

@@ -38,6 +38,12 @@ struct CachedAnswer {
 /// here throws but the constructor, for a folder that cannot be made. Safe from several threads at once.
 class HttpCache {
  public:
+  struct Entry {
+    std::string key;
+    CachedAnswer answer;
+    std::vector<std::byte> body;
+  };
+
   explicit HttpCache(const std::filesystem::path& folder, const HttpCacheOptions& options = {});
   HttpCache(const HttpCache&) = delete;
   HttpCache& operator=(const HttpCache&) = delete;
@@ -48,9 +54,14 @@ class HttpCache {
   std::optional<std::vector<std::byte>> body(const std::string& key);
   /// Replaces what was there. What is larger than the whole cache may be is not kept.
   void store(const std::string& key, const CachedAnswer& answer, std::span<const std::byte> body);
+  /// The same for several, in one transaction.
+  void store(std::span<const Entry* const> entries);
   /// New headers for a body that has not changed.
   void refresh(const std::string& key, const CachedAnswer& answer);
   void remove(const std::string& key);
+
+  /// A connection of its own to the same database, which does not wait for this one's.
+  std::unique_ptr<HttpCache> another() const { return std::make_unique<HttpCache>(file_.parent_path(), options_); }
 
   std::uintmax_t bytes();
   /// Distinct.
@@ -70,6 +81,7 @@ class HttpCache {
   void open_locked();
   void begin_anew();
   void warn_and_stop(const std::string& cause);
+  void put(sqlite3* database, const std::string& key, const CachedAnswer& answer, std::span<const std::byte> body);
   void evict(sqlite3* database);
 
   std::filesystem::path file_;

@@ -12,7 +12,7 @@ namespace tileflight::tiles {
 
 /// Bounds of every request, and how many run at once.
 struct HttpOptions {
-  int max_parallel = 24;
+  int max_parallel = 48;
   std::chrono::milliseconds connect_timeout{10'000};
   /// A transfer that brings fewer than `stall_bytes` in this time is given up on (and tried again).
   std::chrono::milliseconds stall_timeout{30'000};

@@ -63,6 +63,7 @@ HttpSource::HttpSource(std::unique_ptr<HttpProvider> provider, const HttpSourceO
   root_uri_ = resolve_uri("", provider_->open(*client_));
   policy_ = std::make_unique<OriginPolicy>(root_uri_, options_.allowed_hosts);
   if (!terms_accepted && provider_->terms().forbids(Use::kCache) != nullptr) cache_.reset();
+  if (cache_) writer_ = std::make_unique<HttpCacheWriter>(*cache_);
   may_use_stale_ = terms_accepted || provider_->terms().forbids(Use::kOffline) == nullptr;
 }
 
@@ -103,7 +104,7 @@ HttpRequest HttpSource::request_for(const std::string& uri, bool conditional) {
     return policy_->is_own(target) ? headers : std::vector<std::string>();
   };
   if (!cache_ || !conditional) return request;
-  if (const std::optional<CachedAnswer> cached = cache_->find(without_secrets(uri))) {
+  if (const std::optional<CachedAnswer> cached = find_cached(without_secrets(uri))) {
     const auto add = [&](const char* condition, const char* validator) {
       const auto it = cached->headers.find(validator);
       if (it != cached->headers.end()) request.headers.push_back(std::string(condition) + ": " + it->second);
@@ -127,9 +128,14 @@ HttpSource::Asked HttpSource::ask(const std::string& uri, bool conditional) {
   return asked;
 }
 
+std::optional<CachedAnswer> HttpSource::find_cached(const std::string& key) {
+  if (!cache_) return std::nullopt;
+  writer_->wait_for(key);
+  return cache_->find(key);
+}
+
 bool HttpSource::is_fresh_in_cache(const std::string& uri) {
-  if (!cache_) return false;
-  const std::optional<CachedAnswer> cached = cache_->find(without_secrets(uri));
+  const std::optional<CachedAnswer> cached = find_cached(without_secrets(uri));
   return cached && cached->fresh_until_s > std::time(nullptr);
 }
 
@@ -141,7 +147,7 @@ std::vector<std::byte> HttpSource::settle(const std::string& uri, Asked asked) {
 
 std::vector<std::byte> HttpSource::settle_without_answer(const std::string& uri, const InputError& failure) {
   const std::string key = without_secrets(uri);
-  const std::optional<CachedAnswer> cached = cache_ && may_use_stale_ ? cache_->find(key) : std::nullopt;
+  const std::optional<CachedAnswer> cached = may_use_stale_ ? find_cached(key) : std::nullopt;
   if (!cached || cached->must_revalidate) throw InputError(failure);
   auto body = cache_->body(key);
   if (!body) throw InputError(failure);
@@ -152,7 +158,7 @@ std::vector<std::byte> HttpSource::settle_without_answer(const std::string& uri,
 
 std::vector<std::byte> HttpSource::settle_not_modified(const std::string& uri, const HttpResponse& response) {
   const std::string key = without_secrets(uri);
-  const std::optional<CachedAnswer> cached = cache_ ? cache_->find(key) : std::nullopt;
+  const std::optional<CachedAnswer> cached = find_cached(key);
   auto body = cached ? cache_->body(key) : std::nullopt;
   if (!body) {  // it has left the cache since, or the server was not asked about one
     Asked again = ask(uri, false);
@@ -192,14 +198,22 @@ void HttpSource::keep(const std::string& uri, const HttpResponse& response) {
     return !secret.empty() && text.find(secret) != std::string_view::npos;
   });
   if (freshness.may_store && !holds_secret) {
-    cache_->store(key, {response.headers, freshness.fresh_until_s, freshness.must_revalidate}, response.body);
+    writer_->store({key, {response.headers, freshness.fresh_until_s, freshness.must_revalidate}, response.body});
   } else {
+    writer_->wait_for(key);
     cache_->remove(key);
   }
 }
 
 std::vector<std::string> HttpSource::warnings() const {
-  std::vector<std::string> out = cache_ ? cache_->warnings() : std::vector<std::string>();
+  std::vector<std::string> out;
+  if (cache_) {
+    writer_->wait_for_all();
+    out = cache_->warnings();
+    for (const std::string& warning : writer_->warnings()) {
+      if (std::find(out.begin(), out.end(), warning) == out.end()) out.push_back(warning);
+    }
+  }
   const std::lock_guard lock(mutex_);
   if (used_stale_ > 0) {
     out.push_back(uri_for_message(root_uri_) + ": the server could not be asked about " + std::to_string(used_stale_) +

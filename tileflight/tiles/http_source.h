@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tileflight/tiles/http_cache.h"
+#include "tileflight/tiles/http_cache_writer.h"
 #include "tileflight/tiles/http_client.h"
 #include "tileflight/tiles/http_options.h"
 #include "tileflight/tiles/http_provider.h"
@@ -65,6 +66,8 @@ class HttpSource : public TileSource {
   void ahead_done(const std::string& uri, HttpOutcome outcome);
   bool may_start_ahead() const;
 
+  /// nullopt: not there, or there is no cache.
+  std::optional<CachedAnswer> find_cached(const std::string& key);
   bool is_fresh_in_cache(const std::string& uri);
   std::vector<std::byte> settle(const std::string& uri, Asked asked);
   std::vector<std::byte> settle_without_answer(const std::string& uri, const InputError& failure);
@@ -75,7 +78,8 @@ class HttpSource : public TileSource {
 
   std::unique_ptr<HttpProvider> provider_;
   HttpSourceOptions options_;
-  std::unique_ptr<HttpCache> cache_;  ///< nullptr: none
+  std::unique_ptr<HttpCache> cache_;         ///< nullptr: none
+  std::unique_ptr<HttpCacheWriter> writer_;  ///< of it
   std::unique_ptr<HttpClient> client_;
   bool may_use_stale_ = true;
   std::string root_uri_;

@@ -103,6 +103,12 @@ TEST(EyeOf, a_pinhole_is_sharpest_in_its_corner) {
   EXPECT_NEAR(eye.pixels_per_rad, 400.0 / std::pow(std::cos(corner_rad), 2), 1e-6 * eye.pixels_per_rad);
 }
 
+TEST(EyeOf, a_panorama_looks_everywhere_as_sharp_as_its_columns) {
+  const Eye eye = eye_of(imaging::make_panorama(2000, 1000));
+  EXPECT_DOUBLE_EQ(eye.half_angle_rad, kPi);
+  EXPECT_NEAR(eye.pixels_per_rad, 1000.0 / kPi, 1e-6 * eye.pixels_per_rad);  // not endless at the poles
+}
+
 TEST(WantedFlight, nothing_within_the_cone_is_left_out) {
   Chance chance(2);
   int culled = 0;
