@@ -87,6 +87,10 @@ std::optional<Contact> first_contact(const Obstacles& obstacles, const Vec3& fro
   return ahead;
 }
 
+bool touches(const Obstacles& obstacles, const Vec3& center, double radius_m) {
+  return contact_around(obstacles, center, radius_m).has_value();
+}
+
 Vec3 bounced(const Vec3& velocity_m_s, const Vec3& normal, const BounceOptions& options) {
   const double into_m_s = -velocity_m_s.dot(normal);
   if (into_m_s <= 0.0) return velocity_m_s;

@@ -35,6 +35,9 @@ struct Contact {
 std::optional<Contact> first_contact(const Obstacles& obstacles, const geometry::Vec3& from, const geometry::Vec3& to,
                                      double radius_m);
 
+/// Whether a ball at rest reaches into a surface, as far as feelers see.
+bool touches(const Obstacles& obstacles, const geometry::Vec3& center, double radius_m);
+
 struct BounceOptions {
   double restitution = 0.55;  ///< AirSim's
   double friction = 0.5;      ///< AirSim's; Coulomb's coefficient

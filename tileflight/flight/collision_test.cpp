@@ -76,6 +76,13 @@ TEST(FirstContact, LeavingASurfaceIsNone) {
   EXPECT_TRUE(first_contact(ground, {0, 0, 0.2}, {0, 0, 0.19}, kRadius_m));
 }
 
+TEST(FirstContact, ABallAtRestTouchesOrNot) {
+  const Obstacles ball = tests::sphere({0, 0, 0}, 1.0);
+  EXPECT_TRUE(touches(ball, {1.25, 0, 0}, kRadius_m));
+  EXPECT_FALSE(touches(ball, {1.3, 0, 0}, kRadius_m));
+  EXPECT_FALSE(touches(level_ground(0), {0, 0, kRadius_m}, kRadius_m));
+}
+
 TEST(FirstContact, ThinWallsStopAnySpeed) {
   const Obstacles sheet = tests::plane({1, 0, 0}, 100.0);  // without thickness
   for (const double step_m : {0.1, 10.0, 1e3, 1e6}) {

@@ -6,6 +6,7 @@
 
 #include "tileflight/flight/path.h"
 #include "tileflight/flight/smooth_path.h"
+#include "tileflight/flight/vehicle_flight.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/yaml_section.h"
 
@@ -66,12 +67,22 @@ SpeedLimits read_limits(YamlSection& plan) {
   return limits;
 }
 
+/// A vehicle flies waypoints or a mission, and only a vehicle flies a mission.
+void check_vehicle(const YamlSection& section, const FlightPlan& plan) {
+  if (plan.vehicle && plan.poses)
+    throw section.error("vehicle", "and 'trajectory' are both given; a vehicle flies waypoints or a mission");
+  if (plan.mission.empty()) return;
+  if (!plan.vehicle) throw section.error("mission", "is flown by a vehicle; add 'vehicle: {}'");
+  if (!plan.waypoints.empty()) throw section.error("mission", "and 'waypoints' are both given; keep one of the two");
+}
+
 /// A plan says where to fly in one way, and when to take pictures.
 void check_whole(const YamlSection& section, const FlightPlan& plan) {
   if (plan.camera.empty()) throw section.error("camera", "is missing; name the calibration file");
   if (plan.poses && !plan.waypoints.empty())
     throw section.error("waypoints", "and 'trajectory' are both given; keep one of the two");
-  if (!plan.poses && plan.waypoints.size() < 2)
+  check_vehicle(section, plan);
+  if (!plan.poses && plan.mission.empty() && plan.waypoints.size() < 2)
     throw section.error("waypoints", "must be at least two, or 'trajectory' must name a TUM file");
   if (!plan.poses && plan.smoothing) throw section.error("smooth", "is of a 'trajectory'; waypoints are met exactly");
   if (!plan.poses && !plan.fps) throw section.error("fps", "is missing; waypoints have no frames of their own");
@@ -102,6 +113,8 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   const auto trajectory = section.path("trajectory");
   plan.smoothing = read_smoothing(section, std::nullopt);
   plan.waypoints = read_waypoints(section);
+  if (auto vehicle = section.section("vehicle")) plan.vehicle = read_vehicle(*vehicle);
+  plan.mission = read_mission(section);
   plan.limits = read_limits(section);
   plan.fps = positive(section, "fps");
   plan.max_frames = read_max_frames(section);
@@ -114,8 +127,14 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
 }
 
 Path path_of(const FlightPlan& plan) {
+  if (plan.vehicle) return fly(plan).path;
   if (!plan.poses) return path_through_waypoints(plan.waypoints, plan.limits);
   return plan.smoothing ? smooth_path(*plan.poses, *plan.smoothing).path : path_through_poses(*plan.poses);
+}
+
+geometry::Trajectory frames_along(const Path& path, const FlightPlan& plan) {
+  if (!plan.fps) throw InputError("flight", "waypoints need 'fps'");
+  return sampled(path, *plan.fps, plan.max_frames ? *plan.max_frames : HUGE_VAL);
 }
 
 geometry::Trajectory frame_poses(const FlightPlan& plan) {
@@ -127,7 +146,7 @@ geometry::Trajectory frame_poses(const FlightPlan& plan) {
       trajectory.poses.resize(static_cast<std::size_t>(most_frames));
     return plan.smoothing ? moved_onto(path_of(plan), std::move(trajectory)) : trajectory;
   }
-  return sampled(path_of(plan), *plan.fps, most_frames);
+  return frames_along(path_of(plan), plan);
 }
 
 }  // namespace tileflight::flight

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tileflight/flight/smoothing.h"
+#include "tileflight/flight/vehicle_plan.h"
 #include "tileflight/geometry/trajectory.h"
 
 namespace tileflight::flight {
@@ -33,6 +34,8 @@ struct FlightPlan {
   std::optional<geometry::Trajectory> poses;  ///< as in the file (TUM), when the plan names one
   std::optional<SmoothingOptions> smoothing;  ///< smooth: of the path along these; none: through every one of them
   std::vector<Waypoint> waypoints;            ///< else these
+  std::optional<VehiclePlan> vehicle;         ///< vehicle: flies these, or the mission; none: the camera is on the path
+  std::vector<MissionStep> mission;           ///< mission: else these, by a vehicle
   SpeedLimits limits;
   std::optional<double> fps;  ///< without: one frame at each pose of the file
   std::optional<int> max_frames;
@@ -42,12 +45,17 @@ struct FlightPlan {
 /// there and are left to sensors::read_sensor_suite. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
 
-/// The path that the plan flies: along its poses or through its waypoints.
+/// The path that the plan flies: along its poses, through its waypoints, or what its vehicle makes of waypoints or
+/// mission where nothing is in its way (vehicle_flight.h flies it among obstacles).
 Path path_of(const FlightPlan& plan);
 
 /// The poses at which frames are taken: the file's own (as the path has them, where it is smoothed), or the path
 /// sampled at `fps` from its start. Times start at the file's (or 0 for waypoints). Waypoint paths are smooth
 /// (positions twice differentiable, orientation continuous in rate) and keep the limits.
 geometry::Trajectory frame_poses(const FlightPlan& plan);
+
+/// Poses on a path of the plan's at its `fps`, from the path's start, at most `max_frames`. Throws InputError for more
+/// than ten million.
+geometry::Trajectory frames_along(const Path& path, const FlightPlan& plan);
 
 }  // namespace tileflight::flight

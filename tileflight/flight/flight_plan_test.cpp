@@ -124,6 +124,25 @@ TEST_F(FlightPlanFile, MistakesAreNamedWithTheirLine) {
   EXPECT_THAT(fault(""), HasSubstr("the file must be a map of keys"));
 }
 
+TEST_F(FlightPlanFile, AVehicleFliesWaypointsOrAMission) {
+  const FlightPlan plan = read(std::string(kMission) + "vehicle: {wind_m_s: [3, 0, 0]}\n");
+  ASSERT_TRUE(plan.vehicle.has_value());
+  const geometry::Trajectory frames = frame_poses(plan), planned = frame_poses(read(kMission));
+  ASSERT_EQ(frames.size(), planned.size());
+  double furthest = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const geometry::Vec3& is = frames.poses[i].T_local_camera.translation;
+    furthest = std::max(furthest, (is - planned.poses[i].T_local_camera.translation).norm());
+  }
+  EXPECT_GT(furthest, 1e-3);
+  EXPECT_LT(furthest, 1.0);
+  const std::string start = "camera: c.yaml\nfps: 5\n", hover = "mission:\n  - {do: hover, duration_s: 2}\n";
+  EXPECT_EQ(frame_poses(read(start + "vehicle: {start: [0, 0, 9]}\n" + hover)).size(), 11u);
+  EXPECT_THAT(fault(start + hover), HasSubstr("'mission' is flown by a vehicle"));
+  EXPECT_THAT(fault(std::string(kMission) + "vehicle: {}\n" + hover), HasSubstr("'mission' and 'waypoints'"));
+  EXPECT_THAT(fault(std::string(kMission) + "vehicle: {wnd: 3}\n"), HasSubstr("'vehicle.wnd' is not a key here"));
+}
+
 TEST_F(FlightPlanFile, TooManyFramesAreRefused) {
   EXPECT_THROW(
       frame_poses(read("camera: c.yaml\nfps: 1e9\nwaypoints:\n  - {position: [0, 0, 1]}\n  - {position: [9, 0, 1]}\n")),

@@ -10,7 +10,7 @@ namespace {
 using geometry::Vec3;
 
 /// Setting down: no faster than this, on nothing steeper than 45 degrees.
-constexpr double kSetDown_m_s = 1.0;
+constexpr double kSetDown_m_s = 1.5;
 constexpr double kLevelGround = 0.7;
 
 bool is_setting_down(const Contact& contact, double impact_m_s) {
