@@ -16,6 +16,7 @@ using geometry::Vec3;
 /// more than this share of its height is climbed, at so many places to either side.
 constexpr double kLeastReach = 2.0, kMostReach = 20.0, kGround = 0.3;
 constexpr int kFitSteps = 8;
+constexpr double kLeastLeft = 0.02;
 /// A gap in a signal longer than this many windows is not bridged.
 constexpr double kLongestGap = 3.0;
 
@@ -188,9 +189,10 @@ Samples residuals(const Samples& first, const Samples& second, std::ptrdiff_t sh
   return left;
 }
 
-/// Log likelihood ratio of a match against no relation.
+/// Log likelihood ratio of a match against no relation. Smoothed signals of few bends may match to any digit by chance:
+/// more than most is not believed.
 double gain(const Match& m, double independent_share) {
-  const double share = std::max(1e-9, 1.0 - std::max(0.0, explained(m)));
+  const double share = std::max(kLeastLeft, 1.0 - std::max(0.0, explained(m)));
   return -0.5 * independent_share * static_cast<double>(m.samples) * std::log(share);
 }
 
