@@ -8,7 +8,7 @@ namespace tileflight::app {
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     experiment::IngestFlight flight;
-    std::string video, camera, telemetry, truth, groundtruth, out;
+    std::string video, camera, telemetry, truth, groundtruth, out, time_offset;
     double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
   };
   auto options = std::make_shared<Options>();
@@ -27,6 +27,10 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,
                                              "of the take-off place above the ellipsoid, metres");
+  command
+      ->add_option("--time-offset", options->time_offset,
+                   "seconds added to the log's times to be the video's; auto: by the motion that both have seen")
+      ->check(CLI::IsMember({"auto"}) | CLI::Number);
   command->add_option("--truth", options->truth,
                       "folder of `extract`, on whose surface the take-off place's height is found");
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
@@ -42,6 +46,11 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->flight.camera = options->camera;
     options->flight.telemetry = options->telemetry;
     options->flight.groundtruth = options->groundtruth;
+    options->flight.finds_telemetry_offset = options->time_offset == "auto";
+    if (!options->time_offset.empty() && !options->flight.finds_telemetry_offset)
+      options->flight.telemetry_offset_s = std::stod(options->time_offset);
+    if (options->flight.finds_telemetry_offset && options->telemetry.empty())
+      throw CLI::ValidationError("--time-offset", "is of a flight log; name it with --telemetry");
     if (to->count() > 0) options->flight.to_s = options->to_s;
     if (fps->count() > 0) options->flight.fps = options->fps;
     if (takeoff->count() > 0) options->flight.takeoff_height_m = options->takeoff_height_m;

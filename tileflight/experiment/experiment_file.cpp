@@ -92,6 +92,9 @@ RenderFlight read_render(YamlSection section) {
   render.follows_real = section.choice("follow", {"real"}).has_value();
   if (!render.follows_real) render.flight = required_path(section, "flight");
   if (render.follows_real && section.has("flight")) throw section.error("flight", "does not go together with 'follow'");
+  if (!render.follows_real && section.has("smooth"))
+    throw section.error("smooth", "is of a flight that follows another");
+  render.smoothing = flight::read_smoothing(section, render.smoothing);
   render.camera = optional_path(section, "camera");
   render.source = source_text(section, "source");
   read_resolution(section, render);
@@ -148,11 +151,14 @@ IngestFlight read_ingest(YamlSection section) {
   ingest.groundtruth = optional_path(section, "groundtruth");
   ingest.telemetry_height = section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
   ingest.takeoff_height_m = section.number("takeoff_height");
-  ingest.telemetry_offset_s = section.number("telemetry_offset");
+  ingest.finds_telemetry_offset = section.text("telemetry_offset") == "auto";
+  if (!ingest.finds_telemetry_offset) ingest.telemetry_offset_s = section.number("telemetry_offset");
   ingest.from_s = section.number("from").value_or(0.0);
   ingest.to_s = section.number("to");
   ingest.every = section.integer("every").value_or(1);
   ingest.fps = section.number("fps");
+  if (ingest.finds_telemetry_offset && ingest.telemetry.empty())
+    throw section.error("telemetry_offset", "is of a flight log; name it with 'telemetry'");
   if (ingest.every < 1) throw section.error("every", "must be at least 1");
   if (ingest.to_s && *ingest.to_s <= ingest.from_s) throw section.error("to", "must be later than 'from'");
   section.finish();

@@ -11,6 +11,7 @@
 #include "tileflight/dataset/video.h"
 #include "tileflight/experiment/render_outputs.h"
 #include "tileflight/experiment/track_extras.h"
+#include "tileflight/flight/smoothing.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/yaml_section.h"
 #include "tileflight/odometry/options.h"
@@ -40,11 +41,13 @@ struct Truth {
   double samples_per_m2 = 16.0;
 };
 
-/// `render:` a flight through the place's tiles. Keys: flight | follow, camera, source, resolution, samples_per_pixel,
-/// max_frames, outputs, degrade.
+/// `render:` a flight through the place's tiles. Keys: flight | follow, smooth, camera, source, resolution,
+/// samples_per_pixel, max_frames, outputs, degrade.
 struct RenderFlight {
-  std::filesystem::path flight;      ///< FLIGHT file; empty where another flight is followed
-  bool follows_real = false;         ///< follow: real: where the second flight was found to be, with its lens
+  std::filesystem::path flight;  ///< FLIGHT file; empty where another flight is followed
+  bool follows_real = false;     ///< follow: real: where the second flight was found to be, with its lens
+  /// smooth: of the path that is followed ("auto", "none", seconds between knots); none: through every pose.
+  std::optional<flight::SmoothingOptions> smoothing = flight::SmoothingOptions{};
   std::filesystem::path camera;      ///< a calibration instead of the flight's; empty: the flight's
   std::string source;                ///< another model of the same place; empty: the place's
   std::optional<int> width, height;  ///< the flight's camera over another image size; both or none
@@ -64,6 +67,7 @@ struct IngestFlight {
   std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; what the log's heights are above
   std::optional<double> takeoff_height_m;    ///< of the take-off place above the ellipsoid, where heights are above it
   std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated while aligning
+  bool finds_telemetry_offset = false;       ///< telemetry_offset: auto; by the motion that both have seen
   std::filesystem::path groundtruth;         ///< TUM poses for scoring; empty: none
   double from_s = 0.0;
   std::optional<double> to_s;

@@ -5,9 +5,14 @@
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/positions.h"
 #include "tileflight/experiment/takeoff_anchor.h"
+#include "tileflight/experiment/telemetry_offset.h"
+#include "tileflight/experiment/track.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/flight/photo_log.h"
 #include "tileflight/flight/telemetry_file.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/temporary_path.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -46,6 +51,55 @@ void add_photos(const IngestFlight& flight, const std::filesystem::path& truth, 
   add_positions(photos.telemetry, own, truth, options, warnings);
 }
 
+/// A folder beside a file, for as long as this lives.
+class FolderBeside {
+ public:
+  explicit FolderBeside(const std::filesystem::path& file) : path_(geometry::temporary_beside(file)) {
+    std::filesystem::create_directories(path_);
+  }
+  FolderBeside(const FolderBeside&) = delete;
+  FolderBeside& operator=(const FolderBeside&) = delete;
+  ~FolderBeside() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// The camera's path as odometry finds it on the pictures alone.
+geometry::Trajectory tracked_path(dataset::IngestOptions options, const std::filesystem::path& out,
+                                  const Progress& progress) {
+  const FolderBeside folder(out);
+  options.gps.clear();
+  options.groundtruth.clear();
+  dataset::ingest(options, folder.path() / "dataset", progress);
+  track(folder.path() / "dataset", folder.path() / "odometry", false, {}, {}, progress);
+  return geometry::read_tum(folder.path() / "odometry/trajectory.txt");
+}
+
+/// Puts the log's positions on the video's clock, which the motion that both have seen tells.
+nlohmann::json find_offset(const flight::Telemetry& telemetry, const IngestFlight& flight,
+                           const std::filesystem::path& out, dataset::IngestOptions& options,
+                           const Progress& progress) {
+  const TelemetryOffset found = telemetry_offset(tracked_path(options, out, progress), telemetry);
+  if (!found.offset.determined) {
+    throw InputError(flight.telemetry.string(), "its time offset to the video is not determined (" +
+                                                    found.offset.reason +
+                                                    "); give it in seconds: --time-offset (telemetry_offset)");
+  }
+  options.gps_time_offset_s = found.offset.offset_s;
+  const nlohmann::json about{{"seconds", found.offset.offset_s},
+                             {"sigma_s", found.offset.sigma_s},
+                             {"explained", found.offset.explained},
+                             {"source", found.source}};
+  for (const auto& [key, value] : about.items())
+    options.description["time_offset." + key] = value.is_string() ? value.get<std::string>() : value.dump();
+  return about;
+}
+
 }  // namespace
 
 nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem::path& truth,
@@ -58,9 +112,14 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
                                  .description = {{"made_by", "tileflight ingest " + version()}}};
   if (flight.fps) options.image_rate_hz = *flight.fps;
   std::vector<std::string> warnings;
-  if (!flight.telemetry.empty())
-    add_positions(flight::read_telemetry(flight.telemetry), flight, truth, options, warnings);
+  flight::Telemetry telemetry;
+  if (!flight.telemetry.empty()) {
+    telemetry = flight::read_telemetry(flight.telemetry);
+    add_positions(telemetry, flight, truth, options, warnings);
+  }
   add_photos(flight, truth, options, warnings);
+  nlohmann::json time_offset;  // null: not asked for
+  if (flight.finds_telemetry_offset) time_offset = find_offset(telemetry, flight, out, options, progress);
   const dataset::IngestResult result = dataset::ingest(options, out, progress);
   warnings.insert(warnings.end(), result.notes.begin(), result.notes.end());
   return {{"frames", result.frames},
@@ -68,6 +127,7 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
           {"last_time_s", result.last_time_s},
           {"resolution", {result.width, result.height}},
           {"positions", result.gps_fixes},
+          {"time_offset", time_offset},
           {"true_poses", result.groundtruth_poses},
           {"warnings", warnings}};
 }

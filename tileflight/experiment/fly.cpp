@@ -49,8 +49,7 @@ Mission plan_mission(const RenderSettings& settings) {
   if (flight.max_frames && mission.frames.size() > static_cast<std::size_t>(*flight.max_frames)) {
     mission.frames.poses.resize(static_cast<std::size_t>(*flight.max_frames));
   }
-  const flight::Path path = plan.poses ? flight::path_through_poses(*plan.poses)
-                                       : flight::path_through_waypoints(plan.waypoints, plan.limits);
+  const flight::Path path = flight::path_of(plan);
   mission.pose_at = [path](double time_s) { return path.pose(time_s); };
   mission.sensor_files = std::make_shared<SensorFiles>(
       sensors::read_sensor_suite(flight.flight, settings.seed, mission.calibration.T_cam_imu), path, mission.frames);

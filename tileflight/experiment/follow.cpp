@@ -1,6 +1,7 @@
 #include "tileflight/experiment/follow.h"
 
 #include "tileflight/alignment/transform_file.h"
+#include "tileflight/flight/smooth_path.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/trajectory.h"
@@ -8,19 +9,22 @@
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
 
-void write_followed_flight(const fs::path& real, const fs::path& out) {
+void write_followed_flight(const fs::path& real, const std::optional<flight::SmoothingOptions>& smoothing,
+                           const fs::path& out) {
   const geometry::Trajectory estimate = geometry::read_tum(real / "odometry/trajectory.txt");
   if (estimate.size() < 2)
     throw InputError((real / "odometry/trajectory.txt").string(),
                      "has fewer than two poses; there is no path to follow");
   const geometry::Trajectory local =
       geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
+  const bool is_smoothed = local.size() >= flight::kLeastPosesToSmooth;
   geometry::write_folder(out, true, [&](const fs::path& folder) {
     geometry::write_tum(folder / "poses.txt", local);
     fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");
     geometry::write_file(folder / "flight.yaml",
                          "# The path on which odometry found the other flight, at its pictures' times.\n"
-                         "camera: camera.yaml\ntrajectory: poses.txt\n");
+                         "camera: camera.yaml\ntrajectory: poses.txt\nsmooth: " +
+                             flight::smoothing_text(is_smoothed ? smoothing : std::nullopt) + "\n");
   });
 }
 

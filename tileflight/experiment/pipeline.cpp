@@ -202,7 +202,9 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
 }
 
 json Pipeline::followed_inputs() const {
-  return {{"dataset", cache_.key("real/dataset")}, {"alignment", cache_.key("real/alignment")}};
+  return {{"dataset", cache_.key("real/dataset")},
+          {"alignment", cache_.key("real/alignment")},
+          {"smooth", flight::smoothing_text(experiment_.simulated->render->smoothing)}};
 }
 
 json Pipeline::reproduction_inputs() const {

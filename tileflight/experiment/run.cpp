@@ -50,7 +50,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   for (const FlightStages& f : p.flights()) {
     if (f.flight.render && f.flight.render->follows_real) {
       cache.once(f.name + "/flight", p.followed_inputs(), {f.name + "/flight"},
-                 [&] { write_followed_flight(folder / "real", f.folder / "flight"); });
+                 [&] { write_followed_flight(folder / "real", f.flight.render->smoothing, f.folder / "flight"); });
     }
     cache.once(f.name + "/dataset", p.dataset_inputs(f), {f.name + "/dataset"}, [&] {
       if (f.flight.render) render_dataset(p.render_settings(f), f.folder / "dataset", false, progress);
