@@ -65,9 +65,27 @@ struct RelativePoseError {
   double rotation_rmse_deg = std::numeric_limits<double>::quiet_NaN();
 };
 
+/// Mean error over sub-paths of one to eight stretches, by the distance flown; NaN where none fits.
+struct PathDrift {
+  double stretch_m = 0;
+  std::size_t subpaths = 0;
+  double translation_percent = std::numeric_limits<double>::quiet_NaN();
+  double rotation_deg_per_m = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Deviation of the local scale (true over estimated length of a stretch, after the alignment) from 1.
+struct ScaleDrift {
+  double stretch_m = 0;
+  std::size_t stretches = 0;  ///< none: the path has no length, the deviations are NaN
+  double largest = std::numeric_limits<double>::quiet_NaN();
+  double rms = std::numeric_limits<double>::quiet_NaN();
+};
+
 struct TrajectoryMetrics {
   double ate_rmse_m = 0, ate_mean_m = 0, ate_max_m = 0;
   std::vector<RelativePoseError> rpe;
+  PathDrift drift;
+  ScaleDrift scale_drift;
   double path_length_m = 0;  ///< of the truth over the compared poses
   double scale = 1;          ///< of the Sim(3) that aligned the estimate
   std::size_t poses = 0;

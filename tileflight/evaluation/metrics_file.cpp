@@ -108,6 +108,26 @@ RelativePoseError read_relative_error(JsonReader reader) {
   return e;
 }
 
+PathDrift read_drift(JsonReader reader) {
+  PathDrift d;
+  d.stretch_m = reader.number("stretch_m");
+  d.subpaths = reader.count("subpaths");
+  d.translation_percent = reader.number("translation_percent");
+  d.rotation_deg_per_m = reader.number("rotation_deg_per_m");
+  reader.expect_all_read();
+  return d;
+}
+
+ScaleDrift read_scale_drift(JsonReader reader) {
+  ScaleDrift d;
+  d.stretch_m = reader.number("stretch_m");
+  d.stretches = reader.count("stretches");
+  d.largest = reader.number("largest");
+  d.rms = reader.number("rms");
+  reader.expect_all_read();
+  return d;
+}
+
 std::optional<TrajectoryMetrics> read_trajectory(JsonReader& parent, const std::string& where) {
   if (parent.value("trajectory").is_null()) return std::nullopt;
   JsonReader reader = parent.object("trajectory");
@@ -118,6 +138,8 @@ std::optional<TrajectoryMetrics> read_trajectory(JsonReader& parent, const std::
   m.path_length_m = reader.number("path_length");
   m.scale = reader.number("scale");
   m.poses = reader.count("poses");
+  if (reader.has("drift")) m.drift = read_drift(reader.object("drift"));  // older files have neither
+  if (reader.has("scale_drift")) m.scale_drift = read_scale_drift(reader.object("scale_drift"));
   const json& list = reader.value("rpe");
   if (!list.is_array()) reader.fail("rpe", "must be a list");
   for (const json& entry : list) m.rpe.push_back(read_relative_error({entry, where, reader.name("rpe")}));

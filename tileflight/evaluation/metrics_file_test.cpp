@@ -22,7 +22,8 @@ using geometry::PointCloud;
 using geometry::Vec3;
 using nlohmann::json;
 
-const std::set<std::string> kNotInOlderFiles{"map.percentiles", "surface.percentiles"};
+const std::set<std::string> kNotInOlderFiles{"map.percentiles", "surface.percentiles", "trajectory.drift",
+                                             "trajectory.scale_drift"};
 
 PointCloud scattered(std::size_t n, std::uint64_t seed) {
   std::mt19937_64 random(seed);

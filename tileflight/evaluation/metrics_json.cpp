@@ -61,6 +61,17 @@ json to_json(const SurfaceMetrics& m) {
   return object;
 }
 
+json to_json(const PathDrift& d) {
+  return {{"stretch_m", d.stretch_m},
+          {"subpaths", d.subpaths},
+          {"translation_percent", d.translation_percent},
+          {"rotation_deg_per_m", d.rotation_deg_per_m}};
+}
+
+json to_json(const ScaleDrift& d) {
+  return {{"stretch_m", d.stretch_m}, {"stretches", d.stretches}, {"largest", d.largest}, {"rms", d.rms}};
+}
+
 json to_json(const TrajectoryMetrics& m) {
   json rpe = json::array();
   for (const RelativePoseError& e : m.rpe) {
@@ -69,8 +80,15 @@ json to_json(const TrajectoryMetrics& m) {
                    {"translation_rmse_m", e.translation_rmse_m},
                    {"rotation_rmse_deg", e.rotation_rmse_deg}});
   }
-  return {{"ate_rmse", m.ate_rmse_m},       {"ate_mean", m.ate_mean_m}, {"ate_max", m.ate_max_m}, {"rpe", rpe},
-          {"path_length", m.path_length_m}, {"scale", m.scale},         {"poses", m.poses}};
+  return {{"ate_rmse", m.ate_rmse_m},
+          {"ate_mean", m.ate_mean_m},
+          {"ate_max", m.ate_max_m},
+          {"rpe", rpe},
+          {"drift", to_json(m.drift)},
+          {"scale_drift", to_json(m.scale_drift)},
+          {"path_length", m.path_length_m},
+          {"scale", m.scale},
+          {"poses", m.poses}};
 }
 
 json to_json(const Comparison& c) {

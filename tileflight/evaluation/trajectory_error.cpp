@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/trajectory_drift.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
@@ -126,6 +127,8 @@ TrajectoryMetrics evaluate_trajectory(const Trajectory& estimate, const Trajecto
   result.ate_rmse_m = std::sqrt(squares / static_cast<double>(result.poses));
   result.ate_mean_m = sum / static_cast<double>(result.poses);
   for (const double delta_m : rpe_deltas_m) result.rpe.push_back(relative_error(poses, delta_m));
+  result.drift = path_drift(poses.estimate, poses.truth);
+  result.scale_drift = scale_drift(poses.estimate, poses.truth);
   return result;
 }
 

@@ -82,7 +82,8 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
     });
   }
   geometry::write_file(folder / "results.json", results.dump(2) + "\n");
-  cache.once("report", {{"results", geometry::sha256_hex(results.dump())}}, {"report.html"},
+  cache.once("report", {{"results", geometry::sha256_hex(results.dump())}},
+             {"report.html", "tables/key-figures.csv", "tables/key-figures.tex"},
              [&] { report::write_report(folder); });
   return results;
 }

@@ -5,6 +5,7 @@
 #include "tileflight/report/figures.h"
 #include "tileflight/report/html.h"
 #include "tileflight/report/key_figures.h"
+#include "tileflight/report/key_figures_files.h"
 #include "tileflight/report/numbers.h"
 #include "tileflight/report/run_folder.h"
 #include "tileflight/report/style_sheet.h"
@@ -25,8 +26,8 @@ Html columns(const Html& content) { return element("div", {{"class", "columns"}}
 std::vector<Section> sections_of(const RunFolder& run) {
   const std::vector<Section> all{
       {"errors", "Map error",
-       columns(histogram_figure(run) + cumulative_figure(run)) + surface_table(run.flights) +
-           comparison_table(run.results)},
+       columns(histogram_figure(run) + cumulative_figure(run)) + percentiles_table(run.flights) +
+           surface_table(run.flights) + comparison_table(run.results)},
       {"frames", "Pictures of the flights", frames_figure(run)},
       {"error-maps", "Where the error is", error_maps_figure(run)},
       {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights)) + reproduction_table(run.results)},
@@ -118,6 +119,7 @@ void write_report(const std::filesystem::path& run_folder) {
   const RunFolder run = read_run_folder(run_folder);
   const Html page = element("html", {{"lang", "en"}}, head(name_of(run.results)) + body(run));
   geometry::write_file(run_folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
+  write_key_figures(run_folder / "tables", key_figures(run.results));
 }
 
 }  // namespace tileflight::report

@@ -78,6 +78,20 @@ TEST_F(Report, SaysHowAlikeAFollowedFlightIs) {
   }
 }
 
+TEST_F(Report, ShowsPercentilesWhereTheRunHasThem) {
+  make();
+  EXPECT_THAT(page(), Not(HasSubstr("Percentiles of the map points")));
+  nlohmann::json value = results();
+  value["simulated"]["map"]["percentiles"] = {{"50", 0.51234}, {"99", 0.98765}};
+  value["real"]["surface"]["percentiles"] = {{"50", 0.12345}, {"99", nullptr}};
+  write_results(value);
+  const std::string html = page();
+  EXPECT_THAT(html, HasSubstr("Percentiles of the map points"));
+  EXPECT_THAT(html, HasSubstr(">50\u00A0%</th><td>0.5123</td><td>\u2013</td><td>\u2013</td><td>0.1235</td>"));
+  EXPECT_THAT(html, HasSubstr(">99\u00A0%</th><td>0.9877</td><td>\u2013</td><td>\u2013</td><td>\u2013</td>"));
+  EXPECT_THAT(html, Not(HasSubstr(">25\u00A0%</th>"))) << "known of neither flight";
+}
+
 TEST_F(Report, HoldsEveryFigureAndLoadsNothing) {
   make();
   const std::string html = page();

@@ -178,6 +178,31 @@ Html key_figures_table(const KeyFigures& figures) {
   return framed(caption, element("table", {{"class", "key-figures"}}, table));
 }
 
+Html percentiles_table(const std::vector<FlightRun>& flights) {
+  Table table{
+      "Percentiles of the map points' distances, m: to the nearest voxel centre (of those in the cut-off) and to the "
+      "exact surface (of all)",
+      {"Share of points"},
+      {}};
+  for (const FlightRun& flight : flights) {
+    table.groups.push_back(flight.label);
+    for (const char* name : {"to voxel", "to surface"}) table.head.push_back(name);
+  }
+  for (const char* percent : {"25", "50", "75", "90", "95", "99"}) {
+    std::vector<std::string> cells{std::string(percent) + "\u00A0%"};
+    bool any = false;
+    for (const FlightRun& flight : flights) {
+      for (const char* part : {"/map", "/surface"}) {
+        const auto distance_m = number_at(flight.values, std::string(part) + "/percentiles/" + percent);
+        any = any || distance_m;
+        cells.push_back(fixed(distance_m, 4));
+      }
+    }
+    if (any) table.rows.push_back(cells);
+  }
+  return table.rows.empty() ? Html() : draw(table);
+}
+
 Html surface_table(const std::vector<FlightRun>& flights) {
   Table table{
       "Against the exact surface: share of map points (accuracy) and of the surface seen (completeness) within a "

@@ -22,6 +22,8 @@ Html draw(const Table& table);
 /// The paper's table with ours beside.
 Html key_figures_table(const KeyFigures& figures);
 
+/// Percentiles of the distances, both flights; empty markup if no flight has any.
+Html percentiles_table(const std::vector<FlightRun>& flights);
 /// Shares of points and surface within each distance, both flights.
 Html surface_table(const std::vector<FlightRun>& flights);
 /// How the map was tracked and aligned, both flights.
