@@ -10,6 +10,7 @@
 
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
+#include "tileflight/experiment/flown_path.h"
 #include "tileflight/experiment/output_files.h"
 #include "tileflight/experiment/require_surface.h"
 #include "tileflight/experiment/sensor_files.h"
@@ -37,19 +38,22 @@ struct Mission {
   sensors::PoseFunction pose_at;  ///< in between, for the shutter
   sensors::FlightOptions options;
   std::shared_ptr<SensorFiles> sensor_files;  ///< beside the camera
+  json vehicle;                               ///< how the vehicle flew; null without
 };
 
-Mission plan_mission(const RenderSettings& settings) {
+Mission plan_mission(const RenderSettings& settings, const Progress& progress) {
   const RenderFlight& flight = settings.flight;
   const flight::FlightPlan plan = flight::read_flight_plan(flight.flight);
   Mission mission;
   mission.calibration = imaging::read_calibration(flight.camera.empty() ? plan.camera : flight.camera);
   if (flight.width) mission.calibration.camera = mission.calibration.camera.scaled_to(*flight.width, *flight.height);
-  mission.frames = flight::frame_poses(plan);
+  FlownPath flown = fly_plan(plan, settings, mission.calibration.camera, progress);
+  mission.frames = std::move(flown.frames);
+  mission.vehicle = std::move(flown.vehicle);
   if (flight.max_frames && mission.frames.size() > static_cast<std::size_t>(*flight.max_frames)) {
     mission.frames.poses.resize(static_cast<std::size_t>(*flight.max_frames));
   }
-  const flight::Path path = flight::path_of(plan);
+  const flight::Path path = flown.path;
   mission.pose_at = [path](double time_s) { return path.pose(time_s); };
   mission.sensor_files = std::make_shared<SensorFiles>(
       sensors::read_sensor_suite(flight.flight, settings.seed, mission.calibration.T_cam_imu), path, mission.frames);
@@ -278,6 +282,9 @@ void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const Ren
   for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
   mission.sensor_files->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s, writer.temporary_folder());
   for (const auto& [key, value] : mission.sensor_files->description()) writer.describe(key, value);
+  if (!mission.vehicle.is_null()) {
+    geometry::write_file(writer.temporary_folder() / "vehicle.json", mission.vehicle.dump(2) + "\n");
+  }
 }
 
 Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
@@ -349,11 +356,15 @@ Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::
 
 nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
                               const Progress& progress) {
-  const Mission mission = plan_mission(settings);
+  const Mission mission = plan_mission(settings, progress);
   const Filmed filmed = settings.flight.video ? film_to_video(mission, settings, out, replace, progress)
                                               : film_to_dataset(mission, settings, out, replace, progress);
   std::vector<std::string> warnings = filmed.report.warnings;
   warnings.insert(warnings.end(), filmed.tiles.warnings.begin(), filmed.tiles.warnings.end());
+  if (!mission.vehicle.is_null() && mission.vehicle["outcome"] != "finished") {
+    warnings.push_back("the vehicle did not finish: " + mission.vehicle["outcome"].get<std::string>() +
+                       " (vehicle.json)");
+  }
   return {{"frames", filmed.report.frames},
           {"seconds", filmed.report.seconds},
           {"frames_per_second", filmed.report.frames_per_second},
