@@ -21,6 +21,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 
 try:
     import bpy
@@ -127,6 +128,37 @@ def pixels_of(path):
     return values.reshape(height, width, 4)[..., :3]
 
 
+def read_depth(path):
+    """Our depth file: one float channel, zip-compressed scanlines (https://openexr.com/en/latest/OpenEXRFileLayout.html);
+    rows from below, as Blender has pictures. Blender itself shows a lone Z channel black."""
+    with open(path, "rb") as file:
+        data = file.read()
+    at, attributes = 8, {}
+    while data[at]:
+        name, kind = data[at:].split(b"\0", 2)[:2]
+        at += len(name) + len(kind) + 2
+        size = int.from_bytes(data[at:at + 4], "little")
+        attributes[name] = data[at + 4:at + 4 + size]
+        at += 4 + size
+    x0, y0, x1, y1 = numpy.frombuffer(attributes[b"dataWindow"], dtype="<i4")
+    width, height = int(x1 - x0 + 1), int(y1 - y0 + 1)
+    depth = numpy.empty((height, width), dtype=numpy.float32)
+    for offset in numpy.frombuffer(data, "<u8", (height + 15) // 16, at + 1):
+        row, size = numpy.frombuffer(data, "<i4", 2, int(offset))
+        rows = min(16, height - (row - y0))
+        packed = data[int(offset) + 8:int(offset) + 8 + size]
+        if size == rows * width * 4:
+            raw = numpy.frombuffer(packed, numpy.uint8)
+        else:
+            steps = numpy.frombuffer(zlib.decompress(packed), numpy.uint8).astype(numpy.int64)
+            steps[1:] -= 128
+            sums, half = numpy.cumsum(steps).astype(numpy.uint8), (len(steps) + 1) // 2
+            raw = numpy.empty_like(sums)
+            raw[0::2], raw[1::2] = sums[:half], sums[half:]
+        depth[row - y0:row - y0 + rows] = raw.view("<f4").reshape(rows, width)
+    return depth[::-1]
+
+
 def smooth(depth):
     """Where all of 3 x 3 pixels see a surface whose depth changes by less than 2 %."""
     depth = numpy.where(numpy.isfinite(depth), depth, 0.0)
@@ -150,7 +182,7 @@ def inside_blender(arguments):
         ours = os.path.join(arguments.dataset, "images", name + ".png")
         depth = os.path.join(arguments.dataset, "depth", name + ".exr")
         if os.path.exists(ours) and os.path.exists(depth):
-            even = smooth(pixels_of(depth)[..., 0])
+            even = smooth(read_depth(depth))
             difference = numpy.abs(pixels_of(ours) - pixels_of(scene.render.filepath)).mean(axis=2)
             differences.append(255 * float(difference[even].mean()))
             shares.append(float(even.mean()))
