@@ -1,9 +1,26 @@
+#include <cmath>
 #include <sstream>
 
 #include "command.h"
 #include "tileflight/experiment/fly.h"
+#include "tileflight/geometry/text_fields.h"
 
 namespace tileflight::app {
+
+namespace {
+
+/// `text`: as on the command line, empty where it is not given.
+void set_time_offset(const std::string& text, experiment::IngestFlight& flight) {
+  if (text.empty()) return;
+  flight.finds_telemetry_offset = text == "auto";
+  if (flight.finds_telemetry_offset) return;
+  const auto seconds = geometry::parse_number<double>(text);
+  if (!seconds || !std::isfinite(*seconds))
+    throw CLI::ValidationError("--time-offset", "must be auto or a number of seconds, not '" + text + "'");
+  flight.telemetry_offset_s = *seconds;
+}
+
+}  // namespace
 
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
@@ -27,10 +44,8 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,
                                              "of the take-off place above the ellipsoid, metres");
-  command
-      ->add_option("--time-offset", options->time_offset,
-                   "seconds added to the log's times to be the video's; auto: by the motion that both have seen")
-      ->check(CLI::IsMember({"auto"}) | CLI::Number);
+  command->add_option("--time-offset", options->time_offset,
+                      "seconds added to the log's times to be the video's; auto: by the motion that both have seen");
   command->add_option("--truth", options->truth,
                       "folder of `extract`, on whose surface the take-off place's height is found");
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
@@ -46,9 +61,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->flight.camera = options->camera;
     options->flight.telemetry = options->telemetry;
     options->flight.groundtruth = options->groundtruth;
-    options->flight.finds_telemetry_offset = options->time_offset == "auto";
-    if (!options->time_offset.empty() && !options->flight.finds_telemetry_offset)
-      options->flight.telemetry_offset_s = std::stod(options->time_offset);
+    set_time_offset(options->time_offset, options->flight);
     if (options->flight.finds_telemetry_offset && options->telemetry.empty())
       throw CLI::ValidationError("--time-offset", "is of a flight log; name it with --telemetry");
     if (to->count() > 0) options->flight.to_s = options->to_s;

@@ -62,6 +62,24 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
   }
 }
 
+TEST(CommandLine, ATimeOffsetIsAutoOrSeconds) {
+  const auto ingest = [](const std::vector<std::string>& more) {
+    std::vector<std::string> call{"ingest", "/nonexistent.mp4", "--camera", "/nonexistent.yaml",
+                                  "--out",  "/nonexistent"};
+    call.insert(call.end(), more.begin(), more.end());
+    return run_tileflight(call);
+  };
+  for (const char* wrong : {"1e999", "nan", "-inf", "soon", "1s"}) {
+    const ProgramResult result = ingest({"--telemetry", "log.srt", "--time-offset", wrong});
+    EXPECT_EQ(result.exit_code, 2) << wrong;
+    EXPECT_THAT(result.err, HasSubstr("auto or a number of seconds, not '" + std::string(wrong) + "'"));
+  }
+  EXPECT_EQ(ingest({"--time-offset", "auto"}).exit_code, 2) << "of no log";
+  for (const char* right : {"-1.25", "+3", "auto"})
+    EXPECT_EQ(ingest({"--telemetry", "log.srt", "--time-offset", right}).exit_code, 1)
+        << "only the files are not there";
+}
+
 TEST(CommandLine, VersionIsPrinted) {
   const ProgramResult result = run_tileflight({"--version"});
   EXPECT_EQ(result.exit_code, 0);
