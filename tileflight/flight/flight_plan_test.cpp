@@ -140,6 +140,13 @@ TEST_F(FlightPlanFile, AVehicleFliesWaypointsOrAMission) {
   EXPECT_EQ(frame_poses(read(start + "vehicle: {start: [0, 0, 9]}\n" + hover)).size(), 11u);
   EXPECT_THAT(fault(start + hover), HasSubstr("'mission' is flown by a vehicle"));
   EXPECT_THAT(fault(std::string(kMission) + "vehicle: {}\n" + hover), HasSubstr("'mission' and 'waypoints'"));
+  EXPECT_THAT(fault(std::string(kMission) + "vehicle: {wind_m_s: [1e9, 0, 0]}\n"), HasSubstr("at most 100 m/s"));
+  for (const char* step :
+       {"do: hover, duration_s: 1e12", "do: hover, duration_s: -1", "do: takeoff, timeout_s: 3601",
+        "do: turn_rate, yaw_rate_deg_s: 5, duration_s: 4e3", "do: velocity, velocity_m_s: [0, 0, 1], duration_s: .inf"})
+    EXPECT_NE(fault(start + "vehicle: {}\nmission: [{" + step + "}]\n"), "no error") << step;
+  EXPECT_THAT(fault(start + "vehicle: {}\nmission: [{do: hover, duration_s: 1e12}]\n"),
+              HasSubstr("'mission[0].duration_s' must be from 0 to 3600 seconds"));
   EXPECT_THAT(fault(std::string(kMission) + "vehicle: {wnd: 3}\n"), HasSubstr("'vehicle.wnd' is not a key here"));
 }
 

@@ -34,7 +34,9 @@ Vec3 required_vector(YamlSection& section, const std::string& key) {
 
 WindOptions read_wind(YamlSection& section) {
   WindOptions wind;
+  constexpr double kHurricane_m_s = 100.0;
   wind.mean_m_s = vector(section, "wind_m_s", wind.mean_m_s);
+  if (!(wind.mean_m_s.norm() <= kHurricane_m_s)) throw section.error("wind_m_s", "must be at most 100 m/s");
   const std::string word = section.choice("turbulence", {"none", "light", "moderate", "severe"}).value_or("none");
   wind.turbulence = word == "light"      ? Turbulence::kLight
                     : word == "moderate" ? Turbulence::kModerate
@@ -71,7 +73,18 @@ void read_craft(YamlSection& section, VehicleOptions& options) {
       positive(section, "max_tilt_deg", options.controller.max_tilt_rad / kRadiansPerDegree) * kRadiansPerDegree;
 }
 
-double read_timeout(YamlSection& step) { return positive(step, "timeout_s", kDefaultTimeout_s); }
+/// How long a command may last: longer than any battery, short enough that a slip of the pen ends.
+double seconds(YamlSection& step, const char* key, double otherwise_s) {
+  constexpr double kMost_s = 3600.0;
+  const double value_s = step.number(key).value_or(otherwise_s);
+  if (!(value_s >= 0.0 && value_s <= kMost_s)) throw step.error(key, "must be from 0 to 3600 seconds");
+  return value_s;
+}
+
+double read_timeout(YamlSection& step) {
+  positive(step, "timeout_s", kDefaultTimeout_s);
+  return seconds(step, "timeout_s", kDefaultTimeout_s);
+}
 
 void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
   const std::string word = step.choice("drivetrain", {"free", "forward"}).value_or("free");
@@ -107,7 +120,7 @@ FollowPath read_path(YamlSection& step, bool one_point) {
 FlyVelocity read_velocity(YamlSection& step) {
   FlyVelocity velocity;
   velocity.velocity_m_s = required_vector(step, "velocity_m_s");
-  velocity.duration_s = step.number("duration_s").value_or(velocity.duration_s);
+  velocity.duration_s = seconds(step, "duration_s", velocity.duration_s);
   if (step.choice("frame", {"local", "heading"}).value_or("local") == "heading")
     velocity.frame = VelocityFrame::kHeading;
   velocity.height_m = step.number("height_m");
@@ -127,7 +140,7 @@ Turn read_turn(YamlSection& step) {
 TurnAtRate read_turn_rate(YamlSection& step) {
   const auto rate_deg_s = step.number("yaw_rate_deg_s");
   if (!rate_deg_s) throw step.error("yaw_rate_deg_s", "is missing");
-  return {-*rate_deg_s * kRadiansPerDegree, step.number("duration_s").value_or(1.0)};
+  return {-*rate_deg_s * kRadiansPerDegree, seconds(step, "duration_s", 1.0)};
 }
 
 Command read_command(const std::string& word, YamlSection& step) {
@@ -137,7 +150,7 @@ Command read_command(const std::string& word, YamlSection& step) {
                    read_timeout(step)};
   }
   if (word == "land") return Land{positive(step, "speed_m_s", Land{}.speed_m_s), read_timeout(step)};
-  if (word == "hover") return Hover{step.number("duration_s").value_or(0.0)};
+  if (word == "hover") return Hover{seconds(step, "duration_s", 0.0)};
   if (word == "velocity") return read_velocity(step);
   if (word == "turn") return read_turn(step);
   if (word == "turn_rate") return read_turn_rate(step);
