@@ -206,7 +206,7 @@ TEST_F(VehicleFile, KeysAreReadAndOthersRefused) {
   EXPECT_THAT(bad_step("do: go_to, positon: [1, 2, 3]"), testing::HasSubstr("'mission[0].position' is missing"));
   EXPECT_THAT(bad_step("do: hover, speed_m_s: 3"), testing::HasSubstr("'mission[0].speed_m_s' is not a key here"));
   EXPECT_THAT(bad_step("do: path, points: [1, 2, 3, 4]"), testing::HasSubstr("east, north, up"));
-  EXPECT_THAT(bad_step("do: hover, duration_s: -1"), testing::HasSubstr("the duration must not be negative"));
+  EXPECT_THAT(bad_step("do: hover, duration_s: -1"), testing::HasSubstr("must be from 0 to 3600 seconds"));
 }
 
 }  // namespace
