@@ -1,0 +1,219 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tileflight::simulator {
+
+// The structures of AirSim's interface, with its field names, as values. Frames: NED (north, east, down) metres, body
+// and camera axes x forward, y right, z down; quaternions are body to NED; angles in structures are radians, in yaw
+// modes, settings and fields of view degrees. Timestamps are nanoseconds of the simulation's clock.
+
+struct Vector2r {
+  float x_val = 0.0F, y_val = 0.0F;
+};
+
+struct Vector3r {
+  float x_val = 0.0F, y_val = 0.0F, z_val = 0.0F;
+};
+
+struct Quaternionr {
+  float w_val = 1.0F, x_val = 0.0F, y_val = 0.0F, z_val = 0.0F;
+};
+
+struct Pose {
+  Vector3r position;
+  Quaternionr orientation;
+};
+
+struct GeoPoint {
+  double latitude = 0.0, longitude = 0.0;  ///< degrees, WGS84
+  float altitude = 0.0F;                   ///< metres above the ellipsoid
+};
+
+struct YawMode {
+  bool is_rate = true;
+  float yaw_or_rate = 0.0F;  ///< degrees clockwise from north, or degrees per second
+};
+
+struct KinematicsState {
+  Vector3r position;
+  Quaternionr orientation;
+  Vector3r linear_velocity;       ///< NED, m/s
+  Vector3r angular_velocity;      ///< body axes, rad/s
+  Vector3r linear_acceleration;   ///< NED, m/s^2
+  Vector3r angular_acceleration;  ///< body axes, rad/s^2
+};
+
+struct EnvironmentState {
+  Vector3r position;
+  GeoPoint geo_point;
+  Vector3r gravity;
+  float air_pressure = 0.0F;  ///< Pa
+  float temperature = 0.0F;   ///< K
+  float air_density = 0.0F;   ///< kg/m^3
+};
+
+struct CollisionInfo {
+  bool has_collided = false;
+  float penetration_depth = 0.0F;
+  std::uint64_t time_stamp = 0;
+  Vector3r normal;
+  Vector3r impact_point;
+  Vector3r position;
+  std::string object_name;
+  int object_id = -1;
+};
+
+/// Kinds of pictures, by AirSim's numbers.
+enum class ImageType : int {
+  kScene = 0,
+  kDepthPlanar = 1,
+  kDepthPerspective = 2,
+  kDepthVis = 3,
+  kDisparityNormalized = 4,
+  kSegmentation = 5,
+  kSurfaceNormals = 6,
+  kInfrared = 7,
+  kOpticalFlow = 8,
+  kOpticalFlowVis = 9,
+};
+inline constexpr int kImageTypes = 10;
+
+struct ImageRequest {
+  std::string camera_name;
+  int image_type = 0;  ///< any number may come from a client: checked by the simulator
+  bool pixels_as_float = false;
+  bool compress = true;
+};
+
+struct ImageResponse {
+  std::vector<std::uint8_t> image_data_uint8;  ///< PNG (RGBA), or rows from the top of blue, green, red
+  std::vector<float> image_data_float;         ///< rows from the top; of pixels_as_float alone
+  Vector3r camera_position;
+  std::string camera_name;
+  Quaternionr camera_orientation;
+  std::uint64_t time_stamp = 0;
+  std::string message;
+  bool pixels_as_float = false;
+  bool compress = true;
+  int width = 0;
+  int height = 0;
+  int image_type = 0;
+};
+
+struct ProjectionMatrix {
+  std::array<std::array<float, 4>, 4> matrix{};
+};
+
+struct CameraInfo {
+  Pose pose;
+  float fov = 0.0F;  ///< degrees
+  ProjectionMatrix proj_mat;
+};
+
+struct LidarData {
+  std::uint64_t time_stamp = 0;
+  std::vector<float> point_cloud;  ///< x, y, z of each point
+  Pose pose;                       ///< of the sensor, local NED
+  std::vector<int> segmentation;   ///< one a point
+};
+
+struct ImuData {
+  std::uint64_t time_stamp = 0;
+  Quaternionr orientation;
+  Vector3r angular_velocity;     ///< body axes, rad/s
+  Vector3r linear_acceleration;  ///< specific force, body axes, m/s^2
+};
+
+struct BarometerData {
+  std::uint64_t time_stamp = 0;
+  float altitude = 0.0F;  ///< metres
+  float pressure = 0.0F;  ///< Pa
+  float qnh = 0.0F;       ///< hPa
+};
+
+struct MagnetometerData {
+  std::uint64_t time_stamp = 0;
+  Vector3r magnetic_field_body;  ///< gauss
+  std::vector<float> magnetic_field_covariance;
+};
+
+struct GnssReport {
+  GeoPoint geo_point;
+  float eph = 0.0F, epv = 0.0F;
+  Vector3r velocity;  ///< NED, m/s
+  int fix_type = 0;   ///< 0 none, 1 time only, 2 plane, 3 space
+  std::uint64_t time_utc = 0;
+};
+
+struct GpsData {
+  std::uint64_t time_stamp = 0;
+  GnssReport gnss;
+  bool is_valid = false;
+};
+
+struct DistanceSensorData {
+  std::uint64_t time_stamp = 0;
+  float distance = 0.0F;  ///< metres
+  float min_distance = 0.0F, max_distance = 0.0F;
+  Pose relative_pose;  ///< of the sensor on the body
+};
+
+struct RCData {
+  std::uint64_t timestamp = 0;
+  float pitch = 0.0F, roll = 0.0F, throttle = 0.0F, yaw = 0.0F;
+  float left_z = 0.0F, right_z = 0.0F;
+  std::uint16_t switches = 0;
+  std::string vendor_id;
+  bool is_initialized = false;
+  bool is_valid = false;
+};
+
+struct MultirotorState {
+  CollisionInfo collision;
+  KinematicsState kinematics_estimated;
+  GeoPoint gps_location;
+  std::uint64_t timestamp = 0;
+  int landed_state = 0;  ///< 0 landed, 1 flying
+  RCData rc_data;
+};
+
+struct RotorParameters {
+  float thrust = 0.0F;         ///< N
+  float torque_scaler = 0.0F;  ///< Nm
+  float speed = 0.0F;          ///< rad/s, positive counter-clockwise from above
+};
+
+struct RotorStates {
+  std::vector<RotorParameters> rotors;
+  std::uint64_t timestamp = 0;
+};
+
+struct MeshPositionVertexBuffersResponse {
+  Vector3r position;
+  Quaternionr orientation;
+  std::vector<float> vertices;         ///< x, y, z of each vertex
+  std::vector<std::uint32_t> indices;  ///< three a triangle
+  std::string name;
+};
+
+struct Box2D {
+  Vector2r min, max;
+};
+
+struct Box3D {
+  Vector3r min, max;
+};
+
+struct DetectionInfo {
+  std::string name;
+  GeoPoint geo_point;
+  Box2D box2D;
+  Box3D box3D;
+  Pose relative_pose;
+};
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,197 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/geometry/progress.h"
+#include "tileflight/simulator/airsim_types.h"
+#include "tileflight/simulator/own_types.h"
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::simulator {
+
+/// Which tiles are in memory.
+enum class Following {
+  kAuto,    ///< the region if it fits into half of the memory allowed, else what can be seen
+  kRegion,  ///< the whole region (or tileset), once
+  kFollow,  ///< what all sensors of all vehicles can see
+};
+
+struct SimulatorOptions {
+  std::string source;       ///< SOURCE of the command line
+  tiles::LoadOptions load;  ///< region, geometric error, origin (that of the settings comes first), source options
+  std::string settings;     ///< text of a settings.json; empty: none
+  std::string settings_name = "settings.json";  ///< for messages
+  Following following = Following::kAuto;
+  double error_px = 1.0;  ///< pixels that a tile may err by in any picture, where tiles follow
+  std::uintmax_t max_memory_bytes = std::uintmax_t{2} << 30;  ///< of decoded tiles
+  /// Clients' file names lie below it. None: calls that write files are refused.
+  std::optional<std::filesystem::path> files;
+  /// Where NED has its origin, local frame (east, north, up); a z of NaN: on the surface. None: on the surface at the
+  /// local frame's origin, or where there is none at the middle of the place.
+  std::optional<geometry::Vec3> start_local;
+};
+
+/// Told one line of what happens that no caller hears of (tiles that fail, commands that are ignored). Any thread.
+using SimulatorLog = std::function<void(const std::string& line)>;
+
+/// The world behind AirSim's interface: one method for each of its calls, named as on the wire (simGetImages:
+/// sim_get_images), same arguments in the same order. All methods may be called from many threads at once; calls that
+/// move a vehicle (takeoff, moveToPosition, ...) block their thread until they are done (true), cancelled or timed out
+/// (false). Every call throws InputError or std::runtime_error with one line for what cannot be done.
+class Simulator {
+ public:
+  /// Reads settings and tileset and starts the clock. Throws InputError.
+  explicit Simulator(const SimulatorOptions& options, SimulatorLog log = {}, const Progress& progress = {});
+  /// A place that is given as meshes (local frame, east, north, up; `options.source` is not heeded).
+  Simulator(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log = {});
+  ~Simulator();
+  Simulator(const Simulator&) = delete;
+  Simulator& operator=(const Simulator&) = delete;
+
+  /// Cancels all tasks and lets every waiting call return; moving calls answer false from then on.
+  void stop();
+  /// The port and address of the settings (ApiServerPort, LocalHostIp), if they give any.
+  std::optional<int> settings_port() const;
+  std::optional<std::string> settings_address() const;
+  /// What was found in settings and place that a user should know, one line each.
+  std::vector<std::string> warnings() const;
+
+  // General.
+  bool ping() const;
+  int get_server_version() const;               ///< 1
+  int get_min_required_client_version() const;  ///< 1
+  void reset();
+  void enable_api_control(bool is_enabled, const std::string& vehicle);
+  bool is_api_control_enabled(const std::string& vehicle) const;
+  bool arm_disarm(bool arm, const std::string& vehicle);
+  void sim_pause(bool is_paused);
+  bool sim_is_paused() const;
+  void sim_continue_for_time(double seconds);          ///< of simulation; blocks, ends paused
+  void sim_continue_for_frames(std::uint32_t frames);  ///< steps of the clock; blocks, ends paused
+  GeoPoint get_home_geo_point(const std::string& vehicle) const;
+  std::vector<std::string> list_vehicles() const;
+  std::string get_settings_string() const;
+
+  // Pictures and cameras.
+  std::vector<ImageResponse> sim_get_images(const std::vector<ImageRequest>& requests, const std::string& vehicle,
+                                            bool external);
+  std::vector<std::uint8_t> sim_get_image(const std::string& camera, int image_type, const std::string& vehicle,
+                                          bool external);
+  void sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle);
+  Pose sim_get_vehicle_pose(const std::string& vehicle) const;
+  CameraInfo sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const;
+  void sim_set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle, bool external);
+  void sim_set_camera_fov(const std::string& camera, float fov_degrees, const std::string& vehicle, bool external);
+  std::vector<float> sim_get_distortion_params(const std::string& camera, const std::string& vehicle,
+                                               bool external) const;
+  void sim_set_distortion_param(const std::string& camera, const std::string& name, float value,
+                                const std::string& vehicle, bool external);
+
+  // State of the vehicles.
+  KinematicsState sim_get_ground_truth_kinematics(const std::string& vehicle) const;
+  void sim_set_kinematics(const KinematicsState& state, bool ignore_collision, const std::string& vehicle);
+  EnvironmentState sim_get_ground_truth_environment(const std::string& vehicle) const;
+  CollisionInfo sim_get_collision_info(const std::string& vehicle);
+  MultirotorState get_multirotor_state(const std::string& vehicle) const;
+  RotorStates get_rotor_states(const std::string& vehicle) const;
+
+  // Sensors.
+  LidarData get_lidar_data(const std::string& lidar, const std::string& vehicle);
+  ImuData get_imu_data(const std::string& imu, const std::string& vehicle);
+  BarometerData get_barometer_data(const std::string& barometer, const std::string& vehicle);
+  MagnetometerData get_magnetometer_data(const std::string& magnetometer, const std::string& vehicle);
+  GpsData get_gps_data(const std::string& gps, const std::string& vehicle);
+  DistanceSensorData get_distance_sensor_data(const std::string& distance_sensor, const std::string& vehicle);
+
+  // Objects of the scene.
+  std::vector<std::string> sim_list_scene_objects(const std::string& name_regex);
+  bool sim_set_segmentation_object_id(const std::string& mesh_name, int object_id, bool is_name_regex);
+  int sim_get_segmentation_object_id(const std::string& mesh_name);
+  std::vector<MeshPositionVertexBuffersResponse> sim_get_mesh_position_vertex_buffers();
+  Pose sim_get_object_pose(const std::string& name);
+  bool sim_set_object_pose(const std::string& name, const Pose& pose, bool teleport);
+  Vector3r sim_get_object_scale(const std::string& name);
+  bool sim_set_object_scale(const std::string& name, const Vector3r& scale);
+  std::string sim_spawn_object(const std::string& name, const std::string& asset, const Pose& pose,
+                               const Vector3r& scale, bool physics, bool is_blueprint);
+  bool sim_destroy_object(const std::string& name);
+  std::vector<std::string> sim_list_assets() const;
+  bool sim_create_voxel_grid(const Vector3r& position, int x, int y, int z, float resolution, const std::string& file);
+  bool sim_test_line_of_sight_to_point(const GeoPoint& point, const std::string& vehicle);
+  bool sim_test_line_of_sight_between_points(const GeoPoint& from, const GeoPoint& to);
+  std::vector<GeoPoint> sim_get_world_extents();
+
+  // Detections: objects of the scene in a camera's picture.
+  void sim_add_detection_filter_mesh_name(const std::string& camera, int image_type, const std::string& mesh_name,
+                                          const std::string& vehicle, bool external);
+  void sim_set_detection_filter_radius(const std::string& camera, int image_type, float radius_cm,
+                                       const std::string& vehicle, bool external);
+  void sim_clear_detection_mesh_names(const std::string& camera, int image_type, const std::string& vehicle,
+                                      bool external);
+  std::vector<DetectionInfo> sim_get_detections(const std::string& camera, int image_type, const std::string& vehicle,
+                                                bool external);
+
+  // Flight. Blocking.
+  void cancel_last_task(const std::string& vehicle);
+  bool takeoff(float timeout_s, const std::string& vehicle);
+  bool land(float timeout_s, const std::string& vehicle);
+  bool go_home(float timeout_s, const std::string& vehicle);
+  bool hover(const std::string& vehicle);
+  bool move_to_position(float x, float y, float z, float velocity, float timeout_s, int drivetrain,
+                        const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
+  bool move_on_path(const std::vector<Vector3r>& path, float velocity, float timeout_s, int drivetrain,
+                    const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
+  bool move_by_velocity(float vx, float vy, float vz, float duration_s, int drivetrain, const YawMode& yaw_mode,
+                        const std::string& vehicle);
+  bool move_by_velocity_z(float vx, float vy, float z, float duration_s, int drivetrain, const YawMode& yaw_mode,
+                          const std::string& vehicle);
+  bool move_by_velocity_body_frame(float vx, float vy, float vz, float duration_s, int drivetrain,
+                                   const YawMode& yaw_mode, const std::string& vehicle);
+  bool move_by_velocity_z_body_frame(float vx, float vy, float z, float duration_s, int drivetrain,
+                                     const YawMode& yaw_mode, const std::string& vehicle);
+  bool move_to_z(float z, float velocity, float timeout_s, const YawMode& yaw_mode, float lookahead,
+                 float adaptive_lookahead, const std::string& vehicle);
+  bool move_to_gps(float latitude, float longitude, float altitude, float velocity, float timeout_s, int drivetrain,
+                   const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
+  bool rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_degrees, const std::string& vehicle);
+  bool rotate_by_yaw_rate(float yaw_rate_degrees_s, float duration_s, const std::string& vehicle);
+
+  // Recording.
+  void start_recording();
+  void stop_recording();
+  bool is_recording() const;
+
+  // The rest of AirSim's.
+  void sim_set_wind(const Vector3r& wind);
+  bool sim_add_vehicle(const std::string& name, const std::string& type, const Pose& pose,
+                       const std::string& pawn_path);
+  bool sim_run_console_command(const std::string& command);
+  void sim_print_log_message(const std::string& message, const std::string& parameter, int severity);
+  /// Calls that have no effect here and none on what a client reads: they are answered with nothing (simPlot...,
+  /// simFlushPersistentMarkers, simSetTraceLine, simEnableWeather(false), controller gains). `name`: that on the wire.
+  void accept_without_effect(const std::string& name);
+  /// Throws std::runtime_error that says why this call of AirSim's is not served.
+  [[noreturn]] void refuse(const std::string& name) const;
+
+  // Beyond AirSim's.
+  LoadedRegion tf_load_region(const Vector3r& center, const Vector3r& size, float error_m);  ///< global NED
+  Coverage tf_coverage(const std::string& camera, const std::string& vehicle, bool external);
+  GroundTruthReport tf_ground_truth(const Vector3r& center, const Vector3r& size, float error_m, float voxel_m,
+                                    const std::string& folder);
+  GeodeticPose tf_geodetic_pose(const std::string& vehicle) const;
+  Statistics tf_statistics() const;
+  VoxelGridData tf_create_voxel_grid(const Vector3r& center, const Vector3r& size, float resolution);
+  LidarScanData tf_lidar_scan(const std::string& lidar, const std::string& vehicle);
+  void tf_set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle, bool external);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::simulator
