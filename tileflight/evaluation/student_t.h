@@ -1,0 +1,12 @@
+#pragma once
+
+namespace tileflight::evaluation {
+
+/// Distribution function of Student's t; the degrees of freedom are above zero and need not be whole. By the incomplete
+/// beta function: NIST Digital Library of Mathematical Functions, 8.17.
+double student_t_cdf(double t, double degrees_of_freedom);
+
+/// Its inverse, for probabilities between 0 and 1 (exclusive).
+double student_t_quantile(double probability, double degrees_of_freedom);
+
+}  // namespace tileflight::evaluation
