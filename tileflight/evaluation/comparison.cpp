@@ -2,6 +2,7 @@
 
 #include "tileflight/evaluation/block_bootstrap.h"
 #include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/repeated_runs.h"
 #include "tileflight/evaluation/two_samples.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -42,6 +43,23 @@ void add_interval(const KeptDistances& simulated, const KeptDistances& real, con
   result.equivalent_within_m = std::max(std::abs(ci90[0]), std::abs(ci90[1]));
 }
 
+double share_kept(const KeptDistances& kept) {
+  return static_cast<double>(kept.distances.size()) / static_cast<double>(kept.points);
+}
+
+std::vector<double> means_of(const std::vector<KeptDistances>& runs, const char* flight) {
+  std::vector<double> means;
+  for (const KeptDistances& run : runs) {
+    check(run, flight);
+    means.push_back(statistics_of(run.distances).mean);
+  }
+  return means;
+}
+
+MeanDifference as_difference(const Comparison& c) {
+  return {c.mean_difference_m, c.mean_difference_ci95, c.verdict, c.equivalent_within_m};
+}
+
 }  // namespace
 
 Comparison compare(const KeptDistances& simulated, const KeptDistances& real, const ComparisonOptions& options) {
@@ -52,11 +70,28 @@ Comparison compare(const KeptDistances& simulated, const KeptDistances& real, co
   Comparison result;
   result.mean_difference_m = s.mean - r.mean;
   result.std_difference_m = s.std - r.std;
+  result.share_kept = {share_kept(simulated), share_kept(real)};
   result.points_ratio = static_cast<double>(simulated.points) / static_cast<double>(real.points);
   result.ks_statistic = ks_statistic(simulated.distances, real.distances);
   result.wasserstein_m = wasserstein_distance(simulated.distances, real.distances);
   result.equivalence_margin_m = options.equivalence_margin_m;
   add_interval(simulated, real, options, result);
+  return result;
+}
+
+Comparison compare_runs(const std::vector<KeptDistances>& simulated, const std::vector<KeptDistances>& real,
+                        const ComparisonOptions& options) {
+  if (simulated.empty() || real.empty()) throw InputError("comparison", "needs a run of each flight");
+  Comparison result = compare(simulated.front(), real.front(), options);
+  result.runs = {simulated.size(), real.size()};
+  const RunDifference by_run = difference_of_runs(means_of(simulated, "simulated run"), means_of(real, "real run"));
+  if (!by_run.has_interval()) return result;
+  result.within_run = as_difference(result);
+  result.unit = "runs";
+  result.mean_difference_m = by_run.difference;
+  result.mean_difference_ci95 = by_run.ci95;
+  result.verdict = verdict_of(by_run.ci90, by_run.ci95, options.equivalence_margin_m);
+  result.equivalent_within_m = std::max(std::abs(by_run.ci90[0]), std::abs(by_run.ci90[1]));
   return result;
 }
 

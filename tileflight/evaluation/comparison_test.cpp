@@ -7,6 +7,7 @@
 
 #include "tileflight/evaluation/block_bootstrap.h"
 #include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/repeated_runs.h"
 #include "tileflight/evaluation/two_samples.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -218,6 +219,45 @@ TEST(Comparison, OneBlockDecidesNothing) {
   EXPECT_TRUE(std::isnan(c.mean_difference_ci95[0]));
   EXPECT_FALSE(c.equivalent_within_m);
   EXPECT_NE(to_json(c).dump().find("\"mean_difference_ci95\":[null,null]"), std::string::npos);
+}
+
+TEST(Comparison, RepeatedRunsAreTheUnit) {
+  std::mt19937_64 random(11);
+  std::vector<KeptDistances> simulated, real;
+  std::vector<double> simulated_means, real_means;
+  for (const double shift : {0.0, 0.004, -0.002, 0.001}) {
+    simulated.push_back(run_over(50, 10, 0.55 + shift, 0.02, 0.05, random));
+    simulated_means.push_back(statistics_of(simulated.back().distances).mean);
+  }
+  for (const double shift : {0.01, -0.01, 0.0}) {
+    real.push_back(run_over(50, 10, 0.52 + shift, 0.02, 0.05, random));
+    real_means.push_back(statistics_of(real.back().distances).mean);
+  }
+  const auto first_only = compare(simulated[0], real[0]), by_run = compare_runs(simulated, real);
+  const RunDifference expected = difference_of_runs(simulated_means, real_means);
+  EXPECT_EQ(by_run.unit, "runs");
+  EXPECT_EQ(by_run.runs, (std::array<std::size_t, 2>{4, 3}));
+  EXPECT_DOUBLE_EQ(by_run.mean_difference_m, expected.difference);
+  EXPECT_EQ(by_run.mean_difference_ci95, expected.ci95);
+  EXPECT_DOUBLE_EQ(*by_run.equivalent_within_m, std::max(std::abs(expected.ci90[0]), std::abs(expected.ci90[1])));
+  ASSERT_TRUE(by_run.within_run);
+  EXPECT_EQ(by_run.within_run->difference_m, first_only.mean_difference_m);
+  EXPECT_EQ(by_run.within_run->ci95, first_only.mean_difference_ci95);
+  EXPECT_EQ(by_run.within_run->verdict, first_only.verdict);
+  EXPECT_EQ(by_run.ks_statistic, first_only.ks_statistic);
+}
+
+TEST(Comparison, RunsThatDoNotDifferAreNoUnit) {
+  std::mt19937_64 random(12);
+  const auto a = run_over(50, 10, 0.5, 0.1, 0.1, random), b = run_over(50, 10, 0.6, 0.1, 0.1, random);
+  auto expected = to_json(compare(a, b));
+  EXPECT_EQ(to_json(compare_runs({a}, {b})), expected) << "one run each: as before";
+  const auto same = to_json(compare_runs({a, a, a}, {b, b}));
+  EXPECT_EQ(same["runs"]["simulated"], 3);
+  expected["runs"] = same["runs"];
+  EXPECT_EQ(same, expected);
+  EXPECT_THROW(compare_runs({}, {b}), InputError);
+  EXPECT_THROW(compare_runs({a, {}}, {b, b}), InputError);
 }
 
 TEST(Comparison, ExchangedRunsTurnTheSign) {

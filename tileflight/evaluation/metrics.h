@@ -117,6 +117,14 @@ TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, cons
                                       TrajectoryAlignment alignment,
                                       const std::vector<double>& rpe_deltas_m = {1, 10, 50});
 
+/// A difference of mean errors (simulated minus real) and what follows from its interval.
+struct MeanDifference {
+  double difference_m = std::numeric_limits<double>::quiet_NaN();
+  std::array<double, 2> ci95{};
+  std::string verdict = "undecided";          ///< as in Comparison
+  std::optional<double> equivalent_within_m;  ///< as in Comparison
+};
+
 /// The two runs side by side. Differences are simulated minus real.
 struct Comparison {
   double mean_difference_m = 0, std_difference_m = 0, points_ratio = 0;
@@ -128,6 +136,12 @@ struct Comparison {
   std::string verdict;
   std::optional<double> equivalent_within_m;  ///< the smallest margin at which they would count as equivalent
   std::size_t blocks = 0;                     ///< of the bootstrap; below 2 there is no interval and nothing is decided
+  std::array<double, 2> share_kept{};         ///< of the map points, within the cut-off: simulated, real
+
+  /// What the difference, its interval and the verdict are by: "blocks" of space within one run, or whole "runs".
+  std::string unit = "blocks";
+  std::array<std::size_t, 2> runs{1, 1};     ///< simulated, real
+  std::optional<MeanDifference> within_run;  ///< by blocks, of the first runs, where the unit is runs
 };
 
 struct ComparisonOptions {
@@ -152,6 +166,14 @@ KeptDistances kept_distances(const geometry::PointCloud& aligned_map, const geom
 /// Efron and Tibshirani, An Introduction to the Bootstrap, 1993. Deterministic. Throws InputError when a run has no
 /// kept distance.
 Comparison compare(const KeptDistances& simulated, const KeptDistances& real, const ComparisonOptions& options = {});
+
+/// The same where flights were tracked more than once, the first runs in front. With two runs or more on each side that
+/// were not all alike, a run is the unit: the difference is that of the means over the runs, the interval Welch's
+/// (difference_of_runs()); all other numbers, and `within_run`, are of the first runs. The interval then tells how far
+/// the odometry's own chance carries, not what another place would give; within_run tells the latter. Else compare() of
+/// the first runs. Throws InputError when a run has no kept distance.
+Comparison compare_runs(const std::vector<KeptDistances>& simulated, const std::vector<KeptDistances>& real,
+                        const ComparisonOptions& options = {});
 
 /// The keys of the contract.
 nlohmann::json to_json(const MapMetrics& m);

@@ -91,6 +91,13 @@ json to_json(const TrajectoryMetrics& m) {
           {"poses", m.poses}};
 }
 
+json to_json(const MeanDifference& d) {
+  return {{"mean_difference", d.difference_m},
+          {"mean_difference_ci95", d.ci95},
+          {"verdict", d.verdict},
+          {"equivalent_within_m", d.equivalent_within_m ? json(*d.equivalent_within_m) : json(nullptr)}};
+}
+
 json to_json(const Comparison& c) {
   return {{"mean_difference", c.mean_difference_m},
           {"std_difference", c.std_difference_m},
@@ -101,7 +108,11 @@ json to_json(const Comparison& c) {
           {"equivalence_margin_m", c.equivalence_margin_m},
           {"verdict", c.verdict},
           {"equivalent_within_m", c.equivalent_within_m ? json(*c.equivalent_within_m) : json(nullptr)},
-          {"blocks", c.blocks}};
+          {"blocks", c.blocks},
+          {"share_kept", {{"simulated", c.share_kept[0]}, {"real", c.share_kept[1]}}},
+          {"unit", c.unit},
+          {"runs", {{"simulated", c.runs[0]}, {"real", c.runs[1]}}},
+          {"within_run", c.within_run ? to_json(*c.within_run) : json(nullptr)}};
 }
 
 }  // namespace tileflight::evaluation

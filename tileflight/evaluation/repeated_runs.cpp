@@ -68,6 +68,26 @@ RunDifference difference_of_runs(const std::vector<double>& a, const std::vector
   return result;
 }
 
+nlohmann::json spread_of_numbers(const std::vector<nlohmann::json>& objects) {
+  using nlohmann::json;
+  json tree = json::object();
+  if (objects.empty() || !objects.front().is_object()) return tree;
+  for (const auto& [key, first] : objects.front().items()) {
+    std::vector<json> values;
+    for (const json& object : objects) values.push_back(object.is_object() ? object.value(key, json()) : json());
+    if (first.is_object()) {
+      if (json below = spread_of_numbers(values); !below.empty()) tree[key] = std::move(below);
+    } else if (first.is_number()) {
+      std::vector<double> numbers;
+      for (const json& value : values) {
+        if (value.is_number()) numbers.push_back(value.get<double>());
+      }
+      tree[key] = to_json(spread_of_runs(numbers));
+    }
+  }
+  return tree;
+}
+
 nlohmann::json to_json(const RunSpread& spread) {
   return {{"n", spread.runs},       {"mean", spread.mean},   {"std", spread.std},
           {"min", spread.smallest}, {"max", spread.largest}, {"ci95", spread.ci95}};

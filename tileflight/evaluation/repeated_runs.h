@@ -40,4 +40,9 @@ RunDifference difference_of_runs(const std::vector<double>& a, const std::vector
 /// {n, mean, std, min, max, ci95}.
 nlohmann::json to_json(const RunSpread& spread);
 
+/// The spread of every number that repeated runs have in one place of their JSON objects: a tree like the first one's,
+/// with the spread in each number's place. Lists and text are left out; a number that is null or missing in a run is
+/// not counted in its `n`.
+nlohmann::json spread_of_numbers(const std::vector<nlohmann::json>& objects);
+
 }  // namespace tileflight::evaluation

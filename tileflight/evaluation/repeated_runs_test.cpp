@@ -90,6 +90,20 @@ TEST(RunDifference, OneSideThatNeverChangesLeavesTheOthersDegrees) {
   EXPECT_FALSE(difference_of_runs({}, {}).has_interval());
 }
 
+TEST(RunSpread, OfEveryNumberOfSeveralObjects) {
+  using nlohmann::json;
+  const std::vector<json> runs{
+      json::parse(R"({"map": {"mean": 1.0, "points": 10, "edges": [1, 2], "truth": "v"}, "x": 5})"),
+      json::parse(R"({"map": {"mean": 3.0, "points": 12, "edges": [1, 2], "truth": "v"}, "x": null})"),
+      json::parse(R"({"map": {"mean": 2.0, "points": 20, "edges": [1, 2], "truth": "v"}})")};
+  const json tree = spread_of_numbers(runs);
+  EXPECT_EQ(tree["map"].size(), 2u) << "no lists, no text: " << tree;
+  EXPECT_EQ(tree["map"]["mean"], to_json(spread_of_runs({1.0, 3.0, 2.0})));
+  EXPECT_EQ(tree["map"]["points"]["mean"], 14.0);
+  EXPECT_EQ(tree["x"]["n"], 1);
+  EXPECT_TRUE(spread_of_numbers({}).empty());
+}
+
 // ------------------------------------------------------------------------------------------------ coverage
 
 /// Of 1000 experiments how many intervals hold the truth.
