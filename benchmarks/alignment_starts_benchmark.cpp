@@ -141,9 +141,7 @@ AlignMapOptions options_of(const std::string& settings) {
     return options;
   }
   if (settings != "paper") throw InputError("settings", "must be default, surface or paper, not " + settings);
-  options.coarse_radii_m.clear();
-  options.icp = alignment::IcpOptions();
-  return options;
+  return alignment::paper_preset();
 }
 
 }  // namespace

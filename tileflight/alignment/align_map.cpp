@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/geometry/files.h"
@@ -23,33 +24,14 @@ IcpOptions final_icp() {
   return options;
 }
 
+AlignMapOptions paper_preset() {
+  AlignMapOptions options;
+  options.coarse_radii_m.clear();
+  options.icp = IcpOptions();
+  return options;
+}
+
 namespace {
-
-AlignmentResult step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
-                     const IcpOptions& options) {
-  if (options.method == IcpMethod::kPointToMesh) {
-    if (!target.index || !target.mesh)
-      throw InputError("alignment method", "point-to-mesh needs a ground truth with a mesh");
-    return icp(map, *target.index, *target.mesh, start, options);
-  }
-  if (!target.cloud)
-    throw InputError("alignment method", "point-to-point and point-to-plane need a ground truth cloud");
-  return icp(map, *target.cloud, start, options);
-}
-
-IcpOptions coarse_options(const AlignMapOptions& options, const AlignmentTarget& target, std::size_t level) {
-  IcpOptions coarse = converging_icp();
-  coarse.method = options.coarse_method;
-  if (coarse.method == IcpMethod::kPointToMesh && !target.index) coarse.method = IcpMethod::kPointToPoint;
-  coarse.radius_m = options.coarse_radii_m[level];
-  coarse.step_m = std::max(options.icp.step_m, 1e-3 * coarse.radius_m);
-  coarse.max_iterations = 200;
-  coarse.regions = options.icp.regions;
-  coarse.scale = level == 0 ? ScaleMode::kFixed : options.icp.scale;
-  coarse.max_scale_change = options.icp.max_scale_change;
-  coarse.scale_center = options.icp.scale_center;
-  return coarse;
-}
 
 PointSpread spread_of(const std::vector<Vec3>& points) {
   PointSpread spread;
@@ -101,16 +83,14 @@ MapAlignment align_map(const PointCloud& map, const Sim3& T_local_map_start, con
   MapAlignment alignment;
   AlignMapOptions centered = options;
   if (!(centered.icp.scale_center > 0.0)) centered.icp.scale_center = T_local_map_start.scale;
-  const auto steps = static_cast<std::int64_t>(options.coarse_radii_m.size()) + 1;
-  Sim3 T = T_local_map_start;
-  for (std::size_t level = 0; level < options.coarse_radii_m.size(); ++level) {
-    report_progress(progress, static_cast<std::int64_t>(level), steps, "aligning the map");
-    alignment.steps.push_back(step(map, T, target, coarse_options(centered, target, level)));
-    T = alignment.steps.back().T_target_source;
-  }
-  report_progress(progress, steps - 1, steps, "aligning the map");
-  alignment.result = step(map, T, target, centered.icp);
-  report_progress(progress, steps, steps, "aligning the map");
+  report_progress(progress, 0, 2, "aligning the map");
+  CoarseAlignment coarse = align_coarsely(map, T_local_map_start, target, centered);
+  alignment.steps = std::move(coarse.steps);
+  alignment.scale_seed = coarse.scale_seed;
+  report_progress(progress, 1, 2, "aligning the map");
+  alignment.result = align_step(map, coarse.T_local_map, target, centered.icp);
+  add_note(alignment.result.note, coarse.note);
+  report_progress(progress, 2, 2, "aligning the map");
   alignment.moved_from_start_m =
       rms_motion_m(T_local_map_start, alignment.result.T_target_source, spread_of(map.positions));
   return alignment;
@@ -131,6 +111,8 @@ json to_json(const MapAlignment& alignment) {
   json object = to_json(alignment.result);
   object["moved_from_start"] = alignment.moved_from_start_m;
   object["telemetry"] = alignment.trajectory ? telemetry_json(*alignment.trajectory) : json(nullptr);
+  object["scale_seed"] = alignment.scale_seed;
+  if (alignment.closeness) object["closeness"] = *alignment.closeness;
   object["steps"] = json::array();
   for (const AlignmentResult& s : alignment.steps) object["steps"].push_back(to_json(s));
   return object;

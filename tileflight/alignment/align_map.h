@@ -16,14 +16,33 @@ namespace tileflight::alignment {
 /// 20 % too small (true scale: 1.25 of it) has its true scale within the bound.
 IcpOptions final_icp();
 
+/// Where an alignment begins.
+enum class AlignmentStart {
+  kAuto,     ///< telemetry or true poses where there are any; else the map as it is, and if it does not fit there,
+             ///< geometry
+  kAsItIs,   ///< the map is in the local frame, but for small errors
+  kGiven,    ///< the given transform
+  kGeometry  ///< found from the shapes alone (align_map_globally())
+};
+
 struct AlignMapOptions {
+  AlignmentStart start = AlignmentStart::kAuto;  ///< for who calls align_map(): it begins where it is told
+  geometry::Sim3 given_start{};                  ///< map to local, of AlignmentStart::kGiven
+  std::optional<geometry::Vec3> map_up{};        ///< against gravity in the map's frame; else from the trajectory
   AlignTrajectoryOptions trajectory{};
   /// Radii of the steps that pull in the error of the telemetry, metres; the first keeps the scale. Empty: the final
   /// step only.
   std::vector<double> coarse_radii_m = {8.0, 4.0, 2.0, 1.0};
+  /// Factors of the start's scale from which the coarse steps are tried; the end that fits best is gone on with. Only
+  /// the first step's scale is theirs: the bound stays about the start's own. With a fixed scale: the start's only.
+  std::vector<double> scale_seeds = {1.0, 0.87, 1.15};
   IcpMethod coarse_method = IcpMethod::kPointToMesh;  ///< without a mesh: point-to-point
   IcpOptions icp = final_icp();  ///< of the final step; its regions and scale mode hold for all steps
 };
+
+/// The paper's alignment and nothing else: point to point, radius 1 m, RMS change 1e-5, at most 1500 iterations, from
+/// the start as it is. A false stop of its rule stays, and is said.
+AlignMapOptions paper_preset();
 
 /// Ground truth to align to. The mesh may be missing (both null), then only the methods between clouds can be used.
 struct AlignmentTarget {
@@ -36,8 +55,11 @@ struct AlignmentTarget {
 struct MapAlignment {
   AlignmentResult result;  ///< T_local_map and its diagnostics, of the final step; notes of all steps
   std::optional<TrajectoryAlignment> trajectory;  ///< the step from telemetry, where there was one
-  std::vector<AlignmentResult> steps;             ///< coarse ones, in order
-  double moved_from_start_m = 0.0;                ///< how far all ICP steps together moved the map's points (RMS)
+  std::vector<AlignmentResult> steps;             ///< coarse ones, in order, from the scale seed that won
+  double scale_seed = 1.0;                        ///< that seed
+  std::optional<double> closeness;  ///< of one found from geometry: 1 if all points lie on the surface, 0 if none is
+                                    ///< within a hundredth of the map's size
+  double moved_from_start_m = 0.0;  ///< how far all ICP steps together moved the map's points (RMS)
 };
 
 /// From a start (telemetry, or known otherwise) to the map's place: ICP steps with a radius that shrinks, then the

@@ -172,6 +172,34 @@ TEST_F(AlignMap, PullsInStartsTenMetresFifteenDegreesAndAFifthOfTheScaleOff) {
   }
 }
 
+TEST_F(AlignMap, OfTheScaleSeedsTheBestIsGoneOnWith) {
+  // The true scale is 2.1 of the start's: out of the reach of the start itself, not of a seed at twice it.
+  AlignMapOptions options;
+  options.icp.method = IcpMethod::kPointToMesh;
+  options.icp.max_scale_change = 2.2;
+  const Sim3 start(8.0 / 2.1, T_local_map().rotation, T_local_map().translation);
+  options.scale_seeds = {1.0};
+  EXPECT_GT(error_m(align_map(map_, start, target_, options).result.T_target_source), 1.0);
+  options.scale_seeds = {1.0, 2.0};
+  const MapAlignment found = align_map(map_, start, target_, options);
+  EXPECT_LT(error_m(found.result.T_target_source), 0.12) << found.result.note;
+  EXPECT_DOUBLE_EQ(found.scale_seed, 2.0);
+  EXPECT_EQ(found.steps.size(), 4u) << "those of the seed that won";
+}
+
+TEST(AlignMapToAPlane, SaysThatAnotherScaleFitsAsWell) {
+  const TriangleMesh plane = tests::height_field(60, -60.0, 120.0, [](double, double) { return 0.0; });
+  const TriangleIndex index(plane);
+  PointCloud map;
+  for (double x = -40.0; x <= 40.0; x += 2.0) {
+    for (double y = -30.0; y <= 30.0; y += 2.0) map.positions.emplace_back(x, y, 0.0);
+  }
+  AlignMapOptions options;
+  options.icp.method = IcpMethod::kPointToMesh;
+  const AlignmentResult result = align_map(map, Sim3(), {nullptr, &index, &plane}, options).result;
+  EXPECT_NE(result.note.find("fits as well"), std::string::npos) << result.note;
+}
+
 TEST(AlignMapToARoundPlace, SaysWhichTurnIsOpen) {
   // A level floor, and from 25 m on a slope all around: any turn about the vertical fits as well.
   const TriangleMesh bowl = tests::height_field(

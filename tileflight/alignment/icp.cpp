@@ -40,6 +40,10 @@ void check_start(const Sim3& T, const IcpOptions& options) {
     throw InputError("radius", "must be above zero, in metres");
   }
   if (!(options.max_scale_change >= 1.0)) throw InputError("max_scale_change", "must be at least 1");
+  if (!(options.kept_share > 0.0 && options.kept_share <= 1.0))
+    throw InputError("kept_share", "must be above 0 and at most 1");
+  if (!(options.kernel.scale_m > 0.0) || !std::isfinite(options.kernel.scale_m))
+    throw InputError("kernel", "its scale must be above zero, in metres");
 }
 
 bool takes_part(const Vec3& moved, const std::vector<geometry::Box3>& regions) {
@@ -47,25 +51,35 @@ bool takes_part(const Vec3& moved, const std::vector<geometry::Box3>& regions) {
          std::any_of(regions.begin(), regions.end(), [&](const geometry::Box3& box) { return box.contains(moved); });
 }
 
-std::vector<Vec3> points_of_regions(const PointCloud& source, const Sim3& T,
-                                    const std::vector<geometry::Box3>& regions) {
-  std::vector<Vec3> points;
-  points.reserve(source.size());
-  for (const Vec3& p : source.positions) {
-    if (takes_part(T * p, regions)) points.push_back(p);
+/// Indices of the points that take part, in an order that keeps neighbours together.
+std::vector<std::uint32_t> chosen_points(const PointCloud& source, const Sim3& T,
+                                         const std::vector<geometry::Box3>& regions) {
+  std::vector<std::uint32_t> inside;
+  std::vector<Vec3> positions;
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    if (!takes_part(T * source.positions[i], regions)) continue;
+    inside.push_back(static_cast<std::uint32_t>(i));
+    positions.push_back(source.positions[i]);
   }
-  return points;
-}
-
-std::vector<Vec3> in_spatial_order(const std::vector<Vec3>& points) {
-  std::vector<Vec3> ordered;
-  ordered.reserve(points.size());
-  for (const std::uint32_t i : spatial_order(points)) ordered.push_back(points[i]);
+  std::vector<std::uint32_t> ordered;
+  ordered.reserve(inside.size());
+  for (const std::uint32_t k : spatial_order(positions)) ordered.push_back(inside[k]);
   return ordered;
 }
 
-CenteredSource centered(const std::vector<Vec3>& unordered, const Sim3& T) {
-  std::vector<Vec3> points = in_spatial_order(unordered);
+/// Normals for the generalised method; a point without one counts as a point.
+std::vector<Vec3> normals_of(const PointCloud& source, const std::vector<std::uint32_t>& chosen) {
+  const PointCloud& with = source.normals.empty() ? with_normals(source) : source;
+  std::vector<Vec3> normals;
+  normals.reserve(chosen.size());
+  for (const std::uint32_t i : chosen) {
+    const Vec3 normal = with.normals[i].cast<double>();
+    normals.push_back(normal.allFinite() && !normal.isZero() ? Vec3(normal.normalized()) : Vec3(Vec3::Zero()));
+  }
+  return normals;
+}
+
+CenteredSource centered(std::vector<Vec3> points, const Sim3& T) {
   CenteredSource source;
   const auto n = static_cast<double>(points.size());
   for (const Vec3& p : points) source.source_center += p / n;
@@ -111,13 +125,16 @@ const char* name_of(const IcpOptions& options) {
       return "icp-point-to-plane";
     case IcpMethod::kPointToMesh:
       return "icp-point-to-mesh";
+    case IcpMethod::kGeneralized:
+      return "icp-generalized";
   }
   return "";
 }
 
 /// Against single planes of a cloud the cost need not fall: a point that changes its partner changes its plane.
 StepRule step_rule(const IcpOptions& options, bool accelerate) {
-  if (options.method == IcpMethod::kPointToPlane) return {accelerate, 1e-3, 1};
+  if (options.method == IcpMethod::kPointToPlane || options.method == IcpMethod::kGeneralized)
+    return {accelerate, 1e-3, 1};
   return {accelerate};
 }
 
@@ -213,7 +230,8 @@ AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, 
   result.method = name_of(options);
   result.points = source.points.size();
   const ScaleRange range = scale_range(initial, options);
-  Registration<Matcher> registration(matcher, source, range, options.method, options.radius_m);
+  Registration<Matcher> registration(matcher, source, range,
+                                     {options.method, options.radius_m, options.kernel, options.kept_share});
   const Evaluate evaluate = [&](const Sim3& T) { return registration.evaluate(T); };
   const bool by_step = options.stop == IcpStop::kStep;
   const StopRule stop{by_step ? 0.0 : options.rms_change_m, by_step ? options.step_m : 0.0, options.max_iterations};
@@ -245,7 +263,13 @@ AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, 
 CenteredSource checked_source(const PointCloud& source, const Sim3& initial, const IcpOptions& options) {
   check_points("source cloud", source.positions);
   check_start(initial, options);
-  return centered(points_of_regions(source, initial, options.regions), initial);
+  const std::vector<std::uint32_t> chosen = chosen_points(source, initial, options.regions);
+  std::vector<Vec3> points;
+  points.reserve(chosen.size());
+  for (const std::uint32_t i : chosen) points.push_back(source.positions[i]);
+  CenteredSource result = centered(std::move(points), initial);
+  if (options.method == IcpMethod::kGeneralized) result.normals = normals_of(source, chosen);
+  return result;
 }
 
 AlignmentResult nothing_in_regions(const Sim3& initial, const IcpOptions& options) {
@@ -267,7 +291,8 @@ AlignmentResult icp(const PointCloud& source, const PointCloud& target, const Si
   check_points("target cloud", target.positions);
   if (points.points.empty()) return nothing_in_regions(initial, options);
 
-  const bool needs_normals = options.method == IcpMethod::kPointToPlane && target.normals.empty();
+  const bool planes = options.method == IcpMethod::kPointToPlane || options.method == IcpMethod::kGeneralized;
+  const bool needs_normals = planes && target.normals.empty();
   CloudMatcher matcher(needs_normals ? with_normals(target) : target, points.target_center, points.points.size(),
                        options.radius_m);
   const geometry::NearestIndex index(target.positions);
@@ -287,7 +312,7 @@ AlignmentResult icp(const PointCloud& source, const geometry::TriangleIndex& tar
 
   MeshMatcher matcher(target, target_mesh, points.target_center, points.points.size(), options.radius_m);
   IcpOptions mesh_options = options;
-  mesh_options.method = IcpMethod::kPointToMesh;
+  if (options.method != IcpMethod::kGeneralized) mesh_options.method = IcpMethod::kPointToMesh;
   return register_points(matcher, points, initial, mesh_options,
                          [&](const Match& match) { return matcher.triangle_normal(match.triangle); });
 }

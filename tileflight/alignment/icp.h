@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/alignment/robust_kernel.h"
 #include "tileflight/alignment/umeyama.h"
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/nearest.h"
@@ -13,7 +14,12 @@
 
 namespace tileflight::alignment {
 
-enum class IcpMethod { kPointToPoint, kPointToPlane, kPointToMesh };
+enum class IcpMethod {
+  kPointToPoint,
+  kPointToPlane,
+  kPointToMesh,
+  kGeneralized  ///< plane to plane: both sides' normals count (Segal, Haehnel and Thrun, RSS 2009)
+};
 
 enum class IcpStop {
   kRmsChange,  ///< the paper's: the RMS changes by less than rms_change_m from one iteration to the next
@@ -31,6 +37,10 @@ struct IcpOptions {
   double scale_center = 0.0;      ///< the bound is about this scale instead; 0: the start's
   std::vector<geometry::Box3>
       regions{};  ///< source points (after the initial transform) inside any of these take part; none: all
+
+  RobustKernel kernel{};    ///< of the residuals; none is least squares within the radius
+  double kept_share = 1.0;  ///< share of the points, nearest first, that counts in each iteration; the rest is trimmed
+                            ///< (Chetverikov et al., ICPR 2002)
 
   IcpStop stop = IcpStop::kRmsChange;
   double step_m = 1e-4;     ///< of IcpStop::kStep, and of the check of the other rule (RMS over the points)
@@ -56,7 +66,7 @@ struct Constraint {
 
 struct AlignmentResult {
   geometry::Sim3 T_target_source;
-  double rmse_m = 0.0;   ///< over the correspondences at the end
+  double rmse_m = 0.0;   ///< of the method's residuals over the correspondences at the end
   double fitness = 0.0;  ///< share of the source points that take part which have a correspondence
   std::size_t correspondences = 0;
   int iterations = 0;
@@ -71,11 +81,12 @@ struct AlignmentResult {
 
 /// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; no correspondence within
 /// the radius is a result with converged = false and a note. Point-to-plane takes the target's normals, or estimates
-/// them where it has none.
+/// them where it has none; generalised ICP does so for the source as well.
 AlignmentResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target,
                     const geometry::Sim3& initial, const IcpOptions& options = {});
 
-/// Against the triangles themselves (nearest point of the surface, point-to-plane step).
+/// Against the triangles themselves: nearest point of the surface, with the point-to-plane step, or, if the method is
+/// kGeneralized, with the triangle's and the source's normals.
 AlignmentResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
                     const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial,
                     const IcpOptions& options);

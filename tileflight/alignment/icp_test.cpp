@@ -12,6 +12,7 @@
 #include "tests/height_field.h"
 #include "tests/test_data.h"
 #include "tileflight/alignment/normals.h"
+#include "tileflight/alignment/plane_system.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -108,6 +109,81 @@ TEST(Icp, PointToPointFindsTheTrueSimilarity) {
   EXPECT_TRUE(result.converged) << result.note;
   EXPECT_LT(rms_apart_m(result.T_target_source, Sim3(), source), 0.08)
       << "gaps between target points let it rest early";
+}
+
+TEST(Icp, GeneralizedFindsTheTrueSimilarity) {
+  const TriangleMesh mesh = hills();
+  const TriangleIndex index(mesh);
+  const PointCloud target = sampled(mesh, 60000, 0.0, 41);
+  const PointCloud source = sampled(mesh, 8000, 0.02, 42);
+  IcpOptions options = converging_icp();
+  options.method = IcpMethod::kGeneralized;
+  options.radius_m = 3.0;
+  const auto to_cloud = icp(source, target, perturbation(2.0, 0.8, 1.02), options);
+  EXPECT_TRUE(to_cloud.converged) << to_cloud.note;
+  EXPECT_LT(rms_apart_m(to_cloud.T_target_source, Sim3(), source), 0.03);
+  EXPECT_EQ(to_cloud.method, "icp-generalized");
+  const auto to_mesh = icp(source, index, mesh, perturbation(2.0, 0.8, 1.02), options);
+  EXPECT_TRUE(to_mesh.converged) << to_mesh.note;
+  EXPECT_LT(rms_apart_m(to_mesh.T_target_source, Sim3(), source), 0.03);
+  EXPECT_EQ(to_mesh.method, "icp-generalized");
+}
+
+TEST(Icp, GeneralizedOfParallelPlanesIsPointToPlane) {
+  // Where both normals are the same, Segal's covariance leaves only what lies along them (but for its thickness).
+  PlaneSystem both, plane;
+  const Vec3 y(1.0, -2.0, 0.5), q(0.8, -1.5, 0.9), n = Vec3(0.2, 0.3, 0.93).normalized();
+  constexpr double kThickness = 1e-3;
+  const geometry::Mat3 covariance = 2.0 * geometry::Mat3::Identity() - 2.0 * (1.0 - kThickness) * (n * n.transpose());
+  both.add(y, q, geometry::Mat3(2.0 * kThickness * covariance.inverse()), 3.0);
+  plane.add(y, q, n, 3.0);
+  EXPECT_LT((both.hessian - plane.hessian).norm(), 5e-3);
+  EXPECT_LT((both.gradient - plane.gradient).norm(), 5e-3);
+}
+
+// ------------------------------------------------------------------------------------------------ against outliers
+
+TEST(RobustKernel, WeightIsTheSlopeOfTheCost) {
+  for (const Kernel kind : {Kernel::kNone, Kernel::kHuber, Kernel::kTukey, Kernel::kGemanMcClure}) {
+    const RobustKernel kernel{kind, 0.4};
+    for (const double squared : {1e-4, 0.03, 0.15, 0.17, 0.5, 4.0}) {
+      constexpr double kStep = 1e-7;
+      const double slope = (kernel.cost_m2(squared + kStep) - kernel.cost_m2(squared - kStep)) / (2.0 * kStep);
+      EXPECT_NEAR(kernel.weight(squared), slope, 1e-6) << static_cast<int>(kind) << " at " << squared;
+    }
+    EXPECT_NEAR(kernel.cost_m2(1e-8) / 1e-8, 1.0, 1e-5) << "least squares near zero";
+  }
+}
+
+/// A quarter of the points lies between 0.5 m and 1.5 m above the ground, as a map of trees and cars would.
+PointCloud with_things_above(PointCloud cloud) {
+  for (std::size_t i = 0; i < cloud.size(); i += 4)
+    cloud.positions[i].z() += 0.5 + 1e-3 * static_cast<double>(i % 1000);
+  return cloud;
+}
+
+TEST(Icp, KernelsAndTrimmingResistWhatLeastSquaresDoesNot) {
+  const TriangleMesh mesh = hills();
+  const TriangleIndex index(mesh);
+  const PointCloud source = with_things_above(sampled(mesh, 6000, 0.02, 43));
+  IcpOptions plain = converging_icp();
+  plain.method = IcpMethod::kPointToMesh;
+  plain.radius_m = 3.0;
+  const auto error_m = [&](const IcpOptions& options) {
+    return rms_apart_m(icp(source, index, mesh, perturbation(1.0, 0.4, 1.01), options).T_target_source, Sim3(), source);
+  };
+  EXPECT_GT(error_m(plain), 0.15);
+  IcpOptions trimmed = plain;
+  trimmed.kept_share = 0.7;
+  EXPECT_LT(error_m(trimmed), 0.03);
+  for (const Kernel kind : {Kernel::kTukey, Kernel::kGemanMcClure}) {
+    IcpOptions robust = plain;
+    robust.kernel = {kind, 0.3};
+    EXPECT_LT(error_m(robust), 0.03) << static_cast<int>(kind);
+  }
+  IcpOptions huber = plain;
+  huber.kernel = {Kernel::kHuber, 0.05};
+  EXPECT_LT(error_m(huber), 0.5 * error_m(plain)) << "its influence is bounded, not zero";
 }
 
 TEST(Icp, FarFromTheOriginItIsAsExact) {
@@ -411,6 +487,8 @@ TEST(Icp, RefusesBadInput) {
   EXPECT_THROW(icp(cloud, cloud, Sim3(0.0, Eigen::Quaterniond::Identity(), {0, 0, 0})), InputError);
   EXPECT_THROW(icp(cloud, cloud, Sim3(), {.radius_m = 0.0}), InputError);
   EXPECT_THROW(icp(cloud, cloud, Sim3(), {.max_scale_change = 0.5}), InputError);
+  EXPECT_THROW(icp(cloud, cloud, Sim3(), {.kept_share = 0.0}), InputError);
+  EXPECT_THROW(icp(cloud, cloud, Sim3(), {.kernel = {Kernel::kTukey, 0.0}}), InputError);
   EXPECT_THROW(icp(cloud, cloud, Sim3(), {.method = IcpMethod::kPointToMesh}), InputError);
 }
 
@@ -423,15 +501,17 @@ TEST(Icp, SameBitsForAnyNumberOfThreads) {
   std::vector<Sim3> results;
   for (const std::size_t threads : {1u, 2u, 7u}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    for (const IcpMethod method : {IcpMethod::kPointToPoint, IcpMethod::kPointToPlane, IcpMethod::kPointToMesh}) {
+    for (const IcpMethod method :
+         {IcpMethod::kPointToPoint, IcpMethod::kPointToPlane, IcpMethod::kPointToMesh, IcpMethod::kGeneralized}) {
       IcpOptions options = converging_icp();
+      options.kept_share = method == IcpMethod::kPointToMesh ? 0.8 : 1.0;
       options.method = method;
       const Sim3 start = perturbation(1.0, 0.5, 1.01);
       results.push_back(method == IcpMethod::kPointToMesh ? icp(source, index, mesh, start, options).T_target_source
                                                           : icp(source, target, start, options).T_target_source);
     }
   }
-  for (std::size_t k = 3; k < results.size(); ++k) EXPECT_EQ(results[k].matrix(), results[k - 3].matrix()) << k;
+  for (std::size_t k = 4; k < results.size(); ++k) EXPECT_EQ(results[k].matrix(), results[k - 4].matrix()) << k;
 }
 
 // ------------------------------------------------------------------------------------------------ real pairs

@@ -17,10 +17,18 @@ Vec7 plane_jacobian(const Vec3& y, const Vec3& normal, double length_m) {
   return jacobian;
 }
 
-void PlaneSystem::add(const Vec3& y, const Vec3& q, const Vec3& normal, double length_m) {
+void PlaneSystem::add(const Vec3& y, const Vec3& q, const Vec3& normal, double length_m, double weight) {
   const Vec7 jacobian = plane_jacobian(y, normal, length_m);
-  hessian.noalias() += jacobian * jacobian.transpose();
-  gradient += jacobian * normal.dot(y - q);
+  hessian.noalias() += (weight * jacobian) * jacobian.transpose();
+  gradient += jacobian * (weight * normal.dot(y - q));
+}
+
+void PlaneSystem::add(const Vec3& y, const Vec3& q, const geometry::Mat3& information, double length_m, double weight) {
+  Eigen::Matrix<double, 7, 3> jacobian;
+  for (int axis = 0; axis < 3; ++axis) jacobian.col(axis) = plane_jacobian(y, Vec3::Unit(axis), length_m);
+  const Eigen::Matrix<double, 7, 3> weighted = weight * jacobian * information;
+  hessian.noalias() += weighted * jacobian.transpose();
+  gradient += weighted * (y - q);
 }
 
 PlaneSystem& PlaneSystem::operator+=(const PlaneSystem& other) {

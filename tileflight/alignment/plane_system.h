@@ -11,7 +11,11 @@ struct PlaneSystem {
   Eigen::Matrix<double, 7, 7> hessian = Eigen::Matrix<double, 7, 7>::Zero();
   geometry::Vec7 gradient = geometry::Vec7::Zero();
 
-  void add(const geometry::Vec3& y, const geometry::Vec3& q, const geometry::Vec3& normal, double length_m);
+  void add(const geometry::Vec3& y, const geometry::Vec3& q, const geometry::Vec3& normal, double length_m,
+           double weight = 1.0);
+  /// The term weight (y - q)^T information (y - q) instead.
+  void add(const geometry::Vec3& y, const geometry::Vec3& q, const geometry::Mat3& information, double length_m,
+           double weight = 1.0);
   PlaneSystem& operator+=(const PlaneSystem& other);
 };
 
