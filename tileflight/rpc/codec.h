@@ -1,0 +1,194 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <msgpack.hpp>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <type_traits>
+#include <vector>
+
+#include "tileflight/rpc/encoder.h"
+
+namespace tileflight::rpc {
+
+/// An argument that is not of the type that the method takes. The message is a part of a line: what is due.
+class DecodeError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// The kind of a value in words, with its article.
+const char* kind_of(const msgpack::object& value);
+
+/// How a structure stands in a message: a map with the names of its fields. Specialised with a `list`: a tuple of
+/// `field(name, &Structure::member)` in the order in which they are packed.
+template <class T>
+struct Fields;
+
+template <class T, class Member>
+struct Field {
+  const char* name;
+  Member T::*member;
+};
+
+template <class T, class Member>
+constexpr Field<T, Member> field(const char* name, Member T::*member) {
+  return {name, member};
+}
+
+template <class T>
+concept Structure = requires {
+  Fields<T>::list;
+};
+
+// encode(): how a C++ value is written. decode(): how it is read; throws DecodeError.
+
+template <class T>
+requires std::is_integral_v<T>
+void encode(Encoder& out, T value) {
+  if constexpr (std::is_same_v<T, bool>) {
+    out.boolean(value);
+  } else if constexpr (std::is_signed_v<T>) {
+    out.integer(value);
+  } else {
+    out.natural(value);
+  }
+}
+template <class T>
+requires std::is_enum_v<T>
+void encode(Encoder& out, T value) { encode(out, static_cast<std::underlying_type_t<T>>(value)); }
+inline void encode(Encoder& out, float value) { out.real(value); }
+inline void encode(Encoder& out, double value) { out.real64(value); }
+inline void encode(Encoder& out, const std::string& value) { out.text(value); }
+inline void encode(Encoder& out, const std::vector<std::uint8_t>& value) { out.blob(value); }
+inline void encode(Encoder& out, const std::vector<float>& value) { out.reals(value); }
+template <class T, std::size_t N>
+void encode(Encoder& out, const std::array<T, N>& values);
+template <class T>
+void encode(Encoder& out, const std::vector<T>& values);
+template <class T>
+void encode(Encoder& out, const std::map<std::string, T>& values);
+template <Structure T>
+void encode(Encoder& out, const T& value);
+
+void decode(const msgpack::object& value, bool& result);
+void decode(const msgpack::object& value, float& result);
+void decode(const msgpack::object& value, double& result);
+void decode(const msgpack::object& value, std::string& result);
+void decode(const msgpack::object& value, std::vector<std::uint8_t>& result);
+/// Any whole number, as 64 bits; `negative` if it is below zero.
+std::uint64_t decode_whole(const msgpack::object& value, bool& negative);
+template <class T>
+requires(std::is_integral_v<T> && !std::is_same_v<T, bool>) void decode(const msgpack::object& value, T& result);
+template <class T>
+requires std::is_enum_v<T>
+void decode(const msgpack::object& value, T& result);
+template <class T, std::size_t N>
+void decode(const msgpack::object& value, std::array<T, N>& result);
+template <class T>
+void decode(const msgpack::object& value, std::vector<T>& result);
+template <Structure T>
+void decode(const msgpack::object& value, T& result);
+
+template <class T, std::size_t N>
+void encode(Encoder& out, const std::array<T, N>& values) {
+  out.array(N);
+  for (const T& value : values) encode(out, value);
+}
+
+template <class T>
+void encode(Encoder& out, const std::vector<T>& values) {
+  out.array(values.size());
+  for (const T& value : values) encode(out, value);
+}
+
+template <class T>
+void encode(Encoder& out, const std::map<std::string, T>& values) {
+  out.map(values.size());
+  for (const auto& [name, value] : values) {
+    out.text(name);
+    encode(out, value);
+  }
+}
+
+template <Structure T>
+void encode(Encoder& out, const T& value) {
+  std::apply(
+      [&](const auto&... fields) {
+        out.map(sizeof...(fields));
+        ((out.text(fields.name), encode(out, value.*(fields.member))), ...);
+      },
+      Fields<T>::list);
+}
+
+template <class T>
+requires(std::is_integral_v<T> && !std::is_same_v<T, bool>) void decode(const msgpack::object& value, T& result) {
+  bool negative = false;
+  const std::uint64_t bits = decode_whole(value, negative);
+  const bool fits = negative ? std::is_signed_v<T> && static_cast<std::int64_t>(bits) >=
+                                                          static_cast<std::int64_t>(std::numeric_limits<T>::min())
+                             : bits <= static_cast<std::uint64_t>(std::numeric_limits<T>::max());
+  if (!fits)
+    throw DecodeError("a whole number from " + std::to_string(std::numeric_limits<T>::min()) + " to " +
+                      std::to_string(std::numeric_limits<T>::max()) + " is due");
+  result = static_cast<T>(bits);
+}
+
+template <class T>
+requires std::is_enum_v<T>
+void decode(const msgpack::object& value, T& result) {
+  std::underlying_type_t<T> number{};
+  decode(value, number);
+  result = static_cast<T>(number);
+}
+
+template <class T>
+void decode_element(const msgpack::object_array& values, std::uint32_t i, T& result) {
+  try {
+    decode(values.ptr[i], result);
+  } catch (const DecodeError& fault) {
+    throw DecodeError("element " + std::to_string(i) + ": " + fault.what());
+  }
+}
+
+template <class T, std::size_t N>
+void decode(const msgpack::object& value, std::array<T, N>& result) {
+  if (value.type != msgpack::type::ARRAY || value.via.array.size != N) {
+    throw DecodeError("an array of " + std::to_string(N) + " values is due, got " + kind_of(value));
+  }
+  for (std::uint32_t i = 0; i < N; ++i) decode_element(value.via.array, i, result[i]);
+}
+
+template <class T>
+void decode(const msgpack::object& value, std::vector<T>& result) {
+  static_assert(!std::is_same_v<T, bool>);
+  if (value.type != msgpack::type::ARRAY) throw DecodeError(std::string("an array is due, got ") + kind_of(value));
+  result.clear();
+  for (std::uint32_t i = 0; i < value.via.array.size; ++i) decode_element(value.via.array, i, result.emplace_back());
+}
+
+/// The value under `name`, null if there is none; of a name given twice, the last.
+const msgpack::object* find_key(const msgpack::object_map& map, std::string_view name);
+
+/// Fields that the map does not name keep the structure's default; names that the structure does not have are ignored.
+template <Structure T>
+void decode(const msgpack::object& value, T& result) {
+  if (value.type != msgpack::type::MAP) throw DecodeError(std::string("a map is due, got ") + kind_of(value));
+  const auto read = [&](const auto& field) {
+    const msgpack::object* found = find_key(value.via.map, field.name);
+    if (found == nullptr) return;
+    try {
+      decode(*found, result.*(field.member));
+    } catch (const DecodeError& fault) {
+      throw DecodeError(std::string(field.name) + ": " + fault.what());
+    }
+  };
+  std::apply([&](const auto&... fields) { (read(fields), ...); }, Fields<T>::list);
+}
+
+}  // namespace tileflight::rpc

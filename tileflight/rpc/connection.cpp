@@ -1,0 +1,234 @@
+#include "tileflight/rpc/connection.h"
+
+#include "tileflight/rpc/request.h"
+#include "tileflight/rpc/token.h"
+
+namespace tileflight::rpc {
+namespace {
+
+std::string name_of(const asio::ip::tcp::socket& socket) {
+  asio::error_code gone;
+  const asio::ip::tcp::endpoint endpoint = socket.remote_endpoint(gone);
+  return gone ? "a client" : endpoint.address().to_string() + ":" + std::to_string(endpoint.port());
+}
+
+std::string seconds_text(double seconds) {
+  std::string text = std::to_string(seconds);
+  return text.substr(0, text.find('.') + 2) + " s";
+}
+
+}  // namespace
+
+Connection::Connection(asio::ip::tcp::socket socket, Service& service)
+    : socket_(std::move(socket)),
+      service_(service),
+      client_(name_of(socket_)),
+      trusted_(service.options.token.empty()),
+      scanner_(message_limits()),
+      begun_s_(steady_seconds()) {
+  asio::error_code ignored;
+  socket_.set_option(asio::ip::tcp::no_delay(true), ignored);
+  socket_.set_option(asio::socket_base::keep_alive(true), ignored);
+}
+
+const MessageLimits& Connection::message_limits() const {
+  return trusted_ ? service_.options.limits.message : service_.options.limits.message_before_token;
+}
+
+void Connection::start() { read(); }
+
+void Connection::close(const std::string& reason) {
+  if (!open_) return;
+  open_ = false;
+  if (!reason.empty()) {
+    ++service_.record.cut;
+    if (service_.log) service_.log(client_ + ": closed: " + reason);
+  }
+  asio::error_code ignored;
+  socket_.close(ignored);
+  release(held_bytes_);
+  buffer_ = {};
+  waiting_.clear();
+  service_.forgotten(this);
+}
+
+void Connection::check_time(double now_s) {
+  const Limits& limits = service_.options.limits;
+  if (!trusted_ && now_s - begun_s_ > limits.token_s) return close("no token in " + seconds_text(limits.token_s));
+  if (message_begun_s_ && now_s - *message_begun_s_ > limits.half_message_s) {
+    return close("half a message in " + seconds_text(limits.half_message_s));
+  }
+  if (last_write_s_ && now_s - *last_write_s_ > limits.unread_answer_s) {
+    close("an answer not read in " + seconds_text(limits.unread_answer_s));
+  }
+}
+
+void Connection::hold(std::size_t bytes) {
+  held_bytes_ += bytes;
+  service_.record.held_bytes += bytes;
+  service_.held_more();
+}
+
+void Connection::release(std::size_t bytes) {
+  held_bytes_ -= bytes;
+  service_.record.held_bytes -= bytes;
+}
+
+void Connection::read() {
+  if (!open_ || reading_ || pending() >= service_.options.limits.max_pending_per_connection) return;
+  reading_ = true;
+  socket_.async_read_some(asio::buffer(chunk_), [self = shared_from_this()](asio::error_code fault, std::size_t bytes) {
+    self->reading_ = false;
+    if (!self->open_) return;
+    if (fault) return self->close();
+    self->buffer_.append(self->chunk_.data(), bytes);
+    self->hold(bytes);
+    self->take_messages();
+  });
+}
+
+void Connection::take_messages() {
+  std::size_t taken = 0;
+  try {
+    while (open_ && taken < buffer_.size() && pending() < service_.options.limits.max_pending_per_connection) {
+      const std::string_view rest = std::string_view(buffer_).substr(taken);
+      const std::optional<std::size_t> bytes = scanner_.end(rest);
+      if (!bytes) break;
+      scanner_.restart();
+      message_begun_s_.reset();
+      taken += *bytes;
+      take_message(std::string(rest.substr(0, *bytes)));
+    }
+  } catch (const ProtocolError& fault) {
+    return close(fault.what());
+  }
+  if (!open_) return;
+  buffer_.erase(0, taken);
+  if (buffer_.empty() && buffer_.capacity() > chunk_.size()) buffer_ = {};
+  const bool paused = pending() >= service_.options.limits.max_pending_per_connection;
+  if (buffer_.empty() || paused) message_begun_s_.reset();
+  if (!buffer_.empty() && !paused && !message_begun_s_) message_begun_s_ = steady_seconds();
+  read();
+}
+
+void Connection::take_message(std::string message) {
+  if (!trusted_) {
+    const std::size_t bytes = message.size();
+    trusted_ = authenticate(message);
+    if (trusted_) scanner_ = MessageScanner(message_limits());
+    if (open_) release(bytes);
+    return;
+  }
+  ++service_.record.requests;
+  waiting_.push_back(std::move(message));
+  start_waiting();
+}
+
+bool Connection::authenticate(const std::string& message) {
+  const Request request(message);
+  const std::string& method = service_.options.token_method;
+  if (request.method() != method) {
+    const std::string error = "tileflight: this server asks for a token: call " + method + " first";
+    if (request.wants_answer()) queue_answer(encode_error(request.id(), error));
+    return false;
+  }
+  std::string token;
+  try {
+    if (request.arguments().size() == 1) token = decode_argument<std::string>(request.arguments(), 0);
+  } catch (const DecodeError&) {
+    token.clear();  // what is no text is not the token
+  }
+  if (!equal_in_constant_time(token, service_.options.token)) {
+    close("a wrong token");
+    return false;
+  }
+  Encoder out;
+  out.array(4);
+  out.natural(1);
+  out.natural(request.id());
+  out.nil();
+  out.boolean(true);
+  if (request.wants_answer()) queue_answer(out.take());
+  return true;
+}
+
+void Connection::start_waiting() {
+  while (!waiting_.empty() && running_ < service_.options.limits.max_running_per_connection) {
+    ++running_;
+    service_.workers.submit([self = shared_from_this(), message = std::move(waiting_.front())]() mutable {
+      self->answer_in_worker(std::move(message));
+    });
+    waiting_.pop_front();
+  }
+}
+
+void Connection::answer_in_worker(std::string message) {
+  const std::size_t message_bytes = message.size();
+  std::string answer;
+  std::string fault_of_message;
+  ++service_.record.running;
+  try {
+    const Request request(std::move(message));
+    Answer result = service_.methods.call(request);
+    if (service_.methods.contains(request.method())) {
+      service_.record.add_call(request.method(), result.failed, result.seconds);
+    }
+    if (request.wants_answer()) answer = std::move(result.bytes);
+    if (!request.wants_answer() && result.failed && service_.log) service_.log(client_ + ": " + result.error);
+  } catch (const std::exception& fault) {
+    fault_of_message = fault.what();
+  }
+  --service_.record.running;
+  asio::post(service_.network, [self = shared_from_this(), message_bytes, answer = std::move(answer),
+                                fault_of_message = std::move(fault_of_message)]() mutable {
+    if (!self->open_) return;
+    if (!fault_of_message.empty()) return self->close(fault_of_message);
+    self->finish_call(message_bytes, std::move(answer));
+  });
+}
+
+void Connection::finish_call(std::size_t message_bytes, std::string answer) {
+  --running_;
+  release(message_bytes);
+  if (!answer.empty()) {
+    ++service_.record.answers;
+    queue_answer(std::move(answer));
+  }
+  if (!open_) return;
+  start_waiting();
+  take_messages();
+}
+
+void Connection::queue_answer(std::string bytes) {
+  if (queued_bytes_ > service_.options.limits.max_queued_bytes) {
+    return close(std::to_string(queued_bytes_) + " bytes of answers are not read");
+  }
+  queued_bytes_ += bytes.size();
+  const std::size_t size = bytes.size();
+  answers_.push_back(std::move(bytes));
+  hold(size);
+  if (open_ && answers_.size() == 1) write();
+}
+
+void Connection::write() {
+  if (!last_write_s_) last_write_s_ = steady_seconds();
+  const std::string& answer = answers_.front();
+  const auto rest = asio::buffer(answer.data() + written_, answer.size() - written_);
+  socket_.async_write_some(rest, [self = shared_from_this()](asio::error_code fault, std::size_t bytes) {
+    if (!self->open_) return;
+    if (fault) return self->close();
+    self->last_write_s_.reset();
+    self->written_ += bytes;
+    const std::size_t size = self->answers_.front().size();
+    if (self->written_ == size) {
+      self->answers_.pop_front();
+      self->queued_bytes_ -= size;
+      self->written_ = 0;
+      self->release(size);
+      self->take_messages();
+    }
+    if (self->open_ && !self->answers_.empty()) self->write();
+  });
+}
+
+}  // namespace tileflight::rpc
