@@ -1,0 +1,35 @@
+#include "tileflight/alignment/region_list.h"
+
+#include <gtest/gtest.h>
+
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::alignment {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using nlohmann::json;
+
+TEST(RegionList, ToJsonAndBack) {
+  const RegionList list{{Box3(Vec3(0, 1, 2), Vec3(3, 4, 5.5))}, {Box3(Vec3(-9, 0, 0), Vec3(-8, 1, 1))}, true};
+  const RegionList back = regions_from_json(json::parse(to_json(list).dump()), "transform.json");
+  ASSERT_EQ(back.aligned_on.size(), 1u);
+  ASSERT_EQ(back.held_out.size(), 1u);
+  EXPECT_TRUE(back.aligned_on[0].isApprox(list.aligned_on[0]));
+  EXPECT_TRUE(back.held_out[0].isApprox(list.held_out[0]));
+  EXPECT_TRUE(back.found);
+  EXPECT_TRUE(regions_from_json(json::object(), "transform.json").aligned_on.empty());
+}
+
+TEST(RegionList, RefusesWhatIsNone) {
+  for (const char* text :
+       {"[]", "3", R"({"held_out": 1})", R"({"held_out": [1]})", R"({"held_out": [{"center": [1, 2]}]})",
+        R"({"aligned_on": [{"center": [1, 2, 3], "size": [1, 1, 0]}]})",
+        R"({"aligned_on": [{"center": [1, 2, "x"], "size": [1, 1, 1]}]})"}) {
+    EXPECT_THROW(regions_from_json(json::parse(text), "transform.json"), InputError) << text;
+  }
+}
+
+}  // namespace
+}  // namespace tileflight::alignment
