@@ -38,6 +38,8 @@ struct AlignMapOptions {
   std::vector<double> scale_seeds = {1.0, 0.87, 1.15};
   IcpMethod coarse_method = IcpMethod::kPointToMesh;  ///< without a mesh: point-to-point
   IcpOptions icp = final_icp();  ///< of the final step; its regions and scale mode hold for all steps
+  bool find_regions = false;     ///< for who calls align_map(): a last step on regions found where the map then lies
+  std::vector<geometry::Box3> held_out{};  ///< regions named by hand that nothing is aligned on, for scoring
 };
 
 /// The paper's alignment and nothing else: point to point, radius 1 m, RMS change 1e-5, at most 1500 iterations, from

@@ -190,20 +190,35 @@ void note_constraint(AlignmentResult& result) {
                        (result.constraint.weakest_motion.empty() ? "any motion" : result.constraint.weakest_motion));
 }
 
-/// Constraint from at most about 4000 of the matches.
+/// At most about 4000 of the matches, as planes.
 template <class Matcher, class NormalOf>
-Constraint constraint_at(Registration<Matcher>& registration, const Sim3& T, const CenteredSource& source,
-                         const IcpOptions& options, const NormalOf& normal_of) {
+std::vector<MatchedPlane> matched_planes(Registration<Matcher>& registration, const Sim3& T,
+                                         const CenteredSource& source, const NormalOf& normal_of) {
   constexpr std::size_t kEnough = 4000;
-  PlaneSystem planes;
-  std::size_t used = 0;
+  std::vector<MatchedPlane> planes;
   for (const auto& [y, match] : registration.sample(T, 1 + source.points.size() / kEnough)) {
     const Vec3 normal = normal_of(match);
-    if (normal.isZero()) continue;
-    planes.add(y, y, normal, source.length_m);
-    ++used;
+    if (!normal.isZero()) planes.push_back({y, normal, normal.dot(y - match.point)});
   }
-  return constraint_of(planes, used, options.scale == ScaleMode::kEstimated);
+  return planes;
+}
+
+/// How firmly the surface holds the end, and how far noise may have moved it.
+void describe_end(const std::vector<MatchedPlane>& matches, const Sim3& T, const CenteredSource& source,
+                  const IcpOptions& options, AlignmentResult& result) {
+  const bool with_scale = options.scale == ScaleMode::kEstimated;
+  PlaneSystem planes;
+  for (const MatchedPlane& m : matches) planes.add(m.point, m.point, m.normal, source.length_m);
+  result.constraint = constraint_of(planes, matches.size(), with_scale);
+  UncertaintyOptions uncertainty;
+  uncertainty.length_m = source.length_m;
+  uncertainty.sampled_share =
+      std::min(1.0, static_cast<double>(matches.size()) / static_cast<double>(result.correspondences));
+  uncertainty.with_scale = with_scale;
+  PointSpread moved;
+  const geometry::Mat3 linear = T.scale * T.rotation.toRotationMatrix();
+  moved.second_moment = linear * source.spread.second_moment * linear.transpose();
+  result.uncertainty = uncertainty_of(matches, moved, uncertainty);
 }
 
 /// Few points lead most of the way: an accelerated iteration over an even part of them, to where the rest is worth
@@ -253,7 +268,7 @@ AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, 
   result.rmse_m = end.evaluation.rms_m;
   result.correspondences = end.evaluation.matched;
   result.fitness = static_cast<double>(end.evaluation.matched) / static_cast<double>(source.points.size());
-  result.constraint = constraint_at(registration, end.T, source, options, normal_of);
+  describe_end(matched_planes(registration, end.T, source, normal_of), end.T, source, options, result);
   note_convergence(end, options, result);
   note_fit(AlignmentResult(result), source, range, options, result);
   note_constraint(result);

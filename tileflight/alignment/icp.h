@@ -7,6 +7,7 @@
 
 #include "tileflight/alignment/robust_kernel.h"
 #include "tileflight/alignment/umeyama.h"
+#include "tileflight/alignment/uncertainty.h"
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/nearest.h"
 #include "tileflight/geometry/point_cloud.h"
@@ -77,6 +78,7 @@ struct AlignmentResult {
   double left_to_move_m = 0.0;  ///< how far going on after a stop by RMS change moved the points (RMS); 0 if not tried
   std::size_t points = 0;       ///< source points that took part
   Constraint constraint;        ///< of the end
+  std::optional<AlignmentUncertainty> uncertainty;  ///< of the end; none where a motion is open
 };
 
 /// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; no correspondence within

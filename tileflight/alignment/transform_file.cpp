@@ -54,6 +54,22 @@ geometry::Sim3 similarity_from(const Mat4& matrix, const std::string& where) {
   }
 }
 
+json numbers(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+json to_json(const AlignmentUncertainty& u) {
+  constexpr double kDegrees = 57.29577951308232;
+  json rows = json::array();
+  for (Eigen::Index r = 0; r < 7; ++r) {
+    const geometry::Vec7 row = u.covariance.row(r).transpose();
+    rows.push_back(std::vector<double>(row.begin(), row.end()));
+  }
+  return {{"translation_sigma", numbers(u.translation_sigma_m)},
+          {"rotation_sigma_deg", numbers(kDegrees * u.rotation_sigma_rad)},
+          {"scale_sigma", u.scale_sigma},
+          {"rms_motion_sigma", u.rms_motion_sigma_m},
+          {"covariance", rows}};
+}
+
 }  // namespace
 
 json to_json(const AlignmentResult& result) {
@@ -68,7 +84,8 @@ json to_json(const AlignmentResult& result) {
           {"points", result.points},
           {"correspondences", result.correspondences},
           {"left_to_move", result.left_to_move_m},
-          {"constraint_strengths", result.constraint.strengths}};
+          {"constraint_strengths", result.constraint.strengths},
+          {"uncertainty", result.uncertainty ? to_json(*result.uncertainty) : json(nullptr)}};
 }
 
 AlignmentResult alignment_from_json(const json& object, const std::string& where) {

@@ -8,7 +8,8 @@
 namespace tileflight::alignment {
 
 /// The keys of `transform.json`: matrix (4x4 row-major, map to local, scale included), scale, rmse, fitness,
-/// iterations, converged, method, note; with correspondences, points and how firmly the surface holds the transform.
+/// iterations, converged, method, note; with correspondences, points, how firmly the surface holds the transform, and
+/// its uncertainty (metres, degrees, covariance of metres, radians and log scale; it is not read back).
 nlohmann::json to_json(const AlignmentResult& result);
 
 /// The inverse of to_json. `matrix` must be there and be a similarity that agrees with `scale`; the other keys may be

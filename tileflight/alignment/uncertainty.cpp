@@ -1,0 +1,88 @@
+#include "tileflight/alignment/uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <map>
+
+#include "tileflight/alignment/plane_system.h"
+
+namespace tileflight::alignment {
+
+using geometry::Mat3;
+using geometry::Vec3;
+using geometry::Vec7;
+
+namespace {
+
+/// Sums over the matches of J J^T, of g g^T for each match alone, and of g over each cube.
+struct Sums {
+  Eigen::MatrixXd hessian, alone, blocks;
+};
+
+Sums sums_of(const std::vector<MatchedPlane>& matches, Eigen::Index unknowns, const UncertaintyOptions& options) {
+  Sums sums{Eigen::MatrixXd::Zero(unknowns, unknowns), Eigen::MatrixXd::Zero(unknowns, unknowns),
+            Eigen::MatrixXd::Zero(unknowns, unknowns)};
+  std::map<std::array<std::int64_t, 3>, Eigen::VectorXd> gradients;
+  for (const MatchedPlane& m : matches) {
+    const Eigen::VectorXd jacobian = plane_jacobian(m.point, m.normal, options.length_m).head(unknowns);
+    const Eigen::VectorXd gradient = jacobian * m.residual_m;
+    sums.hessian += jacobian * jacobian.transpose();
+    sums.alone += gradient * gradient.transpose();
+    const Vec3 cube = (m.point / options.block_m).array().floor();
+    auto& sum = gradients[{static_cast<std::int64_t>(cube.x()), static_cast<std::int64_t>(cube.y()),
+                           static_cast<std::int64_t>(cube.z())}];
+    if (sum.size() == 0) sum = Eigen::VectorXd::Zero(unknowns);
+    sum += gradient;
+  }
+  for (const auto& [cube, sum] : gradients) sums.blocks += sum * sum.transpose();
+  return sums;
+}
+
+/// The part of a symmetric matrix that is not negative.
+Eigen::MatrixXd without_negative(const Eigen::MatrixXd& m) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(m);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+/// Mean over the points of |J_p x|^2 for x of the covariance: translation + rotation x p + stretch p, about the centre.
+double mean_squared_motion(const Eigen::Matrix<double, 7, 7>& covariance, const Mat3& second_moment) {
+  // E |t|^2 + E |w x p|^2 + E s^2 |p|^2; the cross terms with t vanish at the centre, those of w x p with s p always.
+  const Mat3 rotation = covariance.block<3, 3>(3, 3);
+  return covariance.topLeftCorner<3, 3>().trace() + rotation.trace() * second_moment.trace() -
+         (rotation * second_moment).trace() + covariance(6, 6) * second_moment.trace();
+}
+
+}  // namespace
+
+std::optional<AlignmentUncertainty> uncertainty_of(const std::vector<MatchedPlane>& matches, const PointSpread& spread,
+                                                   const UncertaintyOptions& options) {
+  const Eigen::Index unknowns = options.with_scale ? 7 : 6;
+  if (matches.size() < static_cast<std::size_t>(2 * unknowns)) return std::nullopt;
+  const Sums sums = sums_of(matches, unknowns, options);
+  constexpr double kOpen = 1e-6;  // share of a motion that no match sees
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sums.hessian, Eigen::EigenvaluesOnly);
+  if (!(eigen.eigenvalues()[0] > kOpen * static_cast<double>(matches.size()))) return std::nullopt;
+
+  // All matches are as many times more as the sample is a share of them: what each adds alone shrinks by that, what
+  // neighbours have in common does not.
+  const Eigen::MatrixXd middle = options.sampled_share * sums.alone + without_negative(sums.blocks - sums.alone);
+  const Eigen::MatrixXd inverse = sums.hessian.ldlt().solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
+  Eigen::Matrix<double, 7, 7> scaled = Eigen::Matrix<double, 7, 7>::Zero();
+  scaled.topLeftCorner(unknowns, unknowns) = inverse * middle * inverse;
+  Vec7 units;
+  units << Vec3::Ones(), Vec3::Constant(1.0 / options.length_m), 1.0 / options.length_m;
+
+  AlignmentUncertainty u;
+  u.covariance = units.asDiagonal() * scaled * units.asDiagonal();
+  const Vec7 sigma = u.covariance.diagonal().cwiseSqrt();
+  u.translation_sigma_m = sigma.head<3>();
+  u.rotation_sigma_rad = sigma.segment<3>(3);
+  u.scale_sigma = sigma[6];
+  u.rms_motion_sigma_m = std::sqrt(mean_squared_motion(u.covariance, spread.second_moment));
+  return u;
+}
+
+}  // namespace tileflight::alignment
