@@ -90,6 +90,21 @@ Percentiles percentiles_of(std::vector<double> distances) {
   return result;
 }
 
+CumulativeCurve cumulative_curve(const std::vector<double>& distances) {
+  constexpr int kPerDecade = 20, kDecades = 3;
+  CumulativeCurve curve;
+  for (int k = 0; k <= kPerDecade * kDecades; ++k)
+    curve.thresholds_m.push_back(0.01 * std::pow(10.0, static_cast<double>(k) / kPerDecade));
+  if (distances.empty()) return curve;
+  std::vector<double> sorted = distances;
+  std::sort(sorted.begin(), sorted.end());
+  for (const double t : curve.thresholds_m) {
+    const auto within = std::upper_bound(sorted.begin(), sorted.end(), t) - sorted.begin();
+    curve.shares.push_back(static_cast<double>(within) / static_cast<double>(sorted.size()));
+  }
+  return curve;
+}
+
 std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& targets, const char* what,
                                     const char* target_name, double radius_m) {
   check(points, what);
@@ -146,6 +161,7 @@ SurfaceMetrics score_surface(const std::vector<double>& distances, const std::ve
   SurfaceMetrics result;
   result.distances = statistics_of(distances);
   result.percentiles = percentiles_of(distances);
+  result.cumulative = cumulative_curve(distances);
   for (const double t : thresholds_m) {
     if (!(t > 0.0) || !std::isfinite(t)) throw InputError("threshold", "must be above zero, in metres");
     const double accuracy = share_within(distances, t);

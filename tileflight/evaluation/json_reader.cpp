@@ -63,6 +63,13 @@ std::vector<std::size_t> JsonReader::counts(const std::string& key) {
   return list.get<std::vector<std::size_t>>();
 }
 
+std::vector<std::string> JsonReader::texts(const std::string& key) {
+  const json& list = value(key);
+  const auto is_text = [](const json& v) { return v.is_string(); };
+  if (!list.is_array() || !std::all_of(list.begin(), list.end(), is_text)) fail(key, "must be a list of texts");
+  return list.get<std::vector<std::string>>();
+}
+
 bool JsonReader::has(const std::string& key) {
   asked_.push_back(key);
   return object_->contains(key);

@@ -19,6 +19,7 @@ class JsonReader {
   std::string text(const std::string& key);
   std::vector<double> numbers(const std::string& key);
   std::vector<std::size_t> counts(const std::string& key);
+  std::vector<std::string> texts(const std::string& key);
   const nlohmann::json& value(const std::string& key);
   JsonReader object(const std::string& key);
   /// Whether the key is there; for those that older files lack.

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/evaluation/normal_consistency.h"
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/trajectory.h"
@@ -50,10 +51,20 @@ struct MapMetrics {
   DistanceStatistics quantization_floor;  ///< the score of points sampled on the true surface
 };
 
+/// Share of the distances up to each of a row of thresholds.
+struct CumulativeCurve {
+  std::vector<double> thresholds_m, shares;
+};
+
+/// At 61 thresholds from 0.01 to 10 m, evenly by their logarithm. Without distances: no shares.
+CumulativeCurve cumulative_curve(const std::vector<double>& distances);
+
 /// Distance to the exact surface, nothing cut off; shares by threshold.
 struct SurfaceMetrics {
   DistanceStatistics distances;
   Percentiles percentiles;
+  CumulativeCurve cumulative;
+  std::optional<NormalConsistency> normals;  ///< where it was asked for
   std::map<double, double> accuracy, completeness,
       f_score;  ///< by threshold, metres; the last two empty where no surface was seen
 };

@@ -68,7 +68,8 @@ MapMetrics read_map(JsonReader reader) {
   m.histogram = read_histogram(reader.object("histogram"));
   m.cutoff_m = reader.number("cutoff");
   m.quantization_floor = read_floor(reader.object("quantization_floor"));
-  reader.number("share_kept");  // follows from the counts
+  reader.number("share_kept");  // follows from the counts, as the next does
+  if (reader.has("cumulative")) reader.numbers("cumulative");
   if (reader.text("truth") != "voxel-centres") reader.fail("truth", "must be \"voxel-centres\"");
   reader.expect_all_read();
   return m;
@@ -85,12 +86,25 @@ std::map<double, double> read_shares(JsonReader reader) {
   return shares;
 }
 
-std::optional<SurfaceMetrics> read_surface(JsonReader& parent) {
+/// Empty in a file that was written before there was one.
+CumulativeCurve read_cumulative(JsonReader& parent) {
+  if (!parent.has("cumulative")) return {};
+  JsonReader reader = parent.object("cumulative");
+  CumulativeCurve curve{reader.numbers("thresholds"), reader.numbers("shares")};
+  reader.expect_all_read();
+  return curve;
+}
+
+bool is_given(JsonReader& reader, const std::string& key) { return reader.has(key) && !reader.value(key).is_null(); }
+
+std::optional<SurfaceMetrics> read_surface(JsonReader& parent, const std::string& where) {
   if (parent.value("surface").is_null()) return std::nullopt;
   JsonReader reader = parent.object("surface");
   SurfaceMetrics m;
   m.distances = read_statistics(reader, reader.count("points"));
   m.percentiles = read_percentiles(reader);
+  m.cumulative = read_cumulative(reader);
+  if (is_given(reader, "normals")) m.normals = normals_from_json(reader.value("normals"), where);
   m.accuracy = read_shares(reader.object("accuracy"));
   m.completeness = read_shares(reader.object("completeness"));
   m.f_score = read_shares(reader.object("f_score"));
@@ -173,17 +187,25 @@ std::vector<double> scalar_of(const geometry::PointCloud& cloud, const char* nam
 }  // namespace
 
 json to_json(const Metrics& metrics) {
-  return {{"map", to_json(metrics.map)},
-          {"surface", metrics.surface ? to_json(*metrics.surface) : json(nullptr)},
-          {"trajectory", metrics.trajectory ? to_json(*metrics.trajectory) : json(nullptr)}};
+  json object = {{"map", to_json(metrics.map)},
+                 {"surface", metrics.surface ? to_json(*metrics.surface) : json(nullptr)},
+                 {"trajectory", metrics.trajectory ? to_json(*metrics.trajectory) : json(nullptr)},
+                 {"entropy", metrics.entropy ? to_json(*metrics.entropy) : json(nullptr)},
+                 {"error_budget", metrics.error_budget ? to_json(*metrics.error_budget) : json(nullptr)}};
+  if (metrics.regions) object["regions"] = to_json(*metrics.regions);
+  return object;
 }
 
 Metrics metrics_from_json(const json& object, const std::string& where) {
   JsonReader reader(object, where, "");
   Metrics metrics;
   metrics.map = read_map(reader.object("map"));
-  metrics.surface = read_surface(reader);
+  metrics.surface = read_surface(reader, where);
   metrics.trajectory = read_trajectory(reader, where);
+  if (is_given(reader, "entropy")) metrics.entropy = map_entropy_from_json(reader.value("entropy"), where);
+  if (is_given(reader, "error_budget"))
+    metrics.error_budget = error_budget_from_json(reader.value("error_budget"), where);
+  if (reader.has("regions")) metrics.regions = read_region_scores(reader.object("regions"), where);
   reader.expect_all_read();
   return metrics;
 }

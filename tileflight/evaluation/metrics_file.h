@@ -4,7 +4,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tileflight/evaluation/error_budget.h"
+#include "tileflight/evaluation/map_entropy.h"
 #include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/region_scores.h"
 
 namespace tileflight::evaluation {
 
@@ -13,6 +16,9 @@ struct Metrics {
   MapMetrics map;
   std::optional<SurfaceMetrics> surface;
   std::optional<TrajectoryMetrics> trajectory;  ///< null where there is no true trajectory
+  std::optional<MapEntropy> entropy;
+  std::optional<ErrorBudget> error_budget;
+  std::optional<RegionScores> regions;  ///< where the alignment had regions; else the key is not there
 };
 
 nlohmann::json to_json(const Metrics& metrics);

@@ -27,6 +27,17 @@ json by_percentage(const Percentiles& percentiles) {
   return object;
 }
 
+/// Of all points, at the histogram's edges; the last is the share kept.
+std::vector<double> cumulative(const MapMetrics& m) {
+  std::vector<double> shares{0.0};
+  std::size_t within = 0;
+  for (const std::size_t count : m.histogram.counts) {
+    within += count;
+    shares.push_back(m.points > 0 ? static_cast<double>(within) / static_cast<double>(m.points) : 0.0);
+  }
+  return shares;
+}
+
 json statistics(const DistanceStatistics& s) {
   return {{"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
 }
@@ -44,6 +55,7 @@ json to_json(const MapMetrics& m) {
   object["correspondences"] = m.correspondences;
   object["share_kept"] = share_kept(m);
   object["histogram"] = {{"edges", m.histogram.edges}, {"counts", m.histogram.counts}};
+  object["cumulative"] = cumulative(m);
   object["cutoff"] = m.cutoff_m;
   object["truth"] = "voxel-centres";
   object["quantization_floor"] = statistics(m.quantization_floor);
@@ -55,6 +67,8 @@ json to_json(const SurfaceMetrics& m) {
   json object = statistics(m.distances);
   object["percentiles"] = by_percentage(m.percentiles);
   object["points"] = m.distances.count;
+  object["cumulative"] = {{"thresholds", m.cumulative.thresholds_m}, {"shares", m.cumulative.shares}};
+  object["normals"] = m.normals ? to_json(*m.normals) : json(nullptr);
   object["accuracy"] = by_threshold(m.accuracy);
   object["completeness"] = by_threshold(m.completeness);
   object["f_score"] = by_threshold(m.f_score);

@@ -83,6 +83,21 @@ TEST(Percentiles, OfTheMapAreOfTheKeptOnesOfTheSurfaceOfAll) {
   EXPECT_DOUBLE_EQ(score_surface(distances, {}, {}).percentiles.at(50), 0.6);
 }
 
+TEST(CumulativeCurve, HasTheShareUpToEachThreshold) {
+  const CumulativeCurve curve = cumulative_curve({0.5, 0.01, 3.0, 100.0});
+  ASSERT_EQ(curve.thresholds_m.size(), 61u);
+  EXPECT_DOUBLE_EQ(curve.thresholds_m.front(), 0.01);
+  EXPECT_NEAR(curve.thresholds_m.back(), 10.0, 1e-12);
+  EXPECT_NEAR(curve.thresholds_m[20], 0.1, 1e-15);
+  for (std::size_t k = 0; k < 61; ++k) {
+    const double t = curve.thresholds_m[k];
+    EXPECT_EQ(curve.shares[k], 0.25 * ((0.01 <= t) + (0.5 <= t) + (3.0 <= t))) << t;
+  }
+  EXPECT_TRUE(cumulative_curve({}).shares.empty());
+  const auto map = to_json(score_map({0.2, 0.4, 0.4, 5.0}, {}, {.bins = 4}));
+  EXPECT_EQ(map.at("cumulative"), nlohmann::json({0.0, 0.25, 0.75, 0.75, 0.75})) << "of all points";
+}
+
 // ------------------------------------------------------------------------------------------------ the paper's numbers
 
 TEST(MapMetrics, ClosedForm) {

@@ -1,0 +1,103 @@
+#include "tileflight/evaluation/error_budget.h"
+
+#include <cmath>
+
+#include "tileflight/evaluation/json_reader.h"
+
+namespace tileflight::evaluation {
+
+using nlohmann::json;
+
+namespace {
+
+std::optional<double> if_known(double value) {
+  return std::isfinite(value) ? std::optional<double>(value) : std::nullopt;
+}
+
+BudgetPart tiles_part(const std::optional<double>& geometric_error_m) {
+  BudgetPart part{geometric_error_m, "stated", "largest geometric error of the tiles that were used, by the tileset"};
+  if (geometric_error_m && *geometric_error_m == 0.0)
+    part.how += "; 0 is its finest level and says nothing of how far that is from the place itself";
+  return part;
+}
+
+BudgetPart alignment_part(const std::optional<double>& to_true_poses_m) {
+  if (!to_true_poses_m) return {std::nullopt, "bound", "not known without true poses; it is part of the remainder"};
+  return {to_true_poses_m, "bound",
+          "RMS of how far the map's points lie from where the true poses put them; drift of the odometry is in it too"};
+}
+
+void add_total(const std::vector<double>& surface_m, ErrorBudget& budget) {
+  double squares = 0.0, within = 0.0;
+  for (const double d : surface_m) {
+    if (!(d <= budget.within_m)) continue;
+    squares += d * d;
+    within += 1.0;
+  }
+  if (!surface_m.empty()) budget.share_within = within / static_cast<double>(surface_m.size());
+  if (within > 0.0) budget.total_m = std::sqrt(squares / within);
+}
+
+/// A bound on the alignment may exceed the total; then nothing is known to be left for the odometry.
+BudgetPart odometry_part(const std::optional<double>& total_m, const std::optional<double>& alignment_m) {
+  const char* how = "what the total has beyond the alignment, as squares; tiles' errors and what was built since, too";
+  if (!total_m) return {std::nullopt, "remainder", "no map point is near the surface"};
+  const double taken_m = alignment_m.value_or(0.0);
+  return {std::sqrt(std::max(0.0, *total_m * *total_m - taken_m * taken_m)), "remainder", how};
+}
+
+json to_json(const BudgetPart& part) {
+  return {{"metres", part.metres ? json(*part.metres) : json(nullptr)}, {"kind", part.kind}, {"how", part.how}};
+}
+
+BudgetPart read_part(JsonReader reader) {
+  BudgetPart part{if_known(reader.number("metres")), reader.text("kind"), reader.text("how")};
+  reader.expect_all_read();
+  return part;
+}
+
+}  // namespace
+
+ErrorBudget error_budget(const BudgetInputs& inputs) {
+  ErrorBudget budget;
+  budget.within_m = inputs.within_m;
+  budget.voxel = {if_known(inputs.floor_rmse_m), "measured",
+                  "RMS distance of points on the true surface to the voxel centres; not in distances to the surface"};
+  budget.tiles = tiles_part(inputs.geometric_error_m);
+  budget.alignment = alignment_part(inputs.alignment_to_true_poses_m);
+  add_total(inputs.surface_m, budget);
+  budget.odometry = odometry_part(budget.total_m, inputs.alignment_to_true_poses_m);
+  budget.not_separated = {
+      "tiles and odometry: both move the map's points off the triangles",
+      "alignment and drift: a similarity that fits a bent map best is not the one that fits its path best"};
+  if (!inputs.alignment_to_true_poses_m) budget.not_separated.push_back("alignment and odometry: no true poses");
+  return budget;
+}
+
+json to_json(const ErrorBudget& b) {
+  return {{"voxel", to_json(b.voxel)},
+          {"tiles", to_json(b.tiles)},
+          {"alignment", to_json(b.alignment)},
+          {"odometry", to_json(b.odometry)},
+          {"total", b.total_m ? json(*b.total_m) : json(nullptr)},
+          {"within", b.within_m},
+          {"share_within", b.share_within},
+          {"not_separated", b.not_separated}};
+}
+
+ErrorBudget error_budget_from_json(const json& object, const std::string& where) {
+  JsonReader reader(object, where, "error_budget");
+  ErrorBudget b;
+  b.voxel = read_part(reader.object("voxel"));
+  b.tiles = read_part(reader.object("tiles"));
+  b.alignment = read_part(reader.object("alignment"));
+  b.odometry = read_part(reader.object("odometry"));
+  b.total_m = if_known(reader.number("total"));
+  b.within_m = reader.number("within");
+  b.share_within = reader.number("share_within");
+  b.not_separated = reader.texts("not_separated");
+  reader.expect_all_read();
+  return b;
+}
+
+}  // namespace tileflight::evaluation

@@ -1,0 +1,63 @@
+#include "tileflight/evaluation/error_budget.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "tests/refusal.h"
+
+namespace tileflight::evaluation {
+namespace {
+
+BudgetInputs some_inputs() {
+  return {.floor_rmse_m = 0.5,
+          .geometric_error_m = 2.0,
+          .alignment_to_true_poses_m = 0.3,
+          .surface_m = {0.5, 0.5, 0.5, 7.0},
+          .within_m = 1.0};
+}
+
+TEST(ErrorBudget, SquaresAddUp) {
+  const ErrorBudget b = error_budget(some_inputs());
+  EXPECT_DOUBLE_EQ(*b.total_m, 0.5) << "7 m is no error of the map's points near the surface";
+  EXPECT_DOUBLE_EQ(b.share_within, 0.75);
+  EXPECT_NEAR(*b.odometry.metres, 0.4, 1e-12);
+  EXPECT_DOUBLE_EQ(*b.voxel.metres, 0.5);
+  EXPECT_DOUBLE_EQ(*b.tiles.metres, 2.0);
+  EXPECT_DOUBLE_EQ(*b.alignment.metres, 0.3);
+}
+
+TEST(ErrorBudget, WhatIsNotKnownIsNull) {
+  BudgetInputs inputs = some_inputs();
+  inputs.alignment_to_true_poses_m.reset();
+  inputs.floor_rmse_m = std::numeric_limits<double>::quiet_NaN();
+  inputs.geometric_error_m.reset();
+  const ErrorBudget b = error_budget(inputs);
+  EXPECT_FALSE(b.alignment.metres);
+  EXPECT_FALSE(b.voxel.metres);
+  EXPECT_FALSE(b.tiles.metres);
+  EXPECT_DOUBLE_EQ(*b.odometry.metres, 0.5) << "all of it is left";
+  EXPECT_EQ(b.not_separated.size(), 3u);
+  inputs.surface_m = {5.0};
+  EXPECT_FALSE(error_budget(inputs).odometry.metres);
+  EXPECT_EQ(error_budget(inputs).share_within, 0.0);
+}
+
+TEST(ErrorBudget, ABoundAboveTheTotalLeavesNothing) {
+  BudgetInputs inputs = some_inputs();
+  inputs.alignment_to_true_poses_m = 0.8;
+  EXPECT_EQ(*error_budget(inputs).odometry.metres, 0.0);
+}
+
+TEST(ErrorBudget, RoundTripAndComplaints) {
+  const nlohmann::json written = to_json(error_budget(some_inputs()));
+  EXPECT_EQ(to_json(error_budget_from_json(written, "m.json")), written);
+  nlohmann::json broken = written;
+  broken["tiles"].erase("kind");
+  EXPECT_EQ(tests::refusal_of([&] { error_budget_from_json(broken, "m.json"); }),
+            "m.json: key 'error_budget.tiles.kind' is missing");
+}
+
+}  // namespace
+}  // namespace tileflight::evaluation

@@ -1,0 +1,81 @@
+#include "tileflight/evaluation/normal_consistency.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <cassert>
+#include <cmath>
+#include <vector>
+
+#include "tileflight/evaluation/json_reader.h"
+
+namespace tileflight::evaluation {
+
+using geometry::Vec3;
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+const double kCos30 = std::sqrt(3.0) / 2.0;
+
+/// Not a unit vector; zero for a triangle without area.
+Vec3 direction_of(const geometry::TriangleMesh& mesh, std::size_t triangle) {
+  const auto& [a, b, c] = mesh.triangles[triangle];
+  return (mesh.vertices[b] - mesh.vertices[a]).cross(mesh.vertices[c] - mesh.vertices[a]);
+}
+
+double abs_cos(const Vec3& a, const Vec3& b) {
+  const double lengths = a.norm() * b.norm();
+  return lengths > 0.0 ? std::min(1.0, std::abs(a.dot(b)) / lengths) : kNaN;
+}
+
+}  // namespace
+
+NormalConsistency normal_consistency(const geometry::PointCloud& map, const geometry::TriangleMesh& surface,
+                                     const geometry::TriangleIndex& index, double within_m, std::size_t neighbors) {
+  assert(map.normals.size() == map.size());
+  std::vector<double> cosines(map.size(), kNaN);
+  tbb::parallel_for(std::size_t{0}, map.size(), [&](std::size_t i) {
+    if (const auto nearest = index.nearest(map.positions[i], within_m))
+      cosines[i] = abs_cos(map.normals[i].cast<double>(), direction_of(surface, nearest->triangle));
+  });
+  NormalConsistency result{.points = map.size(), .within_m = within_m, .neighbors = neighbors};
+  double sum = 0.0, close = 0.0;
+  for (const double cosine : cosines) {
+    if (std::isnan(cosine)) continue;
+    sum += cosine;
+    close += cosine >= kCos30 ? 1.0 : 0.0;
+    ++result.judged;
+  }
+  if (result.judged == 0) return result;
+  result.mean_abs_cos = sum / static_cast<double>(result.judged);
+  result.share_within_30_deg = close / static_cast<double>(result.judged);
+  return result;
+}
+
+nlohmann::json to_json(const NormalConsistency& n) {
+  const double share = n.points > 0 ? static_cast<double>(n.judged) / static_cast<double>(n.points) : 0.0;
+  return {{"points", n.points},
+          {"judged", n.judged},
+          {"share_judged", share},
+          {"within", n.within_m},
+          {"neighbors", n.neighbors},
+          {"mean_abs_cos", n.mean_abs_cos},
+          {"share_within_30_deg", n.share_within_30_deg}};
+}
+
+NormalConsistency normals_from_json(const nlohmann::json& object, const std::string& where) {
+  JsonReader reader(object, where, "surface.normals");
+  NormalConsistency n;
+  n.points = reader.count("points");
+  n.judged = reader.count("judged");
+  reader.number("share_judged");  // follows from the counts
+  n.within_m = reader.number("within");
+  n.neighbors = reader.count("neighbors");
+  n.mean_abs_cos = reader.number("mean_abs_cos");
+  n.share_within_30_deg = reader.number("share_within_30_deg");
+  reader.expect_all_read();
+  return n;
+}
+
+}  // namespace tileflight::evaluation
