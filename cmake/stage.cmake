@@ -28,7 +28,7 @@ function(tileflight_stage NAME)
     PRIVATE ${STAGE_PRIVATE} tileflight_compiler)
 
   # What reads foreign bytes tells the fuzzer which ways it took.
-  set(FUZZED geometry imaging tiles flight tiling)
+  set(FUZZED geometry imaging rpc tiles flight tiling)
   if(TILEFLIGHT_FUZZ AND NAME IN_LIST FUZZED)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()

@@ -245,6 +245,45 @@ def meshes():
           struct.pack("<9d", 0, 0, 0, 1, 0, 0, 0, 1, 0) + struct.pack("<B3I", 3, 0, 1, 2))
 
 
+def packed(value):
+    """MessagePack, as the oldest clients write it: texts as raw, nothing of the formats that came later."""
+    if value is None or isinstance(value, bool):
+        return {None: b"\xc0", False: b"\xc2", True: b"\xc3"}[value]
+    if isinstance(value, int):
+        return bytes([value]) if 0 <= value < 128 else struct.pack(">Bi", 0xD2, value)
+    if isinstance(value, float):
+        return struct.pack(">Bd", 0xCB, value)
+    if isinstance(value, str):
+        text = value.encode()
+        return (bytes([0xA0 | len(text)]) if len(text) < 32 else struct.pack(">BH", 0xDA, len(text))) + text
+    if isinstance(value, dict):
+        return bytes([0x80 | len(value)]) + b"".join(packed(k) + packed(v) for k, v in value.items())
+    return bytes([0x90 | len(value)]) + b"".join(map(packed, value))
+
+
+def rpc():
+    at = {"x_val": 1.0, "y_val": 2, "z_val": -3.0}
+    turned = {"w_val": 1.0, "x_val": 0.0, "y_val": 0.0, "z_val": 0.0}
+    yaw = {"is_rate": False, "yaw_or_rate": 90}
+    request = {"camera_name": "0", "image_type": 1, "pixels_as_float": True, "compress": False}
+    calls = {
+        "ping": [], "getMultirotorState": [""], "simGetVehiclePose": [""], "cancelLastTask": [""],
+        "simGetImages": [[request, request], "", False], "simGetImage": ["0", 0, "", False],
+        "simSetVehiclePose": [{"position": at, "orientation": turned}, True, "Drone1"],
+        "moveToPosition": [1, 2, -3, 4, 3e38, 0, yaw, -1, 1, ""],
+        "moveOnPath": [[at, at, at], 5, 60, 1, yaw, -1, 1, ""], "simCreateVoxelGrid": [at, 10, 10, 10, 0.5, "a.binvox"],
+        "simListSceneObjects": [".*"], "simSetDistortionParam": ["0", "K1", 0.1, "", False],
+        "simPlotPoints": [[at], [1.0, 0.0, 0.0, 1.0], 10.0, -1.0, False], "getLidarData": ["", ""],
+        "simTestLineOfSightBetweenPoints": [{"latitude": 1.0, "longitude": 2.0, "altitude": 3.0}, {}],
+        "tfSetLens": ["0", {"model": "fisheye", "fov_degrees": 190, "k": [0.1, 0.0], "intrinsics": []}, "", False],
+        "tfStatistics": [], "tfCreateVoxelGrid": [at, at, 0.5], "nothing": [None, True, 200, "x" * 40]}
+    for i, (method, args) in enumerate(calls.items()):
+        write(f"rpc/{method}", packed([0, i, method, args]))
+    write("rpc/notification", packed([2, "reset", []]))
+    write("rpc/two", packed([0, 1, "ping", []]) + packed([0, 2, "getServerVersion", []]))
+    write("rpc/claim", b"\x94\x00\x00\xdd\xff\xff\xff\xff")
+
+
 if __name__ == "__main__":
     points_and_instances()
     subtrees()
@@ -254,3 +293,4 @@ if __name__ == "__main__":
     photos()
     calibrations()
     meshes()
+    rpc()

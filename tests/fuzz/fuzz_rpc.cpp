@@ -1,0 +1,52 @@
+#include <cstdlib>
+#include <string>
+
+#include "tileflight/rpc/message_scanner.h"
+#include "tileflight/server/airsim_methods.h"
+#include "tileflight/server/own_methods.h"
+
+namespace {
+
+using namespace tileflight;
+
+/// Stands in for the simulator: every method is there, with its types, and does nothing.
+struct NoSimulator {
+  template <auto Method, class Result, class... Arguments>
+  Result call(Arguments&&...) const {
+    if constexpr (!std::is_void_v<Result>) return Result{};
+  }
+};
+
+rpc::MethodTable make_table() {
+  rpc::MethodTable table;
+  server::Binder<NoSimulator> bind(table, {});
+  server::add_airsim_methods(bind);
+  server::add_own_methods(bind, [] { return rpc::ServerStatistics{}; });
+  return table;
+}
+
+void answer(const rpc::MethodTable& table, const rpc::MessageLimits& limits, const std::string& message) {
+  const rpc::Request request(message);
+  const std::string bytes = table.call(request).bytes;
+  if (rpc::MessageScanner(limits).end(bytes) != bytes.size()) std::abort();  // every answer is one whole message
+}
+
+}  // namespace
+
+/// A connection's bytes: cut into messages, decoded, called, answered.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const rpc::MethodTable table = make_table();
+  const rpc::MessageLimits limits;
+  std::string_view rest(reinterpret_cast<const char*>(data), size);
+  try {
+    rpc::MessageScanner scanner(limits);
+    while (const auto bytes = scanner.end(rest)) {
+      answer(table, limits, std::string(rest.substr(0, *bytes)));
+      rest.remove_prefix(*bytes);
+      scanner.restart();
+    }
+  } catch (const rpc::ProtocolError&) {
+    // the connection is closed
+  }
+  return 0;
+}
