@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+"""Images per second that `tileflight serve` answers, and what the protocol itself takes.
+
+    PYTHONPATH=clients/python benchmarks/server_benchmark.py --binary build/release/bin/tileflight \
+        --source out/stadium/place/twin/tileset.json
+
+An image is one frame: scene alone, or scene, depth and segmentation of one instant in one call. Uncompressed; the
+vehicle is moved before each, so that nothing can be answered twice. Clients are processes that read the answers' bytes
+without decoding them, which in Python takes longer than rendering.
+"""
+import argparse
+import json
+import os
+import pathlib
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "clients/python"), str(ROOT / "clients/python/tests")]
+import msgpack  # noqa: E402
+import tileflight_airsim as airsim  # noqa: E402
+import tiny_place  # noqa: E402
+
+SIZES = {"small": (256, 144), "vga": (640, 480), "hd": (1920, 1080)}
+KINDS = {"RGB": [(0, False)], "RGB+depth+segmentation": [(0, False), (1, True), (5, False)]}
+
+
+def settings():
+    def captures(width, height):
+        return [{"ImageType": kind, "Width": width, "Height": height, "FOV_Degrees": 90} for kind in (0, 1, 5)]
+
+    cameras = {name: {"X": 0, "Y": 0, "Z": 0, "Pitch": -30, "CaptureSettings": captures(*size)}
+               for name, size in SIZES.items()}
+    vehicles = {f"Eye{i}": {"VehicleType": "ComputerVision", "Cameras": cameras} for i in range(4)}
+    return {"SettingsVersion": 1.2, "SimMode": "ComputerVision", "Vehicles": vehicles}
+
+
+class Reader:
+    """Sends requests and counts the bytes of answers, each of which is as long as the first of its kind."""
+
+    def __init__(self, port):
+        self.socket = socket.create_connection(("127.0.0.1", port))
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.buffer = bytearray(1 << 24)
+        self.lengths = {}
+
+    def call(self, method, *args):
+        self.socket.sendall(msgpack.packb([0, 1, method, args]))
+        if method in self.lengths:
+            view, left = memoryview(self.buffer), self.lengths[method]
+            while left:
+                left -= self.socket.recv_into(view, min(left, len(view)))
+            return None
+        unpacker = msgpack.Unpacker(raw=False, max_buffer_size=2**31 - 1)
+        length = 0
+        while True:
+            data = self.socket.recv(1 << 20)
+            length += len(data)
+            unpacker.feed(data)
+            for answer in unpacker:
+                if answer[2] is not None:
+                    raise RuntimeError(answer[2])
+                self.lengths[method] = length
+                return answer[3]
+
+
+def take(port, vehicle, camera, kind, seconds):
+    """(frames, seconds)"""
+    reader = Reader(port)
+    requests = [airsim.ImageRequest(camera, t, f, False).to_msgpack() for t, f in KINDS[kind]]
+    pose = airsim.Pose(airsim.Vector3r(0, 0, -20)).to_msgpack()
+
+    def frame(i):
+        pose["position"]["x_val"] = 0.1 * (i % 100)
+        reader.call("simSetVehiclePose", pose, True, vehicle)
+        reader.call("simGetImages", requests, vehicle, False)
+
+    frame(0)
+    frame(1)
+    begin, frames = time.monotonic(), 0
+    while time.monotonic() < begin + seconds:
+        frame(frames)
+        frames += 1
+    return frames, time.monotonic() - begin
+
+
+def frames_per_second(port, clients, camera, kind, seconds):
+    processes = [subprocess.Popen([sys.executable, __file__, "--client-of", str(port), "--take",
+                                   json.dumps([f"Eye{i}", camera, kind, seconds])], stdout=subprocess.PIPE, text=True)
+                 for i in range(clients)]
+    results = [json.loads(process.communicate()[0]) for process in processes]
+    return sum(frames / taken for frames, taken in results)
+
+
+def median_ms(call, times=300):
+    taken = []
+    for _ in range(times):
+        begin = time.perf_counter()
+        call()
+        taken.append(time.perf_counter() - begin)
+    return 1e3 * sorted(taken)[times // 2]
+
+
+def overhead(port, camera="small"):
+    """(ms of a ping, ms of a picture, ms of these outside of the method): single client."""
+    reader = Reader(port)
+    request = [airsim.ImageRequest(camera, 0, False, False).to_msgpack()]
+    with airsim.VehicleClient(port=port) as client:
+        ping_ms = median_ms(lambda: reader.call("ping"))
+        reader.call("simGetImages", request, "Eye0", False)
+        before = client.tfStatistics().server.methods["simGetImages"]
+        begin, times = time.perf_counter(), 300
+        for _ in range(times):
+            reader.call("simGetImages", request, "Eye0", False)
+        taken_ms = 1e3 * (time.perf_counter() - begin) / times
+        after = client.tfStatistics().server.methods["simGetImages"]
+    return ping_ms, taken_ms, taken_ms - 1e3 * (after["seconds"] - before["seconds"]) / times
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--binary", default=os.environ.get("TILEFLIGHT_BINARY", "build/release/bin/tileflight"))
+    parser.add_argument("--source", help="tileset (default: a small one made by hand)")
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=4.0, help="of each measurement")
+    parser.add_argument("--client-of", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--take", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.client_of:
+        print(json.dumps(take(options.client_of, *json.loads(options.take))))
+        return
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        (folder / "settings.json").write_text(json.dumps(settings()))
+        source = options.source or tiny_place.write(folder / "place")
+        threads = ["--threads", str(options.threads)] if options.threads else []
+        server = subprocess.Popen([options.binary, "serve", str(source), "--settings", str(folder / "settings.json"),
+                                   "--port", "0", "--json", "--quiet", *threads], stdout=subprocess.PIPE, text=True)
+        try:
+            text = ""
+            while not text.endswith("}\n"):
+                text += server.stdout.readline()
+            port = json.loads(text)["port"]
+            print("| images/s | 1 client | 4 clients |\n| --- | ---: | ---: |")
+            for camera, (width, height) in SIZES.items():
+                for kind in KINDS:
+                    one, four = (frames_per_second(port, n, camera, kind, options.seconds) for n in (1, 4))
+                    print(f"| {width} x {height} {kind} | {one:.1f} | {four:.1f} |", flush=True)
+            ping_ms, taken_ms, own_ms = overhead(port)
+            print(f"ping {ping_ms:.3f} ms; a picture of 256 x 144 {taken_ms:.3f} ms, of which the protocol {own_ms:.3f} ms")
+        finally:
+            server.terminate()
+            server.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,264 @@
+#!/usr/bin/env python3
+"""Mixed random calls of many clients at `tileflight serve`, of which some are killed at random and some send nonsense.
+
+    PYTHONPATH=clients/python benchmarks/server_soak.py --binary build/release/bin/tileflight --minutes 60 --clients 8
+
+Fails unless the server lives, every answer is well formed, no call is stuck at the end, and the server's memory after
+the first quarter of the time stays the same within --memory-tolerance.
+"""
+import argparse
+import json
+import math
+import os
+import pathlib
+import random
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "clients/python"), str(ROOT / "clients/python/tests")]
+import tileflight_airsim as airsim  # noqa: E402
+import tiny_place  # noqa: E402
+
+VEHICLES = ("Drone1", "Drone2")
+LIDAR = {"SensorType": 6, "Enabled": True, "NumberOfChannels": 16, "PointsPerSecond": 20000, "Range": 60}
+SETTINGS = {
+    "SettingsVersion": 1.2, "SimMode": "Multirotor", "ClockSpeed": 5,
+    "CameraDefaults": {"CaptureSettings": [{"ImageType": kind, "Width": 64, "Height": 48} for kind in (0, 1, 5)]},
+    "Vehicles": {name: {"VehicleType": "SimpleFlight", "X": 0, "Y": 4 * i, "Z": 0, "Sensors": {"Lidar1": LIDAR}}
+                 for i, name in enumerate(VEHICLES)},
+}
+
+
+def hostile_number(rng):
+    return rng.choice([0, -1, 1, math.nan, math.inf, -math.inf, 1e300, 3e38, 2**31 - 1, -5, 0.1, 1e-9])
+
+
+def hostile_vector(rng):
+    return airsim.Vector3r(*(hostile_number(rng) for _ in range(3)))
+
+
+def pictures(client, rng, vehicle):
+    requests = [airsim.ImageRequest("0", rng.choice((0, 1, 5)), rng.random() < 0.5, rng.random() < 0.5)
+                for _ in range(rng.randint(1, 3))]
+    for request, image in zip(requests, client.simGetImages(requests, vehicle)):
+        size = len(image.image_data_float) if request.pixels_as_float else len(image.image_data_uint8)
+        if request.pixels_as_float:
+            assert size == image.width * image.height, size
+        elif request.compress:
+            assert image.image_data_uint8[:4] == b"\x89PNG"
+        else:
+            assert size == 3 * image.width * image.height, size
+
+
+def fly(client, rng, vehicle):
+    client.enableApiControl(True, vehicle)
+    client.armDisarm(True, vehicle)
+    kind = rng.randrange(5)
+    if kind == 0:
+        answer = client.takeoffAsync(5, vehicle)
+    elif kind == 1:
+        answer = client.moveToPositionAsync(rng.uniform(-9, 9), rng.uniform(-9, 9), rng.uniform(-9, -2), 5, 10,
+                                            vehicle_name=vehicle)
+    elif kind == 2:
+        path = [airsim.Vector3r(rng.uniform(-9, 9), rng.uniform(-9, 9), -5) for _ in range(rng.randint(0, 4))]
+        answer = client.moveOnPathAsync(path, 3, 10, vehicle_name=vehicle)
+    elif kind == 3:
+        answer = client.moveByVelocityAsync(1, 0, -0.2, rng.choice((0, 1, 1000)), vehicle_name=vehicle)
+    else:
+        answer = client.hoverAsync(vehicle)
+    if rng.random() < 0.7:
+        client.cancelLastTask(vehicle)
+        assert answer.get() in (True, False)
+    else:
+        assert client.getMultirotorState(vehicle).landed_state in (0, 1)
+
+
+def sense(client, rng, vehicle):
+    assert client.getImuData("", vehicle).time_stamp > 0
+    assert len(client.getLidarData("", vehicle).point_cloud) % 3 == 0
+    assert client.getGpsData("", vehicle).gnss.fix_type in (0, 1, 2, 3)
+    assert client.getBarometerData("", vehicle).pressure > 0
+
+
+def ask_nonsense(client, rng, vehicle):
+    call = client.client.call
+    calls = (
+        lambda: client.simSetVehiclePose(airsim.Pose(hostile_vector(rng)), True, vehicle),
+        lambda: client.simGetImages([airsim.ImageRequest("none", rng.randint(-5, 99))], vehicle),
+        lambda: client.tfCreateVoxelGrid(hostile_vector(rng), hostile_vector(rng), hostile_number(rng)),
+        lambda: client.moveOnPathAsync([hostile_vector(rng)] * 3, hostile_number(rng), 1, vehicle_name=vehicle).get(),
+        lambda: client.simListSceneObjects(rng.choice((".*", "(a+)+$", "[", "x" * 5000))),
+        lambda: client.simSetCameraFov("0", hostile_number(rng), vehicle),
+        lambda: call("moveToPosition", 1, 2, 3),
+        lambda: call("no such method", *range(rng.randint(0, 5))),
+        lambda: call("simGetVehiclePose", {"a": [None] * 50}),
+    )
+    try:
+        rng.choice(calls)()
+    except airsim.TransportError:
+        raise
+    except airsim.RPCError as refusal:
+        assert str(refusal).startswith("rpclib: "), refusal
+    client.simSetCameraFov("0", 90, vehicle)
+
+
+def look_around(client, rng, vehicle):
+    assert client.ping() is True
+    assert not client.simGetVehiclePose(vehicle).containsNan()
+    assert vehicle in client.listVehicles()
+    client.simGetCollisionInfo(vehicle)
+    client.tfStatistics()
+    client.tfGeodeticPose(vehicle)
+    client.tfCreateVoxelGrid(airsim.Vector3r(rng.uniform(-20, 20), 0, -2), airsim.Vector3r(8, 8, 8), 0.5)
+
+
+def send_garbage(port, rng):
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as one:
+        try:
+            one.sendall(rng.choice((rng.randbytes(rng.randint(1, 5000)), b"\x94\x00\x00\xa4ping",
+                                    b"\x94\x00\x01\xdd\xff\xff\xff\xff", b"\x94\x00\x01\xacsimGetImages\x93")))
+            time.sleep(rng.uniform(0, 0.2))
+        except OSError:
+            pass  # the server has closed it
+
+
+def run_client(port, seed):
+    """Until killed. Exit code 1: an answer that is not as it should be."""
+    rng = random.Random(seed)
+    client = airsim.MultirotorClient(port=port, timeout_value=120)
+    actions = (pictures, pictures, fly, sense, ask_nonsense, look_around)
+    while True:
+        rng.choice(actions)(client, rng, rng.choice(VEHICLES))
+        if rng.random() < 0.05:
+            send_garbage(port, rng)
+        if rng.random() < 0.02:
+            client.close()
+            client = airsim.MultirotorClient(port=port, timeout_value=120)
+
+
+def memory_kb(pid):
+    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1])
+    raise RuntimeError("the server has ended")
+
+
+def start_client(port, seed):
+    return subprocess.Popen([sys.executable, __file__, "--client-of", str(port), "--seed", str(seed)],
+                            stderr=subprocess.PIPE, text=True)
+
+
+def start_server(binary, source, folder):
+    (folder / "settings.json").write_text(json.dumps(SETTINGS))
+    process = subprocess.Popen([binary, "serve", str(source), "--settings", str(folder / "settings.json"), "--port", "0",
+                                "--json", "--quiet", "--threads", "2"], stdout=subprocess.PIPE, text=True)
+    text = ""
+    for line in process.stdout:
+        text += line
+        if line.startswith("}"):
+            return process, json.loads(text)["port"]
+    raise RuntimeError("the server did not start")
+
+
+class Soak:
+    def __init__(self, server, port, clients, seed):
+        self.server, self.port, self.rng, self.seed = server, port, random.Random(seed), seed
+        self.clients = [self.next_client() for _ in range(clients)]
+        self.killed, self.samples = 0, []
+
+    def next_client(self):
+        self.seed += 1
+        return start_client(self.port, self.seed)
+
+    def run(self, seconds):
+        begin = time.monotonic()
+        next_kill = begin + 1.0
+        while (now := time.monotonic()) < begin + seconds:
+            time.sleep(0.1)
+            self.samples.append((now - begin, memory_kb(self.server.pid)))
+            for client in self.clients:
+                self.check_alive(client)
+            if now > next_kill:
+                next_kill = now + self.rng.uniform(0.3, 2.0)
+                self.kill_one()
+        for client in self.clients:
+            self.check_alive(client)
+            client.kill()
+            client.communicate()
+
+    def check_alive(self, client):
+        if self.server.poll() is not None:
+            raise SystemExit(f"soak: the server has ended with {self.server.returncode}")
+        if client.poll() is not None:
+            raise SystemExit("soak: a client has failed: " + client.stderr.read())
+
+    def kill_one(self):
+        i = self.rng.randrange(len(self.clients))
+        self.clients[i].kill()
+        self.clients[i].communicate()
+        self.clients[i] = self.next_client()
+        self.killed += 1
+
+    def memory(self):
+        """(MB after the warm-up, MB at the end): medians of an eighth of the time each, a quarter in and at the end."""
+        end = self.samples[-1][0]
+        first = [kb for t, kb in self.samples if end / 4 <= t < 3 * end / 8]
+        last = [kb for t, kb in self.samples if t >= 7 * end / 8]
+        return statistics.median(first) / 1024, statistics.median(last) / 1024
+
+
+def check_nothing_is_stuck(port):
+    """Of what the killed clients left, only tasks in the air may still run, and they can be cancelled."""
+    with airsim.MultirotorClient(port=port, timeout_value=60) as client:
+        for _ in range(200):
+            for vehicle in VEHICLES:
+                client.cancelLastTask(vehicle)
+            seen = client.tfStatistics()
+            if (seen.server.running, seen.server.connections, seen.simulator.tasks_running) == (1, 1, 0):
+                return seen  # this very call, over this very connection
+            time.sleep(0.1)
+        raise SystemExit(f"soak: something is stuck: {seen}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--binary", default=os.environ.get("TILEFLIGHT_BINARY", "build/release/bin/tileflight"))
+    parser.add_argument("--source", help="tileset (default: a small one made by hand)")
+    parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--clients", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--memory-tolerance", type=float, default=0.02)
+    parser.add_argument("--client-of", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.client_of:
+        return run_client(options.client_of, options.seed)
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        server, port = start_server(options.binary, options.source or tiny_place.write(folder / "place"), folder)
+        try:
+            soak = Soak(server, port, options.clients, 1000 * options.seed)
+            soak.run(60 * options.minutes)
+            seen = check_nothing_is_stuck(port)
+            server.send_signal(signal.SIGTERM)
+            code = server.wait(timeout=60)
+        finally:
+            server.kill()
+    before, after = soak.memory()
+    print(f"{60 * options.minutes:.0f} s, {options.clients} clients, {soak.killed} killed, "
+          f"{seen.server.requests} requests, {seen.server.connections_cut} connections cut, "
+          f"{seen.simulator.images} images; memory {before:.1f} -> {after:.1f} MB ({after / before - 1:+.2%}); "
+          f"exit code {code}")
+    if code != 0:
+        raise SystemExit("soak: the server did not end cleanly")
+    if abs(after / before - 1) > options.memory_tolerance:
+        raise SystemExit(f"soak: memory changed by more than {options.memory_tolerance:.0%}")
+
+
+if __name__ == "__main__":
+    main()
