@@ -1,20 +1,29 @@
 #include "tileflight/report/report.h"
 
 #include "command.h"
+#include "open_in_viewer.h"
 
 namespace tileflight::app {
 
 void add_report(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto folder = std::make_shared<std::string>();
-  CLI::App* command = app.add_subcommand("report", "report.html again from the results of a run");
-  command->footer("Example:\n  tileflight report out/stadium");
-  command->add_option("DIR", *folder, "folder of a run")->required();
+  struct Options {
+    std::string folder;
+    bool open = false;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("report", "report.html, report.json and figures again from the results of a run");
+  command->footer("Example:\n  tileflight report out/stadium --open");
+  command->add_option("DIR", options->folder, "folder of a run")->required();
+  command->add_flag("--open", options->open, "show it in the desktop's browser");
   add_common_options(*command, common);
-  command->callback([folder, &selection] {
-    selection.run = [folder](const CommonOptions&, const Progress&) -> Output {
-      report::write_report(*folder);
-      const std::string file = (std::filesystem::path(*folder) / "report.html").string();
-      return {{{"report", file}}, "report: " + file + "\n"};
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions&, const Progress&) -> Output {
+      report::write_report(options->folder);
+      const std::filesystem::path file =
+          (std::filesystem::absolute(options->folder) / "report.html").lexically_normal();
+      if (options->open) open_in_viewer(file);
+      return {{{"report", file.string()}}, "report: " + file.string() + "\n"};
     };
   });
 }

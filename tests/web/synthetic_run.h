@@ -13,7 +13,9 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/geometry/files.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/tiling/glb_writer.h"
 
 namespace tileflight::tests {
 
@@ -98,6 +100,42 @@ class SyntheticRun {
     }
     std::filesystem::create_directories(folder_ / "truth");
     geometry::write_cloud(folder_ / "truth/voxels.ply", centers);
+    geometry::write_file(folder_ / "truth/mesh.glb", tiling::write_glb({textured_place()}, {}));
+  }
+
+  /// Stripes across and along, brighter to the north.
+  static imaging::RgbImage paint() {
+    imaging::RgbImage image(256, 256);
+    for (int y = 0; y < image.height; ++y) {
+      for (int x = 0; x < image.width; ++x) {
+        const bool light = (x / 16 + y / 16) % 2 == 0;
+        const auto shade = static_cast<std::uint8_t>((light ? 190 : 110) - y / 6);
+        image(x, y) = {shade, static_cast<std::uint8_t>(shade - 30), static_cast<std::uint8_t>(shade / 2)};
+      }
+    }
+    return image;
+  }
+
+  /// The surface as triangles two metres wide.
+  static imaging::TexturedMesh textured_place() {
+    constexpr int kColumns = 85, kRows = 68;
+    imaging::TexturedMesh place;
+    place.texture = std::make_shared<imaging::RgbImage>(paint());
+    for (int row = 0; row <= kRows; ++row) {
+      for (int column = 0; column <= kColumns; ++column) {
+        const double east = -85.0 + 2 * column, north = 68.0 - 2 * row;
+        place.mesh.vertices.emplace_back(east, north, height_m(east, north));
+        place.uv.emplace_back(static_cast<float>(column) / kColumns, static_cast<float>(row) / kRows);
+      }
+    }
+    for (std::uint32_t row = 0; row < kRows; ++row) {
+      for (std::uint32_t column = 0; column < kColumns; ++column) {
+        const std::uint32_t a = row * (kColumns + 1) + column, b = a + kColumns + 1;
+        place.mesh.triangles.push_back({a, b, b + 1});
+        place.mesh.triangles.push_back({a, b + 1, a + 1});
+      }
+    }
+    return place;
   }
 
   static double voxel_distance(const Vec3& p) {

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "tileflight/report/numbers.h"
-#include "tileflight/report/tables.h"
 
 namespace tileflight::report {
 namespace {
@@ -47,10 +46,8 @@ std::size_t width_of(const std::string& text) {
 
 }  // namespace
 
-Html ablation_table(const json& results) {
-  const auto rows = rows_of(results);
-  if (rows.empty()) return {};
-  return draw(Table{"What each part of the camera does to the simulated flight's map and path", head(), rows});
+Table ablation_table(const json& results) {
+  return {"What each part of the camera does to the simulated flight's map and path", head(), rows_of(results)};
 }
 
 std::string ablation_text(const json& results) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/report/figure.h"
+#include "tileflight/report/numbers.h"
 #include "tileflight/report/scale.h"
 
 namespace tileflight::report {
@@ -90,38 +92,29 @@ Html draw_mark(const Frame& frame, const ChartMark& mark) {
   return line(x, kTop, x, kHeight - kBottom, "mark " + mark.style);
 }
 
-Html legend_of(const Chart& chart) {
+std::vector<LegendEntry> legend_of(const Chart& chart) {
   std::vector<LegendEntry> entries;
   for (const ChartLine& series : chart.lines) entries.push_back({series.name, "line " + series.style});
   for (const ChartMark& mark : chart.marks) entries.push_back({mark.name, "mark " + mark.style});
-  return legend(entries);
+  return entries;
 }
 
 }  // namespace
 
-Html legend(const std::vector<LegendEntry>& entries) {
-  Html list;
-  for (const LegendEntry& entry : entries) {
-    const Html sample = element("svg", {{"viewBox", "0 0 24 10"}, {"class", "sample"}, {"aria-hidden", "true"}},
-                                line(1, 5, 23, 5, entry.style));
-    list += element("li", sample + text(entry.name));
-  }
-  return element("ul", {{"class", "legend"}}, list);
-}
-
-Html draw(const Chart& chart) {
+Drawing drawing_of(const Chart& chart) {
   const Frame frame{chart.x, chart.y};
   Html content = element("title", text(chart.title)) + element("desc", text(chart.description)) + axes(frame);
   for (const ChartLine& series : chart.lines) content += draw_line(frame, series);
   for (const ChartMark& mark : chart.marks) content += draw_mark(frame, mark);
-  const std::string view_box = "0 0 " + svg_number(kWidth) + " " + svg_number(kHeight);
-  return element("svg",
-                 {{"viewBox", view_box},
-                  {"role", "img"},
-                  {"aria-label", chart.title + ". " + chart.description},
-                  {"class", "chart"}},
-                 content) +
-         legend_of(chart);
+  return {kWidth, kHeight, "chart", chart.title + ". " + chart.description, content, legend_of(chart)};
+}
+
+std::string csv_of(const Chart& chart) {
+  std::vector<std::vector<std::string>> lines{{"line", chart.x.label, chart.y.label}};
+  for (const ChartLine& series : chart.lines) {
+    for (const Vec2& p : series.points) lines.push_back({series.name, shortest(p.x()), shortest(p.y())});
+  }
+  return csv_of(lines);
 }
 
 std::vector<geometry::Vec2> outline(const std::vector<double>& edges, const std::vector<double>& heights) {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "tileflight/geometry/transform.h"
-#include "tileflight/report/html.h"
+#include "tileflight/report/drawing.h"
 
 namespace tileflight::report {
 
@@ -39,20 +39,14 @@ struct Chart {
   std::vector<ChartMark> marks;
 };
 
-/// The chart as SVG that follows the page's colours, with its legend.
-Html draw(const Chart& chart);
+Drawing drawing_of(const Chart& chart);
+/// The lines' points, as drawn (RFC 4180): name, x, y.
+std::string csv_of(const Chart& chart);
 
 /// Points of a histogram's outline: the bins' edges with the share of each bin.
 std::vector<geometry::Vec2> outline(const std::vector<double>& edges, const std::vector<double>& heights);
 
 /// Points of the cumulative distribution of `values` over [0, limit], as a share of `total`, at most `steps` of them.
 std::vector<geometry::Vec2> cumulative(std::vector<double> values, std::size_t total, double limit, int steps = 200);
-
-/// Entry of a legend: a sample of the style and a name.
-struct LegendEntry {
-  std::string name;
-  std::string style;
-};
-Html legend(const std::vector<LegendEntry>& entries);
 
 }  // namespace tileflight::report

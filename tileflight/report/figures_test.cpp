@@ -73,7 +73,7 @@ TEST(Chart, OutlineFollowsTheBins) {
 TEST(Chart, NamesAreEscaped) {
   const Chart chart{
       "<t>", "", {"<x>", 0, 1}, {"y", 0, 1}, {{"<n>", "simulated", {{0, 0}, {1, 1}}, true}}, {{"<m>", "floor", 0.5}}};
-  EXPECT_THAT(draw(chart).str(),
+  EXPECT_THAT(on_page(drawing_of(chart)).str(),
               testing::Not(testing::AnyOf(HasSubstr("<t>"), HasSubstr("<x>"), HasSubstr("<n>"), HasSubstr("<m>"))));
 }
 

@@ -94,9 +94,13 @@ Html empty_element(std::string_view name, const Attributes& attributes) {
 }
 
 std::string data_uri(std::string_view media_type, std::string_view bytes) {
+  return "data:" + std::string(media_type) + ";base64," + base64(bytes);
+}
+
+std::string base64(std::string_view bytes) {
   constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string result = "data:" + std::string(media_type) + ";base64,";
-  result.reserve(result.size() + bytes.size() / 3 * 4 + 4);
+  std::string result;
+  result.reserve(bytes.size() / 3 * 4 + 4);
   const auto byte = [&](std::size_t i) {
     return i < bytes.size() ? std::uint32_t{static_cast<unsigned char>(bytes[i])} : 0u;
   };

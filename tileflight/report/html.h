@@ -37,7 +37,10 @@ Html element(std::string_view name, const Html& content);
 /// `<name attributes/>`, for elements of HTML that have no content (img, meta, input) and shapes of SVG.
 Html empty_element(std::string_view name, const Attributes& attributes);
 
-/// `data:TYPE;base64,…` (RFC 2397, RFC 4648).
+/// RFC 4648, section 4.
+std::string base64(std::string_view bytes);
+
+/// `data:TYPE;base64,…` (RFC 2397).
 std::string data_uri(std::string_view media_type, std::string_view bytes);
 
 }  // namespace tileflight::report

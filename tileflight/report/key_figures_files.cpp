@@ -12,14 +12,6 @@
 namespace tileflight::report {
 namespace {
 
-/// RFC 4180, section 2: rules 5 to 7.
-std::string csv_field(const std::string& plain) {
-  if (plain.find_first_of(",\"\r\n") == std::string::npos) return plain;
-  std::string quoted = "\"";
-  for (const char c : plain) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + '"';
-}
-
 std::string csv_line(const std::string& label, const std::vector<std::string>& cells) {
   std::string line = csv_field(label);
   for (const std::string& cell : cells) line += ',' + (cell == kUnknown ? std::string() : csv_field(cell));
@@ -53,6 +45,14 @@ std::string latex_groups(const std::vector<FlightColumn>& columns) {
 }
 
 }  // namespace
+
+// RFC 4180, section 2: rules 5 to 7.
+std::string csv_field(const std::string& plain) {
+  if (plain.find_first_of(",\"\r\n") == std::string::npos) return plain;
+  std::string quoted = "\"";
+  for (const char c : plain) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + '"';
+}
 
 std::string latex_text(const std::string& plain) {
   static constexpr std::array<std::pair<std::string_view, std::string_view>, 15> kCommands{{

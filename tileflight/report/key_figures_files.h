@@ -11,6 +11,9 @@ namespace tileflight::report {
 /// on the page, a field empty where the value is not known.
 std::string key_figures_csv(const KeyFigures& figures);
 
+/// A field of CSV, in quotes where it must be.
+std::string csv_field(const std::string& plain);
+
 /// The same as a LaTeX tabular with the rules of the package booktabs, to be \input into a table environment.
 std::string key_figures_latex(const KeyFigures& figures);
 

@@ -1,15 +1,14 @@
 #include "tileflight/report/report.h"
 
 #include "tileflight/geometry/files.h"
-#include "tileflight/report/ablation_table.h"
-#include "tileflight/report/figures.h"
+#include "tileflight/report/contents.h"
 #include "tileflight/report/html.h"
-#include "tileflight/report/key_figures.h"
 #include "tileflight/report/key_figures_files.h"
 #include "tileflight/report/numbers.h"
+#include "tileflight/report/page_script.h"
 #include "tileflight/report/run_folder.h"
 #include "tileflight/report/style_sheet.h"
-#include "tileflight/report/tables.h"
+#include "tileflight/report/view_section.h"
 
 namespace tileflight::report {
 namespace {
@@ -20,27 +19,42 @@ struct Section {
   Html content;
 };
 
-Html columns(const Html& content) { return element("div", {{"class", "columns"}}, content); }
+/// Side by side where there is room; nothing for nothing.
+Html columns(const Html& content) { return content.empty() ? Html() : element("div", {{"class", "columns"}}, content); }
+
+/// Links to what lies beside the page.
+Html files_list(const Contents& contents) {
+  std::vector<std::string> names{"report.json", "results.json", "tables/key-figures.csv", "tables/key-figures.tex"};
+  for (const Figure& figure : contents.figures) {
+    for (const FigureFile& file : figure.files) names.push_back("figures/" + file.name);
+  }
+  Html items;
+  for (const std::string& name : names) items += element("li", element("a", {{"href", name}}, text(name)));
+  return element("p", text("In the same folder, as long as this page lies there:")) +
+         element("ul", {{"class", "files"}}, items);
+}
 
 /// In the order of reading; empty ones are left out.
-std::vector<Section> sections_of(const RunFolder& run) {
-  const std::vector<Section> all{
-      {"errors", "Map error",
-       columns(histogram_figure(run) + cumulative_figure(run)) + percentiles_table(run.flights) +
-           surface_table(run.flights) + comparison_table(run.results)},
-      {"frames", "Pictures of the flights", frames_figure(run)},
-      {"error-maps", "Where the error is", error_maps_figure(run)},
-      {"paths", "Paths", columns(paths_figure(run) + trajectory_table(run.flights)) + reproduction_table(run.results)},
-      {"tracking", "Odometry and alignment", tracking_table(run.flights)},
-      {"ablation", "Variants of the simulated flight", ablation_table(run.results)},
-      {"provenance", "Where the numbers come from",
-       element("div", {{"class", "provenance"}}, provenance_tables(run.results))}};
-  std::vector<Section> shown;
-  for (const Section& section : all) {
-    const bool empty = section.content.empty() || section.content.str() == columns(Html()).str();
-    if (!empty) shown.push_back(section);
-  }
-  return shown;
+std::vector<Section> sections_of(const RunFolder& run, const Contents& c, const ReportOptions& options) {
+  const auto figure = [&](const char* id) { return draw(c.figure(id)); };
+  const auto table = [&](const char* id) { return draw(c.table(id)); };
+  std::vector<Section> sections{{"view", "The place, the maps and the flights", view_section(run, options.view)},
+                                {"errors", "Map error",
+                                 columns(figure("error-histogram") + figure("error-cumulative")) +
+                                     table("percentiles") + table("surface") + table("comparison")},
+                                {"frames", "Pictures of the flights", figure("frames")},
+                                {"error-maps", "Where the error is", figure("error-maps") + table("parts")},
+                                {"paths", "Paths",
+                                 columns(figure("paths") + figure("path-error")) + table("trajectory") +
+                                     table("reproduction") + columns(figure("view-overlap"))},
+                                {"tracking", "Odometry and alignment", table("tracking")},
+                                {"ablation", "Variants of the simulated flight", table("ablation")},
+                                {"place", "Coverage of the place", table("place") + table("coverage")},
+                                {"provenance", "Where the numbers come from",
+                                 element("div", {{"class", "provenance"}}, provenance_tables(run.results))},
+                                {"files", "Files", files_list(c)}};
+  std::erase_if(sections, [](const Section& section) { return section.content.empty(); });
+  return sections;
 }
 
 Html navigation(const std::vector<Section>& sections) {
@@ -57,11 +71,6 @@ Html notice(const std::vector<std::string>& missing) {
   return element("div", {{"class", "notice"}}, text("Not shown, for want of data:") + element("ul", items));
 }
 
-std::string name_of(const nlohmann::json& results) {
-  const std::string name = text_at(results, "/name").value_or("");
-  return name.empty() ? "Flight experiment" : name;
-}
-
 std::string second_flight_note(const nlohmann::json& results) {
   const std::string kind = text_at(results, "/real/kind").value_or("");
   if (kind != "surrogate") return "";
@@ -69,57 +78,61 @@ std::string second_flight_note(const nlohmann::json& results) {
          "purpose.";
 }
 
-Html floor_note(const nlohmann::json& results) {
-  const std::string remark = remark_on_floor(results);
+Html floor_note(const std::string& remark) {
   return remark.empty() ? Html() : element("p", {{"class", "note"}}, text(remark));
 }
 
 Html head(const std::string& name) {
-  return element(
-      "head", empty_element("meta", {{"charset", "utf-8"}}) +
-                  empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
-                  // Nothing is loaded from anywhere, and nothing runs, whatever names and files held.
-                  empty_element("meta", {{"http-equiv", "Content-Security-Policy"},
-                                         {"content", "default-src 'none'; img-src data:; style-src 'unsafe-inline'"}}) +
-                  element("title", text(name + " \u2013 tileflight")) +
-                  element("style", Html::trusted(std::string(style_sheet()))));
+  const std::string style = style_sheet() + std::string(view_style());
+  return element("head",
+                 empty_element("meta", {{"charset", "utf-8"}}) +
+                     empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
+                     empty_element("meta", {{"http-equiv", "Content-Security-Policy"}, {"content", content_policy()}}) +
+                     element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(style)));
 }
 
-Html body(const RunFolder& run) {
-  const std::vector<Section> sections = sections_of(run);
+Html header(const RunFolder& run, const Contents& contents, const std::vector<Section>& sections) {
   const std::string subtitle =
       "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth "
       "from 3D Tiles." +
       second_flight_note(run.results);
-  const Html top =
-      element("a", {{"class", "skip"}, {"href", "#main"}}, text("Skip to the results")) +
-      element("header", element("h1", text(name_of(run.results))) +
-                            element("p", {{"class", "subtitle"}}, text(subtitle)) +
-                            element("p", {{"class", "verdict"}}, text(verdict(run.results))) + navigation(sections));
-  const Html first_screen =
-      element("section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
-              element("div", key_figures_table(key_figures(run.results)) + floor_note(run.results)) + maps_figure(run));
-  Html rest;
+  return element("header", element("h1", text(contents.name)) + element("p", {{"class", "subtitle"}}, text(subtitle)) +
+                               element("p", {{"class", "verdict"}}, text(contents.verdict)) + navigation(sections));
+}
+
+Html main_part(const Contents& contents, const std::vector<Section>& sections) {
+  Html parts = element("section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
+                       element("div", key_figures_table(contents.key_figures) + floor_note(contents.remark_on_floor)) +
+                           draw(contents.figure("maps")));
   for (const Section& section : sections) {
-    rest += element("section", {{"id", section.id}, {"aria-labelledby", section.id + "-title"}},
-                    element("h2", {{"id", section.id + "-title"}}, text(section.title)) + section.content);
+    parts += element("section", {{"id", section.id}, {"aria-labelledby", section.id + "-title"}},
+                     element("h2", {{"id", section.id + "-title"}}, text(section.title)) + section.content);
   }
-  return element(
-      "body",
-      top + element("main", {{"id", "main"}}, first_screen + rest + notice(run.missing)) +
-          element(
-              "footer",
-              text("Made by tileflight. Published figures: Beam et al., Cesium Tiles for High-realism Simulation and "
-                   "Comparing SLAM Results in Corresponding Virtual and Real-world Environments.")));
+  return element("main", {{"id", "main"}}, parts + notice(contents.missing));
+}
+
+Html body(const RunFolder& run, const Contents& contents, const ReportOptions& options) {
+  const std::vector<Section> sections = sections_of(run, contents, options);
+  const Html skip = element("a", {{"class", "skip"}, {"href", "#main"}}, text("Skip to the results"));
+  const Html footer = element(
+      "footer", text("Made by tileflight. Published figures: Beam et al., Cesium Tiles for High-realism Simulation and "
+                     "Comparing SLAM Results in Corresponding Virtual and Real-world Environments."));
+  return element("body",
+                 skip + header(run, contents, sections) + main_part(contents, sections) + footer + view_script());
 }
 
 }  // namespace
 
-void write_report(const std::filesystem::path& run_folder) {
+void write_report(const std::filesystem::path& run_folder, const ReportOptions& options) {
   const RunFolder run = read_run_folder(run_folder);
-  const Html page = element("html", {{"lang", "en"}}, head(name_of(run.results)) + body(run));
+  const Contents contents = contents_of(run);
+  const Html page = element("html", {{"lang", "en"}}, head(contents.name) + body(run, contents, options));
+  const nlohmann::json numbers = report_json(contents, run.results);
   geometry::write_file(run_folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
-  write_key_figures(run_folder / "tables", key_figures(run.results));
+  geometry::write_file(run_folder / "report.json",
+                       numbers.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  write_figures(run_folder / "figures", contents.figures);
+  write_key_figures(run_folder / "tables", contents.key_figures);
 }
 
 }  // namespace tileflight::report

@@ -1,5 +1,7 @@
 #include "tileflight/report/run_folder.h"
 
+#include <cmath>
+#include <cstdlib>
 #include <sstream>
 
 #include "tileflight/geometry/cloud_files.h"
@@ -75,6 +77,27 @@ std::vector<geometry::Vec3> read_telemetry(const fs::path& file, const geometry:
   return positions;
 }
 
+/// reproduction.csv: time_s,real_frame,simulated_frame,overlap,ncc,ssim,… a line after its header. A field that is no
+/// number is a value that is not known.
+std::vector<ViewPair> read_view_pairs(const fs::path& file) {
+  std::vector<ViewPair> pairs;
+  if (!fs::exists(file)) return pairs;
+  std::istringstream lines(geometry::read_text(file));
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    std::vector<double> values;
+    std::istringstream fields(line);
+    for (std::string field; std::getline(fields, field, ',');) {
+      char* end = nullptr;
+      const double value = std::strtod(field.c_str(), &end);
+      values.push_back(end == field.c_str() ? std::nan("") : value);
+    }
+    if (values.size() >= 6 && std::isfinite(values[0])) pairs.push_back({values[0], values[3], values[4], values[5]});
+  }
+  return pairs;
+}
+
 /// Reads one part of the folder into `part` if it is there, else notes that it is missing.
 template <class Read>
 void read_part(const fs::path& folder, const fs::path& file, const std::string& purpose,
@@ -125,6 +148,9 @@ RunFolder read_run_folder(const std::filesystem::path& folder) {
   run.voxel_m = number_at(run.results, "/truth/voxel_size").value_or(1.0);
   read_part(folder, "truth/voxels.ply", "no ground truth under the maps", run.missing,
             [&](const fs::path& file) { run.voxel_centers = geometry::read_cloud(file); });
+  run.view_pairs = read_view_pairs(folder / "reproduction.csv");
+  if (fs::exists(folder / "coverage/coverage.json")) run.coverage = read_object(folder / "coverage/coverage.json");
+  if (fs::exists(folder / "truth/mesh.glb")) run.mesh = folder / "truth/mesh.glb";
   for (const char* key : {"simulated", "real"}) {
     if (run.results.contains(key) && run.results[key].is_object()) {
       run.flights.push_back(read_flight(folder, key, run.results, run.missing));

@@ -29,11 +29,19 @@ struct FlightRun {
   std::optional<geometry::PointCloud> errors;    ///< aligned map with voxel_distance and surface_distance
 };
 
+/// A pair of pictures of a flight and of the one that follows it (reproduction.csv); NaN where a value is not known.
+struct ViewPair {
+  double time_s = 0, overlap = 0, ncc = 0, ssim = 0;
+};
+
 struct RunFolder {
   nlohmann::json results;
   std::optional<geometry::PointCloud> voxel_centers;
   double voxel_m = 1.0;
-  std::vector<FlightRun> flights;    ///< those that results.json names, simulated first
+  std::optional<std::filesystem::path> mesh;  ///< truth/mesh.glb, the place under its textures
+  std::vector<FlightRun> flights;             ///< those that results.json names, simulated first
+  std::vector<ViewPair> view_pairs;           ///< where the simulated flight follows the other one
+  nlohmann::json coverage;           ///< coverage/coverage.json, what each way of loading tiles shows; null without
   std::vector<std::string> missing;  ///< one line for each part that a page could show and that is not there
 };
 

@@ -1,9 +1,55 @@
 #include "tileflight/report/style_sheet.h"
 
-namespace tileflight::report {
+#include <array>
+#include <string_view>
+#include <utility>
 
-std::string_view style_sheet() {
-  return R"css(
+namespace tileflight::report {
+namespace {
+
+/// Of charts and views from above, on the page and in files.
+constexpr std::string_view kDrawing = R"css(
+svg text { font-size: 13px; fill: var(--ink); stroke: none; }
+svg .axis { stroke: var(--quiet); }
+svg .grid { stroke: var(--grid); }
+svg .frame { fill: var(--panel); stroke: var(--rule); }
+svg .halo { paint-order: stroke; stroke: var(--paper); stroke-width: 4px; stroke-linejoin: round; font-weight: 600; }
+svg .scale-bar { stroke: var(--ink); stroke-width: 4; }
+svg .layer { image-rendering: auto; }
+svg .backdrop { opacity: .3; }
+.line { fill: none; stroke-width: 2; stroke-linejoin: round; }
+.area { opacity: .18; stroke: none; }
+.mark { stroke-width: 1.6; stroke-dasharray: 6 4; }
+.line.simulated, .mark.simulated { stroke: var(--simulated); }
+.line.real, .mark.real { stroke: var(--real); }
+.area.simulated { fill: var(--simulated); }
+.area.real { fill: var(--real); }
+.mark.floor { stroke: var(--floor); stroke-dasharray: 2 3; stroke-width: 2; }
+.true-path { stroke-dasharray: 7 4; stroke-width: 1.6; opacity: .8; }
+.estimate { stroke-width: 2.2; }
+.dots { fill: none; stroke-width: 4; stroke-linecap: round; opacity: .45; }
+.dots.simulated, .dots-sample.simulated { stroke: var(--simulated); }
+.dots.real, .dots-sample.real { stroke: var(--real); }
+.dots-sample { stroke-width: 4; stroke-linecap: round; stroke-dasharray: 0 8; opacity: .6; }
+.start { fill: var(--paper); stroke-width: 2; }
+.start.simulated { stroke: var(--simulated); }
+.start.real { stroke: var(--real); }
+)css";
+
+/// Values of the page's light colours, for programs that know no variables.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kLight{{
+    {"var(--ink)", "#1c2126"},
+    {"var(--quiet)", "#5a6570"},
+    {"var(--paper)", "#ffffff"},
+    {"var(--panel)", "#f5f7f9"},
+    {"var(--rule)", "#d5dbe1"},
+    {"var(--grid)", "#e6eaee"},
+    {"var(--simulated)", "#2f6fde"},
+    {"var(--real)", "#d83b33"},
+    {"var(--floor)", "#6b7680"},
+}};
+
+constexpr std::string_view kPage = R"css(
 :root {
   color-scheme: light dark;
   --ink: #1c2126; --quiet: #5a6570; --paper: #ffffff; --panel: #f5f7f9; --rule: #d5dbe1; --grid: #e6eaee;
@@ -40,6 +86,8 @@ nav ul { display: flex; flex-wrap: wrap; gap: .3rem 1.2rem; list-style: none; ma
 .columns { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 1.6rem 2rem; align-items: start; }
 .columns > :only-child { grid-column: 1 / -1; max-width: 42rem; }
 figure { margin: 0 0 1.4rem; }
+figcaption a { white-space: nowrap; }
+.for-readers { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); white-space: nowrap; }
 figcaption { color: var(--quiet); font-size: .9rem; margin-top: .5rem; max-width: 46rem; }
 .table-frame { overflow-x: auto; margin: 0 0 1.4rem; max-width: 48rem; }
 .provenance .table-frame { max-width: none; }
@@ -57,33 +105,9 @@ thead th[scope=colgroup] { border-bottom: 1px solid var(--rule); text-align: cen
 .key-figures td.real { font-weight: 600; color: var(--real); }
 .key-figures tbody.beyond tr:first-child > * { border-top: 2px solid var(--rule); }
 .provenance td { text-align: left; overflow-wrap: anywhere; font-family: ui-monospace, "DejaVu Sans Mono", monospace; font-size: .84rem; }
+.provenance thead th { text-align: left; }
 .provenance tbody th { overflow-wrap: anywhere; min-width: 9rem; }
 svg { display: block; width: 100%; height: auto; overflow: visible; }
-svg text { font-size: 13px; fill: var(--ink); stroke: none; }
-svg .axis { stroke: var(--quiet); }
-svg .grid { stroke: var(--grid); }
-svg .frame { fill: var(--panel); stroke: var(--rule); }
-svg .halo { paint-order: stroke; stroke: var(--paper); stroke-width: 4px; stroke-linejoin: round; font-weight: 600; }
-svg .scale-bar { stroke: var(--ink); stroke-width: 4; }
-svg .layer { image-rendering: auto; }
-svg .backdrop { opacity: .3; }
-.line { fill: none; stroke-width: 2; stroke-linejoin: round; }
-.area { opacity: .18; stroke: none; }
-.mark { stroke-width: 1.6; stroke-dasharray: 6 4; }
-.line.simulated, .mark.simulated { stroke: var(--simulated); }
-.line.real, .mark.real { stroke: var(--real); }
-.area.simulated { fill: var(--simulated); }
-.area.real { fill: var(--real); }
-.mark.floor { stroke: var(--floor); stroke-dasharray: 2 3; stroke-width: 2; }
-.true-path { stroke-dasharray: 7 4; stroke-width: 1.6; opacity: .8; }
-.estimate { stroke-width: 2.2; }
-.dots { fill: none; stroke-width: 4; stroke-linecap: round; opacity: .45; }
-.dots.simulated, .dots-sample.simulated { stroke: var(--simulated); }
-.dots.real, .dots-sample.real { stroke: var(--real); }
-.dots-sample { stroke-width: 4; stroke-linecap: round; stroke-dasharray: 0 8; opacity: .6; }
-.start { fill: var(--paper); stroke-width: 2; }
-.start.simulated { stroke: var(--simulated); }
-.start.real { stroke: var(--real); }
 .legend { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; list-style: none; margin: .4rem 0 0; padding: 0; font-size: .88rem; }
 .legend li { display: flex; align-items: center; gap: .45rem; }
 .sample { width: 24px; height: 10px; flex: none; }
@@ -104,7 +128,13 @@ body:has(#show-real:not(:checked)) .maps .layer.real { display: none; }
 .frame p, .note { margin: .25rem 0 0; font-size: .88rem; color: var(--quiet); }
 .note { grid-column: 1 / -1; }
 .note:empty { display: none; }
+.provenance pre { overflow-x: auto; padding: .7rem 1rem; background: var(--panel); font-size: .84rem; white-space: pre-wrap; overflow-wrap: anywhere; }
+.files { columns: 14rem; font-size: .9rem; padding-left: 1.2rem; }
 footer { margin-top: 3rem; padding-top: 1rem; padding-bottom: 2rem; border-top: 1px solid var(--rule); color: var(--quiet); font-size: .88rem; }
+)css";
+
+/// After the drawings' rules, which these change.
+constexpr std::string_view kLast = R"css(
 @media (max-width: 52rem) {
   header, main, footer { padding-left: 1rem; padding-right: 1rem; }
   .first-screen, .columns { grid-template-columns: minmax(0, 1fr); }
@@ -125,6 +155,21 @@ footer { margin-top: 3rem; padding-top: 1rem; padding-bottom: 2rem; border-top: 
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 )css";
+
+}  // namespace
+
+std::string style_sheet() { return std::string(kPage) + std::string(kDrawing) + std::string(kLast); }
+
+std::string drawing_style() {
+  std::string style =
+      "svg { font-family: \"DejaVu Sans\", Arial, sans-serif; }\n.paper { fill: var(--paper); }\n"
+      "svg .title { font-size: 16px; font-weight: bold; }";
+  style += kDrawing;
+  for (const auto& [name, value] : kLight) {
+    for (std::size_t at = style.find(name); at != std::string::npos; at = style.find(name, at))
+      style.replace(at, name.size(), value);
+  }
+  return style;
 }
 
 }  // namespace tileflight::report

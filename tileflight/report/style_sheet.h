@@ -1,10 +1,13 @@
 #pragma once
 
-#include <string_view>
+#include <string>
 
 namespace tileflight::report {
 
 /// The page's style: light, dark (as the reader's system says) and printed.
-std::string_view style_sheet();
+std::string style_sheet();
+
+/// The style of a drawing in a file of its own: light.
+std::string drawing_style();
 
 }  // namespace tileflight::report

@@ -15,11 +15,13 @@ using Cell = std::function<std::string(const json&)>;
 
 Html cell(const std::string& content) { return element("td", text(content)); }
 Html row_head(const std::string& content) { return element("th", {{"scope", "row"}}, text(content)); }
-Html column_head(const std::string& content) { return element("th", {{"scope", "col"}}, text(content)); }
+Html column_head(const std::string& content) {
+  return content.empty() ? element("td", Html()) : element("th", {{"scope", "col"}}, text(content));
+}
 
 /// Wide tables scroll in a frame of their own, which a keyboard can reach.
 Html framed(const std::string& name, const Html& table) {
-  return element("div", {{"class", "table-frame"}, {"role", "region"}, {"tabindex", "0"}, {"aria-label", name}}, table);
+  return element("section", {{"class", "table-frame"}, {"tabindex", "0"}, {"aria-label", name}}, table);
 }
 
 std::vector<std::string> head_of(const std::string& first, const std::vector<FlightRun>& flights) {
@@ -82,10 +84,15 @@ std::string text_of(const json& value) {
   return value.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
+bool is_true(const json& values, const std::string& pointer) {
+  const json::json_pointer place(pointer);
+  return values.contains(place) && values.at(place).is_boolean() && values.at(place).get<bool>();
+}
+
 Html program_table(const json& provenance) {
   Table table{"Program", {"What", "Value"}, {}};
   for (const auto& [key, value] : provenance.items()) {
-    if (key == "inputs" || key == "seconds" || key == "attribution" || value.is_null()) continue;
+    if (key == "command" || key == "inputs" || key == "seconds" || key == "attribution" || value.is_null()) continue;
     std::string name = key;
     std::replace(name.begin(), name.end(), '_', ' ');
     table.rows.push_back({name, text_of(value)});
@@ -125,6 +132,21 @@ Html attribution_list(const json& attribution) {
   return list.empty() ? Html() : element("h3", text("Attribution of the tiles")) + element("ul", list);
 }
 
+/// Under whose terms the tiles were read, where a provider has any.
+Html terms_line(const json& results) {
+  const std::string provider = text_at(results, "/truth/terms/provider").value_or(""),
+                    url = text_at(results, "/truth/terms/url").value_or("");
+  if (url.empty()) return {};
+  const bool accepted = is_true(results, "/truth/terms_accepted");
+  return element("p", text("Terms of use: " + provider + ", " + url + (accepted ? ", accepted." : ", not accepted.")));
+}
+
+Html command_block(const json& provenance) {
+  const auto command = text_at(provenance, "/command");
+  if (!command) return {};
+  return element("h3", text("To make it again")) + element("pre", element("code", text(*command)));
+}
+
 json member(const json& object, const char* key) {
   return object.is_object() && object.contains(key) ? object[key] : json(nullptr);
 }
@@ -144,6 +166,7 @@ Html figure_rows(const std::vector<FigureRow>& rows, const std::vector<FlightCol
 }  // namespace
 
 Html draw(const Table& table) {
+  if (table.rows.empty()) return {};
   Html head, groups, body;
   for (const std::string& name : table.head) head += column_head(name);
   for (const std::string& name : table.groups) {
@@ -178,7 +201,7 @@ Html key_figures_table(const KeyFigures& figures) {
   return framed(caption, element("table", {{"class", "key-figures"}}, table));
 }
 
-Html percentiles_table(const std::vector<FlightRun>& flights) {
+Table percentiles_table(const std::vector<FlightRun>& flights) {
   Table table{
       "Percentiles of the map points' distances, m: to the nearest voxel centre (of those in the cut-off) and to the "
       "exact surface (of all)",
@@ -200,10 +223,10 @@ Html percentiles_table(const std::vector<FlightRun>& flights) {
     }
     if (any) table.rows.push_back(cells);
   }
-  return table.rows.empty() ? Html() : draw(table);
+  return table;
 }
 
-Html surface_table(const std::vector<FlightRun>& flights) {
+Table surface_table(const std::vector<FlightRun>& flights) {
   Table table{
       "Against the exact surface: share of map points (accuracy) and of the surface seen (completeness) within a "
       "distance",
@@ -222,28 +245,27 @@ Html surface_table(const std::vector<FlightRun>& flights) {
     }
     table.rows.push_back(cells);
   }
-  return table.rows.empty() ? Html() : draw(table);
+  return table;
 }
 
-Html tracking_table(const std::vector<FlightRun>& flights) {
-  return draw(Table{
-      "Odometry and alignment",
-      head_of("", flights),
-      {row("Frames given", flights, whole("/odometry/frames")),
-       row("Frames tracked", flights, whole("/odometry/frames_tracked")),
-       row("Lost before the end", flights, yes_or_no("/odometry/lost")),
-       row("Why", flights, words("/odometry/lost_reason")), row("Keyframes", flights, whole("/odometry/keyframes")),
-       row("Odometry, frames/s", flights, short_number("/odometry/frames_per_second")),
-       row("Alignment started from", flights, words("/alignment/start")),
-       row("Alignment method", flights, words("/alignment/method")),
-       row("Alignment converged", flights, yes_or_no("/alignment/converged")),
-       row("Iterations", flights, whole("/alignment/iterations")),
-       row("Scale", flights, short_number("/alignment/scale")),
-       row("RMS of the aligned points, m", flights, metres("/alignment/rmse", 4)),
-       row("Remark", flights, words("/alignment/note"))}});
+Table tracking_table(const std::vector<FlightRun>& flights) {
+  return {"How each map was tracked and aligned",
+          head_of("", flights),
+          {row("Frames given", flights, whole("/odometry/frames")),
+           row("Frames tracked", flights, whole("/odometry/frames_tracked")),
+           row("Lost before the end", flights, yes_or_no("/odometry/lost")),
+           row("Why", flights, words("/odometry/lost_reason")), row("Keyframes", flights, whole("/odometry/keyframes")),
+           row("Odometry, frames/s", flights, short_number("/odometry/frames_per_second")),
+           row("Alignment started from", flights, words("/alignment/start")),
+           row("Alignment method", flights, words("/alignment/method")),
+           row("Alignment converged", flights, yes_or_no("/alignment/converged")),
+           row("Iterations", flights, whole("/alignment/iterations")),
+           row("Scale", flights, short_number("/alignment/scale")),
+           row("RMS of the aligned points, m", flights, metres("/alignment/rmse", 4)),
+           row("Remark", flights, words("/alignment/note"))}};
 }
 
-Html trajectory_table(const std::vector<FlightRun>& flights) {
+Table trajectory_table(const std::vector<FlightRun>& flights) {
   const bool any = std::any_of(flights.begin(), flights.end(), [](const FlightRun& f) {
     return number_at(f.values, "/trajectory/ate_rmse").has_value();
   });
@@ -263,26 +285,26 @@ Html trajectory_table(const std::vector<FlightRun>& flights) {
     const std::string label = "RPE over " + shortest(number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
     table.rows.push_back(row(label, flights, metres(rpe + "/translation_rmse_m")));
   }
-  return draw(table);
+  return table;
 }
 
-Html comparison_table(const nlohmann::json& results) {
+Table comparison_table(const nlohmann::json& results) {
   const json c = member(results, "comparison");
   if (!c.is_object() || c.empty()) return {};
   const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
   const std::string interval = low && high ? with_sign(low, 4) + " to " + with_sign(high, 4) : kUnknown;
-  return draw(Table{"Simulated minus second flight",
-                    {"", "Value"},
-                    {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
-                     {"95 % interval (block bootstrap), m", interval},
-                     {"Difference of standard deviations, m", with_sign(number_at(c, "/std_difference"), 4)},
-                     {"Map points, simulated over second", fixed(number_at(c, "/points_ratio"), 3)},
-                     {"Kolmogorov\u2013Smirnov statistic", fixed(number_at(c, "/ks_statistic"), 4)},
-                     {"1-Wasserstein distance, m", fixed(number_at(c, "/wasserstein_m"), 4)},
-                     {"Equivalent within, m", fixed(number_at(c, "/equivalent_within_m"), 4)}}});
+  return {"Simulated minus second flight",
+          {"", "Value"},
+          {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
+           {"95 % interval (block bootstrap), m", interval},
+           {"Difference of standard deviations, m", with_sign(number_at(c, "/std_difference"), 4)},
+           {"Map points, simulated over second", fixed(number_at(c, "/points_ratio"), 3)},
+           {"Kolmogorov\u2013Smirnov statistic", fixed(number_at(c, "/ks_statistic"), 4)},
+           {"1-Wasserstein distance, m", fixed(number_at(c, "/wasserstein_m"), 4)},
+           {"Equivalent within, m", fixed(number_at(c, "/equivalent_within_m"), 4)}}};
 }
 
-Html reproduction_table(const nlohmann::json& results) {
+Table reproduction_table(const nlohmann::json& results) {
   const json r = member(results, "reproduction");
   if (!r.is_object() || r.empty()) return {};
   const auto spread = [&](const std::string& label, const std::string& key, int digits) {
@@ -300,14 +322,15 @@ Html reproduction_table(const nlohmann::json& results) {
                spread("Structural similarity", "ssim", 3), spread("Between the cameras, m", "position_m", 3),
                spread("Between their axes, \u00b0", "rotation_deg", 3)}};
   table.rows.push_back({"Best time offset, s", "", with_sign(number_at(r, "/time_offset_s"), 3), ""});
-  return draw(table);
+  return table;
 }
 
 Html provenance_tables(const nlohmann::json& results) {
   const json provenance = member(results, "provenance");
   if (!provenance.is_object()) return element("p", text("results.json has no provenance."));
-  return program_table(provenance) + inputs_table(member(provenance, "inputs")) +
-         seconds_table(member(provenance, "seconds")) + attribution_list(member(provenance, "attribution"));
+  return command_block(provenance) + program_table(provenance) + inputs_table(member(provenance, "inputs")) +
+         seconds_table(member(provenance, "seconds")) + attribution_list(member(provenance, "attribution")) +
+         terms_line(results);
 }
 
 }  // namespace tileflight::report

@@ -254,24 +254,22 @@ PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry:
   return image;
 }
 
-Html draw(const TopView& view) {
+Drawing drawing_of(const TopView& view) {
   const Plot plot(view.extent);
   Html content = element("title", text(view.title)) + element("desc", text(view.description)) + axes(plot);
   for (const ImageLayer& layer : view.images) content += draw_image(plot, layer);
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);
   // As wide whatever the extent's shape, so that text is as large in all views.
-  const std::string view_box =
-      "0 0 " + svg_number(kLeft + kPlot + kRight) + " " + svg_number(kTop + plot.height + kBottom);
-  return element("svg",
-                 {{"viewBox", view_box},
-                  {"role", "img"},
-                  {"aria-label", view.title + ". " + view.description},
-                  {"class", "top-view"}},
-                 content);
+  return {kLeft + kPlot + kRight,
+          kTop + plot.height + kBottom,
+          "top-view",
+          view.title + ". " + view.description,
+          content,
+          view.legend};
 }
 
-Html color_bar(double highest, const std::string& label_text) {
+Drawing color_bar(double highest, const std::string& label_text) {
   constexpr int kSteps = 16;
   constexpr double kBar = 300;
   Html stops;
@@ -292,12 +290,9 @@ Html color_bar(double highest, const std::string& label_text) {
     content += label(20 + tick / highest * kBar, 28, "middle", shown);
   }
   content += label(20 + kBar / 2, 44, "middle", label_text);
-  return element("svg",
-                 {{"viewBox", "0 0 340 50"},
-                  {"role", "img"},
-                  {"aria-label", "Colours: " + label_text + ", blue is 0, red is " + svg_number(highest) + " and more"},
-                  {"class", "color-bar"}},
-                 content);
+  const std::string label_of_bar =
+      "Colours: " + label_text + ", blue is 0, red is " + svg_number(highest) + " and more";
+  return {340, 50, "color-bar", label_of_bar, content};
 }
 
 }  // namespace tileflight::report

@@ -5,6 +5,7 @@
 
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/report/drawing.h"
 #include "tileflight/report/html.h"
 #include "tileflight/report/palette_png.h"
 
@@ -57,10 +58,11 @@ struct TopView {
   GroundExtent extent;
   std::vector<ImageLayer> images;  ///< from the lowest up
   std::vector<TrackLayer> tracks;  ///< above them
+  std::vector<LegendEntry> legend{};
 };
-Html draw(const TopView& view);
+Drawing drawing_of(const TopView& view);
 
 /// Bar of colours from 0 to `highest`, with its label.
-Html color_bar(double highest, const std::string& label);
+Drawing color_bar(double highest, const std::string& label);
 
 }  // namespace tileflight::report

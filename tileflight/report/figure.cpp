@@ -1,0 +1,50 @@
+#include "tileflight/report/figure.h"
+
+#include <system_error>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/report/key_figures_files.h"
+
+namespace tileflight::report {
+namespace {
+
+/// Larger files are not repeated in the page.
+constexpr std::size_t kMostInPage_bytes = 24'000;
+
+std::string kind_of(const FigureFile& file) { return file.media_type == "text/csv" ? "CSV" : "SVG"; }
+
+Html link(const FigureFile& file) {
+  const bool in_page = file.bytes.size() <= kMostInPage_bytes;
+  const std::string address = in_page ? data_uri(file.media_type, file.bytes) : "figures/" + file.name;
+  return element("a", {{"href", address}, {"download", file.name}},
+                 element("span", {{"class", "for-readers"}}, text("Save " + file.name + " as ")) + text(kind_of(file)));
+}
+
+}  // namespace
+
+Html draw(const Figure& figure) {
+  if (figure.empty()) return {};
+  Html caption = text(figure.caption);
+  for (const FigureFile& file : figure.files) caption += text(" ") + link(file);
+  return element("figure", {{"class", figure.style}, {"id", "figure-" + figure.id}},
+                 figure.content + element("figcaption", caption));
+}
+
+void write_figures(const std::filesystem::path& folder, const std::vector<Figure>& figures) {
+  std::error_code error;  // what could not be made is said by the writing
+  std::filesystem::create_directories(folder, error);
+  for (const Figure& figure : figures) {
+    for (const FigureFile& file : figure.files) geometry::write_file(folder / file.name, file.bytes);
+  }
+}
+
+std::string csv_of(const std::vector<std::vector<std::string>>& lines) {
+  std::string csv;
+  for (const std::vector<std::string>& fields : lines) {
+    for (std::size_t i = 0; i < fields.size(); ++i) csv += (i > 0 ? "," : "") + csv_field(fields[i]);
+    csv += "\r\n";
+  }
+  return csv;
+}
+
+}  // namespace tileflight::report

@@ -1,0 +1,53 @@
+#include "tileflight/report/figures.h"
+#include "tileflight/report/frame_pairs.h"
+#include "tileflight/report/numbers.h"
+
+namespace tileflight::report {
+namespace {
+
+constexpr std::size_t kPairs = 3;
+constexpr int kThumbnailPixels = 640;
+
+std::string seconds_text(double time_s) { return fixed(time_s, 2) + " s"; }
+
+Html frame_cell(const FlightRun& flight, const FrameFile& frame) {
+  const std::string alt = flight.label + " flight, picture at " + seconds_text(frame.time_s);
+  const Html image = empty_element("img", {{"src", thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
+  return element("div", {{"class", "frame " + flight.key}},
+                 image + element("p", text(flight.label + ", " + seconds_text(frame.time_s))));
+}
+
+std::string pair_note(const FramePair& pair) {
+  if (!pair.distance_m) return "";
+  return "Cameras " + fixed(pair.distance_m, 1) + " m and " + fixed(pair.angle_deg, 0) + "\u00B0 apart.";
+}
+
+Html pairs_of(const FlightRun& first, const FlightRun& second) {
+  Html rows;
+  for (const FramePair& pair : frame_pairs(first, second, kPairs)) {
+    rows += element("div", {{"class", "pair"}},
+                    frame_cell(first, pair.first) + frame_cell(second, pair.second) +
+                        element("p", {{"class", "note"}}, text(pair_note(pair))));
+  }
+  return rows;
+}
+
+}  // namespace
+
+Figure frames_figure(const RunFolder& run) {
+  std::vector<const FlightRun*> filmed;
+  for (const FlightRun& flight : run.flights) {
+    if (!flight.frames.empty()) filmed.push_back(&flight);
+  }
+  if (filmed.empty()) return {};
+  if (filmed.size() == 2) {
+    return {"frames", "frames", pairs_of(*filmed[0], *filmed[1]),
+            "Pictures of both flights that show most nearly the same."};
+  }
+  Html cells;
+  for (const FrameFile& frame : spread(filmed[0]->frames, 2 * kPairs)) cells += frame_cell(*filmed[0], frame);
+  return {"frames", "frames", element("div", {{"class", "pair"}}, cells),
+          "Pictures of the " + filmed[0]->label + " flight."};
+}
+
+}  // namespace tileflight::report

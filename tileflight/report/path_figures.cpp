@@ -1,0 +1,146 @@
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "tileflight/report/chart_figure.h"
+#include "tileflight/report/figures.h"
+#include "tileflight/report/numbers.h"
+#include "tileflight/report/top_view.h"
+
+namespace tileflight::report {
+namespace {
+
+/// Lines of a chart have at most about so many points.
+constexpr std::size_t kMostPoints = 600;
+
+std::vector<geometry::Vec3> positions_of(const geometry::Trajectory& trajectory) {
+  std::vector<geometry::Vec3> positions;
+  for (const geometry::StampedPose& pose : trajectory.poses) positions.push_back(pose.T_local_camera.translation);
+  return positions;
+}
+
+/// Lines of one flight and their names; the estimate lies on top.
+void add_tracks(const FlightRun& flight, std::vector<TrackLayer>& tracks, std::vector<LegendEntry>& entries) {
+  if (!flight.telemetry.empty()) {
+    tracks.push_back({flight.key + " telemetry", flight.telemetry, true});
+    entries.push_back({flight.label + ", receiver's positions", "dots-sample " + flight.key + " telemetry"});
+  }
+  if (flight.truth && !flight.truth->empty()) {
+    tracks.push_back({flight.key + " true-path", positions_of(*flight.truth), false});
+    entries.push_back({flight.label + ", true path", "line " + flight.key + " true-path"});
+  }
+  if (flight.estimate && !flight.estimate->empty()) {
+    tracks.push_back({flight.key + " estimate", positions_of(*flight.estimate), false});
+    entries.push_back({flight.label + ", estimated", "line " + flight.key + " estimate"});
+  }
+}
+
+/// Places of all poses and of the receiver.
+std::vector<std::vector<std::string>> poses_of(const RunFolder& run) {
+  std::vector<std::vector<std::string>> lines{{"flight", "path", "time, s", "east, m", "north, m", "up, m"}};
+  const auto add = [&](const FlightRun& flight, const char* path, const std::string& time, const geometry::Vec3& p) {
+    lines.push_back({flight.label, path, time, fixed(p.x(), 3), fixed(p.y(), 3), fixed(p.z(), 3)});
+  };
+  for (const FlightRun& flight : run.flights) {
+    for (const auto& [name, path] : {std::pair("estimated", &flight.estimate), std::pair("true", &flight.truth)}) {
+      if (!*path) continue;
+      for (const geometry::StampedPose& pose : (*path)->poses)
+        add(flight, name, fixed(pose.time_s, 3), pose.T_local_camera.translation);
+    }
+    for (const geometry::Vec3& p : flight.telemetry) add(flight, "receiver", "", p);
+  }
+  return lines;
+}
+
+/// Distance between estimate and truth over the distance flown by then.
+std::vector<geometry::Vec2> error_along(const FlightRun& flight) {
+  std::vector<geometry::Vec2> points;
+  if (!flight.estimate || !flight.truth) return points;
+  double flown_m = 0;
+  std::optional<geometry::Vec3> last;
+  for (const geometry::StampedPose& pose : flight.estimate->poses) {
+    const std::optional<geometry::SE3> truth = geometry::interpolate(*flight.truth, pose.time_s);
+    if (!truth) continue;
+    if (last) flown_m += (truth->translation - *last).norm();
+    last = truth->translation;
+    points.emplace_back(flown_m, (pose.T_local_camera.translation - truth->translation).norm());
+  }
+  return points;
+}
+
+/// Every so many of the points, and the last one.
+std::vector<geometry::Vec2> thinned(const std::vector<geometry::Vec2>& points) {
+  const std::size_t step = points.size() / kMostPoints + 1;
+  std::vector<geometry::Vec2> result;
+  for (std::size_t i = 0; i < points.size(); i += step) result.push_back(points[i]);
+  if (!points.empty() && (points.size() - 1) % step != 0) result.push_back(points.back());
+  return result;
+}
+
+/// The axes reach to the lines' largest values.
+void fit_axes(Chart& chart) {
+  for (const ChartLine& line : chart.lines) {
+    for (const geometry::Vec2& p : line.points) {
+      chart.x.high = std::max(chart.x.high, p.x());
+      chart.y.high = std::max(chart.y.high, 1.05 * p.y());
+    }
+  }
+}
+
+}  // namespace
+
+Figure paths_figure(const RunFolder& run) {
+  TopView view{"Paths from above", "Estimated, true and receiver's positions of each flight", {}, {}, {}};
+  for (const FlightRun& flight : run.flights) add_tracks(flight, view.tracks, view.legend);
+  if (view.tracks.empty()) return {};
+  view.extent = extent_of(view.tracks.front().points, 0.08);
+  for (const TrackLayer& track : view.tracks) view.extent = united(view.extent, extent_of(track.points, 0.08));
+  view.extent = roomy(view.extent);
+  if (run.voxel_centers) view.images.push_back({"backdrop", draw_voxels(view.extent, *run.voxel_centers, run.voxel_m)});
+  const Drawing drawing = drawing_of(view);
+  Figure figure{"paths", "paths", on_page(drawing),
+                "Flights from above, after the maps were aligned; a ring marks the start."};
+  figure.files = {{"paths.svg", "image/svg+xml", svg_file(view.title, {drawing})},
+                  {"paths.csv", "text/csv", csv_of(poses_of(run))}};
+  return figure;
+}
+
+Figure path_error_figure(const RunFolder& run) {
+  Chart chart{
+      "Error along the path", "", {"distance flown, m", 0, 1}, {"distance from the true path, m", 0, 1e-3}, {}, {}};
+  for (const FlightRun& flight : run.flights) {
+    const std::vector<geometry::Vec2> points = error_along(flight);
+    if (points.size() < 2) continue;
+    double largest = 0;
+    for (const geometry::Vec2& p : points) largest = std::max(largest, p.y());
+    chart.description += flight.label + ": at most " + fixed(largest, 3) + " m. ";
+    chart.lines.push_back({flight.label, flight.key, thinned(points), false});
+  }
+  if (chart.lines.empty()) return {};
+  fit_axes(chart);
+  return chart_figure(
+      "path-error", chart,
+      "How far the estimated path is from the true one, as the alignment of the maps has placed it. The "
+      "errors of the table are after an alignment of the paths themselves.");
+}
+
+Figure overlap_figure(const RunFolder& run) {
+  Chart chart{"Likeness of both flights' views", "", {"time, s", 0, 1e-3}, {"from 0 to 1", 0, 1}, {}, {}};
+  const std::vector<std::pair<std::string, std::string>> kinds{
+      {"Overlap of views", "simulated"}, {"Correlation of pictures", "real"}, {"Structural similarity", "floor"}};
+  for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
+    ChartLine line{kinds[kind].first, kinds[kind].second, {}};
+    for (const ViewPair& pair : run.view_pairs) {
+      const double value = std::array{pair.overlap, pair.ncc, pair.ssim}[kind];
+      if (std::isfinite(value)) line.points.emplace_back(pair.time_s, std::max(0.0, value));
+    }
+    if (line.points.size() > 1) chart.lines.push_back(std::move(line));
+  }
+  if (chart.lines.empty()) return {};
+  fit_axes(chart);
+  chart.y.high = 1.0;
+  return chart_figure("view-overlap", chart,
+                      "How much of the same surface both flights see at a time, and how alike the pictures are.");
+}
+
+}  // namespace tileflight::report

@@ -1,0 +1,318 @@
+#include "tileflight/report/view_data.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <set>
+
+#include "tileflight/imaging/image_files.h"
+#include "tileflight/report/data_blocks.h"
+#include "tileflight/report/figures.h"
+#include "tileflight/report/frame_pairs.h"
+#include "tileflight/report/numbers.h"
+#include "tileflight/report/top_view.h"
+
+namespace tileflight::report {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using nlohmann::json;
+
+constexpr double kMostShort = 65535.0;
+constexpr std::uint16_t kUnknown_mm = 65535;
+/// A lens that sees farther to the sides is drawn as a pyramid this wide.
+constexpr double kWidestHalf_deg = 40.0;
+/// Map points farther than this share of the place's diagonal beside it are not shown.
+constexpr double kReach = 0.5;
+
+json triple(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+/// 16-bit steps within the points' own bounds.
+json add_positions(DataBlocks& blocks, const std::vector<Vec3>& points) {
+  Box3 box;
+  for (const Vec3& p : points) box.extend(p);
+  const Vec3 step = (box.sizes() / kMostShort).cwiseMax(1e-9);
+  std::vector<std::uint16_t> steps;
+  steps.reserve(3 * points.size());
+  for (const Vec3& p : points) {
+    for (int axis = 0; axis < 3; ++axis)
+      steps.push_back(static_cast<std::uint16_t>(std::lround((p[axis] - box.min()[axis]) / step[axis])));
+  }
+  json place = blocks.add(std::span<const std::uint16_t>(steps));
+  place["low_m"] = triple(box.min());
+  place["step_m"] = triple(step);
+  return place;
+}
+
+std::string as_string(const std::vector<std::byte>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// As good as fits, halved where even the poorest does not.
+std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
+  for (;;) {
+    for (const int quality : {85, 75, 60, 45}) {
+      std::string jpeg = as_string(imaging::encode_jpeg(image, quality));
+      if (jpeg.size() <= most_bytes || image.width <= 16) return jpeg;
+    }
+    image = scaled_down(image, image.width / 2);
+  }
+}
+
+json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
+  if (!run.mesh) return nullptr;
+  const PlaceModel model = read_place_model(*run.mesh, budget.place);
+  const imaging::TexturedMesh& mesh = model.mesh;
+  std::vector<std::uint16_t> uv;
+  for (const Eigen::Vector2f& at : mesh.uv) {
+    for (const float value : {at.x(), at.y()})
+      uv.push_back(static_cast<std::uint16_t>(std::lround(std::clamp<double>(value, 0.0, 1.0) * kMostShort)));
+  }
+  const std::span corners(mesh.mesh.triangles.front().data(), 3 * mesh.mesh.triangles.size());
+  return {{"triangles", mesh.mesh.triangles.size()},
+          {"source_triangles", model.source_triangles},
+          {"positions", add_positions(blocks, mesh.mesh.vertices)},
+          {"uv", blocks.add(std::span<const std::uint16_t>(uv))},
+          {"indices", blocks.add(std::span<const std::uint32_t>(corners))},
+          {"texture", blocks.add_bytes(jpeg_within(*mesh.texture, budget.texture_bytes))}};
+}
+
+/// Cells of a grid whose first one has the corner `origin`, by their numbers along each axis.
+struct Cells {
+  Vec3 origin_m;
+  double size_m;
+  std::set<std::array<std::uint16_t, 3>> at;
+};
+
+Cells cells_of(const std::vector<Vec3>& centers, double size_m) {
+  Box3 box;
+  for (const Vec3& p : centers) box.extend(p);
+  Cells cells{box.min() - Vec3::Constant(size_m / 2), size_m, {}};
+  for (const Vec3& p : centers) {
+    std::array<std::uint16_t, 3> cell{};
+    for (int axis = 0; axis < 3; ++axis) {
+      const double number = std::floor((p[axis] - cells.origin_m[axis]) / size_m);
+      cell[static_cast<std::size_t>(axis)] = static_cast<std::uint16_t>(std::clamp(number, 0.0, kMostShort));
+    }
+    cells.at.insert(cell);
+  }
+  return cells;
+}
+
+json cells_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
+  if (!run.voxel_centers || run.voxel_centers->empty()) return nullptr;
+  Cells cells = cells_of(run.voxel_centers->positions, run.voxel_m);
+  while (cells.at.size() > budget.cells) cells = cells_of(run.voxel_centers->positions, 2 * cells.size_m);
+  std::vector<std::uint16_t> numbers;
+  for (const auto& cell : cells.at) numbers.insert(numbers.end(), cell.begin(), cell.end());
+  return {{"size_m", cells.size_m},
+          {"origin_m", triple(cells.origin_m)},
+          {"cells", blocks.add(std::span<const std::uint16_t>(numbers))}};
+}
+
+/// Evenly chosen numbers below `size`, the first and the last among them, at most `count`.
+std::vector<std::size_t> even_choice(std::size_t size, std::size_t count) {
+  const std::size_t chosen = std::min(size, count);
+  std::vector<std::size_t> result;
+  for (std::size_t i = 0; i < chosen; ++i) result.push_back(chosen == 1 ? 0 : i * (size - 1) / (chosen - 1));
+  return result;
+}
+
+json add_lengths(DataBlocks& blocks, const geometry::PointCloud& map, const std::string& name,
+                 const std::vector<std::size_t>& shown) {
+  const auto found = map.scalars.find(name);
+  if (found == map.scalars.end()) return nullptr;
+  std::vector<std::uint16_t> lengths_mm;
+  for (const std::size_t i : shown) {
+    const double length_mm = 1000.0 * static_cast<double>(found->second[i]);
+    lengths_mm.push_back(std::isfinite(length_mm)
+                             ? static_cast<std::uint16_t>(std::clamp(std::round(length_mm), 0.0, kMostShort - 1))
+                             : kUnknown_mm);
+  }
+  return blocks.add(std::span<const std::uint16_t>(lengths_mm));
+}
+
+json add_colors(DataBlocks& blocks, const geometry::PointCloud& map, const std::vector<std::size_t>& shown) {
+  if (map.colors.empty()) return nullptr;
+  std::vector<std::uint8_t> colors;
+  for (const std::size_t i : shown) colors.insert(colors.end(), map.colors[i].begin(), map.colors[i].end());
+  return blocks.add(std::span<const std::uint8_t>(colors));
+}
+
+json map_layer(DataBlocks& blocks, const FlightRun& flight, const Box3& reach, const ViewBudget& budget) {
+  if (!flight.errors) return nullptr;
+  std::vector<std::size_t> inside;
+  for (std::size_t i = 0; i < flight.errors->size(); ++i) {
+    if (reach.contains(flight.errors->positions[i])) inside.push_back(i);
+  }
+  if (inside.empty()) return nullptr;
+  std::vector<std::size_t> shown;
+  for (const std::size_t i : even_choice(inside.size(), budget.map_points)) shown.push_back(inside[i]);
+  std::vector<Vec3> positions;
+  for (const std::size_t i : shown) positions.push_back(flight.errors->positions[i]);
+  return {{"points", flight.errors->size()},
+          {"shown", shown.size()},
+          {"positions", add_positions(blocks, positions)},
+          {"surface_mm", add_lengths(blocks, *flight.errors, "surface_distance", shown)},
+          {"voxel_mm", add_lengths(blocks, *flight.errors, "voxel_distance", shown)},
+          {"colors", add_colors(blocks, *flight.errors, shown)}};
+}
+
+/// Seconds from the start, position, rotation as a quaternion x y z w: eight numbers a pose.
+json path_layer(DataBlocks& blocks, const std::optional<geometry::Trajectory>& path, double start_s,
+                const ViewBudget& budget) {
+  if (!path || path->empty()) return nullptr;
+  std::vector<float> numbers;
+  for (const std::size_t i : even_choice(path->size(), budget.poses)) {
+    const geometry::StampedPose& pose = path->poses[i];
+    const Vec3& p = pose.T_local_camera.translation;
+    const Eigen::Quaterniond& q = pose.T_local_camera.rotation;
+    for (const double value : {pose.time_s - start_s, p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w()})
+      numbers.push_back(static_cast<float>(value));
+  }
+  return blocks.add(std::span<const float>(numbers));
+}
+
+std::vector<imaging::RgbImage> small_pictures(const std::vector<FrameFile>& files, int width_px) {
+  std::vector<imaging::RgbImage> pictures;
+  for (const FrameFile& file : files) pictures.push_back(scaled_down(imaging::read_rgb(file.image), width_px));
+  return pictures;
+}
+
+/// All at one quality, the best that fits; the poorest where none does, and then fewer of them.
+std::vector<std::string> jpegs_within(const std::vector<imaging::RgbImage>& pictures, std::size_t most_bytes) {
+  std::vector<std::string> jpegs;
+  for (const int quality : {75, 60, 45, 30}) {
+    jpegs.clear();
+    std::size_t bytes = 0;
+    for (const imaging::RgbImage& picture : pictures) {
+      jpegs.push_back(as_string(imaging::encode_jpeg(picture, quality)));
+      bytes += jpegs.back().size();
+    }
+    if (bytes <= most_bytes) break;
+  }
+  return jpegs;
+}
+
+json frames_layer(DataBlocks& blocks, const FlightRun& flight, double start_s, const ViewBudget& budget) {
+  std::vector<FrameFile> files;
+  for (const std::size_t i : even_choice(flight.frames.size(), budget.frames)) files.push_back(flight.frames[i]);
+  const std::vector<std::string> jpegs = jpegs_within(small_pictures(files, budget.frame_width_px), budget.frame_bytes);
+  json frames = json::array();
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < jpegs.size() && bytes + jpegs[i].size() <= budget.frame_bytes; ++i) {
+    json frame = blocks.add_bytes(jpegs[i]);
+    frame["time_s"] = files[i].time_s - start_s;
+    frames.push_back(frame);
+    bytes += jpegs[i].size();
+  }
+  return frames;
+}
+
+/// The earliest of all that a flight has.
+double start_of(const FlightRun& flight) {
+  double start_s = std::numeric_limits<double>::infinity();
+  if (!flight.frames.empty()) start_s = flight.frames.front().time_s;
+  for (const auto* path : {&flight.estimate, &flight.truth}) {
+    if (*path && !(*path)->empty()) start_s = std::min(start_s, (*path)->poses.front().time_s);
+  }
+  return std::isfinite(start_s) ? start_s : 0.0;
+}
+
+/// Half the picture's width and height at a metre before the camera.
+std::pair<double, double> half_picture(const json& flight) {
+  const double half_deg = std::min(kWidestHalf_deg, number_at(flight, "/fov_deg").value_or(70.0) / 2);
+  const double half_width = std::tan(half_deg * std::numbers::pi / 180);
+  const double width = number_at(flight, "/resolution/0").value_or(16),
+               height = number_at(flight, "/resolution/1").value_or(9);
+  return {half_width, half_width * height / std::max(width, 1.0)};
+}
+
+json flight_layers(DataBlocks& blocks, const FlightRun& flight, double start_s, const Box3& reach,
+                   const ViewBudget& budget) {
+  const auto [half_width, half_height] = half_picture(flight.values);
+  return {{"key", flight.key},
+          {"label", flight.label},
+          {"start_s", start_s},
+          {"map", map_layer(blocks, flight, reach, budget)},
+          {"estimate", path_layer(blocks, flight.estimate, start_s, budget)},
+          {"truth", path_layer(blocks, flight.truth, start_s, budget)},
+          {"half_width", half_width},
+          {"half_height", half_height},
+          {"frames", frames_layer(blocks, flight, start_s, budget)},
+          {"pictures", flight.frames.size()}};
+}
+
+/// What the view shows at first: the cells, else the maps without their farthest points, else the paths.
+Box3 extent_of_view(const RunFolder& run) {
+  Box3 box;
+  if (run.voxel_centers) {
+    for (const Vec3& p : run.voxel_centers->positions) box.extend(p);
+  }
+  for (const FlightRun& flight : run.flights) {
+    if (!box.isEmpty() || !flight.errors || flight.errors->empty()) continue;
+    const GroundExtent ground = extent_of(flight.errors->positions, 0.05, 0.02);
+    std::vector<double> heights;
+    for (const Vec3& p : flight.errors->positions) heights.push_back(p.z());
+    const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
+    std::nth_element(heights.begin(), middle, heights.end());
+    box.extend(Vec3(ground.west, ground.south, *middle));
+    box.extend(Vec3(ground.east, ground.north, *middle));
+  }
+  for (const FlightRun& flight : run.flights) {
+    if (!box.isEmpty() || !flight.truth) continue;
+    for (const geometry::StampedPose& pose : flight.truth->poses) box.extend(pose.T_local_camera.translation);
+  }
+  return box;
+}
+
+json attribution_of(const json& results) {
+  json lines = json::array();
+  const json::json_pointer place("/provenance/attribution");
+  if (!results.contains(place) || !results.at(place).is_array()) return lines;
+  for (const json& line : results.at(place)) {
+    if (line.is_string()) lines.push_back(line);
+  }
+  return lines;
+}
+
+json error_colors() {
+  json colors = json::array();
+  for (int i = 0; i <= 4; ++i) {
+    const Rgba8 c = value_color(i / 4.0);
+    colors.push_back({c[0], c[1], c[2]});
+  }
+  return colors;
+}
+
+}  // namespace
+
+std::string view_data(const RunFolder& run, const ViewBudget& budget) {
+  const Box3 extent = extent_of_view(run);
+  if (extent.isEmpty()) return "";
+  const Vec3 beside = Vec3::Constant(kReach * extent.diagonal().norm() + 1.0);
+  const Box3 reach(extent.min() - beside, extent.max() + beside);
+  const bool common_clock = run.results.contains("reproduction") && run.results["reproduction"].is_object();
+  double earliest_s = std::numeric_limits<double>::infinity();
+  for (const FlightRun& flight : run.flights) earliest_s = std::min(earliest_s, start_of(flight));
+  DataBlocks blocks;
+  json header{{"low_m", triple(extent.min())},
+              {"high_m", triple(extent.max())},
+              {"error_limit_m", color_limit(run)},
+              {"error_colors", error_colors()},
+              {"common_clock", common_clock},
+              {"attribution", attribution_of(run.results)},
+              {"place", place_layer(blocks, run, budget)},
+              {"cells", cells_layer(blocks, run, budget)},
+              {"flights", json::array()}};
+  for (const FlightRun& flight : run.flights) {
+    const double start_s = common_clock ? earliest_s : start_of(flight);
+    header["flights"].push_back(flight_layers(blocks, flight, start_s, reach, budget));
+  }
+  return blocks.deflated(header);
+}
+
+}  // namespace tileflight::report

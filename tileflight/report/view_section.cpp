@@ -1,0 +1,43 @@
+#include "tileflight/report/view_section.h"
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/report/page_script.h"
+
+namespace tileflight::report {
+namespace {
+
+constexpr const char* kWithoutScript =
+    "The interactive view needs a browser that runs the page's script and has WebGL 2. The pictures on this page show "
+    "the same place, maps and paths.";
+
+/// What the script element holds: a section that is plain text to XML, behind comments that a script does not see.
+std::string script_text() { return "//<![CDATA[\n" + std::string(page_script()) + "\n//]]>"; }
+
+std::string bytes_of_hex(const std::string& hex) {
+  std::string bytes;
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
+    bytes += static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16));
+  return bytes;
+}
+
+}  // namespace
+
+Html view_section(const RunFolder& run, const ViewBudget& budget) {
+  if (page_script().empty()) return {};
+  const std::string data = view_data(run, budget);
+  if (data.empty()) return {};
+  return element("p", {{"class", "note"}, {"id", "view-note"}, {"role", "status"}}, text(kWithoutScript)) +
+         element("div", {{"id", "view-host"}, {"data-state", "waiting"}}, Html()) +
+         element("script", {{"type", "application/octet-stream"}, {"id", "view-data"}}, text(base64(data)));
+}
+
+Html view_script() { return page_script().empty() ? Html() : element("script", Html::trusted(script_text())); }
+
+std::string content_policy() {
+  const std::string script =
+      page_script().empty() ? ""
+                            : "; script-src 'sha256-" + base64(bytes_of_hex(geometry::sha256_hex(script_text()))) + "'";
+  return "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'" + script;
+}
+
+}  // namespace tileflight::report
