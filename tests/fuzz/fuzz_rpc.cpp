@@ -3,23 +3,16 @@
 
 #include "tileflight/rpc/message_scanner.h"
 #include "tileflight/server/airsim_methods.h"
+#include "tileflight/server/no_simulator.h"
 #include "tileflight/server/own_methods.h"
 
 namespace {
 
 using namespace tileflight;
 
-/// Stands in for the simulator: every method is there, with its types, and does nothing.
-struct NoSimulator {
-  template <auto Method, class Result, class... Arguments>
-  Result call(Arguments&&...) const {
-    if constexpr (!std::is_void_v<Result>) return Result{};
-  }
-};
-
 rpc::MethodTable make_table() {
   rpc::MethodTable table;
-  server::Binder<NoSimulator> bind(table, {});
+  server::Binder<server::NoSimulator> bind(table, {});
   server::add_airsim_methods(bind);
   server::add_own_methods(bind, [] { return rpc::ServerStatistics{}; });
   return table;
