@@ -83,7 +83,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   }
   geometry::write_file(folder / "results.json", results.dump(2) + "\n");
   cache.once("report", {{"results", geometry::sha256_hex(results.dump())}},
-             {"report.html", "tables/key-figures.csv", "tables/key-figures.tex"},
+             {"report.html", "report.json", "tables/key-figures.csv", "tables/key-figures.tex"},
              [&] { report::write_report(folder); });
   return results;
 }
