@@ -37,8 +37,9 @@ struct AlignMapOptions {
   /// the first step's scale is theirs: the bound stays about the start's own. With a fixed scale: the start's only.
   std::vector<double> scale_seeds = {1.0, 0.87, 1.15};
   IcpMethod coarse_method = IcpMethod::kPointToMesh;  ///< without a mesh: point-to-point
-  IcpOptions icp = final_icp();  ///< of the final step; its regions and scale mode hold for all steps
-  bool find_regions = false;     ///< for who calls align_map(): a last step on regions found where the map then lies
+  IcpOptions icp = final_icp();       ///< of the final step; its regions and scale mode hold for all steps
+  std::size_t most_points = 1000000;  ///< of the map; more are thinned evenly (scores still take all)
+  bool find_regions = false;  ///< for who calls align_map(): a last step on regions found where the map then lies
   std::vector<geometry::Box3> held_out{};  ///< regions named by hand that nothing is aligned on, for scoring
 };
 

@@ -7,6 +7,7 @@
 
 #include "tests/height_field.h"
 #include "tests/temporary_folder.h"
+#include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -185,6 +186,34 @@ TEST_F(AlignMap, OfTheScaleSeedsTheBestIsGoneOnWith) {
   EXPECT_LT(error_m(found.result.T_target_source), 0.12) << found.result.note;
   EXPECT_DOUBLE_EQ(found.scale_seed, 2.0);
   EXPECT_EQ(found.steps.size(), 4u) << "those of the seed that won";
+}
+
+TEST(Thinned, LeavesEveryKth) {
+  PointCloud cloud;
+  for (int k = 0; k < 1001; ++k) cloud.positions.emplace_back(k, 0, 0);
+  EXPECT_EQ(thinned(cloud, 2000).size(), 1001u);
+  EXPECT_EQ(thinned(cloud, 1001).size(), 1001u);
+  const PointCloud half = thinned(cloud, 1000);
+  EXPECT_EQ(half.size(), 501u);
+  EXPECT_EQ(half.positions[2].x(), 4.0);
+  EXPECT_TRUE(thinned({}, 10).empty());
+}
+
+TEST_F(AlignMap, TrianglesWithoutAreaAndWildPointsDoNotCount) {
+  TriangleMesh degenerate = mesh_;
+  degenerate.triangles.push_back({5, 5, 5});
+  degenerate.triangles.push_back({1, 1, 2});
+  const TriangleIndex index(degenerate);
+  AlignMapOptions options;
+  options.icp.method = IcpMethod::kPointToMesh;
+  const AlignmentResult result = align_map(map_, T_local_map(), {&centers_, &index, &degenerate}, options).result;
+  EXPECT_LT(error_m(result.T_target_source), 0.12) << result.note;
+
+  PointCloud elsewhere;
+  for (int k = 0; k < 500; ++k) elsewhere.positions.emplace_back(1e4 + k, 1e5, 1e3);
+  const AlignmentResult nothing = align_map(elsewhere, Sim3(), target_, options).result;
+  EXPECT_FALSE(nothing.converged);
+  EXPECT_NE(nothing.note.find("no correspondence"), std::string::npos) << nothing.note;
 }
 
 TEST(AlignMapToAPlane, SaysThatAnotherScaleFitsAsWell) {

@@ -15,6 +15,16 @@ using geometry::PointCloud;
 using geometry::Sim3;
 using geometry::Vec3;
 
+PointCloud thinned(const PointCloud& map, std::size_t most) {
+  const std::size_t stride = std::max<std::size_t>(1, (map.size() + most - 1) / most);
+  PointCloud few;
+  for (std::size_t i = 0; i < map.size(); i += stride) {
+    few.positions.push_back(map.positions[i]);
+    if (!map.normals.empty()) few.normals.push_back(map.normals[i]);
+  }
+  return few;
+}
+
 AlignmentResult align_step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
                            const IcpOptions& options) {
   if (options.method == IcpMethod::kPointToMesh ||
@@ -42,17 +52,6 @@ IcpOptions coarse_options(const AlignMapOptions& options, const AlignmentTarget&
   coarse.max_scale_change = options.icp.max_scale_change;
   coarse.scale_center = options.icp.scale_center;
   return coarse;
-}
-
-PointCloud thinned(const PointCloud& map) {
-  constexpr std::size_t kEnough = 10000;
-  const std::size_t stride = std::max<std::size_t>(1, map.size() / kEnough);
-  PointCloud few;
-  for (std::size_t i = 0; i < map.size(); i += stride) {
-    few.positions.push_back(map.positions[i]);
-    if (!map.normals.empty()) few.normals.push_back(map.normals[i]);
-  }
-  return few;
 }
 
 /// The start stretched about the middle of the points that take part.
@@ -121,7 +120,8 @@ std::string rival_note(const std::vector<Attempt>& attempts, std::size_t best, c
 CoarseAlignment align_coarsely(const PointCloud& map, const Sim3& T_local_map_start, const AlignmentTarget& target,
                                const AlignMapOptions& options) {
   if (options.coarse_radii_m.empty()) return {.T_local_map = T_local_map_start};
-  const PointCloud few = thinned(map);
+  constexpr std::size_t kEnough = 10000;
+  const PointCloud few = thinned(map, kEnough);
   std::vector<double> seeds = options.scale_seeds;
   if (options.icp.scale == ScaleMode::kFixed || seeds.empty()) seeds = {1.0};
 

@@ -1,11 +1,15 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
 #include "tileflight/alignment/align_map.h"
 
 namespace tileflight::alignment {
+
+/// Every k-th point, with k the least that leaves at most about `most`: positions and normals.
+geometry::PointCloud thinned(const geometry::PointCloud& map, std::size_t most);
 
 /// One step of an alignment against whatever the method needs of the target. Throws InputError where that is missing,
 /// and as icp() does.
