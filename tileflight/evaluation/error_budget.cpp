@@ -21,10 +21,15 @@ BudgetPart tiles_part(const std::optional<double>& geometric_error_m) {
   return part;
 }
 
-BudgetPart alignment_part(const std::optional<double>& to_true_poses_m) {
-  if (!to_true_poses_m) return {std::nullopt, "bound", "not known without true poses; it is part of the remainder"};
+BudgetPart alignment_part(const std::optional<double>& sigma_m) {
+  if (!sigma_m) return {std::nullopt, "estimated", "the transform has no uncertainty; it is part of the remainder"};
+  return {sigma_m, "estimated", "how far noise may have moved the map's points, from the transform's covariance"};
+}
+
+BudgetPart path_part(const std::optional<double>& to_true_poses_m) {
+  if (!to_true_poses_m) return {std::nullopt, "bound", "not known without true poses"};
   return {to_true_poses_m, "bound",
-          "RMS of how far the map's points lie from where the true poses put them; drift of the odometry is in it too"};
+          "how far the map's points lie from where the true poses put them: alignment and drift together"};
 }
 
 void add_total(const std::vector<double>& surface_m, ErrorBudget& budget) {
@@ -38,7 +43,7 @@ void add_total(const std::vector<double>& surface_m, ErrorBudget& budget) {
   if (within > 0.0) budget.total_m = std::sqrt(squares / within);
 }
 
-/// A bound on the alignment may exceed the total; then nothing is known to be left for the odometry.
+/// The alignment may be less certain than the total is large; then nothing is known to be left for the odometry.
 BudgetPart odometry_part(const std::optional<double>& total_m, const std::optional<double>& alignment_m) {
   const char* how = "what the total has beyond the alignment, as squares; tiles' errors and what was built since, too";
   if (!total_m) return {std::nullopt, "remainder", "no map point is near the surface"};
@@ -64,13 +69,14 @@ ErrorBudget error_budget(const BudgetInputs& inputs) {
   budget.voxel = {if_known(inputs.floor_rmse_m), "measured",
                   "RMS distance of points on the true surface to the voxel centres; not in distances to the surface"};
   budget.tiles = tiles_part(inputs.geometric_error_m);
-  budget.alignment = alignment_part(inputs.alignment_to_true_poses_m);
+  budget.alignment = alignment_part(inputs.alignment_sigma_m);
+  budget.path = path_part(inputs.to_true_poses_m);
   add_total(inputs.surface_m, budget);
-  budget.odometry = odometry_part(budget.total_m, inputs.alignment_to_true_poses_m);
+  budget.odometry = odometry_part(budget.total_m, inputs.alignment_sigma_m);
   budget.not_separated = {
       "tiles and odometry: both move the map's points off the triangles",
       "alignment and drift: a similarity that fits a bent map best is not the one that fits its path best"};
-  if (!inputs.alignment_to_true_poses_m) budget.not_separated.push_back("alignment and odometry: no true poses");
+  if (!inputs.alignment_sigma_m) budget.not_separated.push_back("alignment and odometry: no covariance");
   return budget;
 }
 
@@ -78,6 +84,7 @@ json to_json(const ErrorBudget& b) {
   return {{"voxel", to_json(b.voxel)},
           {"tiles", to_json(b.tiles)},
           {"alignment", to_json(b.alignment)},
+          {"path", to_json(b.path)},
           {"odometry", to_json(b.odometry)},
           {"total", b.total_m ? json(*b.total_m) : json(nullptr)},
           {"within", b.within_m},
@@ -91,6 +98,7 @@ ErrorBudget error_budget_from_json(const json& object, const std::string& where)
   b.voxel = read_part(reader.object("voxel"));
   b.tiles = read_part(reader.object("tiles"));
   b.alignment = read_part(reader.object("alignment"));
+  b.path = read_part(reader.object("path"));
   b.odometry = read_part(reader.object("odometry"));
   b.total_m = if_known(reader.number("total"));
   b.within_m = reader.number("within");

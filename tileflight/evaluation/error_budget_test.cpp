@@ -13,7 +13,8 @@ namespace {
 BudgetInputs some_inputs() {
   return {.floor_rmse_m = 0.5,
           .geometric_error_m = 2.0,
-          .alignment_to_true_poses_m = 0.3,
+          .alignment_sigma_m = 0.3,
+          .to_true_poses_m = 0.7,
           .surface_m = {0.5, 0.5, 0.5, 7.0},
           .within_m = 1.0};
 }
@@ -26,15 +27,18 @@ TEST(ErrorBudget, SquaresAddUp) {
   EXPECT_DOUBLE_EQ(*b.voxel.metres, 0.5);
   EXPECT_DOUBLE_EQ(*b.tiles.metres, 2.0);
   EXPECT_DOUBLE_EQ(*b.alignment.metres, 0.3);
+  EXPECT_DOUBLE_EQ(*b.path.metres, 0.7);
 }
 
 TEST(ErrorBudget, WhatIsNotKnownIsNull) {
   BudgetInputs inputs = some_inputs();
-  inputs.alignment_to_true_poses_m.reset();
+  inputs.alignment_sigma_m.reset();
+  inputs.to_true_poses_m.reset();
   inputs.floor_rmse_m = std::numeric_limits<double>::quiet_NaN();
   inputs.geometric_error_m.reset();
   const ErrorBudget b = error_budget(inputs);
   EXPECT_FALSE(b.alignment.metres);
+  EXPECT_FALSE(b.path.metres);
   EXPECT_FALSE(b.voxel.metres);
   EXPECT_FALSE(b.tiles.metres);
   EXPECT_DOUBLE_EQ(*b.odometry.metres, 0.5) << "all of it is left";
@@ -44,9 +48,9 @@ TEST(ErrorBudget, WhatIsNotKnownIsNull) {
   EXPECT_EQ(error_budget(inputs).share_within, 0.0);
 }
 
-TEST(ErrorBudget, ABoundAboveTheTotalLeavesNothing) {
+TEST(ErrorBudget, AnAlignmentLessCertainThanTheTotalLeavesNothing) {
   BudgetInputs inputs = some_inputs();
-  inputs.alignment_to_true_poses_m = 0.8;
+  inputs.alignment_sigma_m = 0.8;
   EXPECT_EQ(*error_budget(inputs).odometry.metres, 0.0);
 }
 

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/evaluation/metrics_file.h"
+
+namespace tileflight::evaluation {
+
+/// A scored map in a table of several; `runs` are its kept distances, the first run's in front (see compare_runs()).
+struct ComparedMap {
+  std::string name;
+  Metrics metrics;
+  std::vector<KeptDistances> runs;
+};
+
+/// Two of the maps, by their place in the list; the difference is first minus second.
+struct ComparedPair {
+  std::size_t first = 0, second = 0;
+  Comparison comparison;
+  /// Interval of the difference, by blocks of the first runs, such that those of all pairs hold together in 95 of 100
+  /// cases (Bonferroni).
+  std::array<double, 2> simultaneous_ci95{};
+};
+
+/// Every pair of at least two maps. Throws InputError as compare() does.
+std::vector<ComparedPair> compare_all(const std::vector<ComparedMap>& maps, const ComparisonOptions& options = {});
+
+/// `maps` [{name, points, …}] and `pairs` [{first, second, simultaneous_ci95, and the keys of a comparison}].
+nlohmann::json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs);
+
+/// A line a map (RFC 4180); a field is empty where the number is not known.
+std::string maps_csv(const std::vector<ComparedMap>& maps);
+/// A line a pair.
+std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs);
+/// Both as `tabular` with the rules of booktabs.
+std::string tables_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs);
+
+}  // namespace tileflight::evaluation

@@ -1,0 +1,111 @@
+#include "tileflight/evaluation/map_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "tileflight/evaluation/distances.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::evaluation {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// Errors of 300 points along a road, about a mean.
+ComparedMap some_map(const std::string& name, double mean_m, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> error(mean_m, 0.05);
+  KeptDistances kept;
+  for (int k = 0; k < 300; ++k) {
+    kept.positions.push_back({1.0 * k, 0, 0});
+    kept.distances.push_back(error(random));
+  }
+  kept.points = 400;
+  ComparedMap map{name, {}, {kept}};
+  std::vector<double> all = kept.distances;
+  all.resize(400, 9.0);
+  map.metrics.map = score_map(all, {}, {});
+  return map;
+}
+
+std::vector<ComparedMap> three_maps() {
+  return {some_map("out/a_1", 0.50, 1), some_map("b, \"second\"", 0.51, 2), some_map("c", 0.70, 3)};
+}
+
+int lines_of(const std::string& text) { return static_cast<int>(std::ranges::count(text, '\n')); }
+
+TEST(MapTable, EveryPairIsComparedAsTwoMapsAre) {
+  const auto maps = three_maps();
+  const auto pairs = compare_all(maps);
+  ASSERT_EQ(pairs.size(), 3u);
+  EXPECT_EQ(pairs[1].first, 0u);
+  EXPECT_EQ(pairs[1].second, 2u);
+  EXPECT_EQ(to_json(pairs[1].comparison), to_json(compare(maps[0].runs[0], maps[2].runs[0])));
+  EXPECT_EQ(pairs[0].comparison.verdict, "equivalent");
+  EXPECT_EQ(pairs[1].comparison.verdict, "different");
+  for (const ComparedPair& pair : pairs) {
+    EXPECT_LT(pair.simultaneous_ci95[0], pair.comparison.mean_difference_ci95[0]) << "of three pairs together";
+    EXPECT_GT(pair.simultaneous_ci95[1], pair.comparison.mean_difference_ci95[1]);
+  }
+  const auto alone = compare_all({maps[0], maps[1]});
+  EXPECT_EQ(alone[0].simultaneous_ci95, alone[0].comparison.mean_difference_ci95) << "one pair needs no correction";
+}
+
+TEST(MapTable, SimultaneousIntervalsHoldTogetherAsOftenAsTheySay) {
+  int all_hold = 0;
+  for (std::uint64_t k = 0; k < 300; ++k) {
+    bool hold = true;
+    const std::vector<ComparedMap> maps{some_map("a", 0.5, 4 * k), some_map("b", 0.5, 4 * k + 1),
+                                        some_map("c", 0.5, 4 * k + 2), some_map("d", 0.5, 4 * k + 3)};
+    for (const ComparedPair& pair : compare_all(maps, {.resamples = 1000, .seed = k}))
+      hold = hold && pair.simultaneous_ci95[0] <= 0.0 && 0.0 <= pair.simultaneous_ci95[1];
+    all_hold += hold;
+  }
+  EXPECT_GE(all_hold, 275) << "of 300; at least 95 %, Bonferroni errs to the safe side";
+}
+
+TEST(MapTable, CsvHasALineEachAndQuotesNames) {
+  const auto maps = three_maps();
+  const std::string csv = maps_csv(maps), pairs = pairs_csv(maps, compare_all(maps));
+  EXPECT_EQ(lines_of(csv), 4);
+  EXPECT_EQ(lines_of(pairs), 4);
+  EXPECT_THAT(csv, HasSubstr("\r\n\"b, \"\"second\"\"\",1,400,300,0.750000,"));
+  EXPECT_THAT(pairs, HasSubstr(",blocks,"));
+  const std::string head = csv.substr(0, csv.find('\r')), line = csv.substr(csv.rfind("\nc,") + 1);
+  EXPECT_EQ(std::ranges::count(head, ','), std::ranges::count(line, ',')) << "unknown numbers are empty fields";
+  EXPECT_THAT(line, HasSubstr(",,"));
+}
+
+TEST(MapTable, LatexIsTwoTabularsWithNamesEscaped) {
+  const auto maps = three_maps();
+  const std::string tex = tables_tex(maps, compare_all(maps));
+  EXPECT_THAT(tex, HasSubstr("out/a\\_1 & 400 & 0.750 & 0.5"));
+  EXPECT_THAT(tex, HasSubstr(" & -- "));
+  EXPECT_THAT(tex, HasSubstr(" & different \\\\"));
+  for (const char* word : {"\\begin{tabular}", "\\end{tabular}", "\\toprule", "\\bottomrule"}) {
+    const std::size_t first = tex.find(word);
+    EXPECT_NE(tex.find(word, first + 1), std::string::npos) << word;
+  }
+}
+
+TEST(MapTable, JsonHasMapsAndPairs) {
+  const auto maps = three_maps();
+  const auto json = to_json(maps, compare_all(maps));
+  EXPECT_EQ(json.at("maps").size(), 3u);
+  EXPECT_EQ(json.at("maps")[2].at("name"), "c");
+  EXPECT_TRUE(json.at("maps")[2].at("surface_median_m").is_null());
+  EXPECT_EQ(json.at("pairs")[2].at("second"), "c");
+  EXPECT_TRUE(json.at("pairs")[2].contains("mean_difference_ci95"));
+}
+
+TEST(MapTable, RefusesBadInput) {
+  EXPECT_THROW(compare_all({}), InputError);
+  EXPECT_THROW(compare_all({some_map("a", 0.5, 1)}), InputError);
+  EXPECT_THROW(compare_all({some_map("a", 0.5, 1), ComparedMap{"empty", {}, {KeptDistances{}}}}), InputError);
+}
+
+}  // namespace
+}  // namespace tileflight::evaluation
