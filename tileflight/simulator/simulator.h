@@ -189,8 +189,9 @@ class Simulator {
   LidarScanData tf_lidar_scan(const std::string& lidar, const std::string& vehicle);
   void tf_set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle, bool external);
 
- private:
   struct Impl;
+
+ private:
   std::unique_ptr<Impl> impl_;
 };
 

@@ -1,0 +1,282 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/simulator_impl.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using flight::Drivetrain;
+using geometry::Vec3;
+
+constexpr double kTakeOffHeight_m = 2.0;     // AirSim's
+constexpr double kAtRest_m_s = 0.05;         // AirSim's
+constexpr double kHomeSpeed_m_s = 0.5;       // AirSim's
+constexpr double kLongest_s = 3600.0;        // no task runs longer
+constexpr std::size_t kMostPoints = 100000;  // of a path
+constexpr double kMostSpeed_m_s = 1000.0;
+
+void require(bool holds, const char* call, const std::string& what) {
+  if (!holds) throw InputError(call, what);
+}
+
+/// AirSim's clients send 3e38 for "as long as it takes".
+double bounded_s(float seconds, const char* call) {
+  require(!std::isnan(seconds), call, "the time is not a number");
+  return std::clamp(static_cast<double>(seconds), 0.0, kLongest_s);
+}
+
+/// Of a command that is given up; at least a step.
+double timeout_of(float seconds, const char* call) { return std::max(bounded_s(seconds, call), Engine::kStep_s); }
+
+double speed_of(float velocity, const char* call) {
+  require(velocity > 0.0F && velocity <= kMostSpeed_m_s, call, "the velocity must be above 0 and at most 1000 m/s");
+  return velocity;
+}
+
+Drivetrain drivetrain_of(int drivetrain, const YawMode& yaw, const char* call) {
+  require(drivetrain == 0 || drivetrain == 1, call, "the drivetrain is 0 (any direction) or 1 (forward only)");
+  require(!(drivetrain == 1 && yaw.is_rate), call, "a yaw rate is not possible with the drivetrain forward only");
+  return drivetrain == 1 ? Drivetrain::kForwardOnly : Drivetrain::kMaxDegreeOfFreedom;
+}
+
+/// NED turns clockwise from north, the local frame counter-clockwise from east.
+double local_yaw_rad(double heading_deg) { return flight::yaw_of_heading_rad(heading_deg); }
+
+flight::YawMode yaw_of(const YawMode& yaw, Drivetrain drivetrain, const char* call) {
+  using Kind = flight::YawMode::Kind;
+  require(std::isfinite(yaw.yaw_or_rate) && std::abs(yaw.yaw_or_rate) <= 1e6F, call, "the yaw is out of range");
+  if (yaw.is_rate)
+    return yaw.yaw_or_rate == 0.0F ? flight::YawMode{} : flight::YawMode{Kind::kRate, -radians(yaw.yaw_or_rate)};
+  if (drivetrain == Drivetrain::kForwardOnly) return {Kind::kAngle, -radians(yaw.yaw_or_rate)};
+  return {Kind::kAngle, local_yaw_rad(yaw.yaw_or_rate)};
+}
+
+/// What a call says about how a path is flown, beside the path.
+struct PathCall {
+  const char* name;
+  float velocity, timeout_s;
+  int drivetrain;
+  YawMode yaw_mode;
+  float lookahead, adaptive_lookahead;
+};
+
+flight::FollowPath path_of(const PathCall& call, std::vector<Vec3> points_local) {
+  flight::FollowPath path;
+  path.points = std::move(points_local);
+  path.speed_m_s = speed_of(call.velocity, call.name);
+  path.drivetrain = drivetrain_of(call.drivetrain, call.yaw_mode, call.name);
+  path.yaw = yaw_of(call.yaw_mode, path.drivetrain, call.name);
+  require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name, "a lookahead of 0; -1 chooses one");
+  if (call.lookahead > 0.0F) path.lookahead_m = std::min(static_cast<double>(call.lookahead), 1e6);
+  path.adaptive_lookahead = call.adaptive_lookahead > 0.0F;
+  path.timeout_s = timeout_of(call.timeout_s, call.name);
+  return path;
+}
+
+flight::FlyVelocity velocity_of(const char* call, const Vec3& velocity, float duration_s, int drivetrain,
+                                const YawMode& yaw_mode) {
+  require(velocity.allFinite() && velocity.norm() <= kMostSpeed_m_s, call, "the velocity is out of range");
+  flight::FlyVelocity command;
+  command.duration_s = bounded_s(duration_s, call);
+  command.drivetrain = drivetrain_of(drivetrain, yaw_mode, call);
+  command.yaw = yaw_of(yaw_mode, command.drivetrain, call);
+  return command;
+}
+
+/// A place of a vehicle's own NED in the local frame.
+Vec3 local_of(const Craft& craft, const geometry::SE3& T_local_ned, const Vector3r& position, const char* call) {
+  return T_local_ned * (checked_position(position, call) + craft.start_ned());
+}
+
+}  // namespace
+
+/// Blocks until the task has ended. A vehicle that is not armed or not under API control does not move: false.
+bool Simulator::Impl::fly(const std::string& name, const char* call,
+                          const std::function<flight::Command(Craft&)>& command) {
+  std::unique_lock lock(state);
+  Craft& craft = flying(name, call);
+  if (engine.stopped()) return false;
+  const flight::Command wanted = command(craft);
+  if (!craft.api_control && !craft.settings().api_always) {
+    say(std::string(call) + ": ignored, '" + craft.name() + "' is not under API control (enableApiControl)");
+    return false;
+  }
+  if (!craft.armed) {
+    say(std::string(call) + ": ignored, '" + craft.name() + "' is not armed (armDisarm)");
+    return false;
+  }
+  const std::shared_ptr<const flight::Task> task = craft.command(wanted);
+  engine.wait(lock, [&] { return task->outcome != flight::Outcome::kRunning; });
+  return task->outcome == flight::Outcome::kFinished;
+}
+
+void Simulator::enable_api_control(bool is_enabled, const std::string& vehicle) {
+  const std::lock_guard lock(impl_->state);
+  impl_->vehicle(vehicle).craft->api_control = is_enabled;
+}
+
+bool Simulator::is_api_control_enabled(const std::string& vehicle) const {
+  const std::lock_guard lock(impl_->state);
+  return impl_->vehicle(vehicle).craft->api_control;
+}
+
+bool Simulator::arm_disarm(bool arm, const std::string& vehicle) {
+  const std::lock_guard lock(impl_->state);
+  Craft& craft = *impl_->vehicle(vehicle).craft;
+  if (!craft.settings().flies) return true;
+  if (!craft.api_control && !craft.settings().api_always)
+    throw std::runtime_error("armDisarm: '" + craft.name() + "' is not under API control (enableApiControl)");
+  if (!arm && !craft.landed()) {
+    impl_->say("armDisarm: '" + craft.name() + "' is in the air and stays armed; land first");
+    return false;
+  }
+  craft.armed = arm;
+  return true;
+}
+
+void Simulator::cancel_last_task(const std::string& vehicle) {
+  const std::lock_guard lock(impl_->state);
+  impl_->flying(vehicle, "cancelLastTask").cancel();
+  impl_->engine.wake();
+}
+
+bool Simulator::takeoff(float timeout_s, const std::string& vehicle) {
+  return impl_->fly(vehicle, "takeoff", [&](Craft& craft) -> flight::Command {
+    require(craft.state().velocity_m_s.norm() <= kAtRest_m_s, "takeoff", "the vehicle is moving");
+    return flight::TakeOff{.height_m = kTakeOffHeight_m, .timeout_s = timeout_of(timeout_s, "takeoff")};
+  });
+}
+
+bool Simulator::land(float timeout_s, const std::string& vehicle) {
+  return impl_->fly(vehicle, "land", [&](Craft&) -> flight::Command {
+    return flight::Land{.timeout_s = timeout_of(timeout_s, "land")};
+  });
+}
+
+bool Simulator::go_home(float timeout_s, const std::string& vehicle) {
+  return impl_->fly(vehicle, "goHome", [&](Craft& craft) -> flight::Command {
+    flight::FollowPath path;
+    path.points = {impl_->T_local_ned * craft.home().translation};
+    path.speed_m_s = kHomeSpeed_m_s;
+    path.timeout_s = timeout_of(timeout_s, "goHome");
+    return path;
+  });
+}
+
+bool Simulator::hover(const std::string& vehicle) {
+  return impl_->fly(vehicle, "hover", [](Craft&) -> flight::Command { return flight::Hover{}; });
+}
+
+bool Simulator::move_to_position(float x, float y, float z, float velocity, float timeout_s, int drivetrain,
+                                 const YawMode& yaw_mode, float lookahead, float adaptive_lookahead,
+                                 const std::string& vehicle) {
+  const PathCall call{"moveToPosition", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
+  return impl_->fly(vehicle, call.name, [&](Craft& craft) -> flight::Command {
+    return path_of(call, {local_of(craft, impl_->T_local_ned, {x, y, z}, call.name)});
+  });
+}
+
+bool Simulator::move_on_path(const std::vector<Vector3r>& path, float velocity, float timeout_s, int drivetrain,
+                             const YawMode& yaw_mode, float lookahead, float adaptive_lookahead,
+                             const std::string& vehicle) {
+  const PathCall call{"moveOnPath", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
+  require(path.size() <= kMostPoints, call.name, "more than 100000 points");
+  return impl_->fly(vehicle, call.name, [&](Craft& craft) -> flight::Command {
+    std::vector<Vec3> points;
+    for (const Vector3r& point : path) points.push_back(local_of(craft, impl_->T_local_ned, point, call.name));
+    return path_of(call, std::move(points));
+  });
+}
+
+bool Simulator::move_to_z(float z, float velocity, float timeout_s, const YawMode& yaw_mode, float lookahead,
+                          float adaptive_lookahead, const std::string& vehicle) {
+  const PathCall call{"moveToZ", velocity, timeout_s, 0, yaw_mode, lookahead, adaptive_lookahead};
+  return impl_->fly(vehicle, call.name, [&](Craft& craft) -> flight::Command {
+    Vec3 goal = craft.position_local();
+    goal.z() = local_of(craft, impl_->T_local_ned, {0.0F, 0.0F, z}, call.name).z();
+    return path_of(call, {goal});
+  });
+}
+
+bool Simulator::move_to_gps(float latitude, float longitude, float altitude, float velocity, float timeout_s,
+                            int drivetrain, const YawMode& yaw_mode, float lookahead, float adaptive_lookahead,
+                            const std::string& vehicle) {
+  const PathCall call{"moveToGPS", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
+  const Vec3 goal = impl_->T_local_ned * impl_->earth.ned({latitude, longitude, altitude});
+  return impl_->fly(vehicle, call.name, [&](Craft&) -> flight::Command { return path_of(call, {goal}); });
+}
+
+bool Simulator::move_by_velocity(float vx, float vy, float vz, float duration_s, int drivetrain,
+                                 const YawMode& yaw_mode, const std::string& vehicle) {
+  const char* call = "moveByVelocity";
+  return impl_->fly(vehicle, call, [&](Craft&) -> flight::Command {
+    flight::FlyVelocity command = velocity_of(call, {vx, vy, vz}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = enu_of_ned({vx, vy, vz});
+    return command;
+  });
+}
+
+bool Simulator::move_by_velocity_z(float vx, float vy, float z, float duration_s, int drivetrain,
+                                   const YawMode& yaw_mode, const std::string& vehicle) {
+  const char* call = "moveByVelocityZ";
+  if (duration_s <= 0.0F) return false;
+  return impl_->fly(vehicle, call, [&](Craft& craft) -> flight::Command {
+    flight::FlyVelocity command = velocity_of(call, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = enu_of_ned({vx, vy, 0.0});
+    command.height_m = local_of(craft, impl_->T_local_ned, {0.0F, 0.0F, z}, call).z();
+    return command;
+  });
+}
+
+bool Simulator::move_by_velocity_body_frame(float vx, float vy, float vz, float duration_s, int drivetrain,
+                                            const YawMode& yaw_mode, const std::string& vehicle) {
+  const char* call = "moveByVelocityBodyFrame";
+  return impl_->fly(vehicle, call, [&](Craft&) -> flight::Command {
+    flight::FlyVelocity command = velocity_of(call, {vx, vy, vz}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = frd_of_flu({vx, vy, vz});
+    command.frame = flight::VelocityFrame::kHeading;
+    return command;
+  });
+}
+
+bool Simulator::move_by_velocity_z_body_frame(float vx, float vy, float z, float duration_s, int drivetrain,
+                                              const YawMode& yaw_mode, const std::string& vehicle) {
+  const char* call = "moveByVelocityZBodyFrame";
+  return impl_->fly(vehicle, call, [&](Craft& craft) -> flight::Command {
+    flight::FlyVelocity command = velocity_of(call, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
+    command.velocity_m_s = frd_of_flu({vx, vy, 0.0});
+    command.frame = flight::VelocityFrame::kHeading;
+    command.height_m = local_of(craft, impl_->T_local_ned, {0.0F, 0.0F, z}, call).z();
+    return command;
+  });
+}
+
+bool Simulator::rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_degrees, const std::string& vehicle) {
+  return impl_->fly(vehicle, "rotateToYaw", [&](Craft&) -> flight::Command {
+    require(std::isfinite(yaw_degrees) && std::abs(yaw_degrees) <= 1e6F, "rotateToYaw", "the yaw is out of range");
+    require(margin_degrees > 0.0F && margin_degrees <= 180.0F, "rotateToYaw", "the margin must be above 0 degrees");
+    return flight::Turn{local_yaw_rad(yaw_degrees), radians(margin_degrees), timeout_of(timeout_s, "rotateToYaw")};
+  });
+}
+
+bool Simulator::rotate_by_yaw_rate(float yaw_rate_degrees_s, float duration_s, const std::string& vehicle) {
+  return impl_->fly(vehicle, "rotateByYawRate", [&](Craft&) -> flight::Command {
+    require(std::isfinite(yaw_rate_degrees_s) && std::abs(yaw_rate_degrees_s) <= 1e5F, "rotateByYawRate",
+            "the rate is out of range");
+    return flight::TurnAtRate{-radians(yaw_rate_degrees_s), bounded_s(duration_s, "rotateByYawRate")};
+  });
+}
+
+void Simulator::sim_set_wind(const Vector3r& wind) {
+  const Vec3 wind_ned = checked_position(wind, "simSetWind");
+  if (wind_ned.norm() > 100.0) throw InputError("simSetWind", "more than 100 m/s");
+  const std::lock_guard lock(impl_->state);
+  impl_->wind_ned_m_s = wind_ned;
+  for (const auto& one : impl_->fleet) one->craft->set_wind(enu_of_ned(wind_ned));
+}
+
+}  // namespace tileflight::simulator

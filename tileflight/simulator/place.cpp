@@ -1,0 +1,95 @@
+#include "tileflight/simulator/place.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <utility>
+
+#include "tileflight/tiles/cut_reader.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using imaging::TexturedMesh;
+
+/// What clients call an object: a feature's own name, or its tile's file and its number there.
+std::string shown_name(const sensors::SceneObject& object) {
+  if (!object.name.empty()) return object.name;
+  const std::string tile = object.tile.empty() ? "surface" : object.tile;
+  return object.feature == imaging::kNoFeature ? tile : tile + "#" + std::to_string(object.feature);
+}
+
+/// Where there is nothing there is yet something to cast rays into: a triangle without area, which none meets.
+std::vector<TexturedMesh> or_nothing(std::vector<TexturedMesh> meshes) {
+  if (!meshes.empty()) return meshes;
+  TexturedMesh nothing;
+  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
+  nothing.mesh.triangles.push_back({0, 1, 2});
+  return {nothing};
+}
+
+std::vector<TexturedMesh> taken_meshes(std::vector<PlacedTile>& tiles, std::vector<std::size_t>& first_mesh) {
+  std::vector<TexturedMesh> all;
+  for (PlacedTile& tile : tiles) {
+    first_mesh.push_back(all.size());
+    for (TexturedMesh& mesh : tile.meshes) all.push_back(std::move(mesh));
+    tile.meshes.clear();
+  }
+  first_mesh.push_back(all.size());
+  return all;
+}
+
+}  // namespace
+
+Place::Place(std::vector<PlacedTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded)
+    : tiles_(std::move(tiles)),
+      scene_([&] {
+        std::vector<TexturedMesh> meshes = taken_meshes(tiles_, first_mesh_);
+        has_surface_ = !meshes.empty();
+        return scene::Scene(or_nothing(std::move(meshes)), anchor);
+      }()),
+      appearance_(std::make_shared<const sensors::Appearance>(scene_)),
+      objects_(scene_),
+      loaded_(std::move(loaded)) {
+  if (tiles_.empty()) tiles_.push_back({});
+  tile_of_mesh_.resize(scene_.meshes().size(), 0);
+  for (std::size_t tile = 0; tile + 1 < first_mesh_.size(); ++tile) {
+    std::fill(tile_of_mesh_.begin() + static_cast<std::ptrdiff_t>(first_mesh_[tile]),
+              tile_of_mesh_.begin() + static_cast<std::ptrdiff_t>(first_mesh_[tile + 1]),
+              static_cast<std::uint32_t>(tile));
+  }
+  for (std::size_t tile = 0; tile < tiles_.size(); ++tile) tile_of_identity_.try_emplace(tiles_[tile].identity, tile);
+  std::set<std::string> distinct;
+  for (const sensors::SceneObject& object : objects_.all()) {
+    object_names_.push_back(shown_name(object));
+    distinct.insert(object_names_.back());
+  }
+  if (has_surface_) distinct_names_.assign(distinct.begin(), distinct.end());
+  loaded_.triangles = has_surface_ ? scene_.triangle_count() : 0;
+}
+
+const PlacedTile* Place::find(const std::string& identity) const {
+  const auto at = tile_of_identity_.find(identity);
+  return at == tile_of_identity_.end() ? nullptr : &tiles_[at->second];
+}
+
+std::vector<TexturedMesh> Place::meshes_of(const PlacedTile& tile) const {
+  const auto index = static_cast<std::size_t>(&tile - tiles_.data());
+  const auto begin = scene_.meshes().begin();
+  return {begin + static_cast<std::ptrdiff_t>(first_mesh_[index]),
+          begin + static_cast<std::ptrdiff_t>(first_mesh_[index + 1])};
+}
+
+std::uintmax_t place_bytes(const std::vector<TexturedMesh>& meshes) {
+  constexpr std::uintmax_t kShadeBytes = 64;  // of sensors::Appearance for a triangle
+  std::set<const imaging::RgbImage*> textures;
+  std::uintmax_t bytes = 0;
+  for (const TexturedMesh& mesh : meshes) {
+    bytes += tiles::memory_bytes(mesh) + kShadeBytes * mesh.mesh.triangles.size();
+    if (mesh.texture && textures.insert(mesh.texture.get()).second)
+      bytes += mesh.texture->pixels.size() * sizeof(imaging::Rgb8) * 7 / 3;  // and its pyramid
+  }
+  return bytes;
+}
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,155 @@
+#include "tileflight/simulator/sensor_settings.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "tileflight/simulator/camera_settings.h"
+#include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/settings_section.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+
+constexpr double kMost = 1e9;
+
+SensorTiming read_timing(SettingsSection& s, const SensorTiming& otherwise) {
+  return {s.number("UpdateLatency", otherwise.latency_s, 0.0, 10.0),
+          s.number("UpdateFrequency", otherwise.frequency_hz, 1e-3, 1e5),
+          s.number("StartupDelay", otherwise.startup_delay_s, 0.0, 1e4)};
+}
+
+BarometerSettings read_barometer(SettingsSection& s) {
+  BarometerSettings b;
+  b.timing = read_timing(s, b.timing);
+  b.pressure_factor_sigma = s.number("PressureFactorSigma", b.pressure_factor_sigma, 0.0, 0.1);
+  b.pressure_factor_tau_s = s.number("PressureFactorTau", b.pressure_factor_tau_s, 1e-3, kMost);
+  b.noise_sigma_pa = s.number("UncorrelatedNoiseSigma", b.noise_sigma_pa, 0.0, 1e5);
+  b.qnh_hpa = s.number("QNH", b.qnh_hpa, 500.0, 1500.0);
+  return b;
+}
+
+ImuSettings read_imu(SettingsSection& s) {
+  ImuSettings i;
+  i.angular_random_walk_deg_sqrt_h = s.number("AngularRandomWalk", i.angular_random_walk_deg_sqrt_h, 0.0, 1e4);
+  i.gyro_bias_stability_deg_h = s.number("GyroBiasStability", i.gyro_bias_stability_deg_h, 0.0, 1e6);
+  i.gyro_bias_tau_s = s.number("GyroBiasStabilityTau", i.gyro_bias_tau_s, 1e-3, kMost);
+  i.velocity_random_walk_m_s_sqrt_h = s.number("VelocityRandomWalk", i.velocity_random_walk_m_s_sqrt_h, 0.0, 1e4);
+  i.accel_bias_stability_ug = s.number("AccelBiasStability", i.accel_bias_stability_ug, 0.0, 1e6);
+  i.accel_bias_tau_s = s.number("AccelBiasStabilityTau", i.accel_bias_tau_s, 1e-3, kMost);
+  s.without_effect({"GenerateNoise"});
+  return i;
+}
+
+GpsSettings read_gps(SettingsSection& s) {
+  GpsSettings g;
+  g.timing = read_timing(s, g.timing);
+  g.eph_tau_s = s.number("EPH_TimeConstant", s.number("EphTimeConstant", g.eph_tau_s, 1e-3, kMost), 1e-3, kMost);
+  g.epv_tau_s = s.number("EPV_TimeConstant", s.number("EpvTimeConstant", g.epv_tau_s, 1e-3, kMost), 1e-3, kMost);
+  g.eph_initial = s.number("EphInitial", g.eph_initial, 0.0, kMost);
+  g.epv_initial = s.number("EpvInitial", g.epv_initial, 0.0, kMost);
+  g.eph_final = s.number("EphFinal", g.eph_final, 0.0, kMost);
+  g.epv_final = s.number("EpvFinal", g.epv_final, 0.0, kMost);
+  g.eph_min_3d = s.number("EphMin3d", g.eph_min_3d, 0.0, kMost);
+  g.eph_min_2d = s.number("EphMin2d", g.eph_min_2d, 0.0, kMost);
+  return g;
+}
+
+MagnetometerSettings read_magnetometer(SettingsSection& s) {
+  MagnetometerSettings m;
+  m.timing = read_timing(s, m.timing);
+  m.noise_sigma_gauss = s.number("NoiseSigma", m.noise_sigma_gauss, 0.0, 100.0);
+  m.scale_factor = s.number("ScaleFactor", m.scale_factor, -100.0, 100.0);
+  m.bias_gauss = s.number("NoiseBias", m.bias_gauss, -100.0, 100.0);
+  return m;
+}
+
+/// AirSim puts sensors of vehicles that do not fly a metre above them.
+Vec3 default_place(bool flies) { return {0.0, 0.0, flies ? 0.0 : -1.0}; }
+
+DistanceSettings read_distance(SettingsSection& s, bool flies) {
+  DistanceSettings d;
+  d.min_m = s.number("MinDistance", d.min_m, 0.0, 1e5);
+  d.max_m = s.number("MaxDistance", d.max_m, d.min_m, 1e5);
+  d.noise_sigma_m = s.number("NoiseSigma", d.noise_sigma_m, 0.0, 1e3);
+  d.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
+  s.without_effect({"DrawDebugPoints", "ExternalController"});
+  return d;
+}
+
+LidarSettings read_lidar(SettingsSection& s, bool flies) {
+  LidarSettings l;
+  if (!flies) {
+    l.upper_deg = 10.0;
+    l.lower_deg = -10.0;
+  }
+  l.channels = s.integer("NumberOfChannels", l.channels, 1, 1024);
+  l.range_m = s.number("Range", l.range_m, 0.01, 1e5);
+  l.rotations_per_second = s.number("RotationsPerSecond", l.rotations_per_second, 0.01, 1000.0);
+  l.points_per_second = s.number("PointsPerSecond", l.points_per_second, 1.0, 1e8);
+  l.horizontal_from_deg = s.number("HorizontalFOVStart", l.horizontal_from_deg, -360.0, 360.0);
+  l.horizontal_to_deg = s.number("HorizontalFOVEnd", l.horizontal_to_deg, -360.0, 360.0);
+  l.upper_deg = s.number("VerticalFOVUpper", l.upper_deg, -90.0, 90.0);
+  l.lower_deg = s.number("VerticalFOVLower", l.lower_deg, -90.0, 90.0);
+  l.in_sensor_frame =
+      s.choice("DataFrame", "VehicleInertialFrame", {"VehicleInertialFrame", "SensorLocalFrame"}) == "SensorLocalFrame";
+  l.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
+  if (l.points_per_second / l.rotations_per_second > 4e6)
+    s.fail("PointsPerSecond", "more than four million points in a turn");
+  s.without_effect({"DrawDebugPoints", "ExternalController"});
+  return l;
+}
+
+SensorKind read_kind(int type, SettingsSection& section, bool flies) {
+  switch (type) {
+    case 1:
+      return read_barometer(section);
+    case 2:
+      return read_imu(section);
+    case 3:
+      return read_gps(section);
+    case 4:
+      return read_magnetometer(section);
+    case 5:
+      return read_distance(section, flies);
+    case 6:
+      return read_lidar(section, flies);
+    default:
+      section.fail("SensorType", "is from 1 (barometer) to 6 (lidar)");
+  }
+}
+
+}  // namespace
+
+std::vector<SensorSettings> read_sensors(SettingsSection& parent, const char* key, bool flies,
+                                         std::vector<SensorSettings> sensors) {
+  for (auto& [name, section] : parent.members(key)) {
+    const auto known = std::ranges::find(sensors, name, &SensorSettings::name);
+    const bool enabled = section.boolean("Enabled", false);
+    const bool only_switches = !section.has("SensorType") && known != sensors.end();
+    const int type = section.integer("SensorType", 0, 0, 100);
+    if (!only_switches) {
+      SensorSettings sensor{name, read_kind(type, section, flies)};
+      if (known != sensors.end()) {
+        *known = std::move(sensor);
+      } else if (enabled) {
+        sensors.push_back(std::move(sensor));
+      }
+    }
+    section.finish();
+    if (!enabled) std::erase_if(sensors, [&](const SensorSettings& sensor) { return sensor.name == name; });
+  }
+  return sensors;
+}
+
+std::vector<SensorSettings> default_sensors(bool flies) {
+  if (!flies) return {};
+  return {{"imu", ImuSettings{}},
+          {"magnetometer", MagnetometerSettings{}},
+          {"gps", GpsSettings{}},
+          {"barometer", BarometerSettings{}}};
+}
+
+}  // namespace tileflight::simulator

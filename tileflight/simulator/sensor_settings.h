@@ -1,0 +1,76 @@
+#pragma once
+
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+#include "tileflight/simulator/own_types.h"
+
+namespace tileflight::simulator {
+
+// AirSim's sensors with its keys and defaults.
+
+/// Of all sensors whose readings come at a rate: how old a reading is, and when the first is there.
+struct SensorTiming {
+  double latency_s = 0.0;
+  double frequency_hz = 50.0;
+  double startup_delay_s = 0.0;
+};
+
+struct BarometerSettings {
+  SensorTiming timing;
+  double pressure_factor_sigma = 0.001825;  ///< share of the pressure by which the weather wanders
+  double pressure_factor_tau_s = 3600.0;
+  double noise_sigma_pa = 2.7;
+  double qnh_hpa = 1013.25;
+};
+
+struct ImuSettings {
+  double angular_random_walk_deg_sqrt_h = 0.3;
+  double gyro_bias_stability_deg_h = 4.6;
+  double gyro_bias_tau_s = 500.0;
+  double velocity_random_walk_m_s_sqrt_h = 0.24;
+  double accel_bias_stability_ug = 36.0;
+  double accel_bias_tau_s = 800.0;
+};
+
+struct GpsSettings {
+  SensorTiming timing{0.2, 50.0, 1.0};
+  double eph_initial = 100.0, eph_final = 0.1, eph_min_3d = 3.0, eph_min_2d = 4.0, eph_tau_s = 0.9;
+  double epv_initial = 100.0, epv_final = 0.1, epv_tau_s = 0.9;
+};
+
+struct MagnetometerSettings {
+  SensorTiming timing;
+  double noise_sigma_gauss = 0.005;
+  double scale_factor = 1.0;
+  double bias_gauss = 0.0;
+};
+
+struct DistanceSettings {
+  geometry::SE3 T_body_sensor;  ///< looks along x
+  double min_m = 0.2, max_m = 40.0;
+  double noise_sigma_m = 0.2;  ///< AirSim's, always on there; own key "NoiseSigma"
+};
+
+struct LidarSettings {
+  geometry::SE3 T_body_sensor;
+  int channels = 16;
+  double range_m = 100.0;
+  double points_per_second = 100000.0;
+  double rotations_per_second = 10.0;
+  double horizontal_from_deg = 0.0, horizontal_to_deg = 359.0;  ///< clockwise from x, seen from above
+  double upper_deg = -15.0, lower_deg = -45.0;                  ///< positive is up
+  bool in_sensor_frame = false;                                 ///< DataFrame "SensorLocalFrame"
+};
+
+using SensorKind =
+    std::variant<BarometerSettings, ImuSettings, GpsSettings, MagnetometerSettings, DistanceSettings, LidarSettings>;
+
+struct SensorSettings {
+  std::string name;
+  SensorKind kind;
+};
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,172 @@
+#include "tileflight/simulator/settings.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/simulator/camera_settings.h"
+#include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/settings_section.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using geometry::Vec3;
+using nlohmann::json;
+
+constexpr std::size_t kMaxVehicles = 64;
+
+/// Of AirSim's keys, those that concern what there is not here: a window, a graphics card, a game.
+const std::vector<std::string> kWithoutEffect{
+    "SettingsVersion", "SeeDocsAt",   "ViewMode",          "ClockType",        "LogMessagesVisible",
+    "RpcEnabled",      "EnableRpc",   "SubWindows",        "PawnPaths",        "TimeOfDay",
+    "CameraDirector",  "RC",          "Material",          "InitialViewMode",  "SpeedUnitFactor",
+    "SpeedUnitLabel",  "EngineSound", "ShowLosDebugLines", "MotionBlurAmount", "ForegroundColor",
+    "MoveWorldOrigin"};
+
+geometry::Geodetic read_origin(SettingsSection section) {
+  const geometry::Geodetic origin{section.number("Latitude", kDefaultOrigin.latitude_deg, -90.0, 90.0),
+                                  section.number("Longitude", kDefaultOrigin.longitude_deg, -180.0, 180.0),
+                                  {section.number("Altitude", kDefaultOrigin.height.m, -10000.0, 100000.0)}};
+  section.finish();
+  return origin;
+}
+
+RecordingSettings read_recording(SettingsSection section) {
+  RecordingSettings recording;
+  recording.enabled = section.boolean("Enabled", false);
+  recording.on_move = section.boolean("RecordOnMove", false);
+  recording.interval_s = section.number("RecordInterval", 0.05, 0.003, 3600.0);
+  recording.folder = section.text("Folder", "");
+  recording.dataset = section.boolean("Dataset", false);
+  std::vector<RecordedCamera> cameras;
+  for (SettingsSection& entry : section.list("Cameras")) {
+    cameras.push_back({entry.text("CameraName", ""), entry.integer("ImageType", 0, 0, kImageTypes - 1),
+                       entry.boolean("PixelsAsFloat", false), entry.boolean("Compress", true),
+                       entry.text("VehicleName", "")});
+    entry.without_effect({"Annotation"});
+    entry.finish();
+  }
+  if (!cameras.empty()) recording.cameras = std::move(cameras);
+  section.finish();
+  return recording;
+}
+
+void read_segmentation(SettingsSection section, Settings& settings) {
+  const std::string method = section.choice("InitMethod", "CommonObjectsRandomIDs", {"None", "CommonObjectsRandomIDs"});
+  settings.random_ids = method == "CommonObjectsRandomIDs";
+  section.without_effect({"MeshNamingMethod", "OverrideExisting"});
+  section.finish();
+}
+
+/// Those with a name of the list take its place, others come after.
+void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& cameras) {
+  for (CameraSettings& camera : own) {
+    const auto at = std::ranges::find(cameras, camera.name, &CameraSettings::name);
+    if (at == cameras.end()) {
+      cameras.push_back(std::move(camera));
+    } else {
+      *at = std::move(camera);
+    }
+  }
+}
+
+VehicleSettings read_vehicle(const std::string& name, SettingsSection section, const Settings& settings,
+                             const std::vector<SensorSettings>& default_sensors) {
+  VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
+  const std::string type =
+      section.choice("VehicleType", settings.computer_vision ? "ComputerVision" : "SimpleFlight",
+                     {"SimpleFlight", "ComputerVision", "ExternalPhysics", "PX4Multirotor", "ArduCopter", "PhysXCar"});
+  if (type == "PX4Multirotor" || type == "ArduCopter" || type == "PhysXCar")
+    section.fail("VehicleType", "'" + type + "' is not simulated here: SimpleFlight and ComputerVision are");
+  vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
+  vehicle.start_ned = section.position();
+  vehicle.R_ned_body = section.orientation();
+  vehicle.armed = section.choice("DefaultVehicleState", "Inactive", {"Inactive", "Armed", ""}) == "Armed";
+  vehicle.api_always = section.boolean("AllowAPIAlways", false);
+  const bool passes = section.boolean("EnableCollisionPassthrogh", false);
+  vehicle.collides = section.boolean("EnableCollisions", true) && !passes;
+  std::vector<CameraSettings> cameras;
+  for (auto& [camera, entry] : section.members("Cameras"))
+    cameras.push_back(read_camera(camera_of_alias(camera), std::move(entry), settings.camera_defaults));
+  put_cameras(std::move(cameras), vehicle.cameras);
+  vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors);
+  section.without_effect({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC",
+                          "FollowDistance", "UseSerial", "Model"});
+  section.finish();
+  return vehicle;
+}
+
+void read_vehicles(SettingsSection& root, Settings& settings) {
+  const bool flies = !settings.computer_vision;
+  const std::vector<SensorSettings> sensors = read_sensors(root, "DefaultSensors", flies, default_sensors(flies));
+  auto entries = root.members("Vehicles");
+  if (entries.size() > kMaxVehicles) root.fail("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
+  for (auto& [name, entry] : entries)
+    settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
+  if (!settings.vehicles.empty()) return;
+  settings.vehicles.push_back(default_vehicle(settings.computer_vision ? "ComputerVision" : "SimpleFlight",
+                                              !settings.computer_vision, settings.camera_defaults));
+  settings.vehicles.back().sensors = sensors;
+}
+
+void read_mode(SettingsSection& root, Settings& settings) {
+  const std::string mode = root.choice("SimMode", "Multirotor", {"Multirotor", "ComputerVision", "Car", ""});
+  if (mode == "Car") root.fail("SimMode", "cars are not simulated here: Multirotor and ComputerVision are");
+  settings.computer_vision = mode == "ComputerVision";
+  const std::string physics =
+      root.choice("PhysicsEngineName", "", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"});
+  if (physics == "ExternalPhysicsEngine") settings.computer_vision = true;
+  settings.clock.speed = root.number("ClockSpeed", 1.0, 1e-3, 1e3);
+  settings.clock.on_demand = root.boolean("StepOnDemand", false);
+  if (root.has("ApiServerPort")) settings.port = root.integer("ApiServerPort", 41451, 0, 65535);
+  if (root.has("LocalHostIp")) settings.address = root.text("LocalHostIp", "");
+}
+
+json parsed(const std::string& text, const std::string& name) {
+  if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos) return json::object();
+  try {
+    return json::parse(text, nullptr, true, true);
+  } catch (const json::exception& error) {
+    throw InputError(name, "is not JSON: " + std::string(error.what()));
+  }
+}
+
+}  // namespace
+
+VehicleSettings default_vehicle(const std::string& name, bool flies, const CameraSettings& camera_defaults) {
+  VehicleSettings vehicle;
+  vehicle.name = name;
+  vehicle.flies = flies;
+  vehicle.cameras = default_cameras(camera_defaults);
+  vehicle.sensors = default_sensors(flies);
+  return vehicle;
+}
+
+Settings read_settings(const std::string& text, const std::string& name) {
+  const json document = parsed(text, name);
+  Settings settings;
+  SettingsSection root(document, name, settings.warnings);
+  read_mode(root, settings);
+  if (auto origin = root.section("OriginGeopoint")) settings.origin = read_origin(std::move(*origin));
+  settings.start_on_surface = root.boolean("StartOnSurface", true);
+  settings.inverted_voxel_scale = root.boolean("InvertedVoxelScale", false);
+  if (auto wind = root.section("Wind")) {
+    settings.wind_ned_m_s = wind->position();
+    if (settings.wind_ned_m_s.norm() > 100.0) root.fail("Wind", "more than 100 m/s");
+    wind->finish();
+  }
+  if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
+  if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
+  if (auto defaults = root.section("CameraDefaults")) {
+    settings.camera_defaults = read_camera("", std::move(*defaults), {});
+  }
+  read_vehicles(root, settings);
+  for (auto& [camera, entry] : root.members("ExternalCameras"))
+    settings.external_cameras.push_back(read_camera(camera, std::move(entry), settings.camera_defaults));
+  root.without_effect(kWithoutEffect);
+  root.finish();
+  return settings;
+}
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,95 @@
+#include "tileflight/simulator/sim_camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/simulator/camera_settings.h"
+#include "tileflight/simulator/frames.h"
+#include "tileflight/tiles/viewing.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using imaging::Camera;
+
+constexpr std::array<const char*, 5> kDistortionNames{"K1", "K2", "K3", "P1", "P2"};
+constexpr double kMostDistortion = 100.0;
+constexpr double kNearPlane_cm = 10.0;
+
+/// The same pinhole with Brown's distortion: OpenCV's order is k1 k2 p1 p2 k3.
+Camera distorted(const Camera& lens, const std::array<double, 5>& k) {
+  const auto* pinhole = std::get_if<imaging::PinholeRadtan>(&lens.model());
+  const bool any = std::ranges::any_of(k, [](double value) { return value != 0.0; });
+  if (pinhole == nullptr || !any) return lens;
+  imaging::PinholeRational model{pinhole->fx, pinhole->fy, pinhole->cx, pinhole->cy, {}};
+  model.d[0] = k[0];
+  model.d[1] = k[1];
+  model.d[2] = k[3];
+  model.d[3] = k[4];
+  model.d[4] = k[2];
+  return {model, lens.width(), lens.height()};
+}
+
+}  // namespace
+
+void SimCamera::set_fov(double fov_deg) {
+  if (!(fov_deg >= 0.1 && fov_deg <= 179.9))
+    throw InputError("camera '" + name() + "'", "the field of view must be from 0.1 to 179.9 degrees");
+  for (CaptureSettings& capture : settings_.captures) {
+    capture.fov_deg = fov_deg;
+    capture.lens.reset();
+  }
+  pixels_per_rad_ = 0.0;
+}
+
+void SimCamera::set_distortion(const std::string& key, double value) {
+  const auto at = std::ranges::find(kDistortionNames, key);
+  if (at == kDistortionNames.end())
+    throw InputError("camera '" + name() + "'", "'" + key.substr(0, 20) + "' is no distortion: K1, K2, K3, P1, P2");
+  if (!(std::abs(value) <= kMostDistortion))
+    throw InputError("camera '" + name() + "'", key + " must be from -100 to 100");
+  distortion_[static_cast<std::size_t>(at - kDistortionNames.begin())] = value;
+  pixels_per_rad_ = 0.0;
+}
+
+void SimCamera::set_lens(const LensDescription& lens) {
+  std::array<CaptureSettings, kImageTypes> captures = settings_.captures;
+  for (CaptureSettings& capture : captures) {
+    if (lens.width != 0) capture.width = lens.width;
+    if (lens.height != 0) capture.height = lens.height;
+    capture.lens = lens;
+    lens_of(capture, "camera '" + name() + "'");
+  }
+  settings_.captures = captures;
+  pixels_per_rad_ = 0.0;
+}
+
+Camera SimCamera::lens(int image_type) const {
+  return distorted(lens_of(capture(image_type), "camera '" + name() + "'"), distortion_);
+}
+
+/// Unreal's perspective with the depth reversed and no far plane; rows times (x forward, y right, z down, 1) give clip
+/// coordinates. Both axes have the scale of the longer side.
+CameraInfo SimCamera::info(const geometry::SE3& T_ned_camera) const {
+  CameraInfo info;
+  info.pose = wire(T_ned_camera);
+  info.fov = static_cast<float>(fov_deg());
+  const double scale = 1.0 / std::tan(0.5 * radians(fov_deg()));
+  const double longer = std::max(width(0), height(0));
+  auto& m = info.proj_mat.matrix;
+  m[0][1] = static_cast<float>(scale * longer / width(0));
+  m[1][2] = static_cast<float>(-scale * longer / height(0));
+  m[2][3] = static_cast<float>(kNearPlane_cm);
+  m[3][0] = -1.0F;
+  return info;
+}
+
+double SimCamera::pixels_per_rad() const {
+  if (pixels_per_rad_ > 0.0) return pixels_per_rad_;
+  for (int type = 0; type < kImageTypes; ++type)
+    pixels_per_rad_ = std::max(pixels_per_rad_, tiles::eye_of(lens(type)).pixels_per_rad);
+  return pixels_per_rad_;
+}
+
+}  // namespace tileflight::simulator
