@@ -5,6 +5,7 @@
 #include "tileflight/report/ablation_table.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/numbers.h"
+#include "tileflight/report/score_tables.h"
 
 namespace tileflight::report {
 namespace {
@@ -68,7 +69,12 @@ Contents contents_of(const RunFolder& run) {
   std::erase_if(contents.figures, [](const Figure& figure) { return figure.empty(); });
   contents.tables = {{"percentiles", percentiles_table(run.flights)},
                      {"surface", surface_table(run.flights)},
+                     {"quality", quality_table(run.flights)},
+                     {"budget", budget_table(run.flights)},
                      {"comparison", comparison_table(run.results)},
+                     {"runs", runs_table(run.flights)},
+                     {"failure", failure_table(run.results)},
+                     {"regions", regions_table(run.flights)},
                      {"parts", parts_table(run)},
                      {"trajectory", trajectory_table(run.flights)},
                      {"reproduction", reproduction_table(run.results)},

@@ -13,11 +13,14 @@ constexpr std::size_t kMostInPage_bytes = 24'000;
 
 std::string kind_of(const FigureFile& file) { return file.media_type == "text/csv" ? "CSV" : "SVG"; }
 
-Html link(const FigureFile& file) {
+/// Named by its kind, or by its name where a figure has several of a kind.
+Html link(const FigureFile& file, bool by_name) {
   const bool in_page = file.bytes.size() <= kMostInPage_bytes;
   const std::string address = in_page ? data_uri(file.media_type, file.bytes) : "figures/" + file.name;
-  return element("a", {{"href", address}, {"download", file.name}},
-                 element("span", {{"class", "for-readers"}}, text("Save " + file.name + " as ")) + text(kind_of(file)));
+  const Html words =
+      by_name ? text(file.name)
+              : element("span", {{"class", "for-readers"}}, text("Save " + file.name + " as ")) + text(kind_of(file));
+  return element("a", {{"href", address}, {"download", file.name}}, words);
 }
 
 }  // namespace
@@ -25,7 +28,7 @@ Html link(const FigureFile& file) {
 Html draw(const Figure& figure) {
   if (figure.empty()) return {};
   Html caption = text(figure.caption);
-  for (const FigureFile& file : figure.files) caption += text(" ") + link(file);
+  for (const FigureFile& file : figure.files) caption += text(" ") + link(file, figure.files.size() > 2);
   return element("figure", {{"class", figure.style}, {"id", "figure-" + figure.id}},
                  figure.content + element("figcaption", caption));
 }

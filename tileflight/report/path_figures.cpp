@@ -126,8 +126,9 @@ Figure path_error_figure(const RunFolder& run) {
 
 Figure overlap_figure(const RunFolder& run) {
   Chart chart{"Likeness of both flights' views", "", {"time, s", 0, 1e-3}, {"from 0 to 1", 0, 1}, {}, {}};
-  const std::vector<std::pair<std::string, std::string>> kinds{
-      {"Overlap of views", "simulated"}, {"Correlation of pictures", "real"}, {"Structural similarity", "floor"}};
+  const std::vector<std::pair<std::string, std::string>> kinds{{"Overlap of views", "overlap"},
+                                                               {"Correlation of pictures", "correlation"},
+                                                               {"Structural similarity", "structure"}};
   for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
     ChartLine line{kinds[kind].first, kinds[kind].second, {}};
     for (const ViewPair& pair : run.view_pairs) {

@@ -38,21 +38,23 @@ Html files_list(const Contents& contents) {
 std::vector<Section> sections_of(const RunFolder& run, const Contents& c, const ReportOptions& options) {
   const auto figure = [&](const char* id) { return draw(c.figure(id)); };
   const auto table = [&](const char* id) { return draw(c.table(id)); };
-  std::vector<Section> sections{{"view", "The place, the maps and the flights", view_section(run, options.view)},
-                                {"errors", "Map error",
-                                 columns(figure("error-histogram") + figure("error-cumulative")) +
-                                     table("percentiles") + table("surface") + table("comparison")},
-                                {"frames", "Pictures of the flights", figure("frames")},
-                                {"error-maps", "Where the error is", figure("error-maps") + table("parts")},
-                                {"paths", "Paths",
-                                 columns(figure("paths") + figure("path-error")) + table("trajectory") +
-                                     table("reproduction") + columns(figure("view-overlap"))},
-                                {"tracking", "Odometry and alignment", table("tracking")},
-                                {"ablation", "Variants of the simulated flight", table("ablation")},
-                                {"place", "Coverage of the place", table("place") + table("coverage")},
-                                {"provenance", "Where the numbers come from",
-                                 element("div", {{"class", "provenance"}}, provenance_tables(run.results))},
-                                {"files", "Files", files_list(c)}};
+  std::vector<Section> sections{
+      {"view", "The place, the maps and the flights", view_section(run, options.view)},
+      {"errors", "Map error",
+       columns(figure("error-histogram") + figure("error-cumulative")) + table("percentiles") + table("surface") +
+           table("quality") + table("budget")},
+      {"comparison", "Simulated against second flight", table("comparison") + table("runs") + table("failure")},
+      {"frames", "Pictures of the flights", figure("frames")},
+      {"error-maps", "Where the error is", figure("error-maps") + table("parts") + table("regions")},
+      {"paths", "Paths",
+       columns(figure("paths") + figure("path-error")) + table("trajectory") + table("reproduction") +
+           columns(figure("view-overlap"))},
+      {"tracking", "Odometry and alignment", table("tracking")},
+      {"ablation", "Variants of the simulated flight", table("ablation")},
+      {"place", "Coverage of the place", table("place") + table("coverage")},
+      {"provenance", "Where the numbers come from",
+       element("div", {{"class", "provenance"}}, provenance_tables(run.results))},
+      {"files", "Files", files_list(c)}};
   std::erase_if(sections, [](const Section& section) { return section.content.empty(); });
   return sections;
 }

@@ -22,6 +22,9 @@ svg .backdrop { opacity: .3; }
 .mark { stroke-width: 1.6; stroke-dasharray: 6 4; }
 .line.simulated, .mark.simulated { stroke: var(--simulated); }
 .line.real, .mark.real { stroke: var(--real); }
+.line.overlap { stroke: var(--ink); }
+.line.correlation { stroke: var(--truth); }
+.line.structure { stroke: var(--floor); stroke-dasharray: 6 3; }
 .area.simulated { fill: var(--simulated); }
 .area.real { fill: var(--real); }
 .mark.floor { stroke: var(--floor); stroke-dasharray: 2 3; stroke-width: 2; }
@@ -37,7 +40,7 @@ svg .backdrop { opacity: .3; }
 )css";
 
 /// Values of the page's light colours, for programs that know no variables.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kLight{{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kLight{{
     {"var(--ink)", "#1c2126"},
     {"var(--quiet)", "#5a6570"},
     {"var(--paper)", "#ffffff"},
@@ -47,6 +50,7 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 9> kLight{{
     {"var(--simulated)", "#2f6fde"},
     {"var(--real)", "#d83b33"},
     {"var(--floor)", "#6b7680"},
+    {"var(--truth)", "#2b8a52"},
 }};
 
 constexpr std::string_view kPage = R"css(
@@ -95,6 +99,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size
 caption { text-align: left; font-weight: 600; padding-bottom: .5rem; }
 th, td { padding: .34rem .6rem; text-align: right; border-bottom: 1px solid var(--grid); vertical-align: top; }
 th { font-weight: 500; }
+tbody th { min-width: 8.5rem; }
 tbody th, thead td, th:first-child, td:first-child { text-align: left; padding-left: 0; }
 thead th { border-bottom: 2px solid var(--rule); font-weight: 600; }
 thead th[scope=colgroup] { border-bottom: 1px solid var(--rule); text-align: center; }
@@ -142,11 +147,15 @@ constexpr std::string_view kLast = R"css(
   th, td { padding: .3rem .45rem; }
   .key-figures { font-size: .78rem; }
   .key-figures tbody th { white-space: normal; }
+  tbody th { min-width: 6rem; }
 }
 @media print {
   :root { --ink: #000; --quiet: #444; --paper: #fff; --panel: #f6f6f6; --rule: #aaa; --grid: #ddd; --simulated: #1f5fcf; --real: #c62f27; --truth: #20733f; --floor: #555; }
   html { font-size: 10.5pt; }
-  nav, .skip, .switches { display: none; }
+  nav, .skip, .switches, figcaption a, #files { display: none; }
+  .columns { grid-template-columns: repeat(2, minmax(0, 1fr)); }
+  .first-screen figure { max-width: 13cm; }
+  svg text { font-size: 13px; }
   header, main, footer { max-width: none; padding: 0; }
   svg .layer.truth, svg .layer.simulated, svg .layer.real { filter: none; }
   figure, .table-frame, .pair { break-inside: avoid; }

@@ -293,7 +293,7 @@ Table comparison_table(const nlohmann::json& results) {
   if (!c.is_object() || c.empty()) return {};
   const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
   const std::string interval = low && high ? with_sign(low, 4) + " to " + with_sign(high, 4) : kUnknown;
-  return {"Simulated minus second flight",
+  return {"Differences, simulated minus second",
           {"", "Value"},
           {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
            {"95 % interval (block bootstrap), m", interval},
