@@ -42,7 +42,6 @@ export class Stage {
     this.canvas.addEventListener('pointerdown', () => (this.controls.enableZoom = true));
     this.canvas.addEventListener('pointerleave', () => (this.controls.enableZoom = false));
     this.lookFrom('orbit');
-    new ResizeObserver(() => this.fit()).observe(this.canvas.parentElement ?? this.canvas);
   }
 
   add(...things: Object3D[]): void {
@@ -55,12 +54,17 @@ export class Stage {
     this.draw();
   }
 
-  /** The canvas takes its parent's size. */
-  fit(): void {
-    const parent = this.canvas.parentElement;
-    if (!parent || parent.clientWidth === 0) return;
-    this.renderer.setSize(parent.clientWidth, parent.clientHeight);
-    this.camera.aspect = parent.clientWidth / parent.clientHeight;
+  /** Fills the frame with the canvas, now and whenever its size changes. */
+  fill(frame: HTMLElement): void {
+    frame.append(this.canvas);
+    new ResizeObserver(() => this.fit(frame)).observe(frame);
+    this.fit(frame);
+  }
+
+  private fit(frame: HTMLElement): void {
+    if (frame.clientWidth === 0 || frame.clientHeight === 0) return;
+    this.renderer.setSize(frame.clientWidth, frame.clientHeight);
+    this.camera.aspect = frame.clientWidth / frame.clientHeight;
     this.camera.updateProjectionMatrix();
     this.draw();
   }

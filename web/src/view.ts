@@ -1,5 +1,5 @@
 /** The whole view: layers on a stage, and the controls beside it. */
-import { Box3, BufferAttribute, BufferGeometry, Color, type InstancedMesh, type Mesh, type Object3D, Points, PointsMaterial, Vector2, Vector3 } from 'three';
+import { Box3, BufferAttribute, BufferGeometry, CanvasTexture, Color, type InstancedMesh, type Mesh, type Object3D, Points, PointsMaterial, Vector2, Vector3 } from 'three';
 import type { FlightHeader, ViewData } from './data';
 import { button, checkbox, choice, make, number } from './elements';
 import { cellBoxes, type ColorBy, Frustum, frustaAlong, MapLayer, pathLine, placeMesh } from './layers';
@@ -21,6 +21,20 @@ interface FlightLayers {
 
 function pageColor(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+/** A ring that is seen on any ground. */
+function ring(): CanvasTexture {
+  const canvas = make('canvas', { width: '64', height: '64' });
+  const context = canvas.getContext('2d')!;
+  for (const [color, width] of [['#000000', 14], ['#ffc400', 8]] as const) {
+    context.beginPath();
+    context.arc(32, 32, 24, 0, 2 * Math.PI);
+    context.strokeStyle = color;
+    context.lineWidth = width;
+    context.stroke();
+  }
+  return new CanvasTexture(canvas);
 }
 
 function isTyping(target: EventTarget | null): boolean {
@@ -66,7 +80,8 @@ export class View {
   private makeMark(): Points {
     const geometry = new BufferGeometry();
     geometry.setAttribute('position', new BufferAttribute(new Float32Array(3), 3));
-    const mark = new Points(geometry, new PointsMaterial({ size: 13 * devicePixelRatio, sizeAttenuation: false, color: 0xffc400, depthTest: false }));
+    const material = new PointsMaterial({ size: 22 * devicePixelRatio, sizeAttenuation: false, map: ring(), transparent: true, depthTest: false });
+    const mark = new Points(geometry, material);
     mark.visible = false;
     mark.frustumCulled = false;
     mark.renderOrder = 1;
@@ -136,7 +151,6 @@ export class View {
     const ends = this.flights.flatMap((f) => [f.estimate?.end_s ?? 0, f.truth?.end_s ?? 0, f.header.frames.at(-1)?.time_s ?? 0]);
     const end_s = Math.max(...ends, 0);
     const side = make('div', { class: 'view-side' }, this.layerBoxes, this.colorChoice(), this.legend, this.lookChoice(), this.pickBox());
-    this.frame.append(this.stage.canvas);
     this.host.append(make('div', { class: 'view-body' }, this.frame, side));
     const credits = this.data.header.attribution.join(' \u00b7 ');
     if (credits) this.host.append(make('p', { class: 'view-where' }, `Place: ${credits}`));
@@ -147,7 +161,7 @@ export class View {
     this.prepareCanvas();
     this.recolor();
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.recolor());
-    this.stage.fit();
+    this.stage.fill(this.frame);
   }
 
   private prepareCanvas(): void {
