@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tests/height_field.h"
+#include "tileflight/evaluation/distances.h"
 #include "tileflight/geometry/triangle_index.h"
 
 namespace {
@@ -57,6 +58,21 @@ void nearest_on_mesh(benchmark::State& state) {
                       [&](std::size_t i) { distances[i] = index.nearest(points()[i])->distance_m; });
     sum = 0.0;
     for (const double d : distances) sum += d;
+  }
+  state.counters["mean_m"] = sum / kPoints;
+}
+
+/// As `evaluate` does it: along a curve through space, each search bounded by the one before.
+void nearest_on_mesh_walk(benchmark::State& state) {
+  terrain();
+  tileflight::geometry::PointCloud cloud;
+  cloud.positions = points();
+  double sum = 0.0;
+  for (auto _ : state) {
+    sum = 0.0;
+    for (const double d :
+         tileflight::evaluation::surface_distances(cloud, tileflight::geometry::TriangleIndex(terrain())))
+      sum += d;
   }
   state.counters["mean_m"] = sum / kPoints;
 }
@@ -119,4 +135,5 @@ void nearest_on_mesh_embree(benchmark::State& state) {
 }  // namespace
 
 BENCHMARK(nearest_on_mesh)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
+BENCHMARK(nearest_on_mesh_walk)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK(nearest_on_mesh_embree)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();

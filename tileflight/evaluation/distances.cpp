@@ -1,10 +1,9 @@
 #include "tileflight/evaluation/distances.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/evaluation/spatial_walk.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/nearest.h"
 
@@ -110,22 +109,20 @@ std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& 
   check(points, what);
   check(targets, target_name);
   const geometry::NearestIndex index(targets.positions);
-  std::vector<double> distances(points.size());
-  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
-    const auto nearest = index.nearest(points.positions[i], radius_m);
-    distances[i] = nearest ? nearest->distance_m : std::numeric_limits<double>::infinity();
+  return distances_along_walk(points.positions, radius_m, [&](const Vec3& p, double within_m) -> std::optional<double> {
+    const auto nearest = index.nearest(p, within_m);
+    return nearest ? std::optional(nearest->distance_m) : std::nullopt;
   });
-  return distances;
 }
 
 std::vector<double> surface_distances(const PointCloud& points, const geometry::TriangleIndex& surface) {
   check(points, "map");
-  std::vector<double> distances(points.size());
-  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
-    const auto nearest = surface.nearest(points.positions[i]);
-    distances[i] = nearest ? nearest->distance_m : std::numeric_limits<double>::infinity();
-  });
-  return distances;
+  constexpr double kAnywhere = std::numeric_limits<double>::infinity();
+  return distances_along_walk(points.positions, kAnywhere,
+                              [&](const Vec3& p, double within_m) -> std::optional<double> {
+                                const auto nearest = surface.nearest(p, within_m);
+                                return nearest ? std::optional(nearest->distance_m) : std::nullopt;
+                              });
 }
 
 KeptDistances keep(const std::vector<Vec3>& positions, const std::vector<double>& distances, double cutoff_m) {
