@@ -313,15 +313,15 @@ bool Simulator::sim_is_paused() const {
 }
 
 void Simulator::sim_continue_for_time(double seconds) {
-  constexpr double kMost_s = 86400.0;
+  constexpr double kMost_s = 3600.0;
   if (!(seconds >= 0.0 && seconds <= kMost_s))
-    throw InputError("simContinueForTime", "the time must be from 0 to 86400 seconds");
+    throw InputError("simContinueForTime", "the time must be from 0 to 3600 seconds");
   sim_continue_for_frames(static_cast<std::uint32_t>(std::ceil(seconds / Engine::kStep_s - 1e-6)));
 }
 
 void Simulator::sim_continue_for_frames(std::uint32_t frames) {
-  constexpr std::uint32_t kMost = 30'000'000;
-  if (frames > kMost) throw InputError("simContinueForFrames", "more than 30000000 steps");
+  constexpr std::uint32_t kMost = 1'200'000;
+  if (frames > kMost) throw InputError("simContinueForFrames", "more than 1200000 steps");
   std::unique_lock lock(impl_->state);
   impl_->engine.run_steps(lock, frames);
 }

@@ -200,6 +200,11 @@ std::shared_ptr<const Place> WorkingSet::load(const std::vector<Cell>& cells, co
       cells_ = cells;
       return *place;
     }
+    if (!pinned_.empty()) {
+      say("what the sensors can see does not fit into memory: the oldest region of tfLoadRegion is let go");
+      pinned_.erase(pinned_.begin());
+      continue;
+    }
     if (!follows_ || error_px_ * kCoarser > kCoarsest_px)
       throw InputError(tiles::shown_source(options_.source), "does not fit into the memory allowed (--memory)");
     error_px_ = error_px_ * kCoarser;
@@ -284,14 +289,16 @@ LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m, std::
   const std::vector<Pinned> before = pinned_;
   if (pinned_.size() >= kMostPinned) pinned_.erase(pinned_.begin());
   pinned_.push_back({{box_local.center(), box_local.sizes(), {}}, error_m});
-  const double error_px_before = error_px_;
-  try {
-    return load(cells_of(looks), {})->loaded();
-  } catch (const InputError&) {
+  const std::vector<Cell> cells = cells_of(looks);
+  const auto place = try_load(cells, {});
+  if (!place) {
     pinned_ = before;
-    error_px_ = error_px_before;
-    throw;
+    throw InputError(tiles::shown_source(options_.source),
+                     "the region needs more memory than is left: ask for less or for coarser tiles");
   }
+  keep(*place);
+  cells_ = cells;
+  return (*place)->loaded();
 }
 
 geometry::TriangleMesh WorkingSet::triangles_in(const Box3& box_local, double error_m) const {

@@ -1,0 +1,99 @@
+#include "tileflight/simulator/simulator.h"
+
+#include <gmock/gmock.h>
+
+#include <chrono>
+#include <functional>
+#include <random>
+#include <thread>
+
+#include "tileflight/simulator/test_world.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using namespace test_world;
+
+/// One of many calls, with numbers of which some make no sense.
+void call_something(Simulator& world, std::mt19937& random) {
+  const auto number = [&] { return std::uniform_real_distribution<float>(-30.0F, 30.0F)(random); };
+  const YawMode keep{true, 0.0F};
+  const std::vector<std::function<void()>> calls{
+      [&] {
+        world.sim_get_images({{"0", 0, false, true}, {"3", 5, false, false}}, "", false);
+      },
+      [&] {
+        world.sim_get_images({{"1", static_cast<int>(random() % 12), true, false}}, "", false);
+      },
+      [&] { world.sim_set_vehicle_pose(pose(number(), number(), -20 + number()), random() % 2 == 0, ""); },
+      [&] { world.get_multirotor_state(""); },
+      [&] { world.takeoff(number(), ""); },
+      [&] { world.move_to_position(number(), number(), -15, number(), 5, 0, keep, -1, 1, ""); },
+      [&] { world.move_by_velocity(number(), number(), 0, 1, 0, keep, ""); },
+      [&] { world.cancel_last_task(""); },
+      [&] { world.reset(); },
+      [&] { world.enable_api_control(true, ""); },
+      [&] { world.arm_disarm(true, ""); },
+      [&] { world.get_imu_data("", ""); },
+      [&] { world.get_gps_data("", ""); },
+      [&] { world.sim_set_camera_fov("0", 60 + number(), "", false); },
+      [&] { world.sim_set_segmentation_object_id(".*wall", static_cast<int>(random() % 300), true); },
+      [&] { world.tf_coverage("0", "", false); },
+      [&] { world.tf_statistics(); },
+      [&] {
+        world.tf_create_voxel_grid({0, 0, 0}, {20, 20, 20}, 2.0F + number());
+      },
+      [&] { world.sim_get_collision_info(""); },
+      [&] { world.sim_continue_for_frames(random() % 50); },
+      [&] { world.sim_pause(false); },
+  };
+  try {
+    calls[random() % calls.size()]();
+  } catch (const std::runtime_error& refused) {
+    EXPECT_STRNE(refused.what(), "");
+    EXPECT_EQ(std::string(refused.what()).find('\n'), std::string::npos);
+  }
+}
+
+TEST(Simulator, ManyClientsAtOnceDoNotStopEachOther) {
+  const auto world = simulator(R"({"SimMode": "Multirotor", "ClockSpeed": 10})");
+  std::vector<std::thread> clients;
+  for (unsigned client = 0; client < 6; ++client) {
+    clients.emplace_back([&world, client] {
+      std::mt19937 random(client);
+      for (int i = 0; i < 60; ++i) call_something(*world, random);
+    });
+  }
+  std::thread releases([&world] {  // a pause of one client's must not hold the others for ever
+    for (int i = 0; i < 20; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      world->sim_pause(false);
+    }
+    world->stop();
+  });
+  for (std::thread& client : clients) client.join();
+  releases.join();
+  EXPECT_EQ(world->tf_statistics().tasks_running, 0);
+  EXPECT_TRUE(world->ping());
+}
+
+TEST(Simulator, ARecordingOfTheSettingsBeginsWithTheServer) {
+  const auto closed = [] { simulator(R"({"Recording": {"Enabled": true}})"); };
+  EXPECT_THROW(closed(), std::runtime_error) << "there is nowhere to write";
+}
+
+TEST(Simulator, VehiclesCanBeAdded) {
+  const auto world = simulator(kMultirotor);
+  EXPECT_TRUE(world->sim_add_vehicle("Second", "SimpleFlight", pose(6, 3, 0), ""));
+  EXPECT_FALSE(world->sim_add_vehicle("Second", "SimpleFlight", pose(6, 3, 0), "")) << "the name is taken";
+  EXPECT_FALSE(world->sim_add_vehicle("Eye", "ComputerVision", pose(6, 3, 0), "")) << "of the other mode";
+  EXPECT_THAT(world->list_vehicles(), testing::ElementsAre("SimpleFlight", "Second"));
+  EXPECT_NEAR(world->sim_get_object_pose("Second").position.x_val, 6.0, 1e-5);
+  world->enable_api_control(true, "Second");
+  world->arm_disarm(true, "Second");
+  EXPECT_TRUE(world->takeoff(20, "Second"));
+  EXPECT_NEAR(world->sim_get_vehicle_pose("Second").position.z_val, -2.35, 0.15);
+}
+
+}  // namespace
+}  // namespace tileflight::simulator
