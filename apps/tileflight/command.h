@@ -18,7 +18,7 @@ struct CommonOptions {
   int threads = 0;     ///< 0: one a core
 };
 
-/// What a command leaves to print: for programs and for people.
+/// What a command leaves to print: for programs (null: it has printed by itself) and for people.
 struct Output {
   nlohmann::json json;
   std::string text;
@@ -53,5 +53,6 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_compare(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_run(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_report(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_serve(CLI::App& app, CommonOptions& common, Selection& selection);
 
 }  // namespace tileflight::app

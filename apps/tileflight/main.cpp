@@ -34,6 +34,7 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   commands::add_compare(app, common, selection);
   commands::add_run(app, common, selection);
   commands::add_report(app, common, selection);
+  commands::add_serve(app, common, selection);
 }
 
 /// One line, whatever the cause put into it.
@@ -45,9 +46,9 @@ void print_error(std::string message) {
 }
 
 void print_output(const CommonOptions& common, const Output& output) {
-  if (common.json) {
+  if (common.json && !output.json.is_null()) {
     std::cout << output.json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
-  } else if (!common.quiet) {
+  } else if (!common.json && !common.quiet) {
     std::cout << output.text;
   }
   if (!std::cout.flush()) throw std::runtime_error("cannot write to standard output");

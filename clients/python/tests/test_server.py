@@ -139,10 +139,11 @@ class AsTheOldClientSpeaks(unittest.TestCase):
     def ask(self, request):
         with socket.create_connection(("127.0.0.1", self.server.port), timeout=20) as one:
             one.sendall(request)
-            one.shutdown(socket.SHUT_WR)
             answer = b""
-            while not answer or not self.whole(answer):
-                answer += one.recv(65536)
+            while not self.whole(answer):
+                data = one.recv(65536)
+                self.assertTrue(data, "the server has closed the connection")
+                answer += data
             return answer
 
     def whole(self, answer):
@@ -235,6 +236,7 @@ class Serving(unittest.TestCase):
                 code, out, err = server.stop(number)
                 self.assertEqual((code, out, err), (0, "", ""))
                 self.assertIsNotNone(flight.error)
+                client.close()
 
     def test_a_token_comes_first(self):
         with RunningServer(LOOKING, token="let me in") as server:

@@ -20,7 +20,11 @@ class VehicleClient:
         """timeout_value: seconds that an answer is waited for. token: what the server was given with --token."""
         self.client = Connection(ip or "127.0.0.1", port, timeout_value)
         if token is not None:
-            self.tfAuthenticate(token)
+            try:
+                self.tfAuthenticate(token)
+            except Exception:
+                self.close()
+                raise
 
     def close(self) -> None:
         self.client.close()

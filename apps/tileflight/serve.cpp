@@ -1,0 +1,185 @@
+#include <unistd.h>
+
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "command.h"
+#include "region_options.h"
+#include "source_options.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/server/method_table.h"
+#include "tileflight/server/own_methods.h"
+
+namespace tileflight::app {
+namespace {
+
+struct ServeOptions {
+  RegionOptions region;
+  SourceArguments source_arguments;
+  simulator::SimulatorOptions simulator;
+  rpc::ServerOptions server;
+  std::string settings, token_file, files, follow = "auto";
+  std::vector<double> start_local;
+  double memory_gb = 2.0;
+  std::size_t message_mb = 64;
+  bool port_given = false;
+};
+
+std::string file_text(const std::string& file, const char* what) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  if (!stream || !(text << stream.rdbuf())) throw InputError(file, std::string("cannot be read as ") + what);
+  return text.str();
+}
+
+std::string token_of(const std::string& file) {
+  std::string token = file_text(file, "a token");
+  while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
+  if (token.empty()) throw InputError(file, "has no token in it; write one line, such as `openssl rand -hex 32` gives");
+  return token;
+}
+
+simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
+  using simulator::Following;
+  simulator::SimulatorOptions result = options.simulator;
+  result.load = load_options(options.region);
+  result.load.source = source_options(options.source_arguments);
+  if (!options.settings.empty()) {
+    result.settings = file_text(options.settings, "settings");
+    result.settings_name = options.settings;
+  }
+  result.following = options.follow == "auto"     ? Following::kAuto
+                     : options.follow == "region" ? Following::kRegion
+                                                  : Following::kFollow;
+  result.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
+  if (!options.files.empty()) result.files = options.files;
+  const std::vector<double>& start = options.start_local;
+  if (!start.empty()) {
+    const double up_m = start.size() > 2 ? start[2] : std::numeric_limits<double>::quiet_NaN();
+    result.start_local = geometry::Vec3{start[0], start[1], up_m};
+  }
+  return result;
+}
+
+rpc::ServerOptions server_options(const ServeOptions& options, const simulator::Simulator& simulator) {
+  rpc::ServerOptions result = options.server;
+  const std::optional<int> of_settings = simulator.settings_port();
+  if (!options.port_given && of_settings) result.port = static_cast<std::uint16_t>(*of_settings);
+  if (!options.token_file.empty()) result.token = token_of(options.token_file);
+  result.token_method = server::kTokenMethod;
+  result.limits.message.max_bytes = options.message_mb << 20U;
+  return result;
+}
+
+std::string endpoint(const std::string& address, int port) {
+  const bool brackets = address.find(':') != std::string::npos;
+  return (brackets ? "[" + address + "]" : address) + ":" + std::to_string(port);
+}
+
+/// What users of the port have to know at once: printed when it listens, for there is no end to wait for.
+void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
+              const simulator::Simulator& simulator) {
+  const std::vector<std::string> vehicles = simulator.list_vehicles();
+  if (common.json) {
+    const nlohmann::json line = {{"address", options.address},
+                                 {"port", port},
+                                 {"token", !options.token.empty()},
+                                 {"vehicles", vehicles},
+                                 {"mode", simulator.tf_statistics().mode},
+                                 {"warnings", simulator.warnings()}};
+    std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
+  } else if (!common.quiet) {
+    for (const std::string& warning : simulator.warnings()) std::cerr << "tileflight: " << warning << "\n";
+    std::cout << "serving " << endpoint(options.address, port) << ", vehicle";
+    for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
+    std::cout << "; Ctrl-C ends it" << std::endl;
+  }
+}
+
+void warn_of_other_machines(const rpc::ServerOptions& options) {
+  if (rpc::is_loopback(options.address)) return;
+  std::cerr << "tileflight: warning: " << options.address << " can be reached from other machines, the protocol is not "
+            << "encrypted, and "
+            << (options.token.empty() ? "whoever reaches it can fly and look; --token asks for a password"
+                                      : "the token is sent as it is")
+            << "\n";
+}
+
+Output serve(const ServeOptions& options, const CommonOptions& common, const Progress& progress) {
+  const auto log = [quiet = common.quiet](const std::string& line) {
+    if (!quiet) std::cerr << ("tileflight: " + line + "\n");
+  };
+  simulator::Simulator simulator(simulator_options(options), log, progress);
+  if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // what is left of the progress line
+  std::unique_ptr<rpc::Server> server;
+  const rpc::ServerOptions settings = server_options(options, simulator);
+  server = std::make_unique<rpc::Server>(
+      server::make_method_table(simulator, [&server] { return server->statistics(); }), settings, log);
+  server->stop_at_signals();
+  warn_of_other_machines(settings);
+  announce(common, settings, server->port(), simulator);
+  server->run();
+  simulator.stop();
+  return {};
+}
+
+void add_server_options(CLI::App& command, const std::shared_ptr<ServeOptions>& options) {
+  options->server.port = 41451;
+  command.add_option("--port", options->server.port, "TCP port; 0: any free one (default: the settings', else 41451)")
+      ->check(CLI::Range(0, 65535))
+      ->each([options](const std::string&) { options->port_given = true; });
+  command
+      .add_option("--bind", options->server.address, "address to listen at; 0.0.0.0: other machines too, see --token")
+      ->capture_default_str();
+  CLI::Option* token = command.add_option("--token", options->server.token, "what a client has to send first");
+  command.add_option("--token-file", options->token_file, "the same, from a file, which other users cannot see")
+      ->check(CLI::ExistingFile)
+      ->excludes(token);
+  command.add_option("--max-message", options->message_mb, "MB that one message from a client may have")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+}
+
+void add_world_options(CLI::App& command, ServeOptions& options) {
+  command.add_option("--settings", options.settings, "AirSim's settings.json: mode, vehicles, cameras, sensors")
+      ->check(CLI::ExistingFile);
+  command
+      .add_option("--follow", options.follow,
+                  "which tiles are in memory: the region, or what the sensors can see (auto: the region if it fits "
+                  "into half of --memory)")
+      ->check(CLI::IsMember({"auto", "region", "sensors"}));
+  command.add_option("--pixel-error", options.simulator.error_px, "pixels that a tile which is followed may err by")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_option("--memory", options.memory_gb, "GB of decoded tiles at most")
+      ->check(CLI::Range(0.001, 100000.0))
+      ->capture_default_str();
+  command.add_option("--files", options.files, "folder that clients may write files into (default: none)");
+  command
+      .add_option("--start-local", options.start_local,
+                  "X,Y[,Z] in the local frame where vehicles have their origin (default: on the surface in the middle)")
+      ->delimiter(',')
+      ->expected(2, 3);
+}
+
+}  // namespace
+
+void add_serve(CLI::App& app, CommonOptions& common, Selection& selection) {
+  auto options = std::make_shared<ServeOptions>();
+  CLI::App* command = app.add_subcommand("serve", "a simulator server that AirSim clients talk to");
+  command->footer("Example:\n  tileflight serve place/twin/tileset.json --settings settings.json --port 41451");
+  command->add_option("SOURCE", options->simulator.source, kSourceHelp)->required();
+  add_world_options(*command, *options);
+  add_server_options(*command, options);
+  add_region_options(*command, options->region);
+  add_source_options(*command, options->source_arguments);
+  add_common_options(*command, common);
+  command->callback([options, &selection] {
+    selection.run = [options](const CommonOptions& shared, const Progress& progress) {
+      return serve(*options, shared, progress);
+    };
+  });
+}
+
+}  // namespace tileflight::app
