@@ -145,12 +145,23 @@ std::vector<Vec3> even_surface_points(const TriangleMesh& mesh, std::size_t coun
   return points;
 }
 
+namespace {
+
+std::vector<Vec3> target_points(const AlignmentTarget& target) {
+  constexpr std::size_t kSurfacePoints = 100000;
+  return target.mesh ? even_surface_points(*target.mesh, kSurfacePoints) : target.cloud->positions;
+}
+
+}  // namespace
+
+double closeness_of(const PointCloud& map, const Sim3& T_local_map, const AlignmentTarget& target) {
+  return Closeness(map, target, target_points(target)).of(T_local_map);
+}
+
 MapAlignment align_map_globally(const PointCloud& map, const std::optional<Vec3>& map_up, const AlignmentTarget& target,
                                 const AlignMapOptions& options, const Progress& progress) {
   if (!target.mesh && !target.cloud) throw InputError("global registration", "needs a ground truth to register to");
-  constexpr std::size_t kSurfacePoints = 100000;
-  const std::vector<Vec3> points =
-      target.mesh ? even_surface_points(*target.mesh, kSurfacePoints) : target.cloud->positions;
+  const std::vector<Vec3> points = target_points(target);
   GlobalOptions search;
   search.source_up = map_up;
   if (map_up) search.target_up = Vec3::UnitZ();

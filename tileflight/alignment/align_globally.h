@@ -19,4 +19,8 @@ MapAlignment align_map_globally(const geometry::PointCloud& map, const std::opti
                                 const AlignmentTarget& target, const AlignMapOptions& options = {},
                                 const Progress& progress = {});
 
+/// How closely a moved map lies on the target in terms of its own size, MapAlignment::closeness: mean of
+/// 1 - (distance / tolerance)^2, not below zero, the tolerance being a hundredth of the moved map's size.
+double closeness_of(const geometry::PointCloud& map, const geometry::Sim3& T_local_map, const AlignmentTarget& target);
+
 }  // namespace tileflight::alignment

@@ -89,6 +89,13 @@ TEST_F(AlignGlobally, FindsPlaceTurnAndScaleFromTheShapesAlone) {
   }
 }
 
+TEST_F(AlignGlobally, ShrinkingGainsNoCloseness) {
+  const double right = closeness_of(local_, Sim3(), target_);
+  EXPECT_GT(right, 0.6);
+  const Sim3 tiny(0.01, Eigen::Quaterniond::Identity(), Vec3(0, 0, height_m(0, 0)));
+  EXPECT_LT(closeness_of(local_, tiny, target_), 0.5 * right) << "all of it lies within a metre of the ground";
+}
+
 TEST_F(AlignGlobally, AKnownScaleIsKept) {
   const Sim3 T(1.0, geometry::so3_exp({0.3, -0.2, 2.5}), {40.0, 10.0, -5.0});
   const PointCloud map = transformed(T.inverse(), local_);
