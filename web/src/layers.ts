@@ -1,14 +1,11 @@
 /** The things in the view, each made from what the page holds. */
 import {
-  BoxGeometry,
   BufferAttribute,
   BufferGeometry,
   Color,
   DoubleSide,
-  InstancedMesh,
   LineBasicMaterial,
   LineSegments,
-  Matrix4,
   Mesh,
   MeshBasicMaterial,
   Points,
@@ -39,31 +36,59 @@ export async function placeMesh(data: ViewData, place: PlaceHeader): Promise<Mes
   return new Mesh(geometry, new MeshBasicMaterial({ map: texture, side: DoubleSide }));
 }
 
-/** How bright each side of a box is: faces of BoxGeometry are +x -x +y -y +z -z, four vertices each. */
-const SIDE_LIGHT = [0.82, 0.7, 0.76, 0.64, 1, 0.5];
+type Corner = readonly [number, number, number];
 
-function litBox(size_m: number): BoxGeometry {
-  const box = new BoxGeometry(size_m, size_m, size_m);
-  const colors = SIDE_LIGHT.flatMap((light) => Array<number>(12).fill(light));
-  box.setAttribute('color', new BufferAttribute(new Float32Array(colors), 3));
-  return box;
+/** Sides of a cell: where its neighbour lies, how bright it is, and its corners counter-clockwise from outside. */
+const SIDES: { to: Corner; light: number; corners: Corner[] }[] = [
+  { to: [1, 0, 0], light: 0.82, corners: [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]] },
+  { to: [-1, 0, 0], light: 0.7, corners: [[0, 1, 0], [0, 0, 0], [0, 0, 1], [0, 1, 1]] },
+  { to: [0, 1, 0], light: 0.76, corners: [[1, 1, 0], [0, 1, 0], [0, 1, 1], [1, 1, 1]] },
+  { to: [0, -1, 0], light: 0.64, corners: [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]] },
+  { to: [0, 0, 1], light: 1, corners: [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]] },
+  { to: [0, 0, -1], light: 0.5, corners: [[0, 1, 0], [1, 1, 0], [1, 0, 0], [0, 0, 0]] },
+];
+
+/** One number a cell; cells are numbered from 0 to 65535, neighbours may be one beside that. */
+function cellKey(x: number, y: number, z: number): number {
+  return ((x + 1) * 70000 + y + 1) * 70000 + z + 1;
 }
 
-/** Occupied cells as boxes, dark green low and light green high. */
-export function cellBoxes(data: ViewData, header: CellsHeader): InstancedMesh {
+/** Occupied cells as boxes, without the sides between two of them: dark green low, light green high, every other a little darker. */
+export function cellBoxes(data: ViewData, header: CellsHeader): Mesh {
   const cells = data.shorts(header.cells);
-  const count = cells.length / 3;
-  const boxes = new InstancedMesh(litBox(0.96 * header.size_m), new MeshBasicMaterial({ vertexColors: true }), count);
+  const occupied = new Set<number>();
+  let top = 1;
+  for (let i = 0; i < cells.length; i += 3) {
+    occupied.add(cellKey(cells[i]!, cells[i + 1]!, cells[i + 2]!));
+    top = Math.max(top, cells[i + 2]!);
+  }
   const low = new Color(0.23, 0.44, 0.3);
   const high = new Color(0.83, 0.95, 0.8);
-  let top = 1;
-  for (let i = 0; i < count; ++i) top = Math.max(top, cells[3 * i + 2]!);
-  const matrix = new Matrix4();
-  for (let i = 0; i < count; ++i) {
-    const place = [0, 1, 2].map((axis) => header.origin_m[axis]! + (cells[3 * i + axis]! + 0.5) * header.size_m);
-    boxes.setMatrixAt(i, matrix.makeTranslation(place[0]!, place[1]!, place[2]!));
-    boxes.setColorAt(i, low.clone().lerp(high, cells[3 * i + 2]! / top));
+  const color = new Color();
+  const positions: number[] = [];
+  const colors: number[] = [];
+  const corners: number[] = [];
+  for (let i = 0; i < cells.length; i += 3) {
+    const [x, y, z] = [cells[i]!, cells[i + 1]!, cells[i + 2]!];
+    for (const side of SIDES) {
+      if (occupied.has(cellKey(x + side.to[0], y + side.to[1], z + side.to[2]))) continue;
+      const first = positions.length / 3;
+      const light = 255 * side.light * ((x + y + z) % 2 === 0 ? 1 : 0.93);
+      color.copy(low).lerp(high, z / top).multiplyScalar(light);
+      for (const corner of side.corners) {
+        positions.push(x + corner[0], y + corner[1], z + corner[2]);
+        colors.push(color.r, color.g, color.b);
+      }
+      corners.push(first, first + 1, first + 2, first, first + 2, first + 3);
+    }
   }
+  const geometry = new BufferGeometry();
+  geometry.setAttribute('position', new BufferAttribute(new Float32Array(positions), 3));
+  geometry.setAttribute('color', new BufferAttribute(new Uint8Array(colors), 3, true));
+  geometry.setIndex(new BufferAttribute(new Uint32Array(corners), 1));
+  const boxes = new Mesh(geometry, new MeshBasicMaterial({ vertexColors: true }));
+  boxes.position.set(...header.origin_m);
+  boxes.scale.setScalar(header.size_m);
   return boxes;
 }
 

@@ -1,5 +1,5 @@
 /** The whole view: layers on a stage, and the controls beside it. */
-import { Box3, BufferAttribute, BufferGeometry, CanvasTexture, Color, type InstancedMesh, type Mesh, type Object3D, Points, PointsMaterial, Vector2, Vector3 } from 'three';
+import { Box3, BufferAttribute, BufferGeometry, CanvasTexture, Color, type Mesh, type Object3D, Points, PointsMaterial, Vector2, Vector3 } from 'three';
 import type { FlightHeader, ViewData } from './data';
 import { button, checkbox, choice, make, number } from './elements';
 import { cellBoxes, type ColorBy, Frustum, frustaAlong, MapLayer, pathLine, placeMesh } from './layers';
@@ -98,7 +98,7 @@ export class View {
   private addCells(): void {
     const header = this.data.header.cells;
     if (!header) return;
-    const made: InstancedMesh[] = [];
+    const made: Mesh[] = [];
     // Many boxes: made when they are first shown.
     const show = (shown: boolean) => {
       if (shown && made.length === 0) {
