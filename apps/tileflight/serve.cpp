@@ -77,6 +77,13 @@ std::string endpoint(const std::string& address, int port) {
   return (brackets ? "[" + address + "]" : address) + ":" + std::to_string(port);
 }
 
+/// Settings that were written for other servers often name all networks: only the command line opens the port to them.
+void warn_of_settings_address(const rpc::ServerOptions& options, const simulator::Simulator& simulator) {
+  const std::optional<std::string> wanted = simulator.settings_address();
+  if (!wanted || *wanted == "localhost" || *wanted == options.address) return;
+  std::cerr << "tileflight: LocalHostIp of the settings is not followed; --bind says where to listen\n";
+}
+
 /// What users of the port have to know at once: printed when it listens, for there is no end to wait for.
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
               const simulator::Simulator& simulator) {
@@ -91,7 +98,7 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
     std::cout << line.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
   } else if (!common.quiet) {
     for (const std::string& warning : simulator.warnings()) std::cerr << "tileflight: " << warning << "\n";
-    std::cout << "serving " << endpoint(options.address, port) << ", vehicle";
+    std::cout << "listening at " << endpoint(options.address, port) << ", vehicle";
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
     std::cout << "; Ctrl-C ends it" << std::endl;
   }
@@ -118,6 +125,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
       server::make_method_table(simulator, [&server] { return server->statistics(); }), settings, log);
   server->stop_at_signals();
   warn_of_other_machines(settings);
+  if (!common.quiet) warn_of_settings_address(settings, simulator);
   announce(common, settings, server->port(), simulator);
   server->run();
   simulator.stop();
