@@ -37,6 +37,11 @@ function ring(): CanvasTexture {
   return new CanvasTexture(canvas);
 }
 
+/** How much of a layer is shown, where that is not all. */
+function partOf(shown: number, all: number, what: string): string {
+  return shown < all ? ` (${shown.toLocaleString('en')} of ${all.toLocaleString('en')} ${what})` : '';
+}
+
 function isTyping(target: EventTarget | null): boolean {
   return target instanceof HTMLInputElement || target instanceof HTMLSelectElement;
 }
@@ -92,7 +97,7 @@ export class View {
     if (!this.data.header.place) return;
     const place = await placeMesh(this.data, this.data.header.place);
     this.place = place;
-    this.addLayer('place', 'Place', [place], true, null);
+    this.addLayer('place', `Place${partOf(this.data.header.place.triangles, this.data.header.place.source_triangles, 'triangles')}`, [place], true, null);
   }
 
   private addCells(): void {
@@ -131,7 +136,7 @@ export class View {
     const flight: FlightLayers = { header, map: null, estimate: path(header.estimate), truth: path(header.truth), moving: [] };
     if (header.map) {
       flight.map = new MapLayer(this.data, header.map, color);
-      this.addLayer(`${header.key}-map`, `${header.label} map`, [flight.map.points], true, name);
+      this.addLayer(`${header.key}-map`, `${header.label} map${partOf(header.map.shown, header.map.points, 'points')}`, [flight.map.points], true, name);
     }
     const depth_m = 0.035 * this.reach_m;
     for (const [kind, words] of [['estimate', 'estimated path'], ['truth', 'true path']] as const) {
