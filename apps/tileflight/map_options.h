@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "tileflight/experiment/evaluate.h"
 #include "tileflight/experiment/score.h"
 
 namespace tileflight::app {

@@ -80,6 +80,8 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
                     "take focal lengths and principal point as the calibration has them; otherwise they are estimated "
                     "too, beginning there");
   add_map_filters(*command, *options);
+  command->add_option("--seed", options->settings.start.seed, "of the random samples from which the start is guessed")
+      ->capture_default_str();
   command->add_flag("--loop-closure", options->settings.loops.enabled,
                     "find places that the flight comes back to and spread the drift (after the last picture)");
   command->add_flag("--deterministic", options->deterministic,

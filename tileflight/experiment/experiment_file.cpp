@@ -179,6 +179,17 @@ Flight read_flight(YamlSection section, const std::string& default_kind) {
   return flight;
 }
 
+void read_repetition(YamlSection& section, Odometry& odometry) {
+  constexpr int kMostRuns = 100;
+  odometry.runs = section.integer("runs").value_or(odometry.runs);
+  if (odometry.runs < 1 || odometry.runs > kMostRuns) throw section.error("runs", "must be 1 to 100");
+  odometry.later = section.integer("later").value_or(odometry.later);
+  if (odometry.later < 0) throw section.error("later", "must not be negative");
+  odometry.backwards = section.boolean("backwards").value_or(odometry.backwards);
+  if (odometry.backwards && !odometry.command.empty())
+    throw section.error("backwards", "is for our own odometry; an outside command plays the frames as it likes");
+}
+
 Odometry read_odometry(YamlSection section) {
   Odometry odometry;
   odometry.command = section.text("command").value_or("");
@@ -189,8 +200,17 @@ Odometry read_odometry(YamlSection section) {
     throw section.error("rectify_fov", "must be above 0 and below 180 degrees: the pictures become a pinhole's");
   odometry.extras.colmap = section.boolean("colmap").value_or(false);
   odometry.debug_pictures = section.boolean("debug_pictures").value_or(false);
+  read_repetition(section, odometry);
   section.finish();
   return odometry;
+}
+
+/// Of `odometry:` what each run is made with; how many there are does not change any of them.
+std::string settings_of_a_run(const YamlSection& section) {
+  std::string text;
+  for (const std::string& key : section.keys())
+    if (key != "runs" && key != "later" && key != "backwards") text += key + ": " + section.raw(key) + "\n";
+  return text;
 }
 
 EvaluationSettings read_evaluation(YamlSection section) {
@@ -200,6 +220,8 @@ EvaluationSettings read_evaluation(YamlSection section) {
   settings.equivalence_margin_m = positive(section, "equivalence_margin", settings.equivalence_margin_m);
   settings.completeness_samples_per_m2 =
       positive(section, "completeness_samples_per_m2", settings.completeness_samples_per_m2);
+  settings.entropy_radius_m = positive(section, "entropy_radius", settings.entropy_radius_m);
+  settings.agreement_cell_m = positive(section, "agreement_cell", settings.agreement_cell_m);
   section.finish();
   return settings;
 }
@@ -235,6 +257,7 @@ Experiment read_experiment(const fs::path& file) {
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
   root.finish();
   for (const std::string& key : root.keys()) experiment.sections[key] = root.raw(key);
+  if (const auto odometry = root.section("odometry")) experiment.sections["odometry"] = settings_of_a_run(*odometry);
   if (experiment.real && experiment.real->render && experiment.real->render->follows_real)
     throw root.error("real", "cannot follow itself; 'follow: real' is for 'simulated'");
   const bool follows =

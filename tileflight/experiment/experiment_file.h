@@ -98,14 +98,20 @@ struct Odometry {
   bool debug_pictures = false;  ///< debug_pictures: a picture of each keyframe in DIR/<flight>/keyframe_pictures
   /// A shell command with {dataset} and {out} filled in; it must leave trajectory.txt and map.ply in {out}.
   std::string command;
+  int runs = 1;            ///< runs: how often each flight is tracked, each time with the next seed
+  int later = 0;           ///< later: frames that each run begins after the one before
+  bool backwards = false;  ///< backwards: each of the runs is done once more with the frames played backwards
 };
 
-/// `evaluation:` Keys: cutoff, thresholds, equivalence_margin, completeness_samples_per_m2.
+/// `evaluation:` Keys: cutoff, thresholds, equivalence_margin, completeness_samples_per_m2, entropy_radius,
+/// agreement_cell.
 struct EvaluationSettings {
   double cutoff_m = 1.0;
   std::vector<double> thresholds_m{0.1, 0.2, 0.5, 1.0};
   double equivalence_margin_m = 0.05;
   double completeness_samples_per_m2 = 4.0;
+  double entropy_radius_m = 2.0;  ///< of the neighbourhoods that the map's own sharpness is judged in
+  double agreement_cell_m = 2.0;  ///< edge of the cells in which both flights' maps are compared
 };
 
 /// EXPERIMENT.yaml, paths resolved (relative to the file), `${VAR}` filled in.

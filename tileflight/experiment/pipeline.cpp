@@ -1,5 +1,7 @@
 #include "tileflight/experiment/pipeline.h"
 
+#include <algorithm>
+
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -92,9 +94,40 @@ std::vector<std::string> Pipeline::place_products() const {
   return uses_built_in_place() ? std::vector<std::string>{"place"} : std::vector<std::string>{};
 }
 
-std::vector<std::string> Pipeline::odometry_products(const FlightStages& flight) const {
-  std::vector<std::string> products{flight.name + "/odometry"};
-  if (experiment_.odometry.debug_pictures) products.push_back(flight.name + "/keyframe_pictures");
+std::vector<OdometryRun> Pipeline::runs(const FlightStages& flight) const {
+  const Odometry& settings = experiment_.odometry;
+  std::vector<OdometryRun> runs;
+  for (const bool backwards : {false, true}) {
+    if (backwards && !settings.backwards) continue;
+    for (int k = 0; k < settings.runs; ++k) {
+      OdometryRun run{.name = flight.name, .folder = flight.folder, .options = settings.options, .frames = {}};
+      run.options.start.seed += static_cast<std::uint32_t>(k);
+      run.frames.from = static_cast<std::size_t>(k) * static_cast<std::size_t>(settings.later);
+      run.frames.reverse = backwards;
+      run.repeats = !runs.empty();
+      if (run.repeats) {
+        const std::string own = "runs/" + std::to_string(k + 1) + (backwards ? "-backwards" : "");
+        run.name += "/" + own;
+        run.folder /= own;
+      }
+      runs.push_back(std::move(run));
+    }
+  }
+  return runs;
+}
+
+std::vector<OdometryRun> Pipeline::runs_of(const std::string& flight) const {
+  const auto found = std::ranges::find(flights_, flight, &FlightStages::name);
+  return found == flights_.end() ? std::vector<OdometryRun>{} : runs(*found);
+}
+
+std::vector<std::string> Pipeline::evaluation_products(const OdometryRun& run) const {
+  return {run.name + "/metrics.json", run.name + "/errors.ply"};
+}
+
+std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) const {
+  std::vector<std::string> products{run.name + "/odometry"};
+  if (experiment_.odometry.debug_pictures) products.push_back(run.name + "/keyframe_pictures");
   return products;
 }
 
@@ -213,23 +246,53 @@ json Pipeline::reproduction_inputs() const {
           {"truth", cache_.key("truth")}};
 }
 
-json Pipeline::odometry_inputs(const FlightStages& f) const {
+json Pipeline::odometry_inputs(const FlightStages& f, const OdometryRun& run) const {
   json inputs{{"dataset", cache_.key(f.name + "/dataset")}, {"odometry", section("odometry")}};
+  if (run.repeats) {
+    inputs["run"] = {{"seed", run.options.start.seed}, {"from", run.frames.from}, {"backwards", run.frames.reverse}};
+  }
   if (const fs::path& mask = experiment_.odometry.extras.mask; !mask.empty()) inputs["mask"] = fingerprint(mask);
   return inputs;
 }
 
-json Pipeline::alignment_inputs(const FlightStages& f) const {
-  return {{"odometry", cache_.key(f.name + "/odometry")},
-          {"truth", cache_.key("truth")},
-          {"alignment", section("alignment")}};
+json Pipeline::alignment_inputs(const FlightStages& flight, const OdometryRun& run) const {
+  json inputs{{"odometry", cache_.key(run.name + "/odometry")},
+              {"truth", cache_.key("truth")},
+              {"alignment", section("alignment")}};
+  if (experiment_.alignment.start == alignment::AlignmentStart::kGiven) {
+    const geometry::Mat4 start = experiment_.alignment.given_start.matrix();
+    inputs["start"] = std::vector<double>(start.data(), start.data() + start.size());
+  }
+  if (!experiment_.alignment.find_regions) return inputs;
+  for (const FlightStages& other : flights_) {
+    if (other.name != flight.name) inputs["others"].push_back(cache_.key(other.name + "/odometry"));
+  }
+  return inputs;
 }
 
-json Pipeline::evaluation_inputs(const FlightStages& f) const {
-  return {{"alignment", cache_.key(f.name + "/alignment")}, {"evaluation", section("evaluation")}};
+std::vector<MapInputs> Pipeline::maps_of_others(const FlightStages& flight) const {
+  std::vector<MapInputs> others;
+  for (const FlightStages& other : flights_) {
+    if (other.name != flight.name) others.push_back(map_inputs(other.folder / "odometry", other.folder / "dataset"));
+  }
+  return others;
+}
+
+json Pipeline::evaluation_inputs(const OdometryRun& run) const {
+  return {{"alignment", cache_.key(run.name + "/alignment")}, {"evaluation", section("evaluation")}};
 }
 
 json Pipeline::comparison_inputs() const {
+  json inputs{{"evaluation", section("evaluation")}, {"seed", experiment_.seed}};
+  for (const FlightStages& f : flights_) {
+    for (const OdometryRun& run : runs(f)) {
+      if (cache_.has(run.name + "/evaluation")) inputs[f.name].push_back(cache_.key(run.name + "/evaluation"));
+    }
+  }
+  return inputs;
+}
+
+json Pipeline::failure_inputs() const {
   return {{"simulated", cache_.key("simulated/evaluation")},
           {"real", cache_.key("real/evaluation")},
           {"evaluation", section("evaluation")},

@@ -8,7 +8,9 @@
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/fly.h"
+#include "tileflight/experiment/map_inputs.h"
 #include "tileflight/experiment/stage_cache.h"
+#include "tileflight/experiment/track.h"
 
 namespace tileflight::experiment {
 
@@ -17,6 +19,15 @@ struct FlightStages {
   std::string name;  ///< "simulated" or "real"
   const Flight& flight;
   std::filesystem::path folder;  ///< DIR/simulated or DIR/real
+};
+
+/// One of the times that a flight is tracked, aligned and scored.
+struct OdometryRun {
+  std::string name;              ///< of its stages: "simulated" for the first, then "simulated/runs/2", …
+  std::filesystem::path folder;  ///< odometry/, transform.json, metrics.json, errors.ply
+  odometry::OdometryOptions options;
+  FrameRange frames;
+  bool repeats = false;  ///< not the first
 };
 
 /// An experiment in its run folder: what each stage is made from (for the cache) and with which settings.
@@ -33,7 +44,11 @@ class Pipeline {
   /// The built-in place, where a source asks for it.
   void make_place(const Progress& progress) const;
   std::vector<std::string> place_products() const;
-  std::vector<std::string> odometry_products(const FlightStages& flight) const;
+  /// The first in the flight's own folder; further ones in FLIGHT/runs/2, …, and FLIGHT/runs/1-backwards, ….
+  std::vector<OdometryRun> runs(const FlightStages& flight) const;
+  std::vector<OdometryRun> runs_of(const std::string& flight) const;
+  std::vector<std::string> odometry_products(const OdometryRun& run) const;
+  std::vector<std::string> evaluation_products(const OdometryRun& run) const;
 
   ExtractSettings extract_settings() const;
   RenderSettings render_settings(const FlightStages& flight) const;
@@ -43,10 +58,13 @@ class Pipeline {
   nlohmann::json dataset_inputs(const FlightStages& flight) const;
   nlohmann::json followed_inputs() const;
   nlohmann::json reproduction_inputs() const;
-  nlohmann::json odometry_inputs(const FlightStages& flight) const;
-  nlohmann::json alignment_inputs(const FlightStages& flight) const;
-  nlohmann::json evaluation_inputs(const FlightStages& flight) const;
+  nlohmann::json odometry_inputs(const FlightStages& flight, const OdometryRun& run) const;
+  nlohmann::json alignment_inputs(const FlightStages& flight, const OdometryRun& run) const;
+  /// The other flights' first runs, whose odometry is done.
+  std::vector<MapInputs> maps_of_others(const FlightStages& flight) const;
+  nlohmann::json evaluation_inputs(const OdometryRun& run) const;
   nlohmann::json comparison_inputs() const;
+  nlohmann::json failure_inputs() const;
 
  private:
   bool uses_built_in_place() const;

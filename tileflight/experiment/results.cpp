@@ -3,6 +3,7 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/paper.h"
 #include "tileflight/experiment/extract.h"
+#include "tileflight/experiment/repetition.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -32,12 +33,13 @@ json describe_dataset(const fs::path& folder) {
           {"duration_s", duration_s}};
 }
 
-json describe_flight(const Flight& flight, const fs::path& folder) {
+json describe_flight(const Flight& flight, const fs::path& folder, const std::vector<OdometryRun>& runs) {
   json result = read_json(folder / "metrics.json");
   result.update(describe_dataset(folder / "dataset"));
   result["kind"] = flight.kind;
   result["odometry"] = read_json(folder / "odometry/odometry.json");
   result["alignment"] = read_json(folder / "transform.json");
+  result["runs"] = describe_runs(runs);
   return result;
 }
 
@@ -74,13 +76,14 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
   return files;
 }
 
-nlohmann::json collect_results(const Experiment& experiment, const StageCache& cache) {
+nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pipeline, const StageCache& cache) {
   const fs::path& run = cache.run_folder();
   const json truth = read_extract_json(run / "truth");
   json results{{"name", experiment.name}, {"paper", evaluation::paper_table()}, {"truth", truth}};
-  if (experiment.simulated) results["simulated"] = describe_flight(*experiment.simulated, run / "simulated");
-  if (experiment.real) results["real"] = describe_flight(*experiment.real, run / "real");
+  for (const FlightStages& f : pipeline.flights())
+    results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f));
   results["comparison"] = experiment.simulated && experiment.real ? read_json(run / "comparison.json") : json(nullptr);
+  results["failure"] = experiment.simulated && experiment.real ? read_json(run / "failure.json") : json(nullptr);
   const bool follows =
       experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
   results["reproduction"] = follows ? read_json(run / "reproduction.json") : json(nullptr);

@@ -1,10 +1,13 @@
 #include "tileflight/experiment/run.h"
 
 #include "tileflight/experiment/ablation.h"
+#include "tileflight/experiment/evaluate.h"
 #include "tileflight/experiment/extract.h"
+#include "tileflight/experiment/failure.h"
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/follow.h"
 #include "tileflight/experiment/pipeline.h"
+#include "tileflight/experiment/repetition.h"
 #include "tileflight/experiment/reproduction.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/experiment/score.h"
@@ -21,16 +24,16 @@ using nlohmann::json;
 namespace {
 
 /// Odometry over a flight's dataset, our own or the experiment's command.
-void find_map(const Odometry& settings, const fs::path& flight, const Progress& progress) {
+void find_map(const Odometry& settings, const fs::path& dataset, const OdometryRun& run, const Progress& progress) {
+  fs::create_directories(run.folder);
   if (!settings.command.empty()) {
-    track_with_command(flight / "dataset", flight / "odometry", false, settings.command);
+    track_with_command(dataset, run.folder / "odometry", false, settings.command);
     return;
   }
   TrackExtras extras = settings.extras;
-  fs::remove_all(flight / "keyframe_pictures");
-  if (settings.debug_pictures) extras.debug_pictures = flight / "keyframe_pictures";
-  const json about = track(flight / "dataset", flight / "odometry", false, settings.options, {}, progress, extras);
-  if (about["frames_tracked"] == 0) throw InputError((flight / "dataset").string(), about["lost_reason"]);
+  fs::remove_all(run.folder / "keyframe_pictures");
+  if (settings.debug_pictures) extras.debug_pictures = run.folder / "keyframe_pictures";
+  track(dataset, run.folder / "odometry", false, run.options, run.frames, progress, extras);
 }
 
 }  // namespace
@@ -56,14 +59,30 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
       if (f.flight.render) render_dataset(p.render_settings(f), f.folder / "dataset", false, progress);
       if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder / "truth", f.folder / "dataset", false, progress);
     });
-    cache.once(f.name + "/odometry", p.odometry_inputs(f), p.odometry_products(f),
-               [&] { find_map(e.odometry, f.folder, progress); });
-    const MapInputs map = map_inputs(f.folder / "odometry", f.folder / "dataset");
-    cache.once(f.name + "/alignment", p.alignment_inputs(f), {f.name + "/transform.json"},
-               [&] { align(map, folder / "truth", e.alignment, f.folder / "transform.json", progress); });
-    cache.once(f.name + "/evaluation", p.evaluation_inputs(f), {f.name + "/metrics.json", f.name + "/errors.ply"}, [&] {
-      evaluate(map, folder / "truth", f.folder / "transform.json", e.evaluation, f.folder / "metrics.json", progress);
-    });
+    forget_other_runs(f.folder, p.runs(f));
+    for (const OdometryRun& r : p.runs(f)) {
+      attempt(r, [&] {
+        cache.once(r.name + "/odometry", p.odometry_inputs(f, r), p.odometry_products(r),
+                   [&] { find_map(e.odometry, f.folder / "dataset", r, progress); });
+        require_map(r, f.folder / "dataset");
+      });
+    }
+  }
+  for (const FlightStages& f : p.flights()) {
+    for (const OdometryRun& r : p.runs(f)) {
+      if (!cache.has(r.name + "/odometry")) continue;  // a further run that failed
+      attempt(r, [&] {
+        require_map(r, f.folder / "dataset");
+        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
+        map.others = p.maps_of_others(f);
+        cache.once(r.name + "/alignment", p.alignment_inputs(f, r), {r.name + "/transform.json"},
+                   [&] { align(map, folder / "truth", e.alignment, r.folder / "transform.json", progress); });
+        cache.once(r.name + "/evaluation", p.evaluation_inputs(r), p.evaluation_products(r), [&] {
+          evaluate(map, folder / "truth", r.folder / "transform.json", e.evaluation, r.folder / "metrics.json",
+                   progress);
+        });
+      });
+    }
   }
   if (p.simulated_follows_real()) {
     cache.once("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
@@ -71,11 +90,15 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   }
   if (e.simulated && e.real) {
     cache.once("comparison", p.comparison_inputs(), {"comparison.json"}, [&] {
-      const json c = compare(folder / "simulated/metrics.json", folder / "real/metrics.json", e.evaluation, e.seed);
+      const json c = compare(scored(p.runs_of("simulated")), scored(p.runs_of("real")), e.evaluation, e.seed);
       geometry::write_file(folder / "comparison.json", c.dump(2) + "\n");
     });
   }
-  json results = collect_results(e, cache);
+  if (e.simulated && e.real) {
+    cache.once("failure", p.failure_inputs(), {"failure.json"},
+               [&] { predict_failure(folder, e.evaluation, p.simulated_follows_real(), e.seed); });
+  }
+  json results = collect_results(e, p, cache);
   if (!e.variants.empty()) {
     results["ablation"] = fly_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& own) {
       return run(p.variant_of(variant), own, progress);

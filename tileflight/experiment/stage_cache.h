@@ -22,6 +22,8 @@ class StageCache {
   bool once(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
             const std::function<void()>& work);
 
+  /// Whether a stage was done by this run of the program or is there from an earlier one that it asked for.
+  bool has(const std::string& name) const { return done_.contains(name); }
   /// SHA-256 that a stage was last done with; what depends on the stage takes it as an input.
   std::string key(const std::string& name) const;
   /// Wall seconds that each stage took when it was done.

@@ -1,0 +1,134 @@
+#include "tileflight/experiment/compare_maps.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/evaluation/map_table.h"
+#include "tileflight/evaluation/rank_correlation.h"
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+json read_json(const fs::path& file) {
+  json value = json::parse(geometry::read_text(file), nullptr, false);
+  if (value.is_discarded()) throw InputError(file.string(), "is not valid JSON");
+  return value;
+}
+
+/// "stadium/real" of out/stadium/real/metrics.json.
+std::string name_of(const fs::path& metrics_json) {
+  const fs::path flight = fs::absolute(metrics_json).lexically_normal().parent_path();
+  const std::string run = flight.parent_path().filename().string();
+  return (run.empty() ? "" : run + "/") + flight.filename().string();
+}
+
+/// Of a flight's folder in a run: its first run's, then those of its further runs that did not fail.
+std::vector<fs::path> metrics_of_runs(const fs::path& flight) {
+  std::vector<fs::path> files;
+  if (fs::is_directory(flight / "runs")) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(flight / "runs")) {
+      if (fs::exists(entry.path() / "metrics.json") && !fs::exists(entry.path() / "failed.txt"))
+        files.push_back(entry.path() / "metrics.json");
+    }
+  }
+  std::sort(files.begin(), files.end());
+  files.insert(files.begin(), flight / "metrics.json");
+  return files;
+}
+
+evaluation::ComparedMap read_map(const std::vector<fs::path>& runs) {
+  evaluation::ComparedMap map{.name = name_of(runs.front())};
+  for (const fs::path& file : runs) {
+    evaluation::MetricsFile read = evaluation::read_metrics(file);
+    if (map.runs.empty()) map.metrics = std::move(read.metrics);
+    map.runs.push_back(std::move(read.voxel));
+  }
+  return map;
+}
+
+std::vector<evaluation::ComparedMap> read_maps(const std::vector<fs::path>& arguments) {
+  std::vector<evaluation::ComparedMap> maps;
+  for (const fs::path& argument : arguments) {
+    if (!fs::is_directory(argument)) {
+      maps.push_back(read_map({argument}));
+      continue;
+    }
+    const std::size_t before = maps.size();
+    if (fs::exists(argument / "metrics.json")) maps.push_back(read_map({argument / "metrics.json"}));
+    for (const char* flight : {"simulated", "real"}) {
+      if (fs::exists(argument / flight / "metrics.json")) maps.push_back(read_map(metrics_of_runs(argument / flight)));
+    }
+    if (maps.size() == before)
+      throw InputError(argument.string(), "holds no scored map; name a metrics.json or a folder that `run` wrote");
+  }
+  return maps;
+}
+
+/// Maps of one name are told apart by a number.
+void make_names_unique(std::vector<evaluation::ComparedMap>& maps) {
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    const auto same = [&](const evaluation::ComparedMap& other) { return other.name == maps[i].name; };
+    const auto before = maps.begin() + static_cast<std::ptrdiff_t>(i);
+    for (int number = 2; std::any_of(maps.begin(), before, same); ++number)
+      maps[i].name = maps[i].name.substr(0, maps[i].name.find(" #")) + " #" + std::to_string(number);
+  }
+}
+
+fs::path pairs_file(const fs::path& csv) {
+  fs::path file = csv;
+  return file.replace_filename(csv.stem().string() + "-pairs" + csv.extension().string());
+}
+
+double number_at(const fs::path& metrics_json, const std::string& by) {
+  std::string place = "/" + by;
+  std::ranges::replace(place, '.', '/');
+  const json metrics = read_json(metrics_json);
+  const json::json_pointer pointer(place);
+  if (!metrics.contains(pointer) || !metrics.at(pointer).is_number()) {
+    throw InputError(metrics_json.string(), "has no number '" + by + "' to rank by; there are map.mean, " +
+                                                "surface.median, trajectory.ate_rmse and the others of metrics.json");
+  }
+  return metrics.at(pointer).get<double>();
+}
+
+}  // namespace
+
+json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings, std::uint64_t seed,
+                  const CompareFiles& files) {
+  std::vector<evaluation::ComparedMap> maps = read_maps(arguments);
+  make_names_unique(maps);
+  const auto pairs =
+      evaluation::compare_all(maps, {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed});
+  if (!files.csv.empty()) {
+    geometry::write_file(files.csv, evaluation::maps_csv(maps));
+    geometry::write_file(pairs_file(files.csv), evaluation::pairs_csv(maps, pairs));
+  }
+  if (!files.tex.empty()) geometry::write_file(files.tex, evaluation::tables_tex(maps, pairs));
+  json result = maps.size() == 2 ? evaluation::to_json(pairs.front().comparison) : json::object();
+  result.update(evaluation::to_json(maps, pairs));
+  return result;
+}
+
+json compare_ranking(const std::vector<fs::path>& run_folders, const std::string& by, std::uint64_t seed) {
+  if (run_folders.size() < 2) throw InputError("ranking", "needs at least two run folders, one for each setting");
+  std::vector<double> simulated, real;
+  json list = json::array();
+  for (const fs::path& folder : run_folders) {
+    simulated.push_back(number_at(folder / "simulated/metrics.json", by));
+    real.push_back(number_at(folder / "real/metrics.json", by));
+    list.push_back({{"name", fs::absolute(folder / ".").lexically_normal().parent_path().filename().string()},
+                    {"simulated", simulated.back()},
+                    {"real", real.back()}});
+  }
+  json result = evaluation::to_json(evaluation::rank_correlation(simulated, real, 2000, seed));
+  result["by"] = by;
+  result["list"] = list;
+  return result;
+}
+
+}  // namespace tileflight::experiment
