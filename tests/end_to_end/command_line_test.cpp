@@ -15,7 +15,7 @@ using tests::run_tileflight;
 
 const std::vector<std::vector<std::string>> kCommands{
     {"scene", "stadium"}, {"tile"},  {"inspect"},  {"extract"}, {"render"}, {"ingest"}, {"export"},
-    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},    {"report"}};
+    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},    {"report"}, {"serve"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -51,7 +51,8 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
       {"evaluate", "/nonexistent", "--truth", "/nonexistent", "--transform", "/nonexistent", "--out", out},
       {"compare", "/nonexistent/a.json", "/nonexistent/b.json"},
       {"run", "/nonexistent.yaml", "--out", out},
-      {"report", "/nonexistent"}};
+      {"report", "/nonexistent"},
+      {"serve", "/nonexistent/tileset.json", "--port", "0"}};
   for (const std::vector<std::string>& call : calls) {
     const ProgramResult result = run_tileflight(call);
     EXPECT_EQ(result.exit_code, 1) << call[0];
