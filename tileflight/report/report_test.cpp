@@ -138,6 +138,15 @@ TEST_F(Report, TheSameRunGivesTheSameBytes) {
   EXPECT_EQ(geometry::sha256_hex(page()), geometry::sha256_hex(page()));
 }
 
+TEST_F(Report, TheIntervalSaysWhatItIsBy) {
+  make();
+  EXPECT_THAT(page(), HasSubstr("95 % interval (block bootstrap), m"));
+  nlohmann::json value = results();
+  value["comparison"]["unit"] = "runs";
+  write_results(value);
+  EXPECT_THAT(page(), HasSubstr("95 % interval (between runs, Welch&#39;s t), m"));
+}
+
 TEST_F(Report, EveryFigureAndItsNumbersAreFiles) {
   make();
   page();

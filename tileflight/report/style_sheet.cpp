@@ -102,6 +102,7 @@ th { font-weight: 500; }
 tbody th { min-width: 8.5rem; }
 tbody th, thead td, th:first-child, td:first-child { text-align: left; padding-left: 0; }
 thead th { border-bottom: 2px solid var(--rule); font-weight: 600; }
+thead tr:last-child > * { border-bottom: 2px solid var(--rule); }
 thead th[scope=colgroup] { border-bottom: 1px solid var(--rule); text-align: center; }
 .key-figures { font-size: .9rem; }
 .key-figures th, .key-figures td { padding-left: .3rem; padding-right: .3rem; white-space: nowrap; }

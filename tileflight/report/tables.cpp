@@ -292,11 +292,12 @@ Table comparison_table(const nlohmann::json& results) {
   const json c = member(results, "comparison");
   if (!c.is_object() || c.empty()) return {};
   const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
+  const std::string by = text_at(c, "/unit").value_or("") == "runs" ? "between runs, Welch's t" : "block bootstrap";
   const std::string interval = low && high ? with_sign(low, 4) + " to " + with_sign(high, 4) : kUnknown;
   return {"Differences, simulated minus second",
           {"", "Value"},
           {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
-           {"95 % interval (block bootstrap), m", interval},
+           {"95 % interval (" + by + "), m", interval},
            {"Difference of standard deviations, m", with_sign(number_at(c, "/std_difference"), 4)},
            {"Map points, simulated over second", fixed(number_at(c, "/points_ratio"), 3)},
            {"Kolmogorov\u2013Smirnov statistic", fixed(number_at(c, "/ks_statistic"), 4)},
