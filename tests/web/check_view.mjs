@@ -23,6 +23,7 @@ async function browser(flags) {
 /** A page that notes what must not be: messages, errors, requests for anything but the page itself. */
 async function open(instance, options = {}) {
   const page = await instance.newPage({ viewport: { width: 1280, height: 900 }, ...options });
+  page.setDefaultTimeout(60000); // a machine may be busy with other tests
   page.on('console', (message) => {
     if (['error', 'warning'].includes(message.type()) && !/GPU stall|swiftshader/i.test(message.text())) faults.push(`console: ${message.text()}`);
   });
@@ -139,7 +140,7 @@ async function checkPlaying(page) {
   expect(/camera: east .* m, north .* m, up .* m/.test(before.where), `whereabouts: ${before.where}`);
   await page.locator('#view-play').focus();
   await page.keyboard.press('Space');
-  await page.waitForFunction((text) => document.querySelector('.view-picture figcaption').textContent !== text, before.shown, { timeout: 10000 });
+  await page.waitForFunction((text) => document.querySelector('.view-picture figcaption').textContent !== text, before.shown, { timeout: 60000 });
   await page.keyboard.press('Space');
   const paused = await where();
   expect(paused !== before.where, 'playing does not move the cameras');
@@ -192,7 +193,7 @@ async function checkMarkup() {
 
 async function ready(page) {
   await page.locator('#view').scrollIntoViewIfNeeded();
-  await page.locator('#view-host[data-state=ready]').waitFor({ timeout: 30000 });
+  await page.locator('#view-host[data-state=ready]').waitFor();
 }
 
 async function checkView() {
@@ -232,7 +233,7 @@ async function checkWithoutWebGl() {
   const instance = await browser(NO_GL);
   const page = await open(instance);
   await page.locator('#view').scrollIntoViewIfNeeded();
-  await page.locator('#view-host[data-state=pictures]').waitFor({ timeout: 10000 });
+  await page.locator('#view-host[data-state=pictures]').waitFor();
   expect(/no WebGL/.test(await page.locator('#view-note').textContent()), 'without WebGL the page does not say so');
   expect((await page.locator('#view canvas').count()) === 0, 'without WebGL there is a canvas');
   expect(await page.locator('.maps svg').isVisible(), 'without WebGL there are no pictures');
