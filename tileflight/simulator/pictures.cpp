@@ -127,8 +127,9 @@ std::vector<ImageResponse> Simulator::Impl::take(const PlannedPictures& planned)
     }
   }
   images += responses.size();
-  last_image_seconds = seconds_since(start);
-  image_seconds = image_seconds + last_image_seconds;
+  const double seconds = seconds_since(start);
+  last_image_seconds = seconds;
+  image_seconds += seconds;
   return responses;
 }
 

@@ -107,7 +107,7 @@ void WorkingSet::choose_mode(const Progress& progress) {
   if (options_.following == Following::kRegion) {
     throw InputError(name,
                      "the region needs more memory than is allowed: ask for less (--size), for coarser tiles "
-                     "(--error), allow more (--memory), or let tiles follow the vehicles (--follow)");
+                     "(--error), allow more (--memory), or let tiles follow (--follow sensors)");
   }
   say("the region does not fit into memory: tiles follow what the sensors can see");
   follows_ = true;
