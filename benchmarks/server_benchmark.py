@@ -13,6 +13,7 @@ import json
 import os
 import pathlib
 import socket
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -95,29 +96,27 @@ def frames_per_second(port, clients, camera, kind, seconds):
     return sum(frames / taken for frames, taken in results)
 
 
-def median_ms(call, times=300):
-    taken = []
-    for _ in range(times):
-        begin = time.perf_counter()
-        call()
-        taken.append(time.perf_counter() - begin)
-    return 1e3 * sorted(taken)[times // 2]
-
-
-def overhead(port, camera="small"):
-    """(ms of a ping, ms of a picture, ms of these outside of the method): single client."""
+def overhead(port, camera="small", times=200):
+    """(ms of a ping, ms of a picture, ms of these outside of the method): single client, medians of calls."""
     reader = Reader(port)
     request = [airsim.ImageRequest(camera, 0, False, False).to_msgpack()]
+    pings, pictures, own = [], [], []
     with airsim.VehicleClient(port=port) as client:
-        ping_ms = median_ms(lambda: reader.call("ping"))
+        def in_the_method():
+            return client.tfStatistics().server.methods["simGetImages"]["seconds"]
+
+        def taken_ms(*call):
+            begin = time.perf_counter()
+            reader.call(*call)
+            return 1e3 * (time.perf_counter() - begin)
+
         reader.call("simGetImages", request, "Eye0", False)
-        before = client.tfStatistics().server.methods["simGetImages"]
-        begin, times = time.perf_counter(), 300
         for _ in range(times):
-            reader.call("simGetImages", request, "Eye0", False)
-        taken_ms = 1e3 * (time.perf_counter() - begin) / times
-        after = client.tfStatistics().server.methods["simGetImages"]
-    return ping_ms, taken_ms, taken_ms - 1e3 * (after["seconds"] - before["seconds"]) / times
+            pings.append(taken_ms("ping"))
+            before = in_the_method()
+            pictures.append(taken_ms("simGetImages", request, "Eye0", False))
+            own.append(pictures[-1] - 1e3 * (in_the_method() - before))
+    return tuple(statistics.median(values) for values in (pings, pictures, own))
 
 
 def main():

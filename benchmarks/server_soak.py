@@ -206,12 +206,10 @@ class Soak:
         self.clients[i] = self.next_client()
         self.killed += 1
 
-    def memory(self):
-        """(MB after the warm-up, MB at the end): medians of an eighth of the time each, a quarter in and at the end."""
-        end = self.samples[-1][0]
-        first = [kb for t, kb in self.samples if end / 4 <= t < 3 * end / 8]
-        last = [kb for t, kb in self.samples if t >= 7 * end / 8]
-        return statistics.median(first) / 1024, statistics.median(last) / 1024
+    def memory_mb(self):
+        """Medians of each eighth of the time. The first two are the warm-up."""
+        end = self.samples[-1][0] + 1e-9
+        return [statistics.median(kb for t, kb in self.samples if i <= 8 * t / end < i + 1) / 1024 for i in range(8)]
 
 
 def check_nothing_is_stuck(port):
@@ -250,11 +248,12 @@ def main():
             code = server.wait(timeout=60)
         finally:
             server.kill()
-    before, after = soak.memory()
+    memory = soak.memory_mb()
+    before, after = memory[2], memory[7]
     print(f"{60 * options.minutes:.0f} s, {options.clients} clients, {soak.killed} killed, "
           f"{seen.server.requests} requests, {seen.server.connections_cut} connections cut, "
           f"{seen.simulator.images} images; memory {before:.1f} -> {after:.1f} MB ({after / before - 1:+.2%}); "
-          f"exit code {code}")
+          f"exit code {code}\nby eighths of the time: " + " ".join(f"{mb:.1f}" for mb in memory))
     if code != 0:
         raise SystemExit("soak: the server did not end cleanly")
     if abs(after / before - 1) > options.memory_tolerance:

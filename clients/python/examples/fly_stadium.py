@@ -6,8 +6,8 @@
     PYTHONPATH=clients/python python3 clients/python/examples/fly_stadium.py --out stadium-dataset
     build/release/bin/tileflight odometry stadium-dataset --out stadium-odometry
 
-The simulation stands still while a picture is taken: pictures are exactly 1/fps of its time apart, however long they
-take to compute, and each has the pose of its own instant.
+The simulation stands still while a picture is taken: pictures are 1/fps of its time apart (in whole steps of its clock,
+3 ms), however long they take to compute, and each has the pose of its own instant.
 """
 import argparse
 import math
