@@ -122,6 +122,95 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
   EXPECT_NE(after.at("real-odometry.json"), before.at("real-odometry.json"));
 }
 
+TEST_F(Experiment, TracksEachFlightMoreThanOnce) {
+  const std::string experiment = kExperiment;
+  TinyPlace::write_file(folder_ / "experiment.yaml", experiment + "odometry: {runs: 2, later: 3, backwards: true}\n");
+  const ProgramResult first = run("a", {"--json"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const json results = json::parse(first.out);
+  for (const char* flight : {"simulated", "real"}) {
+    const json& runs = results[flight]["runs"];
+    EXPECT_EQ(runs["n"], 4);
+    EXPECT_EQ(runs["failed"], 0) << runs["list"];
+    EXPECT_EQ(runs["distinct"], 4);
+    ASSERT_EQ(runs["list"].size(), 4U);
+    EXPECT_EQ(runs["list"][0]["mean"], results[flight]["map"]["mean"]) << "the first run is the flight's result";
+    EXPECT_EQ(runs["list"][1]["from"], 3);
+    EXPECT_EQ(runs["list"][3]["name"], "2-backwards");
+    EXPECT_EQ(runs["spread"]["map"]["mean"]["n"], 4);
+    EXPECT_GT(runs["spread"]["trajectory"]["ate_rmse"]["std"].get<double>(), 0.0);
+    const json& ci = runs["spread"]["surface"]["median"]["ci95"];
+    EXPECT_LT(ci[0].get<double>(), ci[1].get<double>());
+  }
+  const json& comparison = results["comparison"];
+  EXPECT_EQ(comparison["unit"], "runs");
+  EXPECT_EQ(comparison["runs"], json({{"simulated", 4}, {"real", 4}}));
+  EXPECT_TRUE(comparison["within_run"].is_object());
+
+  const auto before = stage_times("a");
+  ASSERT_EQ(run("a").exit_code, 0);
+  EXPECT_EQ(stage_times("a"), before) << "a stage was done again";
+
+  TinyPlace::write_file(folder_ / "experiment.yaml", experiment);
+  const ProgramResult once = run("a", {"--json"});
+  ASSERT_EQ(once.exit_code, 0) << once.err;
+  EXPECT_EQ(stage_times("a").at("real-odometry.json"), before.at("real-odometry.json"))
+      << "the first run is the same without others";
+  EXPECT_FALSE(fs::exists(folder_ / "a/real/runs/2"));
+  EXPECT_TRUE(json::parse(once.out)["real"]["runs"].is_null());
+  EXPECT_EQ(json::parse(once.out)["comparison"]["unit"], "blocks");
+}
+
+TEST_F(Experiment, ARunThatFailsIsAResult) {
+  TinyPlace::write_file(
+      folder_ / "experiment.yaml",
+      std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) + "odometry: {runs: 2, later: 67}\n");
+  const ProgramResult first = run("a", {"--json"});  // three frames are left for the second run
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  const json runs = json::parse(first.out)["simulated"]["runs"];
+  EXPECT_EQ(runs["failed"], 1) << runs["list"];
+  EXPECT_TRUE(runs["list"][1]["failed"].is_string());
+  EXPECT_TRUE(runs["list"][1]["mean"].is_null());
+  EXPECT_EQ(runs["spread"]["map"]["mean"]["n"], 1);
+}
+
+TEST_F(Experiment, MapsAreComparedAndRankedByFolder) {
+  ASSERT_EQ(run("a").exit_code, 0);
+  const fs::path csv = folder_ / "table.csv", tex = folder_ / "table.tex";
+  const auto compare = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"compare", "--json"});
+    return run_tileflight(more);
+  };
+  const std::string a = (folder_ / "a").string();
+  const ProgramResult all = compare({a, a + "/real/metrics.json", "--csv", csv.string(), "--tex", tex.string()});
+  ASSERT_EQ(all.exit_code, 0) << all.err;
+  const json table = json::parse(all.out);
+  ASSERT_EQ(table["maps"].size(), 3U);
+  EXPECT_EQ(table["maps"][2]["name"], "a/real #2");
+  EXPECT_EQ(table["pairs"].size(), 3U);
+  EXPECT_EQ(table["pairs"][2]["mean_difference"], 0.0) << "the same map twice";
+  EXPECT_EQ(tests::line_count(file_text(csv)), 4);
+  EXPECT_EQ(tests::line_count(file_text(folder_ / "table-pairs.csv")), 4);
+  EXPECT_THAT(file_text(tex), testing::HasSubstr("a/simulated & "));
+
+  const json two = json::parse(compare({a + "/simulated/metrics.json", a + "/real/metrics.json"}).out);
+  const json comparison = json::parse(file_text(folder_ / "a/comparison.json"));
+  for (const auto& [key, value] : comparison.items()) EXPECT_EQ(two[key], value) << key;
+
+  fs::copy(folder_ / "a", folder_ / "b", fs::copy_options::recursive);
+  json better = json::parse(file_text(folder_ / "b/real/metrics.json"));
+  better["surface"]["median"] = 1e-6;
+  TinyPlace::write_file(folder_ / "b/real/metrics.json", better.dump());
+  const std::string b = (folder_ / "b").string();
+  const ProgramResult ranking = compare({"--ranking", "--by", "surface.median", a, b});
+  ASSERT_EQ(ranking.exit_code, 0) << ranking.err;
+  EXPECT_EQ(json::parse(ranking.out)["list"][1]["real"], 1e-6);
+  EXPECT_TRUE(json::parse(ranking.out)["tau_b"].is_null()) << "simulation sees no difference";
+  const ProgramResult wrong = compare({"--ranking", "--by", "map.meen", a, b});
+  EXPECT_EQ(wrong.exit_code, 1);
+  EXPECT_THAT(wrong.err, testing::HasSubstr("has no number 'map.meen'"));
+}
+
 TEST_F(Experiment, FliesVariantsOfTheSimulatedFlight) {
   TinyPlace::write_file(folder_ / "experiment.yaml", R"(name: ablation
 place:
