@@ -1,16 +1,63 @@
+#include <optional>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "command.h"
 #include "map_options.h"
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::app {
+namespace {
+
+struct Options {
+  MapOptions map;
+  std::string target;
+  std::string out;
+  std::string preset = "default";
+  std::string start = "auto";
+  std::optional<std::string> method;
+  std::optional<double> radius_m;
+  std::vector<double> up;
+  bool fixed_scale = false;
+  bool find_regions = false;
+};
+
+alignment::IcpMethod method_named(const std::string& name) {
+  using alignment::IcpMethod;
+  if (name == "point-to-plane") return IcpMethod::kPointToPlane;
+  if (name == "point-to-mesh") return IcpMethod::kPointToMesh;
+  return name == "generalized" ? IcpMethod::kGeneralized : IcpMethod::kPointToPoint;
+}
+
+alignment::AlignMapOptions align_options(const Options& options) {
+  using alignment::AlignmentStart;
+  alignment::AlignMapOptions align;
+  if (options.preset == "paper") align = alignment::paper_preset();
+  if (options.method) align.icp.method = method_named(*options.method);
+  if (options.radius_m) align.icp.radius_m = *options.radius_m;
+  align.find_regions = options.find_regions;
+  if (options.fixed_scale) align.icp.scale = alignment::ScaleMode::kFixed;
+  if (!options.up.empty()) {
+    const geometry::Vec3 up(options.up[0], options.up[1], options.up[2]);
+    if (!up.allFinite() || !(up.norm() > 0.0)) throw InputError("--up", "must be a direction, not all zeros");
+    align.map_up = up.normalized();
+  }
+  if (options.start == "as-it-is") {
+    align.start = AlignmentStart::kAsItIs;
+  } else if (options.start == "geometry") {
+    align.start = AlignmentStart::kGeometry;
+  } else if (options.start != "auto") {
+    align.start = AlignmentStart::kGiven;
+    align.given_start = alignment::read_transform(options.start).T_target_source;
+  }
+  return align;
+}
+
+}  // namespace
 
 void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
-  struct Options {
-    MapOptions map;
-    std::string target;
-    std::string out;
-  };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("align", "registration of a map to ground truth");
   command->footer(
@@ -18,10 +65,27 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_map_options(*command, options->map);
   command->add_option("--to", options->target, "folder that `extract` wrote, or a cloud")->required();
   command->add_option("--out", options->out, "transform.json to write")->required();
+  command->add_option("--preset", options->preset, "'default', or 'paper': its settings alone, from the start as it is")
+      ->check(CLI::IsMember({"default", "paper"}));
+  command->add_option(
+      "--start", options->start,
+      "'auto' (telemetry, else as it is, else geometry), 'as-it-is', 'geometry' (no start is needed), or "
+      "a transform.json to begin at");
+  command->add_option("--method", options->method, "of the last step; default: point-to-point")
+      ->check(CLI::IsMember({"point-to-point", "point-to-plane", "point-to-mesh", "generalized"}));
+  command->add_option("--radius", options->radius_m, "of the last step's correspondences, metres; default: 1")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--up", options->up, "X,Y,Z: against gravity in the map's frame, for --start geometry")
+      ->delimiter(',')
+      ->expected(3);
+  command->add_flag("--fixed-scale", options->fixed_scale, "leave the start's scale (1 with --start geometry)");
+  command->add_flag("--find-regions", options->find_regions,
+                    "align on corners of planes only, and keep others back: `evaluate` scores both");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
-      const nlohmann::json t = experiment::align(map_inputs(options->map), options->target, {}, options->out, progress);
+      const nlohmann::json t =
+          experiment::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress);
       std::ostringstream text;
       text << options->out << ": " << t["method"].get<std::string>() << ", scale " << t["scale"] << ", RMSE "
            << t["rmse"] << " m over " << t["fitness"] << " of the points, " << t["iterations"] << " iterations"

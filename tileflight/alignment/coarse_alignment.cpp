@@ -27,8 +27,7 @@ PointCloud thinned(const PointCloud& map, std::size_t most) {
 
 AlignmentResult align_step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
                            const IcpOptions& options) {
-  if (options.method == IcpMethod::kPointToMesh ||
-      (options.method == IcpMethod::kGeneralized && target.index && !target.cloud)) {
+  if (options.method == IcpMethod::kPointToMesh || (options.method == IcpMethod::kGeneralized && target.index)) {
     if (!target.index || !target.mesh)
       throw InputError("alignment method", "point-to-mesh needs a ground truth with a mesh");
     return icp(map, *target.index, *target.mesh, start, options);

@@ -255,10 +255,27 @@ json Pipeline::odometry_inputs(const FlightStages& f, const OdometryRun& run) co
   return inputs;
 }
 
-json Pipeline::alignment_inputs(const OdometryRun& run) const {
-  return {{"odometry", cache_.key(run.name + "/odometry")},
-          {"truth", cache_.key("truth")},
-          {"alignment", section("alignment")}};
+json Pipeline::alignment_inputs(const FlightStages& flight, const OdometryRun& run) const {
+  json inputs{{"odometry", cache_.key(run.name + "/odometry")},
+              {"truth", cache_.key("truth")},
+              {"alignment", section("alignment")}};
+  if (experiment_.alignment.start == alignment::AlignmentStart::kGiven) {
+    const geometry::Mat4 start = experiment_.alignment.given_start.matrix();
+    inputs["start"] = std::vector<double>(start.data(), start.data() + start.size());
+  }
+  if (!experiment_.alignment.find_regions) return inputs;
+  for (const FlightStages& other : flights_) {
+    if (other.name != flight.name) inputs["others"].push_back(cache_.key(other.name + "/odometry"));
+  }
+  return inputs;
+}
+
+std::vector<MapInputs> Pipeline::maps_of_others(const FlightStages& flight) const {
+  std::vector<MapInputs> others;
+  for (const FlightStages& other : flights_) {
+    if (other.name != flight.name) others.push_back(map_inputs(other.folder / "odometry", other.folder / "dataset"));
+  }
+  return others;
 }
 
 json Pipeline::evaluation_inputs(const OdometryRun& run) const {

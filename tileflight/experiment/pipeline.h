@@ -8,6 +8,7 @@
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/fly.h"
+#include "tileflight/experiment/map_inputs.h"
 #include "tileflight/experiment/stage_cache.h"
 #include "tileflight/experiment/track.h"
 
@@ -58,7 +59,9 @@ class Pipeline {
   nlohmann::json followed_inputs() const;
   nlohmann::json reproduction_inputs() const;
   nlohmann::json odometry_inputs(const FlightStages& flight, const OdometryRun& run) const;
-  nlohmann::json alignment_inputs(const OdometryRun& run) const;
+  nlohmann::json alignment_inputs(const FlightStages& flight, const OdometryRun& run) const;
+  /// The other flights' first runs, whose odometry is done.
+  std::vector<MapInputs> maps_of_others(const FlightStages& flight) const;
   nlohmann::json evaluation_inputs(const OdometryRun& run) const;
   nlohmann::json comparison_inputs() const;
   nlohmann::json failure_inputs() const;

@@ -65,8 +65,17 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
         cache.once(r.name + "/odometry", p.odometry_inputs(f, r), p.odometry_products(r),
                    [&] { find_map(e.odometry, f.folder / "dataset", r, progress); });
         require_map(r, f.folder / "dataset");
-        const MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
-        cache.once(r.name + "/alignment", p.alignment_inputs(r), {r.name + "/transform.json"},
+      });
+    }
+  }
+  for (const FlightStages& f : p.flights()) {
+    for (const OdometryRun& r : p.runs(f)) {
+      if (!cache.has(r.name + "/odometry")) continue;  // a further run that failed
+      attempt(r, [&] {
+        require_map(r, f.folder / "dataset");
+        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
+        map.others = p.maps_of_others(f);
+        cache.once(r.name + "/alignment", p.alignment_inputs(f, r), {r.name + "/transform.json"},
                    [&] { align(map, folder / "truth", e.alignment, r.folder / "transform.json", progress); });
         cache.once(r.name + "/evaluation", p.evaluation_inputs(r), p.evaluation_products(r), [&] {
           evaluate(map, folder / "truth", r.folder / "transform.json", e.evaluation, r.folder / "metrics.json",

@@ -1,6 +1,11 @@
 #include "tileflight/experiment/score.h"
 
+#include "tileflight/alignment/align_globally.h"
 #include "tileflight/alignment/align_map.h"
+#include "tileflight/alignment/coarse_alignment.h"
+#include "tileflight/alignment/find_regions.h"
+#include "tileflight/alignment/gravity.h"
+#include "tileflight/alignment/region_list.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/experiment/extract.h"
@@ -83,34 +88,128 @@ alignment::AlignmentResult refined_to_surface(const geometry::PointCloud& cloud,
   return alignment::icp(cloud, *target.index, target.mesh, T_local_map, icp);
 }
 
+/// From the shapes alone; upright where the camera's path or the options say what upright is.
+alignment::MapAlignment align_by_geometry(const geometry::PointCloud& cloud, const MapInputs& map, const Target& target,
+                                          const alignment::AlignMapOptions& options, const Progress& progress) {
+  std::optional<geometry::Vec3> up = options.map_up;
+  if (!up && !map.trajectory.empty()) up = alignment::up_of_trajectory(geometry::read_tum(map.trajectory));
+  return alignment::align_map_globally(cloud, up, target.view(), options, progress);
+}
+
+/// The map where it is; elsewhere if it does not fit there and fits elsewhere.
+alignment::MapAlignment align_without_telemetry(const geometry::PointCloud& cloud, const MapInputs& map,
+                                                const Target& target, const alignment::AlignMapOptions& options,
+                                                std::string& start, const Progress& progress) {
+  constexpr double kFits = 0.5;  // share of the points with a correspondence
+  start = "as it is";
+  alignment::MapAlignment aligned = alignment::align_map(cloud, geometry::Sim3(), target.view(), options, progress);
+  const alignment::AlignmentResult& end = aligned.result;
+  if (end.converged && end.fitness >= kFits && end.constraint.well_constrained) return aligned;
+  try {
+    alignment::MapAlignment found = align_by_geometry(cloud, map, target, options, progress);
+    if (*found.closeness <= alignment::closeness_of(cloud, end.T_target_source, target.view())) return aligned;
+    start = "geometry";
+    return found;
+  } catch (const InputError&) {
+    return aligned;  // its note says what is wrong with it
+  }
+}
+
+/// From the start that the options name; `start` tells which it was.
+alignment::MapAlignment align_from(const geometry::PointCloud& cloud, const MapInputs& map, const Target& target,
+                                   const alignment::AlignMapOptions& options, std::string& start,
+                                   const Progress& progress) {
+  using alignment::AlignmentStart;
+  if (options.start == AlignmentStart::kGiven || options.start == AlignmentStart::kAsItIs) {
+    const bool given = options.start == AlignmentStart::kGiven;
+    start = given ? "given" : "as it is";
+    return alignment::align_map(cloud, given ? options.given_start : geometry::Sim3(), target.view(), options,
+                                progress);
+  }
+  if (options.start == AlignmentStart::kGeometry) {
+    start = "geometry";
+    return align_by_geometry(cloud, map, target, options, progress);
+  }
+  const bool by_receiver = !map.trajectory.empty() && !map.gps.empty() && target.origin;
+  const bool by_true_poses = !map.trajectory.empty() && !map.truth_trajectory.empty();
+  if (!by_receiver && !by_true_poses) return align_without_telemetry(cloud, map, target, options, start, progress);
+
+  start = by_receiver ? "receiver positions" : "true poses";
+  alignment::AlignMapOptions chosen = options;
+  // True poses are on the pictures' own clock; a receiver lags by an unknown time.
+  if (!by_receiver) chosen.trajectory.estimate_time_offset = false;
+  return alignment::align_map(
+      cloud, geometry::read_tum(map.trajectory),
+      by_receiver ? receiver_positions(map.gps, *target.origin) : true_positions(map.truth_trajectory), target.view(),
+      chosen, progress);
+}
+
+/// Where the other flights' points lie, roughly: by their telemetry alone. Those without any are left out.
+std::vector<geometry::PointCloud> other_maps(const MapInputs& map, const Target& target,
+                                             const alignment::AlignMapOptions& options) {
+  std::vector<geometry::PointCloud> maps;
+  for (const MapInputs& other : map.others) {
+    const bool by_receiver = !other.gps.empty() && target.origin;
+    if (other.trajectory.empty() || (!by_receiver && other.truth_trajectory.empty())) continue;
+    const auto fixes =
+        by_receiver ? receiver_positions(other.gps, *target.origin) : true_positions(other.truth_trajectory);
+    const geometry::Sim3 T =
+        alignment::align_trajectory(geometry::read_tum(other.trajectory), fixes, options.trajectory).T_local_map;
+    maps.push_back(geometry::transformed(T, read_map(other.map)));
+  }
+  return maps;
+}
+
+std::vector<geometry::Box3> boxes_of(const std::vector<alignment::FoundRegion>& regions) {
+  std::vector<geometry::Box3> boxes;
+  for (const alignment::FoundRegion& region : regions) boxes.push_back(region.box);
+  return boxes;
+}
+
+/// The final step once more, on regions that hold it firmly; others are kept back for scoring.
+alignment::RegionList refine_on_found_regions(const geometry::PointCloud& cloud, const MapInputs& map,
+                                              const Target& target, alignment::AlignMapOptions& options,
+                                              alignment::MapAlignment& aligned) {
+  if (!target.index) throw InputError("regions", "can only be found on a ground truth with a mesh");
+  const geometry::PointCloud placed = geometry::transformed(aligned.result.T_target_source, cloud);
+  const std::vector<geometry::PointCloud> others = other_maps(map, target, options);
+  std::vector<const geometry::PointCloud*> maps = {&placed};
+  for (const geometry::PointCloud& other : others) maps.push_back(&other);
+  const alignment::FoundRegions found = alignment::find_regions(target.mesh, maps);
+  if (found.aligning.empty()) {
+    aligned.result.note += std::string(aligned.result.note.empty() ? "" : "; ") +
+                           "no regions to align on were found (corners of planes with points of every map); the whole "
+                           "map was aligned";
+    return {};
+  }
+  alignment::RegionList list{boxes_of(found.aligning), boxes_of(found.held_out), true};
+  options.icp.regions = list.aligned_on;
+  options.icp.scale_center = aligned.result.T_target_source.scale;
+  aligned.steps.push_back(aligned.result);
+  aligned.result = alignment::align_step(cloud, aligned.result.T_target_source, target.view(), options.icp);
+  return list;
+}
+
 }  // namespace
 
 nlohmann::json align(const MapInputs& map, const fs::path& target_path, const alignment::AlignMapOptions& options,
                      const fs::path& out, const Progress& progress) {
-  const geometry::PointCloud cloud = read_map(map.map);
+  const geometry::PointCloud cloud = alignment::thinned(read_map(map.map), options.most_points);
   const Target target = read_target(target_path);
   alignment::AlignMapOptions chosen = options;
   if (chosen.icp.regions.empty()) chosen.icp.regions = target.regions;
 
-  const bool by_receiver = !map.trajectory.empty() && !map.gps.empty() && target.origin;
-  const bool by_true_poses = !map.trajectory.empty() && !map.truth_trajectory.empty();
-  alignment::MapAlignment aligned;
-  if (by_receiver || by_true_poses) {
-    // True poses are on the pictures' own clock; a receiver lags by an unknown time.
-    if (!by_receiver) chosen.trajectory.estimate_time_offset = false;
-    aligned = alignment::align_map(
-        cloud, geometry::read_tum(map.trajectory),
-        by_receiver ? receiver_positions(map.gps, *target.origin) : true_positions(map.truth_trajectory), target.view(),
-        chosen, progress);
-  } else {
-    aligned = alignment::align_map(cloud, geometry::Sim3(), target.view(), chosen, progress);
-  }
+  std::string start;
+  alignment::MapAlignment aligned = align_from(cloud, map, target, chosen, start, progress);
+  alignment::RegionList regions{options.icp.regions, options.held_out};
+  if (options.find_regions) regions = refine_on_found_regions(cloud, map, target, chosen, aligned);
   json result = alignment::to_json(aligned);
   if (target.index) {
     result["to_surface"] =
         alignment::to_json(refined_to_surface(cloud, aligned.result.T_target_source, target, chosen));
   }
-  result["start"] = by_receiver ? "receiver positions" : by_true_poses ? "true poses" : "as it is";
+  if (!regions.aligned_on.empty() || !regions.held_out.empty()) result["regions"] = alignment::to_json(regions);
+  result["start"] = start;
   geometry::write_file(out, result.dump(2) + "\n");
   return result;
 }

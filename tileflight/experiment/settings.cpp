@@ -2,6 +2,8 @@
 
 #include <numbers>
 
+#include "tileflight/alignment/transform_file.h"
+
 namespace tileflight::experiment {
 namespace {
 
@@ -20,8 +22,9 @@ int at_least(YamlSection& section, const std::string& key, int least, int otherw
 }
 
 alignment::IcpMethod icp_method(YamlSection& section, const std::string& key, alignment::IcpMethod otherwise) {
-  const auto word = section.choice(key, {"point-to-point", "point-to-plane", "point-to-mesh"});
+  const auto word = section.choice(key, {"point-to-point", "point-to-plane", "point-to-mesh", "generalized"});
   if (!word) return otherwise;
+  if (*word == "generalized") return alignment::IcpMethod::kGeneralized;
   if (*word == "point-to-point") return alignment::IcpMethod::kPointToPoint;
   return *word == "point-to-plane" ? alignment::IcpMethod::kPointToPlane : alignment::IcpMethod::kPointToMesh;
 }
@@ -38,10 +41,10 @@ sensors::AutoExposure read_auto_exposure(YamlSection& section) {
   return a;
 }
 
-/// `regions: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
-std::vector<geometry::Box3> read_regions(YamlSection& section) {
+/// `key: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
+std::vector<geometry::Box3> read_regions(YamlSection& section, const std::string& key) {
   std::vector<geometry::Box3> regions;
-  for (YamlSection& region : section.sections("regions")) {
+  for (YamlSection& region : section.sections(key)) {
     const auto center = region.numbers("center", 3, 3);
     const auto size = region.numbers("size", 3, 3);
     if (!center) throw region.error("center", "is missing");
@@ -90,8 +93,52 @@ sensors::ImageFormation read_image_formation(YamlSection& section) {
   return f;
 }
 
+namespace {
+
+alignment::RobustKernel read_kernel(YamlSection& section, alignment::RobustKernel kernel) {
+  using alignment::Kernel;
+  kernel.scale_m = positive(section, "kernel_scale", kernel.scale_m);
+  const auto word = section.choice("kernel", {"none", "huber", "tukey", "geman-mcclure"});
+  if (word && *word != "none") {
+    kernel.kind = *word == "huber" ? Kernel::kHuber : *word == "tukey" ? Kernel::kTukey : Kernel::kGemanMcClure;
+  }
+  return kernel;
+}
+
+/// `start: auto | as-it-is | geometry`, or the path of a transform.json.
+void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
+  const std::string word = section.text("start").value_or("auto");
+  if (word == "auto") return;
+  if (word == "as-it-is") {
+    options.start = alignment::AlignmentStart::kAsItIs;
+  } else if (word == "geometry") {
+    options.start = alignment::AlignmentStart::kGeometry;
+  } else {
+    options.start = alignment::AlignmentStart::kGiven;
+    options.given_start = alignment::read_transform(*section.path("start")).T_target_source;
+  }
+}
+
+std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& otherwise) {
+  const auto seeds = section.numbers("scale_seeds", 1, 16);
+  if (!seeds) return otherwise;
+  for (const double seed : *seeds) {
+    if (!(seed > 0.0)) throw section.error("scale_seeds", "must be positive");
+  }
+  return *seeds;
+}
+
+}  // namespace
+
 alignment::AlignMapOptions read_alignment(YamlSection& section) {
   alignment::AlignMapOptions options;
+  if (section.choice("preset", {"paper", "default"}).value_or("default") == "paper")
+    options = alignment::paper_preset();
+  read_start(section, options);
+  options.icp.kernel = read_kernel(section, options.icp.kernel);
+  options.icp.kept_share = positive(section, "kept_share", options.icp.kept_share);
+  if (options.icp.kept_share > 1.0) throw section.error("kept_share", "must be at most 1");
+  options.scale_seeds = read_scale_seeds(section, options.scale_seeds);
   options.icp.method = icp_method(section, "method", options.icp.method);
   options.icp.radius_m = positive(section, "radius", options.icp.radius_m);
   options.icp.rms_change_m = positive(section, "rms_change", options.icp.rms_change_m);
@@ -101,7 +148,11 @@ alignment::AlignMapOptions read_alignment(YamlSection& section) {
   }
   options.icp.max_scale_change = positive(section, "max_scale_change", options.icp.max_scale_change);
   if (options.icp.max_scale_change < 1) throw section.error("max_scale_change", "must be at least 1");
-  options.icp.regions = read_regions(section);
+  options.icp.regions = read_regions(section, "regions");
+  options.held_out = read_regions(section, "held_out");
+  options.find_regions = section.boolean("find_regions").value_or(false);
+  if (options.find_regions && !(options.icp.regions.empty() && options.held_out.empty()))
+    throw section.error("find_regions", "finds the regions; leave out `regions` and `held_out`, or this");
   if (const auto radii = section.numbers("coarse_radii", 0, 16)) options.coarse_radii_m = *radii;
   options.trajectory.estimate_time_offset =
       section.boolean("estimate_time_offset").value_or(options.trajectory.estimate_time_offset);

@@ -1,0 +1,160 @@
+// `align` and `evaluate` of maps that nobody knows the place of: from a mesh to its tiles, to its truth, and back.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/height_field.h"
+#include "tests/run_program.h"
+#include "tileflight/geometry/cloud_files.h"
+
+namespace tileflight {
+namespace {
+
+using geometry::PointCloud;
+using geometry::Sim3;
+using geometry::Vec3;
+using nlohmann::json;
+using ::testing::HasSubstr;
+using tests::ProgramResult;
+using tests::run_tileflight;
+
+/// Rolling ground of 96 m with blocks of different sizes.
+double height_m(double x, double y) {
+  double z = 2.0 * std::sin(0.06 * x + 0.4) + 1.5 * std::cos(0.08 * y + 0.03 * x);
+  for (const auto& [east, north, half, up] : {std::array{-30.0, -32.0, 5.0, 9.0},
+                                              {28.0, -20.0, 4.0, 6.0},
+                                              {-8.0, 6.0, 6.0, 12.0},
+                                              {-34.0, 26.0, 4.0, 5.0},
+                                              {31.0, 31.0, 5.0, 8.0},
+                                              {8.0, -37.0, 3.0, 7.0},
+                                              {10.0, 37.0, 4.0, 10.0}}) {
+    if (std::abs(x - east) < half && std::abs(y - north) < half) z += up;
+  }
+  return z;
+}
+
+const Sim3 kTrue(12.5, geometry::so3_exp({0.4, -2.1, 1.3}), {200.0, -40.0, 15.0});
+
+json read_json(const std::filesystem::path& file) { return json::parse(tests::file_text(file)); }
+
+class AlignCommand : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const geometry::TriangleMesh mesh = tests::height_field(192, -48.0, 96.0, height_m);
+    std::ofstream obj(folder_ / "ground.obj");
+    for (const Vec3& v : mesh.vertices) obj << "v " << v.x() << " " << v.y() << " " << v.z() << "\n";
+    for (const auto& t : mesh.triangles) obj << "f " << t[0] + 1 << " " << t[1] + 1 << " " << t[2] + 1 << "\n";
+    obj.close();
+    run({"tile", path("ground.obj"), "--out", path("place")});
+    run({"extract", path("place"), "--out", path("truth")});
+    write_map();
+  }
+
+  /// Every so many samples of the surface, in a frame that nobody knows.
+  void write_map() {
+    const PointCloud surface = geometry::read_cloud(folder_ / "truth/surface.ply");
+    PointCloud map;
+    for (std::size_t i = 0; i < surface.size(); i += 1 + surface.size() / 4000)
+      map.positions.push_back(surface.positions[i]);
+    geometry::write_cloud(folder_ / "map.ply", transformed(kTrue.inverse(), map));
+  }
+
+  void run(const std::vector<std::string>& arguments) {
+    const ProgramResult result = run_tileflight(arguments);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  }
+
+  json align(const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"align",       path("map.ply"), "--to",
+                                          path("truth"), "--out",         path("transform.json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    run(arguments);
+    return read_json(folder_ / "transform.json");
+  }
+
+  /// How far a transform puts the map's points from their true places, at most of the corners.
+  static double error_m(const json& transform) {
+    geometry::Mat4 matrix;
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c)
+        matrix(r, c) = transform.at("matrix").at(static_cast<std::size_t>(r)).at(static_cast<std::size_t>(c));
+    }
+    const Sim3 T = Sim3::from_matrix(matrix);
+    double most_m = 0.0;
+    for (const double x : {-48.0, 48.0}) {
+      for (const double y : {-48.0, 48.0}) {
+        const Vec3 p(x, y, 0.0);
+        most_m = std::max(most_m, (T * (kTrue.inverse() * p) - p).norm());
+      }
+    }
+    return most_m;
+  }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(AlignCommand, FindsTheMapsPlaceWithoutAStart) {
+  const json by_geometry = align({"--start", "geometry", "--method", "point-to-mesh"});
+  EXPECT_EQ(by_geometry.at("start"), "geometry");
+  EXPECT_LT(error_m(by_geometry), 0.05) << by_geometry.at("note");
+  EXPECT_TRUE(by_geometry.at("converged"));
+  EXPECT_GT(by_geometry.at("closeness").get<double>(), 0.9);
+  EXPECT_LT(by_geometry.at("uncertainty").at("rms_motion_sigma").get<double>(), 0.05);
+  EXPECT_EQ(by_geometry.at("uncertainty").at("covariance").size(), 7u);
+
+  const json by_itself = align({"--method", "point-to-mesh"});
+  EXPECT_EQ(by_itself.at("start"), "geometry") << "as it is, a map a twelfth of the size fits anywhere";
+  EXPECT_LT(error_m(by_itself), 0.05);
+
+  const json given = align({"--start", path("transform.json"), "--method", "generalized"});
+  EXPECT_EQ(given.at("start"), "given");
+  EXPECT_EQ(given.at("method"), "icp-generalized");
+  EXPECT_LT(error_m(given), 0.05);
+}
+
+TEST_F(AlignCommand, RegionsAreAlignedOnAndHeldOut) {
+  const json transform = align({"--start", "geometry", "--method", "point-to-mesh", "--find-regions"});
+  EXPECT_LT(error_m(transform), 0.05) << transform.at("note");
+  const json& regions = transform.at("regions");
+  EXPECT_TRUE(regions.at("found"));
+  EXPECT_GE(regions.at("aligned_on").size(), 2u);
+  EXPECT_GE(regions.at("held_out").size(), 2u);
+  run({"evaluate", path("map.ply"), "--truth", path("truth"), "--transform", path("transform.json"), "--out",
+       path("metrics.json")});
+  const json scores = read_json(folder_ / "metrics.json").at("regions");
+  EXPECT_EQ(scores.at("each").size(), regions.at("aligned_on").size() + regions.at("held_out").size());
+  EXPECT_GT(scores.at("held_out").at("points").get<int>(), 100);
+  EXPECT_LT(scores.at("held_out").at("median").get<double>(), 0.05);
+}
+
+TEST_F(AlignCommand, PaperPresetIsThePapersAlone) {
+  align({"--start", "geometry"});
+  const json paper = align({"--preset", "paper", "--start", path("transform.json")});
+  EXPECT_TRUE(paper.at("steps").empty());
+  EXPECT_EQ(paper.at("method"), "icp-point-to-point");
+}
+
+TEST_F(AlignCommand, BadOptionsAreOneLine) {
+  const std::vector<std::string> base = {"align", path("map.ply"), "--to", path("truth"), "--out", path("t.json")};
+  const auto with = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = base;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_tileflight(arguments);
+  };
+  EXPECT_EQ(with({"--preset", "papers"}).exit_code, 2);
+  EXPECT_EQ(with({"--method", "icp"}).exit_code, 2);
+  EXPECT_EQ(with({"--radius", "-1"}).exit_code, 2);
+  const ProgramResult up = with({"--up", "0,0,0", "--start", "geometry"});
+  EXPECT_EQ(up.exit_code, 1);
+  EXPECT_THAT(up.err, HasSubstr("--up: must be a direction"));
+  EXPECT_THAT(with({"--start", path("nowhere.json")}).err, HasSubstr("nowhere.json"));
+  EXPECT_FALSE(std::filesystem::exists(path("t.json")));
+}
+
+}  // namespace
+}  // namespace tileflight
