@@ -139,7 +139,8 @@ std::vector<SensorSettings> read_sensors(SettingsSection& parent, const char* ke
       }
     }
     section.finish();
-    if (!enabled) std::erase_if(sensors, [&, name = name](const SensorSettings& sensor) { return sensor.name == name; });
+    if (!enabled)
+      std::erase_if(sensors, [&, name = name](const SensorSettings& sensor) { return sensor.name == name; });
   }
   return sensors;
 }
