@@ -84,6 +84,10 @@ void expect_flight_results(const json& flight, double fov_deg) {
   EXPECT_LT(flight["trajectory"]["ate_rmse"].get<double>(), 0.01 * flight["trajectory"]["path_length"].get<double>());
   EXPECT_GT(flight["map"]["points"].get<int>(), 500);
   EXPECT_LT(flight["surface"]["median"].get<double>(), 0.2);
+  EXPECT_GT(flight["surface"]["normals"]["mean_abs_cos"].get<double>(), 0.7) << flight["surface"]["normals"];
+  EXPECT_GT(flight["entropy"]["share_judged"].get<double>(), 0.5);
+  expect_keys(flight["error_budget"], {"voxel", "tiles", "alignment", "path", "odometry", "total", "not_separated"});
+  EXPECT_LT(flight["error_budget"]["path"]["metres"].get<double>(), 1.0);
 }
 
 TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
@@ -291,6 +295,13 @@ TEST_F(Experiment, FliesTheOtherFlightAgain) {
   EXPECT_GT(again["excerpt"]["to_s"].get<double>(), again["excerpt"]["from_s"].get<double>() + 3);
   EXPECT_EQ(tests::line_count(file_text(folder_ / "a/reproduction.csv")), 1 + again["pairs"].get<int>());
   EXPECT_EQ(results["simulated"]["resolution"], results["real"]["resolution"]);
+  const json& failure = results["failure"];
+  EXPECT_EQ(failure["frames"]["questions"], results["real"]["frames"]);
+  EXPECT_EQ(failure["frames"]["neither"], failure["frames"]["questions"]) << "neither lost a frame";
+  EXPECT_TRUE(failure["frames"]["phi"].is_null());
+  EXPECT_GT(failure["places"]["cells"].get<int>(), 100);
+  EXPECT_GT(failure["places"]["missed"]["phi"].get<double>(), 0.3) << failure;
+  EXPECT_EQ(tests::line_count(file_text(folder_ / "a/missed-places.csv")), 1 + failure["places"]["cells"].get<int>());
   const auto before = stage_times("a");
   ASSERT_EQ(run("a").exit_code, 0);
   EXPECT_EQ(stage_times("a"), before) << "a stage was done again";
