@@ -265,7 +265,8 @@ json Pipeline::alignment_inputs(const FlightStages& flight, const OdometryRun& r
   }
   if (!experiment_.alignment.find_regions) return inputs;
   for (const FlightStages& other : flights_) {
-    if (other.name != flight.name) inputs["others"].push_back(cache_.key(other.name + "/odometry"));
+    if (other.name != flight.name && cache_.has(other.name + "/odometry"))
+      inputs["others"].push_back(cache_.key(other.name + "/odometry"));
   }
   return inputs;
 }
@@ -273,7 +274,8 @@ json Pipeline::alignment_inputs(const FlightStages& flight, const OdometryRun& r
 std::vector<MapInputs> Pipeline::maps_of_others(const FlightStages& flight) const {
   std::vector<MapInputs> others;
   for (const FlightStages& other : flights_) {
-    if (other.name != flight.name) others.push_back(map_inputs(other.folder / "odometry", other.folder / "dataset"));
+    if (other.name != flight.name && cache_.has(other.name + "/odometry"))
+      others.push_back(map_inputs(other.folder / "odometry", other.folder / "dataset"));
   }
   return others;
 }

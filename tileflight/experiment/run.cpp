@@ -1,5 +1,7 @@
 #include "tileflight/experiment/run.h"
 
+#include <algorithm>
+
 #include "tileflight/experiment/ablation.h"
 #include "tileflight/experiment/evaluate.h"
 #include "tileflight/experiment/extract.h"
@@ -50,6 +52,22 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   cache.once("truth", p.truth_inputs(), {"truth"},
              [&] { extract(p.extract_settings(), folder / "truth", false, progress); });
 
+  const auto align_and_score = [&](const FlightStages& f) {
+    for (const OdometryRun& r : p.runs(f)) {
+      if (!cache.has(r.name + "/odometry")) continue;  // a further run that failed
+      attempt(r, [&] {
+        require_map(r, f.folder / "dataset");
+        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
+        map.others = p.maps_of_others(f);
+        cache.once(r.name + "/alignment", p.alignment_inputs(f, r), {r.name + "/transform.json"},
+                   [&] { align(map, folder / "truth", e.alignment, r.folder / "transform.json", progress); });
+        cache.once(r.name + "/evaluation", p.evaluation_inputs(r), p.evaluation_products(r), [&] {
+          evaluate(map, folder / "truth", r.folder / "transform.json", e.evaluation, r.folder / "metrics.json",
+                   progress);
+        });
+      });
+    }
+  };
   for (const FlightStages& f : p.flights()) {
     if (f.flight.render && f.flight.render->follows_real) {
       cache.once(f.name + "/flight", p.followed_inputs(), {f.name + "/flight"},
@@ -67,23 +85,9 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
         require_map(r, f.folder / "dataset");
       });
     }
+    if (p.simulated_follows_real()) align_and_score(f);  // the flight that follows needs to know where
   }
-  for (const FlightStages& f : p.flights()) {
-    for (const OdometryRun& r : p.runs(f)) {
-      if (!cache.has(r.name + "/odometry")) continue;  // a further run that failed
-      attempt(r, [&] {
-        require_map(r, f.folder / "dataset");
-        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
-        map.others = p.maps_of_others(f);
-        cache.once(r.name + "/alignment", p.alignment_inputs(f, r), {r.name + "/transform.json"},
-                   [&] { align(map, folder / "truth", e.alignment, r.folder / "transform.json", progress); });
-        cache.once(r.name + "/evaluation", p.evaluation_inputs(r), p.evaluation_products(r), [&] {
-          evaluate(map, folder / "truth", r.folder / "transform.json", e.evaluation, r.folder / "metrics.json",
-                   progress);
-        });
-      });
-    }
-  }
+  if (!p.simulated_follows_real()) std::ranges::for_each(p.flights(), align_and_score);
   if (p.simulated_follows_real()) {
     cache.once("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
                [&] { measure_reproduction(folder, progress); });
