@@ -38,11 +38,64 @@ void find_map(const Odometry& settings, const fs::path& dataset, const OdometryR
   track(dataset, run.folder / "odometry", false, run.options, run.frames, progress, extras);
 }
 
+/// The stages of a flight, each done when it has to be: what it is made from, what it leaves, and the call that does
+/// it.
+class FlightWork {
+ public:
+  FlightWork(const Experiment& experiment, const Pipeline& pipeline, StageCache& cache, const Progress& progress)
+      : e_(experiment), p_(pipeline), cache_(cache), folder_(cache.run_folder()), progress_(progress) {}
+
+  void film(const FlightStages& f) const {
+    if (f.flight.render && f.flight.render->follows_real) {
+      cache_.once(f.name + "/flight", p_.followed_inputs(), {f.name + "/flight"},
+                  [&] { write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight"); });
+    }
+    cache_.once(f.name + "/dataset", p_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
+      if (f.flight.render) render_dataset(p_.render_settings(f), f.folder / "dataset", false, progress_);
+      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", false, progress_);
+    });
+  }
+
+  void track(const FlightStages& f) const {
+    forget_other_runs(f.folder, p_.runs(f));
+    for (const OdometryRun& r : p_.runs(f)) {
+      attempt(r, [&] {
+        cache_.once(r.name + "/odometry", p_.odometry_inputs(f, r), p_.odometry_products(r),
+                    [&] { find_map(e_.odometry, f.folder / "dataset", r, progress_); });
+        require_map(r, f.folder / "dataset");
+      });
+    }
+  }
+
+  void align_and_score(const FlightStages& f) const {
+    for (const OdometryRun& r : p_.runs(f)) {
+      if (!cache_.has(r.name + "/odometry")) continue;  // a further run that failed
+      attempt(r, [&] {
+        require_map(r, f.folder / "dataset");
+        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
+        map.others = p_.maps_of_others(f);
+        const fs::path transform = r.folder / "transform.json";
+        cache_.once(r.name + "/alignment", p_.alignment_inputs(f, r), {r.name + "/transform.json"},
+                    [&] { align(map, folder_ / "truth", e_.alignment, transform, progress_); });
+        cache_.once(r.name + "/evaluation", p_.evaluation_inputs(r), p_.evaluation_products(r), [&] {
+          evaluate(map, folder_ / "truth", transform, e_.evaluation, r.folder / "metrics.json", progress_);
+        });
+      });
+    }
+  }
+
+ private:
+  const Experiment& e_;
+  const Pipeline& p_;
+  StageCache& cache_;
+  fs::path folder_;
+  const Progress& progress_;
+};
+
 }  // namespace
 
-// The pipeline. Each line is a stage: what it is made from, what it leaves, and the call that does it. A stage is
-// skipped when its inputs (the settings, the files' fingerprints, the keys of the stages before it) are those that it
-// was done with.
+// The pipeline. A stage is skipped when its inputs (the settings, the files' fingerprints, the keys of the stages
+// before it) are those that it was done with.
 nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress) {
   check_run_folder(folder);
   StageCache cache(folder, program_fingerprint());
@@ -52,43 +105,16 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   cache.once("truth", p.truth_inputs(), {"truth"},
              [&] { extract(p.extract_settings(), folder / "truth", false, progress); });
 
-  const auto align_and_score = [&](const FlightStages& f) {
-    for (const OdometryRun& r : p.runs(f)) {
-      if (!cache.has(r.name + "/odometry")) continue;  // a further run that failed
-      attempt(r, [&] {
-        require_map(r, f.folder / "dataset");
-        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
-        map.others = p.maps_of_others(f);
-        cache.once(r.name + "/alignment", p.alignment_inputs(f, r), {r.name + "/transform.json"},
-                   [&] { align(map, folder / "truth", e.alignment, r.folder / "transform.json", progress); });
-        cache.once(r.name + "/evaluation", p.evaluation_inputs(r), p.evaluation_products(r), [&] {
-          evaluate(map, folder / "truth", r.folder / "transform.json", e.evaluation, r.folder / "metrics.json",
-                   progress);
-        });
-      });
-    }
-  };
+  const FlightWork flight(e, p, cache, progress);
+  const bool follows = p.simulated_follows_real();
   for (const FlightStages& f : p.flights()) {
-    if (f.flight.render && f.flight.render->follows_real) {
-      cache.once(f.name + "/flight", p.followed_inputs(), {f.name + "/flight"},
-                 [&] { write_followed_flight(folder / "real", f.flight.render->smoothing, f.folder / "flight"); });
-    }
-    cache.once(f.name + "/dataset", p.dataset_inputs(f), {f.name + "/dataset"}, [&] {
-      if (f.flight.render) render_dataset(p.render_settings(f), f.folder / "dataset", false, progress);
-      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder / "truth", f.folder / "dataset", false, progress);
-    });
-    forget_other_runs(f.folder, p.runs(f));
-    for (const OdometryRun& r : p.runs(f)) {
-      attempt(r, [&] {
-        cache.once(r.name + "/odometry", p.odometry_inputs(f, r), p.odometry_products(r),
-                   [&] { find_map(e.odometry, f.folder / "dataset", r, progress); });
-        require_map(r, f.folder / "dataset");
-      });
-    }
-    if (p.simulated_follows_real()) align_and_score(f);  // the flight that follows needs to know where
+    flight.film(f);
+    flight.track(f);
+    if (follows) flight.align_and_score(f);  // the flight that follows needs to know where
   }
-  if (!p.simulated_follows_real()) std::ranges::for_each(p.flights(), align_and_score);
-  if (p.simulated_follows_real()) {
+  // Regions to align on want the points of both.
+  if (!follows) std::ranges::for_each(p.flights(), [&](const FlightStages& f) { flight.align_and_score(f); });
+  if (follows) {
     cache.once("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
                [&] { measure_reproduction(folder, progress); });
   }
@@ -97,10 +123,8 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
       const json c = compare(scored(p.runs_of("simulated")), scored(p.runs_of("real")), e.evaluation, e.seed);
       geometry::write_file(folder / "comparison.json", c.dump(2) + "\n");
     });
-  }
-  if (e.simulated && e.real) {
     cache.once("failure", p.failure_inputs(), {"failure.json"},
-               [&] { predict_failure(folder, e.evaluation, p.simulated_follows_real(), e.seed); });
+               [&] { predict_failure(folder, e.evaluation, follows, e.seed); });
   }
   json results = collect_results(e, p, cache);
   if (!e.variants.empty()) {
