@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "tileflight/alignment/normals.h"
+#include "tileflight/alignment/pose_alignment.h"
 #include "tileflight/alignment/region_list.h"
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/alignment/umeyama.h"
 #include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/metrics.h"
@@ -93,20 +93,20 @@ std::optional<double> alignment_sigma_m(const fs::path& transform_file) {
   return {};
 }
 
-/// RMS distance between the map's points as aligned and as the path puts them that fits the true poses best.
+/// RMS distance between the map's points as aligned and as the path puts them whose poses, turns included,
+/// fit the true ones best.
 std::optional<double> to_true_poses_m(const Poses& poses, const geometry::Sim3& T_local_map,
                                       const geometry::PointCloud& cloud) {
   constexpr double kSameTime_s = 0.01;
-  std::vector<geometry::Vec3> estimated, known;
+  std::vector<geometry::SE3> estimated, known;
   for (const auto& [e, t] : geometry::associate(poses.estimate, poses.truth, kSameTime_s)) {
-    estimated.push_back(poses.estimate.poses[e].T_local_camera.translation);
-    known.push_back(poses.truth.poses[t].T_local_camera.translation);
+    estimated.push_back(poses.estimate.poses[e].T_local_camera);
+    known.push_back(poses.truth.poses[t].T_local_camera);
   }
   if (estimated.size() < 3) return {};
-  const alignment::UmeyamaResult fit = alignment::umeyama(estimated, known);
-  if (!fit.well_conditioned) return {};
+  const geometry::Sim3 T_true_map = alignment::fit_poses(estimated, known);
   double squares = 0.0;
-  for (const geometry::Vec3& p : cloud.positions) squares += (T_local_map * p - fit.T_target_source * p).squaredNorm();
+  for (const geometry::Vec3& p : cloud.positions) squares += (T_local_map * p - T_true_map * p).squaredNorm();
   return std::sqrt(squares / static_cast<double>(cloud.size()));
 }
 
