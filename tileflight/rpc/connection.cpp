@@ -44,12 +44,13 @@ void Connection::close(const std::string& reason) {
     ++service_.record.cut;
     if (service_.log) service_.log(client_ + ": closed: " + reason);
   }
-  asio::error_code ignored;
-  socket_.close(ignored);
+  const auto self = shared_from_this();  // forgotten, nobody else may hold it
   release(held_bytes_);
   buffer_ = {};
   waiting_.clear();
   service_.forgotten(this);
+  asio::error_code ignored;
+  socket_.close(ignored);  // last: who sees the end finds the statistics up to date
 }
 
 void Connection::check_time(double now_s) {
