@@ -25,8 +25,11 @@ static_assert(offsetof(RayPacket8, u) == offsetof(RTCRayHit8, hit.u));
 static_assert(offsetof(RayPacket8, triangle) == offsetof(RTCRayHit8, hit.primID));
 static_assert(offsetof(RayPacket8, mesh) == offsetof(RTCRayHit8, hit.geomID));
 static_assert(RayPacket8::kMiss == RTC_INVALID_GEOMETRY_ID);
+static_assert(offsetof(RTCRayHit8, ray) == 0 && alignof(RTCRay8) <= alignof(RayPacket8));
 
 namespace {
+
+alignas(32) constexpr int kAllLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // a lane is switched off by its far limit
 
 std::string mesh_label(const imaging::TexturedMesh& mesh, std::size_t index) {
   return mesh.name.empty() ? "mesh " + std::to_string(index) : mesh.name;
@@ -154,12 +157,17 @@ bool Scene::occluded(const Ray& ray, double max_distance_m) const {
 }
 
 void Scene::intersect(RayPacket8& packet) const {
-  alignas(32) static constexpr int kAllLanes[8] = {-1, -1, -1, -1,
-                                                   -1, -1, -1, -1};  // a lane is switched off by its far limit
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   rtcIntersect8(kAllLanes, impl_->tree.scene.get(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+}
+
+void Scene::occlude(RayPacket8& packet) const {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  rtcOccluded8(kAllLanes, impl_->tree.scene.get(), &context, reinterpret_cast<RTCRay8*>(&packet));
 }
 
 geometry::Vec3 Scene::position(const Hit& hit) const {

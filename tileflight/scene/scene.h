@@ -51,6 +51,9 @@ class Scene {
   bool occluded(const Ray& ray, double max_distance_m) const;
   /// Nearest hits of eight rays at once, in floats relative to anchor(): see packets.h.
   void intersect(RayPacket8& packet) const;
+  /// Whether anything is in the way of eight rays: `far` becomes -infinity in lanes where something is between their
+  /// near and far, and nothing else of the packet changes. A lane that was off stays so.
+  void occlude(RayPacket8& packet) const;
 
   geometry::Vec3 position(const Hit& hit) const;
   geometry::Vec3 normal(const Hit& hit) const;  ///< unit, by the triangle's winding; zero for a triangle without area

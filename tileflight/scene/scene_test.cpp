@@ -176,6 +176,33 @@ TEST(Scene, PacketsAgreeWithSingleRaysAndKeepLanesOff) {
   }
 }
 
+TEST(Scene, OcclusionOfPacketsAgreesWithSingleRays) {
+  std::mt19937_64 random(12);
+  const Scene scene({height_field(40, 200.0, {10.0, 20.0, 2900.0})});
+  int hidden = 0;
+  for (int round = 0; round < 400; ++round) {
+    RayPacket8 packet;
+    packet.reset();
+    std::vector<Ray> rays;
+    for (int lane = 0; lane < RayPacket8::kLanes; ++lane) {
+      const Vec3 near(uniform(random, -60.0, 80.0), uniform(random, -50.0, 90.0), 2902.0);
+      rays.push_back({near, (uniform_vector(random, 1.0) + Vec3(0.0, 0.0, 0.2)).normalized()});
+      aim(packet, lane, rays.back(), scene.anchor());
+      packet.far[lane] = 1e4F;
+    }
+    packet.switch_off(round % 8);
+    scene.occlude(packet);
+    for (int lane = 0; lane < RayPacket8::kLanes; ++lane) {
+      const bool expected = lane == round % 8 || scene.occluded(rays[lane], 1e4);
+      ASSERT_EQ(packet.far[lane] < 0.0F, expected);
+      EXPECT_EQ(packet.mesh[lane], RayPacket8::kMiss);
+      hidden += expected ? 1 : 0;
+    }
+  }
+  EXPECT_GT(hidden, 800);
+  EXPECT_LT(hidden, 2800);
+}
+
 /// Share of rays aimed from above at points of the field's inner edges (`along` 0..1) that meet nothing.
 double leaking_share(double along_low, double along_high) {
   const Vec3 center(331.3, -127.9, 2893.0);
