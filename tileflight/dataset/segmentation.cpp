@@ -14,27 +14,122 @@
 #include "tileflight/imaging/image_files.h"
 
 // While frames come, ids are not known yet: an object that sorts before all others may be seen in the last one. Until
-// then a frame is a file of runs of equal numbers (as they came), which is small, and is coloured in at the end.
+// then a frame is a file of the objects that are seen in it and of runs of equal ones, which is small, and is coloured
+// in at the end. Nothing is kept in memory, so that frames may come from several processes and at several times.
 namespace tileflight::dataset {
 namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kRuns = "segmentation.runs";  // the folder of the frames' files
 constexpr std::size_t kLargestId = std::numeric_limits<std::uint16_t>::max();
 
 struct Run {
-  std::uint32_t number = 0;  ///< 0: nothing, else 1 + number by which the object came
+  std::uint32_t number = 0;  ///< 0: nothing, else 1 + index into the objects of its frame
   std::uint32_t pixels = 0;
 };
 
-std::vector<Run> runs_of(const imaging::Image<std::uint32_t>& labels) {
-  std::vector<Run> runs;
-  for (const std::uint32_t label : labels.pixels) {
-    if (runs.empty() || runs.back().number != label) runs.push_back({label, 0});
-    ++runs.back().pixels;
+/// A frame, as its file holds it.
+struct LabelledFrame {
+  int width = 0, height = 0;
+  std::vector<SegmentedObject> objects;  ///< that are seen, in the order in which they are
+  std::vector<Run> runs;                 ///< row by row; their numbers are 1 + index into `objects`
+};
+
+LabelledFrame labelled(const imaging::Image<std::uint32_t>& labels, std::span<const SegmentedObject> objects) {
+  LabelledFrame frame{labels.width, labels.height, {}, {}};
+  std::unordered_map<std::uint32_t, std::uint32_t> number_of{{0, 0}};
+  const std::uint32_t* before = nullptr;
+  for (const std::uint32_t& label : labels.pixels) {
+    if (before != nullptr && *before == label) {
+      ++frame.runs.back().pixels;
+      continue;
+    }
+    before = &label;
+    const auto [known, is_new] = number_of.try_emplace(label, static_cast<std::uint32_t>(frame.objects.size()) + 1);
+    if (is_new) frame.objects.push_back(objects[label - 1]);
+    frame.runs.push_back({known->second, 1});
   }
-  return runs;
+  return frame;
 }
+
+template <class T>
+void append(std::string& bytes, const T& value) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+void append_text(std::string& bytes, const std::string& text) {
+  append(bytes, static_cast<std::uint32_t>(text.size()));
+  bytes += text;
+}
+
+std::string to_bytes(const LabelledFrame& frame) {
+  std::string bytes;
+  append(bytes, frame.width);
+  append(bytes, frame.height);
+  append(bytes, static_cast<std::uint32_t>(frame.objects.size()));
+  for (const SegmentedObject& object : frame.objects) {
+    append_text(bytes, object.tile);
+    append(bytes, object.mesh);
+    append(bytes, static_cast<std::uint8_t>(object.feature.has_value()));
+    append(bytes, object.feature.value_or(0));
+    append_text(bytes, object.name);
+  }
+  for (const Run& run : frame.runs) append(bytes, run);
+  return bytes;
+}
+
+/// What to_bytes wrote; a file that ends too early is an InputError.
+class FrameReader {
+ public:
+  explicit FrameReader(const fs::path& file) : file_(file), bytes_(geometry::read_text(file)) {}
+
+  LabelledFrame read() {
+    LabelledFrame frame = read_head();
+    while (at_ < bytes_.size()) frame.runs.push_back(take<Run>());
+    return frame;
+  }
+  /// Without the runs.
+  LabelledFrame read_head() {
+    LabelledFrame frame;
+    frame.width = take<int>();
+    frame.height = take<int>();
+    const auto count = take<std::uint32_t>();
+    for (std::uint32_t i = 0; i < count; ++i) {
+      SegmentedObject& object = frame.objects.emplace_back();
+      object.tile = take_text();
+      object.mesh = take<std::uint32_t>();
+      const bool has_feature = take<std::uint8_t>() != 0;
+      const auto feature = take<std::uint32_t>();
+      if (has_feature) object.feature = feature;
+      object.name = take_text();
+    }
+    return frame;
+  }
+
+ private:
+  void require(std::size_t count) const {
+    if (count > bytes_.size() - at_) throw InputError(file_.string(), "ends too early; render the frames anew");
+  }
+  template <class T>
+  T take() {
+    require(sizeof(T));
+    T value;
+    std::memcpy(&value, bytes_.data() + at_, sizeof value);
+    at_ += sizeof value;
+    return value;
+  }
+  std::string take_text() {
+    const auto size = take<std::uint32_t>();
+    require(size);
+    at_ += size;
+    return bytes_.substr(at_ - size, size);
+  }
+
+  fs::path file_;
+  std::string bytes_;
+  std::size_t at_ = 0;
+};
 
 void make_folder(const fs::path& folder) {
   std::error_code error;
@@ -67,78 +162,71 @@ SegmentationWriter::SegmentationWriter(fs::path dataset_folder, const Segmentati
     : folder_(std::move(dataset_folder)), options_(options) {
   if (options.segmentation) make_folder(folder_ / "segmentation");
   if (options.infrared) make_folder(folder_ / "infrared");
-  make_folder(folder_ / "segmentation.runs");
-}
-
-fs::path SegmentationWriter::runs_file(std::size_t index) const {
-  return folder_ / "segmentation.runs" / frame_id(index);
+  make_folder(folder_ / kRuns);
 }
 
 void SegmentationWriter::add(std::size_t index, const imaging::Image<std::uint32_t>& labels,
-                             std::span<const SegmentedObject> objects) {
-  std::vector<Run> runs = runs_of(labels);
-  {
-    const std::lock_guard lock(mutex_);
-    frames_.push_back(index);
-    width_ = labels.width;
-    height_ = labels.height;
-    std::unordered_map<std::uint32_t, std::uint32_t> number_of;
-    for (Run& run : runs) {
-      if (run.number == 0) continue;
-      const auto [known, is_new] = number_of.try_emplace(run.number, 0);
-      if (is_new) {
-        const auto number = static_cast<std::uint32_t>(objects_.size()) + 1;
-        known->second = objects_.try_emplace(objects[run.number - 1], number).first->second;
-      }
-      run.number = known->second;
-    }
-  }
-  geometry::write_file(runs_file(index), {reinterpret_cast<const char*>(runs.data()), runs.size() * sizeof(Run)});
+                             std::span<const SegmentedObject> objects) const {
+  geometry::write_file(folder_ / kRuns / frame_id(index), to_bytes(labelled(labels, objects)));
 }
 
-std::vector<std::uint16_t> SegmentationWriter::final_ids() const {
-  if (objects_.size() > kLargestId) {
-    throw InputError("segmentation", std::to_string(objects_.size()) +
+std::vector<std::string> SegmentationWriter::frames() const {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder_ / kRuns)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(".")) names.push_back(name);  // else: what a killed process left of a file
+  }
+  return names;
+}
+
+SegmentationWriter::Ids SegmentationWriter::ids_of(const std::vector<std::string>& frames) const {
+  Ids ids;
+  for (const std::string& frame : frames) {
+    for (const SegmentedObject& object : FrameReader(folder_ / kRuns / frame).read_head().objects)
+      ids.emplace(object, 0);
+  }
+  if (ids.size() > kLargestId) {
+    throw InputError("segmentation", std::to_string(ids.size()) +
                                          " objects are seen, but 16 bits tell 65535 apart: leave the output out, or "
                                          "render fewer frames at a time");
   }
-  std::vector<std::uint16_t> ids(objects_.size() + 1, 0);
   std::uint16_t id = 0;
-  for (const auto& [object, number] : objects_) ids[number] = ++id;
+  for (auto& [object, number] : ids) number = ++id;
   return ids;
 }
 
-void SegmentationWriter::write_frame(std::size_t index, std::span<const std::uint16_t> ids) const {
-  const std::vector<std::byte> bytes = geometry::read_bytes(runs_file(index));
-  imaging::Gray16Image image(width_, height_);
+void SegmentationWriter::write_frame(const std::string& name, const Ids& ids) const {
+  const LabelledFrame frame = FrameReader(folder_ / kRuns / name).read();
+  std::vector<std::uint16_t> id_of{0};
+  for (const SegmentedObject& object : frame.objects) id_of.push_back(ids.at(object));
+  imaging::Gray16Image image(frame.width, frame.height);
   auto pixel = image.pixels.begin();
-  for (std::size_t at = 0; at < bytes.size(); at += sizeof(Run)) {
-    Run run;
-    std::memcpy(&run, bytes.data() + at, sizeof run);
-    pixel = std::fill_n(pixel, run.pixels, ids[run.number]);
+  for (const Run& run : frame.runs) {
+    if (run.number >= id_of.size() || run.pixels > image.pixels.end() - pixel)
+      throw InputError((folder_ / kRuns / name).string(), "is damaged; render the frames anew");
+    pixel = std::fill_n(pixel, run.pixels, id_of[run.number]);
   }
-  const std::string file = frame_id(index) + ".png";
+  const std::string file = name + ".png";
   if (options_.segmentation) write_png(folder_ / "segmentation" / file, imaging::encode_png(image));
   if (options_.infrared) write_png(folder_ / "infrared" / file, imaging::encode_png(infrared_of(image)));
 }
 
-void SegmentationWriter::write_table() const {
+void SegmentationWriter::write_table(const Ids& ids) const {
   std::string text = "id,tile,mesh,feature,name\n";
-  int id = 0;
-  for (const auto& [object, number] : objects_) {
-    text += std::to_string(++id) + "," + csv_field(object.tile) + "," + std::to_string(object.mesh) + "," +
+  for (const auto& [object, id] : ids) {
+    text += std::to_string(id) + "," + csv_field(object.tile) + "," + std::to_string(object.mesh) + "," +
             (object.feature ? std::to_string(*object.feature) : "") + "," + csv_field(object.name) + "\n";
   }
   geometry::write_file(folder_ / "segmentation.csv", text);
 }
 
-void SegmentationWriter::finish() {
-  const std::lock_guard lock(mutex_);
-  const std::vector<std::uint16_t> ids = final_ids();
-  tbb::parallel_for(std::size_t{0}, frames_.size(), [&](std::size_t i) { write_frame(frames_[i], ids); });
-  write_table();
+void SegmentationWriter::finish() const {
+  const std::vector<std::string> names = frames();
+  const Ids ids = ids_of(names);
+  tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) { write_frame(names[i], ids); });
+  write_table(ids);
   std::error_code ignored;
-  fs::remove_all(folder_ / "segmentation.runs", ignored);
+  fs::remove_all(folder_ / kRuns, ignored);
 }
 
 }  // namespace tileflight::dataset

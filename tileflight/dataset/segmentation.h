@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -36,27 +35,26 @@ struct SegmentationOptions {
 /// that name, 8-bit grey by object number: (id - 1) mod 255 + 1, 0 where there is nothing.
 class SegmentationWriter {
  public:
-  /// Into a dataset's folder, which must be there.
+  /// Into a dataset's folder, which must be there. Frames that another writer added there and did not finish count.
   SegmentationWriter(std::filesystem::path dataset_folder, const SegmentationOptions& options);
 
-  /// `labels`: 0, or 1 + index into `objects`, which may be other ones each time. Several threads may add at once.
-  /// Throws InputError.
-  void add(std::size_t index, const imaging::Image<std::uint32_t>& labels, std::span<const SegmentedObject> objects);
-  /// Numbers the objects and writes the files. Throws InputError: more than 65535 objects were seen.
-  void finish();
+  /// `labels`: 0, or 1 + index into `objects`, which may be other ones each time. Several threads (and processes, each
+  /// with a writer of its own) may add at once. Throws InputError.
+  void add(std::size_t index, const imaging::Image<std::uint32_t>& labels,
+           std::span<const SegmentedObject> objects) const;
+  /// Numbers the objects of all frames and writes the files. Throws InputError: more than 65535 objects were seen.
+  void finish() const;
 
  private:
-  std::filesystem::path runs_file(std::size_t index) const;
-  std::vector<std::uint16_t> final_ids() const;
-  void write_frame(std::size_t index, std::span<const std::uint16_t> ids) const;
-  void write_table() const;
+  using Ids = std::map<SegmentedObject, std::uint16_t>;
+
+  std::vector<std::string> frames() const;
+  Ids ids_of(const std::vector<std::string>& frames) const;
+  void write_frame(const std::string& name, const Ids& ids) const;
+  void write_table(const Ids& ids) const;
 
   std::filesystem::path folder_;
   SegmentationOptions options_;
-  std::mutex mutex_;                                  // guards what follows
-  std::map<SegmentedObject, std::uint32_t> objects_;  ///< with the number by which they came
-  std::vector<std::size_t> frames_;
-  int width_ = 0, height_ = 0;
 };
 
 }  // namespace tileflight::dataset

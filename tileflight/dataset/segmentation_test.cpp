@@ -47,6 +47,37 @@ TEST(Segmentation, IdsAreThoseOfTheSortedObjectsThatAreSeen) {
   EXPECT_FALSE(fs::exists(folder / "segmentation.runs"));
 }
 
+TEST(Segmentation, FramesOfSeveralWritersAreNumberedTogether) {
+  const TemporaryFolder apart, together;
+  const auto a = labels({1, 1, 0, 2, 2, 1}), b = labels({3, 3, 3, 3, 2, 0});
+  const std::vector<SegmentedObject> of_a{kMill, kHall}, of_b{kNeverSeen, kMill, kMeadow};
+  const SegmentationOptions both{.segmentation = true, .infrared = true};
+  SegmentationWriter(apart.path(), both).add(1, a, of_a);  // a process that ended, and one that goes on
+  geometry::write_file(apart / "segmentation.runs/.000002.4000000-0.tmp", "of a process that was killed");
+  const SegmentationWriter second(apart.path(), both);
+  second.add(0, b, of_b);
+  second.finish();
+  const SegmentationWriter one(together.path(), both);
+  one.add(0, b, of_b);
+  one.add(1, a, of_a);
+  one.finish();
+  for (const char* file :
+       {"segmentation/000000.png", "segmentation/000001.png", "infrared/000001.png", "segmentation.csv"})
+    EXPECT_EQ(geometry::read_text(apart / file), geometry::read_text(together / file)) << file;
+  EXPECT_FALSE(fs::exists(apart / "segmentation/.000002.4000000-0.tmp.png"));
+}
+
+TEST(Segmentation, AFileThatIsCutShortIsSaid) {
+  const TemporaryFolder folder;
+  const SegmentationWriter writer(folder.path(), {});
+  writer.add(0, labels({1, 1, 0, 2, 2, 1}), std::vector{kMill, kHall});
+  const std::string whole = geometry::read_text(folder / "segmentation.runs/000000");
+  for (const std::size_t size : {std::size_t{3}, std::size_t{20}, whole.size() - 1}) {
+    geometry::write_file(folder / "segmentation.runs/000000", whole.substr(0, size));
+    EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("ends too early")) << size;
+  }
+}
+
 TEST(Segmentation, SixteenBitsAreUsedWhollyAndNotMore) {
   const auto write = [](std::uint32_t count, const fs::path& folder) {
     SegmentationWriter writer(folder, {.infrared = true});
