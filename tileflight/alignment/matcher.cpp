@@ -118,9 +118,15 @@ bool MeshMatcher::find(std::size_t i, const Vec3& position, Match& match) {
   Memory& memory = memory_[i];
   if (!memory.found && memory.empty_m - (position - memory.position).norm() > radius_m_) return false;
 
-  const double reach = 1.5 * radius_m_;
-  const double bound =
-      memory.found ? std::min(reach, (position - memory.nearest).norm() * (1.0 + 1e-9) + 1e-12) : reach;
+  double bound = 1.5 * radius_m_;
+  const auto surface_at = [&](const Vec3& p) {
+    bound = std::min(bound, (position - p).norm() * (1.0 + 1e-9) + 1e-12);
+  };
+  if (memory.found) {
+    surface_at(memory.nearest);
+  } else if (match.triangle != Match::kNoTriangle) {
+    surface_at(match.point);
+  }
   const auto hit = index_->nearest(position + shift_, bound);
   memory.position = position;
   memory.found = hit.has_value();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -12,10 +13,12 @@ namespace tileflight::alignment {
 
 /// The target's nearest place to a source point.
 struct Match {
+  static constexpr std::size_t kNoTriangle = std::numeric_limits<std::size_t>::max();
+
   geometry::Vec3 point;
   geometry::Vec3 normal = geometry::Vec3::Zero();  ///< unit length; zero where the target has none
   double distance_m = 0.0;
-  std::size_t triangle = 0;  ///< of a mesh
+  std::size_t triangle = kNoTriangle;  ///< of a mesh
 };
 
 /// Nearest target point for each of a fixed set of source points that move little from one call to the next. A point's
@@ -52,14 +55,14 @@ class CloudMatcher {
   std::unique_ptr<Tree> tree_;
 };
 
-/// The same against the triangles of a mesh. The last answer bounds the next search.
+/// The same against the triangles of a mesh. A point's last answer bounds its next search.
 class MeshMatcher {
  public:
   MeshMatcher(const geometry::TriangleIndex& index, const geometry::TriangleMesh& mesh, const geometry::Vec3& shift,
               std::size_t source_points, double radius_m);
 
   /// The normal points from the surface to the source point (the gradient of the distance); on the surface it is the
-  /// triangle's.
+  /// triangle's. `match` may come with the answer for a neighbour: it bounds a point's first search.
   bool find(std::size_t i, const geometry::Vec3& position, Match& match);
 
   geometry::Vec3 triangle_normal(std::size_t triangle) const;

@@ -95,8 +95,8 @@ class Registration {
   double distance_of_nearest(const geometry::Sim3& T, std::size_t stride, std::size_t n, std::size_t counted) {
     std::vector<double> distances_m(n);
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n), [&](const auto& range) {
+      Match match;
       for (std::size_t k = range.begin(); k < range.end(); ++k) {
-        Match match;
         const bool found = matcher_.find(k * stride, T * source_.points[k * stride], match);
         distances_m[k] = found ? match.distance_m : residuals_.radius_m;
       }
@@ -109,9 +109,9 @@ class Registration {
   MatchSums sum(const geometry::Sim3& T, double reach_m, std::size_t begin, std::size_t end, std::size_t stride) {
     const geometry::Mat3 linear = T.scale * T.rotation.toRotationMatrix();
     MatchSums sums;
+    Match match;
     for (std::size_t i = begin; i < std::min(end, source_.points.size()); i += stride) {
       const geometry::Vec3 y = linear * source_.points[i] + T.translation;
-      Match match;
       if (!matcher_.find(i, y, match) || match.distance_m > reach_m) continue;
       if (residuals_.method == IcpMethod::kGeneralized) {
         add_planes(T.rotation * source_.normals[i], y, match, sums);

@@ -3,11 +3,13 @@
 // Every node holds its children's boxes as floats relative to `anchor`, four abreast, so that one vector operation
 // bounds the distance to all four. The boxes are rounded outwards and widened by more than the rounding of a query to
 // float, so the bound is never above the true distance: floats decide only which triangles are looked at, doubles
-// decide which is nearest. The tree is split at the median triangle, so the shape of every subtree follows from its
-// number of triangles alone: each part knows its place in the arrays beforehand, and the parts are built in parallel.
+// decide which is nearest, also four abreast. The tree is split at the median triangle, so the shape of every subtree
+// follows from its number of triangles alone: each part knows its place in the arrays beforehand, and the parts are
+// built in parallel.
 #include "tileflight/geometry/triangle_index.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <array>
@@ -18,13 +20,14 @@
 #include <vector>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/triangle_pack.h"
 
 namespace tileflight::geometry {
 namespace {
 
 using Float4 = Eigen::Array4f;
 
-constexpr std::size_t kLeafTriangles = 4;
+constexpr std::size_t kLeafTriangles = TrianglePack::kSize;
 constexpr std::size_t kSerialBelow = 8192;
 
 /// Coordinates beyond this, metres, would overflow the squares of floats.
@@ -34,14 +37,9 @@ constexpr double kFarthest_m = 1e15;
 constexpr float kBoundShrink = 1.0F - 1e-5F;
 
 struct alignas(64) Node {
-  std::array<Float4, 3> low, high;               ///< [axis](child), metres relative to the anchor
-  std::array<std::int32_t, 4> child{};           ///< node, or first triangle of a leaf; -1: no child
-  std::array<std::int32_t, 4> leaf_triangles{};  ///< 0: the child is a node
-};
-
-struct Corners {
-  Vec3 a, b, c;
-  std::uint32_t triangle;  ///< index in the mesh
+  std::array<Float4, 3> low, high;      ///< [axis](child), metres relative to the anchor
+  std::array<std::int32_t, 4> child{};  ///< node, or a leaf's pack; -1: no child
+  std::array<bool, 4> is_leaf{};
 };
 
 /// A triangle while the tree is built.
@@ -67,25 +65,39 @@ std::array<std::size_t, 4> quarters(std::size_t count) {
   return {left / 2, left - left / 2, right / 2, right - right / 2};
 }
 
-/// How many nodes a subtree over `count` triangles has, for all counts that occur.
-class NodeCounts {
+/// What a subtree consists of, or where its parts lie.
+struct TreeSize {
+  std::size_t nodes = 0;
+  std::size_t leaves = 0;
+
+  TreeSize& operator+=(const TreeSize& other) {
+    nodes += other.nodes;
+    leaves += other.leaves;
+    return *this;
+  }
+};
+
+/// The sizes of subtrees over all numbers of triangles that occur.
+class TreeSizes {
  public:
-  explicit NodeCounts(std::size_t triangles) { compute(triangles); }
-  std::size_t operator()(std::size_t triangles) const {
-    return triangles <= kLeafTriangles ? 0 : counts_.at(triangles);
+  explicit TreeSizes(std::size_t triangles) { compute(triangles); }
+  TreeSize operator()(std::size_t triangles) const {
+    return triangles <= kLeafTriangles ? leaf(triangles) : sizes_.at(triangles);
   }
 
  private:
-  std::size_t compute(std::size_t triangles) {
-    if (triangles <= kLeafTriangles) return 0;
-    if (const auto found = counts_.find(triangles); found != counts_.end()) return found->second;
-    std::size_t nodes = 1;
-    for (const std::size_t part : quarters(triangles)) nodes += compute(part);
-    counts_[triangles] = nodes;
-    return nodes;
+  static TreeSize leaf(std::size_t triangles) { return {0, triangles > 0 ? 1U : 0U}; }
+
+  TreeSize compute(std::size_t triangles) {
+    if (triangles <= kLeafTriangles) return leaf(triangles);
+    if (const auto found = sizes_.find(triangles); found != sizes_.end()) return found->second;
+    TreeSize size{1, 0};
+    for (const std::size_t part : quarters(triangles)) size += compute(part);
+    sizes_[triangles] = size;
+    return size;
   }
 
-  std::map<std::size_t, std::size_t> counts_;
+  std::map<std::size_t, TreeSize> sizes_;
 };
 
 /// Puts the smaller `left` items along the longest axis of the centres in front.
@@ -120,24 +132,16 @@ struct TriangleIndex::Tree {
   std::optional<SurfacePoint> nearest(const Vec3& query, double radius_m) const;
 
  private:
-  struct Best {
-    double distance2;
-    std::uint32_t triangle = std::numeric_limits<std::uint32_t>::max();
-    Vec3 position = Vec3::Zero();
-  };
-
   std::vector<Item> items_of(const TriangleMesh& mesh) const;
-  FloatBox build(std::span<Item> items, std::size_t node, std::size_t first, const TriangleMesh& mesh,
-                 const NodeCounts& node_counts);
-  FloatBox build_leaf(std::span<const Item> items, std::size_t first, const TriangleMesh& mesh);
-  FloatBox box_of(const Corners& t) const;
+  FloatBox build(std::span<Item> items, const TreeSize& place, const TriangleMesh& mesh, const TreeSizes& sizes);
+  FloatBox build_leaf(std::span<const Item> items, std::size_t leaf, const TriangleMesh& mesh);
+  FloatBox box_of(const Vec3& a, const Vec3& b, const Vec3& c) const;
   Float4 distance2_bounds(const Node& node, const Eigen::Array3f& query) const;
-  void visit_leaf(std::int32_t first, std::int32_t count, const Vec3& query, Best& best) const;
 
   Vec3 anchor_ = Vec3::Zero();
   float slack_ = 0.0F;  ///< by which boxes are widened, metres
   std::vector<Node> nodes_;
-  std::vector<Corners> triangles_;  ///< in the order of the leaves
+  std::vector<TrianglePack> leaves_;
 };
 
 TriangleIndex::Tree::Tree(const TriangleMesh& mesh) {
@@ -149,10 +153,10 @@ TriangleIndex::Tree::Tree(const TriangleMesh& mesh) {
   anchor_ = box.center();
   slack_ = static_cast<float>(box.sizes().maxCoeff()) * 4.0F * std::numeric_limits<float>::epsilon();
   std::vector<Item> items = items_of(mesh);
-  const NodeCounts node_counts(items.size());
-  nodes_.resize(std::max<std::size_t>(node_counts(items.size()), 1));
-  triangles_.resize(items.size());
-  build(items, 0, 0, mesh, node_counts);
+  const TreeSizes sizes(items.size());
+  nodes_.resize(std::max<std::size_t>(sizes(items.size()).nodes, 1));
+  leaves_.resize(std::max<std::size_t>(sizes(items.size()).leaves, 4));
+  build(items, {}, mesh, sizes);
 }
 
 std::vector<Item> TriangleIndex::Tree::items_of(const TriangleMesh& mesh) const {
@@ -166,27 +170,36 @@ std::vector<Item> TriangleIndex::Tree::items_of(const TriangleMesh& mesh) const 
   return items;
 }
 
-FloatBox TriangleIndex::Tree::build(std::span<Item> items, std::size_t node, std::size_t first,
-                                    const TriangleMesh& mesh, const NodeCounts& node_counts) {
-  const auto sizes = quarters(items.size());
-  const std::size_t half = sizes[0] + sizes[1];
+/// `place`: the number of the node and of its first leaf.
+FloatBox TriangleIndex::Tree::build(std::span<Item> items, const TreeSize& place, const TriangleMesh& mesh,
+                                    const TreeSizes& sizes) {
+  const auto counts = quarters(items.size());
+  const std::size_t half = counts[0] + counts[1];
+  const bool serial = items.size() < kSerialBelow;
   split(items, half);
-  split(items.first(half), sizes[0]);
-  split(items.subspan(half), sizes[2]);
+  const auto split_left = [&] { split(items.first(half), counts[0]); };
+  const auto split_right = [&] { split(items.subspan(half), counts[2]); };
+  if (serial) {
+    split_left();
+    split_right();
+  } else {
+    tbb::parallel_invoke(split_left, split_right);
+  }
 
   std::array<FloatBox, 4> boxes;
-  std::array<std::size_t, 4> starts{0, sizes[0], half, half + sizes[2]};
-  std::array<std::size_t, 4> child_nodes{node + 1};
-  for (std::size_t k = 1; k < 4; ++k) child_nodes[k] = child_nodes[k - 1] + node_counts(sizes[k - 1]);
+  const std::array<std::size_t, 4> starts{0, counts[0], half, half + counts[2]};
+  std::array<TreeSize, 4> places{TreeSize{place.nodes + 1, place.leaves}};
+  for (std::size_t k = 1; k < 4; ++k) (places[k] = places[k - 1]) += sizes(counts[k - 1]);
+  Node& node = nodes_[place.nodes];
   const auto build_child = [&](std::size_t k) {
-    const std::span<Item> part = items.subspan(starts[k], sizes[k]);
-    const bool leaf = part.size() <= kLeafTriangles;
-    nodes_[node].leaf_triangles[k] = leaf ? static_cast<std::int32_t>(part.size()) : 0;
-    nodes_[node].child[k] = part.empty() ? -1 : static_cast<std::int32_t>(leaf ? first + starts[k] : child_nodes[k]);
-    boxes[k] = leaf ? build_leaf(part, first + starts[k], mesh)
-                    : build(part, child_nodes[k], first + starts[k], mesh, node_counts);
+    const std::span<Item> part = items.subspan(starts[k], counts[k]);
+    node.is_leaf[k] = part.size() <= kLeafTriangles;
+    const std::size_t child = node.is_leaf[k] ? places[k].leaves : places[k].nodes;
+    node.child[k] = part.empty() ? -1 : static_cast<std::int32_t>(child);
+    if (part.empty()) return;
+    boxes[k] = node.is_leaf[k] ? build_leaf(part, child, mesh) : build(part, places[k], mesh, sizes);
   };
-  if (items.size() < kSerialBelow) {
+  if (serial) {
     for (std::size_t k = 0; k < 4; ++k) build_child(k);
   } else {
     tbb::parallel_for(std::size_t{0}, std::size_t{4}, build_child);
@@ -195,28 +208,30 @@ FloatBox TriangleIndex::Tree::build(std::span<Item> items, std::size_t node, std
   for (int k = 0; k < 4; ++k) {
     const FloatBox& box = boxes[static_cast<std::size_t>(k)];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      nodes_[node].low[axis][k] = box.low[static_cast<int>(axis)];
-      nodes_[node].high[axis][k] = box.high[static_cast<int>(axis)];
+      node.low[axis][k] = box.low[static_cast<int>(axis)];
+      node.high[axis][k] = box.high[static_cast<int>(axis)];
     }
     all.extend(box);
   }
   return all;
 }
 
-FloatBox TriangleIndex::Tree::build_leaf(std::span<const Item> items, std::size_t first, const TriangleMesh& mesh) {
+FloatBox TriangleIndex::Tree::build_leaf(std::span<const Item> items, std::size_t leaf, const TriangleMesh& mesh) {
   FloatBox box;
+  std::array<std::uint32_t, kLeafTriangles> chosen{};
   for (std::size_t i = 0; i < items.size(); ++i) {
-    const Triangle& t = mesh.triangles[items[i].triangle];
-    triangles_[first + i] = {mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]], items[i].triangle};
-    box.extend(box_of(triangles_[first + i]));
+    chosen[i] = items[i].triangle;
+    const Triangle& t = mesh.triangles[chosen[i]];
+    box.extend(box_of(mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]));
   }
+  leaves_[leaf] = TrianglePack(mesh, std::span(chosen).first(items.size()));
   return box;
 }
 
-FloatBox TriangleIndex::Tree::box_of(const Corners& t) const {
+FloatBox TriangleIndex::Tree::box_of(const Vec3& a, const Vec3& b, const Vec3& c) const {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  const Vec3 low = t.a.cwiseMin(t.b).cwiseMin(t.c) - anchor_;
-  const Vec3 high = t.a.cwiseMax(t.b).cwiseMax(t.c) - anchor_;
+  const Vec3 low = a.cwiseMin(b).cwiseMin(c) - anchor_;
+  const Vec3 high = a.cwiseMax(b).cwiseMax(c) - anchor_;
   FloatBox box;
   for (int axis = 0; axis < 3; ++axis) {
     box.low[axis] = rounded_towards(low[axis], -kInfinity) - slack_;
@@ -236,36 +251,30 @@ Float4 TriangleIndex::Tree::distance2_bounds(const Node& node, const Eigen::Arra
   return sum * kBoundShrink;
 }
 
-void TriangleIndex::Tree::visit_leaf(std::int32_t first, std::int32_t count, const Vec3& query, Best& best) const {
-  for (const Corners& t :
-       std::span(triangles_).subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(count))) {
-    const Vec3 position = closest_point_on_triangle(query, t.a, t.b, t.c);
-    const double distance2 = (position - query).squaredNorm();
-    if (distance2 < best.distance2 || (distance2 == best.distance2 && t.triangle < best.triangle)) {
-      best = {distance2, t.triangle, position};
-    }
-  }
-}
-
 std::optional<SurfacePoint> TriangleIndex::Tree::nearest(const Vec3& query, double radius_m) const {
   struct Entry {
     float bound;
-    std::int32_t child, leaf_triangles;
+    std::int32_t child;
+    bool is_leaf;
   };
   // Three entries stay behind on each level; 32-bit triangle numbers give at most 16 levels.
   std::array<Entry, 64> stack;
   std::size_t size = 0;
-  if (!triangles_.empty()) stack[size++] = {0.0F, 0, 0};
+  if (!nodes_.empty()) stack[size++] = {0.0F, 0, false};
   const Eigen::Array3f q = (query - anchor_).array().max(-1e18).min(1e18).cast<float>();
-  Best best{radius_m * radius_m};
+  constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+  TrianglePack::Nearest best{radius_m * radius_m, kNone};
   while (size > 0) {
     const Entry entry = stack[--size];
     if (static_cast<double>(entry.bound) > best.distance2) continue;
-    if (entry.leaf_triangles > 0) {
-      visit_leaf(entry.child, entry.leaf_triangles, query, best);
+    const auto child = static_cast<std::size_t>(entry.child);
+    if (entry.is_leaf) {
+      const TrianglePack::Nearest found = leaves_[child].nearest(query);
+      const bool lower = found.distance2 == best.distance2 && found.triangle < best.triangle;
+      if (found.distance2 < best.distance2 || lower) best = found;
       continue;
     }
-    const Node& node = nodes_[static_cast<std::size_t>(entry.child)];
+    const Node& node = nodes_[child];
     const Float4 bounds2 = distance2_bounds(node, q);
     const std::size_t bottom = size;
     for (std::size_t k = 0; k < 4; ++k) {
@@ -274,10 +283,10 @@ std::optional<SurfacePoint> TriangleIndex::Tree::nearest(const Vec3& query, doub
       // Inserted so that the nearest lies on top.
       std::size_t at = size++;
       for (; at > bottom && stack[at - 1].bound < bound; --at) stack[at] = stack[at - 1];
-      stack[at] = {bound, node.child[k], node.leaf_triangles[k]};
+      stack[at] = {bound, node.child[k], node.is_leaf[k]};
     }
   }
-  if (best.triangle == std::numeric_limits<std::uint32_t>::max()) return std::nullopt;
+  if (best.triangle == kNone) return std::nullopt;
   return SurfacePoint{best.position, std::sqrt(best.distance2), best.triangle};
 }
 

@@ -1,20 +1,13 @@
 #pragma once
 
 // Eight numbers at once, for the loops over pixels: the compiler's vector type, which every processor has in one form
-// or another. A function marked TILEFLIGHT_WIDE_VECTORS is compiled twice and the processor's own kind is taken when
-// the program starts; as nothing is fused or reordered, both give the same bits.
+// or another.
 
 #include <array>
 #include <cmath>
 #include <cstring>
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
-#define TILEFLIGHT_WIDE_VECTORS __attribute__((target_clones("avx2", "default")))
-#else
-#define TILEFLIGHT_WIDE_VECTORS
-#endif
-/// Parts of such a function: they must become part of both copies.
-#define TILEFLIGHT_LANE_INLINE inline __attribute__((always_inline))
+#include "tileflight/geometry/wide_vectors.h"
 
 namespace tileflight::odometry {
 
