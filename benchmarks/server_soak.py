@@ -26,6 +26,7 @@ import tileflight_airsim as airsim  # noqa: E402
 import tiny_place  # noqa: E402
 
 VEHICLES = ("Drone1", "Drone2")
+PATIENCE_S = 900  # of a client, on a machine that may be busy with other things, or stopped for minutes
 LIDAR = {"SensorType": 6, "Enabled": True, "NumberOfChannels": 16, "PointsPerSecond": 20000, "Range": 60}
 SETTINGS = {
     "SettingsVersion": 1.2, "SimMode": "Multirotor", "ClockSpeed": 5,
@@ -125,7 +126,7 @@ def send_garbage(port, rng):
 def run_client(port, seed):
     """Until killed. Exit code 1: an answer that is not as it should be."""
     rng = random.Random(seed)
-    client = airsim.MultirotorClient(port=port, timeout_value=120)
+    client = airsim.MultirotorClient(port=port, timeout_value=PATIENCE_S)
     actions = (pictures, pictures, fly, sense, ask_nonsense, look_around)
     while True:
         action = rng.choice(actions)
@@ -140,7 +141,7 @@ def run_client(port, seed):
             send_garbage(port, rng)
         if rng.random() < 0.02:
             client.close()
-            client = airsim.MultirotorClient(port=port, timeout_value=120)
+            client = airsim.MultirotorClient(port=port, timeout_value=PATIENCE_S)
 
 
 def memory_kb(pid):

@@ -1,5 +1,7 @@
 #include "tileflight/rpc/connection.h"
 
+#include <netinet/tcp.h>
+
 #include "tileflight/rpc/request.h"
 #include "tileflight/rpc/token.h"
 
@@ -17,6 +19,16 @@ std::string seconds_text(double seconds) {
   return text.substr(0, text.find('.') + 2) + " s";
 }
 
+/// A client that is gone without a word is found out in two minutes, not in the two hours that are usual.
+void keep_probing(asio::ip::tcp::socket& socket) {
+  using Seconds = asio::detail::socket_option::integer<IPPROTO_TCP, TCP_KEEPIDLE>;
+  using Interval = asio::detail::socket_option::integer<IPPROTO_TCP, TCP_KEEPINTVL>;
+  asio::error_code ignored;
+  socket.set_option(asio::socket_base::keep_alive(true), ignored);
+  socket.set_option(Seconds(60), ignored);
+  socket.set_option(Interval(10), ignored);
+}
+
 }  // namespace
 
 Connection::Connection(asio::ip::tcp::socket socket, Service& service)
@@ -28,7 +40,7 @@ Connection::Connection(asio::ip::tcp::socket socket, Service& service)
       begun_s_(steady_seconds()) {
   asio::error_code ignored;
   socket_.set_option(asio::ip::tcp::no_delay(true), ignored);
-  socket_.set_option(asio::socket_base::keep_alive(true), ignored);
+  keep_probing(socket_);
 }
 
 const MessageLimits& Connection::message_limits() const {
@@ -76,16 +88,26 @@ void Connection::release(std::size_t bytes) {
 }
 
 void Connection::read() {
-  if (!open_ || reading_ || pending() >= service_.options.limits.max_pending_per_connection) return;
+  if (!open_ || reading_ || ended_ || pending() >= service_.options.limits.max_pending_per_connection) return;
   reading_ = true;
   socket_.async_read_some(asio::buffer(chunk_), [self = shared_from_this()](asio::error_code fault, std::size_t bytes) {
     self->reading_ = false;
     if (!self->open_) return;
+    if (fault == asio::error::eof) return self->finish_reading();
     if (fault) return self->close();
     self->buffer_.append(self->chunk_.data(), bytes);
     self->hold(bytes);
     self->take_messages();
   });
+}
+
+/// A client that shuts down its sending side after its last request still wants the answers. One that is gone looks the
+/// same until something is sent to it, or a probe of keep_alive is not taken: then there is an error on the socket.
+void Connection::finish_reading() {
+  ended_ = true;
+  socket_.async_wait(asio::ip::tcp::socket::wait_error,
+                     [self = shared_from_this()](asio::error_code) { self->close(); });
+  take_messages();
 }
 
 void Connection::take_messages() {
@@ -106,9 +128,15 @@ void Connection::take_messages() {
   if (!open_) return;
   buffer_.erase(0, taken);
   if (buffer_.empty() && buffer_.capacity() > chunk_.size()) buffer_ = {};
+  go_on();
+}
+
+/// After all whole messages have been taken that may be taken now.
+void Connection::go_on() {
   const bool paused = pending() >= service_.options.limits.max_pending_per_connection;
-  if (buffer_.empty() || paused) message_begun_s_.reset();
-  if (!buffer_.empty() && !paused && !message_begun_s_) message_begun_s_ = steady_seconds();
+  if (buffer_.empty() || paused || ended_) message_begun_s_.reset();
+  if (ended_ && pending() == 0) return close();
+  if (!buffer_.empty() && !paused && !ended_ && !message_begun_s_) message_begun_s_ = steady_seconds();
   read();
 }
 

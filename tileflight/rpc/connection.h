@@ -37,6 +37,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   void check_time(double now_s);
   /// Closes it; with a reason, that is logged.
   void close(const std::string& reason = {});
+  /// The client has said that it sends no more; it is closed once it has its answers.
+  bool has_ended() const { return ended_; }
   /// Bytes of messages and answers that are in memory for it.
   std::size_t held_bytes() const { return held_bytes_; }
 
@@ -44,7 +46,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
   using Message = std::shared_ptr<std::string>;
 
   void read();
+  void finish_reading();
   void take_messages();
+  void go_on();
   void take_message(std::string message);
   bool authenticate(const std::string& message);
   void start_waiting();
@@ -63,6 +67,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   bool open_ = true;
   bool trusted_;
   bool reading_ = false;
+  bool ended_ = false;
 
   std::array<char, 64 * 1024> chunk_;
   std::string buffer_;

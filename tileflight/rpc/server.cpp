@@ -67,6 +67,7 @@ struct Server::Impl {
 
   void accept();
   void add(tcp::socket socket);
+  void give_way();
   void tick();
   void cut_greediest();
   void forget(Connection* connection);
@@ -101,6 +102,7 @@ void Server::Impl::accept() {
 }
 
 void Server::Impl::add(tcp::socket socket) {
+  if (connections.size() >= options.limits.max_connections) give_way();
   if (connections.size() >= options.limits.max_connections) {
     ++record.refused;
     if (service.log) service.log("a client was refused: there are " + std::to_string(connections.size()) + " already");
@@ -111,6 +113,14 @@ void Server::Impl::add(tcp::socket socket) {
   ++record.accepted;
   record.connections = connections.size();
   connection->start();
+}
+
+/// Of clients that send no more, one that waits for an answer cannot be told from one that is gone.
+void Server::Impl::give_way() {
+  const auto ended = std::ranges::find_if(connections, [](const auto& one) { return one->has_ended(); });
+  if (ended == connections.end()) return;
+  const std::shared_ptr<Connection> one = *ended;
+  one->close("it sends no more, and another client wants its place");
 }
 
 void Server::Impl::tick() {

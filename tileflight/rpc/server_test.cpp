@@ -288,6 +288,38 @@ TEST_F(ServerTest, ClientsBeyondTheNumberAreRefused) {
   EXPECT_EQ(server_->statistics().connections_refused, 1U);
 }
 
+TEST_F(ServerTest, AClientThatSendsNoMoreStillGetsItsAnswers) {
+  start({.limits = {.max_running_per_connection = 2, .max_pending_per_connection = 4, .half_message_s = 0.05}});
+  TestClient one = client();
+  one.send(request_bytes(1, "wait") + request_bytes(2, "wait"));
+  for (std::uint32_t i = 3; i <= 10; ++i) one.send(request_bytes(i, "ping"));
+  one.send(request_bytes(11, "ping").substr(0, 3));
+  one.end_sending();
+  ASSERT_TRUE(soon([this] { return waiting_ == 2; }));
+  std::this_thread::sleep_for(milliseconds(100));  // half a message is not waited for
+  EXPECT_EQ(server_->statistics().connections, 1U);
+  release();
+  std::vector<std::uint32_t> ids;
+  for (int i = 0; i < 10; ++i) ids.push_back(decode_answer(one.receive().value_or(request_bytes(0, ""))).id);
+  EXPECT_THAT(ids, testing::UnorderedElementsAre(1, 2, 3, 4, 5, 6, 7, 8, 9, 10));
+  EXPECT_TRUE(one.is_closed());
+  EXPECT_TRUE(soon([this] { return server_->statistics().held_bytes == 0; }));
+  EXPECT_EQ(server_->statistics().connections_cut, 0U);
+}
+
+TEST_F(ServerTest, AClientThatSendsNoMoreGivesWayToAnother) {
+  start({.limits = {.max_connections = 2}});
+  TestClient one = client();
+  ASSERT_TRUE(one.ask(request_bytes(1, "ping")));
+  TestClient two = client();
+  two.send(request_bytes(1, "wait"));
+  ASSERT_TRUE(soon([this] { return waiting_ == 1; }));
+  two.end_sending();
+  EXPECT_TRUE(soon([this] { return serves(); }));
+  EXPECT_TRUE(two.is_closed());
+  EXPECT_TRUE(one.ask(request_bytes(2, "ping")));
+}
+
 TEST_F(ServerTest, ClientsThatAreKilledLeaveNothingBehind) {
   start();
   for (int i = 0; i < 20; ++i) {

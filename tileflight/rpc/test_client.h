@@ -45,6 +45,9 @@ class TestClient {
     return true;
   }
 
+  /// Tells the server that nothing more will be sent.
+  void end_sending() const { ::shutdown(socket_, SHUT_WR); }
+
   /// The bytes of the next message from the server; none: it has closed the connection, or is silent.
   std::optional<std::string> receive() {
     MessageScanner scanner(MessageLimits{.max_bytes = std::size_t{1} << 30U, .max_values = 1U << 30U});
