@@ -62,51 +62,87 @@ Material material_of(const TexturedMesh& mesh, const MipPyramid* pyramid) {
   return material;
 }
 
+/// Whether a texture lies on both in the same way.
+bool same_surface(const TexturedMesh& a, const TexturedMesh& b) {
+  return a.uv == b.uv && a.mesh.triangles == b.mesh.triangles && a.mesh.vertices == b.mesh.vertices;
+}
+
 }  // namespace
 
-Appearance::Appearance(const scene::Scene& scene) {
-  build_pyramids(scene);
-  build_materials(scene);
-}
-
-void Appearance::build_pyramids(const scene::Scene& scene) {
-  const std::vector<TexturedMesh>& meshes = scene.meshes();
-  std::unordered_map<const imaging::RgbImage*, std::size_t> index_of;
-  std::vector<std::vector<const TexturedMesh*>> users;  // of each texture
-  for (const TexturedMesh& mesh : meshes) {
-    if (!textured(mesh)) continue;
-    const std::size_t index = index_of.emplace(mesh.texture.get(), users.size()).first->second;
-    if (index == users.size()) users.emplace_back();
-    users[index].push_back(&mesh);
-  }
-  pyramids_.resize(users.size());
-  tbb::parallel_for(std::size_t{0}, users.size(), [&](std::size_t i) {
-    pyramids_[i] = std::make_unique<MipPyramid>(users[i][0]->texture, texture_coverage(users[i]));
-  });
-  for (const TexturedMesh& mesh : meshes) {
-    pyramid_of_mesh_.push_back(textured(mesh) ? pyramids_[index_of.at(mesh.texture.get())].get() : nullptr);
-  }
-}
-
-void Appearance::build_materials(const scene::Scene& scene) {
-  const std::vector<TexturedMesh>& meshes = scene.meshes();
+Appearance::Appearance(const scene::Scene& scene, const Appearance* before) : meshes_(&scene.meshes()) {
+  find_skins();
   triangles_.resize(scene.triangle_count());
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < meshes.size(); ++i) {
-    materials_.push_back(material_of(meshes[i], pyramid_of_mesh_[i]));
-    materials_.back().first_triangle = first;
-    first += meshes[i].mesh.triangles.size();
-  }
-  tbb::parallel_for(std::size_t{0}, meshes.size(), [&](std::size_t i) {
-    const TexturedMesh& mesh = meshes[i];
-    if (!textured(mesh)) return;
-    const int coarsest = pyramid_of_mesh_[i]->levels() - 1;
-    const std::vector<std::int32_t> levels = chart_levels(mesh);
-    TriangleShade* out = triangles_.data() + materials_[i].first_triangle;
-    for (std::size_t t = 0; t < levels.size(); ++t) {
-      out[t] = shade_of(mesh, mesh.mesh.triangles[t], std::min(levels[t], coarsest));
+  std::vector<const Skin*> known(skins_.size(), nullptr);
+  tbb::parallel_for(std::size_t{0}, skins_.size(), [&](std::size_t i) {
+    if (before != nullptr) known[i] = same_skin(skins_[i], *before);
+    skins_[i].pyramid = known[i] != nullptr ? known[i]->pyramid : pyramid_of(skins_[i]);
+  });
+  build_materials();
+  tbb::parallel_for(std::size_t{0}, skins_.size(), [&](std::size_t i) {
+    if (known[i] != nullptr) {
+      take_over(skins_[i], *known[i], *before);
+    } else {
+      shade_skin(skins_[i]);
     }
   });
+}
+
+void Appearance::find_skins() {
+  for (std::size_t i = 0; i < meshes_->size(); ++i) {
+    const TexturedMesh& mesh = (*meshes_)[i];
+    if (!textured(mesh)) continue;
+    const std::size_t index = skin_of_texture_.emplace(mesh.texture.get(), skins_.size()).first->second;
+    if (index == skins_.size()) skins_.emplace_back();
+    skins_[index].meshes.push_back(static_cast<std::uint32_t>(i));
+  }
+}
+
+/// The other's skin of this texture if it lies on the same triangles there; else null.
+const Appearance::Skin* Appearance::same_skin(const Skin& skin, const Appearance& before) const {
+  const auto at = before.skin_of_texture_.find((*meshes_)[skin.meshes[0]].texture.get());
+  if (at == before.skin_of_texture_.end()) return nullptr;
+  const Skin& other = before.skins_[at->second];
+  const bool same = std::ranges::equal(skin.meshes, other.meshes, [&](std::uint32_t mine, std::uint32_t theirs) {
+    return same_surface((*meshes_)[mine], (*before.meshes_)[theirs]);
+  });
+  return same ? &other : nullptr;
+}
+
+std::shared_ptr<const MipPyramid> Appearance::pyramid_of(const Skin& skin) const {
+  std::vector<const TexturedMesh*> users;
+  for (const std::uint32_t mesh : skin.meshes) users.push_back(&(*meshes_)[mesh]);
+  return std::make_shared<const MipPyramid>(users[0]->texture, texture_coverage(users));
+}
+
+void Appearance::build_materials() {
+  std::size_t first = 0;
+  for (const TexturedMesh& mesh : *meshes_) {
+    const MipPyramid* pyramid =
+        textured(mesh) ? skins_[skin_of_texture_.at(mesh.texture.get())].pyramid.get() : nullptr;
+    materials_.push_back(material_of(mesh, pyramid));
+    materials_.back().first_triangle = first;
+    first += mesh.mesh.triangles.size();
+  }
+}
+
+/// Fills in the triangles of a skin's meshes.
+void Appearance::shade_skin(const Skin& skin) {
+  const int coarsest = skin.pyramid->levels() - 1;
+  for (const std::uint32_t i : skin.meshes) {
+    const TexturedMesh& mesh = (*meshes_)[i];
+    const std::vector<std::int32_t> levels = chart_levels(mesh);
+    TriangleShade* out = triangles_.data() + materials_[i].first_triangle;
+    for (std::size_t t = 0; t < levels.size(); ++t)
+      out[t] = shade_of(mesh, mesh.mesh.triangles[t], std::min(levels[t], coarsest));
+  }
+}
+
+void Appearance::take_over(const Skin& skin, const Skin& known, const Appearance& before) {
+  for (std::size_t k = 0; k < skin.meshes.size(); ++k) {
+    const TriangleShade* from = before.triangles_.data() + before.materials_[known.meshes[k]].first_triangle;
+    TriangleShade* to = triangles_.data() + materials_[skin.meshes[k]].first_triangle;
+    std::copy_n(from, (*meshes_)[skin.meshes[k]].mesh.triangles.size(), to);
+  }
 }
 
 }  // namespace tileflight::sensors

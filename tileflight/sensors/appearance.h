@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "tileflight/scene/scene.h"
@@ -33,9 +34,14 @@ struct Material {
 /// Mip pyramids (one a texture, however many meshes share it) and per-triangle texture gradients of a scene. Costs 64
 /// bytes a triangle and a third of the textures' size. Immutable; may be shared by several cameras. The scene must
 /// outlive it.
+///
+/// Made with the appearance of another scene, it takes over what that one has of the same texture on the same triangles
+/// (pyramids are shared, not copied) and is the same to the last bit as if made anew. Of the other nothing need live
+/// on.
 class Appearance {
  public:
-  explicit Appearance(const scene::Scene& scene);
+  /// `before`, if any, and its scene must be there until this returns.
+  explicit Appearance(const scene::Scene& scene, const Appearance* before = nullptr);
 
   const Material& material(std::uint32_t mesh) const { return materials_[mesh]; }
   const TriangleShade& shade(const Material& material, std::uint32_t triangle) const {
@@ -43,11 +49,22 @@ class Appearance {
   }
 
  private:
-  void build_pyramids(const scene::Scene& scene);
-  void build_materials(const scene::Scene& scene);
+  /// The meshes that one texture lies on.
+  struct Skin {
+    std::shared_ptr<const MipPyramid> pyramid;
+    std::vector<std::uint32_t> meshes;
+  };
 
-  std::vector<std::unique_ptr<MipPyramid>> pyramids_;
-  std::vector<const MipPyramid*> pyramid_of_mesh_;
+  void find_skins();
+  const Skin* same_skin(const Skin& skin, const Appearance& before) const;
+  std::shared_ptr<const MipPyramid> pyramid_of(const Skin& skin) const;
+  void build_materials();
+  void shade_skin(const Skin& skin);
+  void take_over(const Skin& skin, const Skin& known, const Appearance& before);
+
+  const std::vector<imaging::TexturedMesh>* meshes_;  ///< of the scene
+  std::vector<Skin> skins_;
+  std::unordered_map<const imaging::RgbImage*, std::size_t> skin_of_texture_;
   std::vector<Material> materials_;
   std::vector<TriangleShade> triangles_;
 };
