@@ -97,9 +97,9 @@ TracerPose::TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3
 }
 
 BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
-                         double haze_per_m)
+                         double haze_per_m, const imaging::Rgb8& haze_color)
     : scene_(scene), appearance_(appearance), haze_per_m_(static_cast<float>(haze_per_m)) {
-  for (std::size_t c = 0; c < 3; ++c) background_[c] = SrgbTables::get().decode(background[c]);
+  for (std::size_t c = 0; c < 3; ++c) haze_[c] = SrgbTables::get().decode(haze_color[c]);
   for (int c = 0; c < 3; ++c) {
     background_squares_[c] = static_cast<float>(background[static_cast<std::size_t>(c)]) *
                              static_cast<float>(background[static_cast<std::size_t>(c)]);
@@ -148,7 +148,7 @@ Float4 BlockTracer::hazy(const Float4& squares, float distance_m) const {
   Float4 result{};
   for (int c = 0; c < 3; ++c) {
     const float light = srgb.decode(std::sqrt(squares[c]));
-    const float value = srgb.encode(clear * light + (1.0F - clear) * background_[static_cast<std::size_t>(c)]);
+    const float value = srgb.encode(clear * light + (1.0F - clear) * haze_[static_cast<std::size_t>(c)]);
     result[c] = value * value;
   }
   return result;

@@ -28,9 +28,9 @@ struct TracedBlock {
 /// Casts and shades blocks of samples. The hot loop of rendering: no allocation, no virtual call.
 class BlockTracer {
  public:
-  /// `haze_per_m`: see RenderOptions.
+  /// `haze_per_m`, `haze_color`: see RenderOptions.
   BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
-              double haze_per_m);
+              double haze_per_m, const imaging::Rgb8& haze_color);
 
   /// Geometry only: `upper` and `lower` are the poses of the block's two rows of samples.
   void cast(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper, const TracerPose& lower,
@@ -46,7 +46,7 @@ class BlockTracer {
   const scene::Scene& scene_;
   const Appearance& appearance_;
   Float4 background_squares_;
-  Light background_;  ///< linear
+  Light haze_;  ///< linear
   float haze_per_m_;
 };
 

@@ -44,9 +44,13 @@ FrameRange range_of(const FlightOptions& options, std::size_t frames) {
   return {std::min(options.first_frame, end), end};
 }
 
-/// With the formation's haze.
-RenderOptions in_air(RenderOptions render, const ImageFormation& formation) {
+/// With the formation's light and haze.
+RenderOptions in_air(const FlightOptions& options) {
+  const ImageFormation& formation = options.formation;
+  RenderOptions render = options.render;
   render.haze_per_m = haze_per_m(formation);
+  render.haze_color = formation.haze_color;
+  if (formation.light) render.daylight = daylight_at(*formation.light, options.origin);
   return render;
 }
 
@@ -60,7 +64,8 @@ class FrameMaker {
  public:
   FrameMaker(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
              const PoseFunction& pose_at, const FlightOptions& options)
-      : renderer_(scene, camera, in_air(options.render, options.formation)),
+      : in_air_(in_air(options)),
+        renderer_(scene, camera, in_air_),
         outputs_(renderer_, scene, options.outputs, options.place),
         has_outputs_(options.outputs.any()),
         frames_(frames),
@@ -69,7 +74,7 @@ class FrameMaker {
         pose_at_(shutter_path(pose_at, frames, options.formation)),
         vignette_(vignette_of(formation_, camera.width(), camera.height())),
         exposure_(options.exposure_before) {
-    RenderOptions colour = in_air(options.render, formation_);
+    RenderOptions colour = in_air_;
     colour.depth = false;
     const auto with_lens = [&](double larger, std::optional<CameraRenderer>& renderer) {
       if (larger != 0.0) renderer.emplace(scene, renderer_.appearance(), magnified(camera, larger), colour);
@@ -148,6 +153,7 @@ class FrameMaker {
     return {first, first + poses.rows};
   }
 
+  RenderOptions in_air_;
   CameraRenderer renderer_;
   OutputRenderer outputs_;
   bool has_outputs_;

@@ -19,7 +19,8 @@ struct FlightOptions {
   RenderOptions render;
   ImageFormation formation;
   FrameOutputs outputs;
-  PlaceTest place;  ///< for FrameOutputs::visibility; none: everything counts
+  std::optional<geometry::Geodetic> origin{};  ///< of the local frame; ImageFormation::light needs it
+  PlaceTest place;                             ///< for FrameOutputs::visibility; none: everything counts
   /// Which of the frames are rendered: from `first_frame` on, before `end_frame`. They keep their numbers, and are the
   /// same pictures as those of the whole flight.
   std::size_t first_frame = 0;

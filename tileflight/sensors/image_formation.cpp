@@ -130,6 +130,7 @@ float with_noise(float light, float normal, const ImageFormation& formation) {
 }  // namespace
 
 void check(const ImageFormation& f) {
+  if (f.light) check(*f.light);
   require(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
   require(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
           "must lie between -0.05 and 0.05");
@@ -160,7 +161,8 @@ void check(const ImageFormation& f) {
 bool is_ideal(const ImageFormation& f) {
   return f.exposure_time_s == 0.0 && f.line_delay_s == 0.0 && f.vignetting == 0.0 && f.exposure_drift == 0.0 &&
          f.exposure_steps.empty() && f.white_electrons == 0.0 && f.gamma == 0.0 && f.chromatic_red == 0.0 &&
-         f.chromatic_blue == 0.0 && f.auto_exposure.target == 0.0 && f.sharpening == 0.0 && f.haze_visibility_m == 0.0;
+         f.chromatic_blue == 0.0 && f.auto_exposure.target == 0.0 && f.sharpening == 0.0 &&
+         f.haze_visibility_m == 0.0 && !f.light;
 }
 
 double haze_per_m(const ImageFormation& formation) {

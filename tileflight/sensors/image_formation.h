@@ -2,10 +2,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
+#include "tileflight/sensors/daylight.h"
 #include "tileflight/sensors/light.h"
 #include "tileflight/sensors/render.h"
 
@@ -30,15 +32,19 @@ struct AutoExposure {
 };
 
 /// What air and a real camera do to light on its way into a file. Every effect is off by default; then frames are the
-/// textures' own colours. The order is that of nature: haze -> lens (lateral chromatic aberration) -> light gathered
-/// while the shutter is open (motion blur; each row at its own time) -> vignetting -> exposure -> photon and read noise
+/// textures' own colours. The order is that of nature: sun and sky -> haze -> lens (lateral chromatic aberration)
+/// -> light gathered while the shutter is open (motion blur; each row at its own time) -> vignetting -> exposure
+/// -> photon and read noise
 /// -> full well -> response curve -> sharpening -> 8 bits.
 struct ImageFormation {
   std::uint64_t seed = 1;  ///< of the noise; the same seed gives the same bytes
 
+  std::optional<SunAndSky> light{};  ///< instead of what is baked into the textures; does not move during a flight
+
   /// Distance at which contrast has fallen to 2 %, metres: light that reaches the camera is L T + A (1 - T),
-  /// T = exp(-3.912 d / haze_visibility_m) (Koschmieder 1924), A being the background's colour. 0: clear air.
+  /// T = exp(-3.912 d / haze_visibility_m) (Koschmieder 1924), A being the haze's colour. 0: clear air.
   double haze_visibility_m = 0.0;
+  std::optional<imaging::Rgb8> haze_color{};  ///< none: the background's, or that of the sky at the horizon
 
   // Lateral chromatic aberration: the red (blue) image is larger than the green one by this share, about the principal
   // point.

@@ -13,6 +13,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/sensors/appearance.h"
 #include "tileflight/sensors/block_tracer.h"
+#include "tileflight/sensors/daylight_shader.h"
 #include "tileflight/sensors/ray_table.h"
 
 namespace tileflight::sensors {
@@ -96,6 +97,14 @@ class RowPoses {
   std::vector<TracerPose> poses_;
 };
 
+Haze haze_of(const RenderOptions& options) {
+  Haze haze{options.haze_per_m, {}};
+  if (!options.haze_color) return haze;
+  haze.color.emplace();
+  for (std::size_t c = 0; c < 3; ++c) (*haze.color)[c] = SrgbTables::get().decode((*options.haze_color)[c]);
+  return haze;
+}
+
 void require_a_pose_a_row(std::size_t poses, int height) {
   if (poses != 1 && poses != static_cast<std::size_t>(height)) throw std::invalid_argument("one pose a row");
 }
@@ -108,16 +117,19 @@ struct CameraRenderer::Impl {
   imaging::Camera camera;
   RenderOptions options;
   BlockTracer tracer;
-  RayTable central;                 // one ray a pixel
-  std::optional<RayTable> samples;  // when there are several a pixel
+  std::optional<DaylightShader> shader;  // of light that is not in the textures
+  RayTable central;                      // one ray a pixel
+  std::optional<RayTable> samples;       // when there are several a pixel
 
   Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, imaging::Camera c, const RenderOptions& o)
       : scene(s),
         appearance(std::move(a)),
         camera(std::move(c)),
         options(o),
-        tracer(scene, *appearance, options.background, options.haze_per_m),
+        tracer(scene, *appearance, options.background, options.daylight ? 0.0 : options.haze_per_m,
+               options.haze_color.value_or(options.background)),
         central(camera, 1) {
+    if (options.daylight) shader.emplace(scene, options.daylight, haze_of(options));
     const int n = samples_along_axis(options.samples_per_pixel);
     if (n > 1) samples.emplace(camera, n);
   }
@@ -136,6 +148,7 @@ struct CameraRenderer::Impl {
   void visit_tile(const Tile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
   void write_block(const TracedBlock& block, std::uint8_t valid, int x, int y, imaging::RgbImage* rgb,
                    imaging::FloatImage* depth_m, const RayBlock& rays) const;
+  std::array<Light, 8> light_of(std::uint8_t valid, const TracedBlock& block) const;
   void add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const;
   void scale_light(const Tile& tile, int moments, LightImage& sum) const;
   RenderedFrame render(std::span<const geometry::SE3> poses_of_rows) const;
@@ -228,9 +241,19 @@ void CameraRenderer::Impl::write_block(const TracedBlock& block, std::uint8_t va
   }
 }
 
+std::array<Light, 8> CameraRenderer::Impl::light_of(std::uint8_t valid, const TracedBlock& block) const {
+  if (shader) return shader->light_of(valid, block);
+  const SrgbTables& srgb = SrgbTables::get();
+  std::array<Light, 8> lanes{};
+  for (std::size_t i = 0; i < lanes.size(); ++i) {
+    if ((valid >> i & 1U) == 0) continue;
+    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(std::sqrt(block.squares[i][c]));
+  }
+  return lanes;
+}
+
 void CameraRenderer::Impl::add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const {
   const RayTable& table = samples ? *samples : central;
-  const SrgbTables& srgb = SrgbTables::get();
   const int n = table.samples_along_axis();
   TracedBlock block;
   for (int y = tile.y0 * n; y < tile.y1 * n; y += RayBlock::kRows) {
@@ -241,11 +264,11 @@ void CameraRenderer::Impl::add_light(const Tile& tile, const RowPoses& poses, Li
       if (valid == 0) continue;
       tracer.cast(table.block(column, row), valid, poses.of(y / n), poses.of((y + 1) / n), block.packet);
       tracer.shade(valid, block);
+      const std::array<Light, 8> lanes = light_of(valid, block);
       for (int i = 0; i < RayBlock::kLanes; ++i) {
         if ((valid >> i & 1) == 0) continue;
         Light& light = sum((x + i % RayBlock::kColumns) / n, (y + i / RayBlock::kColumns) / n);
-        const Float4& squares = block.squares[static_cast<std::size_t>(i)];
-        for (int c = 0; c < 3; ++c) light[static_cast<std::size_t>(c)] += srgb.decode(std::sqrt(squares[c]));
+        for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
       }
     }
   }
@@ -301,7 +324,7 @@ RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera) const 
 RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const {
   const std::size_t rows = T_local_camera_of_row.size();
   require_a_pose_a_row(rows, impl_->height());
-  if (!impl_->samples) return impl_->render(T_local_camera_of_row);
+  if (!impl_->samples && !impl_->shader) return impl_->render(T_local_camera_of_row);
   ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
   LightFrame light = impl_->render_light(shutter);
   RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};

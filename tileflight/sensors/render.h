@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,12 +17,17 @@
 namespace tileflight::sensors {
 
 class Appearance;  // appearance.h
+class Daylight;    // daylight.h
 
 struct RenderOptions {
   bool depth = true;
-  int samples_per_pixel = 1;                ///< n x n even grid for n^2 samples: 1, 4, 9, 16
-  imaging::Rgb8 background{135, 180, 225};  ///< where no surface is (sky), and the haze's colour
-  double haze_per_m = 0.0;                  ///< surfaces fade to the background: exp(-haze_per_m distance) is left
+  int samples_per_pixel = 1;                  ///< n x n even grid for n^2 samples: 1, 4, 9, 16
+  imaging::Rgb8 background{135, 180, 225};    ///< where no surface is (sky)
+  double haze_per_m = 0.0;                    ///< of a surface's light exp(-haze_per_m distance) is left
+  std::optional<imaging::Rgb8> haze_color{};  ///< what surfaces fade to; none: the background, or daylight's horizon
+  /// Sun and sky light the surfaces, whose textures are taken for their reflectance, and are the background. Null: the
+  /// textures' own light.
+  std::shared_ptr<const Daylight> daylight{};
 };
 
 /// What the pixels' central rays met, for the checks of a flight.
@@ -68,7 +74,7 @@ struct SurfacePoint {
 /// Called once for each pixel within the lens's valid cone, from several threads at once and in any order.
 using SurfaceVisitor = std::function<void(const SurfacePoint& point)>;
 
-/// Frames of one camera in one scene, by casting each pixel's own ray; textured, unlit, either side of a surface.
+/// Frames of one camera in one scene, by casting each pixel's own ray; textured, lit or not, either side of a surface.
 /// Texture reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), so
 /// that frames neither shimmer nor blur where surfaces recede; samples, rows and moments are averaged in linear light.
 /// The scene must outlive it. Immutable: several threads may render at once. Same bytes for any thread count.
