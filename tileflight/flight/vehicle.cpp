@@ -74,6 +74,12 @@ std::shared_ptr<const Task> Vehicle::command(const Command& command) {
   return task;
 }
 
+void Vehicle::set_wind(const Vec3& mean_m_s) {
+  if (!mean_m_s.allFinite()) throw InputError("vehicle", "the wind must be finite");
+  options_.wind.mean_m_s = mean_m_s;
+  wind_.set_mean(mean_m_s);
+}
+
 void Vehicle::cancel() {
   if (!task_) return;
   end_task(Outcome::kCancelled);

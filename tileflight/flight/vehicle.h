@@ -56,6 +56,8 @@ class Vehicle {
   std::shared_ptr<const Task> command(const Command& command);
   /// The running task, if any; it then stops and holds.
   void cancel();
+  /// The mean wind from now on. Throws InputError where it is not finite.
+  void set_wind(const geometry::Vec3& mean_m_s);
   /// `options.step_s` further.
   void step();
   /// Gives a command and steps until it has ended; `after_step` is told each step.

@@ -91,6 +91,12 @@ Wind::Wind(const WindOptions& options)
   compose();
 }
 
+void Wind::set_mean(const Vec3& mean_m_s) {
+  options_.mean_m_s = mean_m_s;
+  R_local_gust_ = gust_axes(mean_m_s);
+  compose();
+}
+
 void Wind::advance(double step_s, const Vec3& vehicle_velocity_m_s) {
   if (options_.turbulence == Turbulence::kNone) return;
   const double speed_m_s = std::max(kSlowestThroughAir_m_s, (vehicle_velocity_m_s - options_.mean_m_s).norm());

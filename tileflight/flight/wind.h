@@ -37,6 +37,8 @@ class Wind {
 
   /// East, north, up, metres per second.
   const geometry::Vec3& velocity_m_s() const { return velocity_m_s_; }
+  /// From now on; gusts go on, along and across the new mean.
+  void set_mean(const geometry::Vec3& mean_m_s);
   /// Moves on by `step_s` with a vehicle of that velocity (local frame).
   void advance(double step_s, const geometry::Vec3& vehicle_velocity_m_s);
 

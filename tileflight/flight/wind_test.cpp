@@ -38,6 +38,17 @@ TEST(Wind, WithoutTurbulenceIsItsMean) {
   EXPECT_EQ(wind.velocity_m_s(), Vec3(1, 2, 3));
 }
 
+TEST(Wind, AnotherMeanHoldsFromThenOnAndTurnsTheGusts) {
+  Wind calm({{1, 2, 3}, Turbulence::kNone, 20.0, 1});
+  calm.set_mean({0, -7, 0});
+  EXPECT_EQ(calm.velocity_m_s(), Vec3(0, -7, 0));
+  Wind gusty({{5, 0, 0}, Turbulence::kModerate, 20.0, 1});
+  const Vec3 gust = gusty.velocity_m_s() - Vec3(5, 0, 0);
+  gusty.set_mean({0, 5, 0});
+  const Vec3 turned = gusty.velocity_m_s() - Vec3(0, 5, 0);
+  EXPECT_NEAR((turned - Vec3(-gust.y(), gust.x(), gust.z())).norm(), 0.0, 1e-12);
+}
+
 TEST(Wind, ScalesAreThoseOfTheMilitarySpecification) {
   // By hand from MIL-F-8785C at 100 ft, light: W20 = 15 kn, 0.177 + 0.0823 = 0.2593.
   const GustScales scales = gust_scales(Turbulence::kLight, 30.48);

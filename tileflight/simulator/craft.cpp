@@ -92,6 +92,11 @@ flight::RotorSpeeds Craft::rotor_speeds_rad_s() const {
   return flight_ ? flight_->rotor_speeds_rad_s() : flight::RotorSpeeds(flight::RotorSpeeds::Zero());
 }
 
+void Craft::set_wind(const Vec3& wind_local_m_s) {
+  options_.wind.mean_m_s = wind_local_m_s;
+  if (flight_) flight_->set_wind(wind_local_m_s);
+}
+
 CraftState Craft::state_of_flight() const {
   const flight::RigidBodyState& body = flight_->state();
   const SE3 T_ned_local = T_local_ned_.inverse();

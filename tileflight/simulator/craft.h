@@ -67,7 +67,8 @@ class Craft {
   const flight::VehicleOptions& options() const { return options_; }
   /// Zero where it does not fly.
   flight::RotorSpeeds rotor_speeds_rad_s() const;
-  void set_wind(const geometry::Vec3& wind_local_m_s) { options_.wind.mean_m_s = wind_local_m_s; }
+  /// From now on, also in the air.
+  void set_wind(const geometry::Vec3& wind_local_m_s);
 
   /// One step of physics; `time_s`: of the simulation after it.
   void step(double time_s);

@@ -173,6 +173,22 @@ TEST(Flying, AVehicleStaysWhereItIsPutAndFliesOnFromThere) {
   EXPECT_LT(off_m(*world, 3, 8, -9), 0.5);
 }
 
+/// Blown to the east, it leans to the west to stay where it is.
+TEST(Flying, WindReachesAVehicleThatIsInTheAir) {
+  const auto world = ready();
+  move_to(*world, 0, 0, -10);
+  const auto lean_after_a_while = [&] {
+    world->sim_continue_for_time(8.0);
+    return world->sim_get_vehicle_pose("").orientation.x_val;
+  };
+  EXPECT_NEAR(lean_after_a_while(), 0.0, 0.003);
+  world->sim_set_wind({0, 8, 0});
+  EXPECT_LT(lean_after_a_while(), -0.01);
+  EXPECT_LT(off_m(*world, 0, 0, -10), 0.6);
+  world->sim_set_wind({0, 0, 0});
+  EXPECT_NEAR(lean_after_a_while(), 0.0, 0.003);
+}
+
 TEST(Flying, CommandsThatCannotBeFlownAreRefused) {
   const auto world = ready();
   const auto path = [&](float velocity, float lookahead, int drivetrain, float x) {

@@ -12,29 +12,36 @@ namespace {
 constexpr std::size_t kMostVehicles = 64;
 constexpr std::size_t kLongestName = 100;
 
-/// Why a call of AirSim's is not served.
+constexpr const char* kNoSticks = "the craft flies under position and velocity control alone; use moveByVelocity";
+constexpr const char* kBakedLight =
+    "light and shadows are those of the tiles' pictures; tile others to have another light";
+constexpr const char* kBakedLooks = "tiles look as their pictures do; simSetSegmentationObjectID marks objects";
+
+/// Why a call of AirSim's is not served, and what to do instead.
 std::string reason_of(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
-      {"simSpawnObject", "objects of a game cannot be put into tiles"},
-      {"simLoadLevel", "the place is the one that the server was started with"},
-      {"simSetTimeOfDay", "light and shadows are those of the tiles' pictures"},
-      {"simEnableWeather", "there is no weather"},
-      {"simSetWeatherParameter", "there is no weather"},
-      {"simSetObjectMaterial", "tiles look as their pictures do"},
-      {"simSetObjectMaterialFromTexture", "tiles look as their pictures do"},
-      {"simSwapTextures", "tiles look as their pictures do"},
-      {"simSetLightIntensity", "light is that of the tiles' pictures"},
-      {"simCharSetFacePreset", "there are no characters"},
-      {"moveByRC", "the craft flies under position and velocity control alone; use moveByVelocity"},
-      {"moveByManual", "the craft flies under position and velocity control alone; use moveByVelocity"},
-      {"moveByMotorPWMs", "the craft flies under position and velocity control alone; use moveByVelocity"},
+      {"simSpawnObject",
+       "objects cannot be put into tiles; add them to the mesh, tile it (tileflight tile) and serve that"},
+      {"simLoadLevel", "the place is the one that the server was started with; start another server on another port"},
+      {"simSetTimeOfDay", kBakedLight},
+      {"simSetLightIntensity", kBakedLight},
+      {"simEnableWeather", "there is no weather; tileflight render adds haze to pictures, simSetWind moves vehicles"},
+      {"simSetWeatherParameter",
+       "there is no weather; tileflight render adds haze to pictures, simSetWind moves vehicles"},
+      {"simSetObjectMaterial", kBakedLooks},
+      {"simSetObjectMaterialFromTexture", kBakedLooks},
+      {"simSwapTextures", kBakedLooks},
+      {"simSetExtForce", "forces from outside are not simulated; simSetWind moves vehicles"},
+      {"moveByRC", kNoSticks},
+      {"moveByManual", kNoSticks},
+      {"moveByMotorPWMs", kNoSticks},
+      {"setSafety", "there is no safety evaluation; tfGroundTruth and getDistanceSensorData tell what is in the way"},
   };
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
-  if (call.starts_with("moveByRollPitch") || call.starts_with("moveByAngleRates"))
-    return "the craft flies under position and velocity control alone; use moveByVelocity";
-  if (call.starts_with("simGetDetections") || call.find("Detection") != std::string::npos)
-    return "objects are told by segmentation (simGetImages, type 5)";
-  return "is not simulated";
+  if (call.starts_with("moveByRollPitch") || call.starts_with("moveByAngleRates")) return kNoSticks;
+  if (call.find("Car") != std::string::npos)
+    return "there are no cars; SimMode is Multirotor or ComputerVision in the settings";
+  return "cameras have no focus, aperture or film; simSetCameraFov and tfSetLens set their lenses";
 }
 
 }  // namespace
@@ -76,27 +83,6 @@ bool Simulator::sim_add_vehicle(const std::string& name, const std::string& type
   if (known) return false;
   impl_->add_vehicle(std::move(vehicle), home);
   return true;
-}
-
-void Simulator::sim_add_detection_filter_mesh_name(const std::string& /*camera*/, int /*image_type*/,
-                                                   const std::string& /*mesh_name*/, const std::string& /*vehicle*/,
-                                                   bool /*external*/) {
-  refuse("simAddDetectionFilterMeshName");
-}
-
-void Simulator::sim_set_detection_filter_radius(const std::string& /*camera*/, int /*image_type*/, float /*radius_cm*/,
-                                                const std::string& /*vehicle*/, bool /*external*/) {
-  refuse("simSetDetectionFilterRadius");
-}
-
-void Simulator::sim_clear_detection_mesh_names(const std::string& /*camera*/, int /*image_type*/,
-                                               const std::string& /*vehicle*/, bool /*external*/) {
-  refuse("simClearDetectionMeshNames");
-}
-
-std::vector<DetectionInfo> Simulator::sim_get_detections(const std::string& /*camera*/, int /*image_type*/,
-                                                         const std::string& /*vehicle*/, bool /*external*/) {
-  refuse("simGetDetections");
 }
 
 }  // namespace tileflight::simulator

@@ -73,14 +73,13 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 /// With the mutex held.
 PlannedPictures Simulator::Impl::plan(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
-                                      bool external) {
+                                      bool external) const {
   if (requests.size() > kMostRequests) throw InputError("simGetImages", "more than 256 pictures in a call");
   PlannedPictures planned;
   planned.time_ns = engine.time_ns();
   planned.looks = looks();
   const Vec3 origin = origin_of(vehicle_name, external);
   double pixels = 0.0;
-  std::map<std::string, SE3> poses;
   for (const ImageRequest& request : requests) {
     PlannedPicture picture{request, checked_type(request.image_type), {}, {}, {}};
     const SimCamera& taken = camera(request.camera_name, vehicle_name, external);
@@ -91,14 +90,18 @@ PlannedPictures Simulator::Impl::plan(const std::vector<ImageRequest>& requests,
     const std::string owner = (external ? std::string("/") : vehicle(vehicle_name).craft->name() + "/") + taken.name();
     if (const auto last = last_pictures.find(owner); last != last_pictures.end())
       picture.shot.T_local_before = last->second;
-    poses.insert_or_assign(owner, picture.shot.T_local_camera);
+    planned.cameras.insert_or_assign(owner, picture.shot.T_local_camera);
     picture.key = key_of(picture.shot, owner);
     pixels += static_cast<double>(picture.shot.lens.width()) * picture.shot.lens.height();
     planned.pictures.push_back(std::move(picture));
   }
   if (pixels > kMostPixels) throw InputError("simGetImages", "more than 64 million pixels in a call");
-  for (const auto& [owner, T_local_camera] : poses) last_pictures.insert_or_assign(owner, T_local_camera);
   return planned;
+}
+
+/// With the mutex held.
+void Simulator::Impl::note_taken(const PlannedPictures& planned) {
+  for (const auto& [owner, T_local_camera] : planned.cameras) last_pictures.insert_or_assign(owner, T_local_camera);
 }
 
 /// Without the mutex. What the same rays show is rendered once.
@@ -139,6 +142,7 @@ std::vector<ImageResponse> Simulator::sim_get_images(const std::vector<ImageRequ
   {
     const std::lock_guard lock(impl_->state);
     planned = impl_->plan(requests, vehicle, external);
+    impl_->note_taken(planned);
   }
   return impl_->take(planned);
 }

@@ -256,5 +256,28 @@ TEST(Pictures, ASweptMoveStopsAtTheFirstThingInItsWay) {
   EXPECT_FALSE(world->sim_get_collision_info("").has_collided) << "asking forgets";
 }
 
+/// AirSim's rows, for a wide and a tall picture: the longer side has the field of view.
+TEST(Cameras, ProjectionMatrixGivesThePixelsOfThePicture) {
+  for (const auto& [width, height] : {std::pair(640, 480), std::pair(300, 500)}) {
+    const std::string settings = R"({"SimMode": "ComputerVision", "StepOnDemand": true, "CameraDefaults": {
+      "CaptureSettings": [{"ImageType": 0, "FOV_Degrees": 70, "Width": )" +
+                                 std::to_string(width) + R"(, "Height": )" + std::to_string(height) + "}]}}";
+    const auto world = simulator(settings);
+    const CameraInfo info = world->sim_get_camera_info("0", "", false);
+    EXPECT_NEAR(info.fov, 70.0, 1e-4);
+    const auto& m = info.proj_mat.matrix;
+    const double focal_px = std::max(width, height) / 2.0 / std::tan(pi * 35 / 180);
+    const std::array<double, 4> point{12.0, 2.5, -1.5, 1.0};  // forward, right, down
+    std::array<double, 4> clip{};
+    for (std::size_t row = 0; row < 4; ++row) {
+      for (std::size_t column = 0; column < 4; ++column) clip[row] += m[row][column] * point[column];
+    }
+    EXPECT_NEAR(width / 2.0 * (1.0 - clip[0] / clip[3]), width / 2.0 + focal_px * 2.5 / 12.0, 1e-3);
+    EXPECT_NEAR(height / 2.0 * (1.0 + clip[1] / clip[3]), height / 2.0 - focal_px * 1.5 / 12.0, 1e-3);
+    EXPECT_EQ(clip[3], -12.0) << "it looks along its negative axis";
+    EXPECT_EQ(clip[2], 10.0) << "the near plane in centimetres, no far one";
+  }
+}
+
 }  // namespace
 }  // namespace tileflight::simulator

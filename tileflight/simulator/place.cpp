@@ -39,17 +39,32 @@ std::vector<TexturedMesh> taken_meshes(std::vector<PlacedTile>& tiles, std::vect
   return all;
 }
 
+/// Of each object.
+std::vector<geometry::Box3> bounds_of(const scene::Scene& scene, const sensors::SceneObjects& objects) {
+  std::vector<geometry::Box3> bounds(objects.all().size());
+  for (std::uint32_t m = 0; m < scene.meshes().size(); ++m) {
+    const geometry::TriangleMesh& mesh = scene.meshes()[m].mesh;
+    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+      geometry::Box3& box = bounds[objects.of(m, t)];
+      for (const std::uint32_t corner : mesh.triangles[t]) box.extend(mesh.vertices[corner]);
+    }
+  }
+  return bounds;
+}
+
 }  // namespace
 
-Place::Place(std::vector<PlacedTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded)
+Place::Place(std::vector<PlacedTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded, const Place* before)
     : tiles_(std::move(tiles)),
       scene_([&] {
         std::vector<TexturedMesh> meshes = taken_meshes(tiles_, first_mesh_);
         has_surface_ = !meshes.empty();
         return scene::Scene(or_nothing(std::move(meshes)), anchor);
       }()),
-      appearance_(std::make_shared<const sensors::Appearance>(scene_)),
+      appearance_(
+          std::make_shared<const sensors::Appearance>(scene_, before != nullptr ? before->appearance_.get() : nullptr)),
       objects_(scene_),
+      object_bounds_(bounds_of(scene_, objects_)),
       loaded_(std::move(loaded)) {
   if (tiles_.empty()) tiles_.push_back({});
   tile_of_mesh_.resize(scene_.meshes().size(), 0);

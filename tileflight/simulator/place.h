@@ -25,14 +25,18 @@ struct PlacedTile {
 /// next one takes its place when other tiles are wanted.
 class Place {
  public:
-  /// `anchor`: the same for all places of a session, so that a surface is the same to the last bit in each.
-  Place(std::vector<PlacedTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded);
+  /// `anchor`: the same for all places of a session, so that a surface is the same to the last bit in each. What tiles
+  /// look like is taken over from the place `before` where that has them too.
+  Place(std::vector<PlacedTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded,
+        const Place* before = nullptr);
 
   const scene::Scene& scene() const { return scene_; }
   const std::shared_ptr<const sensors::Appearance>& appearance() const { return appearance_; }
   const sensors::SceneObjects& objects() const { return objects_; }
   /// Of each of objects().all(): what clients know it by.
   const std::vector<std::string>& object_names() const { return object_names_; }
+  /// Of each of objects().all(), of all of its triangles, local frame.
+  const std::vector<geometry::Box3>& object_bounds() const { return object_bounds_; }
   /// Distinct, sorted.
   const std::vector<std::string>& distinct_names() const { return distinct_names_; }
   /// Of the tile that a mesh of the scene belongs to.
@@ -53,6 +57,7 @@ class Place {
   scene::Scene scene_;
   std::shared_ptr<const sensors::Appearance> appearance_;
   sensors::SceneObjects objects_;
+  std::vector<geometry::Box3> object_bounds_;
   std::vector<std::string> object_names_;
   std::vector<std::string> distinct_names_;
   std::map<std::string, std::size_t> tile_of_identity_;

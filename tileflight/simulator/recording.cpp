@@ -28,6 +28,7 @@ std::vector<RecordedMoment> Simulator::Impl::recorded_moments() {
     {
       const std::lock_guard lock(state);
       planned = plan(requests, name, false);
+      note_taken(planned);
       const Craft& craft = *vehicle(name).craft;
       geometry::SE3 T = craft.state().T_ned_body;
       T.translation -= craft.start_ned();

@@ -69,8 +69,9 @@ Camera SimCamera::lens(int image_type) const {
   return distorted(lens_of(capture(image_type), "camera '" + name() + "'"), distortion_);
 }
 
-/// Unreal's perspective with the depth reversed and no far plane; rows times (x forward, y right, z down, 1) give clip
-/// coordinates. Both axes have the scale of the longer side.
+/// AirSim's: Unreal's perspective with the depth reversed and no far plane, behind a change of axes that turns forward
+/// into backward, so that clip coordinates have w = -x (of x forward, y right, z down, 1). Both axes have the scale of
+/// the longer side.
 CameraInfo SimCamera::info(const geometry::SE3& T_ned_camera) const {
   CameraInfo info;
   info.pose = wire(T_ned_camera);

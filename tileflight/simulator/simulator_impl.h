@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "tileflight/simulator/craft.h"
+#include "tileflight/simulator/detection.h"
 #include "tileflight/simulator/engine.h"
 #include "tileflight/simulator/file_access.h"
 #include "tileflight/simulator/lidar_scanner.h"
@@ -46,6 +47,7 @@ struct PlannedPicture {
 struct PlannedPictures {
   std::vector<PlannedPicture> pictures;
   std::vector<Look> looks;
+  std::map<std::string, geometry::SE3> cameras;  ///< by vehicle and camera: where it is, local
   std::uint64_t time_ns = 0;
 };
 
@@ -74,6 +76,7 @@ struct Simulator::Impl {
   std::vector<std::unique_ptr<Fleet>> fleet;
   std::vector<SimCamera> external_cameras;
   std::map<std::string, geometry::SE3> last_pictures;  ///< by vehicle and camera: where the camera was, local
+  std::map<std::string, DetectionFilter> detections;   ///< by vehicle, camera and kind of picture
   std::shared_ptr<const Place> obstacles_place;        ///< what vehicles run into
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   std::unique_ptr<Recorder> recorder;
@@ -101,8 +104,14 @@ struct Simulator::Impl {
   std::vector<Look> looks() const;
 
   // Pictures (pictures.cpp).
-  PlannedPictures plan(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external);
+  PlannedPictures plan(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;
+  /// Flow in the next pictures is from these.
+  void note_taken(const PlannedPictures& planned);
   std::vector<ImageResponse> take(const PlannedPictures& planned);
+
+  // Detections (detecting.cpp).
+  DetectionFilter& detection_filter(const std::string& camera, int image_type, const std::string& vehicle,
+                                    bool external);
 
   // Flight (flight.cpp).
   bool fly(const std::string& vehicle, const char* call, const std::function<flight::Command(Craft&)>& command);

@@ -58,15 +58,9 @@ std::string lower(std::string text) {
 /// Middle of the bounds of what is called so, local frame.
 std::optional<Vec3> middle_of(const Place& place, const std::string& name) {
   if (!place.has_surface() || !std::ranges::binary_search(place.distinct_names(), name)) return std::nullopt;
-  std::vector<bool> wanted;
-  for (const std::string& own : place.object_names()) wanted.push_back(own == name);
   Box3 box;
-  const auto& meshes = place.scene().meshes();
-  for (std::uint32_t m = 0; m < meshes.size(); ++m) {
-    for (std::uint32_t t = 0; t < meshes[m].mesh.triangles.size(); ++t) {
-      if (!wanted[place.objects().of(m, t)]) continue;
-      for (const std::uint32_t corner : meshes[m].mesh.triangles[t]) box.extend(meshes[m].mesh.vertices[corner]);
-    }
+  for (std::size_t i = 0; i < place.object_names().size(); ++i) {
+    if (place.object_names()[i] == name) box.extend(place.object_bounds()[i]);
   }
   return box.center();
 }

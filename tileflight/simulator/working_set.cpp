@@ -245,7 +245,7 @@ std::optional<std::shared_ptr<const Place>> WorkingSet::try_load(const std::vect
   for (const std::string& failure : loaded.failures) say(failure);
   cut_hash_ = cut.hash;
   ++places_built_;
-  return std::make_shared<const Place>(std::move(tiles), anchor(), std::move(loaded));
+  return std::make_shared<const Place>(std::move(tiles), anchor(), std::move(loaded), before.get());
 }
 
 Vec3 WorkingSet::anchor() const {

@@ -32,7 +32,8 @@ struct Look {
 /// A cut of the tree is made for the looks' cells: cubes of kCell_m. In each, every tile errs by at most `error_px`
 /// pixels from anywhere in the cell, in all directions. So there is never a hole or a coarser level in a picture,
 /// whichever way a vehicle turns; what a picture shows depends on where the sensors are and not on how they came there;
-/// and nothing is read or built anew before a sensor enters another cell. Tiles that the next cut has too are kept.
+/// and nothing is read or built anew before a sensor enters another cell. Tiles that the next cut has too are kept,
+/// with all that has been worked out of their textures.
 ///
 /// Where a cut does not fit into the memory allowed, the error allowed is raised until it does, and stays so.
 class WorkingSet {

@@ -86,6 +86,21 @@ class Looking(unittest.TestCase):
     def test_sensors_are_there_without_flying(self):
         self.assertIsInstance(self.client.tfGeodeticPose().altitude, float)
 
+    def test_detections_are_boxes_of_what_pictures_show(self):
+        self.client.simSetVehiclePose(airsim.Pose(airsim.Vector3r(0, 0, -2)), True)
+        for camera in ("0", "bottom_center"):
+            self.client.simAddDetectionFilterMeshName(camera, airsim.ImageType.Scene, "*")
+        self.client.simSetDetectionFilterRadius("0", airsim.ImageType.Scene, 200 * 100)
+        seen = self.client.simGetDetections("0", airsim.ImageType.Scene)
+        self.assertTrue(seen)
+        self.assertLessEqual({one.name for one in seen}, set(self.client.simListSceneObjects()))
+        for one in seen:
+            self.assertLess(one.box2D.min.x_val, one.box2D.max.x_val)
+            self.assertLessEqual(one.box2D.max.x_val, 256)
+            self.assertLess(one.box3D.min.z_val, one.box3D.max.z_val)
+        self.client.simClearDetectionMeshNames("0", airsim.ImageType.Scene)
+        self.assertEqual(self.client.simGetDetections("0", airsim.ImageType.Scene), [])
+
     def test_a_voxel_grid_is_that_of_the_box(self):
         center = airsim.Vector3r(tiny_place.BOX_NORTH_M + tiny_place.BOX_M / 2, 0, -6)
         grid = self.client.tfCreateVoxelGrid(center, airsim.Vector3r(8, 8, 8), 1.0)
@@ -154,6 +169,15 @@ class AsTheOldClientSpeaks(unittest.TestCase):
 
     def test_ping(self):
         self.assertEqual(self.ask(b"\x94\x00\x00\xa4ping\x90"), b"\x94\x01\x00\xc0\xc3")
+
+    def test_a_client_that_sends_no_more_gets_its_answers(self):
+        with socket.create_connection(("127.0.0.1", self.server.port), timeout=20) as one:
+            one.sendall(b"\x94\x00\x00\xa4ping\x90" + b"\x94\x00\x05\xb0getServerVersion\x90")
+            one.shutdown(socket.SHUT_WR)
+            answers = b""
+            while data := one.recv(65536):
+                answers += data
+        self.assertEqual(sorted((answers[:5], answers[5:])), [b"\x94\x01\x00\xc0\xc3", b"\x94\x01\x05\xc0\x01"])
 
     def test_version(self):
         self.assertEqual(self.ask(b"\x94\x00\x05\xb0getServerVersion\x90"), b"\x94\x01\x05\xc0\x01")
