@@ -1,9 +1,12 @@
 """Makes docs/images/image-formation.jpg: each effect of the simulated camera off (left) and on (right), over the built-in stadium.
 
 Usage: make_image_formation.py TILEFLIGHT TILESET OUT.jpg
-TILESET is the stadium's `world` (`tileflight scene stadium DIR` writes DIR/world). Needs the ffmpeg command.
+TILESET is the stadium's `world` (`tileflight scene stadium DIR` writes DIR/world). The page is put together by Chromium.
 """
+import base64
+import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -33,6 +36,9 @@ CELL = (260, 170)  # pixels of each half
 # name, degrade, `render` options, middle of the crop as shares of the picture, size of the crop as a share of CELL
 EFFECTS = [
     ("16 samples a pixel", "", ["--samples", "16"], (0.62, 0.40), 0.5),
+    ("sun and sky, 8:00 in March", "light: {time: 2024-03-20T08:00:00-04:00}", [], (0.5, 0.42), 2.2),
+    ("sun and sky, 13:00 in June", "light: {time: 2024-06-20T13:00:00-04:00}", [], (0.5, 0.42), 2.2),
+    ("sun and sky in haze, 18:00 in June", "light: {time: 2024-06-20T18:00:00-04:00, turbidity: 6, white_balance: daylight}\nhaze_visibility: 400", [], (0.5, 0.42), 2.2),
     ("haze, visibility 150 m", "haze_visibility: 150", [], (0.5, 0.42), 2.2),
     ("chromatic aberration 0.8 %", "chromatic_red: 0.004\nchromatic_blue: -0.004", [], (0.12, 0.35), 0.5),
     ("motion blur, 1/30 s", "exposure_time: 0.033\nexposure_samples: 15", [], (0.4, 0.6), 0.9),
@@ -49,10 +55,36 @@ EFFECTS = [
 ]
 
 
+# Draws the cells two by two and leaves the sheet as the page's text.
+PAGE = """<!DOCTYPE html><meta charset="utf-8"><body><script>
+const {pictures, cells, half: [width, height]} = DATA;
+const cell = [2 * width + 8, height + 28];
+const load = (png) => new Promise((done) => { const image = new Image(); image.onload = () => done(image); image.src = "data:image/png;base64," + png; });
+Promise.all(pictures.map(load)).then((images) => {
+  const sheet = document.createElement("canvas");
+  sheet.width = 2 * cell[0]; sheet.height = Math.ceil(cells.length / 2) * cell[1];
+  const draw = sheet.getContext("2d");
+  draw.fillStyle = "white"; draw.fillRect(0, 0, sheet.width, sheet.height);
+  draw.fillStyle = "black"; draw.font = "14px 'DejaVu Sans', sans-serif"; draw.imageSmoothingQuality = "high";
+  cells.forEach(({name, off, on, x, y, size}, i) => {
+    const [left, top] = [i % 2 * cell[0] + 4, Math.floor(i / 2) * cell[1] + 3];
+    draw.imageSmoothingEnabled = size >= 1;
+    [off, on].forEach((picture, k) => {
+      const [w, h] = [width * size, height * size];
+      draw.drawImage(images[picture], (images[picture].width - w) * x, (images[picture].height - h) * y, w, h, left + k * width, top, width, height);
+    });
+    draw.fillText(name, left + 4, top + height + 17);
+  });
+  document.body.textContent = sheet.toDataURL("image/jpeg", 0.85);
+});
+</script></body>"""
+
+
 def run(command):
     result = subprocess.run(command, capture_output=True, text=True)
     if result.returncode != 0:
         sys.exit(f"{command[0]}: {result.stderr.strip()}")
+    return result.stdout
 
 
 def render(tileflight, tileset, folder, name, degrade, options):
@@ -64,15 +96,16 @@ def render(tileflight, tileset, folder, name, degrade, options):
     return out / "images" / f"{FRAME:06d}.png"
 
 
-def halves(index, effect):
-    """The filter that cuts both pictures (inputs 0 and index), puts them side by side and names them."""
-    name, _, _, (x, y), size = effect
-    width, height = round(CELL[0] * size), round(CELL[1] * size)
-    cut = (f"crop={width}:{height}:(iw-{width})*{x}:(ih-{height})*{y},"
-           f"scale={CELL[0]}:{CELL[1]}:flags={'neighbor' if size < 1 else 'area'}")
-    text = name.replace(":", r"\:").replace("%", r"\\%")
-    label = f"pad=iw:ih+22:0:0:white,drawtext=font=DejaVu Sans:text='{text}':x=4:y=h-17:fontsize=14:fontcolor=black"
-    return f"[0]{cut}[a{index}];[{index}]{cut}[b{index}];[a{index}][b{index}]hstack,{label},pad=iw+8:ih+6:4:3:white[c{index}]"
+def put_together(pictures, cells, sheet, folder):
+    """Writes the sheet: `pictures` are PNG files, `cells` name which two of them stand side by side and what of them is shown."""
+    data = {"pictures": [base64.b64encode(picture.read_bytes()).decode() for picture in pictures], "cells": cells, "half": CELL}
+    page = folder / "sheet.html"
+    page.write_text(PAGE.replace("DATA", json.dumps(data), 1), encoding="utf-8")
+    text = run(["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=60000", "--dump-dom", page.as_uri()])
+    found = re.search(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)", text)
+    if not found:
+        sys.exit("chromium: drew no sheet")
+    pathlib.Path(sheet).write_bytes(base64.b64decode(found[1]))
 
 
 def main(tileflight, tileset, sheet):
@@ -81,17 +114,11 @@ def main(tileflight, tileset, sheet):
         (folder / "camera.yaml").write_text(CAMERA, encoding="utf-8")
         (folder / "flight.yaml").write_text(FLIGHT, encoding="utf-8")
         pictures = [render(tileflight, tileset, folder, "off", "", [])]
-        for index, (_, degrade, options, _, _) in enumerate(EFFECTS, 1):
+        cells = []
+        for index, (effect, degrade, options, (x, y), size) in enumerate(EFFECTS, 1):
             pictures.append(render(tileflight, tileset, folder, f"on{index}", degrade, options))
-        cells = [halves(index, effect) for index, effect in enumerate(EFFECTS, 1)]
-        columns = 2
-        layout = "|".join(f"{column}_{row}" for column, row in (
-            ("0" if i % columns == 0 else "w0", "+".join(f"h{j}" for j in range(0, i - columns + 1, columns)) or "0")
-            for i in range(len(EFFECTS))))
-        stack = "".join(f"[c{i}]" for i in range(1, len(EFFECTS) + 1)) + f"xstack=inputs={len(EFFECTS)}:layout={layout}[sheet]"
-        inputs = [word for picture in pictures for word in ("-i", str(picture))]
-        run(["ffmpeg", "-v", "error", "-y", *inputs, "-filter_complex", ";".join([*cells, stack]), "-map", "[sheet]", "-frames:v", "1",
-             "-q:v", "8", sheet])
+            cells.append({"name": effect, "off": 0, "on": index, "x": x, "y": y, "size": size})
+        put_together(pictures, cells, sheet, folder)
 
 
 if __name__ == "__main__":

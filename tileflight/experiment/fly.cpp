@@ -78,7 +78,8 @@ std::vector<tiles::Eye> eyes_of(const Mission& mission) {
     }
   }
   std::vector<tiles::Eye> eyes = tiles::eyes_along(mission.calibration.camera, poses);
-  return mission.sensor_files->suite().needs_scene() ? tiles::all_around(std::move(eyes)) : eyes;
+  const bool needs_all = mission.sensor_files->suite().needs_scene() || formation.light;  // what casts shadows
+  return needs_all ? tiles::all_around(std::move(eyes)) : eyes;
 }
 
 /// What a receiver would have said along the path, where the place is on the earth.
@@ -224,6 +225,7 @@ class Filming {
       sensors::FlightOptions options = mission_.options;
       options.first_frame = begin;
       options.end_frame = begin + count;
+      if (tiles.local_frame) options.origin = tiles.local_frame->origin();
       options.place = scored_place(settings_, tiles.region);
       options.exposure_before = filmed.report.exposure_after;
       mission_.sensor_files->record(scene, tiles.local_frame, begin, begin + count, folder);
@@ -280,6 +282,8 @@ void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const Ren
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
   for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
+  if (const auto& light = mission.options.formation.light)
+    writer.describe("light", described(daylight_at(*light, filmed.tiles.local_frame->origin())->sun()));
   mission.sensor_files->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s, writer.temporary_folder());
   for (const auto& [key, value] : mission.sensor_files->description()) writer.describe(key, value);
   if (!mission.vehicle.is_null()) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tileflight/flight/flight_plan.h"
+#include "tileflight/flight/telemetry_file.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/camera.h"
@@ -38,6 +39,14 @@ std::string plan_fingerprint(const fs::path& flight_file) {
     }
   }
   return geometry::sha256_hex(text);
+}
+
+/// When the filmed flight began, where its log knows the date.
+std::optional<double> start_utc_s(const std::optional<Flight>& real) {
+  if (!real || !real->ingest || real->ingest->telemetry.empty()) return std::nullopt;
+  const flight::Telemetry log = flight::read_telemetry(real->ingest->telemetry);
+  if (!log.zero_utc_s || log.fixes.empty()) return std::nullopt;
+  return *log.zero_utc_s + log.fixes.front().time_s;
 }
 
 }  // namespace
@@ -188,6 +197,8 @@ RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
     const double line_delay_s = imaging::read_calibration(flight.folder / "flight/camera.yaml").line_delay_s;
     if (!render.degrade && line_delay_s != 0.0) render.degrade = sensors::ImageFormation{.line_delay_s = line_delay_s};
   }
+  if (render.follows_real && render.degrade && render.degrade->light && !render.degrade->light->utc_s)
+    render.degrade->light->utc_s = start_utc_s(experiment_.real);
   const json truth = read_extract_json(folder_ / "truth");
   const std::vector<double> center = truth.at("region").at("center");
   const std::vector<double> size = truth.at("region").at("size");

@@ -1,8 +1,10 @@
 #include "tileflight/experiment/settings.h"
 
+#include <cmath>
 #include <numbers>
 
 #include "tileflight/alignment/transform_file.h"
+#include "tileflight/flight/log_text.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -41,6 +43,37 @@ sensors::AutoExposure read_auto_exposure(YamlSection& section) {
   return a;
 }
 
+/// `light: {model: baked | sun-and-sky, time, turbidity, ground_albedo, exposure, white_balance}`.
+std::optional<sensors::SunAndSky> read_light(YamlSection& section) {
+  const bool is_baked = section.choice("model", {"baked", "sun-and-sky"}).value_or("sun-and-sky") == "baked";
+  sensors::SunAndSky light;
+  if (const auto time = section.text("time")) {
+    light.utc_s = flight::iso_time_s(*time);
+    if (!light.utc_s)
+      throw section.error("time", "must be a date and time that there is, such as 2024-03-20T17:00:00Z");
+  }
+  light.turbidity = section.number("turbidity").value_or(light.turbidity);
+  light.ground_albedo = section.number("ground_albedo").value_or(light.ground_albedo);
+  light.exposure_stops = section.number("exposure").value_or(light.exposure_stops);
+  if (section.choice("white_balance", {"ground", "daylight"}).value_or("ground") == "daylight")
+    light.white_balance = sensors::WhiteBalance::kDaylight;
+  section.finish();
+  return is_baked ? std::nullopt : std::optional(light);
+}
+
+/// `key: [red, green, blue]`, 0 to 255 as in pictures.
+std::optional<imaging::Rgb8> read_color(YamlSection& section, const std::string& key) {
+  const auto values = section.numbers(key, 3, 3);
+  if (!values) return std::nullopt;
+  imaging::Rgb8 color;
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (!((*values)[c] >= 0.0 && (*values)[c] <= 255.0))
+      throw section.error(key, "must be three numbers from 0 to 255");
+    color[c] = static_cast<std::uint8_t>(std::lround((*values)[c]));
+  }
+  return color;
+}
+
 /// `key: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
 std::vector<geometry::Box3> read_regions(YamlSection& section, const std::string& key) {
   std::vector<geometry::Box3> regions;
@@ -60,16 +93,18 @@ std::vector<geometry::Box3> read_regions(YamlSection& section, const std::string
 
 }  // namespace
 
-/// Keys: haze_visibility (m), chromatic_red, chromatic_blue, exposure_time, exposure_samples, line_delay (s),
-/// vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain}, exposure_drift, exposure_drift_period
-/// (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons, gamma, sharpening, sharpening_radius
-/// (px).
+/// Keys: light {read_light}, haze_visibility (m), haze_color, chromatic_red, chromatic_blue, exposure_time,
+/// exposure_samples, line_delay (s), vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain},
+/// exposure_drift, exposure_drift_period (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons,
+/// gamma, sharpening, sharpening_radius (px).
 sensors::ImageFormation read_image_formation(YamlSection& section) {
   sensors::ImageFormation f;
   const auto number = [&section](const std::string& key, double& value) {
     value = section.number(key).value_or(value);
   };
+  if (auto light = section.section("light")) f.light = read_light(*light);
   number("haze_visibility", f.haze_visibility_m);
+  f.haze_color = read_color(section, "haze_color");
   number("chromatic_red", f.chromatic_red);
   number("chromatic_blue", f.chromatic_blue);
   number("exposure_time", f.exposure_time_s);

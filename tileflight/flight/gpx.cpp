@@ -84,6 +84,7 @@ Telemetry read_gpx(const std::filesystem::path& file) {
                 .end = [&](std::string_view name, std::string_view text) { return reader.end(name, text); }});
   Telemetry telemetry = std::move(reader).take().finish(file.string(), "track points");
   if (!fault.empty()) telemetry.warnings.push_back(ended_early(fault));
+  telemetry.zero_utc_s = telemetry.fixes.front().time_s;
   count_from_first_fix(telemetry);
   drop_fixes_without_height(telemetry);
   telemetry.height_datum = HeightDatum::kMeanSeaLevel;

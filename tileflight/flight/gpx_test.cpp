@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "tileflight/flight/log_text.h"
 #include "tileflight/flight/telemetry_file.h"
 #include "tileflight/flight/test_log.h"
 #include "tileflight/geometry/input_error.h"
@@ -42,6 +43,7 @@ TEST_F(Gpx, PointsOfAllSegmentsWithTimesOfAnyOffset) {
     EXPECT_EQ(log.fixes[i].longitude_deg, -78.5);
     EXPECT_EQ(log.fixes[i].absolute_height_m, 2900.5);
   }
+  EXPECT_EQ(log.zero_utc_s, iso_time_s("2024-02-28T23:59:59.5Z"));
   EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
   EXPECT_THAT(log.warnings, IsEmpty());
 }

@@ -95,6 +95,7 @@ Telemetry read_kml(const std::filesystem::path& file) {
   if (above_ground) {
     telemetry.warnings.push_back("heights of tracks whose altitudeMode is not absolute are above the ground: not read");
   }
+  telemetry.zero_utc_s = telemetry.fixes.front().time_s;
   count_from_first_fix(telemetry);
   drop_fixes_without_height(telemetry);
   telemetry.height_datum = HeightDatum::kMeanSeaLevel;

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "tileflight/flight/log_text.h"
 #include "tileflight/flight/telemetry_file.h"
 #include "tileflight/flight/test_log.h"
 
@@ -34,6 +35,7 @@ TEST_F(Kml, TimesAndPlacesBelongTogetherByTheirOrder) {
   const Telemetry log = read(document(track(kPoints)));
   ASSERT_EQ(log.fixes.size(), 2u);
   EXPECT_NEAR(log.fixes[1].time_s, 1.5, 1e-6);
+  EXPECT_EQ(log.zero_utc_s, iso_time_s("2024-01-01T00:00:00Z"));
   EXPECT_EQ(log.fixes[1].latitude_deg, -0.26);
   EXPECT_EQ(log.fixes[1].longitude_deg, -78.6);
   EXPECT_EQ(log.fixes[0].absolute_height_m, 2900.5);
