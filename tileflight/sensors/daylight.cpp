@@ -85,7 +85,7 @@ Light mixed(const Light& a, const Light& b, float share) {
 constexpr int kHorizonCells = 256;
 
 const SunAndSky& checked(const SunAndSky& settings) {
-  check(settings);
+  check_light(settings);
   if (!settings.utc_s) throw InputError("light", "has no time; give one, e.g. `time: 2024-03-20T17:00:00Z`");
   return settings;
 }
@@ -124,7 +124,7 @@ DayLight picture_units(const SunAndSky& settings, const DayLight& level) {
 
 }  // namespace
 
-void check(const SunAndSky& s) {
+void check_light(const SunAndSky& s) {
   require(s.turbidity >= kLeastTurbidity && s.turbidity <= kLargestTurbidity, "turbidity",
           "must lie between 2 (very clear air) and 10");
   require(s.ground_albedo >= 0.0 && s.ground_albedo <= 1.0, "ground albedo", "must lie between 0 and 1");

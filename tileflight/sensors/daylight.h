@@ -29,7 +29,7 @@ struct SunAndSky {
 };
 
 /// Throws InputError (option, cause) where a value is out of its range. The time may be missing here.
-void check(const SunAndSky& settings);
+void check_light(const SunAndSky& settings);
 
 /// The light of one place and moment, in the picture's units: 1 is what a level white surface gives back in full light,
 /// so that a level surface looks just as its texture says. Surfaces are matt (Lambert). Immutable.

@@ -130,7 +130,7 @@ float with_noise(float light, float normal, const ImageFormation& formation) {
 }  // namespace
 
 void check(const ImageFormation& f) {
-  if (f.light) check(*f.light);
+  if (f.light) check_light(*f.light);
   require(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
   require(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
           "must lie between -0.05 and 0.05");
