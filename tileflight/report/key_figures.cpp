@@ -118,14 +118,21 @@ std::string doubts(const json& flight, const std::string& label) {
   return sentences;
 }
 
-/// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of +0.0200 m (95 % interval +0.01 to +0.03 m)".
+/// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". Where
+/// runs were compared, the means are those over the runs, so that they fit the difference.
 std::string means_of(const json& results, const std::string& second) {
   const json comparison = results.value("comparison", json());
+  const bool of_runs = text_at(comparison, "/unit").value_or("") == "runs";
+  const std::string mean = of_runs ? "/runs/spread/map/mean/mean" : "/map/mean";
+  const auto over_runs = [&](const char* flight) {
+    return of_runs ? " over " + count(number_at(comparison, std::string("/runs/") + flight)) + " runs" : std::string();
+  };
   const auto difference = number_at(comparison, "/mean_difference"),
              low = number_at(comparison, "/mean_difference_ci95/0"),
              high = number_at(comparison, "/mean_difference_ci95/1");
-  std::string words = "mean " + fixed(number_at(results, "/simulated/map/mean"), 4) + " m simulated, " +
-                      fixed(number_at(results, "/real/map/mean"), 4) + " m " + second;
+  std::string words = "mean " + fixed(number_at(results, "/simulated" + mean), 4) + " m simulated" +
+                      over_runs("simulated") + ", " + fixed(number_at(results, "/real" + mean), 4) + " m " + second +
+                      over_runs("real");
   if (difference) words += ", a difference of " + with_sign(difference, 4) + " m";
   if (difference && low && high) words += " (95 % interval " + with_sign(low, 4) + " to " + with_sign(high, 4) + " m)";
   return words;

@@ -309,6 +309,20 @@ TEST_F(Report, TheVerdictFollowsTheEquivalenceTest) {
   EXPECT_THAT(verdict(value), HasSubstr("The maps of both flights are scored: mean "));
 }
 
+TEST_F(Report, TheVerdictsMeansAreThoseOfTheRunsThatAreCompared) {
+  make();
+  nlohmann::json value = results();
+  value["comparison"].update({{"unit", "runs"},
+                              {"runs", {{"simulated", 6}, {"real", 4}}},
+                              {"mean_difference", -0.0073},
+                              {"mean_difference_ci95", {-0.0253, 0.0106}}});
+  value["simulated"]["runs"]["spread"]["map"]["mean"]["mean"] = 0.4918;
+  value["real"]["runs"]["spread"]["map"]["mean"]["mean"] = 0.4991;
+  EXPECT_THAT(verdict(value),
+              HasSubstr("mean 0.4918 m simulated over 6 runs, 0.4991 m surrogate over 4 runs, a difference of "
+                        "\u22120.0073 m (95 % interval \u22120.0253 to +0.0106 m)"));
+}
+
 TEST_F(Report, BrokenPartsAreOneClearLine) {
   EXPECT_THAT(fault(), HasSubstr("no results.json here"));
   make();

@@ -38,7 +38,7 @@ Table table_of(const std::string& caption, const std::vector<FlightRun>& flights
 }
 
 std::vector<std::string> statistics(const json& values) {
-  return {count(number_at(values, "/count")), fixed(number_at(values, "/mean"), 4),
+  return {count(number_at(values, "/points")), fixed(number_at(values, "/mean"), 4),
           fixed(number_at(values, "/median"), 4)};
 }
 
@@ -72,8 +72,8 @@ const json* longest_list(const std::vector<FlightRun>& flights, const std::strin
 }
 
 std::vector<std::string> run_row(const std::string& label, const json& run) {
-  const bool backwards = at(run, "/backwards") == json(true);
-  const std::string name = label + ", " + text_at(run, "/name").value_or(kUnknown) + (backwards ? ", backwards" : "");
+  std::string name = label + ", " + text_at(run, "/name").value_or(kUnknown);  // "Simulated, 2-backwards"
+  std::replace(name.begin(), name.end(), '-', ' ');
   if (const auto why = text_at(run, "/failed")) return {name, "failed", *why, kUnknown, kUnknown};
   return {name, count(number_at(run, "/points")), fixed(number_at(run, "/mean"), 4),
           fixed(number_at(run, "/surface_median"), 4), fixed(number_at(run, "/ate_rmse"), 4)};

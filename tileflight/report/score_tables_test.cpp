@@ -30,7 +30,7 @@ TEST(ScoreTables, AreEmptyForRunsWithoutThem) {
 
 TEST(ScoreTables, RegionsSayWhatTheyWereFor) {
   const auto part = [](int points, double mean_m) {
-    return json{{"count", points}, {"mean", mean_m}, {"median", 0.1}};
+    return json{{"points", points}, {"mean", mean_m}, {"median", 0.1}};
   };
   json held = part(50, 0.5);
   held.update({{"use", "held-out"}, {"center", {12.2, -30.4, 4}}, {"size", {5, 5, 5}}});
@@ -64,11 +64,11 @@ TEST(ScoreTables, RunsAreListedWithTheirSpread) {
   const json spread{{"map", {{"mean", {{"mean", 0.45}, {"std", 0.002}, {"ci95", {0.44, 0.46}}}}}},
                     {"surface", {{"median", {{"mean", 0.04}, {"std", 0.001}, {"ci95", nullptr}}}}}};
   const json list{{{"name", "1"}, {"points", 1000}, {"mean", 0.451}, {"backwards", false}},
-                  {{"name", "2"}, {"backwards", true}, {"failed", "lost at frame 3"}}};
+                  {{"name", "2-backwards"}, {"backwards", true}, {"failed", "lost at frame 3"}}};
   const Table table = runs_table(flights_with({{"runs", {{"list", list}, {"spread", spread}}}}, json::object()));
   ASSERT_THAT(table.rows, SizeIs(3));
   EXPECT_THAT(table.rows[0], ElementsAre("Simulated, 1", "1,000", "0.4510", "\u2013", "\u2013"));
-  EXPECT_THAT(table.rows[1], ElementsAre("Simulated, 2, backwards", "failed", "lost at frame 3", "\u2013", "\u2013"));
+  EXPECT_THAT(table.rows[1], ElementsAre("Simulated, 2 backwards", "failed", "lost at frame 3", "\u2013", "\u2013"));
   EXPECT_EQ(table.rows[2][2], "0.4500 \u00b1 0.0020 (0.4400 to 0.4600)");
   EXPECT_EQ(table.rows[2][3], "0.0400 \u00b1 0.0010");
 }
