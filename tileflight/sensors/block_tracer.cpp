@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/geometry/wide_vectors.h"
 #include "tileflight/sensors/footprint.h"
 #include "tileflight/sensors/light.h"
 
@@ -11,7 +12,7 @@ namespace {
 
 using scene::RayPacket8;
 
-void rotate_row(const RayBlock& rays, int row, const TracerPose& pose, RayPacket8& packet) {
+TILEFLIGHT_LANE_INLINE void rotate_row(const RayBlock& rays, int row, const TracerPose& pose, RayPacket8& packet) {
   const std::array<float, 9>& r = pose.rotation;
   for (int i = row * RayBlock::kColumns; i < (row + 1) * RayBlock::kColumns; ++i) {
     packet.origin_x[i] = pose.origin[0];
@@ -31,7 +32,7 @@ struct LaneTextures {
 
 const TriangleShade kNoTexture{};
 
-LaneTextures textures_of(const RayPacket8& packet, const Appearance& appearance) {
+TILEFLIGHT_LANE_INLINE LaneTextures textures_of(const RayPacket8& packet, const Appearance& appearance) {
   LaneTextures lanes;
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
     lanes.material[i] = nullptr;
@@ -45,7 +46,7 @@ LaneTextures textures_of(const RayPacket8& packet, const Appearance& appearance)
   return lanes;
 }
 
-TexturedLanes gathered(const LaneTextures& textures) {
+TILEFLIGHT_LANE_INLINE TexturedLanes gathered(const LaneTextures& textures) {
   TexturedLanes lanes;
   for (int i = 0; i < RayPacket8::kLanes; ++i) {
     const TriangleShade& shade = *textures.shade[i];
@@ -63,7 +64,8 @@ TexturedLanes gathered(const LaneTextures& textures) {
   return lanes;
 }
 
-TextureRead read_of(const TriangleShade& shade, const RayPacket8& packet, const Footprints& footprints, int lane) {
+TILEFLIGHT_LANE_INLINE TextureRead read_of(const TriangleShade& shade, const RayPacket8& packet,
+                                           const Footprints& footprints, int lane) {
   const float u = packet.u[lane];
   const float v = packet.v[lane];
   return {shade.s + u * shade.s_u + v * shade.s_v,
@@ -107,8 +109,8 @@ BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance
   background_squares_[3] = 0.0F;
 }
 
-void BlockTracer::cast(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper, const TracerPose& lower,
-                       RayPacket8& packet) const {
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper,
+                                               const TracerPose& lower, RayPacket8& packet) const {
   packet.reset();
   rotate_row(rays, 0, upper, packet);
   rotate_row(rays, 1, lower, packet);
@@ -120,7 +122,7 @@ void BlockTracer::cast(const RayBlock& rays, std::uint8_t valid, const TracerPos
   scene_.intersect(packet);
 }
 
-void BlockTracer::shade(std::uint8_t valid, TracedBlock& block) const {
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::shade(std::uint8_t valid, TracedBlock& block) const {
   const RayPacket8& packet = block.packet;
   const LaneTextures textures = textures_of(packet, appearance_);
   const Footprints footprints = footprints_of(packet, gathered(textures));

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "tileflight/geometry/wide_vectors.h"
 #include "tileflight/sensors/ray_table.h"
 
 // Each function is one loop over the eight lanes without branches, which the compiler turns into vector instructions.
@@ -24,7 +25,7 @@ struct alignas(32) DirectionSteps {
 };
 
 /// Directions of lane to + i less those of lane from + i.
-DirectionSteps steps_right(const RayPacket8& packet) {
+TILEFLIGHT_LANE_INLINE DirectionSteps steps_right(const RayPacket8& packet) {
   DirectionSteps steps;
   for (int i = 0; i < kLanes; ++i) {
     const int from = i % RayBlock::kColumns + 1 < RayBlock::kColumns ? i : i - 1;
@@ -35,7 +36,7 @@ DirectionSteps steps_right(const RayPacket8& packet) {
   return steps;
 }
 
-DirectionSteps steps_down(const RayPacket8& packet) {
+TILEFLIGHT_LANE_INLINE DirectionSteps steps_down(const RayPacket8& packet) {
   DirectionSteps steps;
   for (int i = 0; i < kLanes; ++i) {
     const int from = i % RayBlock::kColumns;
@@ -46,7 +47,7 @@ DirectionSteps steps_down(const RayPacket8& packet) {
   return steps;
 }
 
-TexelMoves texel_moves(const RayPacket8& packet, const TexturedLanes& lanes) {
+TILEFLIGHT_LANE_INLINE TexelMoves texel_moves(const RayPacket8& packet, const TexturedLanes& lanes) {
   const DirectionSteps right = steps_right(packet);
   const DirectionSteps down = steps_down(packet);
   TexelMoves moves;
@@ -77,7 +78,7 @@ struct alignas(32) SecondMoments {
   float huge[8];  ///< 1 where the footprint is larger than the image, else 0
 };
 
-SecondMoments second_moments(const TexelMoves& j, const TexturedLanes& lanes) {
+TILEFLIGHT_LANE_INLINE SecondMoments second_moments(const TexelMoves& j, const TexturedLanes& lanes) {
   SecondMoments m;
   for (int i = 0; i < kLanes; ++i) {
     const float ss = j.s_x[i] * j.s_x[i] + j.s_y[i] * j.s_y[i];
@@ -94,7 +95,7 @@ SecondMoments second_moments(const TexelMoves& j, const TexturedLanes& lanes) {
 }
 
 /// Log2 by exponent and a linear mantissa: exact at powers of two, continuous, at most 0.09 off between. For x > 0.
-inline float coarse_log2(float x) {
+TILEFLIGHT_LANE_INLINE float coarse_log2(float x) {
   const auto bits = std::bit_cast<std::int32_t>(x);
   const float mantissa = std::bit_cast<float>((bits & 0x007FFFFF) | 0x3F800000);
   return static_cast<float>((bits >> 23) - 127) + (mantissa - 1.0F);
@@ -102,7 +103,7 @@ inline float coarse_log2(float x) {
 
 }  // namespace
 
-Footprints footprints_of(const RayPacket8& packet, const TexturedLanes& lanes) {
+TILEFLIGHT_WIDE_VECTORS Footprints footprints_of(const RayPacket8& packet, const TexturedLanes& lanes) {
   const SecondMoments m = second_moments(texel_moves(packet, lanes), lanes);
   Footprints result;
   for (int i = 0; i < kLanes; ++i) {

@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -11,6 +12,7 @@
 #include <utility>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/wide_vectors.h"
 #include "tileflight/sensors/appearance.h"
 #include "tileflight/sensors/block_tracer.h"
 #include "tileflight/sensors/daylight_shader.h"
@@ -44,14 +46,23 @@ struct ViewCounts {
     surface += other.surface;
     back += other.back;
   }
-  void add_lane(const scene::RayPacket8& packet, int i) {
-    ++valid;
-    if (packet.mesh[i] == scene::RayPacket8::kMiss) return;
-    ++surface;
-    nearest_m = std::min(nearest_m, packet.far[i]);
-    const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
-                        packet.normal_z[i] * packet.direction_z[i];
-    if (slope > 0.0F) ++back;
+  /// Of the central rays `lanes`, one bit each.
+  TILEFLIGHT_LANE_INLINE void add_lanes(const scene::RayPacket8& packet, std::uint8_t lanes) {
+    std::int32_t hits = 0, backs = 0;
+    float nearest = std::numeric_limits<float>::infinity();
+    for (int i = 0; i < scene::RayPacket8::kLanes; ++i) {
+      const bool hit = (lanes >> i & 1) != 0 && packet.mesh[i] != scene::RayPacket8::kMiss;
+      const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
+                          packet.normal_z[i] * packet.direction_z[i];
+      const float distance_m = hit ? packet.far[i] : std::numeric_limits<float>::infinity();
+      hits += hit ? 1 : 0;
+      backs += hit && slope > 0.0F ? 1 : 0;
+      nearest = distance_m < nearest ? distance_m : nearest;
+    }
+    valid += std::popcount(lanes);
+    surface += hits;
+    back += backs;
+    nearest_m = std::min(nearest_m, nearest);
   }
   FrameView view() const {
     const auto share = [](std::int64_t part, std::int64_t all) {
@@ -61,12 +72,13 @@ struct ViewCounts {
   }
 };
 
-imaging::Rgb8 encoded(const Float4& squares) {
-  imaging::Rgb8 pixel;
-  for (int c = 0; c < 3; ++c) {
-    pixel[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(std::sqrt(squares[c]) + 0.5F);
-  }
-  return pixel;
+TILEFLIGHT_LANE_INLINE imaging::Rgb8 encoded(const Float4& squares) {
+  using Words = std::int32_t __attribute__((vector_size(16)));
+  Float4 roots;
+  for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
+  const Words values = __builtin_convertvector(roots + 0.5F, Words);
+  return {static_cast<std::uint8_t>(values[0]), static_cast<std::uint8_t>(values[1]),
+          static_cast<std::uint8_t>(values[2])};
 }
 
 SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet, int lane) {
@@ -146,8 +158,9 @@ struct CameraRenderer::Impl {
   ViewCounts trace_central(const Tile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
                            imaging::FloatImage* depth_m) const;
   void visit_tile(const Tile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
-  void write_block(const TracedBlock& block, std::uint8_t valid, int x, int y, imaging::RgbImage* rgb,
-                   imaging::FloatImage* depth_m, const RayBlock& rays) const;
+  TILEFLIGHT_LANE_INLINE void write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
+                                          imaging::RgbImage* rgb, imaging::FloatImage* depth_m,
+                                          const RayBlock& rays) const;
   std::array<Light, 8> light_of(std::uint8_t valid, const TracedBlock& block) const;
   void add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const;
   void scale_light(const Tile& tile, int moments, LightImage& sum) const;
@@ -186,8 +199,23 @@ RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) co
   return {all.subspan(static_cast<std::size_t>(moment) * rows, rows), scene.anchor(), height()};
 }
 
-ViewCounts CameraRenderer::Impl::trace_central(const Tile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
-                                               imaging::FloatImage* depth_m) const {
+void CameraRenderer::Impl::write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
+                                       imaging::RgbImage* rgb, imaging::FloatImage* depth_m,
+                                       const RayBlock& rays) const {
+  for (int i = 0; i < RayBlock::kLanes; ++i) {
+    if ((valid >> i & 1) == 0) continue;
+    const int column = x + i % RayBlock::kColumns;
+    const int row = y + i / RayBlock::kColumns;
+    if (rgb != nullptr) (*rgb)(column, row) = encoded(block.squares[static_cast<std::size_t>(i)]);
+    if (depth_m == nullptr) continue;
+    const bool hit = block.packet.mesh[i] != scene::RayPacket8::kMiss;
+    (*depth_m)(column, row) = hit ? block.packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
+  }
+}
+
+TILEFLIGHT_WIDE_VECTORS ViewCounts CameraRenderer::Impl::trace_central(const Tile& tile, const RowPoses& poses,
+                                                                       imaging::RgbImage* rgb,
+                                                                       imaging::FloatImage* depth_m) const {
   ViewCounts counts;
   TracedBlock block;
   for (int y = tile.y0; y < tile.y1; y += RayBlock::kRows) {
@@ -199,9 +227,7 @@ ViewCounts CameraRenderer::Impl::trace_central(const Tile& tile, const RowPoses&
       const RayBlock& rays = central.block(column, row);
       tracer.cast(rays, valid, poses.of(y), poses.of(y + 1), block.packet);
       if (rgb != nullptr) tracer.shade(valid, block);
-      for (int i = 0; i < RayBlock::kLanes; ++i) {
-        if ((valid >> i & 1) != 0) counts.add_lane(block.packet, i);
-      }
+      counts.add_lanes(block.packet, valid);
       write_block(block, valid, x, y, rgb, depth_m, rays);
     }
   }
@@ -224,20 +250,6 @@ void CameraRenderer::Impl::visit_tile(const Tile& tile, const RowPoses& poses, c
         visitor(point);
       }
     }
-  }
-}
-
-void CameraRenderer::Impl::write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
-                                       imaging::RgbImage* rgb, imaging::FloatImage* depth_m,
-                                       const RayBlock& rays) const {
-  for (int i = 0; i < RayBlock::kLanes; ++i) {
-    if ((valid >> i & 1) == 0) continue;
-    const int column = x + i % RayBlock::kColumns;
-    const int row = y + i / RayBlock::kColumns;
-    if (rgb != nullptr) (*rgb)(column, row) = encoded(block.squares[static_cast<std::size_t>(i)]);
-    if (depth_m == nullptr) continue;
-    const bool hit = block.packet.mesh[i] != scene::RayPacket8::kMiss;
-    (*depth_m)(column, row) = hit ? block.packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
   }
 }
 

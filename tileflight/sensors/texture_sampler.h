@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "tileflight/geometry/wide_vectors.h"
 #include "tileflight/imaging/textured_mesh.h"
 #include "tileflight/sensors/mip_pyramid.h"
 
@@ -15,6 +16,7 @@
 namespace tileflight::sensors {
 
 using Float4 = float __attribute__((vector_size(16)));  // red, green, blue, undefined
+using Float8 = float __attribute__((vector_size(32)));
 
 /// A texture as the sampler reads it.
 struct Texture {
@@ -57,20 +59,6 @@ inline int wrapped_index(int i, int size, imaging::Wrap wrap) {
   return inside < size ? inside : 2 * size - 1 - inside;
 }
 
-/// The texel in the low three bytes, as floats. Interleaving with zeros twice widens bytes to integers in two
-/// instructions.
-inline Float4 unpacked(std::uint64_t bits) {
-  using Bytes = std::uint8_t __attribute__((vector_size(16)));
-  using Shorts = std::uint16_t __attribute__((vector_size(16)));
-  using Words = std::int32_t __attribute__((vector_size(16)));
-  using Longs = std::uint64_t __attribute__((vector_size(16)));
-  const auto bytes = (Bytes)Longs{bits, 0};
-  const auto shorts =
-      (Shorts)__builtin_shufflevector(bytes, Bytes{}, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-  const auto words = (Words)__builtin_shufflevector(shorts, Shorts{}, 0, 8, 1, 9, 2, 10, 3, 11);
-  return __builtin_convertvector(words, Float4);
-}
-
 /// Two texels that lie side by side, from one load of eight bytes that never leaves the image.
 inline std::uint64_t load_pair(const MipLevel& mip, std::ptrdiff_t texel) {
   const std::uint8_t* address = mip.texels + 3 * texel;
@@ -80,21 +68,29 @@ inline std::uint64_t load_pair(const MipLevel& mip, std::ptrdiff_t texel) {
   return bits >> (8 * static_cast<unsigned>(beyond));
 }
 
-/// Mean of the two squared texels, `f` the share of the second.
-inline Float4 mixed_squares(std::uint64_t first, std::uint64_t second, float f) {
-  const Float4 a = unpacked(first);
-  const Float4 b = unpacked(second);
-  return a * a * (1.0F - f) + b * b * f;
+/// The texels in the low three bytes of two words, as floats: the first's in places 0 to 2, the second's in 4 to 6.
+TILEFLIGHT_LANE_INLINE void unpack(std::uint64_t first, std::uint64_t second, Float8& texels) {
+  using Bytes = std::uint8_t __attribute__((vector_size(16)));
+  using Shorts = std::uint16_t __attribute__((vector_size(16)));
+  using Longs = std::uint64_t __attribute__((vector_size(16)));
+  using Words = std::int32_t __attribute__((vector_size(32)));
+  const auto bytes = (Bytes)Longs{(first & 0xFFFFFFFFU) | (second << 32U), 0};
+  const auto shorts =
+      (Shorts)__builtin_shufflevector(bytes, Bytes{}, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+  texels = __builtin_convertvector(__builtin_convertvector(shorts, Words), Float8);
 }
 
-inline Float4 row_squares(const MipLevel& mip, int x, int y, float f) {
-  const std::uint64_t pair = load_pair(mip, static_cast<std::ptrdiff_t>(y) * mip.width + x);
-  return mixed_squares(pair, pair >> 24U, f);
-}
-
-inline Float4 row_squares(const MipLevel& mip, int x0, int x1, int y, float f) {
-  const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * mip.width;
-  return mixed_squares(load_pair(mip, row + x0), load_pair(mip, row + x1), f);
+/// Bilinear mean of four squared texels: the `left` and `right` ones of the upper (0) and the lower row (1).
+TILEFLIGHT_LANE_INLINE Float4 mixed_squares(const std::uint64_t (&left)[2], const std::uint64_t (&right)[2], float fx,
+                                            float fy) {
+  Float8 a, b;
+  unpack(left[0], left[1], a);
+  unpack(right[0], right[1], b);
+  const Float8 rows = a * a * (1.0F - fx) + b * b * fx;
+  Float4 upper, lower;
+  std::memcpy(&upper, &rows, sizeof(upper));
+  std::memcpy(&lower, reinterpret_cast<const char*>(&rows) + sizeof(upper), sizeof(lower));
+  return upper * (1.0F - fy) + lower * fy;
 }
 
 /// Bilinear mean of squared texels where some of them lie across the image's rim.
@@ -103,23 +99,30 @@ inline Float4 bilinear_at_rim(const Texture& texture, const MipLevel& mip, int x
   const int right = wrapped_index(x0 + 1, mip.width, texture.wrap_s);
   const int top = wrapped_index(y0, mip.height, texture.wrap_t);
   const int bottom = wrapped_index(y0 + 1, mip.height, texture.wrap_t);
-  return row_squares(mip, left, right, top, fx) * (1.0F - fy) + row_squares(mip, left, right, bottom, fx) * fy;
+  const auto texel = [&](int x, int y) { return load_pair(mip, static_cast<std::ptrdiff_t>(y) * mip.width + x); };
+  return mixed_squares({texel(left, top), texel(left, bottom)}, {texel(right, top), texel(right, bottom)}, fx, fy);
 }
 
 /// Bilinear mean of squared texels; (x, y) in texels, centres at integers.
-inline Float4 bilinear_squares(const Texture& texture, const MipLevel& mip, float x, float y) {
+TILEFLIGHT_LANE_INLINE Float4 bilinear_squares(const Texture& texture, const MipLevel& mip, float x, float y) {
   const int x0 = floor_to_int(x);
   const int y0 = floor_to_int(y);
   const float fx = x - static_cast<float>(x0);
   const float fy = y - static_cast<float>(y0);
-  const bool inside = x0 >= 0 && y0 >= 0 && x0 + 1 < mip.width && y0 + 1 < mip.height;
+  const std::ptrdiff_t row = 3 * static_cast<std::ptrdiff_t>(mip.width);
+  const std::ptrdiff_t upper = y0 * row + 3 * static_cast<std::ptrdiff_t>(x0);
+  const bool inside = x0 >= 0 && y0 >= 0 && x0 + 1 < mip.width && y0 + 1 < mip.height &&
+                      upper + row <= mip.last_load - mip.texels;
   if (!inside) [[unlikely]]
     return bilinear_at_rim(texture, mip, x0, y0, fx, fy);
-  return row_squares(mip, x0, y0, fx) * (1.0F - fy) + row_squares(mip, x0, y0 + 1, fx) * fy;
+  std::uint64_t pairs[2];
+  std::memcpy(&pairs[0], mip.texels + upper, sizeof(pairs[0]));
+  std::memcpy(&pairs[1], mip.texels + upper + row, sizeof(pairs[1]));
+  return mixed_squares(pairs, {pairs[0] >> 24U, pairs[1] >> 24U}, fx, fy);
 }
 
 /// Sum of the probes' bilinear reads at one level.
-inline Float4 probes_at_level(const Texture& texture, int level, const TextureRead& read) {
+TILEFLIGHT_LANE_INLINE Float4 probes_at_level(const Texture& texture, int level, const TextureRead& read) {
   const MipLevel& mip = texture.pyramid->level(level);
   const auto width = static_cast<float>(mip.width);
   const auto height = static_cast<float>(mip.height);
@@ -138,7 +141,7 @@ inline Float4 probes_at_level(const Texture& texture, int level, const TextureRe
 }  // namespace sampling
 
 /// Mean of the squared texture values (0..255 squared) that `read` asks for.
-inline Float4 sample_squares(const Texture& texture, TextureRead read) {
+TILEFLIGHT_LANE_INLINE Float4 sample_squares(const Texture& texture, TextureRead read) {
   read.s = sampling::wrapped(read.s, texture.wrap_s);
   read.t = sampling::wrapped(read.t, texture.wrap_t);
   const int level = static_cast<int>(read.lod);
