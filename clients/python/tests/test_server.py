@@ -1,4 +1,6 @@
 """The client against a running `tileflight serve`. TILEFLIGHT_BINARY names the program."""
+import contextlib
+import io
 import math
 import signal
 import socket
@@ -31,7 +33,11 @@ class Looking(unittest.TestCase):
         cls.server.__exit__()
 
     def test_the_server_is_there(self):
-        self.client.confirmConnection()
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            self.client.confirmConnection()
+        self.assertEqual(printed.getvalue(),
+                         "Connected!\nClient Ver:1 (Min Req: 1), Server Ver:1 (Min Req: 1)\n\n")
         self.assertEqual((self.client.getServerVersion(), self.client.getMinRequiredClientVersion()), (1, 1))
         self.assertEqual(self.client.listVehicles(), self.server.listening["vehicles"])
 

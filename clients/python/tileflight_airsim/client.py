@@ -53,11 +53,16 @@ class VehicleClient:
         return self.client.call("getMinRequiredClientVersion")
 
     def confirmConnection(self) -> None:
-        """Raises if the server cannot be spoken to; says so if its version is another."""
-        self.ping()
+        """Raises if the server cannot be spoken to; else prints what AirSim's client prints."""
+        print("Connected!" if self.ping() else "Ping returned false!")
         server, needed = self.getServerVersion(), self.getMinRequiredClientVersion()
-        if server < self.getMinRequiredServerVersion() or needed > self.getClientVersion():
-            print(f"the server has version {server} and asks for clients of {needed}", file=sys.stderr)
+        versions = (f"Client Ver:{self.getClientVersion()} (Min Req: {needed}), "
+                    f"Server Ver:{server} (Min Req: {self.getMinRequiredServerVersion()})")
+        fits = server >= self.getMinRequiredServerVersion() and needed <= self.getClientVersion()
+        print(versions, file=sys.stdout if fits else sys.stderr)
+        if not fits:
+            print("client and server are of versions that do not fit", file=sys.stderr)
+        print()
 
     def reset(self) -> None:
         self.client.call("reset")
