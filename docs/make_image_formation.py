@@ -36,9 +36,10 @@ CELL = (260, 170)  # pixels of each half
 # name, degrade, `render` options, middle of the crop as shares of the picture, size of the crop as a share of CELL
 EFFECTS = [
     ("16 samples a pixel", "", ["--samples", "16"], (0.62, 0.40), 0.5),
-    ("sun and sky, 8:00 in March", "light: {time: 2024-03-20T08:00:00-04:00}", [], (0.5, 0.42), 2.2),
-    ("sun and sky, 13:00 in June", "light: {time: 2024-06-20T13:00:00-04:00}", [], (0.5, 0.42), 2.2),
-    ("sun and sky in haze, 18:00 in June", "light: {time: 2024-06-20T18:00:00-04:00, turbidity: 6, white_balance: daylight}\nhaze_visibility: 400", [], (0.5, 0.42), 2.2),
+    ("sun and sky, 18:15 in March", "light: {time: 2024-03-20T18:15:00-04:00, turbidity: 2.2}", [], (0.5, 0.5), 2.9),
+    ("sun and sky, 13:00 in June", "light: {time: 2024-06-20T13:00:00-04:00}", [], (0.5, 0.5), 2.9),
+    ("sun and sky, 8:00 in June, fixed white balance, haze",
+     "light: {time: 2024-06-20T08:00:00-04:00, turbidity: 4, white_balance: daylight}\nhaze_visibility: 1500", [], (0.5, 0.5), 2.9),
     ("haze, visibility 150 m", "haze_visibility: 150", [], (0.5, 0.42), 2.2),
     ("chromatic aberration 0.8 %", "chromatic_red: 0.004\nchromatic_blue: -0.004", [], (0.12, 0.35), 0.5),
     ("motion blur, 1/30 s", "exposure_time: 0.033\nexposure_samples: 15", [], (0.4, 0.6), 0.9),
@@ -75,7 +76,7 @@ Promise.all(pictures.map(load)).then((images) => {
     });
     draw.fillText(name, left + 4, top + height + 17);
   });
-  document.body.textContent = sheet.toDataURL("image/jpeg", 0.85);
+  document.body.textContent = sheet.toDataURL("image/jpeg", 0.7);
 });
 </script></body>"""
 
