@@ -38,6 +38,7 @@ Output exported_mcap(const dataset::Dataset& source, const std::string& out, boo
 void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     std::string dataset, layout, out;
+    dataset::CameraChoice camera;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("export", "a dataset in another program's layout");
@@ -47,10 +48,13 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->required()
       ->check(CLI::IsMember(layouts()));
   command->add_option("--out", options->out, "folder to write; of mcap: file")->required();
+  command->add_option("--camera", options->camera.calibration,
+                      "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
+  command->add_option("--camera-id", options->camera.camera_id, "which camera of a calibration that holds several");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const dataset::Dataset source = dataset::read_dataset(options->dataset);
+      const dataset::Dataset source = dataset::read_dataset(options->dataset, options->camera);
       return options->layout == kMcap ? exported_mcap(source, options->out, shared.force, progress)
                                       : exported_folder(source, options->layout, options->out, shared.force, progress);
     };

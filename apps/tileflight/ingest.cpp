@@ -38,6 +38,8 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->add_option("--camera", options->camera,
                    "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt or DSO camera.txt")
       ->required();
+  command->add_option("--camera-id", options->flight.camera_id,
+                      "which camera of a calibration that holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");
   command->add_option("--telemetry", options->telemetry,
                       "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg, ArduPilot .bin) or folder of photos");
   command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")

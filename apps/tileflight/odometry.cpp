@@ -24,6 +24,8 @@ constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 
 void add_extras(CLI::App& command, Options& options) {
   experiment::TrackExtras& extras = options.extras;
+  command.add_option("--camera", extras.camera, "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
+  command.add_option("--camera-id", extras.camera_id, "which camera of a calibration that holds several");
   command.add_option("--mask", extras.mask, "picture of the frames' size, black where never to look (own body)");
   command.add_option("--init-from", extras.init_from,
                      "start from known poses (TUM file; map and trajectory are then in their frame and scale) or depth "

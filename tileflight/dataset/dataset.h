@@ -44,13 +44,20 @@ struct Dataset {
   std::vector<std::string> warnings;  ///< what was put up with, one line each (no times.txt, images left out, ...)
 };
 
+/// A calibration in place of the one that a dataset's layout has.
+struct CameraChoice {
+  std::filesystem::path calibration;  ///< of any form that imaging::read_calibration knows; empty: the dataset's own
+  std::string camera_id;  ///< which of several cameras in the file (imaging::camera_ids); empty: the only one
+};
+
 /// Reads and checks a dataset folder: every frame's image is there and every line well-formed, times strictly increase,
 /// the calibration is for the images' size (the first image is looked at). Layouts, told apart by what is there:
 ///   images/   the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames are 1/30 s
 ///   apart (warned); image_l/ or image_0/   KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
 ///   mav0/cam0/ or cam0/    EuRoC (ASL): data.csv, sensor.yaml, data/; frames without a file are left out (warned).
-/// Throws InputError (file, line, cause).
-Dataset read_dataset(const std::filesystem::path& folder);
+/// With a `camera` the layout's own calibration need not be there; it is scaled to images of its shape (warned), and
+/// where it says nothing of the IMU, the layout's T_cam_imu stays. Throws InputError (file, line, cause).
+Dataset read_dataset(const std::filesystem::path& folder, const CameraChoice& camera = {});
 
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
@@ -64,6 +71,9 @@ class DatasetWriter {
     bool replace = false;
     bool png = false;  ///< images as PNG instead of JPEG
     int jpeg_quality = 95;
+    /// Built here instead (on the same file system; made where it is not there), and left there without finish(): what
+    /// several processes write together, or one after the other. Only one of them calls finish().
+    std::filesystem::path build_in{};
   };
   DatasetWriter(std::filesystem::path folder, imaging::Calibration calibration, Options options);
   ~DatasetWriter();
@@ -77,6 +87,8 @@ class DatasetWriter {
   /// A frame whose file is copied as it is; `extension` is ".jpg" or ".png".
   void add_encoded_frame(std::size_t index, double time_s, double exposure_ms, std::span<const std::byte> bytes,
                          const std::string& extension);
+  /// A frame whose file is there already, written into the same Options::build_in by another writer.
+  void add_written_frame(std::size_t index, double time_s, double exposure_ms);
   void set_groundtruth(geometry::Trajectory trajectory);
   void set_gps(std::vector<GpsFix> fixes);
   /// A line of dataset.yaml, "a.b.c" nests. The same key again replaces its value.

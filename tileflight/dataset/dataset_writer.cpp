@@ -26,9 +26,12 @@ fs::path target_of(const fs::path& folder) {
   return target.has_filename() ? target : target.parent_path();
 }
 
-fs::path make_temporary(const fs::path& target, bool replace) {
+void require_free(const fs::path& target, bool replace) {
   if (fs::exists(target) && !replace) throw InputError(target.string(), "exists already; --force replaces it");
   if (fs::exists(target) && !fs::is_directory(target)) throw InputError(target.string(), "is not a folder");
+}
+
+fs::path make_temporary(const fs::path& target) {
   std::error_code error;
   fs::create_directories(target.parent_path(), error);
   const fs::path temporary = geometry::temporary_beside(target);
@@ -38,7 +41,7 @@ fs::path make_temporary(const fs::path& target, bool replace) {
 
 void make_folder(const fs::path& folder) {
   std::error_code error;
-  fs::create_directory(folder, error);
+  fs::create_directories(folder, error);
   if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
 }
 
@@ -85,12 +88,14 @@ DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, 
     : impl_(std::make_unique<Impl>()) {
   impl_->target = target_of(folder);
   impl_->calibration = std::move(calibration);
-  impl_->options = options;
-  temporary_ = make_temporary(impl_->target, options.replace);
+  impl_->options = std::move(options);
+  require_free(impl_->target, impl_->options.replace);
+  temporary_ = impl_->options.build_in.empty() ? make_temporary(impl_->target) : impl_->options.build_in;
   make_folder(temporary_ / "images");
 }
 
 DatasetWriter::~DatasetWriter() {
+  if (!impl_->options.build_in.empty()) return;
   std::error_code ignored;
   fs::remove_all(temporary_, ignored);  // renamed away after finish()
 }
@@ -106,6 +111,10 @@ void DatasetWriter::add_encoded_frame(std::size_t index, double time_s, double e
                                       std::span<const std::byte> bytes, const std::string& extension) {
   geometry::write_file(temporary_ / "images" / (frame_id(index) + extension),
                        {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  add_written_frame(index, time_s, exposure_ms);
+}
+
+void DatasetWriter::add_written_frame(std::size_t index, double time_s, double exposure_ms) {
   const std::lock_guard lock(impl_->mutex);
   impl_->stamps[index] = {time_s, exposure_ms};
 }

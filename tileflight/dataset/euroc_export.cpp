@@ -1,9 +1,13 @@
 // EuRoC's ASL layout (Burri et al., IJRR 2016): the layout that euroc_layout.cpp reads.
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 #include <variant>
 
 #include "tileflight/dataset/exports.h"
 #include "tileflight/dataset/imu_files.h"
+#include "tileflight/dataset/number_table.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/text_fields.h"
@@ -96,19 +100,86 @@ void write_imu(const Dataset& dataset, const fs::path& folder) {
   write_imu_csv(folder / "data.csv", read_imu_csv(dataset.folder / "imu.csv"));
 }
 
-/// Poses of the body; EuRoC's further columns (velocity, biases) are not known here.
+std::vector<geometry::StampedPose> body_poses(const Dataset& dataset) {
+  std::vector<geometry::StampedPose> poses = dataset.groundtruth->poses;
+  for (geometry::StampedPose& pose : poses) pose.T_local_camera = pose.T_local_camera * dataset.calibration.T_cam_imu;
+  return poses;
+}
+
+/// The derivative at pose `at` of the polynomial through the positions around it (Lagrange's, five of them or as many
+/// as there are): sum over j of p_j l_j'(t).
+geometry::Vec3 velocity_at(std::span<const geometry::StampedPose> poses, std::size_t at) {
+  constexpr std::size_t kNodes = 5;
+  const std::size_t count = std::min(kNodes, poses.size());
+  const std::size_t first = std::min(at - std::min(at, count / 2), poses.size() - count);
+  const auto nodes = poses.subspan(first, count);
+  const double t = poses[at].time_s;
+  geometry::Vec3 velocity = geometry::Vec3::Zero();
+  for (std::size_t j = 0; j < count; ++j) {
+    double slope = 0.0;
+    for (std::size_t m = 0; m < count; ++m) {
+      if (m == j) continue;
+      double product = 1.0 / (nodes[j].time_s - nodes[m].time_s);
+      for (std::size_t k = 0; k < count; ++k) {
+        if (k != j && k != m) product *= (t - nodes[k].time_s) / (nodes[j].time_s - nodes[k].time_s);
+      }
+      slope += product;
+    }
+    velocity += slope * nodes[j].T_local_camera.translation;
+  }
+  return velocity;
+}
+
+/// imu_bias.csv's six numbers at a time, linear between its rows and constant beyond them; zeros without rows.
+std::array<double, 6> biases_at(const NumberTable& biases, double time_s) {
+  std::array<double, 6> values{};
+  const auto& rows = biases.rows;
+  if (rows.empty()) return values;
+  const auto after = std::lower_bound(rows.begin(), rows.end(), time_s,
+                                      [](const std::vector<double>& row, double t) { return row[0] < t; });
+  const auto& high = after == rows.end() ? rows.back() : *after;
+  const auto& low = after == rows.begin() ? high : *(after - 1);
+  const double gap_s = high[0] - low[0];
+  const double share = gap_s > 0.0 ? std::clamp((time_s - low[0]) / gap_s, 0.0, 1.0) : 0.0;
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = low[i + 1] + share * (high[i + 1] - low[i + 1]);
+  return values;
+}
+
+NumberTable biases_of(const Dataset& dataset) {
+  const fs::path file = dataset.folder / "imu_bias.csv";
+  NumberTable biases = read_number_table(file);
+  if (biases.columns.size() != 7)
+    throw InputError(file.string(), "must have 7 columns: time, gyroscope, accelerometer");
+  return biases;
+}
+
+/// Poses and velocities of the body, which is the IMU, and its biases where they are known.
 void write_truth(const Dataset& dataset, const fs::path& folder) {
   fs::create_directories(folder);
-  std::string text = "#timestamp,p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n";
-  for (const geometry::StampedPose& pose : dataset.groundtruth->poses) {
-    const geometry::SE3 T_local_body = pose.T_local_camera * dataset.calibration.T_cam_imu;
-    const geometry::Vec3& p = T_local_body.translation;
-    const Eigen::Quaterniond& q = T_local_body.rotation;
-    text += std::to_string(nanoseconds(pose.time_s));
-    for (const double number : {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()}) {
+  const bool has_biases = fs::is_regular_file(dataset.folder / "imu_bias.csv");
+  const NumberTable biases = has_biases ? biases_of(dataset) : NumberTable();
+  std::string text =
+      "#timestamp,p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],"
+      "v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1]";
+  if (has_biases)
+    text +=
+        ",b_w_RS_S_x [rad s^-1],b_w_RS_S_y [rad s^-1],b_w_RS_S_z [rad s^-1],"
+        "b_a_RS_S_x [m s^-2],b_a_RS_S_y [m s^-2],b_a_RS_S_z [m s^-2]";
+  text += '\n';
+  const std::vector<geometry::StampedPose> poses = body_poses(dataset);
+  const auto add = [&text](const auto& numbers) {
+    for (const double number : numbers) {
       text += ',';
       geometry::append_number(text, number);
     }
+  };
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const geometry::Vec3& p = poses[i].T_local_camera.translation;
+    const Eigen::Quaterniond& q = poses[i].T_local_camera.rotation;
+    text += std::to_string(nanoseconds(poses[i].time_s));
+    add(std::array{p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
+    add(velocity_at(poses, i));
+    if (has_biases) add(biases_at(biases, poses[i].time_s));
     text += '\n';
   }
   geometry::write_file(folder / "data.csv", text);

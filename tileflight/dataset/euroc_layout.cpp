@@ -90,6 +90,14 @@ imaging::Calibration read_sensor(const fs::path& file) {
   }
 }
 
+/// The camera that was chosen. A file that says nothing of the body leaves T_BS to the layout's own, where that is.
+imaging::Calibration chosen(const CameraChoice& camera, const fs::path& sensor_file, Dataset& dataset) {
+  imaging::Calibration calibration = chosen_camera(camera, dataset);
+  const bool says_nothing = calibration.T_cam_imu.matrix().isIdentity(0.0);
+  if (says_nothing && fs::is_regular_file(sensor_file)) calibration.T_cam_imu = read_sensor(sensor_file).T_cam_imu;
+  return calibration;
+}
+
 /// state_groundtruth_estimate0/data.csv beside the camera's folder: time, position and quaternion (w first) of the
 /// body, which is the IMU; further columns are not needed.
 std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geometry::SE3& T_cam_imu) {
@@ -118,12 +126,13 @@ std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geome
 
 bool is_euroc(const fs::path& folder) { return !camera_folder(folder).empty(); }
 
-Dataset read_euroc(const fs::path& folder) {
+Dataset read_euroc(const fs::path& folder, const CameraChoice& camera_choice) {
   Dataset dataset;
   dataset.folder = folder;
   const fs::path camera = camera_folder(folder);
   dataset.frames = read_frames(camera, dataset.warnings);
-  dataset.calibration = read_sensor(camera / "sensor.yaml");
+  dataset.calibration = camera_choice.calibration.empty() ? read_sensor(camera / "sensor.yaml")
+                                                          : chosen(camera_choice, camera / "sensor.yaml", dataset);
   dataset.groundtruth =
       read_truth(camera.parent_path() / "state_groundtruth_estimate0" / "data.csv", dataset.calibration.T_cam_imu);
   return dataset;

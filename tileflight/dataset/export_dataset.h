@@ -21,8 +21,10 @@ struct ExportResult {
 /// Writes a dataset in another layout, whole or not at all:
 ///   tum-mono  images/, times.txt, camera.txt, pcalib.txt, vignette.png, groundtruthSync.txt; image files as they are
 ///   euroc     mav0/cam0 (PNG, named by nanoseconds), mav0/imu0 and mav0/state_groundtruth_estimate0 where known (poses
-///             of the IMU); lenses radial-tangential and equidistant
-///   kitti     image_0/ (PNG), times.txt, calib.txt, poses.txt (of the first frame's camera, as KITTI's are); pinholes
+///             and velocities of the IMU, its biases where imu_bias.csv has them); lenses radial-tangential and
+///             equidistant
+///   kitti     image_0/ (PNG), times.txt, calib.txt, poses.txt (of the first frame's camera, as KITTI's are), velodyne/
+///             where there are lidar scans (velodyne_export.h); pinholes
 ///   colmap    images/ as they are, sparse/0/ with COLMAP's text model of known poses and without points
 /// Throws InputError: an unknown layout, a lens that the layout has no name for (the cure is said), a layout that needs
 /// poses where there are none, an existing folder unless `replace`.

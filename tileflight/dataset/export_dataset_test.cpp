@@ -2,10 +2,15 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
+#include <functional>
 #include <map>
+#include <sstream>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/dataset/imu_files.h"
+#include "tileflight/dataset/lidar_files.h"
+#include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/test_pictures.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -86,6 +91,119 @@ TEST_F(Export, EurocIsReadBack) {
   EXPECT_THAT(imu, HasSubstr("rate_hz: 250\n"));
   EXPECT_THAT(imu, HasSubstr("gyroscope_noise_density: 0.003\n"));
   EXPECT_THAT(geometry::read_text(folder_ / "euroc/mav0/cam0/sensor.yaml"), HasSubstr("rate_hz: 20\n"));
+}
+
+/// A dataset of `frames` frames with this truth and these files beside it.
+Dataset with_path(const fs::path& folder, const imaging::Calibration& calibration, const geometry::Trajectory& truth,
+                  const std::map<std::string, std::string>& about, const std::function<void(const fs::path&)>& add) {
+  DatasetWriter writer(folder, calibration, {});
+  for (std::size_t i = 0; i < truth.size(); ++i)
+    writer.add_frame(i, truth.poses[i].time_s, 0.0, tests::moving_picture(64, 48, static_cast<int>(i)));
+  writer.set_groundtruth(truth);
+  for (const auto& [key, value] : about) writer.describe(key, value);
+  add(writer.temporary_folder());
+  writer.finish();
+  return read_dataset(folder);
+}
+
+// A camera on a circle, always looking the same way along it: position and velocity of the body in closed form.
+TEST_F(Export, EurocHasTheBodysVelocityAndBiases) {
+  constexpr double kRate = 0.8, kRadius_m = 20.0, kClimb_m_s = 1.5;
+  const auto camera_at = [&](double t) {
+    return SE3(geometry::so3_exp(Vec3(0, 0, kRate * t)),
+               Vec3(kRadius_m * std::cos(kRate * t), kRadius_m * std::sin(kRate * t), kClimb_m_s * t));
+  };
+  imaging::Calibration calibration;
+  calibration.camera = fisheye();
+  calibration.T_cam_imu = kCamImu;
+  geometry::Trajectory truth;
+  for (int i = 0; i < 12; ++i) {
+    const double t = 7.0 + 0.05 * i + (i % 3 == 0 ? 0.004 : 0.0);  // not quite even
+    truth.poses.push_back({t, camera_at(t)});
+  }
+  const Dataset dataset = with_path(folder_ / "circle", calibration, truth, {}, [](const fs::path& out) {
+    NumberTable biases{{"t [s]", "a", "b", "c", "d", "e", "f"}, {}};
+    for (const double t : {7.0, 8.0}) biases.rows.push_back({t, t, 0, 0, 0, 0, -2 * t});
+    write_number_table(out / "imu_bias.csv", biases);
+  });
+  export_dataset(dataset, "euroc", folder_ / "euroc", false);
+  const NumberTable table = read_number_table(folder_ / "euroc/mav0/state_groundtruth_estimate0/data.csv");
+  ASSERT_EQ(table.columns.size(), 17U);
+  EXPECT_EQ(table.columns[8], "v_RS_R_x [m s^-1]");
+  EXPECT_EQ(table.columns[16], "b_a_RS_S_z [m s^-2]");
+  ASSERT_EQ(table.rows.size(), 12U);
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const auto& row = table.rows[i];
+    const double t = truth.poses[i].time_s;
+    const Vec3 arm = truth.poses[i].T_local_camera.rotation * kCamImu.translation;
+    const Vec3 circle = truth.poses[i].T_local_camera.translation + arm;
+    const Vec3 velocity(-kRate * circle.y(), kRate * circle.x(), kClimb_m_s);  // omega x r, and the climb
+    EXPECT_LT((Vec3(row[1], row[2], row[3]) - circle).norm(), 1e-9);
+    EXPECT_LT((Vec3(row[8], row[9], row[10]) - velocity).norm(), 1e-4) << i;
+    EXPECT_NEAR(row[11], t, 1e-9);
+    EXPECT_NEAR(row[16], -2 * t, 1e-9);
+  }
+  EXPECT_EQ(read_dataset(folder_ / "euroc").groundtruth->size(), 12U);  // the reader passes over what it has no use for
+}
+
+// Points of the world seen by a lidar that turns and moves; whatever its scans are corrected for, KITTI's files put the
+// points where they are.
+TEST_F(Export, KittiHasScansAtTheFramesTimes) {
+  const SE3 kCamLidar(Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), Vec3(0.1, -0.2, 0.05));
+  const auto camera_at = [](double t) {
+    return SE3(geometry::so3_exp(Vec3(0, 0, 0.5)), Vec3(3.0 * t, -1.0 * t, 10.0));  // straight: interpolation is exact
+  };
+  geometry::Trajectory truth;
+  for (int i = 0; i < 5; ++i) truth.poses.push_back({2.0 + 0.25 * i, camera_at(2.0 + 0.25 * i)});
+  imaging::Calibration calibration;
+  calibration.camera = pinhole();
+  const auto world_point = [](int i) { return Vec3(i, 0.3 * i * i, -2.0 + 0.1 * i); };
+  constexpr int kPoints = 9, kScans = 7;
+  constexpr double kPeriod_s = 0.125;
+  for (const std::string motion : {"distorted", "corrected", "frozen"}) {
+    const auto add_scans = [&](const fs::path& out) {
+      fs::create_directories(out / "lidar");
+      geometry::Trajectory starts;
+      for (int k = 0; k < kScans; ++k) {
+        const double start_s = 2.0 + kPeriod_s * k;
+        starts.poses.push_back({start_s, camera_at(start_s) * kCamLidar});
+        std::vector<ScanPoint> points;
+        for (int i = 0; i < kPoints; ++i) {
+          const double after_s = kPeriod_s * i / kPoints;
+          const double frame_s = motion == "distorted" ? start_s + after_s : start_s;
+          const Vec3 p = (camera_at(frame_s) * kCamLidar).inverse() * world_point(i);
+          points.push_back({p.cast<float>(), 0.1F * static_cast<float>(i), static_cast<float>(after_s), 3});
+        }
+        write_scan_ply(out / "lidar" / ("00000" + std::to_string(k) + ".ply"), points);
+      }
+      geometry::write_tum(out / "lidar/poses.txt", starts);
+    };
+    const Dataset dataset =
+        with_path(folder_ / ("of-" + motion), calibration, truth, {{"sensors.lidar.motion", motion}}, add_scans);
+    const fs::path out = folder_ / ("kitti-" + motion);
+    const ExportResult result = export_dataset(dataset, "kitti", out, false);
+    const std::string calib = geometry::read_text(out / "calib.txt");
+    std::istringstream numbers(calib.substr(calib.find("Tr: ") + 4));
+    geometry::Mat4 T_cam_velo = geometry::Mat4::Identity();
+    for (int i = 0; i < 12; ++i) numbers >> T_cam_velo(i / 4, i % 4);
+    EXPECT_LT((T_cam_velo - kCamLidar.matrix()).norm(), 1e-9);
+    for (int frame = 0; frame < 5; ++frame) {
+      const auto points = read_scan(out / "velodyne" / ("00000" + std::to_string(frame) + ".bin"));
+      if (frame == 4) {  // the last scan ended an eighth of a second before
+        EXPECT_THAT(points, IsEmpty());
+        continue;
+      }
+      ASSERT_EQ(points.size(), static_cast<std::size_t>(kPoints));
+      for (int i = 0; i < kPoints; ++i) {
+        const Vec3 p =
+            T_cam_velo.topLeftCorner<3, 3>() * points[i].position.cast<double>() + T_cam_velo.topRightCorner<3, 1>();
+        EXPECT_LT((truth.poses[frame].T_local_camera * p - world_point(i)).norm(), 1e-5) << motion << frame << i;
+        EXPECT_EQ(points[i].intensity, 0.1F * static_cast<float>(i));
+      }
+    }
+    EXPECT_THAT(result.notes, testing::Contains(HasSubstr("1 of 5 frames have an empty scan")));
+    EXPECT_EQ(read_dataset(out).frames.size(), 5U);
+  }
 }
 
 TEST_F(Export, KittiIsReadBack) {

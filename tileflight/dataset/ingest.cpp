@@ -6,7 +6,9 @@
 #include <mutex>
 
 #include "tileflight/dataset/encode_queue.h"
+#include "tileflight/dataset/fitted_calibration.h"
 #include "tileflight/dataset/frame_list.h"
+#include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/number_text.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -18,37 +20,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
 struct Span_s {
   double first = 0.0, last = 0.0;
 };
 
 std::string seconds(double time_s) { return rounded_text(time_s, 2) + " s"; }
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
-struct FittedCalibration {
-  imaging::Calibration calibration;
-  std::string scaled_from;  ///< the size that the file is for; empty when it is that of the frames
-};
-
-/// The calibration for frames of this size.
-FittedCalibration calibration_for(int width, int height, const IngestOptions& options,
-                                  std::vector<std::string>& notes) {
-  imaging::Calibration calibration = imaging::read_calibration(options.calibration);
-  const imaging::Camera& camera = calibration.camera;
-  if (camera.width() == width && camera.height() == height) return {calibration, {}};
-  const std::string own_size = size_text(camera.width(), camera.height());
-  const std::string sizes = "is for images of " + own_size + ", the frames have " + size_text(width, height);
-  try {
-    calibration.line_delay_s *=
-        static_cast<double>(camera.height()) / height;  // the same read-out time over other rows
-    calibration.camera = camera.scaled_to(width, height);
-  } catch (const InputError&) {
-    throw InputError(options.calibration.string(),
-                     sizes + ": the aspect ratio differs, so calibrate at the video's size");
-  }
-  notes.push_back(options.calibration.string() + ": " + sizes + "; the calibration was scaled");
-  return {calibration, own_size};
-}
 
 /// The times' range of things within the span, with one more on each side so that values at its ends can be
 /// interpolated.
@@ -84,6 +62,16 @@ void add_gps(DatasetWriter& writer, const IngestOptions& options, const Span_s& 
   writer.set_gps(std::move(fixes));
 }
 
+/// range.csv, where the log has ranges during the frames.
+void add_ranges(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames) {
+  std::vector<GroundRange> ranges = options.ranges;
+  for (GroundRange& range : ranges) range.time_s += options.gps_time_offset_s;
+  NumberTable table{{"t [s]", "range [m]"}, {}};
+  for (const GroundRange& range : within(ranges, frames, [](const GroundRange& r) { return r.time_s; }))
+    table.rows.push_back({range.time_s, range.range_m});
+  if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
+}
+
 void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, const std::string& name,
                      const Span_s& frames, IngestResult& result) {
   if (all.empty()) return;
@@ -97,6 +85,7 @@ void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, con
 void describe(DatasetWriter& writer, const IngestOptions& options, const FittedCalibration& fitted) {
   writer.describe("source", options.video_or_images.filename().string());
   writer.describe("calibration.file", options.calibration.filename().string());
+  if (!options.camera_id.empty()) writer.describe("calibration.camera", options.camera_id);
   if (!fitted.scaled_from.empty()) writer.describe("calibration.scaled_from", fitted.scaled_from);
   writer.describe("excerpt.from_s", fixed_text(options.excerpt.from_s));
   if (options.excerpt.to_s) writer.describe("excerpt.to_s", fixed_text(*options.excerpt.to_s));
@@ -127,7 +116,8 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   if (info.duration_s > 0.0) require_reaches(options, info.duration_s, period_s);
   result.width = info.width;
   result.height = info.height;
-  const FittedCalibration fitted = calibration_for(info.width, info.height, options, result.notes);
+  const FittedCalibration fitted =
+      calibration_for(options.calibration, options.camera_id, info.width, info.height, result.notes);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
 
   const double end_s = options.excerpt.to_s.value_or(info.duration_s);
@@ -149,6 +139,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
 
   const Span_s frames{result.first_time_s, result.last_time_s};
   add_gps(writer, options, frames, result);
+  add_ranges(writer, options, frames);
   add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
   describe(writer, options, fitted);
   writer.finish();
@@ -224,7 +215,8 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
   result.frames = frames.size();
   result.first_time_s = frames.front().time_s;
   result.last_time_s = frames.back().time_s;
-  const FittedCalibration fitted = calibration_for(first.width, first.height, options, result.notes);
+  const FittedCalibration fitted =
+      calibration_for(options.calibration, options.camera_id, first.width, first.height, result.notes);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
   std::mutex mutex;
   std::int64_t done = 0;
@@ -235,6 +227,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
   });
   const Span_s span{result.first_time_s, result.last_time_s};
   add_gps(writer, options, span, result);
+  add_ranges(writer, options, span);
   add_groundtruth(writer, groundtruth, options.groundtruth.string(), span, result);
   describe(writer, options, fitted);
   writer.finish();

@@ -17,17 +17,25 @@ struct ImageTime {
   double exposure_ms = 0.0;  ///< 0: unknown
 };
 
+/// What a range finder that looks down said.
+struct GroundRange {
+  double time_s = 0.0;
+  double range_m = 0.0;
+};
+
 /// A real flight, as it comes from the camera and the log.
 struct IngestOptions {
   std::filesystem::path video_or_images;  ///< a video file, or a folder of images (with times.txt in it or beside it,
                                           ///< else `image_rate_hz`)
   std::filesystem::path calibration;      ///< of any form that imaging::read_calibration knows
+  std::string camera_id;                  ///< of a calibration that holds several cameras; empty: it holds one
   VideoExcerpt excerpt;                   ///< on the video's clock (first frame at 0; images: the times of times.txt)
   double image_rate_hz = 30.0;            ///< of an image folder without times.txt
   /// When the images of a folder without times.txt were taken, by file name; empty: not known. Images that are not
   /// named here are left out (and noted).
   std::map<std::string, ImageTime> image_times;
   std::vector<GpsFix> gps;                         ///< of the flight's log, on the log's clock
+  std::vector<GroundRange> ranges;                 ///< the same log's
   double gps_time_offset_s = 0.0;                  ///< video time = log time + this
   std::filesystem::path groundtruth;               ///< TUM poses on the video's clock; may be empty
   int jpeg_quality = 95;                           ///< of a video's frames; image files are copied as they are

@@ -6,6 +6,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/test_pictures.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/imaging/image_files.h"
@@ -163,6 +164,28 @@ TEST_F(IngestTest, CalibrationsOfOtherFormsAreScaledOrRefusedToo) {
     geometry::write_file(options.calibration, content);
     EXPECT_THAT(error(), AllOf(HasSubstr("96x96"), HasSubstr("96x64"), HasSubstr(name), HasSubstr("aspect")));
   }
+}
+
+TEST_F(IngestTest, RangesOfTheLogAreOnTheVideosClock) {
+  options.excerpt = {.from_s = 0.5, .to_s = 1.0};
+  for (int i = 0; i < 20; ++i) options.ranges.push_back({0.45 + 0.2 * i, 10.0 + i});
+  ingest(options, folder / "set");
+  const NumberTable table = read_number_table(folder / "set/range.csv");
+  ASSERT_EQ(table.rows.size(), 5U);  // 0.35 and 1.15 are one on each side
+  EXPECT_NEAR(table.rows[0][0], 0.35, 1e-9);
+  EXPECT_EQ(table.rows[0][1], 12.0);
+  EXPECT_NEAR(table.rows[3][0], 0.95, 1e-9);
+}
+
+TEST_F(IngestTest, ACameraOfSeveralIsNamed) {
+  options.calibration = folder / "cameras.txt";
+  geometry::write_file(options.calibration, "1 PINHOLE 96 64 80 80 48 32\n4 PINHOLE 192 128 180 180 96 64\n");
+  EXPECT_THAT(error(), HasSubstr("holds 2 cameras (1, 4): say which one took the pictures (--camera-id)"));
+  options.camera_id = "4";
+  ingest(options, folder / "set");
+  const Dataset dataset = read_dataset(folder / "set");
+  EXPECT_EQ(std::get<imaging::PinholeRadtan>(dataset.calibration.camera.model()).fx, 90.0);  // scaled
+  EXPECT_EQ(dataset.about.at("calibration.camera"), "4");
 }
 
 TEST_F(IngestTest, TelemetryAndTruthWithoutOverlap) {

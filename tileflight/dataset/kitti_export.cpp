@@ -4,6 +4,7 @@
 #include "tileflight/dataset/export_dataset.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/dataset/number_text.h"
+#include "tileflight/dataset/velodyne_export.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/text_fields.h"
@@ -60,14 +61,15 @@ std::string poses_text(const std::vector<geometry::SE3>& T_local_camera) {
 
 void write_kitti(const Dataset& dataset, const fs::path& folder, std::vector<std::string>& notes,
                  const Progress& progress) {
-  geometry::write_file(folder / "calib.txt", calib_text(require_pinhole(dataset)));
+  std::string calib = calib_text(require_pinhole(dataset));
+  if (const auto T_cam_velo = write_velodyne(dataset, folder, notes))
+    calib += "Tr: " + row_text(T_cam_velo->matrix().topRows<3>()) + "\n";
+  geometry::write_file(folder / "calib.txt", calib);
   std::string times;
   for (const Frame& frame : dataset.frames) times += fixed_text(frame.time_s - dataset.frames.front().time_s) + "\n";
   geometry::write_file(folder / "times.txt", times);
   if (dataset.groundtruth) geometry::write_file(folder / "poses.txt", poses_text(poses_of_frames(dataset)));
   if (dataset.frames.front().time_s != 0.0) notes.push_back("times begin with the first frame, as KITTI's do");
-  if (fs::is_directory(dataset.folder / "lidar"))
-    notes.push_back("the lidar's scans are not at the frames' times and stay where they are");
   write_png_frames(dataset, folder / "image_0", numbered, progress);
 }
 

@@ -75,7 +75,7 @@ geometry::Trajectory read_poses(const fs::path& file, const std::vector<Frame>& 
 
 bool is_kitti(const fs::path& folder) { return !image_folder(folder).empty(); }
 
-Dataset read_kitti(const fs::path& folder) {
+Dataset read_kitti(const fs::path& folder, const CameraChoice& camera) {
   Dataset dataset;
   dataset.folder = folder;
   const std::vector<fs::path> images = list_images(image_folder(folder));
@@ -86,7 +86,8 @@ Dataset read_kitti(const fs::path& folder) {
     dataset.frames = frames_at_rate(images, kKittiPeriod_s);
     dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 0.1 s apart");
   }
-  dataset.calibration = read_calib(folder / "calib.txt", images.front());
+  dataset.calibration =
+      camera.calibration.empty() ? read_calib(folder / "calib.txt", images.front()) : chosen_camera(camera, dataset);
   if (fs::is_regular_file(folder / "poses.txt")) dataset.groundtruth = read_poses(folder / "poses.txt", dataset.frames);
   return dataset;
 }

@@ -1,6 +1,7 @@
 #include <filesystem>
 
 #include "tileflight/dataset/about_file.h"
+#include "tileflight/dataset/fitted_calibration.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
 #include "tileflight/geometry/input_error.h"
@@ -34,17 +35,24 @@ fs::path first_file(const fs::path& folder, std::initializer_list<const char*> n
 imaging::Calibration read_camera(const fs::path& folder) {
   const fs::path file = first_file(folder, {"camera.yaml", "camera.txt"});
   if (!file.empty()) return imaging::read_calibration(file);
-  throw InputError(folder.string(), "has no camera calibration: add camera.yaml (Kalibr) or camera.txt (DSO)");
+  throw InputError(
+      folder.string(),
+      "has no camera calibration: add camera.yaml (Kalibr) or camera.txt (DSO), or name a file (--camera)");
 }
 
 }  // namespace
 
 namespace layouts {
 
-Dataset read_images_folder(const fs::path& folder) {
+imaging::Calibration chosen_camera(const CameraChoice& camera, Dataset& dataset) {
+  const imaging::GrayImage image = imaging::read_gray(dataset.frames.front().image);
+  return calibration_for(camera.calibration, camera.camera_id, image.width, image.height, dataset.warnings).calibration;
+}
+
+Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
   Dataset dataset;
   dataset.folder = folder;
-  dataset.calibration = read_camera(folder);
+  if (camera.calibration.empty()) dataset.calibration = read_camera(folder);
   const std::vector<fs::path> images = list_images(folder / "images");
   const fs::path times = folder / "times.txt";
   if (fs::is_regular_file(times)) {
@@ -53,6 +61,7 @@ Dataset read_images_folder(const fs::path& folder) {
     dataset.frames = frames_at_rate(images, kDefaultPeriod_s);
     dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 1/30 s apart");
   }
+  if (!camera.calibration.empty()) dataset.calibration = chosen_camera(camera, dataset);
   dataset.pcalib = first_file(folder, {"pcalib.txt"});
   dataset.vignette = first_file(folder, {"vignette.png"});
   if (const fs::path file = first_file(folder, {"groundtruth.txt"}); !file.empty())
@@ -64,15 +73,15 @@ Dataset read_images_folder(const fs::path& folder) {
 
 }  // namespace layouts
 
-Dataset read_dataset(const fs::path& folder) {
+Dataset read_dataset(const fs::path& folder, const CameraChoice& camera) {
   if (!fs::is_directory(folder)) throw InputError(folder.string(), "is not a dataset folder: there is no such folder");
   Dataset dataset;
   if (fs::is_directory(folder / "images")) {
-    dataset = layouts::read_images_folder(folder);
+    dataset = layouts::read_images_folder(folder, camera);
   } else if (layouts::is_kitti(folder)) {
-    dataset = layouts::read_kitti(folder);
+    dataset = layouts::read_kitti(folder, camera);
   } else if (layouts::is_euroc(folder)) {
-    dataset = layouts::read_euroc(folder);
+    dataset = layouts::read_euroc(folder, camera);
   } else {
     throw InputError(
         folder.string(),

@@ -21,7 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kRuns = "segmentation.runs";  // the folder of the frames' files
 constexpr std::size_t kLargestId = std::numeric_limits<std::uint16_t>::max();
 
 struct Run {
@@ -159,20 +158,22 @@ void write_png(const fs::path& file, const std::vector<std::byte>& bytes) {
 }  // namespace
 
 SegmentationWriter::SegmentationWriter(fs::path dataset_folder, const SegmentationOptions& options)
-    : folder_(std::move(dataset_folder)), options_(options) {
+    : folder_(std::move(dataset_folder)),
+      runs_(options.runs.empty() ? folder_ / "segmentation.runs" : options.runs),
+      options_(options) {
   if (options.segmentation) make_folder(folder_ / "segmentation");
   if (options.infrared) make_folder(folder_ / "infrared");
-  make_folder(folder_ / kRuns);
+  make_folder(runs_);
 }
 
 void SegmentationWriter::add(std::size_t index, const imaging::Image<std::uint32_t>& labels,
                              std::span<const SegmentedObject> objects) const {
-  geometry::write_file(folder_ / kRuns / frame_id(index), to_bytes(labelled(labels, objects)));
+  geometry::write_file(runs_ / frame_id(index), to_bytes(labelled(labels, objects)));
 }
 
 std::vector<std::string> SegmentationWriter::frames() const {
   std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(folder_ / kRuns)) {
+  for (const auto& entry : fs::directory_iterator(runs_)) {
     const std::string name = entry.path().filename().string();
     if (!name.starts_with(".")) names.push_back(name);  // else: what a killed process left of a file
   }
@@ -182,8 +183,7 @@ std::vector<std::string> SegmentationWriter::frames() const {
 SegmentationWriter::Ids SegmentationWriter::ids_of(const std::vector<std::string>& frames) const {
   Ids ids;
   for (const std::string& frame : frames) {
-    for (const SegmentedObject& object : FrameReader(folder_ / kRuns / frame).read_head().objects)
-      ids.emplace(object, 0);
+    for (const SegmentedObject& object : FrameReader(runs_ / frame).read_head().objects) ids.emplace(object, 0);
   }
   if (ids.size() > kLargestId) {
     throw InputError("segmentation", std::to_string(ids.size()) +
@@ -196,14 +196,14 @@ SegmentationWriter::Ids SegmentationWriter::ids_of(const std::vector<std::string
 }
 
 void SegmentationWriter::write_frame(const std::string& name, const Ids& ids) const {
-  const LabelledFrame frame = FrameReader(folder_ / kRuns / name).read();
+  const LabelledFrame frame = FrameReader(runs_ / name).read();
   std::vector<std::uint16_t> id_of{0};
   for (const SegmentedObject& object : frame.objects) id_of.push_back(ids.at(object));
   imaging::Gray16Image image(frame.width, frame.height);
   auto pixel = image.pixels.begin();
   for (const Run& run : frame.runs) {
     if (run.number >= id_of.size() || run.pixels > image.pixels.end() - pixel)
-      throw InputError((folder_ / kRuns / name).string(), "is damaged; render the frames anew");
+      throw InputError((runs_ / name).string(), "is damaged; render the frames anew");
     pixel = std::fill_n(pixel, run.pixels, id_of[run.number]);
   }
   const std::string file = name + ".png";
@@ -225,8 +225,9 @@ void SegmentationWriter::finish() const {
   const Ids ids = ids_of(names);
   tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) { write_frame(names[i], ids); });
   write_table(ids);
+  if (!options_.runs.empty()) return;
   std::error_code ignored;
-  fs::remove_all(folder_ / kRuns, ignored);
+  fs::remove_all(runs_, ignored);
 }
 
 }  // namespace tileflight::dataset

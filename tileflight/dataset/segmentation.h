@@ -27,6 +27,8 @@ struct SegmentedObject {
 struct SegmentationOptions {
   bool segmentation = true;  ///< segmentation/000000.png
   bool infrared = false;     ///< infrared/000000.png
+  /// Where frames are kept until finish(). Empty: in the dataset's folder, and gone after finish(); else they stay.
+  std::filesystem::path runs{};
 };
 
 /// The segmentation of a flight: 16-bit grey pictures of object ids, 0 where there is nothing, and segmentation.csv
@@ -53,7 +55,7 @@ class SegmentationWriter {
   void write_frame(const std::string& name, const Ids& ids) const;
   void write_table(const Ids& ids) const;
 
-  std::filesystem::path folder_;
+  std::filesystem::path folder_, runs_;
   SegmentationOptions options_;
 };
 

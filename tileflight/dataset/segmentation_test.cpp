@@ -67,6 +67,18 @@ TEST(Segmentation, FramesOfSeveralWritersAreNumberedTogether) {
   EXPECT_FALSE(fs::exists(apart / "segmentation/.000002.4000000-0.tmp.png"));
 }
 
+TEST(Segmentation, FramesThatAreKeptElsewhereStayThere) {
+  const TemporaryFolder folder, kept;
+  const SegmentationOptions options{.runs = kept / "runs"};
+  SegmentationWriter(folder.path(), options).add(0, labels({1, 1, 0, 2, 2, 1}), std::vector{kMill, kHall});
+  for (int attempt = 0; attempt < 2; ++attempt) {  // the first one may have been stopped just before its end
+    SegmentationWriter(folder.path(), options).finish();
+    EXPECT_EQ(imaging::read_gray16(folder / "segmentation/000000.png").pixels,
+              (std::vector<std::uint16_t>{2, 2, 0, 1, 1, 2}));
+    EXPECT_TRUE(fs::exists(kept / "runs/000000"));
+  }
+}
+
 TEST(Segmentation, AFileThatIsCutShortIsSaid) {
   const TemporaryFolder folder;
   const SegmentationWriter writer(folder.path(), {});

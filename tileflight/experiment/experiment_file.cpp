@@ -147,6 +147,7 @@ IngestFlight read_ingest(YamlSection section) {
   IngestFlight ingest;
   ingest.video = required_path(section, "video");
   ingest.camera = required_path(section, "camera");
+  ingest.camera_id = section.text("camera_id").value_or("");
   ingest.telemetry = optional_path(section, "telemetry");
   ingest.groundtruth = optional_path(section, "groundtruth");
   ingest.telemetry_height = section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");

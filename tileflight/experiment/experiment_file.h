@@ -58,11 +58,13 @@ struct RenderFlight {
   std::optional<dataset::VideoRate> video;  ///< video_crf, video_bitrate: through H.264 and back; none: no compression
 };
 
-/// `ingest:` a flight that was filmed. Keys: video, camera, telemetry, telemetry_height, takeoff_height,
+/// `ingest:` a flight that was filmed. Keys: video, camera, camera_id, telemetry, telemetry_height, takeoff_height,
 /// telemetry_offset, groundtruth, from, to, every, fps.
 struct IngestFlight {
   std::filesystem::path video;  ///< video file or folder of images
   std::filesystem::path camera;
+  std::string
+      camera_id;  ///< which of several cameras in the file: COLMAP's CAMERA_ID, Kalibr's cam0; empty: the only one
   std::filesystem::path telemetry;           ///< flight::read_telemetry; empty: none
   std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; what the log's heights are above
   std::optional<double> takeoff_height_m;    ///< of the take-off place above the ellipsoid, where heights are above it

@@ -106,6 +106,7 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
                               const std::filesystem::path& out, bool replace, const Progress& progress) {
   dataset::IngestOptions options{.video_or_images = flight.video,
                                  .calibration = flight.camera,
+                                 .camera_id = flight.camera_id,
                                  .excerpt = {.from_s = flight.from_s, .to_s = flight.to_s, .every = flight.every},
                                  .groundtruth = flight.groundtruth,
                                  .replace = replace,
@@ -115,6 +116,8 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
   flight::Telemetry telemetry;
   if (!flight.telemetry.empty()) {
     telemetry = flight::read_telemetry(flight.telemetry);
+    for (const flight::RangeReading& range : flight::read_ranges(flight.telemetry))
+      options.ranges.push_back({range.time_s, range.range_m});
     add_positions(telemetry, flight, truth, options, warnings);
   }
   add_photos(flight, truth, options, warnings);

@@ -44,6 +44,12 @@ std::uint64_t first_from(double time_s, double start_s, double period_s) {
   return static_cast<std::uint64_t>(std::max(0.0, std::ceil((time_s - start_s) / period_s - 1e-6)));
 }
 
+/// As the flight file has it.
+std::string motion_name(sensors::ScanMotion motion) {
+  if (motion == sensors::ScanMotion::kDistorted) return "distorted";
+  return motion == sensors::ScanMotion::kCorrected ? "corrected" : "frozen";
+}
+
 /// Heights above mean sea level along the flight: the geoid is level over so small a place.
 std::function<double(const Vec3&)> height_above_sea(const Place& place, const Vec3& near, double origin_above_sea_m) {
   if (!place) return [=](const Vec3& position) { return position.z() + origin_above_sea_m; };
@@ -178,6 +184,7 @@ std::map<std::string, std::string> SensorFiles::description() const {
   if (suite_.range_finder) add("range_finder", suite_.range_finder->rate_hz, suite_.range_finder->seed);
   if (suite_.lidar) {
     add("lidar", 1.0 / sensors::scan_period_s(suite_.lidar->pattern), suite_.lidar->seed);
+    lines["sensors.lidar.motion"] = motion_name(suite_.lidar->motion);
     lines["sensors.lidar.scans"] = std::to_string(scans_.size());
   }
   return lines;

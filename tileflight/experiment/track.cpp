@@ -251,7 +251,7 @@ json describe_outside_result(const fs::path& out, std::size_t frames) {
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress,
                      const TrackExtras& extras) {
-  const dataset::Dataset data = dataset::read_dataset(dataset_folder);
+  const dataset::Dataset data = dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const View view = view_of(data.calibration, extras.rectify_fov_deg);
   if (extras.colmap) dataset::require_colmap_lens(view.calibration.camera);
   const std::optional<imaging::PhotometricCalibration> photometric = photometric_of(data, view);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "tileflight/flight/dataflash_messages.h"
 #include "tileflight/flight/fix_filter.h"
@@ -14,11 +15,22 @@ namespace tileflight::flight {
 namespace {
 
 constexpr double kFarthest_s = 0.2;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kThreeDimensionalFix = 3;
 /// AEl is the least 32-bit number of centimetres where the receiver does not know it.
 constexpr double kLeastHeight_m = -1e6;
 
 using Wanted = std::map<std::string, std::vector<DataflashField>>;
+
+std::vector<DataflashField> attitude_fields() {
+  return {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"Yaw", 1.0, "deg"}, {"Pitch", 1.0, "deg"}, {"Roll", 1.0, "deg"}};
+}
+
+/// Of the extended Kalman filters: attitude, and metres north, east and down of the origin (ORGN).
+std::vector<DataflashField> estimator_fields() {
+  return {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"C"}, {"Yaw", 1.0, "deg"}, {"Pitch", 1.0, "deg"}, {"Roll", 1.0, "deg"},
+          {"PN"},           {"PE"},           {"PD"}};
+}
 
 /// Logs up to 2014 count milliseconds since the start: T in a receiver's messages, whose TimeMS is the week's, and
 /// TimeMS in others.
@@ -39,9 +51,19 @@ const Wanted& wanted_messages() {
       {"GPA", {{"TimeUS", 1e-6}, {"I"}, {"AEl"}}},
       {"POS", {{"TimeUS", 1e-6}, {"Lat"}, {"Lng"}, {"Alt"}, {"RelHomeAlt"}}},
       {"BARO", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"I"}, {"Alt"}}},
-      {"ATT", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"Yaw"}, {"Pitch"}, {"Roll"}}},
-      {"AHR2", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"Yaw"}, {"Pitch"}, {"Roll"}}},
-      {"IMU", {{"TimeUS", 1e-6}, {"TimeMS", 1e-3}, {"I"}, {"GyrX"}, {"GyrY"}, {"GyrZ"}}},
+      {"ATT", attitude_fields()},
+      {"AHR2", attitude_fields()},
+      {"XKF1", estimator_fields()},
+      {"NKF1", estimator_fields()},
+      {"ORGN", {{"TimeUS", 1e-6}, {"Type"}, {"Lat"}, {"Lng"}, {"Alt"}}},
+      {"RFND", {{"TimeUS", 1e-6}, {"Instance"}, {"I"}, {"Stat"}, {"Orient"}, {"Dist"}}},
+      {"IMU",
+       {{"TimeUS", 1e-6},
+        {"TimeMS", 1e-3},
+        {"I"},
+        {"GyrX", 1.0, "rad/s"},
+        {"GyrY", 1.0, "rad/s"},
+        {"GyrZ", 1.0, "rad/s"}}},
   };
   return wanted;
 }
@@ -97,6 +119,38 @@ Position estimator_position(const std::vector<double>& row) {
           .has_fix = true};
 }
 
+/// Rows of the lowest core of the newer filter, else of the older one: time, yaw, pitch, roll, north, east, down.
+LogRows kalman_rows(const DataflashMessages& log) {
+  const LogRows& newer = rows_of(log, "XKF1");
+  return timed(newer.empty() ? rows_of(log, "NKF1") : newer, 1, 3, 2);
+}
+
+/// Where the filter is, by its own way of making metres of degrees (AP_Common's Location: a sphere of 6378100 m, a
+/// degree of longitude as long as at the middle latitude). Empty where the log does not say the origin.
+std::vector<Position> kalman_positions(const DataflashMessages& log) {
+  constexpr double kDegree_m = 111318.84502145034;
+  constexpr double kOfTheFilter = 0.0;  // ORGN's Type; 1 is home
+  const LogRows& origins = rows_of(log, "ORGN");
+  const auto origin = std::ranges::find_if(origins, [](const auto& row) {
+    return either(row[1], kOfTheFilter) == kOfTheFilter && std::isfinite(row[2]) && std::isfinite(row[3]);
+  });
+  if (origin == origins.end()) return {};
+  const double latitude_deg = (*origin)[2], longitude_deg = (*origin)[3], sea_level_m = (*origin)[4];
+  std::vector<Position> positions;
+  for (const auto& row : kalman_rows(log)) {
+    const double north_deg = row[4] / kDegree_m;
+    const double shrunk = std::cos((latitude_deg + 0.5 * north_deg) * std::numbers::pi / 180.0);
+    positions.push_back({.time_s = row[0],
+                         .instance = 0.0,
+                         .latitude_deg = latitude_deg + north_deg,
+                         .longitude_deg = longitude_deg + row[5] / (kDegree_m * shrunk),
+                         .sea_level_m = sea_level_m - row[6],
+                         .utc_s = std::numeric_limits<double>::quiet_NaN(),
+                         .has_fix = true});
+  }
+  return positions;
+}
+
 bool is_usable(const Position& p) {
   return p.has_fix && std::isfinite(p.time_s) && std::isfinite(p.latitude_deg) && std::isfinite(p.longitude_deg);
 }
@@ -110,7 +164,10 @@ std::vector<Position> positions_of(const DataflashMessages& log) {
   for (const Position& p : receiver) {
     if (is_usable(p)) instance = std::min(instance, p.instance);
   }
-  if (std::isinf(instance)) return estimator.empty() ? receiver : estimator;
+  if (std::isinf(instance)) {
+    if (estimator.empty()) estimator = kalman_positions(log);
+    return estimator.empty() ? receiver : estimator;
+  }
   std::erase_if(receiver, [&](const Position& p) { return p.instance != instance; });
   return receiver;
 }
@@ -134,8 +191,10 @@ LogRows heights_above_takeoff(const DataflashMessages& log) {
 }
 
 LogRows attitudes_of(const DataflashMessages& log) {
-  const LogRows& rows = rows_of(log, "ATT");
-  return in_order_of_time(timed(rows.empty() ? rows_of(log, "AHR2") : rows, 1, 2, std::nullopt));
+  LogRows rows = timed(rows_of(log, "ATT"), 1, 2, std::nullopt);
+  if (rows.empty()) rows = kalman_rows(log);  // more than an attitude stands behind it
+  if (rows.empty()) rows = timed(rows_of(log, "AHR2"), 1, 2, std::nullopt);
+  return in_order_of_time(std::move(rows));
 }
 
 std::optional<double> finite(double value) { return std::isfinite(value) ? std::optional(value) : std::nullopt; }
@@ -176,6 +235,18 @@ TelemetryFix fix_of(const Position& position, const Beside& beside) {
   return fix;
 }
 
+/// Of the lowest finder that looks down and has a good reading at all: time and metres.
+LogRows ranges_of(const DataflashMessages& log) {
+  constexpr double kDown = 25.0, kGood = 4.0;  // Rotation's ROTATION_PITCH_270, RangeFinder's Status::Good
+  LogRows good;
+  for (const auto& row : rows_of(log, "RFND")) {
+    const bool looks_down = either(row[4], kDown) == kDown, is_good = either(row[3], kGood) == kGood;
+    if (looks_down && is_good && row[5] > 0.0)
+      good.push_back({row[0], kNone, either(row[1], either(row[2], 0.0)), row[5]});
+  }
+  return in_order_of_time(timed(good, 1, 3, 2));
+}
+
 /// UTC of time 0 of the log, by the first position that knows it.
 std::optional<double> zero_utc_s(const std::vector<Position>& positions) {
   const auto known = std::ranges::find_if(
@@ -183,11 +254,18 @@ std::optional<double> zero_utc_s(const std::vector<Position>& positions) {
   return known == positions.end() ? std::nullopt : std::optional(known->utc_s - known->time_s);
 }
 
-}  // namespace
+DataflashMessages messages_of(const std::filesystem::path& file) {
+  return read_dataflash_messages(geometry::read_bytes(file, kLargestLogBytes), wanted_messages(), file.string());
+}
 
-Telemetry read_dataflash(const std::filesystem::path& file) {
-  const std::vector<std::byte> bytes = geometry::read_bytes(file, kLargestLogBytes);
-  const DataflashMessages log = read_dataflash_messages(bytes, wanted_messages(), file.string());
+/// What both readers of a log give, on one clock.
+struct Flight {
+  Telemetry telemetry;
+  std::vector<RangeReading> ranges;
+};
+
+Flight flight_of(const std::filesystem::path& file) {
+  const DataflashMessages log = messages_of(file);
   const std::vector<Position> positions = positions_of(log);
   const Beside known = beside(log, positions);
   FixFilter filter;
@@ -198,15 +276,24 @@ Telemetry read_dataflash(const std::filesystem::path& file) {
       filter.drop_without_fix();
     }
   }
-  Telemetry telemetry = std::move(filter).finish(file.string(), "position messages");
+  Flight flight{std::move(filter).finish(file.string(), "position messages"), {}};
+  Telemetry& telemetry = flight.telemetry;
   telemetry.warnings.insert(telemetry.warnings.end(), log.warnings.begin(), log.warnings.end());
   telemetry.body_rates = body_rates_of(timed(rows_of(log, "IMU"), 1, 3, 2), 1.0);
+  const double first_s = telemetry.fixes.front().time_s;
   telemetry.zero_utc_s = zero_utc_s(positions);
-  if (telemetry.zero_utc_s) *telemetry.zero_utc_s += telemetry.fixes.front().time_s;
+  if (telemetry.zero_utc_s) *telemetry.zero_utc_s += first_s;
   count_from_first_fix(telemetry);
+  for (const auto& row : ranges_of(log)) flight.ranges.push_back({row[0] - first_s, row[1]});
   drop_fixes_without_height(telemetry);
   telemetry.height_datum = known.by_ellipsoid ? HeightDatum::kEllipsoid : HeightDatum::kMeanSeaLevel;
-  return telemetry;
+  return flight;
 }
+
+}  // namespace
+
+Telemetry read_dataflash(const std::filesystem::path& file) { return flight_of(file).telemetry; }
+
+std::vector<RangeReading> read_dataflash_ranges(const std::filesystem::path& file) { return flight_of(file).ranges; }
 
 }  // namespace tileflight::flight

@@ -165,6 +165,105 @@ TEST_F(Dataflash, MultipliersOfTheLogItself) {
   EXPECT_NEAR(*other.fixes.at(0).absolute_height_m, 290.05, 1e-9);
 }
 
+const std::string kXkf1 =
+    format(15, "XKF1", "QBccCfffffffccce", "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,dPD,PN,PE,PD,GX,GY,GZ,OH");
+const std::string kOrgn = format(16, "ORGN", "QBLLe", "TimeUS,Type,Lat,Lng,Alt");
+const std::string kRfnd = format(17, "RFND", "QBfBBb", "TimeUS,Instance,Dist,Stat,Orient,Quality");
+
+struct KalmanRow {
+  double time_s, roll_deg, pitch_deg, yaw_deg;
+  float north_m, east_m, down_m;
+  std::uint8_t core = 0;
+};
+
+std::string xkf1(const KalmanRow& row) {
+  const auto centi = [](double degrees) { return raw(static_cast<std::int16_t>(std::lround(100 * degrees))); };
+  return message(15, raw(us(row.time_s)) + raw(row.core) + centi(row.roll_deg) + centi(row.pitch_deg) +
+                         raw(static_cast<std::uint16_t>(std::lround(100 * row.yaw_deg))) + std::string(16, '\0') +
+                         raw(row.north_m) + raw(row.east_m) + raw(row.down_m) + std::string(10, '\0'));
+}
+
+std::string orgn(double time_s, std::uint8_t type, double latitude_deg, double longitude_deg, double sea_level_m) {
+  return message(16, raw(us(time_s)) + raw(type) + raw(e7(latitude_deg)) + raw(e7(longitude_deg)) +
+                         raw(static_cast<std::int32_t>(std::lround(100 * sea_level_m))));
+}
+
+TEST_F(Dataflash, AttitudeOfTheKalmanFilterWhereThereIsNoOther) {
+  const std::string flown = kFormats + kGps + kXkf1 + xkf1({20, 9, 9, 9, 0, 0, 0, 1}) +
+                            xkf1({20, -5.25, 10.5, 350, 1, 2, 3}) + gps({20, 45}) + gps({21, 45.1});
+  const Telemetry log = read(flown);  // of the lowest core
+  EXPECT_NEAR(*log.fixes.at(0).body_roll_deg, -5.25, 1e-9);
+  EXPECT_NEAR(*log.fixes.at(0).body_pitch_deg, 10.5, 1e-9);
+  EXPECT_NEAR(*log.fixes.at(0).body_yaw_deg, 350, 1e-9);
+  EXPECT_EQ(log.fixes.at(1).body_yaw_deg, std::nullopt);
+  const Telemetry with_att = read(flown + kAtt + att(20, 1, 2, 3));
+  EXPECT_NEAR(*with_att.fixes.at(0).body_yaw_deg, 3, 1e-9);
+}
+
+/// A kilometre north and half of one east of an origin at 60 degrees, where a degree of longitude is half as long as at
+/// the equator, on the sphere of 6378100 m that the filter counts with.
+TEST_F(Dataflash, PositionsOfTheKalmanFilterAboutItsOrigin) {
+  const std::string home = orgn(18, 1, 10, 10, 0), origin = orgn(19, 0, 60, 25, 120.5);
+  const std::string rows = xkf1({20, 0, 0, 90, 0, 0, -10}) + xkf1({20.1, 0, 0, 90, 1000, 500, -11.5F});
+  const Telemetry log = read(kFormats + kGps + kXkf1 + kOrgn + gps({20, 45, 1}) + home + origin + rows);
+  ASSERT_EQ(log.fixes.size(), 2u);
+  constexpr double kMetresADegree = 6378100.0 * 3.14159265358979323846 / 180.0;
+  EXPECT_NEAR(log.fixes[0].latitude_deg, 60, 1e-12);
+  EXPECT_NEAR(log.fixes[1].latitude_deg, 60 + 1000 / kMetresADegree, 1e-9);
+  // At 60.0045 degrees, the middle of the way, the cosine is 0.499932.
+  EXPECT_NEAR(log.fixes[1].longitude_deg, 25 + 500 / (kMetresADegree * 0.499932), 1e-7);
+  EXPECT_NEAR(*log.fixes[1].absolute_height_m, 132.0, 1e-4);
+  EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
+  EXPECT_NEAR(*log.fixes[0].body_yaw_deg, 90, 1e-9);
+  EXPECT_THAT(fault(kFormats + kXkf1 + kOrgn + home + rows), HasSubstr("holds no position messages"));
+}
+
+TEST_F(Dataflash, AnglesInTheUnitsThatTheLogSays) {
+  const auto unit = [](char letter, const std::string& label) {
+    return message(1, raw(std::uint64_t{0}) + letter + padded(label, 64));
+  };
+  const auto units_of = [](std::uint8_t type, const std::string& letters) {
+    return message(3, raw(std::uint64_t{0}) + raw(type) + padded(letters, 16) + padded("F---------------", 16));
+  };
+  const std::string att_in_floats = format(12, "ATT", "Qffffff", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw");
+  const auto angles = [](float roll, float pitch, float yaw) {
+    return message(12, raw(us(20)) + raw(0.F) + raw(roll) + raw(0.F) + raw(pitch) + raw(0.F) + raw(yaw));
+  };
+  const std::string flown = kFormats + kUnits + kGps + kImu + att_in_floats + gps({20, 45}) + imu(20, 90.0F) +
+                            unit('d', "deg") + unit('h', "degheading") + unit('r', "rad") + unit('k', "deg/s") +
+                            unit('E', "rad/s");
+  const Telemetry degrees = read(flown + angles(1, 2, 3) + units_of(12, "sdddddh") + units_of(13, "s#EEEooo"));
+  EXPECT_NEAR(*degrees.fixes.at(0).body_roll_deg, 1, 1e-9);
+  EXPECT_NEAR(*degrees.fixes.at(0).body_yaw_deg, 3, 1e-9);
+  EXPECT_NEAR(degrees.body_rates.at(0).rate_rad_s.x(), 90, 1e-9);
+  const Telemetry radians =
+      read(flown + angles(0.5F, -0.25F, 1.5F) + units_of(12, "srrrrrr") + units_of(13, "s#kkkooo"));
+  EXPECT_NEAR(*radians.fixes.at(0).body_roll_deg, 28.6478898, 1e-6);
+  EXPECT_NEAR(*radians.fixes.at(0).body_pitch_deg, -14.3239449, 1e-6);
+  EXPECT_NEAR(*radians.fixes.at(0).body_yaw_deg, 85.9436693, 1e-6);
+  EXPECT_NEAR(radians.body_rates.at(0).rate_rad_s.x(), 1.5707963, 1e-6);
+}
+
+TEST_F(Dataflash, RangesOfTheFinderThatLooksDown) {
+  const auto rfnd = [](double time_s, float range_m, std::uint8_t instance, std::uint8_t status,
+                       std::uint8_t orientation) {
+    return message(
+        17, raw(us(time_s)) + raw(instance) + raw(range_m) + raw(status) + raw(orientation) + raw(std::uint8_t{100}));
+  };
+  const std::string flown = kFormats + kGps + kRfnd + gps({20, 45}) + gps({21, 45.1});
+  geometry::write_file(folder_ / "log.bin", flown + rfnd(19.5, 7.5F, 1, 4, 25) + rfnd(20, 3, 0, 4, 0) +  // forward
+                                                rfnd(20.25, 8, 1, 4, 25) + rfnd(20.5, 0.2F, 1, 2, 25) +  // too near
+                                                rfnd(20.75, 9, 2, 4, 25));                               // another one
+  const std::vector<RangeReading> ranges = read_dataflash_ranges(folder_ / "log.bin");
+  ASSERT_EQ(ranges.size(), 2u);
+  EXPECT_NEAR(ranges[0].time_s, -0.5, 1e-9);
+  EXPECT_EQ(ranges[0].range_m, 7.5);
+  EXPECT_NEAR(ranges[1].time_s, 0.25, 1e-9);
+  EXPECT_EQ(ranges[1].range_m, 8.0);
+  geometry::write_file(folder_ / "log.bin", flown);
+  EXPECT_TRUE(read_dataflash_ranges(folder_ / "log.bin").empty());
+}
+
 TEST_F(Dataflash, HeightsAboveTheEllipsoidWhereAllFixesHaveThem) {
   const std::string begin = kFormats + kGps + kGpa + gps({20, 45}) + gpa(20, 292625) + gpa(20, 5, 1) + gps({21, 45.1});
   const Telemetry all = read(begin + gpa(21, 292700));

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <numbers>
 #include <optional>
 
 #include "tileflight/geometry/input_error.h"
@@ -90,6 +91,16 @@ const FieldType* field_type(char letter) {
 std::string_view text_field(Bytes bytes, std::size_t offset, std::size_t length) {
   const std::string_view text = text_of(bytes.subspan(offset, length));
   return text.substr(0, text.find('\0'));
+}
+
+/// What an angle (or its rate) in one of the log's units is in another one; 1 for units that are no angles. ArduPilot's
+/// labels: deg, degheading, rad, deg/s, rad/s.
+double angle_factor(std::string_view from, std::string_view to) {
+  const auto degrees = [](std::string_view unit) { return unit.starts_with("deg"); };
+  const auto radians = [](std::string_view unit) { return unit.starts_with("rad"); };
+  constexpr double kDegree_rad = std::numbers::pi / 180.0;
+  if (degrees(from) && radians(to)) return kDegree_rad;
+  return radians(from) && degrees(to) ? 1.0 / kDegree_rad : 1.0;
 }
 
 std::vector<std::string> labels_of(std::string_view text) {
@@ -180,6 +191,7 @@ class Reader {
     const Layout& layout = layouts_[type];
     if (layout.name == "FMTU") add_multipliers(layout, message);
     if (layout.name == "MULT") add_multiplier(layout, message);
+    if (layout.name == "UNIT") add_unit(layout, message);
     if (layout.rows == nullptr) return;
     std::vector<double> row;
     for (const Place& place : layout.places) {
@@ -207,12 +219,24 @@ class Reader {
     layouts_[type] = std::move(layout);
   }
 
-  /// FMTU: a letter for each field of a type.
+  /// FMTU: a letter for each field of a type, of its unit and of its multiplier.
   void add_multipliers(const Layout& layout, Bytes message) {
-    const Place type = layout.find("FmtType"), letters = layout.find("MultIds");
-    if (type.type == nullptr || letters.type == nullptr || type.type->bytes != 1) return;
-    multiplier_letters_[static_cast<std::uint8_t>(message[type.offset])] =
-        std::string(text_field(message, letters.offset, letters.type->bytes));
+    const Place type = layout.find("FmtType"), multipliers = layout.find("MultIds"), units = layout.find("UnitIds");
+    if (type.type == nullptr || type.type->bytes != 1) return;
+    const auto number = static_cast<std::uint8_t>(message[type.offset]);
+    const auto text_at_place = [&](const Place& place) {
+      return std::string(text_field(message, place.offset, place.type->bytes));
+    };
+    if (multipliers.type != nullptr) multiplier_letters_[number] = text_at_place(multipliers);
+    if (units.type != nullptr) unit_letters_[number] = text_at_place(units);
+  }
+
+  /// UNIT: the label that a letter stands for.
+  void add_unit(const Layout& layout, Bytes message) {
+    const Place letter = layout.find("Id"), label = layout.find("Label");
+    if (letter.type == nullptr || label.type == nullptr || letter.type->bytes != 1) return;
+    units_[static_cast<char>(message[letter.offset])] =
+        std::string(text_field(message, label.offset, label.type->bytes));
   }
 
   /// MULT: what a letter stands for.
@@ -238,14 +262,22 @@ class Reader {
     return place.type->worth * field.worth;
   }
 
-  /// Multipliers may stand behind what they are of.
+  /// The unit that the log names for a field; empty where it names none.
+  std::string_view unit_of(std::uint8_t type, const Place& place) const {
+    const auto letters = unit_letters_.find(type);
+    if (place.type == nullptr || letters == unit_letters_.end() || place.field >= letters->second.size()) return {};
+    const auto known = units_.find(letters->second[place.field]);
+    return known == units_.end() ? std::string_view() : std::string_view(known->second);
+  }
+
+  /// Multipliers and units may stand behind what they are of.
   void weigh() {
     for (auto& [name, rows] : messages_.rows) {
       const std::uint8_t type = type_of_.at(name);
       const std::vector<DataflashField>& fields = wanted_.at(name);
       for (std::size_t i = 0; i < fields.size(); ++i) {
         const Place place = layouts_[type].name == name ? layouts_[type].places[i] : Place{};
-        const double worth = worth_of(type, place, fields[i]);
+        const double worth = worth_of(type, place, fields[i]) * angle_factor(unit_of(type, place), fields[i].unit);
         for (std::vector<double>& row : rows) row[i] *= worth;
       }
     }
@@ -263,7 +295,8 @@ class Reader {
   std::string where_;
   std::array<Layout, 256> layouts_;
   std::map<std::string, std::uint8_t> type_of_;  ///< of wanted messages
-  std::map<std::uint8_t, std::string> multiplier_letters_;
+  std::map<std::uint8_t, std::string> multiplier_letters_, unit_letters_;
+  std::map<char, std::string> units_;
   std::map<std::uint8_t, double> multipliers_;
   DataflashMessages messages_;
   std::size_t formats_ = 0, skipped_bytes_ = 0, cut_ = 0;

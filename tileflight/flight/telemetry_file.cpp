@@ -98,4 +98,9 @@ Telemetry read_telemetry(const std::filesystem::path& file) {
   return read_dji_srt(file);
 }
 
+std::vector<RangeReading> read_ranges(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file) || format_of(file) != Format::kDataflash) return {};
+  return read_dataflash_ranges(file);
+}
+
 }  // namespace tileflight::flight

@@ -3,7 +3,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "tileflight/imaging/camera.h"
 
@@ -14,6 +16,18 @@ enum class CalibrationForm { kKalibr, kOpenCv, kColmap, kDso };
 
 /// By the text alone; nullopt for a text that is none of them. What is told apart may still be broken.
 std::optional<CalibrationForm> calibration_form(std::string_view text);
+
+/// The cameras that a calibration file names: cam0, cam1, ... of Kalibr's camchain, CAMERA_IDs of COLMAP's cameras.txt,
+/// in the file's order; empty for forms that hold one without a name. Throws InputError.
+std::vector<std::string> camera_ids(const std::filesystem::path& file);
+
+/// The camera of this name; an empty name is the only camera of the file. Throws InputError (file, the names that there
+/// are): several cameras and none named, a name that is not there.
+Calibration read_calibration(const std::filesystem::path& file, const std::string& camera_id);
+
+/// Kalibr's camchain as read_kalibr has it, the camera of this name ("cam1"). T_cam_imu of a later camera that has none
+/// of its own is that of the one before it, moved by T_cn_cnm1. Throws InputError.
+Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id);
 
 /// OpenCV's FileStorage as YAML or XML, and ROS's camera_info YAML: camera_matrix (cameraMatrix, K),
 /// distortion_coefficients (distCoeffs, D), image_width and image_height (width and height, image_size), and

@@ -6,7 +6,9 @@
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
+#include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::imaging {
 
@@ -25,7 +27,7 @@ YAML::Node load(const std::filesystem::path& file) {
 
 YAML::Node required(const YAML::Node& camera, const std::string& key, const std::string& file) {
   const YAML::Node node = camera[key];
-  if (!node) throw InputError(file, "cam0 has no key \"" + key + "\"");
+  if (!node) throw InputError(file, "the camera has no key \"" + key + "\"");
   return node;
 }
 
@@ -53,21 +55,39 @@ int whole(double value, const std::string& file) {
   throw InputError(file, "\"resolution\" must be two whole numbers from 1 to " + std::to_string(kMaxImageSide_px));
 }
 
-geometry::SE3 read_transform(const YAML::Node& node, const std::string& file) {
-  const std::string key = "T_cam_imu";
-  if (!node.IsSequence() || node.size() != 4) throw InputError(file, "\"T_cam_imu\" must have 4 rows of 4 numbers");
+geometry::SE3 read_transform(const YAML::Node& node, const std::string& key, const std::string& file) {
+  if (!node.IsSequence() || node.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
   Mat4 m;
   for (int row = 0; row < 4; ++row) {
     const std::vector<double> values = numbers(node[row], key, file);
-    if (values.size() != 4) throw InputError(file, "\"T_cam_imu\" must have 4 rows of 4 numbers");
+    if (values.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
     for (int column = 0; column < 4; ++column) m(row, column) = values[column];
   }
   const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
   constexpr double kRounding = 1e-3;  // files are written with few digits
   const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) &&
                      rotation.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
-  if (!rigid) throw InputError(file, "\"T_cam_imu\" is not a rigid motion (rotation and translation)");
+  if (!rigid) throw InputError(file, "\"" + key + "\" is not a rigid motion (rotation and translation)");
   return {rotation, m.topRightCorner<3, 1>()};
+}
+
+/// The camera before "cam1" in the chain is "cam0"; empty: there is none.
+std::string camera_before(const std::string& camera_id) {
+  const auto number =
+      geometry::parse_number<int>(std::string_view(camera_id).substr(std::min<std::size_t>(3, camera_id.size())));
+  return number && *number > 0 ? "cam" + std::to_string(*number - 1) : "";
+}
+
+/// The camera's own, or that of the one before it in the chain moved by T_cn_cnm1 (from that camera to this one).
+geometry::SE3 T_cam_imu_of(const YAML::Node& root, const std::string& camera_id, const std::string& file) {
+  geometry::SE3 T_cam_that;
+  for (std::string id = camera_id; !id.empty() && root[id]; id = camera_before(id)) {
+    const YAML::Node camera = root[id];
+    if (camera["T_cam_imu"]) return T_cam_that * read_transform(camera["T_cam_imu"], "T_cam_imu", file);
+    if (!camera["T_cn_cnm1"]) break;
+    T_cam_that = T_cam_that * read_transform(camera["T_cn_cnm1"], "T_cn_cnm1", file);
+  }
+  return {};
 }
 
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
@@ -153,15 +173,18 @@ std::string transform_lines(const geometry::SE3& T_cam_imu) {
 
 }  // namespace
 
-Calibration read_kalibr(const std::filesystem::path& file) {
-  const std::string name = file.string();
+Calibration read_kalibr(const std::filesystem::path& file) { return read_kalibr_camera(file, "cam0"); }
+
+Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id) {
   const YAML::Node root = load(file);
-  if (!root.IsMap() || !root["cam0"] || !root["cam0"].IsMap())
-    throw InputError(name, "has no camera \"cam0\": this is not a Kalibr camchain");
-  const YAML::Node camera = root["cam0"];
+  if (!root.IsMap() || !root[camera_id] || !root[camera_id].IsMap())
+    throw InputError(file.string(), "has no camera \"" + camera_id + "\"" +
+                                        (camera_id == "cam0" ? ": this is not a Kalibr camchain" : ""));
+  const YAML::Node camera = root[camera_id];
+  const std::string name = file.string() + (camera_id == "cam0" ? "" : ": " + camera_id);
   Calibration calibration;
   calibration.camera = read_lens(camera, name);
-  if (camera["T_cam_imu"]) calibration.T_cam_imu = read_transform(camera["T_cam_imu"], name);
+  calibration.T_cam_imu = T_cam_imu_of(root, camera_id, name);
   calibration.line_delay_s = read_line_delay(camera, name);
   return calibration;
 }

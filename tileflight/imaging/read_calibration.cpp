@@ -1,3 +1,5 @@
+#include <yaml-cpp/yaml.h>
+
 #include <algorithm>
 #include <cctype>
 
@@ -39,6 +41,35 @@ bool has_kalibr_camera(std::string_view text) {
   }
 }
 
+/// "cam0", "cam1", ... as far as there are some.
+std::vector<std::string> kalibr_ids(const std::filesystem::path& file, std::string_view text) {
+  std::vector<std::string> ids;
+  try {
+    for (const auto& entry : YAML::Load(std::string(text))) {
+      const auto key = entry.first.as<std::string>("");
+      if (begins_kalibr_camera(key + ":")) ids.push_back(key);
+    }
+  } catch (const YAML::Exception& error) {
+    throw InputError(file.string(), "line " + std::to_string(error.mark.line + 1) + ": not valid YAML: " + error.msg);
+  }
+  return ids;
+}
+
+std::vector<std::string> colmap_ids(std::string_view text) {
+  std::vector<std::string> ids;
+  while (true) {
+    const std::string_view line = next_line(text);
+    if (line.empty()) return ids;
+    ids.emplace_back(geometry::split_fields(line).front());
+  }
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
 bool is_number(std::string_view field) { return geometry::parse_number<double>(field).has_value(); }
 
 /// CAMERA_ID MODEL …
@@ -74,6 +105,28 @@ Calibration read_calibration(const std::filesystem::path& file) {
   throw InputError(file.string(),
                    "is no calibration that is known: give a Kalibr camchain (with \"cam0\"), OpenCV's YAML or XML, "
                    "COLMAP's cameras.txt or DSO's camera.txt");
+}
+
+std::vector<std::string> camera_ids(const std::filesystem::path& file) {
+  const std::string text = geometry::read_text(file, kMaxCalibrationBytes);
+  const std::optional<CalibrationForm> form = calibration_form(text);
+  if (form == CalibrationForm::kKalibr) return kalibr_ids(file, text);
+  if (form == CalibrationForm::kColmap) return colmap_ids(text);
+  return {};
+}
+
+Calibration read_calibration(const std::filesystem::path& file, const std::string& camera_id) {
+  const std::vector<std::string> ids = camera_ids(file);
+  if (camera_id.empty() && ids.size() > 1)
+    throw InputError(file.string(), "holds " + std::to_string(ids.size()) + " cameras (" + joined(ids) +
+                                        "): say which one took the pictures (--camera-id)");
+  if (camera_id.empty() && ids.size() == 1) return read_calibration(file, ids.front());
+  if (camera_id.empty()) return read_calibration(file);
+  if (ids.empty()) throw InputError(file.string(), "holds one camera without a name: leave --camera-id out");
+  if (std::find(ids.begin(), ids.end(), camera_id) == ids.end())
+    throw InputError(file.string(), "has no camera " + camera_id + ", only " + joined(ids));
+  const auto number = geometry::parse_number<std::int64_t>(camera_id);
+  return number ? read_colmap_cameras(file, *number) : read_kalibr_camera(file, camera_id);
 }
 
 }  // namespace tileflight::imaging
