@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -23,6 +24,9 @@ struct Output {
   nlohmann::json json;
   std::string text;
 };
+
+/// The command failed, and another process has said why.
+struct FailedElsewhere : std::exception {};
 
 /// The command that was asked for, bound to its options; filled by the parser.
 struct Selection {

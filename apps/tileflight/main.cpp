@@ -6,9 +6,9 @@
 #include <exception>
 #include <iostream>
 #include <new>
-#include <thread>
 
 #include "command.h"
+#include "mpi_ranks.h"
 #include "terminal_progress.h"
 #include "tileflight/experiment/version.h"
 
@@ -56,7 +56,7 @@ void print_output(const CommonOptions& common, const Output& output) {
 
 int run_selected(const CommonOptions& common, const Selection& selection) {
   const std::size_t threads =
-      common.threads > 0 ? static_cast<std::size_t>(common.threads) : std::max(1U, std::thread::hardware_concurrency());
+      common.threads > 0 ? static_cast<std::size_t>(common.threads) : tileflight::app::threads_by_default();
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
   tileflight::app::TerminalProgress terminal(!common.quiet);
   const tileflight::Progress progress = [&terminal](std::int64_t done, std::int64_t total, std::string_view what) {
@@ -67,6 +67,8 @@ int run_selected(const CommonOptions& common, const Selection& selection) {
     terminal.clear();
     print_output(common, output);
     return 0;
+  } catch (const tileflight::app::FailedElsewhere&) {
+    terminal.clear();
   } catch (const std::bad_alloc&) {
     terminal.clear();
     print_error("out of memory; choose a smaller region, a larger voxel or a smaller image");

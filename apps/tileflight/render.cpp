@@ -1,11 +1,57 @@
+#include <iostream>
+#include <set>
 #include <sstream>
 
 #include "command.h"
+#include "mpi_ranks.h"
 #include "region_options.h"
 #include "source_options.h"
 #include "tileflight/experiment/fly.h"
+#include "tileflight/geometry/files.h"
 
 namespace tileflight::app {
+namespace {
+
+/// The options that were given, and what stands in the files that they name. Not those that change no byte of a
+/// picture, nor what may be secret.
+nlohmann::json asked(const CLI::App& command) {
+  const std::set<std::string> left_out{"out",    "threads", "json",   "quiet",      "force",   "resume",
+                                       "memory", "cache",   "header", "allow-host", "no-cache"};
+  nlohmann::json given = nlohmann::json::object();
+  for (const CLI::Option* option : command.get_options()) {
+    const std::string name = option->get_single_name();
+    if (option->count() == 0 || left_out.contains(name)) continue;
+    for (const std::string& value : option->results()) {
+      given[name].push_back(value);
+      if (std::filesystem::is_regular_file(value)) given[name].push_back(geometry::sha256_hex_of_file(value));
+    }
+  }
+  return given;
+}
+
+/// One of several processes says why they all failed; what only one knows ends them all.
+nlohmann::json render_among(experiment::Ranks& ranks, const experiment::RenderSettings& settings,
+                            const std::string& out, bool force, const Progress& progress) {
+  try {
+    return experiment::render_dataset(settings, out, force, progress, &ranks);
+  } catch (const experiment::FailedTogether&) {
+    if (ranks.rank() == 0) throw;
+    throw FailedElsewhere();
+  } catch (const std::exception& fault) {
+    if (ranks.count() == 1) throw;
+    std::cerr << "tileflight: rank " + std::to_string(ranks.rank()) + ": " + fault.what() + "\n";
+    abort_ranks();
+  }
+}
+
+nlohmann::json render(const experiment::RenderSettings& settings, const std::string& out, bool force,
+                      const Progress& progress) {
+  const std::unique_ptr<experiment::Ranks> ranks = ranks_of_mpirun();
+  if (ranks) return render_among(*ranks, settings, out, force, progress);
+  return experiment::render_dataset(settings, out, force, progress);
+}
+
+}  // namespace
 
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
@@ -21,7 +67,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("render", "a simulated sensor dataset of a flight through tiles");
   command->footer(
       "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
-      "dataset");
+      "dataset\nSeveral processes share the frames out among them:\n  mpirun --bind-to none -n 4 tileflight render "
+      "...");
   command->add_option("SOURCE", options->settings.source, kSourceHelp)->required();
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
@@ -53,15 +100,19 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
               "GB of tiles that may be in memory at once (default: half of the machine's); a flight that looks "
               "at more is rendered in parts, which changes no pixel")
           ->check(CLI::PositiveNumber);
+  command->add_flag("--resume", options->settings.resume,
+                    "keep finished frames beside the output while it is not whole, and take up those that an earlier "
+                    "render left there; is done under mpirun, and wherever some are found");
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, pixel_error, memory, &selection] {
+  command->callback([options, command, pixel_error, memory, &selection] {
     const bool by_flight = pixel_error->count() > 0;
     if (memory->count() > 0) {
       options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
     }
-    selection.run = [options, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
+    selection.run = [options, command, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
+      options->settings.asked = asked(*command);
       options->settings.load = load_options(options->region);
       options->settings.load.source = source_options(options->source_arguments);
       const bool has_region = options->settings.load.center || options->settings.load.center_local;
@@ -75,7 +126,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
         auto degrade = geometry::YamlSection::load(options->degrade);
         experiment::read_degrade(degrade, options->settings.flight);
       }
-      const nlohmann::json r = experiment::render_dataset(options->settings, options->out, shared.force, progress);
+      const nlohmann::json r = render(options->settings, options->out, shared.force, progress);
+      if (r.is_null()) return {};  // another process prints
       std::ostringstream text;
       text << options->out << ": " << r["frames"] << " frames, " << r["frames_per_second"] << " a second\n";
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";

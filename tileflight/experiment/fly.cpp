@@ -1,28 +1,18 @@
 #include "tileflight/experiment/fly.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <limits>
-#include <map>
-#include <mutex>
-#include <numeric>
+#include <array>
+#include <chrono>
+#include <iterator>
 
-#include "tileflight/dataset/encode_queue.h"
-#include "tileflight/dataset/video.h"
+#include "tileflight/experiment/dataset_film.h"
 #include "tileflight/experiment/flown_path.h"
-#include "tileflight/experiment/output_files.h"
-#include "tileflight/experiment/require_surface.h"
-#include "tileflight/experiment/sensor_files.h"
-#include "tileflight/experiment/version.h"
+#include "tileflight/experiment/frame_share.h"
+#include "tileflight/experiment/stage_cache.h"
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/flight/path.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/imaging/photometric.h"
-#include "tileflight/scene/scene.h"
-#include "tileflight/sensors/fly.h"
-#include "tileflight/sensors/gps.h"
 #include "tileflight/tiles/open_source.h"
 
 namespace tileflight::experiment {
@@ -30,16 +20,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-/// One flight, ready to be filmed.
-struct Mission {
-  imaging::Calibration calibration;
-  geometry::Trajectory frames;    ///< a pose for each picture
-  sensors::PoseFunction pose_at;  ///< in between, for the shutter
-  sensors::FlightOptions options;
-  std::shared_ptr<SensorFiles> sensor_files;  ///< beside the camera
-  json vehicle;                               ///< how the vehicle flew; null without
-};
 
 Mission plan_mission(const RenderSettings& settings, const Progress& progress) {
   const RenderFlight& flight = settings.flight;
@@ -65,313 +45,139 @@ Mission plan_mission(const RenderSettings& settings, const Progress& progress) {
   return mission;
 }
 
-/// Of every picture, and of where the camera is a whole exposure and readout before and after it.
-std::vector<tiles::Eye> eyes_of(const Mission& mission) {
-  const sensors::ImageFormation& formation = mission.options.formation;
-  const double open_s = formation.exposure_time_s * sensors::max_exposure_gain(formation) +
-                        std::abs(formation.line_delay_s) * mission.calibration.camera.height();
-  std::vector<geometry::SE3> poses;
-  for (const geometry::StampedPose& pose : mission.frames.poses) {
-    poses.push_back(pose.T_local_camera);
-    if (open_s > 0.0) {
-      for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
-    }
-  }
-  std::vector<tiles::Eye> eyes = tiles::eyes_along(mission.calibration.camera, poses);
-  const bool needs_all = mission.sensor_files->suite().needs_scene() || formation.light;  // what casts shadows
-  return needs_all ? tiles::all_around(std::move(eyes)) : eyes;
-}
-
-/// What a receiver would have said along the path, where the place is on the earth.
-std::vector<dataset::GpsFix> simulated_gps(const Mission& mission, const std::optional<geometry::LocalFrame>& frame,
-                                           std::uint64_t seed) {
-  if (!frame || mission.frames.size() < 2) return {};
-  std::vector<dataset::GpsFix> fixes;
-  const sensors::GnssOptions options = mission.sensor_files->suite().gnss.value_or(sensors::GnssOptions{.seed = seed});
-  for (const sensors::PositionFix& fix : sensors::simulate_gnss(mission.frames, options)) {
-    fixes.push_back(
-        {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
-  }
-  return fixes;
-}
-
-std::string joined(const std::vector<std::string>& lines) {
-  return std::accumulate(lines.begin(), lines.end(), std::string(), [](std::string text, const std::string& line) {
-    return text + (text.empty() ? "" : "; ") + line;
-  });
-}
-
-std::map<std::string, std::string> description(const RenderSettings& settings, const tiles::LoadedTiles& tiles) {
-  return {{"made_by", "tileflight render " + version()},
-          {"source", tiles::shown_source(settings.source)},
-          {"flight", settings.flight.flight.string()},
-          {"seed", std::to_string(settings.seed)},
-          {"cut_sha256", tiles.cut_hash},
-          {"tiles", std::to_string(tiles.cut_size - tiles.tiles_failed)},
-          {"attribution", joined(tiles.attribution)},
-          {"terms_provider", tiles.terms.provider},
-          {"terms_accepted", settings.load.source.terms_accepted ? "true" : "false"}};
-}
-
-/// Frames come from several threads in any order; a video wants them one after the other.
-class InOrder {
- public:
-  explicit InOrder(std::function<void(const imaging::RgbImage&)> take) : take_(std::move(take)) {}
-
-  void add(std::size_t index, const imaging::RgbImage& image) {
-    const std::lock_guard lock(mutex_);
-    waiting_.emplace(index, image);
-    for (auto next = waiting_.find(next_); next != waiting_.end(); next = waiting_.find(next_)) {
-      take_(next->second);
-      waiting_.erase(next);
-      ++next_;
-    }
-  }
-
- private:
-  std::function<void(const imaging::RgbImage&)> take_;
-  std::mutex mutex_;
-  std::map<std::size_t, imaging::RgbImage> waiting_;
-  std::size_t next_ = 0;
-};
-
-/// What came of a flight, all its parts together.
-struct Filmed {
-  sensors::FlightReport report;
-  tiles::LoadedTiles tiles;  ///< without what was in them; triangles: the most that were there at once
-  std::int64_t parts = 0;
-};
-
-void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& text : from) {
-    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
-  }
-}
-
-void add_part(const sensors::FlightReport& report, const tiles::LoadedTiles& tiles, Filmed& filmed) {
-  tiles::LoadedTiles& all = filmed.tiles;
-  all.local_frame = tiles.local_frame;
-  all.terms = tiles.terms;
-  all.cut_hash = tiles.cut_hash;
-  all.cut_size = tiles.cut_size;
-  all.complete = tiles.complete && (filmed.parts == 0 || all.complete);
-  all.tiles_failed = std::max(all.tiles_failed, tiles.tiles_failed);
-  all.triangles = std::max(all.triangles, tiles.triangles);
-  add_distinct(tiles.attribution, all.attribution);
-  add_distinct(tiles.warnings, all.warnings);
-  filmed.report.exposure_after = report.exposure_after;
-  filmed.report.frames += report.frames;
-  filmed.report.seconds += report.seconds;
-  filmed.report.frames_per_second = static_cast<double>(filmed.report.frames) / filmed.report.seconds;
-  filmed.report.warnings.insert(filmed.report.warnings.end(), report.warnings.begin(), report.warnings.end());
-  ++filmed.parts;
-}
-
-/// Half of the machine's memory.
-std::uintmax_t default_memory_bytes() {
-  const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
-  if (pages <= 0 || page_bytes <= 0) return std::numeric_limits<std::uintmax_t>::max();
-  return static_cast<std::uintmax_t>(pages) / 2 * static_cast<std::uintmax_t>(page_bytes);
-}
-
-/// Where nothing is in view there is yet something to cast rays into: a triangle without area, which none meets.
-std::vector<imaging::TexturedMesh> or_nothing(std::vector<imaging::TexturedMesh> meshes) {
-  if (!meshes.empty()) return meshes;
-  imaging::TexturedMesh nothing;
-  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
-  nothing.mesh.triangles.push_back({0, 1, 2});
-  return {nothing};
-}
-
-/// What the output `visibility` is about.
-sensors::PlaceTest scored_place(const RenderSettings& settings, const tiles::Region& region) {
-  if (settings.scored) {
-    return [box = *settings.scored](const geometry::Vec3& point) { return box.contains(point); };
-  }
-  const tiles::LoadOptions& load = settings.load;
-  if (!load.center && !load.center_local && !load.size && load.areas.empty()) return {};
-  return [region](const geometry::Vec3& point) {
-    return region.box().contains(point) &&
-           (region.parts.empty() ||
-            std::ranges::any_of(region.parts, [&](const auto& part) { return geometry::contains(part, point); }));
+/// What frames are made from beside the program: whoever has the same makes the same.
+json inputs_of(const Mission& mission, const RenderSettings& settings) {
+  std::string numbers;
+  const auto add = [&numbers](const auto& values) {
+    for (const double value : values) numbers.append(reinterpret_cast<const char*>(&value), sizeof value);
   };
+  const auto add_pose = [&](const geometry::SE3& T) {
+    add(T.translation);
+    add(T.rotation.coeffs());
+  };
+  constexpr int kBetween = 4;  // moments from a frame to the next at which the path is looked at
+  const auto& poses = mission.frames.poses;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    add(std::array{poses[i].time_s});
+    add_pose(poses[i].T_local_camera);
+    for (int k = 1; k < kBetween && i + 1 < poses.size(); ++k) {
+      add_pose(mission.pose_at(poses[i].time_s + (poses[i + 1].time_s - poses[i].time_s) * k / kBetween));
+    }
+  }
+  const imaging::Camera& camera = mission.calibration.camera;
+  constexpr int kAcross = 16;  // rays that tell lenses apart
+  for (int i = 0; i <= kAcross * kAcross; ++i) {
+    const geometry::Vec2 pixel((camera.width() - 1.0) * (i % kAcross) / kAcross,
+                               (camera.height() - 1.0) * (i / kAcross) / kAcross);
+    add(pixel);
+    if (const auto ray = camera.unproject(pixel)) add(*ray);
+  }
+  return {{"program", program_fingerprint()},
+          {"settings", geometry::sha256_hex(settings.asked.dump())},  // may name what is not everyone's to read
+          {"source", tiles::shown_source(settings.source)},
+          {"seed", settings.seed},
+          {"path and camera", geometry::sha256_hex(numbers)}};
 }
 
-/// Loads what a flight looks at and renders it, in as many parts as memory wants.
-class Filming {
+/// Says what is kept where this process is made to end, for as long as this lives.
+class LastWords {
  public:
-  Filming(const Mission& mission, const RenderSettings& settings, const Progress& progress)
-      : mission_(mission),
-        settings_(settings),
-        progress_(progress),
-        source_(tiles::open_source(settings.source, settings.load.source)),
-        load_(settings.load) {
-    load_.uses = {tiles::Use::kAnalyse};
-    load_.max_memory_bytes = settings.max_memory_bytes.value_or(default_memory_bytes());
-    if (settings.error_px) load_.flight = {eyes_of(mission), *settings.error_px, {}};
+  LastWords(Ranks& ranks, const KeptFrames& kept, std::size_t frames) : ranks_(ranks) {
+    ranks.set_last_words([&kept, frames] { return kept.state(frames); });
   }
-
-  /// `folder`: of the dataset, for what its other sensors say.
-  Filmed run(const fs::path& folder, const sensors::FrameSink& sink) {
-    Filmed filmed;
-    bool any_surface = false, any_points = false;
-    const std::size_t frames = mission_.frames.size();
-    for (std::size_t begin = 0, count = frames; begin < frames; begin += count) {
-      tiles::LoadedTiles tiles = load(begin, count);
-      any_surface = any_surface || !tiles.meshes.empty();
-      any_points = any_points || tiles.points > 0;
-      if (count == frames) require_surface(tiles.meshes, any_points, tiles::shown_source(settings_.source));
-      const scene::Scene scene(or_nothing(std::move(tiles.meshes)), anchor());
-      sensors::FlightOptions options = mission_.options;
-      options.first_frame = begin;
-      options.end_frame = begin + count;
-      if (tiles.local_frame) options.origin = tiles.local_frame->origin();
-      options.place = scored_place(settings_, tiles.region);
-      options.exposure_before = filmed.report.exposure_after;
-      mission_.sensor_files->record(scene, tiles.local_frame, begin, begin + count, folder);
-      add_part(sensors::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
-                                      sink, progress_),
-               tiles, filmed);
-    }
-    if (!any_surface) require_surface({}, any_points, tiles::shown_source(settings_.source));
-    return filmed;
-  }
+  ~LastWords() { ranks_.set_last_words({}); }
+  LastWords(const LastWords&) = delete;
+  LastWords& operator=(const LastWords&) = delete;
 
  private:
-  /// The same for all parts of a flight, so that they see the same surfaces to the last bit.
-  geometry::Vec3 anchor() const { return mission_.frames.poses[mission_.frames.size() / 2].T_local_camera.translation; }
-
-  /// Tiles for `count` frames from `begin` on, or for half of them, and so on, until they fit.
-  tiles::LoadedTiles load(std::size_t begin, std::size_t& count) {
-    count = std::min(count, mission_.frames.size() - begin);
-    while (true) {
-      if (load_.flight) {
-        const std::size_t eyes_a_frame = load_.flight->eyes.size() / mission_.frames.size();
-        load_.flight->part = {begin * eyes_a_frame, (begin + count) * eyes_a_frame};
-      }
-      try {
-        return tiles::load_region(*source_, tiles::shown_source(settings_.source), load_, progress_);
-      } catch (const tiles::MemoryExceeded&) {
-        if (!load_.flight || count == 1) throw;
-        count = (count + 1) / 2;
-      }
-    }
-  }
-
-  const Mission& mission_;
-  const RenderSettings& settings_;
-  const Progress& progress_;
-  std::unique_ptr<tiles::TileSource> source_;
-  tiles::LoadOptions load_;
+  Ranks& ranks_;
 };
 
-/// What undoes the camera's response and vignetting.
-void write_photometric(const Mission& mission, const fs::path& folder) {
-  const imaging::Camera& camera = mission.calibration.camera;
-  const imaging::PhotometricCalibration calibration =
-      sensors::photometric_calibration(mission.options.formation, camera.width(), camera.height());
-  imaging::write_pcalib(folder / "pcalib.txt", calibration.inverse_response);
-  if (!calibration.vignette.empty()) imaging::write_vignette(folder / "vignette.png", calibration.vignette);
+struct Rendered {
+  Filmed filmed;
+  std::vector<KeptFrame> frames;
+  std::size_t taken_up = 0;
+};
+
+/// `kept`: null where one process renders everything.
+Rendered render_share(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
+                      const KeptFrames* kept, Ranks& ranks, const Progress& progress) {
+  FrameShare share(ranks, kept, mission.frames.size());
+  std::optional<DatasetFilm> film;
+  const auto start = std::chrono::steady_clock::now();
+  double loading_s = 0.0;
+  together(ranks, [&] {
+    film.emplace(mission, settings, out, replace, share, progress);
+    film->shoot();
+    const std::chrono::duration<double> shot = std::chrono::steady_clock::now() - start;
+    loading_s = shot.count() - film->filmed().seconds;
+  });
+  const std::chrono::duration<double> all_shot = std::chrono::steady_clock::now() - start;
+  Rendered rendered;
+  together(ranks, [&] {
+    if (ranks.rank() == 0) rendered.frames = film->finish();
+  });
+  rendered.filmed = film->filmed();
+  rendered.filmed.seconds = all_shot.count() - loading_s;  // with what the other ranks took longer
+  rendered.taken_up = share.frames_taken_up();
+  return rendered;
 }
 
-/// What a dataset holds beside frames and their outputs.
-void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const RenderSettings& settings,
-               const Filmed& filmed) {
-  if (settings.flight.outputs.photometric) write_photometric(mission, writer.temporary_folder());
-  writer.set_groundtruth(mission.frames);
-  const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
-  if (!gps.empty()) writer.set_gps(gps);
-  for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
-  if (const auto& light = mission.options.formation.light)
-    writer.describe("light", described(daylight_at(*light, filmed.tiles.local_frame->origin())->sun()));
-  mission.sensor_files->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s, writer.temporary_folder());
-  for (const auto& [key, value] : mission.sensor_files->description()) writer.describe(key, value);
-  if (!mission.vehicle.is_null()) {
-    geometry::write_file(writer.temporary_folder() / "vehicle.json", mission.vehicle.dump(2) + "\n");
+/// Among several ranks, or as one that keeps its frames.
+Rendered render_kept(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
+                     Ranks& ranks, const Progress& progress, std::vector<std::string>& notes) {
+  together(ranks, [&] {
+    if (ranks.rank() != 0) return;
+    if (fs::exists(out) && !replace) throw InputError(out.string(), "exists already; --force replaces it");
+    notes.push_back(KeptFrames::prepare(out, inputs_of(mission, settings)));
+  });
+  std::optional<KeptFrames> kept;
+  together(ranks, [&] { kept.emplace(out, ranks.rank(), ranks.count()); });
+  const LastWords last_words(ranks, *kept, mission.frames.size());
+  Rendered rendered = render_share(mission, settings, out, replace, &*kept, ranks, progress);
+  if (ranks.rank() == 0) kept->remove();
+  if (rendered.taken_up > 0) {
+    notes.push_back(std::to_string(rendered.taken_up) + " of " + std::to_string(mission.frames.size()) +
+                    " frames were there from an earlier render");
   }
+  return rendered;
 }
 
-Filmed film_to_dataset(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
-                       const Progress& progress) {
-  Filming filming(mission, settings, progress);
-  dataset::DatasetWriter writer(out, mission.calibration, {.replace = replace, .png = settings.png});
-  OutputFiles outputs(writer.temporary_folder(), settings.flight.outputs);
-  Filmed filmed = filming.run(writer.temporary_folder(), [&](const sensors::SensedFrame& frame) {
-    writer.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
-    outputs.add(frame);
-  });
-  outputs.finish();
-  add_lists(writer, mission, settings, filmed);
-  writer.finish();
-  return filmed;
-}
-
-double frame_rate(const geometry::Trajectory& frames) {
-  if (frames.size() < 2) return 30.0;
-  return (static_cast<double>(frames.size()) - 1.0) / (frames.poses.back().time_s - frames.poses.front().time_s);
-}
-
-/// The video's clock starts with its first picture.
-geometry::Trajectory on_video_clock(geometry::Trajectory frames) {
-  const double start_s = frames.poses.front().time_s;
-  for (geometry::StampedPose& pose : frames.poses) pose.time_s -= start_s;
-  return frames;
-}
-
-/// The video's pictures as the dataset's frames.
-void add_decoded(const fs::path& video, const geometry::Trajectory& frames, const std::vector<double>& exposures_ms,
-                 dataset::DatasetWriter& writer) {
-  dataset::EncodeQueue queue(writer);
-  dataset::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
-    const auto i = static_cast<std::size_t>(index);
-    queue.add(i, frames.poses[i].time_s, exposures_ms[i], image);
-    return true;
-  });
-  queue.finish();
-}
-
-/// Through a video file and back, as a camera that records does: the pictures of the dataset are the decoded ones.
-Filmed film_to_video(Mission mission, const RenderSettings& settings, const fs::path& out, bool replace,
-                     const Progress& progress) {
-  Filming filming(mission, settings, progress);
-  const imaging::Camera& camera = mission.calibration.camera;
-  dataset::DatasetWriter writer(out, mission.calibration, {.replace = replace, .png = settings.png});
-  OutputFiles outputs(writer.temporary_folder(), settings.flight.outputs);
-  const fs::path file = writer.temporary_folder() / "video.mp4";
-  dataset::VideoWriter video(file, camera.width(), camera.height(),
-                             {.frames_per_second = frame_rate(mission.frames), .rate = *settings.flight.video});
-  InOrder in_order([&](const imaging::RgbImage& image) { video.add(image); });
-  std::vector<double> exposures_ms(mission.frames.size());
-  const Filmed filmed = filming.run(writer.temporary_folder(), [&](const sensors::SensedFrame& frame) {
-    exposures_ms[frame.index] = frame.exposure_ms;
-    outputs.add(frame);
-    in_order.add(frame.index, frame.rgb);
-  });
-  video.finish();
-  outputs.finish();
-  mission.frames = on_video_clock(mission.frames);
-  add_decoded(file, mission.frames, exposures_ms, writer);
-  add_lists(writer, mission, settings, filmed);
-  writer.finish();
-  return filmed;
-}
-
-}  // namespace
-
-nlohmann::json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace,
-                              const Progress& progress) {
-  const Mission mission = plan_mission(settings, progress);
-  const Filmed filmed = settings.flight.video ? film_to_video(mission, settings, out, replace, progress)
-                                              : film_to_dataset(mission, settings, out, replace, progress);
-  std::vector<std::string> warnings = filmed.report.warnings;
-  warnings.insert(warnings.end(), filmed.tiles.warnings.begin(), filmed.tiles.warnings.end());
+std::vector<std::string> warnings_of(const Mission& mission, const Rendered& rendered) {
+  std::vector<std::optional<sensors::FrameCheck>> checks;
+  for (const KeptFrame& frame : rendered.frames) checks.emplace_back(frame.check);
+  std::vector<std::string> warnings = sensors::flight_warnings(checks, 0, mission.options.clearance_m);
+  warnings.insert(warnings.end(), rendered.filmed.tiles.warnings.begin(), rendered.filmed.tiles.warnings.end());
   if (!mission.vehicle.is_null() && mission.vehicle["outcome"] != "finished") {
     warnings.push_back("the vehicle did not finish: " + mission.vehicle["outcome"].get<std::string>() +
                        " (vehicle.json)");
   }
-  return {{"frames", filmed.report.frames},
-          {"seconds", filmed.report.seconds},
-          {"frames_per_second", filmed.report.frames_per_second},
+  return warnings;
+}
+
+}  // namespace
+
+json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress,
+                    Ranks* given_ranks) {
+  OneRank alone;
+  Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
+  const Progress shown = ranks.rank() == 0 ? progress : Progress();
+  Mission mission;
+  together(ranks, [&] { mission = plan_mission(settings, shown); });
+  std::vector<std::string> notes;
+  const bool keeps = settings.resume || ranks.count() > 1 || KeptFrames::are_there(out);
+  const Rendered rendered = keeps ? render_kept(mission, settings, out, replace, ranks, shown, notes)
+                                  : render_share(mission, settings, out, replace, nullptr, ranks, shown);
+  if (ranks.rank() != 0) return nullptr;
+  std::vector<std::string> warnings = warnings_of(mission, rendered);
+  std::copy_if(notes.begin(), notes.end(), std::back_inserter(warnings), [](const auto& n) { return !n.empty(); });
+  const Filmed& filmed = rendered.filmed;
+  const auto frames = static_cast<std::int64_t>(rendered.frames.size());
+  return {{"frames", frames},
+          {"frames_taken_up", rendered.taken_up},
+          {"ranks", ranks.count()},
+          {"seconds", filmed.seconds},
+          {"frames_per_second", filmed.seconds > 0.0 ? static_cast<double>(frames) / filmed.seconds : 0.0},
           {"tiles", filmed.tiles.cut_size - filmed.tiles.tiles_failed},
           {"parts", filmed.parts},
           {"complete", filmed.tiles.complete},

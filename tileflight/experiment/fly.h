@@ -6,6 +6,7 @@
 #include <string>
 
 #include "tileflight/experiment/experiment_file.h"
+#include "tileflight/experiment/ranks.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/tiles/load.h"
 
@@ -25,14 +26,23 @@ struct RenderSettings {
   std::optional<std::uintmax_t> max_memory_bytes;
   /// What the output `visibility` is about, local frame. None: the region that `load` names, else everything.
   std::optional<geometry::Box3> scored;
+  /// Keep finished frames beside the dataset until it is whole, and take up those that an earlier render left there
+  /// (kept_frames.h). Several ranks do so, and whoever finds some there.
+  bool resume = false;
+  /// Everything that the pictures are made from but flight and tiles, as text: frames that were made with another are
+  /// not taken up.
+  nlohmann::json asked;
 };
 
 /// Renders the flight into a dataset folder, written whole. With a video rate factor the frames go through H.264 and
 /// back, and the video stands in the folder as video.mp4; other outputs are of what the camera saw before. Poses are
 /// groundtruth.txt; positions as a receiver would give them are gps.csv, where the place is georeferenced. Returns a
 /// summary (frames, seconds, frames a second, parts, warnings). Throws InputError.
+/// `ranks`: the processes that share the frames out among them, to the same files as one alone; each gives the same
+/// arguments, the first one writes what is not a frame's and returns the summary, the others null. Then what one fails
+/// at all throw (FailedTogether).
 nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
-                              const Progress& progress = {});
+                              const Progress& progress = {}, Ranks* ranks = nullptr);
 
 /// A filmed flight as a dataset folder of the same layout, written whole. Log positions become gps.csv (ellipsoidal
 /// heights). `truth`: a folder that extract() wrote, on whose surface the take-off place's height is found where it is

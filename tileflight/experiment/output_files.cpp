@@ -26,11 +26,12 @@ const Image* if_any(const Image& image) {
 
 }  // namespace
 
-OutputFiles::OutputFiles(std::filesystem::path dataset_folder, const RenderOutputs& outputs)
+OutputFiles::OutputFiles(std::filesystem::path dataset_folder, const RenderOutputs& outputs,
+                         const std::filesystem::path& runs)
     : folder_(std::move(dataset_folder)) {
   if (!outputs.segmentation && !outputs.infrared) return;
-  segmentation_.emplace(
-      folder_, dataset::SegmentationOptions{.segmentation = outputs.segmentation, .infrared = outputs.infrared});
+  segmentation_.emplace(folder_, dataset::SegmentationOptions{
+                                     .segmentation = outputs.segmentation, .infrared = outputs.infrared, .runs = runs});
 }
 
 void OutputFiles::add(const sensors::SensedFrame& frame) {

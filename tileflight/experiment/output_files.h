@@ -13,7 +13,8 @@ namespace tileflight::experiment {
 /// folder.
 class OutputFiles {
  public:
-  OutputFiles(std::filesystem::path dataset_folder, const RenderOutputs& outputs);
+  /// `runs`: dataset::SegmentationOptions::runs.
+  OutputFiles(std::filesystem::path dataset_folder, const RenderOutputs& outputs, const std::filesystem::path& runs);
 
   /// Throws InputError.
   void add(const sensors::SensedFrame& frame);

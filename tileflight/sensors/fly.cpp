@@ -44,6 +44,12 @@ FrameRange range_of(const FlightOptions& options, std::size_t frames) {
   return {std::min(options.first_frame, end), end};
 }
 
+std::int64_t wanted_in(const FrameRange& range, const FlightOptions& options) {
+  std::int64_t count = 0;
+  for (std::size_t i = range.begin; i < range.end; ++i) count += options.wanted(i) ? 1 : 0;
+  return count;
+}
+
 /// With the formation's light and haze.
 RenderOptions in_air(const FlightOptions& options) {
   const ImageFormation& formation = options.formation;
@@ -54,17 +60,19 @@ RenderOptions in_air(const FlightOptions& options) {
   return render;
 }
 
-struct MadeFrame {
-  SensedFrame frame;
-  FrameView view;
-};
+bool passes_through(const scene::Scene& scene, const SE3& from, const SE3& to) {
+  const geometry::Vec3 step = to.translation - from.translation;
+  const double length_m = step.norm();
+  return length_m > 1e-6 && scene.occluded({from.translation, step / length_m}, length_m);
+}
 
 /// Makes one frame after another; several threads may each make one.
 class FrameMaker {
  public:
   FrameMaker(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
              const PoseFunction& pose_at, const FlightOptions& options)
-      : in_air_(in_air(options)),
+      : scene_(scene),
+        in_air_(in_air(options)),
         renderer_(scene, camera, in_air_),
         outputs_(renderer_, scene, options.outputs, options.place),
         has_outputs_(options.outputs.any()),
@@ -87,18 +95,18 @@ class FrameMaker {
   /// After the last of the range's frames; nullopt without an automatic exposure.
   const std::optional<ExposureState>& exposure_after() const { return exposure_; }
 
-  MadeFrame make(std::size_t index) const {
-    const StampedPose& pose = frames_.poses[index];
-    MadeFrame made;
-    made.frame.index = index;
-    made.frame.time_s = pose.time_s;
-    made.frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(index);
-    take_picture(made);
+  SensedFrame make(std::size_t index) const {
+    SensedFrame frame;
+    frame.index = index;
+    frame.time_s = frames_.poses[index].time_s;
+    frame.exposure_ms = 1e3 * formation_.exposure_time_s * gain_of(index);
+    take_picture(frame);
     if (has_outputs_) {
-      made.frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
-      made.frame.objects = outputs_.objects();
+      frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
+      frame.objects = outputs_.objects();
     }
-    return made;
+    frame.check.path_is_blocked = is_blocked_after(index);
+    return frame;
   }
 
  private:
@@ -111,19 +119,18 @@ class FrameMaker {
         metered_light(scene, renderer_.appearance(), renderer_.camera(), options, formation_, poses);
     gains_ = exposure_gains(formation_.auto_exposure, times_s, light, exposure_);
   }
-  void take_picture(MadeFrame& made) const {
-    SensedFrame& frame = made.frame;
+  void take_picture(SensedFrame& frame) const {
     if (is_ideal(formation_)) {
       RenderedFrame rendered = renderer_.render(frames_.poses[frame.index].T_local_camera);
       frame.rgb = std::move(rendered.rgb);
       frame.depth_m = std::move(rendered.depth_m);
-      made.view = rendered.view;
+      frame.check.view = rendered.view;
       return;
     }
     LightFrame light = light_of(frame.index);
     frame.rgb = develop(light.light, vignette_, formation_, gain_of(frame.index), frame.index);
     frame.depth_m = std::move(light.depth_m);
-    made.view = light.view;
+    frame.check.view = light.view;
   }
   /// Red and blue through lenses of their own, where they have one.
   LightFrame light_of(std::size_t index) const {
@@ -132,6 +139,11 @@ class FrameMaker {
     if (red_) take_channel(0, red_->render_light(poses).light, light.light);
     if (blue_) take_channel(2, blue_->render_light(poses).light, light.light);
     return light;
+  }
+  bool is_blocked_after(std::size_t index) const {
+    const auto& poses = frames_.poses;
+    return index + 1 < poses.size() &&
+           passes_through(scene_, poses[index].T_local_camera, poses[index + 1].T_local_camera);
   }
   static void take_channel(std::size_t channel, const LightImage& from, LightImage& to) {
     for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
@@ -153,6 +165,7 @@ class FrameMaker {
     return {first, first + poses.rows};
   }
 
+  const scene::Scene& scene_;
   RenderOptions in_air_;
   CameraRenderer renderer_;
   OutputRenderer outputs_;
@@ -173,59 +186,53 @@ std::string range_name(std::size_t first, std::size_t last) {
   return "frames " + std::to_string(first) + " to " + std::to_string(last);
 }
 
+using Checks = std::span<const std::optional<FrameCheck>>;
+
 /// One line for each run of frames for which `found` holds.
 template <class Found>
-void warn_of_runs(const FrameRange& range, const Found& found, const std::string& what,
+void warn_of_runs(Checks checks, std::size_t first_frame, const Found& found, const std::string& what,
                   std::vector<std::string>& warnings) {
-  for (std::size_t i = range.begin; i < range.end; ++i) {
-    if (!found(i)) continue;
+  const auto holds = [&](std::size_t i) { return i < checks.size() && checks[i] && found(*checks[i]); };
+  for (std::size_t i = 0; i < checks.size(); ++i) {
+    if (!holds(i)) continue;
     const std::size_t first = i;
-    while (i + 1 < range.end && found(i + 1)) ++i;
-    warnings.push_back(range_name(first, i) + ": " + what);
+    while (holds(i + 1)) ++i;
+    warnings.push_back(range_name(first_frame + first, first_frame + i) + ": " + what);
   }
 }
 
-bool passes_through(const scene::Scene& scene, const SE3& from, const SE3& to) {
-  const geometry::Vec3 step = to.translation - from.translation;
-  const double length_m = step.norm();
-  return length_m > 1e-6 && scene.occluded({from.translation, step / length_m}, length_m);
-}
-
-std::vector<std::string> path_warnings(const scene::Scene& scene, const Trajectory& frames, const FrameRange& range,
-                                       const std::vector<FrameView>& views, double clearance_m) {
-  std::vector<std::string> warnings;
-  std::ostringstream near;
-  near << "a surface is nearer to the camera than " << clearance_m << " m";
-  const auto& poses = frames.poses;
-  warn_of_runs(
-      range, [&](std::size_t i) { return views[i - range.begin].nearest_m < clearance_m; }, near.str(), warnings);
-  warn_of_runs(
-      range, [&](std::size_t i) { return views[i - range.begin].surface_share == 0.0; }, "no surface is in view",
-      warnings);
-  warn_of_runs(
-      range, [&](std::size_t i) { return views[i - range.begin].back_share > 0.5; },
-      "most surfaces are seen from behind; is the camera inside something?", warnings);
-  const auto collides = [&](std::size_t i) {
-    return i + 1 < poses.size() && passes_through(scene, poses[i].T_local_camera, poses[i + 1].T_local_camera);
-  };
-  warn_of_runs(range, collides, "the path to the next frame goes through a surface", warnings);
-  return warnings;
-}
-
-FlightReport report_of(const std::vector<FrameView>& views, double seconds) {
+FlightReport report_of(Checks checks, double seconds) {
   FlightReport report;
-  report.frames = static_cast<std::int64_t>(views.size());
   report.seconds = seconds;
-  report.frames_per_second = seconds > 0.0 ? static_cast<double>(views.size()) / seconds : 0.0;
   report.nearest_m = std::numeric_limits<double>::infinity();
-  for (const FrameView& view : views) {
-    report.mean_surface_share += view.surface_share / static_cast<double>(views.size());
-    report.nearest_m = std::min(report.nearest_m, view.nearest_m);
+  for (const std::optional<FrameCheck>& check : checks) {
+    if (!check) continue;
+    ++report.frames;
+    report.mean_surface_share += check->view.surface_share;
+    report.nearest_m = std::min(report.nearest_m, check->view.nearest_m);
   }
+  if (report.frames > 0) report.mean_surface_share /= static_cast<double>(report.frames);
+  report.frames_per_second = seconds > 0.0 ? static_cast<double>(report.frames) / seconds : 0.0;
   return report;
 }
 
 }  // namespace
+
+std::vector<std::string> flight_warnings(Checks checks, std::size_t first_frame, double clearance_m) {
+  std::vector<std::string> warnings;
+  const auto warn = [&](const std::string& what, const auto& found) {
+    warn_of_runs(checks, first_frame, found, what, warnings);
+  };
+  std::ostringstream near;
+  near << "a surface is nearer to the camera than " << clearance_m << " m";
+  warn(near.str(), [&](const FrameCheck& check) { return check.view.nearest_m < clearance_m; });
+  warn("no surface is in view", [](const FrameCheck& check) { return check.view.surface_share == 0.0; });
+  warn("most surfaces are seen from behind; is the camera inside something?",
+       [](const FrameCheck& check) { return check.view.back_share > 0.5; });
+  warn("the path to the next frame goes through a surface",
+       [](const FrameCheck& check) { return check.path_is_blocked; });
+  return warnings;
+}
 
 FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
                            const PoseFunction& pose_at, const FlightOptions& options, const FrameSink& sink,
@@ -236,25 +243,27 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
   const auto start = std::chrono::steady_clock::now();
   const FrameMaker maker(scene, camera, frames, pose_at, options);
   const FrameRange range = range_of(options, frames.size());
-  std::vector<FrameView> views(range.count());
+  std::vector<std::optional<FrameCheck>> checks(range.count());
   std::size_t next = range.begin;
-  std::int64_t done = 0;
+  // Of the flight, or of those of this part that are wanted.
+  std::int64_t done = options.wanted ? 0 : static_cast<std::int64_t>(range.begin);
+  const std::int64_t total = options.wanted ? wanted_in(range, options) : static_cast<std::int64_t>(frames.size());
   std::mutex progress_mutex;
 
   const auto take = [&](tbb::flow_control& flow) -> std::size_t {
+    while (next < range.end && options.wanted && !options.wanted(next)) ++next;
     if (next == range.end) flow.stop();
     return next++;
   };
   const auto make = [&](std::size_t index) -> SensedFrame {
-    MadeFrame made = maker.make(index);
-    views[index - range.begin] = made.view;
-    return std::move(made.frame);
+    SensedFrame frame = maker.make(index);
+    checks[index - range.begin] = frame.check;
+    return frame;
   };
   const auto hand_over = [&](const SensedFrame& frame) {
     sink(frame);
     const std::scoped_lock lock(progress_mutex);
-    report_progress(progress, static_cast<std::int64_t>(range.begin) + ++done, static_cast<std::int64_t>(frames.size()),
-                    "frames rendered");
+    report_progress(progress, ++done, total, "frames rendered");
   };
   // While one thread encodes a frame, the others render tiles of the next ones; the tokens bound the memory.
   tbb::parallel_pipeline(static_cast<std::size_t>(options.frames_in_flight),
@@ -263,9 +272,9 @@ FlightReport render_flight(const scene::Scene& scene, const imaging::Camera& cam
                              tbb::make_filter<SensedFrame, void>(tbb::filter_mode::parallel, hand_over));
 
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-  FlightReport report = report_of(views, seconds.count());
+  FlightReport report = report_of(checks, seconds.count());
   report.exposure_after = maker.exposure_after();
-  report.warnings = path_warnings(scene, frames, range, views, options.clearance_m);
+  report.warnings = flight_warnings(checks, range.begin, options.clearance_m);
   return report;
 }
 

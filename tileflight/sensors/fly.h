@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -25,10 +27,18 @@ struct FlightOptions {
   /// same pictures as those of the whole flight.
   std::size_t first_frame = 0;
   std::size_t end_frame = std::numeric_limits<std::size_t>::max();
+  /// Which of those are rendered; none: each. An automatic exposure sees the others too.
+  std::function<bool(std::size_t index)> wanted{};
   /// Of the automatic exposure, before `first_frame`: FlightReport::exposure_after of the frames before it.
   std::optional<ExposureState> exposure_before{};
   int frames_in_flight = 4;  ///< frames that may be in memory at once, rendered or being written
   double clearance_m = 0.3;  ///< a surface nearer than this to the camera is reported
+};
+
+/// What a frame tells of the flight's path.
+struct FrameCheck {
+  FrameView view;
+  bool path_is_blocked = false;  ///< a surface lies between this pose and the next
 };
 
 /// A finished frame.
@@ -40,6 +50,7 @@ struct SensedFrame {
   imaging::FloatImage depth_m;           ///< empty where no depth is wanted
   OutputImages outputs;                  ///< what FlightOptions::outputs asks for
   std::span<const SceneObject> objects;  ///< of outputs.objects
+  FrameCheck check;
 };
 
 /// Takes a finished frame (encode, write). Called once a frame, from several threads at once and in any order.
@@ -52,9 +63,13 @@ struct FlightReport {
   double mean_surface_share = 0.0;              ///< of pixels that see a surface
   double nearest_m = 0.0;                       ///< of all surfaces seen
   std::optional<ExposureState> exposure_after;  ///< where there is an automatic exposure
-  std::vector<std::string>
-      warnings;  ///< path through or too near a surface, frames that see none; one line each, with the frames
+  std::vector<std::string> warnings;            ///< flight_warnings of what was rendered
 };
+
+/// Path through or too near a surface (FlightOptions::clearance_m), frames that see none; one line for each run of
+/// frames. `checks`: of frame `first_frame` and those after it; nullopt: not known.
+std::vector<std::string> flight_warnings(std::span<const std::optional<FrameCheck>> checks, std::size_t first_frame,
+                                         double clearance_m);
 
 /// Renders a frame at each of `frames`' poses and hands it to `sink`; rendering and sink overlap. Frames (pixels and
 /// exposures) do not depend on the number of threads. `pose_at` is asked for the moments and rows of a shutter; without

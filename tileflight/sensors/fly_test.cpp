@@ -104,6 +104,38 @@ TEST(Fly, FramesAreThoseOfTheRenderer) {
   EXPECT_FALSE(collector.frames[2].depth);
 }
 
+// Frames are dealt out to several processes: each is the same picture, whoever renders it.
+TEST(Fly, FramesThatAreWantedAreThoseOfTheWholeFlight) {
+  const scene::Scene scene = hilly_scene();
+  const imaging::Camera camera = imaging::make_fisheye(90, 60, 140.0);
+  const Trajectory frames = flight_over_hills(7);
+  FlightOptions options;
+  options.formation = kDegraded;
+  options.formation.auto_exposure = {.target = 0.2, .time_constant_s = 0.1};
+  Collector whole;
+  const FlightReport report = render_flight(scene, camera, frames, {}, options, whole.sink());
+  for (const std::size_t rank : {0U, 1U}) {
+    options.wanted = [rank](std::size_t index) { return index % 2 == rank; };
+    Collector part;
+    std::int64_t last = 0, total = 0;
+    const FlightReport of_part = render_flight(scene, camera, frames, {}, options, part.sink(),
+                                               [&](std::int64_t done, std::int64_t of, std::string_view) {
+                                                 last = done;
+                                                 total = of;
+                                               });
+    ASSERT_EQ(part.frames.size(), rank == 0 ? 4U : 3U);
+    EXPECT_EQ(of_part.frames, static_cast<std::int64_t>(part.frames.size()));
+    EXPECT_EQ(last, of_part.frames);
+    EXPECT_EQ(total, of_part.frames);
+    EXPECT_EQ(of_part.exposure_after->log_gain, report.exposure_after->log_gain);
+    for (const auto& [index, frame] : part.frames) {
+      EXPECT_EQ(index % 2, rank);
+      EXPECT_EQ(frame.rgb.pixels, whole.frames[index].rgb.pixels) << index;
+      EXPECT_EQ(frame.exposure_ms, whole.frames[index].exposure_ms) << index;
+    }
+  }
+}
+
 TEST(Fly, MemoryIsBoundedByTheFramesInFlight) {
   const scene::Scene scene = hilly_scene();
   std::atomic<int> taken{0};
@@ -135,6 +167,18 @@ TEST(Fly, WarnsOfBadPaths) {
                                            HasSubstr("frames 4 to 5: no surface is in view"),
                                            HasSubstr("frame 4: the path to the next frame goes through a surface")));
   EXPECT_NEAR(report.nearest_m, 0.1, 1e-4);
+}
+
+TEST(Fly, WarningsOfFramesThatAreNotKnownAreLeftOut) {
+  const FrameCheck good{.view = {.nearest_m = 5.0, .surface_share = 0.9, .back_share = 0.0}, .path_is_blocked = false};
+  FrameCheck near = good, blocked = good;
+  near.view.nearest_m = 0.1;
+  blocked.path_is_blocked = true;
+  const std::vector<std::optional<FrameCheck>> checks{good, near, near, std::nullopt, near, blocked};
+  EXPECT_THAT(flight_warnings(checks, 10, 0.3),
+              ElementsAre(HasSubstr("frames 11 to 12: a surface is nearer"), HasSubstr("frame 14: a surface is nearer"),
+                          HasSubstr("frame 15: the path to the next frame goes through")));
+  EXPECT_THAT(flight_warnings(checks, 0, 0.05), ElementsAre(HasSubstr("frame 5: the path to the next")));
 }
 
 TEST(Fly, ProgressCountsUpAndErrorsOfTheSinkComeThrough) {

@@ -1,0 +1,165 @@
+#include "mpi_ranks.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+#include <string_view>
+#include <thread>
+
+#include "tileflight/geometry/input_error.h"
+
+#ifdef TILEFLIGHT_MPI
+#define OMPI_SKIP_MPICXX 1
+#include <mpi.h>
+#include <signal.h>
+
+#include <atomic>
+#include <chrono>
+#include <iostream>
+#include <mutex>
+#endif
+
+namespace tileflight::app {
+namespace {
+
+/// A count that mpirun (Open MPI) tells the processes that it starts; 0: it did not start this one.
+int told_by_mpirun(const char* variable) {
+  const char* text = std::getenv(variable);
+  if (text == nullptr) return 0;
+  const std::string_view view(text);
+  int value = 0;
+  const auto [end, fault] = std::from_chars(view.data(), view.data() + view.size(), value);
+  return fault == std::errc() && end == view.data() + view.size() ? value : 0;
+}
+
+bool is_started_by_mpirun() { return told_by_mpirun("OMPI_COMM_WORLD_SIZE") > 0; }
+
+#ifdef TILEFLIGHT_MPI
+using std::chrono::milliseconds;
+
+sigset_t only_sigterm() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  return set;
+}
+
+/// SIGTERM is what mpirun sends the others when a process dies. It is blocked in every thread that starts from now on
+/// and taken by one of its own.
+class EndWatch {
+ public:
+  EndWatch() {
+    const sigset_t set = only_sigterm();
+    pthread_sigmask(SIG_BLOCK, &set, nullptr);
+    thread_ = std::thread([this] { watch(); });
+  }
+  ~EndWatch() {
+    done_ = true;
+    thread_.join();
+  }
+  EndWatch(const EndWatch&) = delete;
+  EndWatch& operator=(const EndWatch&) = delete;
+
+  void set_last_words(std::function<std::string()> last_words) {
+    const std::lock_guard lock(mutex_);
+    last_words_ = std::move(last_words);
+  }
+
+ private:
+  void watch() {
+    const sigset_t set = only_sigterm();
+    const timespec pause{0, 50'000'000};
+    while (!done_) {
+      if (sigtimedwait(&set, nullptr, &pause) == SIGTERM) end();
+    }
+  }
+  [[noreturn]] void end() {
+    const std::lock_guard lock(mutex_);
+    const std::string words = last_words_ ? last_words_() : "";
+    if (!words.empty()) std::cerr << "tileflight: " + words + "\n" << std::flush;
+    // The others look whether this process lives, to know whether it speaks.
+    std::this_thread::sleep_for(milliseconds(300));
+    std::_Exit(1);
+  }
+
+  std::atomic<bool> done_{false};
+  std::mutex mutex_;
+  std::function<std::string()> last_words_;
+  std::thread thread_;
+};
+
+class MpiRanks : public experiment::Ranks {
+ public:
+  MpiRanks() {
+    int given = 0;
+    MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &given);
+    MPI_Comm_rank(MPI_COMM_WORLD, &rank_);
+    MPI_Comm_size(MPI_COMM_WORLD, &count_);
+  }
+  ~MpiRanks() override { MPI_Finalize(); }
+
+  int rank() const override { return rank_; }
+  int count() const override { return count_; }
+  void set_last_words(std::function<std::string()> last_words) override {
+    end_watch_.set_last_words(std::move(last_words));
+  }
+
+  std::vector<std::string> exchange(const std::string& text) override {
+    const int own = static_cast<int>(text.size());
+    std::vector<int> sizes(static_cast<std::size_t>(count_)), starts(sizes.size());
+    MPI_Request request = MPI_REQUEST_NULL;
+    MPI_Iallgather(&own, 1, MPI_INT, sizes.data(), 1, MPI_INT, MPI_COMM_WORLD, &request);
+    wait(request);
+    for (std::size_t r = 1; r < sizes.size(); ++r) starts[r] = starts[r - 1] + sizes[r - 1];
+    std::string all(static_cast<std::size_t>(starts.back() + sizes.back()), '\0');
+    MPI_Iallgatherv(text.data(), own, MPI_CHAR, all.data(), sizes.data(), starts.data(), MPI_CHAR, MPI_COMM_WORLD,
+                    &request);
+    wait(request);
+    std::vector<std::string> texts;
+    for (std::size_t r = 0; r < sizes.size(); ++r) {
+      texts.push_back(all.substr(static_cast<std::size_t>(starts[r]), static_cast<std::size_t>(sizes[r])));
+    }
+    return texts;
+  }
+
+ private:
+  /// MPI's own waiting keeps a core busy that others render on.
+  static void wait(MPI_Request& request) {
+    int done = 0;
+    while (MPI_Test(&request, &done, MPI_STATUS_IGNORE), done == 0) std::this_thread::sleep_for(milliseconds(2));
+  }
+
+  EndWatch end_watch_;  // before MPI starts threads
+  int rank_ = 0, count_ = 1;
+};
+#endif
+
+}  // namespace
+
+std::unique_ptr<experiment::Ranks> ranks_of_mpirun() {
+  if (!is_started_by_mpirun()) return nullptr;
+#ifdef TILEFLIGHT_MPI
+  return std::make_unique<MpiRanks>();
+#else
+  throw InputError(
+      "mpirun", "this tileflight was built without MPI: start it once, or build it where libopenmpi-dev is installed");
+#endif
+}
+
+void abort_ranks() {
+#ifdef TILEFLIGHT_MPI
+  MPI_Abort(MPI_COMM_WORLD, 1);
+#endif
+  std::_Exit(1);
+}
+
+std::size_t threads_by_default() {
+  const long cores = sysconf(_SC_NPROCESSORS_ONLN);
+  const auto usable = static_cast<long>(std::max(1U, std::thread::hardware_concurrency()));
+  const long share = std::max(1L, cores / std::max(1, told_by_mpirun("OMPI_COMM_WORLD_LOCAL_SIZE")));
+  return static_cast<std::size_t>(std::min(usable, share));
+}
+
+}  // namespace tileflight::app
