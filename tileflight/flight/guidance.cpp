@@ -77,6 +77,13 @@ class Stopping {
   std::optional<Vec3> place_;
 };
 
+void hold_height(const std::optional<double>& height_m, Setpoint& setpoint) {
+  if (!height_m) return;
+  setpoint.position_m.z() = *height_m;
+  setpoint.holds_position[2] = true;
+  setpoint.velocity_m_s.z() = 0.0;
+}
+
 /// Makes the guide of each command.
 struct GuideMaker {
   const Moment& start;
@@ -146,11 +153,7 @@ struct GuideMaker {
       const bool turned = c.frame == VelocityFrame::kHeading;
       setpoint.velocity_m_s =
           turned ? Vec3(level_orientation(yaw_rad(now.state.R_local_body)) * c.velocity_m_s) : c.velocity_m_s;
-      if (c.height_m) {
-        setpoint.position_m.z() = *c.height_m;
-        setpoint.holds_position[2] = true;
-        setpoint.velocity_m_s.z() = 0.0;
-      }
+      hold_height(c.height_m, setpoint);
       yaw.steer(setpoint, now.step_s);
       return guided;
     };
@@ -173,6 +176,30 @@ struct GuideMaker {
           yaw.steer(guided.setpoint, now.step_s);
           return guided;
         };
+  }
+
+  Guide operator()(const FlyAttitude& c) const {
+    return [c, yaw = yaw(c.yaw), most_rad = limits.max_tilt_rad](const Moment& now) mutable {
+      Guided guided{{}, now.time_s >= c.duration_s, {}};
+      Setpoint& setpoint = guided.setpoint;
+      yaw.steer(setpoint, now.step_s);
+      const Eigen::Quaterniond lying = level_orientation(setpoint.yaw_rad) *
+                                       Eigen::AngleAxisd(-std::clamp(c.pitch_rad, -most_rad, most_rad), Vec3::UnitY()) *
+                                       Eigen::AngleAxisd(std::clamp(c.roll_rad, -most_rad, most_rad), Vec3::UnitX());
+      setpoint.lean = LeanSetpoint{lying, {}, c.throttle};
+      hold_height(c.height_m, setpoint);
+      return guided;
+    };
+  }
+
+  Guide operator()(const FlyRates& c) const {
+    return [c](const Moment& now) {
+      Guided guided{{}, now.time_s >= c.duration_s, {}};
+      guided.setpoint.yaw_rad = yaw_rad(now.state.R_local_body);  // to go on with afterwards
+      guided.setpoint.lean = LeanSetpoint{Eigen::Quaterniond::Identity(), c.rates_rad_s, c.throttle};
+      hold_height(c.height_m, guided.setpoint);
+      return guided;
+    };
   }
 
   Guide operator()(const Track& c) const {

@@ -82,11 +82,19 @@ Vec3 QuadrotorController::wanted_acceleration(const RigidBodyState& state, const
   const Vec3 wanted = setpoint.acceleration_m_s2 + gain.cwiseProduct(error) + integral_m_s2_;
   const Vec3 given = within_limits(wanted);
   const Vec3 integral_gain(o.velocity_integral_level, o.velocity_integral_level, o.velocity_integral_up);
-  for (int axis = 0; axis < 3; ++axis) {
+  const int first = !setpoint.lean ? 0 : setpoint.lean->throttle ? 3 : 2;  // what is not controlled is not learnt from
+  for (int axis = first; axis < 3; ++axis) {
     const bool at_limit = std::abs(wanted[axis] - given[axis]) > 1e-9 && (wanted[axis] - given[axis]) * error[axis] > 0;
     if (!at_limit) integral_m_s2_[axis] += integral_gain[axis] * error[axis] * step_s;
   }
   return given;
+}
+
+double QuadrotorController::thrust_n(const Setpoint& setpoint, const Vec3& lift_m_s2, const Mat3& R) const {
+  const double mass_kg = craft_.body.mass_kg;
+  if (!setpoint.lean) return mass_kg * std::max(0.0, lift_m_s2.dot(R.col(2)));  // Lee et al. 2010, (15)
+  if (setpoint.lean->throttle) return *setpoint.lean->throttle * kRotors * craft_.max_rotor_thrust_n();
+  return mass_kg * lift_m_s2.z() / std::max(R(2, 2), std::cos(options_.max_tilt_rad));  // what keeps the height
 }
 
 RotorSpeeds QuadrotorController::rotor_speeds_rad_s(const RigidBodyState& state, const Setpoint& setpoint,
@@ -95,17 +103,18 @@ RotorSpeeds QuadrotorController::rotor_speeds_rad_s(const RigidBodyState& state,
   const Mat3& J = craft_.body.inertia_kg_m2;
   const Vec3 lift = wanted_acceleration(state, setpoint, step_s) + Vec3(0, 0, kStandardGravity_m_s2);
   const Mat3 R = state.R_local_body.toRotationMatrix();
-  const Mat3 R_wanted = attitude_of(lift, setpoint.yaw_rad).toRotationMatrix();
+  const Mat3 R_wanted =
+      (setpoint.lean ? setpoint.lean->R_local_body : attitude_of(lift, setpoint.yaw_rad)).toRotationMatrix();
 
   const Vec3 turning = Vec3(o.attitude_gain, o.attitude_gain, o.yaw_gain).cwiseProduct(attitude_error(R_wanted, R));
   Vec3 rate = R.transpose() * Vec3(0, 0, setpoint.yaw_rate_rad_s) - turning;
+  if (setpoint.lean && setpoint.lean->rates_rad_s) rate = *setpoint.lean->rates_rad_s;
   const Vec3 most_rate(o.max_rate_rad_s, o.max_rate_rad_s, o.max_yaw_rate_rad_s);
   rate = rate.cwiseMax(-most_rate).cwiseMin(most_rate);
 
   const Vec3& w = state.angular_velocity_rad_s;
   const Vec3 angular_acceleration = Vec3(o.rate_gain, o.rate_gain, o.yaw_rate_gain).cwiseProduct(rate - w);
-  const double thrust_n = craft_.body.mass_kg * std::max(0.0, lift.dot(R.col(2)));  // Lee et al. 2010, (15)
-  return mixer_.speeds_rad_s({thrust_n, J * angular_acceleration + w.cross(J * w)});
+  return mixer_.speeds_rad_s({thrust_n(setpoint, lift, R), J * angular_acceleration + w.cross(J * w)});
 }
 
 void check(const ControllerOptions& o) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "tileflight/flight/rotor_mixer.h"
 
@@ -28,6 +29,13 @@ struct ControllerOptions {
   double max_yaw_rate_rad_s = 1.6;       ///< SimpleFlight: 2.5
 };
 
+/// How the craft should lie or turn, wherever that takes it.
+struct LeanSetpoint {
+  Eigen::Quaterniond R_local_body = Eigen::Quaterniond::Identity();  ///< body x forward, y left, z up
+  std::optional<geometry::Vec3> rates_rad_s;                         ///< body axes; if given, instead of the attitude
+  std::optional<double> throttle;  ///< share of what all rotors give; not given: the setpoint's height is held
+};
+
 /// What the craft should do now, local frame. Along an axis that holds a position, velocity and acceleration are fed
 /// forward; along one that does not, the velocity is the wanted one.
 struct Setpoint {
@@ -37,6 +45,7 @@ struct Setpoint {
   geometry::Vec3 acceleration_m_s2 = geometry::Vec3::Zero();
   double yaw_rad = 0.0;  ///< of the body's x axis, counter-clockwise from east
   double yaw_rate_rad_s = 0.0;
+  std::optional<LeanSetpoint> lean;  ///< then level positions and velocities are not heeded
 };
 
 /// How fast to go towards a goal `distance_m` away so as to come to rest there: proportional near it, else by the even
@@ -61,6 +70,7 @@ class QuadrotorController {
   geometry::Vec3 wanted_velocity(const RigidBodyState& state, const Setpoint& setpoint) const;
   geometry::Vec3 wanted_acceleration(const RigidBodyState& state, const Setpoint& setpoint, double step_s);
   geometry::Vec3 within_limits(const geometry::Vec3& acceleration_m_s2) const;
+  double thrust_n(const Setpoint& setpoint, const geometry::Vec3& lift_m_s2, const geometry::Mat3& R) const;
 
   QuadrotorOptions craft_;
   ControllerOptions options_;

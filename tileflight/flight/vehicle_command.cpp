@@ -26,6 +26,14 @@ void require_yaw(const YawMode& yaw, Drivetrain drivetrain, const std::string& c
           "forward only leaves no room for a yaw rate; give an angle from the direction of flight");
 }
 
+template <class Leaning>
+void require_lift(const Leaning& c, const char* command) {
+  require(c.height_m.has_value() != c.throttle.has_value(), command, "a height or a throttle is needed, and not both");
+  require(std::isfinite(c.height_m.value_or(0.0)), command, "the height must be finite");
+  require(c.throttle.value_or(0.0) >= 0.0 && c.throttle.value_or(0.0) <= 1.0, command, "the throttle is from 0 to 1");
+  require(duration(c.duration_s), command, "the duration must not be negative");
+}
+
 struct Checker {
   void operator()(const TakeOff& c) const {
     require(positive(c.height_m), "take-off", "the height must be more than 0");
@@ -60,6 +68,15 @@ struct Checker {
   void operator()(const TurnAtRate& c) const {
     require(std::isfinite(c.yaw_rate_rad_s), "turn", "the rate must be finite");
     require(duration(c.duration_s), "turn", "the duration must not be negative");
+  }
+  void operator()(const FlyAttitude& c) const {
+    require(std::isfinite(c.roll_rad) && std::isfinite(c.pitch_rad), "attitude", "an angle is not finite");
+    require_yaw(c.yaw, Drivetrain::kMaxDegreeOfFreedom, "attitude");
+    require_lift(c, "attitude");
+  }
+  void operator()(const FlyRates& c) const {
+    require(c.rates_rad_s.allFinite(), "rates", "a rate is not finite");
+    require_lift(c, "rates");
   }
   void operator()(const Track& c) const {
     require(static_cast<bool>(c.reference), "track", "has no reference");

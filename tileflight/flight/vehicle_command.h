@@ -84,13 +84,32 @@ struct TurnAtRate {
   double duration_s = 1.0;
 };
 
+/// Leans so far, so long, and holds a height or a thrust; never farther than the controller's greatest tilt.
+struct FlyAttitude {
+  double roll_rad = 0.0;   ///< the right side down
+  double pitch_rad = 0.0;  ///< the nose up
+  YawMode yaw;
+  std::optional<double> height_m;  ///< this z, or
+  std::optional<double> throttle;  ///< this share of what all rotors give: one of the two
+  double duration_s = 1.0;
+};
+
+/// Turns so fast about the body's axes (x forward, y left, z up), so long; height or thrust as FlyAttitude.
+struct FlyRates {
+  geometry::Vec3 rates_rad_s = geometry::Vec3::Zero();
+  std::optional<double> height_m;
+  std::optional<double> throttle;
+  double duration_s = 1.0;
+};
+
 /// Keeps to a reference in time, seconds since the command; velocity and acceleration are fed forward.
 struct Track {
   std::function<Setpoint(double time_s)> reference;
   double duration_s = 0.0;
 };
 
-using Command = std::variant<TakeOff, Land, Hover, FollowPath, FlyVelocity, Turn, TurnAtRate, Track>;
+using Command =
+    std::variant<TakeOff, Land, Hover, FollowPath, FlyVelocity, Turn, TurnAtRate, FlyAttitude, FlyRates, Track>;
 
 /// Throws InputError where a command cannot be flown: speeds that are not positive, numbers that are not finite, a
 /// lookahead of 0, a yaw rate together with forward only.

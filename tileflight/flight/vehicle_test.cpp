@@ -33,6 +33,8 @@ FollowPath path_of(std::vector<Vec3> points, double speed_m_s) {
   return path;
 }
 
+double tilt_rad(const Vehicle& vehicle) { return std::acos((vehicle.state().R_local_body * Vec3::UnitZ()).z()); }
+
 double yaw_of(const Vehicle& vehicle) { return yaw_rad(vehicle.state().R_local_body); }
 
 TEST(PathProgress, GoesOnAndNeverBack) {
@@ -248,6 +250,55 @@ TEST(Vehicle, WhatCannotBeFlownIsRefused) {
   VehicleOptions options;
   options.step_s = 0.1;
   EXPECT_THAT(tileflight::tests::refusal_of([&] { hovering(options); }), testing::HasSubstr("0.01 s"));
+}
+
+/// Without air's drag, a craft that leans by a speeds up by g tan(a) and keeps its height.
+TEST(Vehicle, LeansSoFarAndKeepsItsHeight) {
+  VehicleOptions options;
+  options.craft.quadratic_drag_n_s2_m2 = Vec3::Zero();
+  constexpr double kLean_rad = 0.15;
+  const double speed_after_2_s = kStandardGravity_m_s2 * std::tan(kLean_rad) * 2.0;
+  for (const auto& [roll, pitch, direction] :
+       {std::tuple(0.0, -kLean_rad, Vec3(0, 1, 0)), std::tuple(kLean_rad, 0.0, Vec3(1, 0, 0))}) {
+    Vehicle vehicle(options, {}, Vec3(0, 0, 50), pi / 2);  // it points north
+    EXPECT_EQ(vehicle.run(FlyAttitude{.roll_rad = roll, .pitch_rad = pitch, .height_m = 50.0, .duration_s = 2.0}),
+              Outcome::kFinished);
+    EXPECT_NEAR(vehicle.state().velocity_m_s.dot(direction), speed_after_2_s, 0.12 * speed_after_2_s);
+    EXPECT_NEAR(vehicle.state().position_m.z(), 50.0, 0.1);
+    EXPECT_NEAR(tilt_rad(vehicle), kLean_rad, 0.01);
+    vehicle.run(Hover{});
+    EXPECT_LT(vehicle.state().velocity_m_s.norm(), 0.3) << "and stops afterwards";
+  }
+}
+
+TEST(Vehicle, LeansNoFartherThanItsGreatestTilt) {
+  Vehicle vehicle({}, {}, Vec3(0, 0, 500), 0.0);
+  vehicle.run(FlyAttitude{.roll_rad = 1.5, .height_m = 500.0, .duration_s = 1.5});
+  EXPECT_NEAR(tilt_rad(vehicle), ControllerOptions{}.max_tilt_rad, 0.03);
+}
+
+TEST(Vehicle, TurnsAtTheRatesAskedForAboutItsAxes) {
+  const VehicleOptions options;
+  const double hover = kStandardGravity_m_s2 * options.craft.body.mass_kg / (4.0 * options.craft.max_rotor_thrust_n());
+  Vehicle vehicle(options, {}, Vec3(0, 0, 50), 0.0);
+  double rate_rad_s = 0.0;  // before it ends
+  vehicle.run(FlyRates{.rates_rad_s = Vec3(0.5, 0, 0), .throttle = hover, .duration_s = 0.8}, [&](const Vehicle& now) {
+    if (now.time_s() < 0.79) rate_rad_s = now.state().angular_velocity_rad_s.x();
+  });
+  EXPECT_NEAR(rate_rad_s, 0.5, 0.01);
+  EXPECT_NEAR(tilt_rad(vehicle), 0.4, 0.05);
+  EXPECT_LT(vehicle.state().velocity_m_s.y(), -0.3) << "to its right";
+  Vehicle risen(options, {}, Vec3(0, 0, 50), 0.0);
+  risen.run(FlyRates{.throttle = 1.2 * hover, .duration_s = 1.0});
+  EXPECT_NEAR(risen.state().velocity_m_s.z(), 0.2 * kStandardGravity_m_s2, 0.25);
+}
+
+TEST(Vehicle, LeaningNeedsAHeightOrAThrottle) {
+  Vehicle vehicle({}, {}, Vec3(0, 0, 50), 0.0);
+  EXPECT_THROW(vehicle.command(FlyAttitude{}), InputError);
+  EXPECT_THROW(vehicle.command(FlyAttitude{.height_m = 50.0, .throttle = 0.5}), InputError);
+  EXPECT_THROW(vehicle.command(FlyAttitude{.throttle = 1.5}), InputError);
+  EXPECT_THROW(vehicle.command(FlyRates{.rates_rad_s = Vec3(NAN, 0, 0), .throttle = 0.5}), InputError);
 }
 
 }  // namespace

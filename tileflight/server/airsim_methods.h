@@ -103,6 +103,12 @@ void add_flight_methods(Binder<Caller>& bind) {
   bind.template add<&S::move_by_velocity_z_body_frame>("moveByVelocityZBodyFrame");
   bind.template add<&S::move_to_z>("moveToZ");
   bind.template add<&S::move_to_gps>("moveToGPS");
+  bind.template add<&S::move_by_roll_pitch_yaw_z>("moveByRollPitchYawZ");
+  bind.template add<&S::move_by_roll_pitch_yaw_throttle>("moveByRollPitchYawThrottle");
+  bind.template add<&S::move_by_roll_pitch_yawrate_z>("moveByRollPitchYawrateZ");
+  bind.template add<&S::move_by_roll_pitch_yawrate_throttle>("moveByRollPitchYawrateThrottle");
+  bind.template add<&S::move_by_angle_rates_z>("moveByAngleRatesZ");
+  bind.template add<&S::move_by_angle_rates_throttle>("moveByAngleRatesThrottle");
   bind.template add<&S::rotate_to_yaw>("rotateToYaw");
   bind.template add<&S::rotate_by_yaw_rate>("rotateByYawRate");
 }
@@ -143,12 +149,6 @@ void add_methods_without_effect(Binder<Caller>& bind) {
                            "moveByRC",
                            "moveByManual",
                            "moveByMotorPWMs",
-                           "moveByRollPitchYawZ",
-                           "moveByRollPitchYawThrottle",
-                           "moveByRollPitchYawrateThrottle",
-                           "moveByRollPitchYawrateZ",
-                           "moveByAngleRatesZ",
-                           "moveByAngleRatesThrottle",
                            "setSafety",
                            "setCarControls",
                            "getCarControls",

@@ -173,6 +173,30 @@ TEST(Flying, AVehicleStaysWhereItIsPutAndFliesOnFromThere) {
   EXPECT_LT(off_m(*world, 3, 8, -9), 0.5);
 }
 
+/// Angles are of a body with y to the right and z down: nose down flies ahead, the right side down to the right.
+TEST(Flying, AnglesAndRatesAreOfTheBody) {
+  const auto world = ready();
+  const auto reset = [&] { world->sim_set_vehicle_pose(pose(0, 0, -10), true, ""); };
+  reset();
+  EXPECT_TRUE(world->move_by_roll_pitch_yaw_z(0, -0.2F, 0, -10, 2, ""));
+  EXPECT_GT(position(*world).x_val, 2.0);
+  EXPECT_NEAR(position(*world).y_val, 0.0, 0.1);
+  EXPECT_NEAR(position(*world).z_val, -10.0, 0.2);
+  reset();
+  EXPECT_TRUE(world->move_by_roll_pitch_yawrate_z(0.2F, 0, 0, -10, 2, ""));
+  EXPECT_GT(position(*world).y_val, 2.0);
+  reset();
+  EXPECT_TRUE(world->move_by_angle_rates_z(0, 0, 0.8F, -10, 1, ""));
+  EXPECT_NEAR(2 * std::asin(world->sim_get_vehicle_pose("").orientation.z_val), 0.8, 0.1) << "clockwise from above";
+  reset();
+  EXPECT_TRUE(world->move_by_angle_rates_throttle(0, -0.4F, 0, 0.6F, 0.5F, ""));
+  EXPECT_GT(world->sim_get_ground_truth_kinematics("").linear_velocity.x_val, 0.1);
+  EXPECT_TRUE(world->move_by_roll_pitch_yaw_throttle(0, 0, 1.5F, 0.8F, 1.5F, ""));
+  EXPECT_LT(world->sim_get_ground_truth_kinematics("").linear_velocity.z_val, -2.0) << "up";
+  EXPECT_THAT(refusal_of([&] { world->move_by_roll_pitch_yaw_throttle(0, 0, 0, 2, 1, ""); }), HasSubstr("throttle"));
+  EXPECT_THAT(refusal_of([&] { world->move_by_angle_rates_z(NAN, 0, 0, -10, 1, ""); }), HasSubstr("out of range"));
+}
+
 /// Blown to the east, it leans to the west to stay where it is.
 TEST(Flying, WindReachesAVehicleThatIsInTheAir) {
   const auto world = ready();

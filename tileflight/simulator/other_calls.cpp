@@ -12,9 +12,10 @@ namespace {
 constexpr std::size_t kMostVehicles = 64;
 constexpr std::size_t kLongestName = 100;
 
-constexpr const char* kNoSticks = "the craft flies under position and velocity control alone; use moveByVelocity";
+constexpr const char* kNoSticks =
+    "there are no sticks and no motors of one's own; use moveByVelocity or moveByAngleRatesThrottle";
 constexpr const char* kBakedLight =
-    "light and shadows are those of the tiles' pictures; tile others to have another light";
+    "light and shadows are those of the tiles' pictures; tileflight render lights flights by sun and sky";
 constexpr const char* kBakedLooks = "tiles look as their pictures do; simSetSegmentationObjectID marks objects";
 
 /// Why a call of AirSim's is not served, and what to do instead.
@@ -38,7 +39,6 @@ std::string reason_of(const std::string& call) {
       {"setSafety", "there is no safety evaluation; tfGroundTruth and getDistanceSensorData tell what is in the way"},
   };
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
-  if (call.starts_with("moveByRollPitch") || call.starts_with("moveByAngleRates")) return kNoSticks;
   if (call.find("Car") != std::string::npos)
     return "there are no cars; SimMode is Multirotor or ComputerVision in the settings";
   return "cameras have no focus, aperture or film; simSetCameraFov and tfSetLens set their lenses";

@@ -158,6 +158,20 @@ class Simulator {
                  float adaptive_lookahead, const std::string& vehicle);
   bool move_to_gps(float latitude, float longitude, float altitude, float velocity, float timeout_s, int drivetrain,
                    const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
+  /// Radians: roll the right side down, pitch the nose up, yaw clockwise from north. A throttle of 1: all that the
+  /// rotors give.
+  bool move_by_roll_pitch_yaw_z(float roll, float pitch, float yaw, float z, float duration_s,
+                                const std::string& vehicle);
+  bool move_by_roll_pitch_yaw_throttle(float roll, float pitch, float yaw, float throttle, float duration_s,
+                                       const std::string& vehicle);
+  bool move_by_roll_pitch_yawrate_z(float roll, float pitch, float yaw_rate, float z, float duration_s,
+                                    const std::string& vehicle);
+  bool move_by_roll_pitch_yawrate_throttle(float roll, float pitch, float yaw_rate, float throttle, float duration_s,
+                                           const std::string& vehicle);
+  bool move_by_angle_rates_z(float roll_rate, float pitch_rate, float yaw_rate, float z, float duration_s,
+                             const std::string& vehicle);
+  bool move_by_angle_rates_throttle(float roll_rate, float pitch_rate, float yaw_rate, float throttle, float duration_s,
+                                    const std::string& vehicle);
   bool rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_degrees, const std::string& vehicle);
   bool rotate_by_yaw_rate(float yaw_rate_degrees_s, float duration_s, const std::string& vehicle);
 

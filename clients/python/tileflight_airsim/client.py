@@ -440,6 +440,8 @@ class MultirotorClient(VehicleClient):
         """yaw_rate: degrees per second."""
         return self.client.call_async("rotateByYawRate", yaw_rate, duration, vehicle_name)
 
+    # Radians about the body's axes x forward, y left, z up, as in AirSim's client: pitch the nose down, yaw to the left.
+
     def moveByRollPitchYawZAsync(self, roll: float, pitch: float, yaw: float, z: float, duration: float,
                                  vehicle_name: str = "") -> Future:
         return self.client.call_async("moveByRollPitchYawZ", roll, -pitch, -yaw, z, duration, vehicle_name)
@@ -447,6 +449,25 @@ class MultirotorClient(VehicleClient):
     def moveByRollPitchYawThrottleAsync(self, roll: float, pitch: float, yaw: float, throttle: float, duration: float,
                                         vehicle_name: str = "") -> Future:
         return self.client.call_async("moveByRollPitchYawThrottle", roll, -pitch, -yaw, throttle, duration,
+                                      vehicle_name)
+
+    def moveByRollPitchYawrateZAsync(self, roll: float, pitch: float, yaw_rate: float, z: float, duration: float,
+                                     vehicle_name: str = "") -> Future:
+        return self.client.call_async("moveByRollPitchYawrateZ", roll, -pitch, -yaw_rate, z, duration, vehicle_name)
+
+    def moveByRollPitchYawrateThrottleAsync(self, roll: float, pitch: float, yaw_rate: float, throttle: float,
+                                            duration: float, vehicle_name: str = "") -> Future:
+        return self.client.call_async("moveByRollPitchYawrateThrottle", roll, -pitch, -yaw_rate, throttle, duration,
+                                      vehicle_name)
+
+    def moveByAngleRatesZAsync(self, roll_rate: float, pitch_rate: float, yaw_rate: float, z: float, duration: float,
+                               vehicle_name: str = "") -> Future:
+        return self.client.call_async("moveByAngleRatesZ", roll_rate, -pitch_rate, -yaw_rate, z, duration,
+                                      vehicle_name)
+
+    def moveByAngleRatesThrottleAsync(self, roll_rate: float, pitch_rate: float, yaw_rate: float, throttle: float,
+                                      duration: float, vehicle_name: str = "") -> Future:
+        return self.client.call_async("moveByAngleRatesThrottle", roll_rate, -pitch_rate, -yaw_rate, throttle, duration,
                                       vehicle_name)
 
     def moveByMotorPWMsAsync(self, front_right_pwm: float, rear_left_pwm: float, front_left_pwm: float,
