@@ -208,6 +208,35 @@ TEST_F(RenderOutputs, PicturesThroughAVideoCarryItsArtefactsAndOtherOutputsDoNot
   EXPECT_THAT(both.err, ::testing::HasSubstr("does not go together with 'video_crf'"));
 }
 
+TEST_F(RenderOutputs, LightBySunAndSkyNeedsAPlaceAndADay) {
+  const std::vector<std::string> lit{"--png", "--degrade", (folder_ / "light.yaml").string()};
+  std::vector<std::string> placed = lit;
+  placed.insert(placed.end(), {"--origin", "0,0,0"});  // on the equator, at an equinox: the sun passes overhead
+  TinyPlace::write_file(folder_ / "light.yaml", "light: {time: 2024-03-20T12:07:00Z}\n");
+  const ProgramResult noon = render("noon", placed);
+  ASSERT_EQ(noon.exit_code, 0) << noon.err;
+  EXPECT_THAT(file_text(folder_ / "noon/dataset.yaml"),
+              ::testing::ContainsRegex("sun (89\\.[5-9]|90\\.0) degrees high"));
+  TinyPlace::write_file(folder_ / "light.yaml", "light: {time: 2024-03-20T16:07:00Z}\n");  // an hour is 15 degrees
+  ASSERT_EQ(render("evening", placed).exit_code, 0);
+  EXPECT_THAT(file_text(folder_ / "evening/dataset.yaml"),
+              ::testing::ContainsRegex("sun (29\\.[5-9]|30\\.[0-5]) degrees high, azimuth (269|270|271)"));
+  EXPECT_FALSE(file_text(folder_ / "noon/images/000001.png") == file_text(folder_ / "evening/images/000001.png"));
+
+  const auto expect_refused = [&](const std::string& light, const std::vector<std::string>& more, const char* words) {
+    TinyPlace::write_file(folder_ / "light.yaml", light);
+    const ProgramResult result = render("refused", more);
+    EXPECT_EQ(result.exit_code, 1) << light;
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_THAT(result.err, ::testing::HasSubstr(words));
+    EXPECT_FALSE(fs::exists(folder_ / "refused"));
+  };
+  expect_refused("light: {time: 2024-03-20T23:00:00Z}\n", placed, "below the horizon");
+  expect_refused("light: {}\n", placed, "has no time");
+  expect_refused("light: {time: 2024-02-30T12:00:00Z}\n", placed, "a date and time that there is");
+  expect_refused("light: {time: 2024-03-20T12:07:00Z}\n", lit, "origin");
+}
+
 TEST_F(RenderOutputs, DepthAloneIsAFlagAndWordsAreChecked) {
   ASSERT_EQ(render("depth", {"--depth"}).exit_code, 0);
   EXPECT_TRUE(fs::exists(folder_ / "depth/depth/000002.exr"));
