@@ -251,6 +251,7 @@ TEST(FrameOutputs, VisibilityIsOfThePlaceThatCounts) {
 /// NaN is like NaN.
 template <class Pixel>
 bool same_bytes(const imaging::Image<Pixel>& a, const imaging::Image<Pixel>& b) {
+  if (a.pixels.empty() || b.pixels.empty()) return a.pixels.empty() && b.pixels.empty();
   return a.pixels.size() == b.pixels.size() &&
          std::memcmp(a.pixels.data(), b.pixels.data(), a.pixels.size() * sizeof(Pixel)) == 0;
 }
