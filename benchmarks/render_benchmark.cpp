@@ -3,6 +3,7 @@
 //
 //   Floor            Embree's own packet intersection of the same rays, default scene flags, nothing else
 //   FloorWatertight  the same with Embree's robust flag, which the renderer uses so that no ray slips through an edge
+//   Beams            Scene::intersect of the same rays in beams of eight packets, as the renderer casts them
 //   RgbAndDepth      CameraRenderer::render, one sample a pixel, filtered texture
 //
 // To compare on an idle machine: render_benchmark --benchmark_min_time=3
@@ -14,6 +15,7 @@
 #include <memory>
 
 #include "tests/height_field.h"
+#include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/ray_table.h"
 #include "tileflight/sensors/render.h"
@@ -151,6 +153,28 @@ void intersect_frame(benchmark::State& state, RTCSceneFlags flags) {
 void floor_of_embree(benchmark::State& state) { intersect_frame(state, RTC_SCENE_FLAG_NONE); }
 void floor_watertight(benchmark::State& state) { intersect_frame(state, RTC_SCENE_FLAG_ROBUST); }
 
+void intersect_beams(benchmark::State& state) {
+  const scene::Scene& scene = shared_scene();
+  const sensors::RayTable rays(camera(), 1);
+  const Eigen::Matrix3f r = pose().rotation.toRotationMatrix().cast<float>();
+  const Eigen::Vector3f origin = (pose().translation - scene.anchor()).cast<float>();
+  for (auto _ : state) {
+    tbb::parallel_for(0, rays.block_rows() / 4, [&](int row) {
+      std::array<scene::RayPacket8, 8> beam;
+      for (int column = 0; column < rays.block_columns(); column += 2) {
+        for (int k = 0; k < 8; ++k) {
+          beam[k].reset();
+          fill_rays(rays.block(column + k % 2, 4 * row + k / 2), r, origin, reinterpret_cast<RTCRayHit8&>(beam[k]));
+        }
+        scene.intersect(beam);
+        benchmark::DoNotOptimize(beam[0].far[0]);
+      }
+    });
+  }
+  state.counters["rays/s"] =
+      benchmark::Counter(static_cast<double>(kWidth) * kHeight, benchmark::Counter::kIsIterationInvariantRate);
+}
+
 void render_frame(benchmark::State& state) {
   const sensors::CameraRenderer renderer(shared_scene(), camera(), {});
   for (auto _ : state) benchmark::DoNotOptimize(renderer.render(pose()));
@@ -164,6 +188,7 @@ BENCHMARK(floor_watertight)
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime()
     ->UseRealTime();
+BENCHMARK(intersect_beams)->Name("Beams")->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 BENCHMARK(render_frame)->Name("RgbAndDepth")->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime()->UseRealTime();
 
 }  // namespace

@@ -1,14 +1,18 @@
 #include "tileflight/scene/scene.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
 #include <cstddef>
+#include <mutex>
 #include <string>
 #include <utility>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/scene/beam_tree.h"
 #include "tileflight/scene/embree_tree.h"
 #include "tileflight/scene/packets.h"
 
@@ -105,12 +109,38 @@ double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, do
 
 }  // namespace
 
+/// What is built when it is first asked for.
+template <class Tree>
+class BuiltOnce {
+ public:
+  template <class Build>
+  const Tree& get(const Build& build) {
+    // Isolated, lest this thread, while it waits for parts of the tree, takes up a task that asks for the tree.
+    std::call_once(once_, [&] { tbb::this_task_arena::isolate([&] { tree_.emplace(build()); }); });
+    return *tree_;
+  }
+
+ private:
+  std::once_flag once_;
+  std::optional<Tree> tree_;
+};
+
 struct Scene::Impl {
   std::vector<imaging::TexturedMesh> meshes;
   geometry::Box3 bounds;
   geometry::Vec3 anchor;
   std::size_t triangle_count = 0;
-  EmbreeTree tree;
+
+  RTCScene rays() {
+    return ray_tree_.get([this] { return build_embree_tree(meshes, anchor); }).scene.get();
+  }
+  const BeamTree& beams() {
+    return beam_tree_.get([this] { return BeamTree(meshes, anchor); });
+  }
+
+ private:
+  BuiltOnce<EmbreeTree> ray_tree_;
+  BuiltOnce<BeamTree> beam_tree_;
 };
 
 Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor)
@@ -123,7 +153,6 @@ Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geom
   impl_->meshes = std::move(meshes);
   impl_->bounds = bounds_of(impl_->meshes);
   impl_->anchor = anchor.value_or(impl_->bounds.center());
-  impl_->tree = build_embree_tree(impl_->meshes, impl_->anchor);
 }
 
 Scene::~Scene() = default;
@@ -135,13 +164,16 @@ const geometry::Box3& Scene::bounds() const { return impl_->bounds; }
 const geometry::Vec3& Scene::anchor() const { return impl_->anchor; }
 std::size_t Scene::triangle_count() const { return impl_->triangle_count; }
 
+void Scene::prepare_rays() const { impl_->rays(); }
+void Scene::prepare_beams() const { impl_->beams(); }
+
 std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRayHit query{};
   query.ray = embree_ray(ray, impl_->anchor, max_distance_m);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(impl_->tree.scene.get(), &context, &query);
+  rtcIntersect1(impl_->rays(), &context, &query);
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
   const auto triangle = corners(impl_->meshes[query.hit.geomID].mesh, query.hit.primID);
   const double distance_m = plane_distance(ray, triangle, query.ray.tfar);
@@ -152,7 +184,7 @@ bool Scene::occluded(const Ray& ray, double max_distance_m) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRay query = embree_ray(ray, impl_->anchor, max_distance_m);
-  rtcOccluded1(impl_->tree.scene.get(), &context, &query);
+  rtcOccluded1(impl_->rays(), &context, &query);
   return query.tfar < 0.0F;
 }
 
@@ -160,14 +192,19 @@ void Scene::intersect(RayPacket8& packet) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  rtcIntersect8(kAllLanes, impl_->tree.scene.get(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+  rtcIntersect8(kAllLanes, impl_->rays(), &context, reinterpret_cast<RTCRayHit8*>(&packet));
+}
+
+void Scene::intersect(std::span<RayPacket8> beam) const {
+  if (impl_->beams().intersect(beam)) return;
+  for (RayPacket8& packet : beam) intersect(packet);
 }
 
 void Scene::occlude(RayPacket8& packet) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  rtcOccluded8(kAllLanes, impl_->tree.scene.get(), &context, reinterpret_cast<RTCRay8*>(&packet));
+  rtcOccluded8(kAllLanes, impl_->rays(), &context, reinterpret_cast<RTCRay8*>(&packet));
 }
 
 geometry::Vec3 Scene::position(const Hit& hit) const {

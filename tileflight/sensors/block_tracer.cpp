@@ -24,6 +24,29 @@ TILEFLIGHT_LANE_INLINE void rotate_row(const RayBlock& rays, int row, const Trac
   }
 }
 
+TILEFLIGHT_LANE_INLINE void fill_packet(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper,
+                                        const TracerPose& lower, RayPacket8& packet) {
+  packet.reset();
+  rotate_row(rays, 0, upper, packet);
+  rotate_row(rays, 1, lower, packet);
+  if (valid == 0xFF) return;
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    if ((valid >> i & 1) == 0) packet.switch_off(i);
+  }
+}
+
+TILEFLIGHT_LANE_INLINE void collect_blocks(const RayTable& table, int x, int y, TracedBeam& beam) {
+  const int right = std::min((x + TracedBeam::kColumns) / RayBlock::kColumns, table.block_columns());
+  const int bottom = std::min((y + TracedBeam::kRows) / RayBlock::kRows, table.block_rows());
+  beam.size = 0;
+  for (int row = y / RayBlock::kRows; row < bottom; ++row) {
+    for (int column = x / RayBlock::kColumns; column < right; ++column) {
+      const std::uint8_t valid = table.valid(column, row);
+      if (valid != 0) beam.blocks[beam.size++] = {column, row, valid};
+    }
+  }
+}
+
 /// The shading records of the hits; a material is null in lanes that hit nothing.
 struct LaneTextures {
   const Material* material[RayPacket8::kLanes];
@@ -41,7 +64,6 @@ TILEFLIGHT_LANE_INLINE LaneTextures textures_of(const RayPacket8& packet, const 
     lanes.material[i] = &appearance.material(packet.mesh[i]);
     if (lanes.material[i]->texture.pyramid == nullptr) continue;
     lanes.shade[i] = &appearance.shade(*lanes.material[i], packet.triangle[i]);
-    __builtin_prefetch(lanes.shade[i]);
   }
   return lanes;
 }
@@ -74,6 +96,13 @@ TILEFLIGHT_LANE_INLINE TextureRead read_of(const TriangleShade& shade, const Ray
           footprints.step_t[lane],
           static_cast<int>(footprints.probes[lane]),
           footprints.lod[lane]};
+}
+
+void fetch_records(const RayPacket8& packet, const Appearance& appearance) {
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    if (packet.mesh[i] == RayPacket8::kMiss) continue;
+    __builtin_prefetch(&appearance.shade(appearance.material(packet.mesh[i]), packet.triangle[i]));
+  }
 }
 
 /// glTF vertex colours at the hit: linear, interpolated over the triangle.
@@ -109,37 +138,52 @@ BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance
   background_squares_[3] = 0.0F;
 }
 
-TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper,
-                                               const TracerPose& lower, RayPacket8& packet) const {
-  packet.reset();
-  rotate_row(rays, 0, upper, packet);
-  rotate_row(rays, 1, lower, packet);
-  if (valid != 0xFF) {
-    for (int i = 0; i < RayPacket8::kLanes; ++i) {
-      if ((valid >> i & 1) == 0) packet.switch_off(i);
-    }
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayTable& table, int x, int y, const RowPoses& poses,
+                                               TracedBeam& beam) const {
+  collect_blocks(table, x, y, beam);
+  const int n = table.samples_along_axis();
+  for (int k = 0; k < beam.size; ++k) {
+    const TracedBeam::Block& block = beam.blocks[k];
+    const int row = block.row * RayBlock::kRows;
+    fill_packet(table.block(block.column, block.row), block.valid, poses.of(row / n), poses.of((row + 1) / n),
+                beam.packets[k]);
   }
-  scene_.intersect(packet);
+  const std::span packets(beam.packets.data(), static_cast<std::size_t>(beam.size));
+  if (poses.is_one() && !packets.empty()) return scene_.intersect(packets);
+  for (RayPacket8& packet : packets) scene_.intersect(packet);
 }
 
-TILEFLIGHT_WIDE_VECTORS void BlockTracer::shade(std::uint8_t valid, TracedBlock& block) const {
-  const RayPacket8& packet = block.packet;
-  const LaneTextures textures = textures_of(packet, appearance_);
-  const Footprints footprints = footprints_of(packet, gathered(textures));
-  for (std::size_t i = 0; i < block.squares.size(); ++i) {
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::find_texels(TracedBeam& beam) const {
+  const auto size = static_cast<std::size_t>(beam.size);
+  for (std::size_t k = 0; k < size; ++k) fetch_records(beam.packets[k], appearance_);
+  for (std::size_t k = 0; k < size; ++k) {
+    const RayPacket8& packet = beam.packets[k];
+    const LaneTextures textures = textures_of(packet, appearance_);
+    const Footprints footprints = footprints_of(packet, gathered(textures));
+    BlockReads& reads = beam.reads[k];
+    for (std::size_t i = 0; i < reads.material.size(); ++i) {
+      reads.material[i] = textures.material[i];
+      if (textures.shade[i] == &kNoTexture) continue;
+      reads.read[i] = read_of(*textures.shade[i], packet, footprints, static_cast<int>(i));
+      fetch_texels(textures.material[i]->texture, reads.read[i]);
+    }
+  }
+}
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::shade(std::uint8_t valid, const RayPacket8& packet, const BlockReads& reads,
+                                                BlockSquares& shades) const {
+  for (std::size_t i = 0; i < shades.size(); ++i) {
     if ((valid >> i & 1U) == 0) continue;
-    const Material* material = textures.material[i];
+    const Material* material = reads.material[i];
     if (material == nullptr) {
-      block.squares[i] = background_squares_;
+      shades[i] = background_squares_;
       continue;
     }
-    const auto lane = static_cast<int>(i);
     Float4 squares{};
-    if (material->texture.pyramid != nullptr) {
-      squares = sample_squares(material->texture, read_of(*textures.shade[i], packet, footprints, lane));
-    }
-    block.squares[i] = material->plain ? squares : tinted(*material, packet, lane, squares);
-    if (haze_per_m_ > 0.0F) block.squares[i] = hazy(block.squares[i], packet.far[lane]);
+    if (material->texture.pyramid != nullptr) squares = sample_squares(material->texture, reads.read[i]);
+    const auto lane = static_cast<int>(i);
+    shades[i] = material->plain ? squares : tinted(*material, packet, lane, squares);
+    if (haze_per_m_ > 0.0F) shades[i] = hazy(shades[i], packet.far[lane]);
   }
 }
 

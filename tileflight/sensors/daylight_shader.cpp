@@ -83,8 +83,8 @@ std::uint8_t hit_lanes(std::uint8_t valid, const RayPacket8& packet) {
 
 }  // namespace
 
-std::array<Light, 8> DaylightShader::light_of(std::uint8_t valid, const TracedBlock& block) const {
-  const RayPacket8& packet = block.packet;
+std::array<Light, 8> DaylightShader::light_of(std::uint8_t valid, const scene::RayPacket8& packet,
+                                              const BlockSquares& squares) const {
   const SrgbTables& srgb = SrgbTables::get();
   const Facets facets = facets_of(packet, daylight_->toward_sun());
   const std::uint8_t hits = hit_lanes(valid, packet);
@@ -101,7 +101,7 @@ std::array<Light, 8> DaylightShader::light_of(std::uint8_t valid, const TracedBl
     const float sun = (lit >> i & 1U) != 0 ? facets.sun_cosine[i] : 0.0F;
     for (int c = 0; c < 3; ++c) {
       const auto channel = static_cast<std::size_t>(c);
-      const float albedo = srgb.decode(std::sqrt(block.squares[i][c]));
+      const float albedo = srgb.decode(std::sqrt(squares[i][c]));
       light[channel] = albedo * (light[channel] + sun * daylight_->sunlight()[channel]);
     }
     result[i] = haze_.per_m > 0.0 ? in_air(light, direction, packet.far[i]) : light;

@@ -28,7 +28,7 @@ class DaylightShader {
       : scene_(scene), daylight_(std::move(light)), haze_(haze) {}
 
   /// Linear light of the valid lanes of a block that was cast and shaded without haze; it may exceed 1.
-  std::array<Light, 8> light_of(std::uint8_t valid, const TracedBlock& block) const;
+  std::array<Light, 8> light_of(std::uint8_t valid, const scene::RayPacket8& packet, const BlockSquares& squares) const;
 
  private:
   Light in_air(const Light& light, const std::array<float, 3>& direction, float distance_m) const;

@@ -21,7 +21,7 @@
 namespace tileflight::sensors {
 namespace {
 
-constexpr int kTileWidth = 64;  // pixels; a multiple of a block's columns, as the height is of its rows
+constexpr int kTileWidth = 64;  // pixels; a multiple of a beam's columns, as the height is of its rows
 constexpr int kTileHeight = 32;
 
 int samples_along_axis(int samples_per_pixel) {
@@ -93,21 +93,23 @@ SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet
   return point;
 }
 
-/// Poses of the rows at one moment of the exposure.
-class RowPoses {
- public:
-  RowPoses(std::span<const geometry::SE3> T_local_camera, const geometry::Vec3& anchor, int height)
-      : last_row_(height - 1) {
-    for (const geometry::SE3& T : T_local_camera) poses_.emplace_back(T, anchor);
+/// Calls `work(x, y)` with the first sample of each beam of a tile, `n` x `n` samples a pixel.
+template <class Work>
+TILEFLIGHT_LANE_INLINE void for_each_beam(const Tile& tile, int n, const Work& work) {
+  for (int y = tile.y0 * n; y < tile.y1 * n; y += TracedBeam::kRows) {
+    for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
   }
-  const TracerPose& of(int row) const {
-    return poses_.size() == 1 ? poses_[0] : poses_[static_cast<std::size_t>(std::min(row, last_row_))];
-  }
+}
 
- private:
-  int last_row_;
-  std::vector<TracerPose> poses_;
-};
+/// Calls `work(lane, x, y)` with each valid sample of a block.
+template <class Work>
+TILEFLIGHT_LANE_INLINE void for_each_lane(const TracedBeam::Block& block, const Work& work) {
+  for (int i = 0; i < RayBlock::kLanes; ++i) {
+    if ((block.valid >> i & 1) == 0) continue;
+    work(i, block.column * RayBlock::kColumns + i % RayBlock::kColumns,
+         block.row * RayBlock::kRows + i / RayBlock::kColumns);
+  }
+}
 
 Haze haze_of(const RenderOptions& options) {
   Haze haze{options.haze_per_m, {}};
@@ -158,10 +160,9 @@ struct CameraRenderer::Impl {
   ViewCounts trace_central(const Tile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
                            imaging::FloatImage* depth_m) const;
   void visit_tile(const Tile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
-  TILEFLIGHT_LANE_INLINE void write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
-                                          imaging::RgbImage* rgb, imaging::FloatImage* depth_m,
-                                          const RayBlock& rays) const;
-  std::array<Light, 8> light_of(std::uint8_t valid, const TracedBlock& block) const;
+  TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                                          imaging::FloatImage& depth_m) const;
+  std::array<Light, 8> light_of(std::uint8_t valid, const scene::RayPacket8& packet, const BlockSquares& squares) const;
   void add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const;
   void scale_light(const Tile& tile, int moments, LightImage& sum) const;
   RenderedFrame render(std::span<const geometry::SE3> poses_of_rows) const;
@@ -196,70 +197,67 @@ imaging::FloatImage CameraRenderer::Impl::empty_depth() const {
 RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) const {
   const std::span<const geometry::SE3> all(poses.T_local_camera);
   const auto rows = static_cast<std::size_t>(poses.rows);
-  return {all.subspan(static_cast<std::size_t>(moment) * rows, rows), scene.anchor(), height()};
+  return {all.subspan(static_cast<std::size_t>(moment) * rows, rows), scene.anchor()};
 }
 
-void CameraRenderer::Impl::write_block(const TracedBlock& block, std::uint8_t valid, int x, int y,
-                                       imaging::RgbImage* rgb, imaging::FloatImage* depth_m,
-                                       const RayBlock& rays) const {
-  for (int i = 0; i < RayBlock::kLanes; ++i) {
-    if ((valid >> i & 1) == 0) continue;
-    const int column = x + i % RayBlock::kColumns;
-    const int row = y + i / RayBlock::kColumns;
-    if (rgb != nullptr) (*rgb)(column, row) = encoded(block.squares[static_cast<std::size_t>(i)]);
-    if (depth_m == nullptr) continue;
-    const bool hit = block.packet.mesh[i] != scene::RayPacket8::kMiss;
-    (*depth_m)(column, row) = hit ? block.packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
-  }
+void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                                       imaging::FloatImage& depth_m) const {
+  const RayBlock& rays = central.block(block.column, block.row);
+  for_each_lane(block, [&](int i, int x, int y) {
+    const bool hit = packet.mesh[i] != scene::RayPacket8::kMiss;
+    depth_m(x, y) = hit ? packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
+  });
 }
 
 TILEFLIGHT_WIDE_VECTORS ViewCounts CameraRenderer::Impl::trace_central(const Tile& tile, const RowPoses& poses,
                                                                        imaging::RgbImage* rgb,
                                                                        imaging::FloatImage* depth_m) const {
   ViewCounts counts;
-  TracedBlock block;
-  for (int y = tile.y0; y < tile.y1; y += RayBlock::kRows) {
-    for (int x = tile.x0; x < tile.x1; x += RayBlock::kColumns) {
-      const int column = x / RayBlock::kColumns;
-      const int row = y / RayBlock::kRows;
-      const std::uint8_t valid = central.valid(column, row);
-      if (valid == 0) continue;
-      const RayBlock& rays = central.block(column, row);
-      tracer.cast(rays, valid, poses.of(y), poses.of(y + 1), block.packet);
-      if (rgb != nullptr) tracer.shade(valid, block);
-      counts.add_lanes(block.packet, valid);
-      write_block(block, valid, x, y, rgb, depth_m, rays);
+  TracedBeam beam;
+  BlockSquares squares;
+  for_each_beam(tile, 1, [&](int x, int y) {
+    tracer.cast(central, x, y, poses, beam);
+    if (rgb != nullptr) tracer.find_texels(beam);
+    for (int k = 0; k < beam.size; ++k) {
+      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+      const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+      counts.add_lanes(packet, block.valid);
+      if (depth_m != nullptr) write_depth(block, packet, *depth_m);
+      if (rgb == nullptr) continue;
+      tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+      for_each_lane(block, [&](int i, int column, int row) {
+        (*rgb)(column, row) = encoded(squares[static_cast<std::size_t>(i)]);
+      });
     }
-  }
+  });
   return counts;
 }
 
 void CameraRenderer::Impl::visit_tile(const Tile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const {
-  scene::RayPacket8 packet;
-  for (int y = tile.y0; y < tile.y1; y += RayBlock::kRows) {
-    for (int x = tile.x0; x < tile.x1; x += RayBlock::kColumns) {
-      const std::uint8_t valid = central.valid(x / RayBlock::kColumns, y / RayBlock::kRows);
-      if (valid == 0) continue;
-      const RayBlock& rays = central.block(x / RayBlock::kColumns, y / RayBlock::kRows);
-      tracer.cast(rays, valid, poses.of(y), poses.of(y + 1), packet);
-      for (int i = 0; i < RayBlock::kLanes; ++i) {
-        if ((valid >> i & 1) == 0) continue;
-        SurfacePoint point = surface_point(rays, packet, i);
-        point.x = x + i % RayBlock::kColumns;
-        point.y = y + i / RayBlock::kColumns;
+  TracedBeam beam;
+  for_each_beam(tile, 1, [&](int x0, int y0) {
+    tracer.cast(central, x0, y0, poses, beam);
+    for (int k = 0; k < beam.size; ++k) {
+      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+      for_each_lane(block, [&](int i, int x, int y) {
+        SurfacePoint point =
+            surface_point(central.block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
+        point.x = x;
+        point.y = y;
         visitor(point);
-      }
+      });
     }
-  }
+  });
 }
 
-std::array<Light, 8> CameraRenderer::Impl::light_of(std::uint8_t valid, const TracedBlock& block) const {
-  if (shader) return shader->light_of(valid, block);
+std::array<Light, 8> CameraRenderer::Impl::light_of(std::uint8_t valid, const scene::RayPacket8& packet,
+                                                    const BlockSquares& squares) const {
+  if (shader) return shader->light_of(valid, packet, squares);
   const SrgbTables& srgb = SrgbTables::get();
   std::array<Light, 8> lanes{};
   for (std::size_t i = 0; i < lanes.size(); ++i) {
     if ((valid >> i & 1U) == 0) continue;
-    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(std::sqrt(block.squares[i][c]));
+    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(std::sqrt(squares[i][c]));
   }
   return lanes;
 }
@@ -267,23 +265,22 @@ std::array<Light, 8> CameraRenderer::Impl::light_of(std::uint8_t valid, const Tr
 void CameraRenderer::Impl::add_light(const Tile& tile, const RowPoses& poses, LightImage& sum) const {
   const RayTable& table = samples ? *samples : central;
   const int n = table.samples_along_axis();
-  TracedBlock block;
-  for (int y = tile.y0 * n; y < tile.y1 * n; y += RayBlock::kRows) {
-    for (int x = tile.x0 * n; x < tile.x1 * n; x += RayBlock::kColumns) {
-      const int column = x / RayBlock::kColumns;
-      const int row = y / RayBlock::kRows;
-      const std::uint8_t valid = table.valid(column, row);
-      if (valid == 0) continue;
-      tracer.cast(table.block(column, row), valid, poses.of(y / n), poses.of((y + 1) / n), block.packet);
-      tracer.shade(valid, block);
-      const std::array<Light, 8> lanes = light_of(valid, block);
-      for (int i = 0; i < RayBlock::kLanes; ++i) {
-        if ((valid >> i & 1) == 0) continue;
-        Light& light = sum((x + i % RayBlock::kColumns) / n, (y + i / RayBlock::kColumns) / n);
+  TracedBeam beam;
+  BlockSquares squares;
+  for_each_beam(tile, n, [&](int x0, int y0) {
+    tracer.cast(table, x0, y0, poses, beam);
+    tracer.find_texels(beam);
+    for (int k = 0; k < beam.size; ++k) {
+      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+      const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+      tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+      const std::array<Light, 8> lanes = light_of(block.valid, packet, squares);
+      for_each_lane(block, [&](int i, int x, int y) {
+        Light& light = sum(x / n, y / n);
         for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
-      }
+      });
     }
-  }
+  });
 }
 
 void CameraRenderer::Impl::scale_light(const Tile& tile, int moments, LightImage& sum) const {
@@ -296,7 +293,8 @@ void CameraRenderer::Impl::scale_light(const Tile& tile, int moments, LightImage
 }
 
 RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows) const {
-  const RowPoses poses(poses_of_rows, scene.anchor(), height());
+  const RowPoses poses(poses_of_rows, scene.anchor());
+  tracer.prepare(poses);
   RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
   frame.view = for_each_tile([&](const Tile& tile) { return trace_central(tile, poses, &frame.rgb, depth_m); });
@@ -307,6 +305,7 @@ LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter) const
   LightFrame frame{LightImage(width(), height()), empty_depth(), {}};
   std::vector<RowPoses> moments;
   for (int k = 0; k < shutter.times; ++k) moments.push_back(rows_at(shutter, k));
+  tracer.prepare(moments.front());
   const RowPoses& middle = moments[static_cast<std::size_t>(shutter.times / 2)];
   imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
   frame.view = for_each_tile([&](const Tile& tile) {
@@ -358,7 +357,8 @@ LightFrame CameraRenderer::render_light(const ShutterPoses& poses) const {
 void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row,
                                    const SurfaceVisitor& visitor) const {
   require_a_pose_a_row(T_local_camera_of_row.size(), impl_->height());
-  const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor(), impl_->height());
+  const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor());
+  impl_->tracer.prepare(poses);
   tbb::parallel_for(0, impl_->tile_count(), [&](int i) { impl_->visit_tile(impl_->tile(i), poses, visitor); });
 }
 

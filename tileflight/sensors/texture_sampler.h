@@ -140,6 +140,20 @@ TILEFLIGHT_LANE_INLINE Float4 probes_at_level(const Texture& texture, int level,
 
 }  // namespace sampling
 
+/// Asks for the texels in the middle of what `read` asks for.
+TILEFLIGHT_LANE_INLINE void fetch_texels(const Texture& texture, const TextureRead& read) {
+  const float s = sampling::wrapped(read.s, texture.wrap_s), t = sampling::wrapped(read.t, texture.wrap_t);
+  const int level = static_cast<int>(read.lod);
+  for (int i = 0; i < 2; ++i) {
+    const MipLevel& mip = texture.pyramid->level(std::min(level + i, texture.pyramid->levels() - 1));
+    const auto x = static_cast<std::ptrdiff_t>(s * static_cast<float>(mip.width) - 0.5F);
+    const auto y = static_cast<std::ptrdiff_t>(t * static_cast<float>(mip.height) - 0.5F);
+    const std::uint8_t* texel = mip.texels + 3 * (y * mip.width + x);
+    __builtin_prefetch(texel);
+    __builtin_prefetch(texel + 3 * static_cast<std::ptrdiff_t>(mip.width));
+  }
+}
+
 /// Mean of the squared texture values (0..255 squared) that `read` asks for.
 TILEFLIGHT_LANE_INLINE Float4 sample_squares(const Texture& texture, TextureRead read) {
   read.s = sampling::wrapped(read.s, texture.wrap_s);

@@ -66,6 +66,8 @@ Place::Place(std::vector<PlacedTile> tiles, const geometry::Vec3& anchor, Loaded
       objects_(scene_),
       object_bounds_(bounds_of(scene_, objects_)),
       loaded_(std::move(loaded)) {
+  scene_.prepare_rays();
+  scene_.prepare_beams();
   if (tiles_.empty()) tiles_.push_back({});
   tile_of_mesh_.resize(scene_.meshes().size(), 0);
   for (std::size_t tile = 0; tile + 1 < first_mesh_.size(); ++tile) {
