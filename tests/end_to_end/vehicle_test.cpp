@@ -52,7 +52,20 @@ vehicle: {wind_m_s: [4, 0, 0], turbulence: light, collision: stop}
   EXPECT_LT(told["tracking"]["rms_m"], 0.4);
   EXPECT_GT(told["tracking"]["max_m"], 0.001);
   ASSERT_EQ(told["tracking"]["waypoints_m"].size(), 2U);
+  EXPECT_THAT(result.out, testing::Not(testing::HasSubstr("off its plan")));
   EXPECT_LT((truth().poses.front().T_local_camera.translation - Vec3(-20, -10, 115)).norm(), 0.3);
+}
+
+TEST_F(VehicleFlights, AWindThatIsTooStrongForItIsTold) {
+  const ProgramResult result = render(R"(fps: 2
+waypoints:
+  - {position: [-10, -10, 115], pitch_deg: -50}
+  - {position: [0, 0, 118], pitch_deg: -60}
+vehicle: {wind_m_s: [60, 0, 0]}
+)");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, testing::HasSubstr("m off its plan"));
+  EXPECT_GT(vehicle()["tracking"]["max_m"], 5.0);
 }
 
 TEST_F(VehicleFlights, AMissionIntoTheGroundEndsWhereItTouches) {

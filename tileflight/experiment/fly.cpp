@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <iterator>
 
 #include "tileflight/experiment/dataset_film.h"
@@ -20,6 +21,9 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
+
+/// From the plan: a vehicle that keeps to its path at all is within a metre in severe turbulence (docs/vehicles.md).
+constexpr double kFarOff_m = 5.0;
 
 Mission plan_mission(const RenderSettings& settings, const Progress& progress) {
   const RenderFlight& flight = settings.flight;
@@ -143,15 +147,24 @@ Rendered render_kept(const Mission& mission, const RenderSettings& settings, con
   return rendered;
 }
 
+/// `vehicle`: what vehicle.json says.
+void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warnings) {
+  if (vehicle["outcome"] != "finished") {
+    warnings.push_back("the vehicle did not finish: " + vehicle["outcome"].get<std::string>() + " (vehicle.json)");
+  }
+  const double most_m = vehicle.contains("tracking") ? vehicle["tracking"]["max_m"].get<double>() : 0.0;
+  if (most_m > kFarOff_m && vehicle["collisions"] == 0) {
+    warnings.push_back("the vehicle was up to " + std::to_string(std::lround(most_m)) +
+                       " m off its plan: too much wind or too fast a plan for it (tracking in vehicle.json)");
+  }
+}
+
 std::vector<std::string> warnings_of(const Mission& mission, const Rendered& rendered) {
   std::vector<std::optional<sensors::FrameCheck>> checks;
   for (const KeptFrame& frame : rendered.frames) checks.emplace_back(frame.check);
   std::vector<std::string> warnings = sensors::flight_warnings(checks, 0, mission.options.clearance_m);
   warnings.insert(warnings.end(), rendered.filmed.tiles.warnings.begin(), rendered.filmed.tiles.warnings.end());
-  if (!mission.vehicle.is_null() && mission.vehicle["outcome"] != "finished") {
-    warnings.push_back("the vehicle did not finish: " + mission.vehicle["outcome"].get<std::string>() +
-                       " (vehicle.json)");
-  }
+  if (!mission.vehicle.is_null()) add_vehicle_warnings(mission.vehicle, warnings);
   return warnings;
 }
 

@@ -39,7 +39,7 @@ struct ReleaseBvh {
 /// close together, as a block of a camera's pixels does. The tree is walked once for all of them with the pyramid that
 /// holds them, and each triangle that is met is tested against eight rays at a time by its three edge functions
 /// (Davidovic et al. 2012, "3D Rasterization: A Bridge between Rasterization and Ray Casting"). Embree's builder
-/// (surface area heuristic) makes the splits; answers do not depend on them.
+/// (surface area heuristic) makes the splits.
 class BeamTree {
  public:
   /// Throws std::runtime_error when there is no memory for it. Nothing of `meshes` is kept.

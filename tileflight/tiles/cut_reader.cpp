@@ -148,7 +148,7 @@ class CutReader {
 }  // namespace
 
 std::uintmax_t memory_bytes(const TexturedMesh& mesh) {
-  constexpr std::uintmax_t kTreeBytes = 90;  // of Embree for a triangle, its own copy of the vertices included
+  constexpr std::uintmax_t kTreeBytes = 180;  // of both of a scene's trees for a triangle, with their own corners
   return mesh.mesh.vertices.size() * sizeof(geometry::Vec3) + mesh.uv.size() * sizeof(mesh.uv[0]) +
          mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]) +
          mesh.mesh.triangles.size() * (sizeof(mesh.mesh.triangles[0]) + kTreeBytes);

@@ -22,7 +22,7 @@ struct ReadContent {
   std::int64_t bytes = 0;  ///< of its file, as it is fetched
 };
 
-/// What a mesh takes, and the tree that rays through it need, without its texture.
+/// What a mesh takes, and the trees that rays through it need, without its texture.
 std::uintmax_t memory_bytes(const imaging::TexturedMesh& mesh);
 
 /// Reads the contents of a cut, each file once, in parallel; what comes back stands in the cut's order whatever the

@@ -56,7 +56,7 @@ struct LoadOptions {
   std::optional<FlightNeed> flight;
   /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
   bool allow_incomplete = false;
-  /// Of what is read, with the tree that rays need (memory_bytes of cut_reader.h). What needs more is a MemoryExceeded,
+  /// Of what is read, with the trees that rays need (memory_bytes of cut_reader.h). What needs more is a MemoryExceeded,
   /// told before it is all there.
   std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max();
   /// Read textures (off for ground truth only).
