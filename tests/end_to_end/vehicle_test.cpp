@@ -61,7 +61,7 @@ TEST_F(VehicleFlights, AWindThatIsTooStrongForItIsTold) {
 waypoints:
   - {position: [-10, -10, 115], pitch_deg: -50}
   - {position: [0, 0, 118], pitch_deg: -60}
-vehicle: {wind_m_s: [60, 0, 0]}
+vehicle: {wind_m_s: [28, 0, 0]}
 )");
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, testing::HasSubstr("m off its plan"));

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <tbb/global_control.h>
@@ -173,6 +174,20 @@ TEST(Video, SameFramesSameBytes) {
   write_video(folder / "b.mp4", 12);
   EXPECT_EQ(geometry::read_bytes(folder / "a.mp4"), geometry::read_bytes(folder / "b.mp4"));
   EXPECT_EQ(read_all(folder / "a.mp4").images.back().pixels, read_all(folder / "b.mp4").images.back().pixels);
+}
+
+TEST(Video, SameBytesWhateverLayInTheMemory) {
+  const TemporaryFolder folder;
+  const auto bytes_on = [&](int filling) {
+    mallopt(M_PERTURB, filling);
+    VideoWriter writer(folder / "a.mp4", 320, 240, {8.0, {.megabits_per_s = 0.5}});
+    for (int i = 0; i < 11; ++i) writer.add(grainy_picture(320, 240, i));
+    writer.finish();
+    mallopt(M_PERTURB, 0);
+    return geometry::read_bytes(folder / "a.mp4");
+  };
+  const auto reference = bytes_on(0);
+  for (const int filling : {1, 85, 170}) EXPECT_TRUE(bytes_on(filling) == reference) << filling;
 }
 
 TEST(Video, ExcerptByTimeAndStep) {

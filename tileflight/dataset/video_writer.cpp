@@ -79,7 +79,12 @@ void VideoWriter::Impl::open_encoder(int width, int height, const VideoOptions& 
 }
 
 void VideoWriter::Impl::set_rate(AVCodecID id, const VideoRate& rate) {
-  if (id == AV_CODEC_ID_H264) av_opt_set(codec->priv_data, "preset", "veryfast", 0);
+  if (id == AV_CODEC_ID_H264) {
+    av_opt_set(codec->priv_data, "preset", "veryfast", 0);
+    // Else x264 takes other ways on other processors, and its AVX-512 ones (of rate control by macroblock tree) depend
+    // on what lay in the memory before.
+    av_opt_set(codec->priv_data, "x264-params", "cpu-independent=1", 0);
+  }
   if (rate.megabits_per_s > 0.0) {
     codec->bit_rate = std::llround(1e6 * rate.megabits_per_s);
   } else if (id == AV_CODEC_ID_H264) {
