@@ -12,7 +12,7 @@
 //   nearness        1 / z of the hit, which is r . n / (n . a) with the normal n = (b - a) x (c - a).
 //
 // The nearest triangle is the one of the greatest nearness; among equals the first by mesh and number. So what a ray
-// meets depends neither on the tree nor on the order in which it is walked.
+// meets does not depend on the order in which the tree is walked.
 #include <algorithm>
 #include <array>
 #include <bit>

@@ -10,25 +10,17 @@
 
 #include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
+#include "tileflight/scene/test_shapes.h"
 
 namespace tileflight::scene {
 namespace {
 
 using geometry::Vec3;
 using imaging::TexturedMesh;
+using test_shapes::uniform;
+using test_shapes::uniform_vector;
 
 constexpr int kSide = 8;  // rays
-
-double uniform(std::mt19937_64& random, double low, double high) {
-  return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
-}
-
-Vec3 uniform_vector(std::mt19937_64& random, double half) {
-  const double x = uniform(random, -half, half);
-  const double y = uniform(random, -half, half);
-  const double z = uniform(random, -half, half);
-  return {x, y, z};
-}
 
 /// 8 x 8 rays from one point, as packets of 4 x 2.
 struct Beam {
@@ -85,23 +77,8 @@ TexturedMesh soup(std::mt19937_64& random, int count, const Vec3& center, double
 
 /// Rolling ground of shared vertices.
 TexturedMesh ground(int cells, double size_m, const Vec3& center) {
-  TexturedMesh field;
-  const auto columns = static_cast<std::uint32_t>(cells + 1);
-  for (int j = 0; j <= cells; ++j) {
-    for (int i = 0; i <= cells; ++i) {
-      const double x = size_m * (static_cast<double>(i) / cells - 0.5);
-      const double y = size_m * (static_cast<double>(j) / cells - 0.5);
-      field.mesh.vertices.push_back(center + Vec3(x, y, 3.0 * std::sin(0.3 * x) * std::cos(0.2 * y)));
-    }
-  }
-  for (std::uint32_t j = 0; j + 1 < columns; ++j) {
-    for (std::uint32_t i = 0; i + 1 < columns; ++i) {
-      const std::uint32_t a = j * columns + i;
-      field.mesh.triangles.push_back({a, a + 1, a + columns});
-      field.mesh.triangles.push_back({a + 1, a + columns + 1, a + columns});
-    }
-  }
-  return field;
+  return test_shapes::height_field(cells, size_m, center,
+                                   [](double x, double y) { return 3.0 * std::sin(0.3 * x) * std::cos(0.2 * y); });
 }
 
 struct Met {
