@@ -5,11 +5,15 @@
 
 #include "command.h"
 #include "map_options.h"
+#include "number_text.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::app {
 namespace {
+
+using nlohmann::literals::operator""_json_pointer;
 
 struct Options {
   MapOptions map;
@@ -55,6 +59,13 @@ alignment::AlignMapOptions align_options(const Options& options) {
   return align;
 }
 
+std::string notes_of(const nlohmann::json& transform) {
+  const std::string note = transform.value("note", "");
+  const std::string to_surface = transform.value("/to_surface/note"_json_pointer, "");
+  return (note.empty() ? "" : "note: " + note + "\n") +
+         (to_surface.empty() || to_surface == note ? "" : "note: to the surface: " + to_surface + "\n");
+}
+
 }  // namespace
 
 void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -84,12 +95,16 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
+      std::vector<std::filesystem::path> inputs = files_named(options->map);
+      inputs.insert(inputs.end(), {options->target, options->start});
+      geometry::require_no_input(options->out, inputs);
       const nlohmann::json t =
           experiment::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress);
       std::ostringstream text;
-      text << options->out << ": " << t["method"].get<std::string>() << ", scale " << t["scale"] << ", RMSE "
-           << t["rmse"] << " m over " << t["fitness"] << " of the points, " << t["iterations"] << " iterations"
-           << (t["converged"].get<bool>() ? "" : ", NOT CONVERGED") << "\n";
+      text << options->out << ": " << t["method"].get<std::string>() << ", scale " << rounded(t["scale"], 6)
+           << ", RMSE " << rounded(t["rmse"]) << " m over " << percent_text(t["fitness"]) << " of the points, "
+           << t["iterations"] << " iterations" << (t["converged"].get<bool>() ? "" : ", NOT CONVERGED") << "\n";
+      text << notes_of(t);
       return {t, text.str()};
     };
   });

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "tileflight/experiment/stage_cache.h"
 #include "tileflight/geometry/progress.h"
 
 namespace tileflight::app {
@@ -17,6 +18,8 @@ struct CommonOptions {
   bool quiet = false;  ///< nothing on stdout, no progress
   bool force = false;  ///< replace what is at the output's place
   int threads = 0;     ///< 0: one a core
+  /// Told of the stages of a run; set by main.
+  experiment::StageListener stages = {};
 };
 
 /// What a command leaves to print: for programs (null: it has printed by itself) and for people.
@@ -31,6 +34,7 @@ struct FailedElsewhere : std::exception {};
 /// The command that was asked for, bound to its options; filled by the parser.
 struct Selection {
   std::function<Output(const CommonOptions&, const Progress&)> run;
+  bool is_server = false;  ///< it ends when it is told to: how long its work took is not said
 };
 
 /// Adds the options that every command has.

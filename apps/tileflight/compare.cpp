@@ -1,6 +1,7 @@
 #include <sstream>
 
 #include "command.h"
+#include "number_text.h"
 #include "tileflight/experiment/compare_maps.h"
 
 namespace tileflight::app {
@@ -20,10 +21,10 @@ struct Options {
 std::string line_of(const json& pair) {
   std::ostringstream text;
   text << pair["first"].get<std::string>() << " - " << pair["second"].get<std::string>() << ": mean difference "
-       << pair["mean_difference"] << " m, 95 % interval " << pair["mean_difference_ci95"] << " m by "
-       << pair["unit"].get<std::string>() << ": " << pair["verdict"].get<std::string>() << "\n  Kolmogorov-Smirnov "
-       << pair["ks_statistic"] << ", Wasserstein " << pair["wasserstein_m"] << " m, ratio of points "
-       << pair["points_ratio"] << "\n";
+       << rounded(pair["mean_difference"]) << " m, 95 % interval " << rounded_list(pair["mean_difference_ci95"])
+       << " m by " << pair["unit"].get<std::string>() << ": " << pair["verdict"].get<std::string>()
+       << "\n  Kolmogorov-Smirnov " << rounded(pair["ks_statistic"]) << ", Wasserstein "
+       << rounded(pair["wasserstein_m"]) << " m, ratio of points " << rounded(pair["points_ratio"]) << "\n";
   return text.str();
 }
 
@@ -32,8 +33,8 @@ Output compare(const Options& options) {
   std::ostringstream text;
   for (const json& map : result["maps"]) {
     text << map["name"].get<std::string>() << ": " << map["correspondences"] << " of " << map["points"]
-         << " points kept, mean " << map["mean_m"] << " m, std " << map["std_m"] << " m, to the surface: median "
-         << map["surface_median_m"] << " m\n";
+         << " points kept, mean " << rounded(map["mean_m"]) << " m, std " << rounded(map["std_m"])
+         << " m, to the surface: median " << rounded(map["surface_median_m"]) << " m\n";
   }
   for (const json& pair : result["pairs"]) text << line_of(pair);
   return {result, text.str()};
@@ -43,10 +44,11 @@ Output rank(const Options& options) {
   const json result = experiment::compare_ranking(options.maps, options.by, options.seed);
   std::ostringstream text;
   for (const json& item : result["list"]) {
-    text << item["name"].get<std::string>() << ": simulated " << item["simulated"] << ", real " << item["real"] << "\n";
+    text << item["name"].get<std::string>() << ": simulated " << rounded(item["simulated"]) << ", real "
+         << rounded(item["real"]) << "\n";
   }
-  text << "Kendall's tau-b " << result["tau_b"] << ", 95 % interval " << result["ci95"] << " ("
-       << result["interval"].get<std::string>() << "), p " << result["p_value"] << "\n";
+  text << "Kendall's tau-b " << rounded(result["tau_b"]) << ", 95 % interval " << rounded_list(result["ci95"]) << " ("
+       << result["interval"].get<std::string>() << "), p " << rounded(result["p_value"]) << "\n";
   return {result, text.str()};
 }
 

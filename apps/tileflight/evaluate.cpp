@@ -2,8 +2,20 @@
 
 #include "command.h"
 #include "map_options.h"
+#include "number_text.h"
+#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::app {
+namespace {
+
+/// metrics.json and what is written beside it.
+void require_no_input(const std::filesystem::path& metrics_json, const std::vector<std::filesystem::path>& inputs) {
+  for (const std::filesystem::path& file :
+       {metrics_json, metrics_json.parent_path() / "errors.ply", experiment::seen_file(metrics_json)})
+    geometry::require_no_input(file, inputs);
+}
+
+}  // namespace
 
 void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
@@ -26,19 +38,23 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
+      std::vector<std::filesystem::path> inputs = files_named(options->map);
+      inputs.insert(inputs.end(), {options->truth, options->transform});
+      require_no_input(options->out, inputs);
       const nlohmann::json m = experiment::evaluate(map_inputs(options->map), options->truth, options->transform,
                                                     options->settings, options->out, progress);
       std::ostringstream text;
       text << options->out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
-           << m["map"]["cutoff"] << " m of a voxel centre, mean " << m["map"]["mean"] << " m, std " << m["map"]["std"]
-           << " m (floor " << m["map"]["quantization_floor"]["mean"] << "); ";
+           << rounded(m["map"]["cutoff"]) << " m of a voxel centre, mean " << rounded(m["map"]["mean"]) << " m, std "
+           << rounded(m["map"]["std"]) << " m (floor " << rounded(m["map"]["quantization_floor"]["mean"]) << "); ";
       if (m["surface"].is_null()) {
         text << "the truth is of points alone and has no surface to measure to\n";
       } else {
-        text << "to the surface: median " << m["surface"]["median"] << " m\n";
+        text << "to the surface: median " << rounded(m["surface"]["median"]) << " m\n";
       }
       if (!m["trajectory"].is_null())
-        text << "ATE RMSE " << m["trajectory"]["ate_rmse"] << " m over " << m["trajectory"]["path_length"] << " m\n";
+        text << "ATE RMSE " << rounded(m["trajectory"]["ate_rmse"]) << " m over "
+             << rounded(m["trajectory"]["path_length"]) << " m\n";
       return {m, text.str()};
     };
   });

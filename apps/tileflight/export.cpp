@@ -3,6 +3,7 @@
 #include "command.h"
 #include "tileflight/dataset/export_dataset.h"
 #include "tileflight/dataset/mcap_export.h"
+#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::app {
 namespace {
@@ -15,9 +16,10 @@ std::vector<std::string> layouts() {
   return names;
 }
 
-Output exported_folder(const dataset::Dataset& source, const std::string& layout, const std::string& out, bool replace,
-                       const Progress& progress) {
-  const dataset::ExportResult result = dataset::export_dataset(source, layout, out, replace, progress);
+Output exported_folder(const dataset::Dataset& source, const dataset::CameraChoice& camera, const std::string& layout,
+                       const std::string& out, bool replace, const Progress& progress) {
+  const dataset::ExportResult result =
+      dataset::export_dataset(source, layout, out, replace, progress, {camera.calibration});
   std::ostringstream text;
   text << out << ": " << result.frames << " frames\n";
   for (const std::string& note : result.notes) text << "note: " << note << "\n";
@@ -55,8 +57,10 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       const dataset::Dataset source = dataset::read_dataset(options->dataset, options->camera);
-      return options->layout == kMcap ? exported_mcap(source, options->out, shared.force, progress)
-                                      : exported_folder(source, options->layout, options->out, shared.force, progress);
+      if (options->layout != kMcap)
+        return exported_folder(source, options->camera, options->layout, options->out, shared.force, progress);
+      geometry::require_no_input(options->out, {options->dataset, options->camera.calibration});
+      return exported_mcap(source, options->out, shared.force, progress);
     };
   });
 }

@@ -52,6 +52,7 @@ json to_json(const tiles::TilesetSummary& s) {
           {"center", center_json(s)},
           {"bounds", {{"min", corner(s.bounds_local.min())}, {"max", corner(s.bounds_local.max())}}},
           {"attribution", s.attribution},
+          {"attribution_of_contents", s.contents_read},
           {"failures", s.failures},
           {"warnings", s.warnings}};
 }
@@ -89,7 +90,8 @@ std::string summary(const tiles::TilesetSummary& s) {
          << s.levels[i].geometric_error_min_m << " to " << s.levels[i].geometric_error_max_m << " m\n";
   }
   text << "extensions required: " << list(s.extensions_required)
-       << "; not supported: " << list(s.extensions_unsupported) << "\nattribution: " << list(s.attribution) << "\n";
+       << "; not supported: " << list(s.extensions_unsupported) << "\nattribution: " << list(s.attribution) << " ("
+       << s.contents_read << " of " << s.content_files << " tile files read)\n";
   for (const std::string& failure : s.failures) text << "broken: " << failure << "\n";
   for (const std::string& warning : s.warnings) text << "note: " << warning << "\n";
   return text.str();

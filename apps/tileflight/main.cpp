@@ -6,11 +6,14 @@
 #include <exception>
 #include <iostream>
 #include <new>
+#include <string>
+#include <vector>
 
 #include "command.h"
 #include "mpi_ranks.h"
 #include "terminal_progress.h"
 #include "tileflight/experiment/version.h"
+#include "usage_fault.h"
 
 namespace {
 
@@ -54,17 +57,35 @@ void print_output(const CommonOptions& common, const Output& output) {
   if (!std::cout.flush()) throw std::runtime_error("cannot write to standard output");
 }
 
-int run_selected(const CommonOptions& common, const Selection& selection) {
+using tileflight::app::TerminalProgress;
+
+TerminalProgress::Form progress_form(const CommonOptions& common, const Selection& selection) {
+  const TerminalProgress::Form form = TerminalProgress::form_of_stderr();
+  const bool is_silent = common.quiet || (selection.is_server && form == TerminalProgress::Form::kLines);
+  return is_silent ? TerminalProgress::Form::kSilent : form;
+}
+
+tileflight::experiment::StageListener told_to(TerminalProgress& terminal) {
+  using What = tileflight::experiment::StageNews::What;
+  return [&terminal](const tileflight::experiment::StageNews& news) {
+    if (news.what == What::kBegins) terminal.begin_stage(news.stage);
+    if (news.what == What::kDone) terminal.end_stage(news.stage, news.seconds);
+    if (news.what == What::kUnchanged) terminal.stage_is_unchanged(news.stage);
+  };
+}
+
+int run_selected(CommonOptions& common, const Selection& selection) {
   const std::size_t threads =
       common.threads > 0 ? static_cast<std::size_t>(common.threads) : tileflight::app::threads_by_default();
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-  tileflight::app::TerminalProgress terminal(!common.quiet);
+  TerminalProgress terminal(progress_form(common, selection), stderr);
+  common.stages = told_to(terminal);
   const tileflight::Progress progress = [&terminal](std::int64_t done, std::int64_t total, std::string_view what) {
     terminal.update(done, total, what);
   };
   try {
     const Output output = selection.run(common, progress);
-    terminal.clear();
+    terminal.finish();
     print_output(common, output);
     return 0;
   } catch (const tileflight::app::FailedElsewhere&) {
@@ -77,6 +98,13 @@ int run_selected(const CommonOptions& common, const Selection& selection) {
     print_error(fault.what());
   }
   return 1;
+}
+
+/// Exit code 0 for --help and --version.
+int end_of_parsing(const CLI::App& app, const CLI::ParseError& fault, const std::vector<std::string>& arguments) {
+  if (fault.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(fault);
+  print_error(tileflight::app::usage_fault(app, arguments, fault.what()));
+  return 2;
 }
 
 }  // namespace
@@ -96,7 +124,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& fault) {
-    return app.exit(fault) == 0 ? 0 : 2;
+    return end_of_parsing(app, fault, {argv + 1, argv + argc});
   }
   return run_selected(common, selection);
 }

@@ -1,5 +1,7 @@
 #include "map_options.h"
 
+#include "tileflight/geometry/folder_marker.h"
+
 namespace tileflight::app {
 
 void add_map_options(CLI::App& command, MapOptions& options) {
@@ -9,6 +11,18 @@ void add_map_options(CLI::App& command, MapOptions& options) {
   command.add_option("--trajectory", options.trajectory,
                      "estimated poses in the map's frame (TUM); default: those of the odometry folder");
   command.add_option("--truth-trajectory", options.truth_trajectory, "true poses in the local frame (TUM)");
+}
+
+std::vector<std::filesystem::path> files_named(const MapOptions& options) {
+  namespace fs = std::filesystem;
+  std::vector<fs::path> files{options.dataset, options.trajectory, options.truth_trajectory};
+  const fs::path map = options.map;
+  // Beside the map of another program, in a folder without a marker, there may be results of an earlier call.
+  const bool is_other = fs::is_directory(map) && !geometry::read_folder_marker(map);
+  for (const fs::path& file :
+       is_other ? std::vector<fs::path>{map / "map.ply", map / "trajectory.txt"} : std::vector{map})
+    files.push_back(file);
+  return files;
 }
 
 experiment::MapInputs map_inputs(const MapOptions& options) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "tileflight/experiment/evaluate.h"
 #include "tileflight/experiment/score.h"
@@ -17,6 +19,9 @@ struct MapOptions {
 };
 
 void add_map_options(CLI::App& command, MapOptions& options);
+
+/// The files and folders that the options name: a file that is written takes the place of none of them.
+std::vector<std::filesystem::path> files_named(const MapOptions& options);
 
 /// What the dataset folder holds, with what was named by itself on top.
 experiment::MapInputs map_inputs(const MapOptions& options);

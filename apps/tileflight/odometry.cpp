@@ -1,7 +1,7 @@
-#include <cmath>
 #include <numbers>
 
 #include "command.h"
+#include "number_text.h"
 #include "tileflight/experiment/track.h"
 
 namespace tileflight::app {
@@ -56,7 +56,7 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
-       << std::round(result["frames_per_second"].get<double>() * 10) / 10 << " frames a second\n";
+       << rounded(result["frames_per_second"], 3) << " frames a second\n";
   if (result["lost"].get<bool>()) text << "lost: " << result["lost_reason"].get<std::string>() << "\n";
   return text.str();
 }

@@ -4,6 +4,7 @@
 
 #include "command.h"
 #include "mpi_ranks.h"
+#include "number_text.h"
 #include "region_options.h"
 #include "source_options.h"
 #include "tileflight/experiment/fly.h"
@@ -58,7 +59,9 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     RegionOptions region;
     SourceArguments source_arguments;
     experiment::RenderSettings settings;
-    std::string flight, out, outputs, degrade;
+    std::string flight, out, outputs, degrade, camera;
+    std::vector<int> resolution;
+    int max_frames = 0;
     bool depth = false;
     double pixel_error = 1.0;
     double memory_gb = 0.0;
@@ -73,6 +76,16 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
   command->add_option("--out", options->out, "dataset folder to write")->required();
+  command->add_option("--camera", options->camera,
+                      "calibration instead of the flight's: Kalibr, OpenCV, COLMAP or DSO");
+  command
+      ->add_option("--resolution", options->resolution,
+                   "W,H of the pictures, pixels: the camera over another image of the same shape")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::Range(16, 65536));
+  CLI::Option* max_frames = command->add_option("--max-frames", options->max_frames, "stop after so many frames")
+                                ->check(CLI::Range(2, 10000000));
   command
       ->add_option("--samples", options->settings.flight.samples_per_pixel,
                    "samples per pixel: 1, 4, 9 or 16 (default 1)")
@@ -106,7 +119,12 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
-  command->callback([options, command, pixel_error, memory, &selection] {
+  command->callback([options, command, pixel_error, memory, max_frames, &selection] {
+    if (max_frames->count() > 0) options->settings.flight.max_frames = options->max_frames;
+    if (!options->resolution.empty()) {
+      options->settings.flight.width = options->resolution[0];
+      options->settings.flight.height = options->resolution[1];
+    }
     const bool by_flight = pixel_error->count() > 0;
     if (memory->count() > 0) {
       options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
@@ -118,6 +136,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       const bool has_region = options->settings.load.center || options->settings.load.center_local;
       if (by_flight || !has_region) options->settings.error_px = options->pixel_error;
       options->settings.flight.flight = options->flight;
+      options->settings.flight.camera = options->camera;
+      options->settings.inputs = {options->degrade};
       experiment::RenderOutputs& outputs = options->settings.flight.outputs;
       outputs = experiment::parse_outputs(options->outputs,
                                           [](const std::string& what) { return InputError("--outputs", what); });
@@ -129,7 +149,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       const nlohmann::json r = render(options->settings, options->out, shared.force, progress);
       if (r.is_null()) return {};  // another process prints
       std::ostringstream text;
-      text << options->out << ": " << r["frames"] << " frames, " << r["frames_per_second"] << " a second\n";
+      text << options->out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " a second\n";
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
       return {r, text.str()};
     };

@@ -25,8 +25,8 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       experiment::Experiment experiment = experiment::read_experiment(options->experiment);
       experiment.source_options = source_options(options->source_arguments);
-      if (shared.force) experiment::forget_run(options->out);
-      const nlohmann::json results = experiment::run(experiment, options->out, progress);
+      const nlohmann::json results =
+          experiment::run(experiment, options->out, progress, {.again = shared.force, .listener = shared.stages});
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
       const std::string variants = report::ablation_text(results);
       return {results, report::results_table(results) + (variants.empty() ? "" : "\n" + variants) +

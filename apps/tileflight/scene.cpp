@@ -1,5 +1,5 @@
 #include "command.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/tiling/stadium.h"
 
 namespace tileflight::app {
@@ -20,7 +20,12 @@ void add_scene(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*stadium, common);
   stadium->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      geometry::write_folder(options->out, shared.force, [&](const std::filesystem::path& temporary) {
+      const geometry::OutputFolder output{.folder = options->out,
+                                          .command = "scene",
+                                          .replace = shared.force,
+                                          .inputs = {},
+                                          .unmarked = tiling::unmarked_stadium()};
+      geometry::write_folder(output, [&](const std::filesystem::path& temporary) {
         tiling::write_stadium(temporary, {.seed = options->seed}, progress);
       });
       const std::filesystem::path out = options->out;

@@ -224,6 +224,7 @@ void add_serve(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
+    selection.is_server = true;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) {
       return serve(*options, shared, progress);
     };

@@ -3,8 +3,9 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/geometry/files.h"
+#include "number_text.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/tiling/map_place.h"
 #include "tileflight/tiling/mesh_source.h"
 #include "tileflight/tiling/mesh_tileset.h"
@@ -103,7 +104,12 @@ std::string text_of(const nlohmann::json& result) {
 
 Output tile(const Options& options, const CommonOptions& shared, const Progress& progress) {
   nlohmann::json result;
-  geometry::write_folder(options.out, shared.force, [&](const std::filesystem::path& temporary) {
+  const geometry::OutputFolder output{.folder = options.out,
+                                      .command = "tile",
+                                      .replace = shared.force,
+                                      .inputs = {options.mesh},
+                                      .unmarked = tiling::unmarked_tileset()};
+  geometry::write_folder(output, [&](const std::filesystem::path& temporary) {
     report_progress(progress, 0, 0, "reading the mesh");
     tiling::MeshSource source = tiling::read_mesh_source(options.mesh, source_of(options));
     std::string stated_by;
@@ -115,7 +121,7 @@ Output tile(const Options& options, const CommonOptions& shared, const Progress&
     const tiling::MeshTilesetSummary summary = tiling::write_mesh_tileset(temporary, source.meshes, settings, progress);
     if (summary.texture_scale < 1.0)
       source.warnings.push_back("textures were made smaller where a tile's did not fit, down to " +
-                                std::to_string(summary.texture_scale) + "; a larger --texture-size keeps them");
+                                rounded(summary.texture_scale, 3) + "; a larger --texture-size keeps them");
     result = result_of(options, summary, source.warnings);
     result["frame"] = frame_json(frame, stated_by);
   });

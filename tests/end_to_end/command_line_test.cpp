@@ -36,6 +36,34 @@ TEST(CommandLine, WrongUsageIsExitCodeTwo) {
   EXPECT_EQ(run_tileflight({"run", "a.yaml", "--out", "b", "--threads", "0"}).exit_code, 2);
 }
 
+TEST(CommandLine, AMisspeltWordIsNamedWithTheNearest) {
+  const auto says = [](const std::vector<std::string>& call, const std::string& text) {
+    const ProgramResult result = run_tileflight(call);
+    EXPECT_EQ(result.exit_code, 2) << call[0];
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_EQ(result.out, "") << call[0];
+    EXPECT_THAT(result.err, HasSubstr(text));
+  };
+  says({"rnder", "x"}, "there is no command 'rnder'; did you mean 'render'?");
+  says({"photogrammetry"}, "there is no command 'photogrammetry'; the commands are scene, tile, ");
+  says({"scene", "stadum", "out"}, "did you mean 'stadium'?");
+  says({"--quiet", "extract", "x"}, "options stand behind the command: `tileflight COMMAND … --quiet`");
+  says({}, "a command is needed: scene, tile, ");
+  says({"extract", "x", "--out", "y", "--voxl", "2"},
+       "`tileflight extract` has no option --voxl; did you mean '--voxel'?");
+  says({"extract", "x", "--ou", "y"}, "did you mean '--out'?");
+  says({"render", "x", "--flight=f", "--out=o", "--sample=4"}, "did you mean '--samples'?");
+  says({"extract", "x", "--out", "y", "--zzzzzz"}, "`tileflight extract --help` lists them");
+  says({"extract", "x"}, "extract: --out is required; `tileflight extract --help` says how");
+  says({"extract", "x", "--out", "y", "--voxel", "-1"}, "extract: --voxel must not be negative, and is -1");
+  says({"extract", "x", "--out", "y", "--voxel", "0"}, "extract: --voxel must be more than 0, and is 0");
+  says({"extract", "x", "--out", "y", "--threads", "0"}, "extract: --threads must be 1 to 1024, and is 0");
+  says({"extract", "x", "--out", "y", "--size", "1,2"},
+       "--size takes at least 3 values with commas between, and has 2");
+  says({"export", "x", "--out", "y", "--layout", "eurok"}, "'eurok'; did you mean 'euroc'?");
+  says({"extract", "x", "--out", "y", "z"}, "extract: ");
+}
+
 TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
   const tests::TemporaryFolder folder;
   const std::string out = (folder / "out").string();

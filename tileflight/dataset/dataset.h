@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
@@ -62,14 +63,19 @@ Dataset read_dataset(const std::filesystem::path& folder, const CameraChoice& ca
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes);
 
+/// What dataset folders hold that were written before folders had a marker.
+geometry::UnmarkedFolder unmarked_dataset();
+
 /// Writes a dataset folder frame by frame (frames may come in any order and from several threads; the files are the
 /// same). Nothing is at `folder` until finish(): it is built beside and renamed; destroyed without finish(), it is
-/// removed. An existing `folder` is an InputError at once unless `replace`.
+/// removed. An existing `folder` is an InputError at once unless it may be replaced (geometry/output_folder.h).
 class DatasetWriter {
  public:
   struct Options {
     bool replace = false;
-    bool png = false;  ///< images as PNG instead of JPEG
+    std::string command = "tileflight";           ///< that writes it ("render"), for the folder's marker
+    std::vector<std::filesystem::path> inputs{};  ///< that the command reads; none is ever replaced
+    bool png = false;                             ///< images as PNG instead of JPEG
     int jpeg_quality = 95;
     /// Built here instead (on the same file system; made where it is not there), and left there without finish(): what
     /// several processes write together, or one after the other. Only one of them calls finish().

@@ -83,9 +83,9 @@ TEST(Dataset, LayoutIsTheContracts) {
   const auto files = contents(folder / "set");
   std::vector<std::string> found;
   for (const auto& [name, content] : files) found.push_back(name);
-  EXPECT_THAT(found, ElementsAre("camera.txt", "camera.yaml", "dataset.yaml", "gps.csv", "groundtruth.txt",
-                                 "images/000000.jpg", "images/000001.jpg", "images/000002.jpg", "images/000003.jpg",
-                                 "images/000004.jpg", "times.txt"));
+  EXPECT_THAT(found, ElementsAre(".tileflight", "camera.txt", "camera.yaml", "dataset.yaml", "gps.csv",
+                                 "groundtruth.txt", "images/000000.jpg", "images/000001.jpg", "images/000002.jpg",
+                                 "images/000003.jpg", "images/000004.jpg", "times.txt"));
   EXPECT_EQ(files.at("times.txt"),
             "000000 0 5\n000001 0.1 6\n000002 0.2 7\n000003 0.30000000000000004 8\n000004 0.4 9\n");
   EXPECT_THAT(
@@ -157,15 +157,32 @@ TEST(DatasetWriter, ExistingFolderIsRefusedAtOnceUnlessReplaced) {
   write_whole(folder / "set");
   geometry::write_file(folder / "set/mine.txt", "precious");
   EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "set", calibration(), {}); }), HasSubstr("exists already"));
+  EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "set", calibration(), {.replace = true}); }),
+              HasSubstr("holds mine.txt, which tileflight did not write"));
   EXPECT_TRUE(fs::exists(folder / "set/mine.txt"));
+  fs::remove(folder / "set/mine.txt");
   {
     DatasetWriter interrupted(folder / "set", calibration(), {.replace = true});
     interrupted.add_frame(0, 0.0, 0.0, moving_picture(kWidth, kHeight, 0));
   }
-  EXPECT_TRUE(fs::exists(folder / "set/mine.txt"));
-  write_whole(folder / "set", {.replace = true});
-  EXPECT_FALSE(fs::exists(folder / "set/mine.txt"));
+  EXPECT_TRUE(fs::exists(folder / "set/groundtruth.txt"));
+  {
+    DatasetWriter other(folder / "set", calibration(), {.replace = true});
+    other.add_frame(0, 0.0, 0.0, moving_picture(kWidth, kHeight, 0));
+    other.finish();
+  }
+  EXPECT_FALSE(fs::exists(folder / "set/groundtruth.txt"));
   EXPECT_THAT(names(folder.path()), ElementsAre("set"));
+}
+
+TEST(DatasetWriter, WhatCameMeanwhileIsMovedAside) {
+  TemporaryFolder folder;
+  DatasetWriter writer(folder / "set", calibration(), {.build_in = folder / ".set.frames/dataset"});
+  writer.add_frame(0, 0.0, 0.0, moving_picture(kWidth, kHeight, 0));
+  geometry::write_file(folder / "set", "a file has come there");
+  EXPECT_NE(refusal_of([&] { writer.finish(); }), "no error");
+  EXPECT_EQ(geometry::read_text(folder / "set.before"), "a file has come there");
+  EXPECT_EQ(read_dataset(folder / "set").frames.size(), 1U);
 }
 
 TEST(DatasetWriter, TimesMustIncreaseAndFramesMustBe) {

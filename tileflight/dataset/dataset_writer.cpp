@@ -6,6 +6,7 @@
 #include "tileflight/dataset/number_text.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/geometry/temporary_path.h"
 #include "tileflight/imaging/image_files.h"
 
@@ -20,15 +21,12 @@ struct Stamp {
   double exposure_ms = 0.0;
 };
 
-/// "out/" and "out" name one folder, and an absolute path has a parent to build the temporary one in.
-fs::path target_of(const fs::path& folder) {
-  const fs::path target = fs::absolute(folder).lexically_normal();
-  return target.has_filename() ? target : target.parent_path();
-}
-
-void require_free(const fs::path& target, bool replace) {
-  if (fs::exists(target) && !replace) throw InputError(target.string(), "exists already; --force replaces it");
-  if (fs::exists(target) && !fs::is_directory(target)) throw InputError(target.string(), "is not a folder");
+geometry::OutputFolder output_of(const fs::path& folder, const DatasetWriter::Options& options) {
+  return {.folder = folder,
+          .command = options.command,
+          .replace = options.replace,
+          .inputs = options.inputs,
+          .unmarked = unmarked_dataset()};
 }
 
 fs::path make_temporary(const fs::path& target) {
@@ -63,8 +61,44 @@ void require_increasing(const std::string& folder, const std::map<std::size_t, S
 
 }  // namespace
 
+geometry::UnmarkedFolder unmarked_dataset() {
+  return {.key_file = "dataset.yaml",
+          .key_text = "tileflight",
+          .files = {"images/######.jpg",
+                    "images/######.png",
+                    "times.txt",
+                    "camera.yaml",
+                    "camera.txt",
+                    "pcalib.txt",
+                    "vignette.png",
+                    "groundtruth.txt",
+                    "gps.csv",
+                    "depth/######.exr",
+                    "range/######.exr",
+                    "normals/######.exr",
+                    "segmentation/######.png",
+                    "infrared/######.png",
+                    "flow/######.exr",
+                    "visibility/######.png",
+                    "segmentation.csv",
+                    "dataset.yaml",
+                    "imu.csv",
+                    "imu.yaml",
+                    "imu_bias.csv",
+                    "barometer.csv",
+                    "magnetometer.csv",
+                    "range.csv",
+                    "lidar/######.bin",
+                    "lidar/######.ply",
+                    "lidar/times.txt",
+                    "lidar/poses.txt",
+                    "vehicle.json",
+                    "video.mp4"}};
+}
+
 struct DatasetWriter::Impl {
-  fs::path target;
+  geometry::OutputFolder output;
+  fs::path target;  ///< output.folder, resolved
   imaging::Calibration calibration;
   Options options;
   std::mutex mutex;  // guards what follows
@@ -86,10 +120,11 @@ struct DatasetWriter::Impl {
 
 DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, Options options)
     : impl_(std::make_unique<Impl>()) {
-  impl_->target = target_of(folder);
+  impl_->output = output_of(folder, options);
+  impl_->target = geometry::resolved_folder(folder);
   impl_->calibration = std::move(calibration);
   impl_->options = std::move(options);
-  require_free(impl_->target, impl_->options.replace);
+  geometry::require_writable(impl_->output);
   temporary_ = impl_->options.build_in.empty() ? make_temporary(impl_->target) : impl_->options.build_in;
   make_folder(temporary_ / "images");
 }
@@ -138,11 +173,22 @@ void DatasetWriter::finish() {
   const std::lock_guard lock(impl_->mutex);
   if (impl_->stamps.empty()) throw InputError(impl_->target.string(), "no frames were written");
   impl_->write_lists(temporary_);
-  geometry::write_folder(impl_->target, impl_->options.replace, [&](const fs::path& empty_folder) {
+  fs::path built = temporary_;
+  if (!impl_->options.build_in.empty()) {
+    // What was there before must never stand where frames are taken up.
+    built = geometry::temporary_beside(impl_->target);
     std::error_code error;
-    fs::rename(temporary_, empty_folder, error);  // takes the place of an empty folder
+    fs::rename(temporary_, built, error);
     if (error) throw InputError(impl_->target.string(), "cannot be written: " + error.message());
-  });
+  }
+  try {
+    geometry::put_in_place(built, impl_->output);
+  } catch (const InputError&) {
+    // Frames that are kept can be taken up once more.
+    std::error_code ignored;
+    if (built != temporary_) fs::rename(built, temporary_, ignored);
+    throw;
+  }
 }
 
 }  // namespace tileflight::dataset

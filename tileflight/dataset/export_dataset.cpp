@@ -3,9 +3,9 @@
 #include <cmath>
 
 #include "tileflight/dataset/exports.h"
-#include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/known_keys.h"
+#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::dataset {
 
@@ -38,11 +38,15 @@ const std::vector<std::string>& export_layouts() {
 }
 
 ExportResult export_dataset(const Dataset& dataset, const std::string& layout, const fs::path& folder, bool replace,
-                            const Progress& progress) {
+                            const Progress& progress, std::vector<fs::path> inputs) {
+  inputs.push_back(dataset.folder);
   for (const Layout& known : layouts()) {
     if (known.name != layout) continue;
     ExportResult result{dataset.frames.size(), {}};
-    geometry::write_folder(folder, replace,
+    // Others' tools write the same layouts: only the marker tells ours.
+    const geometry::OutputFolder output{
+        .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs), .unmarked = {}};
+    geometry::write_folder(output,
                            [&](const fs::path& temporary) { known.write(dataset, temporary, result.notes, progress); });
     return result;
   }

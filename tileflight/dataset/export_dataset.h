@@ -27,9 +27,11 @@ struct ExportResult {
 ///             where there are lidar scans (velodyne_export.h); pinholes
 ///   colmap    images/ as they are, sparse/0/ with COLMAP's text model of known poses and without points
 /// Throws InputError: an unknown layout, a lens that the layout has no name for (the cure is said), a layout that needs
-/// poses where there are none, an existing folder unless `replace`.
+/// poses where there are none, an existing folder unless it may be replaced (geometry/output_folder.h). `inputs`: what
+/// was read beside the dataset.
 ExportResult export_dataset(const Dataset& dataset, const std::string& layout, const std::filesystem::path& folder,
-                            bool replace, const Progress& progress = {});
+                            bool replace, const Progress& progress = {},
+                            std::vector<std::filesystem::path> inputs = {});
 
 /// Throws InputError unless the trajectory has a pose at each frame's time (to a tenth of a millisecond); those poses.
 std::vector<geometry::SE3> poses_of_frames(const Dataset& dataset);

@@ -105,6 +105,10 @@ void require_reaches(const IngestOptions& options, double end_s, double period_s
 DatasetWriter::Options writer_options(const IngestOptions& options) {
   DatasetWriter::Options out;
   out.replace = options.replace;
+  out.command = "ingest";
+  out.inputs = options.inputs;
+  for (const fs::path& input : {options.video_or_images, options.calibration, options.groundtruth})
+    out.inputs.push_back(input);
   out.jpeg_quality = options.jpeg_quality;
   return out;
 }

@@ -40,6 +40,7 @@ struct IngestOptions {
   std::filesystem::path groundtruth;               ///< TUM poses on the video's clock; may be empty
   int jpeg_quality = 95;                           ///< of a video's frames; image files are copied as they are
   bool replace = false;                            ///< an existing dataset folder
+  std::vector<std::filesystem::path> inputs{};     ///< what the caller has read beside what is named here
   std::map<std::string, std::string> description;  ///< further lines of dataset.yaml, "a.b" nests
 };
 

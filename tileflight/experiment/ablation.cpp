@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <sstream>
 
+#include "tileflight/experiment/run_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -57,11 +58,12 @@ std::string csv_of(const json& lines) {
   return text.str();
 }
 
+/// Removes the results of variants that are not asked for any more.
 void forget_others(const std::vector<Variant>& variants, const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
-    if (std::ranges::none_of(variants, [&](const Variant& v) { return v.name == name; })) fs::remove_all(entry.path());
+    if (std::ranges::none_of(variants, [&](const Variant& v) { return v.name == name; })) remove_results(entry.path());
   }
 }
 
@@ -79,7 +81,7 @@ json fly_variants(const std::vector<Variant>& variants, const json& results, con
       lines.push_back(line_of(variant.name, fly(variant, folder)));
     } catch (const InputError& error) {
       // A camera so bad that no map comes of it is an answer too; anything before odometry is a mistake.
-      if (!fs::is_directory(folder / "simulated/odometry")) throw;
+      if (!fs::exists(folder / "stages/simulated-odometry.json")) throw;
       lines.push_back(failed_line(variant.name, error.what()));
     }
   }

@@ -7,6 +7,7 @@
 #include "tileflight/evaluation/rank_correlation.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -51,17 +52,18 @@ evaluation::ComparedMap read_map(const std::vector<fs::path>& runs) {
   return map;
 }
 
-std::vector<evaluation::ComparedMap> read_maps(const std::vector<fs::path>& arguments) {
-  std::vector<evaluation::ComparedMap> maps;
+/// The metrics.json files of each map that the arguments name, its first run's in front.
+std::vector<std::vector<fs::path>> maps_named(const std::vector<fs::path>& arguments) {
+  std::vector<std::vector<fs::path>> maps;
   for (const fs::path& argument : arguments) {
     if (!fs::is_directory(argument)) {
-      maps.push_back(read_map({argument}));
+      maps.push_back({argument});
       continue;
     }
     const std::size_t before = maps.size();
-    if (fs::exists(argument / "metrics.json")) maps.push_back(read_map({argument / "metrics.json"}));
+    if (fs::exists(argument / "metrics.json")) maps.push_back({argument / "metrics.json"});
     for (const char* flight : {"simulated", "real"}) {
-      if (fs::exists(argument / flight / "metrics.json")) maps.push_back(read_map(metrics_of_runs(argument / flight)));
+      if (fs::exists(argument / flight / "metrics.json")) maps.push_back(metrics_of_runs(argument / flight));
     }
     if (maps.size() == before)
       throw InputError(argument.string(), "holds no scored map; name a metrics.json or a folder that `run` wrote");
@@ -84,6 +86,17 @@ fs::path pairs_file(const fs::path& csv) {
   return file.replace_filename(csv.stem().string() + "-pairs" + csv.extension().string());
 }
 
+void require_no_input(const std::vector<std::vector<fs::path>>& maps, const CompareFiles& files) {
+  std::vector<fs::path> inputs;
+  for (const std::vector<fs::path>& runs : maps) {
+    for (const fs::path& metrics_json : runs)
+      inputs.insert(inputs.end(), {metrics_json, metrics_json.parent_path() / "errors.ply"});
+  }
+  if (!files.csv.empty()) geometry::require_no_input(files.csv, inputs);
+  if (!files.csv.empty()) geometry::require_no_input(pairs_file(files.csv), inputs);
+  if (!files.tex.empty()) geometry::require_no_input(files.tex, inputs);
+}
+
 double number_at(const fs::path& metrics_json, const std::string& by) {
   std::string place = "/" + by;
   std::ranges::replace(place, '.', '/');
@@ -100,7 +113,10 @@ double number_at(const fs::path& metrics_json, const std::string& by) {
 
 json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings, std::uint64_t seed,
                   const CompareFiles& files) {
-  std::vector<evaluation::ComparedMap> maps = read_maps(arguments);
+  const std::vector<std::vector<fs::path>> named = maps_named(arguments);
+  require_no_input(named, files);
+  std::vector<evaluation::ComparedMap> maps;
+  for (const std::vector<fs::path>& runs : named) maps.push_back(read_map(runs));
   make_names_unique(maps);
   const auto pairs =
       evaluation::compare_all(maps, {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed});

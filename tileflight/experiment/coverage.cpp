@@ -13,6 +13,7 @@
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/ground_truth/voxelize.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/sensors/render.h"
@@ -373,6 +374,16 @@ void check(const CoverageSettings& settings) {
 
 nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, bool replace, const Progress& progress) {
   check(settings);
+  geometry::OutputFolder output{.folder = out,
+                                .command = "coverage",
+                                .replace = replace,
+                                .inputs = flight::files_of_flight(settings.flight),
+                                .unmarked = {.key_file = "coverage.json",
+                                             .key_text = "strategies",
+                                             .files = {"coverage.json", "frames.csv", "figure.png", "view-follow.png",
+                                                       "view-high.png", "sensor.png", "flight.png", "region.png"}}};
+  output.inputs.push_back(tiles::files_of_source(settings.source));
+  geometry::require_writable(output);
   const Watch watch = plan_watch(settings);
   const std::unique_ptr<tiles::TileSource> source = tiles::open_source(settings.source, settings.load.source);
   const std::string name = tiles::shown_source(settings.source);
@@ -401,7 +412,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   }
   const std::size_t worst = worst_frame(all.front());
   result["picture_frame"] = watch.frames[worst];
-  geometry::write_folder(out, replace, [&](const fs::path& temporary) {
+  geometry::write_folder(output, [&](const fs::path& temporary) {
     write_pictures(temporary, all, worst, watch, contents, truth, settings);
     geometry::write_file(temporary / "frames.csv", frames_csv(all, watch));
     geometry::write_file(temporary / "coverage.json", result.dump(2) + "\n");

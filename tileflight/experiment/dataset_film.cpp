@@ -10,6 +10,7 @@
 
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
+#include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/output_files.h"
 #include "tileflight/experiment/require_surface.h"
 #include "tileflight/experiment/version.h"
@@ -103,6 +104,7 @@ void add_distinct(const std::vector<std::string>& from, std::vector<std::string>
 void add_part(const sensors::FlightReport& report, const tiles::LoadedTiles& tiles, Filmed& filmed) {
   tiles::LoadedTiles& all = filmed.tiles;
   all.local_frame = tiles.local_frame;
+  all.region = tiles.region;
   all.terms = tiles.terms;
   all.cut_hash = tiles.cut_hash;
   all.cut_size = tiles.cut_size;
@@ -240,6 +242,9 @@ void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const Ren
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
   for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
+  const std::optional<geometry::LocalFrame>& frame = filmed.tiles.local_frame;
+  for (const auto& [key, value] : described_frame(frame ? std::optional(frame->origin()) : std::nullopt))
+    writer.describe(key, value);
   if (const auto& light = mission.options.formation.light)
     writer.describe("light", described(daylight_at(*light, filmed.tiles.local_frame->origin())->sun()));
   mission.sensor_files->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s, writer.temporary_folder());
@@ -282,7 +287,12 @@ struct DatasetFilm::Impl {
         settings_(settings),
         share_(share),
         filming_(mission_, settings, progress),
-        writer_(out, mission.calibration, {.replace = replace, .png = settings.png, .build_in = share.build_folder()}),
+        writer_(out, mission.calibration,
+                {.replace = replace,
+                 .command = "render",
+                 .inputs = files_read(settings),
+                 .png = settings.png,
+                 .build_in = share.build_folder()}),
         outputs_(writer_.temporary_folder(), settings.flight.outputs, share.runs_folder()),
         in_order_([this](const imaging::RgbImage& image) { video_->add(image); }) {
     if (settings.flight.video && share.is_first()) {
@@ -299,10 +309,9 @@ struct DatasetFilm::Impl {
       outputs_.add(frame);
       if (!settings_.flight.video) {
         writer_.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
-      } else if (share_.kept() != nullptr) {
-        share_.kept()->add_picture(frame.index, frame.rgb);
       } else {
-        in_order_.add(frame.index, frame.rgb);
+        if (share_.kept() != nullptr) share_.kept()->add_picture(frame.index, frame.rgb);
+        if (share_.is_whole()) in_order_.add(frame.index, frame.rgb);
       }
     });
   }
@@ -322,7 +331,7 @@ struct DatasetFilm::Impl {
 
   fs::path video_file() const { return writer_.temporary_folder() / "video.mp4"; }
   void through_video(const std::vector<KeptFrame>& frames) {
-    for (std::size_t i = 0; share_.kept() != nullptr && i < frames.size(); ++i) video_->add(share_.kept()->picture(i));
+    for (std::size_t i = 0; !share_.is_whole() && i < frames.size(); ++i) video_->add(share_.kept()->picture(i));
     video_->finish();
     mission_.frames = on_video_clock(mission_.frames);
     std::vector<double> exposures_ms;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/experiment/command_files.h"
 #include "tileflight/experiment/settings.h"
 #include "tileflight/geometry/yaml_section.h"
 
@@ -109,6 +110,17 @@ RenderFlight read_render(YamlSection section) {
   return render;
 }
 
+/// What a section says, but for some of its keys.
+std::string meaning_without(const YamlSection& section, const std::vector<std::string>& left_out) {
+  std::vector<std::string> keys = section.keys();
+  std::ranges::sort(keys);
+  std::string text;
+  for (const std::string& key : keys) {
+    if (std::ranges::find(left_out, key) == left_out.end()) text += key + ": " + section.meaning(key) + "\n";
+  }
+  return text;
+}
+
 Variant read_variant(YamlSection section, const RenderFlight& flight) {
   Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .text = {}};
   const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
@@ -127,7 +139,7 @@ Variant read_variant(YamlSection section, const RenderFlight& flight) {
     read_degrade(*degrade, variant.render);
   }
   section.finish();
-  for (const std::string& key : section.keys()) variant.text += key + ": " + section.raw(key) + "\n";
+  variant.text = meaning_without(section, {"name"});
   return variant;
 }
 
@@ -206,14 +218,6 @@ Odometry read_odometry(YamlSection section) {
   return odometry;
 }
 
-/// Of `odometry:` what each run is made with; how many there are does not change any of them.
-std::string settings_of_a_run(const YamlSection& section) {
-  std::string text;
-  for (const std::string& key : section.keys())
-    if (key != "runs" && key != "later" && key != "backwards") text += key + ": " + section.raw(key) + "\n";
-  return text;
-}
-
 EvaluationSettings read_evaluation(YamlSection section) {
   EvaluationSettings settings;
   settings.cutoff_m = positive(section, "cutoff", settings.cutoff_m);
@@ -239,6 +243,10 @@ void read_degrade(YamlSection& section, RenderFlight& flight) {
   flight.degrade = read_image_formation(section);
 }
 
+std::vector<fs::path> files_of_command(const Experiment& experiment) {
+  return command_files(experiment.odometry.command, fs::absolute(experiment.file).parent_path());
+}
+
 Experiment read_experiment(const fs::path& file) {
   YamlSection root = YamlSection::load(file);
   Experiment experiment;
@@ -257,8 +265,10 @@ Experiment read_experiment(const fs::path& file) {
   if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment(*alignment);
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
   root.finish();
-  for (const std::string& key : root.keys()) experiment.sections[key] = root.raw(key);
-  if (const auto odometry = root.section("odometry")) experiment.sections["odometry"] = settings_of_a_run(*odometry);
+  for (const std::string& key : root.keys()) experiment.sections[key] = root.meaning(key);
+  // How many runs there are does not change any of them.
+  if (const auto odometry = root.section("odometry"))
+    experiment.sections["odometry"] = meaning_without(*odometry, {"runs", "later", "backwards"});
   if (experiment.real && experiment.real->render && experiment.real->render->follows_real)
     throw root.error("real", "cannot follow itself; 'follow: real' is for 'simulated'");
   const bool follows =

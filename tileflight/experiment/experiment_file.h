@@ -90,7 +90,7 @@ struct Variant {
   std::string name;     ///< letters, digits, '-' and '_': also its folder's name
   RenderFlight render;  ///< the simulated flight's with the changes
   std::optional<double> texture_scale;
-  std::string text;  ///< as written, to tell whether it changed
+  std::string text;  ///< what it says, to tell whether it changed
 };
 
 /// `odometry:` our own with its settings, or an outside program.
@@ -98,7 +98,8 @@ struct Odometry {
   odometry::OdometryOptions options;
   TrackExtras extras;           ///< mask, rectify_fov, colmap
   bool debug_pictures = false;  ///< debug_pictures: a picture of each keyframe in DIR/<flight>/keyframe_pictures
-  /// A shell command with {dataset} and {out} filled in; it must leave trajectory.txt and map.ply in {out}.
+  /// A shell command with {dataset} and {out} filled in, which runs in the experiment file's folder; it must leave
+  /// trajectory.txt and map.ply in {out}.
   std::string command;
   int runs = 1;            ///< runs: how often each flight is tracked, each time with the next seed
   int later = 0;           ///< later: frames that each run begins after the one before
@@ -130,11 +131,14 @@ struct Experiment {
   alignment::AlignMapOptions alignment;
   EvaluationSettings evaluation;
   tiles::SourceOptions source_options;          ///< of sources from the network; set by who has them (command line)
-  std::map<std::string, std::string> sections;  ///< each top-level section as text, to tell whether it changed
+  std::map<std::string, std::string> sections;  ///< what each top-level section says, to tell whether it changed
 };
 
 /// The keys of `degrade:`, of an experiment's section or of a file of their own, into the flight. Throws InputError.
 void read_degrade(geometry::YamlSection& section, RenderFlight& flight);
+
+/// The files that the words of `odometry.command` name (command_files.h).
+std::vector<std::filesystem::path> files_of_command(const Experiment& experiment);
 
 /// Throws InputError (file, line, key): unknown keys name the nearest known one; wrong types; missing files; unset
 /// variables.

@@ -2,9 +2,11 @@
 
 #include <chrono>
 
+#include "tileflight/dataset/number_text.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/ground_truth/extract.h"
 #include "tileflight/tiles/open_source.h"
 
@@ -75,13 +77,22 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                        const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
+  const geometry::OutputFolder output{
+      .folder = folder,
+      .command = "extract",
+      .replace = replace,
+      .inputs = {tiles::files_of_source(settings.source)},
+      .unmarked = {.key_file = "extract.json",
+                   .key_text = "tiles_wanted",
+                   .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+  geometry::require_writable(output);
   tiles::LoadOptions load = settings.load;
   load.uses = {tiles::Use::kExtract};
   const tiles::LoadedTiles loaded = tiles::load_region(settings.source, load, progress);
   const double load_seconds = seconds_since(start);
 
   json result;
-  geometry::write_folder(folder, replace, [&](const std::filesystem::path& temporary) {
+  geometry::write_folder(output, [&](const std::filesystem::path& temporary) {
     const auto truth_start = std::chrono::steady_clock::now();
     const ground_truth::ExtractResult truth = ground_truth::write_ground_truth(
         loaded.meshes, loaded.region.box(),
@@ -108,6 +119,14 @@ std::optional<geometry::Geodetic> origin_of(const nlohmann::json& extract_json) 
   if (!frame.is_object() || !frame.contains("origin_lat") || frame["origin_lat"].is_null()) return std::nullopt;
   return geometry::Geodetic{frame.at("origin_lat").get<double>(), frame.at("origin_lon").get<double>(),
                             geometry::EllipsoidalHeight{frame.at("origin_height").get<double>()}};
+}
+
+std::map<std::string, std::string> described_frame(const std::optional<geometry::Geodetic>& origin) {
+  if (!origin) return {{"frame.kind", "tileset"}};
+  return {{"frame.kind", "east-north-up"},
+          {"frame.origin_lat", dataset::fixed_text(origin->latitude_deg)},
+          {"frame.origin_lon", dataset::fixed_text(origin->longitude_deg)},
+          {"frame.origin_height", dataset::fixed_text(origin->height.m)}};
 }
 
 }  // namespace tileflight::experiment

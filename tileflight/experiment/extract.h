@@ -1,7 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "tileflight/geometry/progress.h"
@@ -27,5 +29,9 @@ nlohmann::json read_extract_json(const std::filesystem::path& folder);
 
 /// The origin of the local frame that an extract.json names; nullopt where the place is not georeferenced.
 std::optional<geometry::Geodetic> origin_of(const nlohmann::json& extract_json);
+
+/// The lines of dataset.yaml that say what the local frame is: `frame.kind` east-north-up with `frame.origin_lat`,
+/// `origin_lon` (degrees) and `origin_height` (metres above the ellipsoid), or tileset: its own z-up frame.
+std::map<std::string, std::string> described_frame(const std::optional<geometry::Geodetic>& origin);
 
 }  // namespace tileflight::experiment

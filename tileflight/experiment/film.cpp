@@ -2,6 +2,7 @@
 #include <sstream>
 
 #include "tileflight/dataset/ingest.h"
+#include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/positions.h"
 #include "tileflight/experiment/takeoff_anchor.h"
@@ -110,6 +111,7 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
                                  .excerpt = {.from_s = flight.from_s, .to_s = flight.to_s, .every = flight.every},
                                  .groundtruth = flight.groundtruth,
                                  .replace = replace,
+                                 .inputs = {flight.telemetry, truth},
                                  .description = {{"made_by", "tileflight ingest " + version()}}};
   if (flight.fps) options.image_rate_hz = *flight.fps;
   std::vector<std::string> warnings;
@@ -120,6 +122,7 @@ nlohmann::json ingest_dataset(const IngestFlight& flight, const std::filesystem:
       options.ranges.push_back({range.time_s, range.range_m});
     add_positions(telemetry, flight, truth, options, warnings);
   }
+  if (!truth.empty()) options.description.merge(described_frame(origin_of(read_extract_json(truth))));
   add_photos(flight, truth, options, warnings);
   nlohmann::json time_offset;  // null: not asked for
   if (flight.finds_telemetry_offset) time_offset = find_offset(telemetry, flight, out, options, progress);

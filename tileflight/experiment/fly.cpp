@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 
+#include "tileflight/dataset/dataset.h"
 #include "tileflight/experiment/dataset_film.h"
 #include "tileflight/experiment/flown_path.h"
 #include "tileflight/experiment/frame_share.h"
@@ -13,8 +14,9 @@
 #include "tileflight/flight/flight_plan.h"
 #include "tileflight/flight/path.h"
 #include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/tiles/open_source.h"
+#include "tileflight/tiles/placement.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -127,12 +129,21 @@ Rendered render_share(const Mission& mission, const RenderSettings& settings, co
   return rendered;
 }
 
+/// As DatasetWriter has it.
+geometry::OutputFolder output_of(const RenderSettings& settings, const fs::path& out, bool replace) {
+  return {.folder = out,
+          .command = "render",
+          .replace = replace,
+          .inputs = files_read(settings),
+          .unmarked = dataset::unmarked_dataset()};
+}
+
 /// Among several ranks, or as one that keeps its frames.
 Rendered render_kept(const Mission& mission, const RenderSettings& settings, const fs::path& out, bool replace,
                      Ranks& ranks, const Progress& progress, std::vector<std::string>& notes) {
   together(ranks, [&] {
     if (ranks.rank() != 0) return;
-    if (fs::exists(out) && !replace) throw InputError(out.string(), "exists already; --force replaces it");
+    geometry::require_writable(output_of(settings, out, replace));
     notes.push_back(KeptFrames::prepare(out, inputs_of(mission, settings)));
   });
   std::optional<KeptFrames> kept;
@@ -163,12 +174,29 @@ std::vector<std::string> warnings_of(const Mission& mission, const Rendered& ren
   std::vector<std::optional<sensors::FrameCheck>> checks;
   for (const KeptFrame& frame : rendered.frames) checks.emplace_back(frame.check);
   std::vector<std::string> warnings = sensors::flight_warnings(checks, 0, mission.options.clearance_m);
+  const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
+                                        [](const KeptFrame& frame) { return frame.check.view.surface_share <= 0.0; });
+  if (sees_nothing) {
+    geometry::Box3 flown;
+    for (const geometry::StampedPose& pose : mission.frames.poses) flown.extend(pose.T_local_camera.translation);
+    const tiles::LoadedTiles& tiles = rendered.filmed.tiles;
+    warnings.push_back("no picture shows anything of the tileset: " +
+                       tiles::apart_text(flown, tiles.region.box(), tiles.local_frame));
+  }
   warnings.insert(warnings.end(), rendered.filmed.tiles.warnings.begin(), rendered.filmed.tiles.warnings.end());
   if (!mission.vehicle.is_null()) add_vehicle_warnings(mission.vehicle, warnings);
   return warnings;
 }
 
 }  // namespace
+
+std::vector<fs::path> files_read(const RenderSettings& settings) {
+  std::vector<fs::path> files = settings.inputs;
+  for (const fs::path& file : flight::files_of_flight(settings.flight.flight)) files.push_back(file);
+  files.push_back(settings.flight.camera);
+  files.push_back(tiles::files_of_source(settings.source));
+  return files;
+}
 
 json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress,
                     Ranks* given_ranks) {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/ranks.h"
@@ -26,6 +27,7 @@ struct RenderSettings {
   std::optional<std::uintmax_t> max_memory_bytes;
   /// What the output `visibility` is about, local frame. None: the region that `load` names, else everything.
   std::optional<geometry::Box3> scored;
+  std::vector<std::filesystem::path> inputs;  ///< files that were read for all this; none is ever replaced
   /// Keep finished frames beside the dataset until it is whole, and take up those that an earlier render left there
   /// (kept_frames.h). Several ranks do so, and whoever finds some there.
   bool resume = false;
@@ -33,6 +35,9 @@ struct RenderSettings {
   /// not taken up.
   nlohmann::json asked;
 };
+
+/// The files and folders that a flight is rendered from. Throws InputError.
+std::vector<std::filesystem::path> files_read(const RenderSettings& settings);
 
 /// Renders the flight into a dataset folder, written whole. With a video rate factor the frames go through H.264 and
 /// back, and the video stands in the folder as video.mp4; other outputs are of what the camera saw before. Poses are

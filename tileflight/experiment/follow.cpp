@@ -4,6 +4,7 @@
 #include "tileflight/flight/smooth_path.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/geometry/trajectory.h"
 
 namespace tileflight::experiment {
@@ -18,7 +19,14 @@ void write_followed_flight(const fs::path& real, const std::optional<flight::Smo
   const geometry::Trajectory local =
       geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
   const bool is_smoothed = local.size() >= flight::kLeastPosesToSmooth;
-  geometry::write_folder(out, true, [&](const fs::path& folder) {
+  const geometry::OutputFolder output{.folder = out,
+                                      .command = "run",
+                                      .replace = true,
+                                      .inputs = {real / "odometry", real / "dataset"},
+                                      .unmarked = {.key_file = "flight.yaml",
+                                                   .key_text = "the other flight",
+                                                   .files = {"poses.txt", "camera.yaml", "flight.yaml"}}};
+  geometry::write_folder(output, [&](const fs::path& folder) {
     geometry::write_tum(folder / "poses.txt", local);
     fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");
     geometry::write_file(folder / "flight.yaml",

@@ -25,6 +25,9 @@ class FrameShare {
   /// Where what segmentation needs of the frames is kept, or empty.
   std::filesystem::path runs_folder() const { return kept_ == nullptr ? "" : kept_->runs_folder(); }
 
+  /// Whether this process renders every frame itself, after set_cut().
+  bool is_whole() const { return ranks_.count() == 1 && taken_up_ == 0; }
+
   /// Frames that were rendered from another cut are rendered anew.
   void set_cut(const std::string& cut);
   bool is_mine(std::size_t index) const { return is_mine_[index]; }

@@ -13,6 +13,7 @@
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/imaging/quick_png.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -163,7 +164,7 @@ void KeptFrames::add(std::size_t index, const KeptFrame& frame) const {
 
 void KeptFrames::add_picture(std::size_t index, const imaging::RgbImage& picture) const {
   make_folder(folder_ / "pictures");
-  const std::vector<std::byte> bytes = imaging::encode_png(picture);
+  const std::vector<std::byte> bytes = imaging::encode_quick_png(picture);
   geometry::write_file(folder_ / "pictures" / (dataset::frame_id(index) + ".png"),
                        {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }

@@ -20,6 +20,9 @@ MapInputs map_inputs(const fs::path& map, const fs::path& dataset_folder) {
 
 geometry::PointCloud read_map(const fs::path& map) {
   const fs::path file = fs::is_directory(map) ? map / "map.ply" : map;
+  if (fs::is_directory(map) && !fs::exists(file))
+    throw InputError(map.string(),
+                     "holds no map.ply; name a folder that `odometry` wrote, or a cloud (.ply, .pcd, .xyz)");
   geometry::PointCloud cloud = geometry::read_cloud(file);
   if (cloud.empty()) throw InputError(file.string(), "the map has no points; there is nothing to score");
   return cloud;

@@ -6,6 +6,7 @@
 #include "tileflight/flight/telemetry_file.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/url_secrets.h"
@@ -21,24 +22,20 @@ constexpr std::string_view kStadiumPrefix = "stadium:";
 
 bool is_stadium(const std::string& source) { return source.starts_with(kStadiumPrefix); }
 
-/// A tileset is its tileset.json and everything beside and below it.
-fs::path tileset_folder(const std::string& source) {
-  const fs::path path(source);
-  return fs::is_directory(path) ? path : path.parent_path();
-}
-
-/// What of a flight plan lies in other files: the lens, the poses.
-std::string plan_fingerprint(const fs::path& flight_file) {
+/// What a flight file says and the files that it names: lens, sensors, poses.
+json flight_inputs(const fs::path& flight_file) {
   const flight::FlightPlan plan = flight::read_flight_plan(flight_file);
-  std::string text = fingerprint(flight_file) + fingerprint(plan.camera);
-  if (plan.poses) {
-    for (const geometry::StampedPose& pose : plan.poses->poses) {
-      text.append(reinterpret_cast<const char*>(&pose.time_s), sizeof pose.time_s);
-      text.append(reinterpret_cast<const char*>(pose.T_local_camera.translation.data()), 3 * sizeof(double));
-      text.append(reinterpret_cast<const char*>(pose.T_local_camera.rotation.coeffs().data()), 4 * sizeof(double));
-    }
+  json inputs{{"plan", FileHashes::of_meaning(flight_file)}, {"camera", FileHashes::of_meaning(plan.camera)}};
+  if (!plan.sensors_file.empty()) inputs["sensors"] = FileHashes::of_meaning(plan.sensors_file);
+  if (!plan.poses) return inputs;
+  std::string numbers;
+  for (const geometry::StampedPose& pose : plan.poses->poses) {
+    numbers.append(reinterpret_cast<const char*>(&pose.time_s), sizeof pose.time_s);
+    numbers.append(reinterpret_cast<const char*>(pose.T_local_camera.translation.data()), 3 * sizeof(double));
+    numbers.append(reinterpret_cast<const char*>(pose.T_local_camera.rotation.coeffs().data()), 4 * sizeof(double));
   }
-  return geometry::sha256_hex(text);
+  inputs["poses"] = geometry::sha256_hex(numbers);
+  return inputs;
 }
 
 /// When the filmed flight began, where its log knows the date.
@@ -50,14 +47,6 @@ std::optional<double> start_utc_s(const std::optional<Flight>& real) {
 }
 
 }  // namespace
-
-void check_run_folder(const fs::path& folder) {
-  if (!fs::exists(folder)) return;
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is a file; --out must name a folder");
-  if (!fs::is_empty(folder) && !fs::is_directory(folder / "stages")) {
-    throw InputError(folder.string(), "holds something else than an earlier run; choose another folder for --out");
-  }
-}
 
 Pipeline::Pipeline(const Experiment& experiment, fs::path folder, const StageCache& cache)
     : experiment_(experiment), folder_(std::move(folder)), cache_(cache) {
@@ -99,10 +88,6 @@ Experiment Pipeline::variant_of(const Variant& variant) const {
   return changed;
 }
 
-std::vector<std::string> Pipeline::place_products() const {
-  return uses_built_in_place() ? std::vector<std::string>{"place"} : std::vector<std::string>{};
-}
-
 std::vector<OdometryRun> Pipeline::runs(const FlightStages& flight) const {
   const Odometry& settings = experiment_.odometry;
   std::vector<OdometryRun> runs;
@@ -141,8 +126,12 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
 }
 
 void Pipeline::make_place(const Progress& progress) const {
-  if (!uses_built_in_place()) return;
-  geometry::write_folder(folder_ / "place", false, [&](const fs::path& temporary) {
+  const geometry::OutputFolder output{.folder = folder_ / "place",
+                                      .command = "scene",
+                                      .replace = true,
+                                      .inputs = {},
+                                      .unmarked = tiling::unmarked_stadium()};
+  geometry::write_folder(output, [&](const fs::path& temporary) {
     tiling::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale},
                           progress);
   });
@@ -161,7 +150,10 @@ std::string Pipeline::resolved(const std::string& source) const {
 std::string Pipeline::source_fingerprint(const std::string& source) const {
   if (is_stadium(source)) return cache_.key("place");
   // Of a source from the network only the name is known without asking for everything again.
-  return tiles::is_network_source(source) ? tiles::shown_source(source) : fingerprint(tileset_folder(source));
+  if (tiles::is_network_source(source)) return tiles::shown_source(source);
+  const fs::path files = tiles::files_of_source(source);
+  if (files.empty()) throw InputError(source, "no such file or folder");
+  return cache_.content_of(files);
 }
 
 tiles::SourceOptions Pipeline::source_options() const {
@@ -173,7 +165,8 @@ tiles::SourceOptions Pipeline::source_options() const {
 std::string Pipeline::section(const std::string& name) const {
   const auto found = experiment_.sections.find(name);
   if (found == experiment_.sections.end()) return "";
-  return tiles::scrubbed(found->second, tiles::secrets_of(experiment_.place.source));  // it is kept beside the results
+  // It is kept beside the results, and variables that are filled in may be secret. Another key opens the same tiles.
+  return geometry::sha256_hex(tiles::scrubbed(found->second, tiles::secrets_of(experiment_.place.source)));
 }
 
 ExtractSettings Pipeline::extract_settings() const {
@@ -212,13 +205,13 @@ RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
                    .source = source_options()},
           .flight = render,
           .seed = experiment_.seed,
-          .scored = geometry::Box3(middle - half, middle + half)};
+          .scored = geometry::Box3(middle - half, middle + half),
+          .resume = true,
+          .asked = dataset_inputs(flight)};
 }
 
 json Pipeline::place_inputs() const {
-  return {{"built_in", uses_built_in_place()},
-          {"seed", experiment_.seed},
-          {"texture_scale", experiment_.place.texture_scale}};
+  return {{"seed", experiment_.seed}, {"texture_scale", experiment_.place.texture_scale}};
 }
 
 json Pipeline::truth_inputs() const {
@@ -232,15 +225,16 @@ json Pipeline::dataset_inputs(const FlightStages& f) const {
   if (f.flight.render) {
     const std::string& own = f.flight.render->source;
     inputs["tiles"] = source_fingerprint(own.empty() ? experiment_.place.source : own);
-    if (!f.flight.render->camera.empty()) inputs["camera"] = fingerprint(f.flight.render->camera);
+    if (!f.flight.render->camera.empty()) inputs["camera"] = FileHashes::of_meaning(f.flight.render->camera);
     inputs["flight"] =
-        f.flight.render->follows_real ? cache_.key(f.name + "/flight") : plan_fingerprint(f.flight.render->flight);
+        f.flight.render->follows_real ? json(cache_.key(f.name + "/flight")) : flight_inputs(f.flight.render->flight);
   }
   if (f.flight.ingest) {
     const IngestFlight& ingest = *f.flight.ingest;
-    for (const fs::path& file : {ingest.video, ingest.camera, ingest.telemetry, ingest.groundtruth}) {
-      if (!file.empty()) inputs["files"].push_back(fingerprint(file));
+    for (const fs::path& file : {ingest.video, ingest.telemetry, ingest.groundtruth}) {
+      inputs["files"].push_back(file.empty() ? json() : json(cache_.content_of(file)));
     }
+    inputs["camera"] = FileHashes::of_meaning(ingest.camera);
   }
   return inputs;
 }
@@ -262,7 +256,8 @@ json Pipeline::odometry_inputs(const FlightStages& f, const OdometryRun& run) co
   if (run.repeats) {
     inputs["run"] = {{"seed", run.options.start.seed}, {"from", run.frames.from}, {"backwards", run.frames.reverse}};
   }
-  if (const fs::path& mask = experiment_.odometry.extras.mask; !mask.empty()) inputs["mask"] = fingerprint(mask);
+  if (const fs::path& mask = experiment_.odometry.extras.mask; !mask.empty()) inputs["mask"] = cache_.content_of(mask);
+  for (const fs::path& file : files_of_command(experiment_)) inputs["command"].push_back(cache_.content_of(file));
   return inputs;
 }
 

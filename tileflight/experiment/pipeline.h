@@ -41,9 +41,8 @@ class Pipeline {
   /// The experiment that flies a variant of the simulated flight alone, over the same place.
   Experiment variant_of(const Variant& variant) const;
 
-  /// The built-in place, where a source asks for it.
+  bool uses_built_in_place() const;
   void make_place(const Progress& progress) const;
-  std::vector<std::string> place_products() const;
   /// The first in the flight's own folder; further ones in FLIGHT/runs/2, …, and FLIGHT/runs/1-backwards, ….
   std::vector<OdometryRun> runs(const FlightStages& flight) const;
   std::vector<OdometryRun> runs_of(const std::string& flight) const;
@@ -67,7 +66,6 @@ class Pipeline {
   nlohmann::json failure_inputs() const;
 
  private:
-  bool uses_built_in_place() const;
   std::string resolved(const std::string& source) const;
   std::string source_fingerprint(const std::string& source) const;
   tiles::SourceOptions source_options() const;
@@ -78,8 +76,5 @@ class Pipeline {
   const StageCache& cache_;
   std::vector<FlightStages> flights_;
 };
-
-/// Throws InputError when `folder` is there and holds something else than an earlier run.
-void check_run_folder(const std::filesystem::path& folder);
 
 }  // namespace tileflight::experiment

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "tileflight/evaluation/repeated_runs.h"
-#include "tileflight/experiment/stage_cache.h"
+#include "tileflight/experiment/run_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -33,10 +33,11 @@ json at_or_null(const json& object, const char* place) {
 /// "1" for the first run, "2", "1-backwards".
 std::string short_name(const OdometryRun& run) { return run.repeats ? run.folder.filename().string() : "1"; }
 
-json line_of(const OdometryRun& run) {
+json line_of(const OdometryRun& run, const StageCache& cache) {
   const bool failed = has_failed(run);
-  const fs::path about_odometry = run.folder / "odometry/odometry.json";
-  const json odometry = fs::exists(about_odometry) ? read_json(about_odometry) : json::object();
+  // What an earlier run of the program left from other inputs is none of this one.
+  const bool has_odometry = cache.has(run.name + "/odometry");
+  const json odometry = has_odometry ? read_json(run.folder / "odometry/odometry.json") : json::object();
   const json metrics = failed ? json::object() : read_json(run.folder / "metrics.json");
   return {{"name", short_name(run)},
           {"seed", run.options.start.seed},
@@ -54,7 +55,7 @@ json line_of(const OdometryRun& run) {
 std::size_t distinct_maps(const std::vector<OdometryRun>& runs) {
   std::set<std::string> maps;
   for (const OdometryRun& run : runs) {
-    if (!has_failed(run)) maps.insert(fingerprint(run.folder / "odometry/map.ply"));
+    if (!has_failed(run)) maps.insert(geometry::sha256_hex_of_file(run.folder / "odometry/map.ply"));
   }
   return maps.size();
 }
@@ -85,7 +86,7 @@ void forget_other_runs(const fs::path& flight, const std::vector<OdometryRun>& r
   if (!fs::is_directory(flight / "runs")) return;
   for (const fs::directory_entry& entry : fs::directory_iterator(flight / "runs")) {
     if (std::ranges::none_of(runs, [&](const OdometryRun& run) { return run.folder == entry.path(); }))
-      fs::remove_all(entry.path());
+      remove_results(entry.path());
   }
 }
 
@@ -97,10 +98,10 @@ std::vector<fs::path> scored(const std::vector<OdometryRun>& runs) {
   return files;
 }
 
-nlohmann::json describe_runs(const std::vector<OdometryRun>& runs) {
+nlohmann::json describe_runs(const std::vector<OdometryRun>& runs, const StageCache& cache) {
   if (runs.size() < 2) return nullptr;
   json list = json::array();
-  for (const OdometryRun& run : runs) list.push_back(line_of(run));
+  for (const OdometryRun& run : runs) list.push_back(line_of(run, cache));
   std::vector<json> metrics;
   for (const fs::path& file : scored(runs)) metrics.push_back(read_json(file));
   return {{"n", runs.size()},

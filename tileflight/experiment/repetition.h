@@ -18,7 +18,7 @@ void attempt(const OdometryRun& run, const std::function<void()>& stages);
 /// Throws InputError when the odometry of a run tracked no frame.
 void require_map(const OdometryRun& run, const std::filesystem::path& dataset);
 
-/// Removes the folders of further runs that are not asked for any more.
+/// Removes the results of further runs that are not asked for any more.
 void forget_other_runs(const std::filesystem::path& flight, const std::vector<OdometryRun>& runs);
 
 /// metrics.json of the runs that did not fail, the first run's in front.
@@ -27,6 +27,6 @@ std::vector<std::filesystem::path> scored(const std::vector<OdometryRun>& runs);
 /// {n, failed, distinct (different maps), list [{name, seed, from, backwards, failed (why, or null), frames_tracked,
 /// lost, points, mean, surface_median, ate_rmse}], spread (evaluation::spread_of_numbers over metrics.json)}; null for
 /// a single run.
-nlohmann::json describe_runs(const std::vector<OdometryRun>& runs);
+nlohmann::json describe_runs(const std::vector<OdometryRun>& runs, const StageCache& cache);
 
 }  // namespace tileflight::experiment

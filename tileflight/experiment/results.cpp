@@ -33,20 +33,21 @@ json describe_dataset(const fs::path& folder) {
           {"duration_s", duration_s}};
 }
 
-json describe_flight(const Flight& flight, const fs::path& folder, const std::vector<OdometryRun>& runs) {
+json describe_flight(const Flight& flight, const fs::path& folder, const std::vector<OdometryRun>& runs,
+                     const StageCache& cache) {
   json result = read_json(folder / "metrics.json");
   result.update(describe_dataset(folder / "dataset"));
   result["kind"] = flight.kind;
   result["odometry"] = read_json(folder / "odometry/odometry.json");
   result["alignment"] = read_json(folder / "transform.json");
-  result["runs"] = describe_runs(runs);
+  result["runs"] = describe_runs(runs, cache);
   return result;
 }
 
-json describe_inputs(const Experiment& experiment) {
+json describe_inputs(const Experiment& experiment, const StageCache& cache) {
   json inputs = json::array();
   for (const fs::path& file : input_files(experiment)) {
-    inputs.push_back({{"path", file.string()}, {"sha256", fingerprint(file)}});
+    inputs.push_back({{"path", file.string()}, {"sha256", cache.content_of(file)}});
   }
   return inputs;
 }
@@ -60,6 +61,7 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
   };
   add(experiment.place.source);
   add(experiment.odometry.extras.mask);
+  for (const fs::path& file : files_of_command(experiment)) add(file);
   for (const auto* flight : {&experiment.simulated, &experiment.real}) {
     if (!flight->has_value()) continue;
     if ((*flight)->render) {
@@ -81,7 +83,7 @@ nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pip
   const json truth = read_extract_json(run / "truth");
   json results{{"name", experiment.name}, {"paper", evaluation::paper_table()}, {"truth", truth}};
   for (const FlightStages& f : pipeline.flights())
-    results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f));
+    results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f), cache);
   results["comparison"] = experiment.simulated && experiment.real ? read_json(run / "comparison.json") : json(nullptr);
   results["failure"] = experiment.simulated && experiment.real ? read_json(run / "failure.json") : json(nullptr);
   const bool follows =
@@ -91,7 +93,7 @@ nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pip
                            {"commit", commit()},
                            {"seed", experiment.seed},
                            {"command", "tileflight run " + experiment.file.string() + " --out " + run.string()},
-                           {"inputs", describe_inputs(experiment)},
+                           {"inputs", describe_inputs(experiment, cache)},
                            {"cut_sha256", truth.at("cut_sha256")},
                            {"attribution", truth.at("attribution")},
                            {"terms_accepted", truth.value("terms_accepted", false)},

@@ -12,11 +12,13 @@
 #include "tileflight/experiment/repetition.h"
 #include "tileflight/experiment/reproduction.h"
 #include "tileflight/experiment/results.h"
+#include "tileflight/experiment/run_folder.h"
 #include "tileflight/experiment/score.h"
 #include "tileflight/experiment/stage_cache.h"
 #include "tileflight/experiment/track.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::experiment {
@@ -26,16 +28,19 @@ using nlohmann::json;
 namespace {
 
 /// Odometry over a flight's dataset, our own or the experiment's command.
-void find_map(const Odometry& settings, const fs::path& dataset, const OdometryRun& run, const Progress& progress) {
+void find_map(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run, const Progress& progress) {
+  const Odometry& settings = experiment.odometry;
   fs::create_directories(run.folder);
+  const fs::path pictures = run.folder / "keyframe_pictures";
+  if (!settings.debug_pictures && fs::exists(pictures)) geometry::remove_output(pictures);
   if (!settings.command.empty()) {
-    track_with_command(dataset, run.folder / "odometry", false, settings.command);
+    track_with_command(dataset, run.folder / "odometry", true, settings.command,
+                       fs::absolute(experiment.file).parent_path());
     return;
   }
   TrackExtras extras = settings.extras;
-  fs::remove_all(run.folder / "keyframe_pictures");
-  if (settings.debug_pictures) extras.debug_pictures = run.folder / "keyframe_pictures";
-  track(dataset, run.folder / "odometry", false, run.options, run.frames, progress, extras);
+  if (settings.debug_pictures) extras.debug_pictures = pictures;
+  track(dataset, run.folder / "odometry", true, run.options, run.frames, progress, extras);
 }
 
 /// The stages of a flight, each done when it has to be: what it is made from, what it leaves, and the call that does
@@ -51,8 +56,8 @@ class FlightWork {
                   [&] { write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight"); });
     }
     cache_.once(f.name + "/dataset", p_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
-      if (f.flight.render) render_dataset(p_.render_settings(f), f.folder / "dataset", false, progress_);
-      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", false, progress_);
+      if (f.flight.render) render_dataset(p_.render_settings(f), f.folder / "dataset", true, progress_);
+      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", true, progress_);
     });
   }
 
@@ -61,7 +66,7 @@ class FlightWork {
     for (const OdometryRun& r : p_.runs(f)) {
       attempt(r, [&] {
         cache_.once(r.name + "/odometry", p_.odometry_inputs(f, r), p_.odometry_products(r),
-                    [&] { find_map(e_.odometry, f.folder / "dataset", r, progress_); });
+                    [&] { find_map(e_, f.folder / "dataset", r, progress_); });
         require_map(r, f.folder / "dataset");
       });
     }
@@ -92,18 +97,28 @@ class FlightWork {
   const Progress& progress_;
 };
 
+/// Hears a variant's stages by its name.
+StageListener listener_of(const Variant& variant, const StageListener& listener) {
+  if (!listener) return {};
+  return [&variant, &listener](StageNews news) {
+    news.stage = "variants/" + variant.name + "/" + news.stage;
+    listener(news);
+  };
+}
+
 }  // namespace
 
-// The pipeline. A stage is skipped when its inputs (the settings, the files' fingerprints, the keys of the stages
-// before it) are those that it was done with.
-nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress) {
-  check_run_folder(folder);
-  StageCache cache(folder, program_fingerprint());
+// The pipeline. A stage is skipped when its inputs (the settings, the files' contents, the keys of the stages before
+// it) are those that it was done with.
+nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress, const RunOptions& options) {
+  const RunFolder own(folder);
+  if (options.again) forget_stages(folder);
+  StageCache cache(folder, program_fingerprint(), own.file_hashes(), options.listener);
   const Pipeline p(e, folder, cache);
 
-  cache.once("place", p.place_inputs(), p.place_products(), [&] { p.make_place(progress); });
+  if (p.uses_built_in_place()) cache.once("place", p.place_inputs(), {"place"}, [&] { p.make_place(progress); });
   cache.once("truth", p.truth_inputs(), {"truth"},
-             [&] { extract(p.extract_settings(), folder / "truth", false, progress); });
+             [&] { extract(p.extract_settings(), folder / "truth", true, progress); });
 
   const FlightWork flight(e, p, cache, progress);
   const bool follows = p.simulated_follows_real();
@@ -128,20 +143,16 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   }
   json results = collect_results(e, p, cache);
   if (!e.variants.empty()) {
-    results["ablation"] = fly_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& own) {
-      return run(p.variant_of(variant), own, progress);
-    });
+    results["ablation"] =
+        fly_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& its_folder) {
+          return run(p.variant_of(variant), its_folder, progress, {.listener = listener_of(variant, options.listener)});
+        });
   }
   geometry::write_file(folder / "results.json", results.dump(2) + "\n");
   cache.once("report", {{"results", geometry::sha256_hex(results.dump())}},
              {"report.html", "report.json", "tables/key-figures.csv", "tables/key-figures.tex"},
              [&] { report::write_report(folder); });
   return results;
-}
-
-void forget_run(const fs::path& folder) {
-  check_run_folder(folder);
-  fs::remove_all(folder);
 }
 
 }  // namespace tileflight::experiment

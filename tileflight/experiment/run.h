@@ -4,17 +4,20 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/experiment/experiment_file.h"
+#include "tileflight/experiment/stage_cache.h"
 #include "tileflight/geometry/progress.h"
 
 namespace tileflight::experiment {
 
-/// The whole way that data takes, into `folder`: results.json (returned) and report.html. Stages that were done with
-/// the same inputs are not done again; an interrupted run goes on. Throws InputError, also for a folder that holds
-/// something else.
-nlohmann::json run(const Experiment& experiment, const std::filesystem::path& folder, const Progress& progress = {});
+struct RunOptions {
+  bool again = false;      ///< do all stages again; what an earlier run left stays until it is replaced
+  StageListener listener;  ///< told of each stage
+};
 
-/// Removes what an earlier run left in `folder`, so that the next does everything again. Throws InputError for a folder
-/// that holds something else.
-void forget_run(const std::filesystem::path& folder);
+/// The whole way that data takes, into `folder`: results.json (returned) and report.html. Stages that were done with
+/// the same inputs are not done again; an interrupted run goes on, and takes up the frames that it has rendered. Throws
+/// InputError, also for a folder that holds something else or that another process works in.
+nlohmann::json run(const Experiment& experiment, const std::filesystem::path& folder, const Progress& progress = {},
+                   const RunOptions& options = {});
 
 }  // namespace tileflight::experiment

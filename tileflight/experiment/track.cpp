@@ -11,6 +11,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
@@ -223,8 +224,9 @@ std::string filled_in(std::string command, const std::string& name, const std::s
   return command;
 }
 
-void run_command(const std::string& command, const fs::path& log) {
-  const int status = std::system(("( " + command + " ) > " + quoted(log) + " 2>&1 < /dev/null").c_str());
+void run_command(const std::string& command, const fs::path& folder, const fs::path& log) {
+  const std::string whole = "cd " + quoted(folder) + " && ( " + command + "\n) > " + quoted(log) + " 2>&1 < /dev/null";
+  const int status = std::system(whole.c_str());
   if (status == 0) return;
   const std::string how =
       WIFEXITED(status) ? "exit status " + std::to_string(WEXITSTATUS(status)) : "killed by a signal";
@@ -246,6 +248,32 @@ json describe_outside_result(const fs::path& out, std::size_t frames) {
       {"seconds", nullptr},         {"frames_per_second", nullptr}};
 }
 
+geometry::OutputFolder odometry_folder(const fs::path& out, bool replace, std::vector<fs::path> inputs) {
+  return {.folder = out,
+          .command = "odometry",
+          .replace = replace,
+          .inputs = std::move(inputs),
+          .unmarked = {.key_file = "odometry.json",
+                       .key_text = "frames_tracked",
+                       .files = {"trajectory.txt", "keyframes.txt", "map.ply", "camera.yaml", "odometry.json",
+                                 "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
+}
+
+/// Calls `work` with the folder that pictures go to while `out` is made in `temporary`: below it where they are to be
+/// below `out`, else one of their own, which is put in its place afterwards; empty where none are wanted.
+void with_pictures_folder(const fs::path& pictures, const geometry::OutputFolder& out, const fs::path& temporary,
+                          const std::function<void(const fs::path& folder)>& work) {
+  if (pictures.empty()) return work({});
+  const fs::path inside = geometry::resolved_folder(pictures).lexically_relative(geometry::resolved_folder(out.folder));
+  if (!inside.empty() && *inside.begin() != "..") return work(temporary / inside);
+  const geometry::OutputFolder folder{.folder = pictures,
+                                      .command = "odometry",
+                                      .replace = out.replace,
+                                      .inputs = out.inputs,
+                                      .unmarked = {.files = {"######.png"}}};
+  geometry::write_folder(folder, work);
+}
+
 }  // namespace
 
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
@@ -259,14 +287,15 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   const odometry::Aids aids = aids_of(extras, frames, range.reverse, view);
   Skipped skipped;
   json about;
-  geometry::write_folder(out, replace, [&](const fs::path& temporary) {
+  const geometry::OutputFolder output =
+      odometry_folder(out, replace, {dataset_folder, extras.camera, extras.mask, extras.init_from});
+  const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
     const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
-      report_progress(progress, done, static_cast<std::int64_t>(frames.size()), what);
+      report_progress(progress, done, static_cast<std::int64_t>(frames.size()), "tracking: " + std::string(what));
     };
-    odometry::OdometryResult result =
-        odometry::run_odometry(as_played(view.calibration, range.reverse), photometric ? &*photometric : nullptr,
-                               source_of(frames, range.reverse, view, skipped), options, counted, aids,
-                               debug_pictures_into(extras.debug_pictures, frames));
+    odometry::OdometryResult result = odometry::run_odometry(
+        as_played(view.calibration, range.reverse), photometric ? &*photometric : nullptr,
+        source_of(frames, range.reverse, view, skipped), options, counted, aids, debug_pictures_into(pictures, frames));
     imaging::Calibration calibration = view.calibration;
     if (result.camera) calibration.camera = *result.camera;
     if (extras.colmap) {
@@ -285,16 +314,20 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
     about["intrinsics"] = intrinsics_of(calibration.camera, result.camera && options.window.refine_intrinsics);
     geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");
+  };
+  geometry::write_folder(output, [&](const fs::path& temporary) {
+    with_pictures_folder(extras.debug_pictures, output, temporary,
+                         [&](const fs::path& pictures) { write(temporary, pictures); });
   });
   return about;
 }
 
 nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path& out, bool replace,
-                                  const std::string& command) {
+                                  const std::string& command, const fs::path& folder) {
   const dataset::Dataset data = dataset::read_dataset(dataset_folder);
   json about;
-  geometry::write_folder(out, replace, [&](const fs::path& temporary) {
-    run_command(filled_in(filled_in(command, "{dataset}", quoted(dataset_folder)), "{out}", quoted(temporary)),
+  geometry::write_folder(odometry_folder(out, replace, {dataset_folder}), [&](const fs::path& temporary) {
+    run_command(filled_in(filled_in(command, "{dataset}", quoted(dataset_folder)), "{out}", quoted(temporary)), folder,
                 temporary / "command.log");
     for (const char* name : {"trajectory.txt", "map.ply"}) {
       if (!fs::exists(temporary / name))

@@ -30,10 +30,10 @@ nlohmann::json track(const std::filesystem::path& dataset_folder, const std::fil
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
                      const TrackExtras& extras = {});
 
-/// The same by an outside program: a shell command with {dataset} and {out} filled in (each quoted for the shell). It
-/// must leave trajectory.txt and map.ply in {out}; odometry.json is written if it leaves none. Throws InputError when
-/// the command fails or leaves none.
+/// The same by an outside program: a shell command with {dataset} and {out} filled in (each quoted for the shell),
+/// which runs in `folder`. It must leave trajectory.txt and map.ply in {out}; odometry.json is written if it leaves
+/// none. Throws InputError when the command fails or leaves none.
 nlohmann::json track_with_command(const std::filesystem::path& dataset_folder, const std::filesystem::path& out,
-                                  bool replace, const std::string& command);
+                                  bool replace, const std::string& command, const std::filesystem::path& folder);
 
 }  // namespace tileflight::experiment

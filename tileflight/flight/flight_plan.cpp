@@ -118,12 +118,21 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   plan.limits = read_limits(section);
   plan.fps = positive(section, "fps");
   plan.max_frames = read_max_frames(section);
-  section.section("sensors");    // known here, but read by those who simulate them
-  section.path("sensors_file");  // the same
+  section.section("sensors");  // known here, but read by those who simulate them
+  plan.sensors_file = section.path("sensors_file").value_or("");
   section.finish();
   if (trajectory) plan.poses = geometry::read_tum(*trajectory);
   check_whole(section, plan);
   return plan;
+}
+
+std::vector<std::filesystem::path> files_of_flight(const std::filesystem::path& file) {
+  YamlSection section = YamlSection::load(file);
+  std::vector<std::filesystem::path> files{file};
+  for (const char* key : {"camera", "trajectory", "sensors_file"}) {
+    if (const auto named = section.path(key)) files.push_back(*named);
+  }
+  return files;
 }
 
 Path path_of(const FlightPlan& plan) {

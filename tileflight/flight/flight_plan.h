@@ -37,6 +37,7 @@ struct FlightPlan {
   std::optional<VehiclePlan> vehicle;         ///< vehicle: flies these, or the mission; none: the camera is on the path
   std::vector<MissionStep> mission;           ///< mission: else these, by a vehicle
   SpeedLimits limits;
+  std::filesystem::path sensors_file;         ///< sensors::read_sensor_suite; empty: none
   std::optional<double> fps;  ///< without: one frame at each pose of the file
   std::optional<int> max_frames;
 };
@@ -44,6 +45,10 @@ struct FlightPlan {
 /// Reads FLIGHT.yaml; unknown keys are errors that name the nearest known key. `sensors` and `sensors_file` may stand
 /// there and are left to sensors::read_sensor_suite. Throws InputError.
 FlightPlan read_flight_plan(const std::filesystem::path& file);
+
+/// FLIGHT.yaml itself and the files that it names (camera, trajectory, sensors_file), whether they are there or not.
+/// Throws InputError where the file cannot be read.
+std::vector<std::filesystem::path> files_of_flight(const std::filesystem::path& file);
 
 /// The path that the plan flies: along its poses, through its waypoints, or what its vehicle makes of waypoints or
 /// mission where nothing is in its way (vehicle_flight.h flies it among obstacles).

@@ -25,7 +25,7 @@ std::string ending_of(const std::filesystem::path& file) {
 }
 
 InputError unknown_ending(const std::filesystem::path& file) {
-  return {file.string(), "is no point file that is known: the name must end in .ply, .pcd or .xyz"};
+  return {file.string(), "unknown point-cloud format (.ply, .pcd or .xyz expected)"};
 }
 
 ColorRange color_range_of(PlyType type) {
@@ -166,6 +166,9 @@ void append_fan(const std::vector<double>& corners, std::size_t vertices, const 
 
 PointCloud read_cloud(const std::filesystem::path& file) {
   const std::string ending = ending_of(file);
+  std::error_code error;
+  if (!std::filesystem::exists(file, error))
+    throw InputError(file.string(), "cannot be opened: No such file or directory");
   if (ending != ".ply" && ending != ".pcd" && ending != ".xyz") throw unknown_ending(file);
   const std::string bytes = read_text(file, kMostBytes);
   if (ending == ".ply") return parse_ply_cloud(bytes, file.string());

@@ -85,7 +85,12 @@ TEST(CloudFiles, PositionsAloneAndEmptyClouds) {
 
 TEST(CloudFiles, UnknownEndingMissingFileAndFullDisk) {
   const tests::TemporaryFolder folder;
-  EXPECT_THAT([&] { write_cloud(folder / "c.obj", {}); }, ThrowsMessage<InputError>(HasSubstr(".ply, .pcd or .xyz")));
+  EXPECT_THAT([&] { write_cloud(folder / "c.obj", {}); },
+              ThrowsMessage<InputError>(HasSubstr("c.obj: unknown point-cloud format (.ply, .pcd or .xyz expected)")));
+  EXPECT_THAT([&] { read_cloud(folder / "absent"); },
+              ThrowsMessage<InputError>(HasSubstr("absent: cannot be opened: No such file")))
+      << "its name says nothing about its format";
+  write_file(folder / "c", "x");
   EXPECT_THAT([&] { read_cloud(folder / "c"); }, ThrowsMessage<InputError>(HasSubstr(".ply, .pcd or .xyz")));
   EXPECT_THAT([&] { read_cloud(folder / "absent.ply"); }, ThrowsMessage<InputError>(HasSubstr("No such file")));
   std::filesystem::create_symlink("/dev/full", folder / "full.ply");

@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/sha256.h"
 #include "tileflight/geometry/temporary_path.h"
 
 namespace tileflight::geometry {
@@ -121,17 +122,6 @@ Buffer read_whole(const fs::path& file, std::uintmax_t max_bytes) {
   return buffer;
 }
 
-/// Puts the finished `temporary` in place of `folder`, which may exist.
-void move_into_place(const fs::path& temporary, const fs::path& folder) {
-  if (!fs::exists(folder)) return rename_or_throw(temporary, folder);
-  // Both exist: exchange them in one step, so that the place is never empty; the old one goes with `temporary`.
-  if (::renameat2(AT_FDCWD, temporary.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) return;
-  const fs::path old = temporary_beside(folder);
-  rename_or_throw(folder, old);
-  const RemovedOnExit remove_old(old);
-  rename_or_throw(temporary, folder);
-}
-
 }  // namespace
 
 std::string read_text(const fs::path& file, std::uintmax_t max_bytes) {
@@ -161,23 +151,13 @@ void write_file(const fs::path& file, std::string_view bytes) {
   rename_or_throw(temporary, target);
 }
 
-void write_folder(const fs::path& folder, bool replace, const std::function<void(const fs::path& temporary)>& fill) {
-  // "out/" and "out" name one folder; an absolute path has a parent to put the temporary one in.
-  fs::path target = fs::absolute(folder).lexically_normal();
-  if (!target.has_filename()) target = target.parent_path();
-  std::error_code error;
-  if (fs::exists(target) && !replace) throw InputError(folder.string(), "exists already; --force replaces it");
-  if (fs::exists(target) && !fs::is_directory(target)) throw InputError(folder.string(), "is not a folder");
-  fs::create_directories(target.parent_path(), error);
-  const fs::path temporary = temporary_beside(target);
-  if (!fs::create_directory(temporary, error)) {
-    throw InputError(folder.string(), "cannot be made: " + error.message());
-  }
-  const RemovedOnExit remove_temporary(temporary);
-  fill(temporary);
-  move_into_place(temporary, target);
+std::string sha256_hex_of_file(const fs::path& file) {
+  size_hint(file);  // a folder is told from a file that cannot be read
+  const Descriptor descriptor(file, O_RDONLY);
+  std::string block(std::size_t{1} << 20, '\0');
+  Sha256 hash;
+  while (const std::size_t n = descriptor.read(block.data(), block.size())) hash.add({block.data(), n});
+  return hash.hex();
 }
-
-std::string sha256_hex_of_file(const fs::path& file) { return sha256_hex(read_text(file)); }
 
 }  // namespace tileflight::geometry

@@ -9,6 +9,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/sha256.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -78,52 +79,6 @@ TEST(ReadText, RefusesMissingFoldersAndTooLarge) {
   EXPECT_THAT([&] { read_text(folder.path()); }, ThrowsMessage<InputError>(HasSubstr("is a folder")));
 }
 
-TEST(WriteFolder, AppearsWholeOrNotAtAll) {
-  const tests::TemporaryFolder folder;
-  const fs::path target = folder / "a/b/out";
-  EXPECT_THROW(write_folder(target, false,
-                            [&](const fs::path& temporary) {
-                              write_file(temporary / "f", "x");
-                              throw std::runtime_error("stopped");
-                            }),
-               std::runtime_error);
-  EXPECT_EQ(entries_in(folder / "a/b"), 0U);
-  write_folder(target, false, [&](const fs::path& temporary) {
-    EXPECT_FALSE(fs::exists(target));
-    write_file(temporary / "f", "x");
-  });
-  EXPECT_EQ(read_text(target / "f"), "x");
-  EXPECT_EQ(entries_in(folder / "a/b"), 1U);
-}
-
-TEST(WriteFolder, ReplacesOnlyWhenAsked) {
-  const tests::TemporaryFolder folder;
-  const fs::path target = folder / "out";
-  write_folder(target, false, [](const fs::path& temporary) { write_file(temporary / "old", "1"); });
-  const auto fill = [](const fs::path& temporary) { write_file(temporary / "new", "2"); };
-  EXPECT_THAT([&] { write_folder(target, false, fill); }, ThrowsMessage<InputError>(HasSubstr("exists already")));
-  EXPECT_TRUE(fs::exists(target / "old"));
-  write_folder(target, true, fill);
-  EXPECT_FALSE(fs::exists(target / "old"));
-  EXPECT_TRUE(fs::exists(target / "new"));
-  EXPECT_EQ(entries_in(folder.path()), 1U);
-}
-
-TEST(WriteFolder, ATrailingSlashMeansTheSameFolder) {
-  const tests::TemporaryFolder folder;
-  write_folder(folder.path().string() + "/out/", false, [](const fs::path& t) { write_file(t / "f", "x"); });
-  EXPECT_EQ(read_text(folder / "out/f"), "x");
-  EXPECT_EQ(entries_in(folder.path()), 1U);
-}
-
-TEST(WriteFolder, NeverReplacesAFile) {
-  const tests::TemporaryFolder folder;
-  write_file(folder / "out", "precious");
-  EXPECT_THAT([&] { write_folder(folder / "out", true, [](const fs::path&) {}); },
-              ThrowsMessage<InputError>(HasSubstr("is not a folder")));
-  EXPECT_EQ(read_text(folder / "out"), "precious");
-}
-
 TEST(Sha256, ExamplesOfTheStandard) {
   // FIPS 180-4 examples (NIST), and the empty message.
   EXPECT_EQ(sha256_hex(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
@@ -144,6 +99,26 @@ TEST(Sha256, EqualsTheSystemsProgramAtEveryLengthAroundABlock) {
     pclose(pipe);
     EXPECT_EQ(sha256_hex_of_file(folder / "f"), text) << length;
   }
+}
+
+TEST(Sha256, InPartsAsInOne) {
+  std::string bytes;
+  for (int i = 0; i < 1000; ++i) bytes += static_cast<char>(i * 37 % 256);
+  for (const std::size_t part : {1U, 7U, 63U, 64U, 65U, 200U, 1000U}) {
+    Sha256 hash;
+    for (std::size_t at = 0; at < bytes.size(); at += part) hash.add(std::string_view(bytes).substr(at, part));
+    EXPECT_EQ(hash.hex(), sha256_hex(bytes)) << part;
+    EXPECT_EQ(hash.hex(), sha256_hex(bytes)) << "asking changes nothing";
+  }
+}
+
+TEST(Sha256, OfAFileLargerThanABlockThatIsRead) {
+  const tests::TemporaryFolder folder;
+  const std::string bytes((std::size_t{5} << 20) + 3, 'q');
+  write_file(folder / "f", bytes);
+  EXPECT_EQ(sha256_hex_of_file(folder / "f"), sha256_hex(bytes));
+  EXPECT_THROW(sha256_hex_of_file(folder.path()), InputError);
+  EXPECT_THROW(sha256_hex_of_file(folder / "absent"), InputError);
 }
 
 }  // namespace

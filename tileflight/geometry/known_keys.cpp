@@ -28,4 +28,11 @@ std::string nearest_key(std::string_view unknown, const std::vector<std::string>
   return nearest == known.end() ? std::string() : *nearest;
 }
 
+std::string did_you_mean(std::string_view unknown, const std::vector<std::string>& known) {
+  const std::string nearest = nearest_key(unknown, known);
+  const std::size_t longer = std::max(unknown.size(), nearest.size());
+  if (nearest.empty() || 2 * edit_distance(unknown, nearest) > longer + 1) return "";
+  return "; did you mean '" + nearest + "'?";
+}
+
 }  // namespace tileflight::geometry

@@ -42,5 +42,15 @@ TEST(NearestKey, FirstOfEqualsAndEmptyWithoutKeys) {
   EXPECT_EQ(nearest_key("x", {}), "");
 }
 
+TEST(DidYouMean, NamesWhatIsNearAndNothingElse) {
+  const std::vector<std::string> commands{"extract", "render", "evaluate", "tile", "run"};
+  EXPECT_EQ(did_you_mean("rnder", commands), "; did you mean 'render'?");
+  EXPECT_EQ(did_you_mean("Extract", commands), "; did you mean 'extract'?");
+  EXPECT_EQ(did_you_mean("eval", commands), "; did you mean 'evaluate'?");
+  EXPECT_EQ(did_you_mean("tlie", commands), "; did you mean 'tile'?") << "two letters that changed places";
+  EXPECT_EQ(did_you_mean("photogrammetry", commands), "");
+  EXPECT_EQ(did_you_mean("x", {}), "");
+}
+
 }  // namespace
 }  // namespace tileflight::geometry

@@ -1,9 +1,8 @@
 // SHA-256 after FIPS 180-4. Words are 32 bits, big-endian in the message; section numbers are that document's.
-#include <array>
+#include "tileflight/geometry/sha256.h"
+
+#include <algorithm>
 #include <bit>
-#include <cstdint>
-#include <string>
-#include <string_view>
 
 #include "tileflight/geometry/files.h"
 
@@ -84,13 +83,31 @@ std::string hexadecimal(const State& state) {
 
 }  // namespace
 
-std::string sha256_hex(std::string_view bytes) {
-  State state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+void Sha256::add(std::string_view bytes) {
+  bytes_ += bytes.size();
+  if (!rest_.empty()) {
+    const std::size_t taken = std::min(bytes.size(), kBlock - rest_.size());
+    rest_ += bytes.substr(0, taken);
+    bytes.remove_prefix(taken);
+    if (rest_.size() < kBlock) return;
+    state_ = compressed(state_, rest_.data());
+  }
   const std::size_t whole = bytes.size() / kBlock * kBlock;
-  for (std::size_t i = 0; i < whole; i += kBlock) state = compressed(state, bytes.data() + i);
-  const std::string tail = padded_tail(bytes.substr(whole), bytes.size());
+  for (std::size_t i = 0; i < whole; i += kBlock) state_ = compressed(state_, bytes.data() + i);
+  rest_ = bytes.substr(whole);
+}
+
+std::string Sha256::hex() const {
+  State state = state_;
+  const std::string tail = padded_tail(rest_, bytes_);
   for (std::size_t i = 0; i < tail.size(); i += kBlock) state = compressed(state, tail.data() + i);
   return hexadecimal(state);
+}
+
+std::string sha256_hex(std::string_view bytes) {
+  Sha256 hash;
+  hash.add(bytes);
+  return hash.hex();
 }
 
 }  // namespace tileflight::geometry

@@ -15,7 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kEnding = ".tmp";
+constexpr std::string_view kTemporary = ".tmp";
+constexpr std::string_view kMovedAside = ".old";
 
 std::string start_of_names(const fs::path& target) { return "." + target.filename().string() + "."; }
 
@@ -33,36 +34,64 @@ pid_t process_of(std::string_view text) {
 
 bool runs(pid_t process) { return ::kill(process, 0) == 0 || errno != ESRCH; }
 
-bool is_abandoned(const std::string& name, const std::string& start) {
-  if (name.size() <= start.size() + kEnding.size() || !name.starts_with(start) || !name.ends_with(kEnding))
-    return false;
-  const std::string_view middle =
-      std::string_view(name).substr(start.size(), name.size() - start.size() - kEnding.size());
-  const pid_t process = process_of(middle);
+bool is_abandoned(const std::string& name, const std::string& start, std::string_view ending) {
+  if (name.size() <= start.size() + ending.size() || !name.starts_with(start) || !name.ends_with(ending)) return false;
+  const pid_t process =
+      process_of(std::string_view(name).substr(start.size(), name.size() - start.size() - ending.size()));
   return process > 0 && !runs(process);
 }
 
-/// What cannot be listed or removed stays: it is in nobody's way.
-void remove_abandoned(const fs::path& target) {
+/// What cannot be listed is not named.
+std::vector<fs::path> abandoned_beside(const fs::path& target, std::string_view ending) {
   const std::string start = start_of_names(target);
   const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
   std::vector<fs::path> abandoned;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-    if (is_abandoned(entry->path().filename().string(), start)) abandoned.push_back(entry->path());
+    if (is_abandoned(entry->path().filename().string(), start, ending)) abandoned.push_back(entry->path());
   }
-  for (const fs::path& path : abandoned) fs::remove_all(path, error);
+  return abandoned;
+}
+
+/// What cannot be removed stays: it is in nobody's way.
+void remove_all(const std::vector<fs::path>& paths) {
+  std::error_code ignored;
+  for (const fs::path& path : paths) fs::remove_all(path, ignored);
+}
+
+fs::path new_name_beside(const fs::path& target, std::string_view ending) {
+  for (int attempt = 0;; ++attempt) {
+    const fs::path candidate = target.parent_path() / (start_of_names(target) + std::to_string(::getpid()) + "-" +
+                                                       std::to_string(attempt) + std::string(ending));
+    std::error_code error;
+    if (!fs::exists(fs::symlink_status(candidate, error))) return candidate;
+  }
 }
 
 }  // namespace
 
 fs::path temporary_beside(const fs::path& target) {
-  remove_abandoned(target);
-  for (int attempt = 0;; ++attempt) {
-    const fs::path candidate = target.parent_path() / (start_of_names(target) + std::to_string(::getpid()) + "-" +
-                                                       std::to_string(attempt) + std::string(kEnding));
-    std::error_code error;
-    if (!fs::exists(fs::symlink_status(candidate, error))) return candidate;
+  remove_all(abandoned_beside(target, kTemporary));
+  return new_name_beside(target, kTemporary);
+}
+
+bool is_abandoned_temporary(const fs::path& file_name) {
+  const std::string name = file_name.string();
+  if (!name.starts_with('.') || !name.ends_with(kTemporary)) return false;
+  const std::size_t dot = name.rfind('.', name.size() - kTemporary.size() - 1);
+  return dot != std::string::npos && dot > 0 && is_abandoned(name, name.substr(0, dot + 1), kTemporary);
+}
+
+fs::path moved_aside_beside(const fs::path& target) { return new_name_beside(target, kMovedAside); }
+
+void put_back_moved(const fs::path& target) {
+  std::vector<fs::path> moved = abandoned_beside(target, kMovedAside);
+  std::error_code error;
+  if (!moved.empty() && !fs::exists(fs::symlink_status(target, error))) {
+    fs::rename(moved.back(), target, error);
+    if (!error) moved.pop_back();
+  } else {
+    remove_all(moved);
   }
 }
 

@@ -6,6 +6,7 @@
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/known_keys.h"
+#include "tileflight/geometry/yaml_meaning.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -26,6 +27,15 @@ std::string value_of_variable(const std::string& expression, const std::string& 
   if (value != nullptr && *value != '\0') return value;
   if (mark != std::string::npos) return expression.substr(mark + 2);
   throw InputError(where, "the environment variable " + name + " is not set; set it and run again");
+}
+
+/// "camera, fps", each once.
+std::string listed(std::vector<std::string> words) {
+  std::sort(words.begin(), words.end());
+  words.erase(std::unique(words.begin(), words.end()), words.end());
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
 }
 
 double finite_number(const YAML::Node& node) {
@@ -183,15 +193,16 @@ std::vector<std::string> YamlSection::keys() const {
   return result;
 }
 
-std::string YamlSection::raw(const std::string& key) const {
+std::string YamlSection::meaning(const std::string& key) const {
   const YAML::Node& map = node_;
-  return YAML::Dump(map[key]);
+  return meaning_of(map[key]);
 }
 
 void YamlSection::finish() const {
   for (const std::string& key : keys()) {
     if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
-    throw error(key, "is not a key here; did you mean '" + nearest_key(key, known_) + "'?");
+    const std::string meant = did_you_mean(key, known_);
+    throw error(key, "is not a key here" + (meant.empty() ? "; there are " + listed(known_) : meant));
   }
 }
 

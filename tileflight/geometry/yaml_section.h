@@ -36,8 +36,8 @@ class YamlSection {
   /// A list of maps, each a section.
   std::vector<YamlSection> sections(const std::string& key);
   std::vector<std::string> keys() const;
-  /// A key's value as YAML text (variables not filled in), to tell whether it changed.
-  std::string raw(const std::string& key) const;
+  /// What a key's value says (yaml_meaning.h), to tell whether it changed.
+  std::string meaning(const std::string& key) const;
 
   /// Throws for a key that nothing asked for, naming the nearest one that was.
   void finish() const;

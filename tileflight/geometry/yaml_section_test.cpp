@@ -73,6 +73,12 @@ TEST_F(YamlFile, KeysThatNothingAskedForAreNamedWithTheNearest) {
                       s.finish();
                     }),
               HasSubstr("a.yaml:2: 'voxle' is not a key here; did you mean 'voxel'?"));
+  EXPECT_THAT(fault("photogrammetry: 2\n",
+                    [](YamlSection& s) {
+                      for (const char* key : {"voxel", "fps", "voxel"}) s.number(key);
+                      s.finish();
+                    }),
+              HasSubstr("'photogrammetry' is not a key here; there are fps, voxel"));
 }
 
 TEST_F(YamlFile, BrokenFiles) {

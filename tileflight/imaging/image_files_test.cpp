@@ -14,6 +14,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/quick_png.h"
 
 namespace tileflight::imaging {
 namespace {
@@ -257,6 +258,15 @@ TEST(Exr, TruncatedDamagedAndHuge) {
   huge.replace(window + 8, 8, std::string("\xFF\xFF\xFF\x3F\xFF\xFF\xFF\x3F"));
   geometry::write_file(folder / "huge.exr", huge);
   EXPECT_THAT(tests::refusal_of([&] { read_exr(folder / "huge.exr"); }), HasSubstr("1073741824x1073741824"));
+}
+
+TEST(Png, QuickOnesHoldTheSamePixels) {
+  RgbImage image(67, 41);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const auto value = static_cast<std::uint8_t>(i * i * 31 + i / 67 * 5);
+    image.pixels[i] = {value, static_cast<std::uint8_t>(value * 3), static_cast<std::uint8_t>(i)};
+  }
+  EXPECT_EQ(decode_rgb(encode_quick_png(image), "quick").pixels, image.pixels);
 }
 
 }  // namespace

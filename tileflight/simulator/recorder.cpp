@@ -112,7 +112,7 @@ void Recorder::add_to_dataset(const RecordedMoment& moment, const RecordedPictur
     const std::string name = "dataset_" + file_name_of(moment.vehicle) + "_" + file_name_of(picture.camera.camera);
     imaging::Calibration calibration;
     calibration.camera = picture.lens;
-    own.reset(new OwnDataset{{folder_ / name, calibration, {.png = true}}, {}, moment.time_ns});
+    own.reset(new OwnDataset{{folder_ / name, calibration, {.command = "serve", .png = true}}, {}, moment.time_ns});
   }
   const double time_s = 1e-9 * static_cast<double>(moment.time_ns - own->first_ns);
   const std::span<const std::uint8_t> bytes(picture.image.image_data_uint8);

@@ -1,7 +1,12 @@
 #include "tileflight/tiles/attribution.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <sstream>
+#include <string_view>
+
+#include "tileflight/tiles/content.h"
+#include "tileflight/tiles/tile_container.h"
 
 namespace tileflight::tiles {
 
@@ -21,6 +26,35 @@ std::vector<std::string> Attribution::sorted() const {
   std::vector<std::string> names;
   for (const auto& [name, count] : holders) names.push_back(name);
   return names;
+}
+
+namespace {
+
+/// Of a glTF's JSON; empty: none.
+std::string copyright_of(std::string_view json_text) {
+  const auto json = nlohmann::json::parse(json_text, nullptr, false);
+  const nlohmann::json::json_pointer place("/asset/copyright");
+  return json.is_object() && json.contains(place) && json.at(place).is_string() ? json.at(place).get<std::string>()
+                                                                                : "";
+}
+
+}  // namespace
+
+std::vector<std::string> copyrights_in(std::span<const std::byte> content) {
+  // GLB (glTF 2.0, section 4.4): magic, version, length; the first chunk's length, its type, the JSON.
+  constexpr std::size_t kBeforeJson = 20;
+  constexpr std::string_view kMagic = "glTF", kJsonChunk = "JSON";
+  std::vector<std::string> found;
+  const auto add = [&found](std::string_view json_text) {
+    if (const std::string copyright = copyright_of(json_text); !copyright.empty()) found.push_back(copyright);
+  };
+  const std::string_view text = as_text(content);
+  if (content_kind(content) == "JSON") add(text);
+  for (std::size_t at = text.find(kMagic); at != std::string_view::npos; at = text.find(kMagic, at + 1)) {
+    if (text.size() - at < kBeforeJson || text.substr(at + 16, 4) != kJsonChunk) continue;
+    add(text.substr(at + kBeforeJson, uint32_at(content, at + 12)));
+  }
+  return found;
 }
 
 }  // namespace tileflight::tiles

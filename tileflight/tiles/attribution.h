@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,5 +19,9 @@ class Attribution {
  private:
   std::map<std::string, int> counts_;
 };
+
+/// asset.copyright of each glTF in a tile's content, of whatever format: its GLBs are looked for, and nothing else in
+/// it is read. What is broken has none.
+std::vector<std::string> copyrights_in(std::span<const std::byte> content);
 
 }  // namespace tileflight::tiles

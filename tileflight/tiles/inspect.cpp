@@ -137,7 +137,7 @@ class Inspection {
         const std::string uri = tree_.content_uri(id, content);
         const std::string ending = uri_ending(uri);
         ++out_.contents[ending.empty() ? "unknown" : ending];
-        content_uris_.insert(uri);
+        if (content_uris_.insert(uri).second) contents_in_order_.push_back(uri);
         return std::nullopt;
       }
       ++out_.contents["tileset"];
@@ -159,8 +159,33 @@ class Inspection {
     add_distinct(source_.warnings(), out_.warnings);
     add_distinct(tree_.warnings(), out_.warnings);
     out_.external_tilesets = static_cast<std::int64_t>(tree_.files_read().size()) - 1;
+    for (const std::string& uri : sample_of_contents()) add_copyrights(uri, attribution);
     out_.attribution = source_.attribution();
     add_distinct(attribution.sorted(), out_.attribution);
+  }
+
+  /// Files that are there, or few from a server; none of one whose provider says itself who is to be named.
+  std::vector<std::string> sample_of_contents() {
+    constexpr std::size_t kOfFiles = 64, kOfServer = 5;
+    constexpr std::uintmax_t kLargest_bytes = 64 << 20;
+    const bool is_here = source_.knows_sizes();
+    if (!is_here && !source_.attribution().empty()) return {};
+    const std::size_t all = contents_in_order_.size(), wanted = std::min(all, is_here ? kOfFiles : kOfServer);
+    std::vector<std::string> sample;
+    for (std::size_t i = 0; i < wanted; ++i) {
+      const std::string& uri = contents_in_order_[i * all / wanted];
+      if (!is_here || is_data_uri(uri) || source_.size(uri).value_or(kLargest_bytes + 1) <= kLargest_bytes)
+        sample.push_back(uri);
+    }
+    return sample;
+  }
+
+  void add_copyrights(const std::string& uri, Attribution& attribution) {
+    try {
+      for (const std::string& copyright : copyrights_in(read_uri(source_, uri))) attribution.add(copyright);
+      ++out_.contents_read;
+    } catch (const InputError&) {  // whoever loads the tile is told
+    }
   }
 
   void describe_contents() {
@@ -180,6 +205,7 @@ class Inspection {
   TilesetTree tree_;
   TilesetSummary out_;
   std::set<std::string> content_uris_;
+  std::vector<std::string> contents_in_order_;
 };
 
 }  // namespace

@@ -20,7 +20,8 @@ struct LevelSummary {
   double geometric_error_max_m = 0.0;
 };
 
-/// What a tileset holds, by its JSON alone: external tilesets and subtrees are followed, no content is read.
+/// What a tileset holds, by its JSON: external tilesets and subtrees are followed. Of contents, a few are read for the
+/// names of their holders.
 struct TilesetSummary {
   std::string version;
   std::string generator;
@@ -44,9 +45,11 @@ struct TilesetSummary {
   std::vector<std::string> extensions_unsupported;  ///< of those required
   bool georeferenced = false;
   std::optional<geometry::Geodetic> center;  ///< of the root's bounding volume, where georeferenced
-  geometry::Box3 bounds_local;           ///< of the root's volume: its own frame, or east-north-up at `center`, metres
-  std::vector<std::string> attribution;  ///< of the tileset files, most frequent first
-  std::vector<std::string> failures;     ///< external tilesets that could not be read, one line each
+  geometry::Box3 bounds_local;  ///< of the root's volume: its own frame, or east-north-up at `center`, metres
+  std::vector<std::string>
+      attribution;                    ///< of the tileset files and of the contents that were read, most frequent first
+  std::int64_t contents_read = 0;     ///< the tree's first, and others evenly over it
+  std::vector<std::string> failures;  ///< external tilesets that could not be read, one line each
   std::vector<std::string> warnings;
 
   int depth() const { return static_cast<int>(levels.size()); }

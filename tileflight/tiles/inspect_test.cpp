@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "tests/test_data.h"
+#include "tileflight/tiles/attribution.h"
 #include "tileflight/tiles/test_tilesets.h"
 
 namespace tileflight::tiles {
@@ -55,7 +56,60 @@ TEST(InspectTileset, counts_what_is_there) {
   EXPECT_THAT(s.failures, ElementsAre(HasSubstr("tile root/2: none.json: is missing")));
   EXPECT_FALSE(s.georeferenced);
   EXPECT_EQ(s.bounds_local.max(), geometry::Vec3(10, 20, 30));
-  EXPECT_EQ(source.reads().count("a.glb"), 0U);
+  EXPECT_EQ(s.contents_read, 1) << "the other is missing";
+}
+
+/// A GLB of this JSON alone.
+std::string glb(std::string json) {
+  while (json.size() % 4 != 0) json += ' ';
+  const auto number = [](std::size_t value) {
+    std::string bytes;
+    for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(value >> shift & 0xffU);
+    return bytes;
+  };
+  return "glTF" + number(2) + number(20 + json.size()) + number(json.size()) + "JSON" + json;
+}
+
+std::string with_copyright(const std::string& holder) {
+  return Json{{"asset", {{"version", "2.0"}, {"copyright", holder}}}}.dump();
+}
+
+TEST(InspectTileset, attribution_is_that_of_tiles_too) {
+  Json root = tile(box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
+  root["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 4, "b.b3dm"), tile(box_volume(0, 0, 0, 1, 1, 1), 2, "c.gltf"),
+                      tile(box_volume(0, 0, 0, 1, 1, 1), 2, "broken.glb")};
+  MemorySource source(testing::tileset(root));
+  source.add("root.glb", glb(with_copyright("Survey; City")));
+  source.add("b.b3dm", "b3dm, whose header and tables do not matter here" + glb(with_copyright("City")));
+  source.add("c.gltf", with_copyright("Other"));
+  source.add("broken.glb", "glTF" + std::string(30, 'x') + glb("{\"asset\": {\"copyright\": 7}}"));
+  const TilesetSummary s = inspect_tileset(source);
+  EXPECT_THAT(s.attribution, ElementsAre("City", "Other", "Survey"));
+  EXPECT_EQ(s.contents_read, 4);
+}
+
+TEST(InspectTileset, attribution_is_of_a_sample_where_there_are_many_tiles) {
+  Json root = tile(box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
+  root["children"] = Json::array();
+  MemorySource source;
+  for (int i = 0; i < 1000; ++i) {
+    const std::string uri = std::to_string(i) + ".glb";
+    root["children"].push_back(tile(box_volume(0, 0, 0, 1, 1, 1), 0, uri));
+    source.add(uri, glb(with_copyright("City")));
+  }
+  source.add("root.glb", glb(with_copyright("Root")));
+  source.add("tileset.json", testing::tileset(root).dump());
+  const TilesetSummary s = inspect_tileset(source);
+  EXPECT_THAT(s.attribution, ElementsAre("City", "Root"));
+  EXPECT_EQ(s.contents_read, 64);
+  EXPECT_EQ(s.content_files, 1001);
+}
+
+TEST(CopyrightsIn, survive_every_cut_of_a_tile) {
+  const std::string whole = "b3dm" + std::string(24, '\0') + glb(with_copyright("A"));
+  const auto bytes = std::as_bytes(std::span(whole.data(), whole.size()));
+  EXPECT_THAT(copyrights_in(bytes), ElementsAre("A"));
+  for (std::size_t size = 0; size < whole.size(); ++size) copyrights_in(bytes.first(size));
 }
 
 /// A source for which reading means waiting, and what it was told to read.

@@ -7,6 +7,7 @@
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/tiles/attribution.h"
+#include "tileflight/tiles/bounding_volume.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/selection.h"
@@ -62,6 +63,14 @@ bool holds_nothing(const TilesetTree& tree) {
   });
 }
 
+/// Why a flight's pictures see no tile, and what to do.
+std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<Eye>& eyes) {
+  geometry::Box3 flown;
+  for (const Eye& eye : eyes) flown.extend(eye.position);
+  const geometry::Box3 tileset = bounds_local(tree.volume(tree.root()), placement.T_local_tileset);
+  return "the flight sees nothing of the tileset: " + apart_text(flown, tileset, placement.local_frame);
+}
+
 Wanted wanted(const Placement& placement, const LoadOptions& options, const EyeRange& part) {
   if (!options.flight) return wanted_region(placement.region, placement.T_local_tileset, options.error_m);
   return no_finer_than(wanted_flight(options.flight->eyes, placement.T_local_tileset, options.flight->error_px, part),
@@ -99,6 +108,7 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   const TileCut cut = cut_of(tree, placement, options, out);
   if (cut.contents.empty() && cut.failures.empty() && !is_part(options)) {
     if (holds_nothing(tree)) throw InputError(name, "the tileset holds nothing: none of its tiles has a content");
+    if (options.flight) throw InputError(name, nothing_seen(tree, placement, options.flight->eyes));
     throw InputError(name, "no tile with content meets the region " + extent_text(placement.region.box()) +
                                "; the tileset spans " + extent_text(tree));
   }

@@ -124,6 +124,22 @@ TEST_F(LoadRegion, empty_region_names_the_extent) {
   EXPECT_THAT(message, HasSubstr("spans x -10.0 … 10.0"));
 }
 
+TEST_F(LoadRegion, flight_that_sees_nothing_is_told_where_it_is) {
+  LoadOptions options;
+  const auto message_from = [&](const std::vector<Vec3>& positions) {
+    options.flight = FlightNeed{};
+    for (const Vec3& position : positions)
+      options.flight->eyes.push_back({position, Vec3::UnitZ(), 0.5, 1000.0});  // upwards
+    return error_of([&] { load(source_, options); });
+  };
+  const std::string far = message_from({Vec3(500, 0, 30), Vec3(510, 5, 31)});
+  EXPECT_THAT(far, HasSubstr("the flight sees nothing of the tileset: it flies at x 500.0 … 510.0, y 0.0 … 5.0, z 30.0 "
+                             "… 31.0 m, and the tileset spans x -10.0 … 10.0"));
+  EXPECT_THAT(far, HasSubstr(" m away; positions are metres east, north and up"));
+  const std::string above = message_from({Vec3(0, 0, 12)});
+  EXPECT_THAT(above, HasSubstr(", 10 m away; check where it looks (pitch_deg -90 is straight down"));
+}
+
 TEST_F(LoadRegion, tileset_without_content_says_so) {
   source_.add("tileset.json", testing::tileset(tile(box_volume(0, 0, 0, 10, 2, 2), 5)).dump());
   EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("the tileset holds nothing"));

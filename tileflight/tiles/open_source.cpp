@@ -68,24 +68,54 @@ GoogleOptions google_options(const SourceOptions& options) {
   return google;
 }
 
+bool is_mesh(const fs::path& file, const std::string& start) {
+  const std::string ending = uri_ending(file.filename().string());
+  return start.starts_with("glTF") || start.starts_with("ply\n") || start.starts_with("ply\r") || ending == "obj" ||
+         ending == "gltf";
+}
+
+enum class FileKind { kFolder, kTileset, kSqlite, kZip };
+
+/// `path` must be there.
+FileKind kind_of(const fs::path& path) {
+  if (fs::is_directory(path)) return FileKind::kFolder;
+  const std::string start = first_bytes(path);
+  if (start.starts_with("SQLite format 3")) return FileKind::kSqlite;
+  if (start.starts_with("PK") || uri_ending(path.filename().string()) == "3tz") return FileKind::kZip;
+  return FileKind::kTileset;
+}
+
 std::unique_ptr<TileSource> open_file(const std::string& source) {
   const fs::path path(source);
-  if (fs::is_directory(path)) {
-    if (!fs::exists(path / "tileset.json")) throw InputError(source, "the folder has no tileset.json");
-    return std::make_unique<FolderSource>(path / "tileset.json");
-  }
   if (!fs::exists(path)) throw InputError(source, "no such file or folder");
-  const std::string start = first_bytes(path);
-  if (start.starts_with("SQLite format 3")) return std::make_unique<SqliteSource>(path);
-  if (start.starts_with("PK") || uri_ending(path.filename().string()) == "3tz")
-    return std::make_unique<ZipSource>(path);
-  return std::make_unique<FolderSource>(path);
+  if (fs::is_regular_file(path) && is_mesh(path, first_bytes(path)))
+    throw InputError(source, "is a mesh and no tileset; `tileflight tile` makes a tileset of it");
+  switch (kind_of(path)) {
+    case FileKind::kSqlite:
+      return std::make_unique<SqliteSource>(path);
+    case FileKind::kZip:
+      return std::make_unique<ZipSource>(path);
+    case FileKind::kTileset:
+      return std::make_unique<FolderSource>(path);
+    case FileKind::kFolder:
+      break;
+  }
+  if (!fs::exists(path / "tileset.json")) throw InputError(source, "the folder has no tileset.json");
+  return std::make_unique<FolderSource>(path / "tileset.json");
 }
 
 }  // namespace
 
 bool is_network_source(const std::string& source) {
   return is_url(source) || source == "google" || uri_scheme(source) == "ion";
+}
+
+fs::path files_of_source(const std::string& source) {
+  const fs::path path(source);
+  std::error_code error;
+  if (is_network_source(source) || !fs::exists(path, error)) return {};
+  if (kind_of(path) != FileKind::kTileset) return path;
+  return path.has_parent_path() ? path.parent_path() : fs::path(".");
 }
 
 std::string shown_source(const std::string& source) { return is_url(source) ? redacted(source) : source; }

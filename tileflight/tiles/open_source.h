@@ -36,6 +36,10 @@ std::unique_ptr<TileSource> open_source(const std::string& source, const SourceO
 /// Whether SOURCE is fetched from a server: a URL, `google`, `ion:ASSET`.
 bool is_network_source(const std::string& source);
 
+/// What a SOURCE that is no server's lies in: an archive, or the folder of a tileset.json, which holds all its files.
+/// Empty for a server's, and where there is nothing.
+std::filesystem::path files_of_source(const std::string& source);
+
 /// SOURCE as it may stand in a message or a result: keys and tokens in a URL are hidden.
 std::string shown_source(const std::string& source);
 

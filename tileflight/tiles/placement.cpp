@@ -202,6 +202,26 @@ std::string extent_text(const TilesetTree& tree) {
          format(", heights %.1f … %.1f m", center.height.m - size.z() / 2, center.height.m + size.z() / 2);
 }
 
+std::string apart_text(const Box3& flown, const Box3& tileset, const std::optional<LocalFrame>& frame) {
+  std::string text = "it flies at " + extent_text(flown) + ", and the tileset spans " + extent_text(tileset) +
+                     " of the same local frame";
+  if (frame) {
+    const Geodetic& origin = frame->origin();
+    text += format(" (its origin is latitude %.6f, longitude %.6f", origin.latitude_deg, origin.longitude_deg) +
+            format(", height %.1f m)", origin.height.m, 0);
+  }
+  const double apart_m = std::sqrt(flown.squaredExteriorDistance(tileset));
+  if (apart_m > 0.0) text += format(", %.0f m away", apart_m, 0);
+  if (apart_m > tileset.sizes().norm()) {
+    return text +
+           "; positions are metres east, north and up of the frame's origin: give them so, or the origin that "
+           "they are meant from (--origin LAT,LON,HEIGHT)";
+  }
+  return text +
+         "; check where it looks (pitch_deg -90 is straight down, yaw_deg is clockwise from north) and how high "
+         "it flies";
+}
+
 Placement place(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
   check_options(options, source);
   Placement placement = frame_of(tree, options, source);

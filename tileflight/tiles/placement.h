@@ -35,6 +35,11 @@ std::string extent_text(const geometry::Box3& box);
 /// Where a tileset lies, for a message: in its own frame, or geodetic.
 std::string extent_text(const TilesetTree& tree);
 
+/// Where a flight is and where the tileset is that it does not see, both in the local frame, how far apart, and what to
+/// do: the end of a message.
+std::string apart_text(const geometry::Box3& flown, const geometry::Box3& tileset,
+                       const std::optional<geometry::LocalFrame>& frame);
+
 /// Resolves what a user asked for against where the tileset lies (see LoadOptions). Throws InputError.
 Placement place(const TilesetTree& tree, const LoadOptions& options, const std::string& source);
 

@@ -137,6 +137,10 @@ TileEntry entry_of(const TileId& id, const Tree& tree, const std::vector<double>
 
 }  // namespace
 
+geometry::UnmarkedFolder unmarked_tileset() {
+  return {.key_file = "tileset.json", .key_text = "tileflight", .files = {"tileset.json", "tiles/*.glb"}};
+}
+
 TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vector<TexturedMesh>& meshes,
                              const TilesetOptions& options, const Progress& progress) {
   Tree tree = make_tree(meshes, static_cast<int>(options.level_errors_m.size()));

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/geometry/progress.h"
 #include "tileflight/imaging/textured_mesh.h"
 
@@ -31,6 +32,9 @@ struct TilesetSummary {
   std::vector<TilesetLevel> levels;  ///< from the root to the leaves
   std::int64_t bytes = 0;
 };
+
+/// What folders of tilesets that this stage wrote hold, where they were written before folders had a marker.
+geometry::UnmarkedFolder unmarked_tileset();
 
 /// Writes `folder`/tileset.json (3D Tiles 1.1, explicit tiling, REPLACE) and its glb tiles: a quadtree over the meshes'
 /// extent, z up. A mesh is never cut: it lies whole in the leaf that holds the middle of its extent, so give meshes no

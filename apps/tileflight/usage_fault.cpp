@@ -1,0 +1,129 @@
+#include "usage_fault.h"
+
+#include <algorithm>
+#include <cctype>
+#include <limits>
+#include <regex>
+#include <sstream>
+
+#include "number_text.h"
+#include "tileflight/geometry/known_keys.h"
+#include "tileflight/geometry/text_fields.h"
+
+namespace tileflight::app {
+namespace {
+
+std::vector<const CLI::App*> subcommands_of(const CLI::App& app) {
+  return app.get_subcommands([](const CLI::App*) { return true; });
+}
+
+std::vector<std::string> commands_of(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : subcommands_of(app)) names.push_back(command->get_name());
+  return names;
+}
+
+std::vector<std::string> options_of(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+std::string list(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+double number(const std::string& text) {
+  return geometry::parse_number<double>(text).value_or(std::numeric_limits<double>::infinity());
+}
+
+bool is_option(const std::string& argument) {
+  return argument.size() > 1 && argument[0] == '-' &&
+         (argument[1] == '-' || std::isalpha(static_cast<unsigned char>(argument[1])) != 0);
+}
+
+/// "tileflight extract"
+std::string full_name(const CLI::App& command) {
+  const CLI::App* parent = command.get_parent();
+  return (parent == nullptr ? "" : full_name(*parent) + " ") + command.get_name();
+}
+
+std::string look_up(const CLI::App& command) { return "; `" + full_name(command) + " --help` says how"; }
+
+std::string unknown_command(const CLI::App& app, const std::string& word) {
+  const std::vector<std::string> commands = commands_of(app);
+  const std::string meant = geometry::did_you_mean(word, commands);
+  return "there is no command '" + word + "'" + (meant.empty() ? "; the commands are " + list(commands) : meant);
+}
+
+std::string unknown_option(const CLI::App& command, const std::string& name) {
+  const std::vector<const CLI::App*> below = subcommands_of(command);
+  if (std::any_of(below.begin(), below.end(),
+                  [&](const CLI::App* one) { return one->get_option_no_throw(name) != nullptr; }))
+    return "options stand behind the command: `" + full_name(command) + " COMMAND … " + name + "`";
+  const std::string meant = geometry::did_you_mean(name, options_of(command));
+  return "`" + full_name(command) + "` has no option " + name +
+         (meant.empty() ? "; `" + full_name(command) + " --help` lists them" : meant);
+}
+
+/// "--voxel: Value 0 not in range 0.000000 to 1797…" as people say it; what is no such fault stays as it is.
+std::string range_fault(const std::string& fault) {
+  static const std::regex kRange("(.*): Value (\\S+) not in range (\\S+) to (\\S+)");
+  std::smatch parts;
+  if (!std::regex_match(fault, parts, kRange)) return fault;
+  constexpr double kNoBound = 1e15;
+  const double value = number(parts[2]), least = number(parts[3]), most = number(parts[4]);
+  const std::string must = most < kNoBound ? "be " + rounded(least) + " to " + rounded(most)
+                           : value < 0.0   ? "not be negative"
+                                           : "be more than 0";
+  return parts[1].str() + " must " + must + ", and is " + parts[2].str();
+}
+
+/// "--size: At least 3 required but received 2"
+std::string count_fault(const std::string& fault) {
+  static const std::regex kCount("(.*): At (least|most) (\\d+) required but received (\\d+)");
+  std::smatch parts;
+  if (!std::regex_match(fault, parts, kCount)) return fault;
+  return parts[1].str() + " takes at " + parts[2].str() + " " + parts[3].str() +
+         " values with commas between, and has " + parts[4].str();
+}
+
+/// "--layout: eurok not in {tum-mono,euroc}", with the word that was meant.
+std::string choice_fault(const std::string& fault) {
+  static const std::regex kChoice("(.*): (\\S+) not in \\{(.*)\\}");
+  std::smatch parts;
+  if (!std::regex_match(fault, parts, kChoice)) return fault;
+  std::vector<std::string> words;
+  std::istringstream all(parts[3].str());
+  for (std::string word; std::getline(all, word, ',');) words.push_back(word);
+  return parts[1].str() + " is none of " + list(words) + ": '" + parts[2].str() + "'" +
+         geometry::did_you_mean(parts[2].str(), words);
+}
+
+}  // namespace
+
+std::string usage_fault(const CLI::App& app, const std::vector<std::string>& arguments, const std::string& fault) {
+  const CLI::App* command = &app;
+  for (const std::string& argument : arguments) {
+    if (argument == "--") break;
+    if (is_option(argument)) {
+      const std::string name = argument.substr(0, argument.find('='));
+      if (command->get_option_no_throw(name) == nullptr) return unknown_option(*command, name);
+    } else if (const auto commands = subcommands_of(*command); !commands.empty()) {
+      const auto chosen = std::find_if(commands.begin(), commands.end(),
+                                       [&](const CLI::App* known) { return known->get_name() == argument; });
+      if (chosen == commands.end()) return unknown_command(*command, argument);
+      command = *chosen;
+    }
+  }
+  if (!commands_of(*command).empty()) return "a command is needed: " + list(commands_of(*command)) + look_up(*command);
+  const std::string told = choice_fault(count_fault(range_fault(fault)));
+  return full_name(*command).substr(app.get_name().size() + 1) + ": " + told +
+         (told.ends_with('?') ? "" : look_up(*command));
+}
+
+}  // namespace tileflight::app

@@ -1,0 +1,240 @@
+// `run` does again what its inputs ask for and nothing else: by content, not by times; also after a kill.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <set>
+#include <thread>
+
+#include "tests/background_program.h"
+#include "tests/run_program.h"
+#include "tests/tiny_place.h"
+#include "tileflight/geometry/folder_marker.h"
+
+namespace tileflight {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
+using ::testing::Not;
+using tests::file_text;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyPlace;
+
+constexpr const char* kFlight = R"(camera: camera.yaml
+sensors_file: sensors.yaml
+fps: 10
+speed_m_s: 4
+acceleration_m_s2: 4
+max_frames: 60
+waypoints:
+  - {position: [-18, -12, 116], yaw_deg: 55, pitch_deg: -45}
+  - {position: [0, 2, 117], yaw_deg: 60, pitch_deg: -45}
+  - {position: [18, 10, 116], yaw_deg: 70, pitch_deg: -45}
+)";
+
+constexpr const char* kExperiment = R"(name: tiny
+place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
+simulated:
+  render: {flight: flight.yaml}
+)";
+
+/// A program that answers with the odometry of an earlier run.
+constexpr const char* kScript = R"(#!/bin/sh
+set -e
+cp "$3"/trajectory.txt "$3"/map.ply "$2"
+)";
+
+class RunCache : public ::testing::Test {
+ protected:
+  RunCache() {
+    TinyPlace::write(folder_ / "place");
+    write("camera.yaml", TinyPlace::kCamera);
+    write("flight.yaml", kFlight);
+    write("sensors.yaml", "barometer: {rate_hz: 10}\n");
+    write("experiment.yaml", kExperiment);
+  }
+
+  void write(const std::string& name, const std::string& text) const { TinyPlace::write_file(folder_ / name, text); }
+  std::vector<std::string> call(const std::string& out, const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> words{"run", (folder_ / "experiment.yaml").string(), "--out", (folder_ / out).string()};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  ProgramResult run(const std::string& out, const std::vector<std::string>& more = {}) const {
+    const ProgramResult result = run_tileflight(call(out, more));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result;
+  }
+  /// The stages that `run` did, as it says.
+  std::set<std::string> stages_done(const std::string& out) const {
+    std::istringstream lines(run(out).err);
+    std::set<std::string> done;
+    for (std::string line; std::getline(lines, line);) {
+      const std::size_t colon = line.find(": ");
+      if (colon != std::string::npos && line.find("unchanged, skipped") == std::string::npos)
+        done.insert(line.substr(0, colon));
+    }
+    return done;
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+void touch(const fs::path& file) {
+  fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::hours(5));
+}
+
+TEST_F(RunCache, TouchedFilesAndOtherWaysToWriteTheSameChangeNothing) {
+  EXPECT_THAT(stages_done("out"), IsSupersetOf({"truth", "simulated/dataset", "simulated/odometry", "report"}));
+  EXPECT_THAT(stages_done("out"), testing::IsEmpty());
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "place")) touch(entry.path());
+  for (const char* name : {"camera.yaml", "flight.yaml", "sensors.yaml", "experiment.yaml"}) touch(folder_ / name);
+  EXPECT_THAT(stages_done("out"), testing::IsEmpty()) << "touched";
+
+  write("flight.yaml", "# what is flown\n" + std::string(kFlight) + "# the end\n");
+  write("camera.yaml",
+        "cam0: {resolution: [320, 240], distortion_coeffs: [0, 0, 0, 0], distortion_model: 'equidistant',\n"
+        "  intrinsics: [152, 152, 159.50, 119.5], camera_model: \"pinhole\"}  # the same lens\n");
+  write("sensors.yaml", "barometer:\n  rate_hz: 10.0\n");
+  write("experiment.yaml",
+        "simulated: {render: {flight: 'flight.yaml'}}   # first\nplace:\n"
+        "  size: [80.0, 80, 20]\n  center_local:\n  - 0\n  - 0.0\n  - 100\n"
+        "  source: place/tileset.json\nname: tiny\n");
+  EXPECT_THAT(stages_done("out"), testing::IsEmpty()) << "written otherwise";
+
+  // A folder of results beside the tiles is none of them.
+  TinyPlace::write_file(folder_ / "place/.DS_Store", "x");
+  run("place/out");
+  EXPECT_THAT(stages_done("place/out"), testing::IsEmpty());
+  EXPECT_THAT(stages_done("out"), testing::IsEmpty());
+}
+
+TEST_F(RunCache, WhatChangesIsDoneAgainWithWhatComesOfIt) {
+  run("out");
+  std::string flight = kFlight;
+  write("flight.yaml", flight.replace(flight.find("fps: 10"), 7, "fps: 11"));
+  EXPECT_EQ(stages_done("out").count("truth"), 0U);
+  write("sensors.yaml", "barometer: {rate_hz: 20}\n");
+  EXPECT_THAT(stages_done("out"), IsSupersetOf({"simulated/dataset", "simulated/evaluation"}));
+
+  // A tile of other bytes, but of the same size and time.
+  std::string tile = file_text(folder_ / "place/0.glb");
+  const auto time = fs::last_write_time(folder_ / "place/0.glb");
+  char& colour = tile[tile.size() * 36 / 100];
+  colour = static_cast<char>(colour ^ 1);
+  TinyPlace::write_file(folder_ / "place/0.glb", tile);
+  fs::last_write_time(folder_ / "place/0.glb", time);
+  EXPECT_THAT(stages_done("out"), IsSupersetOf({"truth", "simulated/dataset"}));
+}
+
+TEST_F(RunCache, TheScriptOfACommandIsAnInput) {
+  run("own");
+  const std::string own = (folder_ / "own/simulated/odometry").string();
+  const auto with_script = [&](const std::string& script) {
+    write("slam.sh", script);
+    fs::permissions(folder_ / "slam.sh", fs::perms::owner_all);
+  };
+  with_script(kScript);
+  write("experiment.yaml", std::string(kExperiment) + "odometry: {command: './slam.sh {dataset} {out} " + own + "'}\n");
+  EXPECT_THAT(stages_done("out"), IsSupersetOf({"simulated/odometry"}));
+  EXPECT_THAT(stages_done("out"), testing::IsEmpty());
+  touch(folder_ / "slam.sh");
+  EXPECT_THAT(stages_done("out"), testing::IsEmpty());
+  with_script(std::string(kScript) + "# another\n");
+  const std::set<std::string> done = stages_done("out");
+  EXPECT_EQ(done.count("simulated/odometry"), 1U);
+  EXPECT_EQ(done.count("simulated/dataset"), 0U);
+  EXPECT_THAT(file_text(folder_ / "out/results.json"), HasSubstr("slam.sh")) << "it is one of the run's inputs";
+}
+
+std::set<ino_t> inodes(const fs::path& folder) {
+  std::set<ino_t> found;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    struct stat status {};
+    if (::stat(entry->path().c_str(), &status) == 0) found.insert(status.st_ino);
+  }
+  return found;
+}
+
+std::size_t notes_in(const fs::path& folder) {
+  std::error_code error;
+  std::size_t count = 0;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+    count += entry->path().extension() == ".json" ? 1 : 0;
+  return count;
+}
+
+TEST_F(RunCache, FramesThatAreThereAfterAKillAreTakenUp) {
+  write("experiment.yaml", R"(name: tiny
+place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
+simulated:
+  render: {flight: flight.yaml, samples_per_pixel: 16, outputs: "depth, segmentation"}
+)");
+  run("whole", {"--threads", "1"});
+  const fs::path frames = folder_ / "out/simulated/.dataset.frames";
+  {
+    tests::BackgroundProgram program(call("out", {"--threads", "1"}), folder_ / "first");
+    while (program.runs() && notes_in(frames / "frames") < 10)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ASSERT_TRUE(program.runs()) << program.result().err;
+  }
+  const std::size_t kept = notes_in(frames / "frames");
+  EXPECT_LT(kept, 60U);
+  EXPECT_FALSE(fs::exists(folder_ / "out/simulated/dataset"));
+  const std::set<ino_t> before = inodes(frames / "dataset/images");
+  run("out", {"--threads", "2"});
+  const std::set<ino_t> after = inodes(folder_ / "out/simulated/dataset/images");
+  std::size_t taken_up = 0;
+  for (const ino_t inode : before) taken_up += after.count(inode);
+  EXPECT_GE(taken_up, kept) << "their very files";
+  EXPECT_FALSE(fs::exists(frames));
+  const fs::path whole = folder_ / "whole/simulated/dataset", resumed = folder_ / "out/simulated/dataset";
+  EXPECT_EQ(geometry::files_below(whole), geometry::files_below(resumed));
+  for (const std::string& file : geometry::files_below(whole))
+    EXPECT_TRUE(file_text(whole / file) == file_text(resumed / file)) << file;
+}
+
+TEST_F(RunCache, ABusyFolderIsNamedWithItsProcess) {
+  write("experiment.yaml", std::string(kExperiment) + "odometry: {command: sleep 30}\n");
+  tests::BackgroundProgram program(call("out"), folder_ / "first");
+  while (program.runs() && !fs::exists(folder_ / "out/stages/simulated-dataset.json"))
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  ASSERT_TRUE(program.runs()) << program.result().err;
+  for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--force"}}) {
+    const ProgramResult second = run_tileflight(call("out", more));
+    EXPECT_EQ(second.exit_code, 1);
+    EXPECT_EQ(tests::line_count(second.err), 1) << second.err;
+    EXPECT_THAT(second.err, HasSubstr("process " + std::to_string(program.process())));
+    EXPECT_THAT(second.err, HasSubstr("tileflight run"));
+    EXPECT_THAT(second.err, Not(HasSubstr("--force")));
+  }
+  program.kill();
+  write("experiment.yaml", kExperiment);
+  run("out");
+}
+
+TEST_F(RunCache, ForceDoesAllAgainAndKeepsWhatIsNotOurs) {
+  run("out");
+  write("out/notes.txt", "mine");
+  const std::string results = file_text(folder_ / "out/results.json");
+  const ProgramResult forced = run("out", {"--force"});
+  EXPECT_THAT(forced.err, Not(HasSubstr("unchanged")));
+  EXPECT_EQ(file_text(folder_ / "out/notes.txt"), "mine");
+  // Within the folder of a stage it would be lost: the stage refuses.
+  write("out/simulated/dataset/notes.txt", "mine");
+  const ProgramResult refused = run_tileflight(call("out", {"--force"}));
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, HasSubstr("holds notes.txt, which tileflight did not write"));
+  EXPECT_EQ(file_text(folder_ / "out/simulated/dataset/notes.txt"), "mine");
+  EXPECT_TRUE(fs::exists(folder_ / "out/report.html")) << "what was there stays until it is replaced";
+  fs::remove(folder_ / "out/simulated/dataset/notes.txt");
+  run("out");
+}
+
+}  // namespace
+}  // namespace tileflight

@@ -1,0 +1,175 @@
+#include "tileflight/experiment/run_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <fstream>
+#include <sstream>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "tileflight/geometry/files.h"
+#include "tileflight/geometry/folder_marker.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
+
+namespace tileflight::experiment {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr const char* kLock = ".lock";
+constexpr std::uintmax_t kMostLockBytes = 4096;
+
+/// What runs leave beside the folders that have a marker of their own; "FOLDER/" in front: in folders of that name.
+constexpr std::array kRunFiles{".lock",           ".file-hashes",      ".tileflight",       "stages/*.json",
+                               "results.json",    "report.html",       "report.json",       "figures/*.svg",
+                               "figures/*.csv",   "tables/*.csv",      "tables/*.tex",      "transform.json",
+                               "metrics.json",    "errors.ply",        "seen.ply",          "failed.txt",
+                               "comparison.json", "failure.json",      "reproduction.json", "reproduction.csv",
+                               "lost-frames.csv", "missed-places.csv", "ablation.csv"};
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+/// "tileflight run a.yaml --out out" of a process of this machine; empty where it cannot be read.
+std::string command_of(const std::string& process) {
+  std::ifstream file("/proc/" + process + "/cmdline", std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  std::string command = text.str();
+  while (!command.empty() && command.back() == '\0') command.pop_back();
+  std::replace_if(
+      command.begin(), command.end(), [](unsigned char c) { return c < 0x20; }, ' ');
+  return command;
+}
+
+/// "process 4711 (tileflight run a.yaml --out out)", as the lock's file says.
+std::string owner(const fs::path& lock) {
+  std::istringstream text(geometry::read_text(lock, kMostLockBytes));
+  std::string process, host;
+  if (!(text >> process >> host)) return "another process";
+  if (host != host_name()) return "process " + process + " of " + host;
+  const std::string command = command_of(process);
+  return "process " + process + (command.empty() ? "" : " (" + command + ")");
+}
+
+/// Writes who has the lock.
+void sign(int lock) {
+  const std::string text = std::to_string(::getpid()) + " " + host_name() + "\n";
+  if (::ftruncate(lock, 0) != 0 || ::pwrite(lock, text.data(), text.size(), 0) < 0) return;  // then it has no name
+}
+
+int locked(const fs::path& folder) {
+  const fs::path file = folder / kLock;
+  const int lock = ::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+  if (lock < 0) throw InputError(file.string(), "cannot be written: " + std::system_category().message(errno));
+  if (::flock(lock, LOCK_EX | LOCK_NB) == 0) {
+    sign(lock);
+    return lock;
+  }
+  const bool is_busy = errno == EWOULDBLOCK;
+  ::close(lock);
+  if (!is_busy) return -1;
+  throw InputError(folder.string(),
+                   owner(file) + " works in it; wait until that has ended, or name another folder for --out");
+}
+
+/// Runs of earlier versions had no marker.
+bool has_stage_records(const fs::path& folder) {
+  const fs::path stages = folder / "stages";
+  return fs::is_directory(stages) &&
+         std::all_of(fs::directory_iterator(stages), fs::directory_iterator(),
+                     [](const fs::directory_entry& entry) { return entry.path().extension() == ".json"; });
+}
+
+bool is_run(const fs::path& folder) {
+  const auto marker = geometry::read_folder_marker(folder);
+  return marker ? marker->command == "run" : has_stage_records(folder);
+}
+
+bool holds_nothing(const fs::path& folder) {
+  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(),
+                     [](const fs::directory_entry& entry) { return entry.path().filename() == kLock; });
+}
+
+/// Says that the folder is a run's. It names no files: stages come and go, each with a marker of its own.
+void mark(const fs::path& folder) {
+  if (geometry::read_folder_marker(folder)) return;
+  geometry::write_file(folder / geometry::kFolderMarker,
+                       "tileflight run\n# Stages of this run; those whose inputs change are written again.\n");
+}
+
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+}
+
+bool is_run_file(const fs::path& file) {
+  const std::string name = file.filename().string();
+  const std::string with_folder = file.parent_path().filename().string() + "/" + name;
+  return std::any_of(kRunFiles.begin(), kRunFiles.end(), [&](std::string_view pattern) {
+    return geometry::matches(pattern.find('/') == std::string_view::npos ? name : with_folder, pattern);
+  });
+}
+
+bool holds_kept_frames(const fs::path& folder) {
+  const std::string name = folder.filename().string();
+  return name.starts_with('.') && name.ends_with(".frames");
+}
+
+/// A folder of a stage, as that has left it.
+bool is_stage_folder(const fs::path& folder) {
+  const auto marker = geometry::read_folder_marker(folder);
+  return marker && marker->command != "run" && !geometry::foreign_file(folder);
+}
+
+}  // namespace
+
+void check_run_folder(const fs::path& folder) {
+  if (!fs::exists(folder)) return;
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is a file; --out must name a folder");
+  if (is_run(folder) || holds_nothing(folder)) return;
+  throw InputError(folder.string(), "holds something else than an earlier run; choose another folder for --out");
+}
+
+RunFolder::RunFolder(fs::path folder) : path_(std::move(folder)) {
+  check_run_folder(path_);
+  make_folder(path_);
+  lock_ = locked(path_);
+  mark(path_);
+  make_folder(path_ / "stages");
+}
+
+RunFolder::~RunFolder() {
+  if (lock_ < 0) return;
+  [[maybe_unused]] const int ignored = ::ftruncate(lock_, 0);  // if its name stays, the lock does not
+  ::close(lock_);
+}
+
+void remove_results(const fs::path& part) {
+  std::error_code error;
+  std::vector<fs::directory_entry> entries;
+  for (fs::directory_iterator entry(part, error), end; !error && entry != end; entry.increment(error))
+    entries.push_back(*entry);
+  for (const fs::directory_entry& entry : entries) {
+    const fs::path& path = entry.path();
+    if (!fs::is_directory(entry.symlink_status(error))) {
+      if (is_run_file(path)) fs::remove(path, error);
+    } else if (holds_kept_frames(path) || is_stage_folder(path)) {
+      fs::remove_all(path, error);
+    } else if (!geometry::read_folder_marker(path) || is_run(path)) {
+      remove_results(path);
+    }
+  }
+  fs::remove(part, error);  // where it is empty
+}
+
+}  // namespace tileflight::experiment
