@@ -52,6 +52,7 @@ void add_tile(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_preview(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_render(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_export(CLI::App& app, CommonOptions& common, Selection& selection);

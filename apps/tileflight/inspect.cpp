@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "command.h"
+#include "inspect_place.h"
 #include "source_options.h"
 
 namespace tileflight::app {
@@ -103,19 +104,33 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     std::string source;
     SourceArguments arguments;
+    InspectPlaceOptions place;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("inspect", "what a tileset holds: depth, tiles, formats, extents, errors, attribution");
-  command->footer("Example:\n  tileflight inspect tiles/tileset.json");
+  CLI::App* command = app.add_subcommand(
+      "inspect",
+      "what a tileset holds: depth, tiles, formats, extents, errors, attribution; its map; heights at points");
+  command->footer(
+      "Examples:\n  tileflight inspect tiles/tileset.json\n"
+      "The place from above, with its grid, its heights, and a proposal of region and voxel:\n"
+      "  tileflight inspect tiles/ --map place.png\n"
+      "Ground heights at two points:\n"
+      "  tileflight inspect tiles/ --at 35.310344,-80.740007 --at 35.310544,-80.740207");
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
+  add_inspect_place_options(*command, options->place);
   add_source_options(*command, options->arguments);
   add_common_options(*command, common);
-  command->callback([options, &selection] {
-    selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
-      const tiles::TilesetSummary s =
-          tiles::inspect_tileset(options->source, source_options(options->arguments), progress);
-      return {to_json(s), summary(s)};
+  command->callback([options, command, &selection] {
+    selection.run = [options, command](const CommonOptions&, const Progress& progress) -> Output {
+      const tiles::SourceOptions source = source_options(options->arguments);
+      check_inspect_place(*command, options->place);
+      Output output{nlohmann::json::object(), ""};
+      if (tells_whole_tileset(options->place, options->source)) {
+        const tiles::TilesetSummary s = tiles::inspect_tileset(options->source, source, progress);
+        output = {to_json(s), summary(s)};
+      }
+      inspect_place(options->source, source, *command, options->place, output, progress);
+      return output;
     };
   });
 }

@@ -28,6 +28,7 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   commands::add_inspect(app, common, selection);
   commands::add_extract(app, common, selection);
   commands::add_coverage(app, common, selection);
+  commands::add_preview(app, common, selection);
   commands::add_render(app, common, selection);
   commands::add_ingest(app, common, selection);
   commands::add_export(app, common, selection);

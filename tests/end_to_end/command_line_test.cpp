@@ -14,8 +14,8 @@ using tests::ProgramResult;
 using tests::run_tileflight;
 
 const std::vector<std::vector<std::string>> kCommands{
-    {"scene", "stadium"}, {"tile"},  {"inspect"},  {"extract"}, {"render"}, {"ingest"}, {"export"},
-    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},    {"report"}, {"serve"}};
+    {"scene", "stadium"}, {"tile"},  {"inspect"},  {"extract"}, {"preview"}, {"render"}, {"ingest"}, {"export"},
+    {"odometry"},         {"align"}, {"evaluate"}, {"compare"}, {"run"},     {"report"}, {"serve"}};
 
 TEST(CommandLine, EveryCommandHasHelpWithAnExample) {
   for (std::vector<std::string> command : kCommands) {
@@ -70,6 +70,9 @@ TEST(CommandLine, WorkThatFailsIsOneLineAndExitCodeOne) {
   const std::vector<std::vector<std::string>> calls{
       {"tile", "/nonexistent/mesh.obj", "--out", out},
       {"inspect", "/nonexistent/tileset.json"},
+      {"inspect", "/nonexistent/tileset.json", "--map", out + ".png"},
+      {"inspect", "/nonexistent/tileset.json", "--at-local", "0,0"},
+      {"preview", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
       {"extract", "/nonexistent/tileset.json", "--out", out},
       {"render", "/nonexistent/tileset.json", "--flight", "/nonexistent/flight.yaml", "--out", out},
       {"ingest", "/nonexistent.mp4", "--camera", "/nonexistent.yaml", "--out", out},

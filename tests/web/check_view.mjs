@@ -88,6 +88,36 @@ async function checkGolden(page, seen) {
   expect(difference < 8, `the view differs from the golden picture by ${difference.toFixed(1)} of 255`);
 }
 
+/** Everything is in the picture at first: its rim is empty, and what is shown takes up most of it. */
+async function checkFit(page, seen, where) {
+  const found = await page.evaluate(async (base64) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const canvas = document.createElement('canvas');
+    const [width, height] = [(canvas.width = image.width), (canvas.height = image.height)];
+    const context = canvas.getContext('2d');
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, width, height);
+    const corner = [data[0], data[1], data[2]];
+    const isDrawn = (x, y) => corner.some((value, c) => Math.abs(data[4 * (y * width + x) + c] - value) > 12);
+    const drawn = { left: width, right: -1, top: height, bottom: -1 };
+    for (let y = 0; y < height; ++y) {
+      for (let x = 0; x < width; ++x) {
+        if (!isDrawn(x, y)) continue;
+        drawn.left = Math.min(drawn.left, x);
+        drawn.right = Math.max(drawn.right, x);
+        drawn.top = Math.min(drawn.top, y);
+        drawn.bottom = Math.max(drawn.bottom, y);
+      }
+    }
+    const isFree = drawn.left > 0 && drawn.top > 0 && drawn.right < width - 1 && drawn.bottom < height - 1;
+    return { isFree, filled: Math.max((drawn.right - drawn.left) / width, (drawn.bottom - drawn.top) / height) };
+  }, seen);
+  expect(found.isFree, `${where}: something reaches beyond the picture at first`);
+  expect(found.filled > 0.6, `${where}: what is shown takes up ${(100 * found.filled).toFixed(0)} % of the picture's width or height only`);
+}
+
 async function checkLayers(page, seen) {
   const boxes = page.locator('#view .view-layers input');
   const count = await boxes.count();
@@ -203,6 +233,7 @@ async function checkView() {
   const seen = await picture(page);
   writeFileSync(`${folder}/view.png`, Buffer.from(seen, 'base64'));
   await checkGolden(page, seen);
+  await checkFit(page, seen, 'the view');
   await checkLayers(page, seen);
   await checkColors(page, seen);
   await checkPicking(page);
@@ -225,6 +256,7 @@ async function checkPhone(instance) {
   await ready(page);
   const width = await page.evaluate(() => document.documentElement.scrollWidth);
   expect(width <= 360, `with the view the page is ${width} pixels wide on a phone of 360`);
+  await checkFit(page, await picture(page), 'on a phone');
   await page.screenshot({ path: `${folder}/page-phone.png`, fullPage: true });
   await page.close();
 }

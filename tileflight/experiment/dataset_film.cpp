@@ -1,9 +1,6 @@
 #include "tileflight/experiment/dataset_film.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <mutex>
 #include <numeric>
@@ -11,6 +8,8 @@
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
 #include "tileflight/experiment/extract.h"
+#include "tileflight/experiment/flight_faults.h"
+#include "tileflight/experiment/memory_budget.h"
 #include "tileflight/experiment/output_files.h"
 #include "tileflight/experiment/require_surface.h"
 #include "tileflight/experiment/version.h"
@@ -24,23 +23,6 @@
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
 namespace {
-
-/// Of every picture, and of where the camera is a whole exposure and readout before and after it.
-std::vector<tiles::Eye> eyes_of(const Mission& mission) {
-  const sensors::ImageFormation& formation = mission.options.formation;
-  const double open_s = formation.exposure_time_s * sensors::max_exposure_gain(formation) +
-                        std::abs(formation.line_delay_s) * mission.calibration.camera.height();
-  std::vector<geometry::SE3> poses;
-  for (const geometry::StampedPose& pose : mission.frames.poses) {
-    poses.push_back(pose.T_local_camera);
-    if (open_s > 0.0) {
-      for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
-    }
-  }
-  std::vector<tiles::Eye> eyes = tiles::eyes_along(mission.calibration.camera, poses);
-  const bool needs_all = mission.sensor_files->suite().needs_scene() || formation.light;  // what casts shadows
-  return needs_all ? tiles::all_around(std::move(eyes)) : eyes;
-}
 
 /// What a receiver would have said along the path, where the place is on the earth.
 std::vector<dataset::GpsFix> simulated_gps(const Mission& mission, const std::optional<geometry::LocalFrame>& frame,
@@ -116,22 +98,6 @@ void add_part(const sensors::FlightReport& report, const tiles::LoadedTiles& til
   filmed.exposure_after = report.exposure_after;
   filmed.seconds += report.seconds;
   ++filmed.parts;
-}
-
-/// Half of the machine's memory.
-std::uintmax_t default_memory_bytes() {
-  const long pages = sysconf(_SC_PHYS_PAGES), page_bytes = sysconf(_SC_PAGESIZE);
-  if (pages <= 0 || page_bytes <= 0) return std::numeric_limits<std::uintmax_t>::max();
-  return static_cast<std::uintmax_t>(pages) / 2 * static_cast<std::uintmax_t>(page_bytes);
-}
-
-/// Where nothing is in view there is yet something to cast rays into: a triangle without area, which none meets.
-std::vector<imaging::TexturedMesh> or_nothing(std::vector<imaging::TexturedMesh> meshes) {
-  if (!meshes.empty()) return meshes;
-  imaging::TexturedMesh nothing;
-  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
-  nothing.mesh.triangles.push_back({0, 1, 2});
-  return {nothing};
 }
 
 /// What the output `visibility` is about.
@@ -236,7 +202,7 @@ void write_photometric(const Mission& mission, const fs::path& folder) {
 
 /// What a dataset holds beside frames and their outputs.
 void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const RenderSettings& settings,
-               const Filmed& filmed) {
+               const Filmed& filmed, const std::vector<KeptFrame>& frames) {
   if (settings.flight.outputs.photometric) write_photometric(mission, writer.temporary_folder());
   writer.set_groundtruth(mission.frames);
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
@@ -245,6 +211,8 @@ void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const Ren
   const std::optional<geometry::LocalFrame>& frame = filmed.tiles.local_frame;
   for (const auto& [key, value] : described_frame(frame ? std::optional(frame->origin()) : std::nullopt))
     writer.describe(key, value);
+  const auto faults = sensors::flight_faults(checks_of(frames), 0, mission.options.clearance_m);
+  for (const auto& [key, value] : described_faults(faults)) writer.describe(key, value);
   if (const auto& light = mission.options.formation.light)
     writer.describe("light", described(daylight_at(*light, filmed.tiles.local_frame->origin())->sun()));
   mission.sensor_files->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s, writer.temporary_folder());
@@ -324,7 +292,7 @@ struct DatasetFilm::Impl {
       writer_.add_written_frame(i, mission_.frames.poses[i].time_s, frames[i].exposure_ms);
     }
     outputs_.finish();
-    add_lists(writer_, mission_, settings_, filmed_);
+    add_lists(writer_, mission_, settings_, filmed_, frames);
     writer_.finish();
     return frames;
   }

@@ -3,28 +3,16 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
 
 #include "tileflight/experiment/fly.h"
 #include "tileflight/experiment/frame_share.h"
-#include "tileflight/experiment/sensor_files.h"
-#include "tileflight/imaging/camera.h"
+#include "tileflight/experiment/mission.h"
 #include "tileflight/sensors/fly.h"
 #include "tileflight/tiles/load.h"
 
 namespace tileflight::experiment {
-
-/// One flight, ready to be filmed.
-struct Mission {
-  imaging::Calibration calibration;
-  geometry::Trajectory frames;    ///< a pose for each picture
-  sensors::PoseFunction pose_at;  ///< in between, for the shutter
-  sensors::FlightOptions options;
-  std::shared_ptr<SensorFiles> sensor_files;  ///< beside the camera
-  nlohmann::json vehicle;                     ///< how the vehicle flew; null without
-};
 
 /// What came of a flight, all its parts together.
 struct Filmed {

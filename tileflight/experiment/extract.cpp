@@ -8,6 +8,7 @@
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/output_folder.h"
 #include "tileflight/ground_truth/extract.h"
+#include "tileflight/ground_truth/suiting_voxel.h"
 #include "tileflight/tiles/open_source.h"
 
 namespace tileflight::experiment {
@@ -42,6 +43,26 @@ json region_json(const tiles::Region& region) {
   return out;
 }
 
+/// What of the meshes and clouds lies in the region.
+geometry::Vec3 extent_of(const tiles::LoadedTiles& loaded) {
+  geometry::Box3 box;
+  for (const imaging::TexturedMesh& mesh : loaded.meshes) {
+    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
+  }
+  for (const geometry::PointCloud& cloud : loaded.clouds) {
+    for (const geometry::Vec3& point : cloud.positions) box.extend(point);
+  }
+  box = box.intersection(loaded.region.box());
+  return box.isEmpty() ? geometry::Vec3(geometry::Vec3::Zero()) : geometry::Vec3(box.sizes());
+}
+
+std::vector<std::string> warnings_of(const ExtractSettings& settings, const tiles::LoadedTiles& loaded) {
+  std::vector<std::string> warnings = loaded.warnings;
+  if (const auto line = ground_truth::coarse_voxel_warning(extent_of(loaded), settings.voxel_m))
+    warnings.push_back(*line);
+  return warnings;
+}
+
 json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
               const ground_truth::ExtractResult& truth) {
   return {
@@ -67,7 +88,7 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
       {"attribution", loaded.attribution},
       {"terms", {{"provider", loaded.terms.provider}, {"url", loaded.terms.url}}},
       {"terms_accepted", settings.load.source.terms_accepted},
-      {"warnings", loaded.warnings},
+      {"warnings", warnings_of(settings, loaded)},
       {"version", version()},
   };
 }

@@ -8,11 +8,9 @@
 
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/experiment/dataset_film.h"
-#include "tileflight/experiment/flown_path.h"
 #include "tileflight/experiment/frame_share.h"
+#include "tileflight/experiment/mission.h"
 #include "tileflight/experiment/stage_cache.h"
-#include "tileflight/flight/flight_plan.h"
-#include "tileflight/flight/path.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/output_folder.h"
 #include "tileflight/tiles/open_source.h"
@@ -26,30 +24,6 @@ using nlohmann::json;
 
 /// From the plan: a vehicle that keeps to its path at all is within a metre in severe turbulence (docs/vehicles.md).
 constexpr double kFarOff_m = 5.0;
-
-Mission plan_mission(const RenderSettings& settings, const Progress& progress) {
-  const RenderFlight& flight = settings.flight;
-  const flight::FlightPlan plan = flight::read_flight_plan(flight.flight);
-  Mission mission;
-  mission.calibration = imaging::read_calibration(flight.camera.empty() ? plan.camera : flight.camera);
-  if (flight.width) mission.calibration.camera = mission.calibration.camera.scaled_to(*flight.width, *flight.height);
-  FlownPath flown = fly_plan(plan, settings, mission.calibration.camera, progress);
-  mission.frames = std::move(flown.frames);
-  mission.vehicle = std::move(flown.vehicle);
-  if (flight.max_frames && mission.frames.size() > static_cast<std::size_t>(*flight.max_frames)) {
-    mission.frames.poses.resize(static_cast<std::size_t>(*flight.max_frames));
-  }
-  const flight::Path path = flown.path;
-  mission.pose_at = [path](double time_s) { return path.pose(time_s); };
-  mission.sensor_files = std::make_shared<SensorFiles>(
-      sensors::read_sensor_suite(flight.flight, settings.seed, mission.calibration.T_cam_imu), path, mission.frames);
-  mission.options.render = {.depth = flight.outputs.depth, .samples_per_pixel = flight.samples_per_pixel};
-  mission.options.outputs = flight.outputs.of_frame();
-  if (flight.degrade) mission.options.formation = *flight.degrade;
-  mission.options.formation.seed = settings.seed;
-  mission.calibration.line_delay_s = mission.options.formation.line_delay_s;
-  return mission;
-}
 
 /// What frames are made from beside the program: whoever has the same makes the same.
 json inputs_of(const Mission& mission, const RenderSettings& settings) {
@@ -171,9 +145,8 @@ void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warning
 }
 
 std::vector<std::string> warnings_of(const Mission& mission, const Rendered& rendered) {
-  std::vector<std::optional<sensors::FrameCheck>> checks;
-  for (const KeptFrame& frame : rendered.frames) checks.emplace_back(frame.check);
-  std::vector<std::string> warnings = sensors::flight_warnings(checks, 0, mission.options.clearance_m);
+  std::vector<std::string> warnings =
+      sensors::flight_warnings(checks_of(rendered.frames), 0, mission.options.clearance_m);
   const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
                                         [](const KeptFrame& frame) { return frame.check.view.surface_share <= 0.0; });
   if (sees_nothing) {

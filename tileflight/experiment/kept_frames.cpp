@@ -72,12 +72,21 @@ std::string differences(const json& before, const json& now) {
   return names;
 }
 
+json finite_or_null(double value) { return std::isfinite(value) ? json(value) : json(); }
+
+double infinite_if_null(const json& value) {
+  return value.is_null() ? std::numeric_limits<double>::infinity() : value.get<double>();
+}
+
 json to_json(const KeptFrame& frame) {
   const sensors::FrameView& view = frame.check.view;
   return {{"exposure_ms", frame.exposure_ms},
           {"surface_share", view.surface_share},
           {"back_share", view.back_share},
-          {"nearest_m", std::isfinite(view.nearest_m) ? json(view.nearest_m) : json()},
+          {"nearest_m", finite_or_null(view.nearest_m)},
+          {"clearance_m", finite_or_null(frame.check.around.clearance_m)},
+          {"above_ground_m", finite_or_null(frame.check.around.above_ground_m)},
+          {"inside", frame.check.around.inside},
           {"path_is_blocked", frame.check.path_is_blocked},
           {"cut", frame.cut}};
 }
@@ -88,7 +97,10 @@ std::optional<KeptFrame> frame_from(const json& note) {
     frame.exposure_ms = note.at("exposure_ms").get<double>();
     frame.check.view.surface_share = note.at("surface_share").get<double>();
     frame.check.view.back_share = note.at("back_share").get<double>();
-    if (!note.at("nearest_m").is_null()) frame.check.view.nearest_m = note.at("nearest_m").get<double>();
+    frame.check.view.nearest_m = infinite_if_null(note.at("nearest_m"));
+    frame.check.around.clearance_m = infinite_if_null(note.at("clearance_m"));
+    frame.check.around.above_ground_m = infinite_if_null(note.at("above_ground_m"));
+    frame.check.around.inside = note.at("inside").get<bool>();
     frame.check.path_is_blocked = note.at("path_is_blocked").get<bool>();
     frame.cut = note.at("cut").get<std::string>();
     return frame;
@@ -107,6 +119,12 @@ std::optional<std::size_t> index_of(const fs::path& note) {
 }
 
 }  // namespace
+
+std::vector<std::optional<sensors::FrameCheck>> checks_of(const std::vector<KeptFrame>& frames) {
+  std::vector<std::optional<sensors::FrameCheck>> checks;
+  for (const KeptFrame& frame : frames) checks.emplace_back(frame.check);
+  return checks;
+}
 
 std::string frame_ranges(const std::vector<std::size_t>& frames) {
   constexpr int kMaxRuns = 8;

@@ -20,6 +20,9 @@ struct KeptFrame {
   std::string cut;  ///< name of the tiles that it was rendered from
 };
 
+/// What the frames of a whole flight tell of its path.
+std::vector<std::optional<sensors::FrameCheck>> checks_of(const std::vector<KeptFrame>& frames);
+
 /// "3, 5 to 8 and 12"; of many runs the first few and how many frames more.
 std::string frame_ranges(const std::vector<std::size_t>& frames);
 

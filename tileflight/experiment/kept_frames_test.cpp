@@ -26,6 +26,8 @@ using tests::TemporaryFolder;
 KeptFrame frame_of(double exposure_ms, const std::string& cut) {
   KeptFrame frame{exposure_ms, {}, cut};
   frame.check.view.surface_share = 1.0 / 3.0;
+  frame.check.around.above_ground_m = 12.5;
+  frame.check.around.inside = exposure_ms > 1.0;
   frame.check.path_is_blocked = exposure_ms > 1.0;
   return frame;
 }
@@ -139,6 +141,10 @@ TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
     EXPECT_EQ(frames.at(7).exposure_ms, near.exposure_ms);
     EXPECT_EQ(frames.at(7).check.view.surface_share, near.check.view.surface_share);
     EXPECT_TRUE(std::isinf(frames.at(7).check.view.nearest_m));
+    EXPECT_TRUE(std::isinf(frames.at(7).check.around.clearance_m));
+    EXPECT_EQ(frames.at(7).check.around.above_ground_m, 12.5);
+    EXPECT_FALSE(frames.at(7).check.around.inside);
+    EXPECT_TRUE(frames.at(1234567).check.around.inside);
     EXPECT_FALSE(frames.at(7).check.path_is_blocked);
     EXPECT_TRUE(frames.at(1234567).check.path_is_blocked);
     EXPECT_EQ(frames.at(7).cut, "cut");

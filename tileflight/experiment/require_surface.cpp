@@ -14,4 +14,12 @@ void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_
   throw InputError(source, "holds no triangle there; is the region empty?");
 }
 
+std::vector<imaging::TexturedMesh> or_nothing(std::vector<imaging::TexturedMesh> meshes) {
+  if (!meshes.empty()) return meshes;
+  imaging::TexturedMesh nothing;
+  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
+  nothing.mesh.triangles.push_back({0, 1, 2});
+  return {nothing};
+}
+
 }  // namespace tileflight::experiment

@@ -11,4 +11,7 @@ namespace tileflight::experiment {
 /// points instead.
 void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source);
 
+/// Where nothing is in view there is yet something to cast rays into: a triangle without area, which none meets.
+std::vector<imaging::TexturedMesh> or_nothing(std::vector<imaging::TexturedMesh> meshes);
+
 }  // namespace tileflight::experiment

@@ -79,6 +79,13 @@ EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longi
   return {out.xyz.z};
 }
 
+OrthometricHeight orthometric_from_ellipsoidal(const Geodetic& place) {
+  if (!std::isfinite(place.height.m)) throw InputError("height above the ellipsoid", "is not finite");
+  // The undulation is a function of latitude and longitude alone.
+  const double undulation_m = ellipsoidal_from_orthometric(place.latitude_deg, place.longitude_deg, {0.0}).m;
+  return {place.height.m - undulation_m};
+}
+
 LocalFrame::LocalFrame(const Geodetic& origin)
     : origin_(origin), T_ecef_local_(make_T_ecef_local(origin)), T_local_ecef_(T_ecef_local_.inverse()) {}
 

@@ -27,6 +27,8 @@ Geodetic geodetic_from_ecef(const Vec3& ecef_m);
 
 /// Adds the geoid undulation at that place (PROJ, EGM96). Throws InputError when the geoid grid is not installed.
 EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longitude_deg, OrthometricHeight height);
+/// The other way: takes the undulation away. Throws as the above.
+OrthometricHeight orthometric_from_ellipsoidal(const Geodetic& place);
 
 /// Right-handed east-north-up frame that touches the ellipsoid's normal at `origin`.
 class LocalFrame {

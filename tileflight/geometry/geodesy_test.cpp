@@ -96,6 +96,14 @@ TEST(Geoid, BadInputIsRefused) {
   EXPECT_THROW(ellipsoidal_from_orthometric(0.0, 0.0, {std::nan("")}), InputError);
 }
 
+TEST(Geoid, HeightsAboveSeaLevelGoThereAndBack) {
+  for (const auto& [lat, lon] : {std::pair(0.0, 0.0), {-0.24, -78.52}, {34.76, 32.41}, {89.9, -170.0}}) {
+    const EllipsoidalHeight height = ellipsoidal_from_orthometric(lat, lon, {123.4});
+    EXPECT_NEAR(orthometric_from_ellipsoidal({lat, lon, height}).m, 123.4, 1e-9);
+  }
+  EXPECT_THROW(orthometric_from_ellipsoidal({0.0, 0.0, {std::nan("")}}), InputError);
+}
+
 TEST(Geoid, AMissingGridIsRefusedNeverTakenAsZero) {
   const tests::TemporaryFolder empty;
   const char* before = getenv("PROJ_LIB");

@@ -246,7 +246,7 @@ json flight_layers(DataBlocks& blocks, const FlightRun& flight, double start_s, 
           {"pictures", flight.frames.size()}};
 }
 
-/// What the view shows at first: the cells, else the maps without their farthest points, else the paths.
+/// The place's extent: the cells, else the maps without their farthest points, else the paths.
 Box3 extent_of_view(const RunFolder& run) {
   Box3 box;
   if (run.voxel_centers) {
@@ -267,6 +267,51 @@ Box3 extent_of_view(const RunFolder& run) {
     for (const geometry::StampedPose& pose : flight.truth->poses) box.extend(pose.T_local_camera.translation);
   }
   return box;
+}
+
+/// The box about most of the points that lie within reach: of each axis all but the outermost `trimmed` share.
+Box3 bulk_of(const std::vector<Vec3>& points, const Box3& reach, double trimmed) {
+  Box3 box;
+  std::array<std::vector<double>, 3> values;
+  for (const Vec3& p : points) {
+    if (!reach.contains(p)) continue;
+    for (int axis = 0; axis < 3; ++axis) values[static_cast<std::size_t>(axis)].push_back(p[axis]);
+  }
+  if (values[0].empty()) return box;
+  Vec3 low, high;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<double>& along = values[static_cast<std::size_t>(axis)];
+    const auto at = [&along](double share) {
+      const auto place = static_cast<std::ptrdiff_t>(std::lround(share * static_cast<double>(along.size() - 1)));
+      std::nth_element(along.begin(), along.begin() + place, along.end());
+      return along[static_cast<std::size_t>(place)];
+    };
+    low[axis] = at(trimmed);
+    high[axis] = at(1.0 - trimmed);
+  }
+  return {low, high};
+}
+
+std::vector<Vec3> positions_of(const geometry::Trajectory& path) {
+  std::vector<Vec3> positions;
+  for (const geometry::StampedPose& pose : path.poses) positions.push_back(pose.T_local_camera.translation);
+  return positions;
+}
+
+/// What the first look has in its picture: the place, both maps without their outliers, and the paths.
+Box3 box_shown(const RunFolder& run, const Box3& extent, const Box3& reach) {
+  constexpr double kOutliers = 0.02;  // on each side
+  Box3 shown = extent;
+  const auto add = [&shown](const Box3& box) {
+    if (!box.isEmpty()) shown.extend(box);
+  };
+  for (const FlightRun& flight : run.flights) {
+    if (flight.errors) add(bulk_of(flight.errors->positions, reach, kOutliers));
+    for (const auto* path : {&flight.estimate, &flight.truth}) {
+      if (*path) add(bulk_of(positions_of(**path), reach, 0.0));
+    }
+  }
+  return shown;
 }
 
 json attribution_of(const json& results) {
@@ -298,9 +343,12 @@ std::string view_data(const RunFolder& run, const ViewBudget& budget) {
   const bool common_clock = run.results.contains("reproduction") && run.results["reproduction"].is_object();
   double earliest_s = std::numeric_limits<double>::infinity();
   for (const FlightRun& flight : run.flights) earliest_s = std::min(earliest_s, start_of(flight));
+  const Box3 shown = box_shown(run, extent, reach);
   DataBlocks blocks;
   json header{{"low_m", triple(extent.min())},
               {"high_m", triple(extent.max())},
+              {"shown_low_m", triple(shown.min())},
+              {"shown_high_m", triple(shown.max())},
               {"error_limit_m", color_limit(run)},
               {"error_colors", error_colors()},
               {"common_clock", common_clock},

@@ -166,6 +166,28 @@ TEST_F(ViewDataTest, PointsFarBesideThePlaceDoNotCoarsenTheOthers) {
   EXPECT_LT(view.header["flights"][0]["map"]["positions"]["step_m"][0], 0.01);
 }
 
+TEST_F(ViewDataTest, TheFirstLookHoldsPlaceMapsAndPathsButNoOutliers) {
+  RunFolder run = read_run_folder(run_);
+  const auto box = [](const json& header, const char* low, const char* high) {
+    const auto corner = [&](const char* key) {
+      return Vec3(header[key][0].get<double>(), header[key][1].get<double>(), header[key][2].get<double>());
+    };
+    return geometry::Box3(corner(low), corner(high));
+  };
+  // A tenth of a map lies beside the place, and a hundredth of it beyond that; the path ends high above.
+  std::vector<Vec3>& points = run.flights[0].errors->positions;
+  for (std::size_t i = 0; i < points.size(); i += 10) points[i] = Vec3(110, 0, 0);
+  for (std::size_t i = 1; i < points.size(); i += 100) points[i] = Vec3(0, 150, 0);
+  run.flights[1].truth->poses.back().T_local_camera.translation = Vec3(0, 0, 90);
+  run.flights[1].estimate->poses.back().T_local_camera.translation = Vec3(0, 0, 1e5);  // lost
+  const json header = Unpacked(view_data(run, small())).header;
+  const geometry::Box3 place = box(header, "low_m", "high_m"), shown = box(header, "shown_low_m", "shown_high_m");
+  EXPECT_TRUE(shown.contains(place));
+  EXPECT_NEAR(shown.max().x(), 110, 1e-9);
+  EXPECT_LT(shown.max().y(), 100);
+  EXPECT_NEAR(shown.max().z(), 90, 1e-9);
+}
+
 TEST_F(ViewDataTest, ReproducedFlightsHaveOneClock) {
   RunFolder run = read_run_folder(run_);
   for (geometry::StampedPose& pose : run.flights[1].truth->poses) pose.time_s += 5;

@@ -99,6 +99,28 @@ std::array<geometry::Vec3, 3> corners(const geometry::TriangleMesh& mesh, std::u
   return {mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]};
 }
 
+/// For Embree's search around a point: the corners of its triangles, and what was found so far.
+struct NearestSearch {
+  const std::vector<imaging::TexturedMesh>* meshes;
+  geometry::Vec3 point;
+  double distance_m;  ///< of the nearest surface found, or the limit
+  double slack_m;     ///< how far the tree's boxes, which hold floats, may be off
+  bool found = false;
+
+  float radius() const { return static_cast<float>((distance_m + slack_m) * (1.0 + 1e-6)); }
+};
+
+bool look_at_triangle(RTCPointQueryFunctionArguments* asked) {
+  auto& search = *static_cast<NearestSearch*>(asked->userPtr);
+  const auto p = corners((*search.meshes)[asked->geomID].mesh, asked->primID);
+  const double distance_m = (geometry::closest_point_on_triangle(search.point, p[0], p[1], p[2]) - search.point).norm();
+  if (distance_m > search.distance_m) return false;
+  search.distance_m = distance_m;
+  search.found = true;
+  asked->query->radius = search.radius();
+  return true;
+}
+
 /// Distance along the ray to the triangle's plane in double precision; `distance_m` where the plane is edge-on.
 double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, double distance_m) {
   const geometry::Vec3 normal = (p[1] - p[0]).cross(p[2] - p[0]);
@@ -186,6 +208,22 @@ bool Scene::occluded(const Ray& ray, double max_distance_m) const {
   RTCRay query = embree_ray(ray, impl_->anchor, max_distance_m);
   rtcOccluded1(impl_->rays(), &context, &query);
   return query.tfar < 0.0F;
+}
+
+std::optional<double> Scene::nearest_m(const geometry::Vec3& point, double within_m) const {
+  constexpr double kFloatStep = 1e-6;  // of a coordinate, some eight times as coarse as floats are
+  const geometry::Vec3 from = point - impl_->anchor;
+  const double largest_m = from.norm() + impl_->bounds.sizes().norm();
+  NearestSearch search{&impl_->meshes, point, within_m, kFloatStep * largest_m};
+  RTCPointQuery query{};
+  query.x = static_cast<float>(from.x());
+  query.y = static_cast<float>(from.y());
+  query.z = static_cast<float>(from.z());
+  query.radius = search.radius();
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(impl_->rays(), &query, &context, look_at_triangle, &search);
+  return search.found ? std::optional(search.distance_m) : std::nullopt;
 }
 
 void Scene::intersect(RayPacket8& packet) const {

@@ -57,6 +57,8 @@ class Scene {
   std::optional<Hit> intersect(const Ray& ray, double max_distance_m = 1e9) const;
   /// Whether any surface lies within `max_distance_m` along the ray.
   bool occluded(const Ray& ray, double max_distance_m) const;
+  /// Distance from a point to the nearest surface, where that is within `within_m`.
+  std::optional<double> nearest_m(const geometry::Vec3& point, double within_m) const;
   /// Nearest hits of eight rays at once, in floats relative to anchor(): see packets.h.
   void intersect(RayPacket8& packet) const;
   /// The same for a beam: one to eight packets of neighbouring rays, all of which start where the first does. Every

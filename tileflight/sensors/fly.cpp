@@ -60,10 +60,16 @@ RenderOptions in_air(const FlightOptions& options) {
   return render;
 }
 
-bool passes_through(const scene::Scene& scene, const SE3& from, const SE3& to) {
-  const geometry::Vec3 step = to.translation - from.translation;
-  const double length_m = step.norm();
-  return length_m > 1e-6 && scene.occluded({from.translation, step / length_m}, length_m);
+/// From one frame to the next: along the path, where it is known, in steps that no bend is lost in.
+std::vector<geometry::Vec3> way_between(const StampedPose& from, const StampedPose& to, const PoseFunction& pose_at) {
+  constexpr double kStep_m = 0.5, kMostSteps = 32.0;
+  std::vector<geometry::Vec3> way{from.T_local_camera.translation};
+  const double length_m = (to.T_local_camera.translation - way.front()).norm();
+  const int steps = pose_at ? static_cast<int>(std::clamp(std::ceil(length_m / kStep_m), 1.0, kMostSteps)) : 1;
+  for (int k = 1; k < steps; ++k)
+    way.push_back(pose_at(from.time_s + (to.time_s - from.time_s) * k / steps).translation);
+  way.push_back(to.T_local_camera.translation);
+  return way;
 }
 
 /// Makes one frame after another; several threads may each make one.
@@ -79,7 +85,9 @@ class FrameMaker {
         frames_(frames),
         first_frame_(range_of(options, frames.size()).begin),
         formation_(options.formation),
+        path_(pose_at),
         pose_at_(shutter_path(pose_at, frames, options.formation)),
+        clearance_m_(options.clearance_m),
         vignette_(vignette_of(formation_, camera.width(), camera.height())),
         exposure_(options.exposure_before) {
     RenderOptions colour = in_air_;
@@ -105,6 +113,7 @@ class FrameMaker {
       frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
       frame.objects = outputs_.objects();
     }
+    frame.check.around = scene::surroundings_at(scene_, frames_.poses[index].T_local_camera.translation, clearance_m_);
     frame.check.path_is_blocked = is_blocked_after(index);
     return frame;
   }
@@ -143,7 +152,7 @@ class FrameMaker {
   bool is_blocked_after(std::size_t index) const {
     const auto& poses = frames_.poses;
     return index + 1 < poses.size() &&
-           passes_through(scene_, poses[index].T_local_camera, poses[index + 1].T_local_camera);
+           scene::passes_through(scene_, way_between(poses[index], poses[index + 1], path_));
   }
   static void take_channel(std::size_t channel, const LightImage& from, LightImage& to) {
     for (std::size_t i = 0; i < to.pixels.size(); ++i) to.pixels[i][channel] = from.pixels[i][channel];
@@ -173,7 +182,9 @@ class FrameMaker {
   const Trajectory& frames_;
   std::size_t first_frame_;
   ImageFormation formation_;
-  PoseFunction pose_at_;
+  PoseFunction path_;     // as given; may be empty
+  PoseFunction pose_at_;  // for the shutter
+  double clearance_m_;
   imaging::FloatImage vignette_;
   std::optional<CameraRenderer> red_, blue_;  ///< where their image is of another size
   std::optional<ExposureState> exposure_;
@@ -188,17 +199,13 @@ std::string range_name(std::size_t first, std::size_t last) {
 
 using Checks = std::span<const std::optional<FrameCheck>>;
 
-/// One line for each run of frames for which `found` holds.
 template <class Found>
-void warn_of_runs(Checks checks, std::size_t first_frame, const Found& found, const std::string& what,
-                  std::vector<std::string>& warnings) {
-  const auto holds = [&](std::size_t i) { return i < checks.size() && checks[i] && found(*checks[i]); };
+std::vector<std::size_t> frames_where(Checks checks, std::size_t first_frame, const Found& found) {
+  std::vector<std::size_t> frames;
   for (std::size_t i = 0; i < checks.size(); ++i) {
-    if (!holds(i)) continue;
-    const std::size_t first = i;
-    while (holds(i + 1)) ++i;
-    warnings.push_back(range_name(first_frame + first, first_frame + i) + ": " + what);
+    if (checks[i] && found(*checks[i])) frames.push_back(first_frame + i);
   }
+  return frames;
 }
 
 FlightReport report_of(Checks checks, double seconds) {
@@ -218,19 +225,37 @@ FlightReport report_of(Checks checks, double seconds) {
 
 }  // namespace
 
-std::vector<std::string> flight_warnings(Checks checks, std::size_t first_frame, double clearance_m) {
-  std::vector<std::string> warnings;
-  const auto warn = [&](const std::string& what, const auto& found) {
-    warn_of_runs(checks, first_frame, found, what, warnings);
+std::vector<FlightFault> flight_faults(Checks checks, std::size_t first_frame, double clearance_m) {
+  std::vector<FlightFault> faults;
+  const auto look_for = [&](const std::string& key, const std::string& what, const auto& found) {
+    std::vector<std::size_t> frames = frames_where(checks, first_frame, found);
+    if (!frames.empty()) faults.push_back({key, what, std::move(frames)});
   };
   std::ostringstream near;
   near << "a surface is nearer to the camera than " << clearance_m << " m";
-  warn(near.str(), [&](const FrameCheck& check) { return check.view.nearest_m < clearance_m; });
-  warn("no surface is in view", [](const FrameCheck& check) { return check.view.surface_share == 0.0; });
-  warn("most surfaces are seen from behind; is the camera inside something?",
-       [](const FrameCheck& check) { return check.view.back_share > 0.5; });
-  warn("the path to the next frame goes through a surface",
-       [](const FrameCheck& check) { return check.path_is_blocked; });
+  look_for("camera_near_surface", near.str(), [&](const FrameCheck& check) {
+    return std::min(check.view.nearest_m, check.around.clearance_m) < clearance_m;
+  });
+  look_for("no_surface_in_view", "no surface is in view",
+           [](const FrameCheck& check) { return check.view.surface_share == 0.0; });
+  look_for("camera_inside_surface", "the camera is inside or under a surface",
+           [](const FrameCheck& check) { return check.around.inside; });
+  look_for("surfaces_seen_from_behind", "most surfaces are seen from behind; is the camera inside something?",
+           [](const FrameCheck& check) { return check.view.back_share > 0.5 && !check.around.inside; });
+  look_for("path_through_surface", "the path to the next frame goes through a surface",
+           [](const FrameCheck& check) { return check.path_is_blocked; });
+  return faults;
+}
+
+std::vector<std::string> flight_warnings(Checks checks, std::size_t first_frame, double clearance_m) {
+  std::vector<std::string> warnings;
+  for (const FlightFault& fault : flight_faults(checks, first_frame, clearance_m)) {
+    for (std::size_t i = 0; i < fault.frames.size(); ++i) {
+      const std::size_t first = fault.frames[i];
+      while (i + 1 < fault.frames.size() && fault.frames[i + 1] == fault.frames[i] + 1) ++i;
+      warnings.push_back(range_name(first, fault.frames[i]) + ": " + fault.what);
+    }
+  }
   return warnings;
 }
 

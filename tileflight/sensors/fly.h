@@ -10,6 +10,7 @@
 
 #include "tileflight/geometry/progress.h"
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/scene/clearance.h"
 #include "tileflight/sensors/auto_exposure.h"
 #include "tileflight/sensors/frame_outputs.h"
 #include "tileflight/sensors/image_formation.h"
@@ -38,7 +39,8 @@ struct FlightOptions {
 /// What a frame tells of the flight's path.
 struct FrameCheck {
   FrameView view;
-  bool path_is_blocked = false;  ///< a surface lies between this pose and the next
+  scene::Surroundings around;    ///< of the camera, by the surfaces that are there; clearance up to clearance_m only
+  bool path_is_blocked = false;  ///< a surface lies on the way from this pose to the next
 };
 
 /// A finished frame.
@@ -66,8 +68,19 @@ struct FlightReport {
   std::vector<std::string> warnings;            ///< flight_warnings of what was rendered
 };
 
-/// Path through or too near a surface (FlightOptions::clearance_m), frames that see none; one line for each run of
-/// frames. `checks`: of frame `first_frame` and those after it; nullopt: not known.
+/// What is wrong with where a flight's camera is, and at which frames.
+struct FlightFault {
+  std::string key;   ///< a word for programs: camera_near_surface, no_surface_in_view, camera_inside_surface,
+                     ///< surfaces_seen_from_behind, path_through_surface
+  std::string what;  ///< for people
+  std::vector<std::size_t> frames;  ///< ascending
+};
+
+/// Path through, inside or too near a surface (FlightOptions::clearance_m), frames that see none: those faults that
+/// there are. `checks`: of frame `first_frame` and those after it; nullopt: not known.
+std::vector<FlightFault> flight_faults(std::span<const std::optional<FrameCheck>> checks, std::size_t first_frame,
+                                       double clearance_m);
+/// The same as lines, one for each run of frames.
 std::vector<std::string> flight_warnings(std::span<const std::optional<FrameCheck>> checks, std::size_t first_frame,
                                          double clearance_m);
 

@@ -165,12 +165,14 @@ TEST(Fly, WarnsOfBadPaths) {
       render_flight(scene, imaging::make_pinhole(33, 21, 40.0), frames, {}, {}, [](auto&&...) {});
   EXPECT_THAT(report.warnings, ElementsAre(HasSubstr("frames 1 to 2: a surface is nearer to the camera than 0.3 m"),
                                            HasSubstr("frames 4 to 5: no surface is in view"),
+                                           HasSubstr("frame 5: the camera is inside or under a surface"),
                                            HasSubstr("frame 4: the path to the next frame goes through a surface")));
   EXPECT_NEAR(report.nearest_m, 0.1, 1e-4);
 }
 
 TEST(Fly, WarningsOfFramesThatAreNotKnownAreLeftOut) {
-  const FrameCheck good{.view = {.nearest_m = 5.0, .surface_share = 0.9, .back_share = 0.0}, .path_is_blocked = false};
+  const FrameCheck good{
+      .view = {.nearest_m = 5.0, .surface_share = 0.9, .back_share = 0.0}, .around = {}, .path_is_blocked = false};
   FrameCheck near = good, blocked = good;
   near.view.nearest_m = 0.1;
   blocked.path_is_blocked = true;
@@ -179,6 +181,48 @@ TEST(Fly, WarningsOfFramesThatAreNotKnownAreLeftOut) {
               ElementsAre(HasSubstr("frames 11 to 12: a surface is nearer"), HasSubstr("frame 14: a surface is nearer"),
                           HasSubstr("frame 15: the path to the next frame goes through")));
   EXPECT_THAT(flight_warnings(checks, 0, 0.05), ElementsAre(HasSubstr("frame 5: the path to the next")));
+}
+
+TEST(Fly, FaultsAreNamedForPrograms) {
+  const FrameCheck good{.view = {.nearest_m = 5.0, .surface_share = 0.9, .back_share = 0.0}, .around = {}};
+  FrameCheck inside = good, beside = good, behind = good;
+  inside.around.inside = true;
+  inside.view.back_share = 0.9;  // what is inside is not said twice
+  beside.around.clearance_m = 0.1;
+  behind.view.back_share = 0.9;
+  const std::vector<std::optional<FrameCheck>> checks{inside, good, inside, beside, behind};
+  const std::vector<FlightFault> faults = flight_faults(checks, 3, 0.3);
+  ASSERT_EQ(faults.size(), 3U);
+  EXPECT_EQ(faults[0].key, "camera_near_surface");
+  EXPECT_THAT(faults[0].frames, ElementsAre(6));
+  EXPECT_EQ(faults[1].key, "camera_inside_surface");
+  EXPECT_THAT(faults[1].frames, ElementsAre(3, 5));
+  EXPECT_EQ(faults[2].key, "surfaces_seen_from_behind");
+  EXPECT_THAT(faults[2].frames, ElementsAre(7));
+  EXPECT_TRUE(flight_faults(std::vector<std::optional<FrameCheck>>{good}, 0, 0.3).empty());
+}
+
+TEST(Fly, AWallBetweenTwoFramesAndARoundWayPastIt) {
+  // A wall across the way from (-5, 0) to (5, 0), 4 m wide; the path goes round it.
+  imaging::TexturedMesh wall = test_scenes::ground(
+      Vec3(0, 0, 100), 400.0, test_scenes::texture(1, 1, [](int, int) { return test_scenes::grey(120); }));
+  imaging::TexturedMesh upright = wall;
+  upright.mesh.vertices = {Vec3(0, -2, 100), Vec3(0, 2, 100), Vec3(0, 2, 140), Vec3(0, -2, 140)};
+  const scene::Scene scene({wall, upright});
+  const auto at = [](double x, double y) { return test_scenes::looking_down(Vec3(x, y, 110)); };
+  Trajectory frames;
+  frames.poses = {{0, at(-5, 0)}, {1, at(5, 0)}};
+  const PoseFunction straight = [&](double t) { return at(-5 + 10 * t, 0); };
+  const PoseFunction around = [&](double t) { return at(-5 + 10 * t, 5 * std::sin(M_PI * t)); };
+  const auto blocked = [&](const PoseFunction& path) {
+    bool found = false;
+    render_flight(scene, imaging::make_pinhole(33, 21, 40.0), frames, path, {},
+                  [&](const SensedFrame& frame) { found = found || frame.check.path_is_blocked; });
+    return found;
+  };
+  EXPECT_TRUE(blocked(straight));
+  EXPECT_TRUE(blocked({})) << "without a path, straight from one to the next";
+  EXPECT_FALSE(blocked(around));
 }
 
 TEST(Fly, ProgressCountsUpAndErrorsOfTheSinkComeThrough) {

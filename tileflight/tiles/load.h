@@ -42,6 +42,7 @@ struct LoadOptions {
   /// An up of 0 or NaN means that none was given: the region is as high as the tileset. A size without a centre lies
   /// about the tileset's middle; a centre without a size is an InputError.
   std::optional<geometry::Vec3> size;
+  bool whole_however_large = false;  ///< the whole tileset may cover more than that
   /// Polygons instead of the box: what lies in any of them is wanted, and `center` and `size` only place the frame and
   /// give the heights that an area does not name. They need a frame on the Earth.
   std::vector<GeographicArea> areas;
@@ -56,8 +57,8 @@ struct LoadOptions {
   std::optional<FlightNeed> flight;
   /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
   bool allow_incomplete = false;
-  /// Of what is read, with the trees that rays need (memory_bytes of cut_reader.h). What needs more is a MemoryExceeded,
-  /// told before it is all there.
+  /// Of what is read, with the trees that rays need (memory_bytes of cut_reader.h). What needs more is a
+  /// MemoryExceeded, told before it is all there.
   std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max();
   /// Read textures (off for ground truth only).
   bool textures = true;

@@ -85,7 +85,7 @@ Region whole_tileset(const Box3& tileset, const LoadOptions& options, const Tile
                      const std::string& source) {
   if (options.size) return region_about(tileset.center(), options, tileset, source);
   const double area_m2 = tileset.sizes().x() * tileset.sizes().y();
-  if (area_m2 > kLargestWhole_m2) {
+  if (area_m2 > kLargestWhole_m2 && !options.whole_however_large) {
     throw InputError(source, "the whole tileset covers " + format("%.1f km²", area_m2 / 1e6, 0) +
                                  ", more than 4 km²; give --center and --size. It spans " + extent_text(tree));
   }

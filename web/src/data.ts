@@ -56,6 +56,9 @@ export interface FlightHeader {
 export interface Header {
   low_m: [number, number, number];
   high_m: [number, number, number];
+  /** What the first look has in its picture: the place, most of the maps and of the paths. */
+  shown_low_m: [number, number, number];
+  shown_high_m: [number, number, number];
   error_limit_m: number;
   error_colors: [number, number, number][];
   common_clock: boolean;

@@ -6,10 +6,22 @@ import type { Pose } from './paths';
 export type Look = 'orbit' | 'top' | 'follow' | 'camera';
 
 const FIELD_OF_VIEW_DEG = 45;
+/** What is left free around what is shown, a share of the picture. */
+const MARGIN = 0.04;
+/** Where the first look comes from: the south, a little west and well above. */
+const ORBIT_FROM = new Vector3(-0.42, -0.86, 0.66).normalize();
+const TOP_FROM = new Vector3(0, -0.001, 1).normalize();
 const TURN_RAD = Math.PI / 36;
 const ZOOM = 1.15;
 /** A camera looks along -z with y up here, along z with y down in the data. */
 const T_pose_three = new Quaternion(1, 0, 0, 0);
+
+/** Of points (across, towards the camera): the least distance at which all are between two sides, and the camera's place across. */
+function sides(points: [number, number][], tangent: number): { distance: number; place: number } {
+  const right = Math.max(...points.map(([x, z]) => x + tangent * z));
+  const left = Math.min(...points.map(([x, z]) => x - tangent * z));
+  return { distance: (right - left) / (2 * tangent), place: (right + left) / 2 };
+}
 
 export class Stage {
   readonly scene = new Scene();
@@ -17,27 +29,25 @@ export class Stage {
   readonly camera: PerspectiveCamera;
   private readonly renderer: WebGLRenderer;
   private readonly controls: OrbitControls;
-  private readonly middle: Vector3;
   private readonly reach_m: number;
   private look: Look = 'orbit';
+  private isMoved = false; // by the reader, since the last look was chosen
   private isAsked = false;
 
-  /** Throws where the browser gives no WebGL. */
-  constructor(extent: Box3) {
+  /** `shown`: what is in the picture at first. Throws where the browser gives no WebGL. */
+  constructor(private readonly shown: Box3) {
     ColorManagement.enabled = false; // colours are shown as they are stored
     // What is drawn stays, so that a reader can save it as a picture.
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.canvas = this.renderer.domElement;
-    // Most of a place is near its ground, whatever stands out of it.
-    this.middle = extent.getCenter(new Vector3());
-    this.middle.z = 0.8 * extent.min.z + 0.2 * extent.max.z;
-    this.reach_m = Math.max(1, extent.getSize(new Vector3()).setZ(0).length());
+    this.reach_m = Math.max(1, shown.getSize(new Vector3()).length());
     this.camera = new PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, this.reach_m / 2000, this.reach_m * 20);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener('change', () => this.draw());
+    this.controls.addEventListener('start', () => (this.isMoved = true));
     this.controls.enableZoom = false; // until the canvas is touched: the wheel scrolls the page
     this.canvas.addEventListener('pointerdown', () => (this.controls.enableZoom = true));
     this.canvas.addEventListener('pointerleave', () => (this.controls.enableZoom = false));
@@ -66,6 +76,7 @@ export class Stage {
     this.renderer.setSize(frame.clientWidth, frame.clientHeight);
     this.camera.aspect = frame.clientWidth / frame.clientHeight;
     this.camera.updateProjectionMatrix();
+    if (!this.isMoved) this.fitLook();
     this.draw();
   }
 
@@ -87,20 +98,52 @@ export class Stage {
   /** Goes to one of the views; `pose` is where the camera of the flight is. */
   lookFrom(look: Look, pose?: Pose, halfHeight = 1): void {
     this.look = look;
+    this.isMoved = false;
     this.controls.enabled = look === 'orbit' || look === 'top';
     this.camera.fov = FIELD_OF_VIEW_DEG;
     this.camera.up.set(0, 0, 1);
-    if (look === 'orbit') this.place(new Vector3(-0.42, -0.86, 0.66), 0.98);
-    if (look === 'top') this.place(new Vector3(0, -0.001, 1), 1.0);
+    this.fitLook();
     if (pose && look === 'follow') this.follow(pose);
     if (pose && look === 'camera') this.enter(pose, halfHeight);
     this.camera.updateProjectionMatrix();
     this.draw();
   }
 
-  private place(direction: Vector3, distance: number): void {
-    this.controls.target.copy(this.middle);
-    this.camera.position.copy(this.middle).addScaledVector(direction.normalize(), distance * this.reach_m);
+  private fitLook(): void {
+    if (this.look === 'orbit') this.fitFrom(ORBIT_FROM);
+    if (this.look === 'top') this.fitFrom(TOP_FROM);
+  }
+
+  /**
+   * Puts the camera, seen along `from` from the middle, as near as it may come with all of the box in the picture. With
+   * (x, y, z) a corner by the camera's right, up and backward axes, and the camera at (a, b, d), it is in the picture if
+   * |x - a| <= k (d - z) and |y - b| <= l (d - z) for the tangents k, l of half the picture's angles: each side bounds d,
+   * and what one side leaves free is shared out between the two.
+   */
+  private fitFrom(from: Vector3): void {
+    const middle = this.shown.getCenter(new Vector3());
+    this.camera.position.copy(middle).add(from);
+    this.camera.lookAt(middle);
+    const [right, up, backward] = [new Vector3(), new Vector3(), new Vector3()];
+    this.camera.updateMatrix();
+    this.camera.matrix.extractBasis(right, up, backward);
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => {
+      const { min, max } = this.shown;
+      const corner = new Vector3(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z).sub(middle);
+      return new Vector3(corner.dot(right), corner.dot(up), corner.dot(backward));
+    });
+    const upright = (1 - MARGIN) * Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360);
+    const across = sides(
+      corners.map((c) => [c.x, c.z]),
+      upright * this.camera.aspect,
+    );
+    const along = sides(
+      corners.map((c) => [c.y, c.z]),
+      upright,
+    );
+    const distance = Math.max(across.distance, along.distance, this.reach_m / 1000);
+    this.controls.target.copy(middle).addScaledVector(right, across.place).addScaledVector(up, along.place);
+    this.camera.position.copy(this.controls.target).addScaledVector(backward, distance);
     this.controls.update();
   }
 
@@ -130,6 +173,7 @@ export class Stage {
     const arm = this.camera.position.clone().sub(this.controls.target);
     if (turn) this.turn(arm, turn[0] * TURN_RAD, turn[1] * TURN_RAD);
     this.camera.position.copy(this.controls.target).addScaledVector(arm, zoom);
+    this.isMoved = true;
     this.controls.update();
     return true;
   }

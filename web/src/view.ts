@@ -65,10 +65,9 @@ export class View {
     private readonly data: ViewData,
     private readonly host: HTMLElement,
   ) {
-    const { low_m, high_m } = data.header;
-    const extent = new Box3(new Vector3(...low_m), new Vector3(...high_m));
-    this.reach_m = extent.getSize(new Vector3()).length();
-    this.stage = new Stage(extent);
+    const { low_m, high_m, shown_low_m, shown_high_m } = data.header;
+    this.reach_m = new Vector3(...low_m).distanceTo(new Vector3(...high_m));
+    this.stage = new Stage(new Box3(new Vector3(...shown_low_m), new Vector3(...shown_high_m)));
     this.mark = this.makeMark();
     this.stage.add(this.mark);
   }

@@ -1,0 +1,94 @@
+#include "inspect_place.h"
+
+#include <algorithm>
+
+#include "tileflight/experiment/ground_heights.h"
+#include "tileflight/experiment/inspect_map.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::app {
+namespace {
+
+bool asks_heights(const InspectPlaceOptions& options) { return !options.at.empty() || !options.at_local.empty(); }
+
+/// Two answers as one: lists one after the other, each line once.
+void merge(const nlohmann::json& more, nlohmann::json& all) {
+  for (const auto& [key, value] : more.items()) {
+    if (!value.is_array() || !all.contains(key) || !all[key].is_array()) {
+      all[key] = value;
+      continue;
+    }
+    for (const auto& line : value) {
+      if (std::find(all[key].begin(), all[key].end(), line) == all[key].end()) all[key].push_back(line);
+    }
+  }
+}
+
+void draw_map(const std::string& source, const tiles::LoadOptions& load, const CLI::App& command,
+              const InspectPlaceOptions& options, Output& output, const Progress& progress) {
+  experiment::InspectMapSettings settings{.source = source, .load = load, .error_m = {}, .pixels = options.pixels};
+  if (command.get_option("--error")->count() > 0) settings.error_m = options.region.error_m;
+  if (options.memory_gb > 0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
+  const nlohmann::json found = experiment::inspect_map(settings, options.map, progress);
+  merge(found, output.json);
+  output.text += experiment::inspect_map_text(found);
+}
+
+void ask_heights(const std::string& source, const tiles::LoadOptions& load, const InspectPlaceOptions& options,
+                 Output& output, const Progress& progress) {
+  std::vector<experiment::GroundQuery> points;
+  for (const std::string& text : options.at) points.push_back(experiment::geodetic_query(text));
+  for (const std::string& text : options.at_local) points.push_back(experiment::local_query(text));
+  const nlohmann::json found = experiment::ground_heights({source, load}, points, progress);
+  output.text += experiment::ground_heights_text(found);
+  nlohmann::json part{{"points", found["points"]},
+                      {"points_read", {{"tiles", found["tiles"]}, {"bytes", found["bytes_read"]}}},
+                      {"frame", found["frame"]},
+                      {"attribution", found["attribution"]},
+                      {"warnings", found["warnings"]}};
+  merge(part, output.json);
+}
+
+}  // namespace
+
+void add_inspect_place_options(CLI::App& command, InspectPlaceOptions& options) {
+  command.add_option("--map", options.map,
+                     "picture (.png, .jpg) to draw of the place from above: its grid, heights, gaps; and propose a "
+                     "region and a voxel");
+  command.add_option("--pixels", options.pixels, "of the map's longer side (default 1100)");
+  command
+      .add_option("--memory", options.memory_gb,
+                  "GB of tiles that may be in memory at once (default: half of the machine's)")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--at", options.at, "LAT,LON of a point whose ground heights are wanted (may be repeated)")
+      ->allow_extra_args(false);
+  command
+      .add_option("--at-local", options.at_local, "X,Y of such a point in the local frame, metres (may be repeated)")
+      ->allow_extra_args(false);
+  add_region_options(command, options.region);
+}
+
+void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& options) {
+  for (const char* option : {"--center", "--center-local", "--size", "--region", "--error", "--pixels", "--memory"}) {
+    if (command.get_option(option)->count() > 0 && options.map.empty())
+      throw InputError(option, "is of the map: add --map FILE.png");
+  }
+  if (command.get_option("--origin")->count() > 0 && options.map.empty() && !asks_heights(options))
+    throw InputError("--origin", "is of the map and of points: add --map FILE.png, --at or --at-local");
+}
+
+bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source) {
+  if (options.map.empty()) return !asks_heights(options);
+  return !tiles::is_network_source(source);
+}
+
+void inspect_place(const std::string& source, const tiles::SourceOptions& source_options, const CLI::App& command,
+                   const InspectPlaceOptions& options, Output& output, const Progress& progress) {
+  if (options.map.empty() && !asks_heights(options)) return;
+  tiles::LoadOptions load = load_options(options.region);
+  load.source = source_options;
+  if (!options.map.empty()) draw_map(source, load, command, options, output, progress);
+  if (asks_heights(options)) ask_heights(source, load, options, output, progress);
+}
+
+}  // namespace tileflight::app

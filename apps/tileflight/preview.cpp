@@ -1,0 +1,75 @@
+#include "tileflight/experiment/preview.h"
+
+#include "command.h"
+#include "region_options.h"
+#include "source_options.h"
+#include "tileflight/experiment/experiment_file.h"
+
+namespace tileflight::app {
+
+void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
+  struct Options {
+    RegionOptions region;
+    SourceArguments source_arguments;
+    experiment::PreviewSettings settings;
+    std::string flight, degrade, out;
+    double pixel_error = 1.0;
+    double memory_gb = 0.0;
+  };
+  auto options = std::make_shared<Options>();
+  experiment::RenderSettings& render = options->settings.render;
+  CLI::App* command =
+      app.add_subcommand("preview", "a flight before it is rendered: map, profile, three pictures, cost, warnings");
+  command->footer(
+      "Example:\n  tileflight preview tiles/tileset.json --flight flight.yaml --out preview\nThen look at "
+      "preview/map.png, "
+      "preview/profile.png, preview/first.jpg, middle.jpg and last.jpg.");
+  command->add_option("SOURCE", render.source, kSourceHelp)->required();
+  command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
+      ->required();
+  command->add_option("--out", options->out, "folder to write")->required();
+  command
+      ->add_option("--samples", render.flight.samples_per_pixel,
+                   "samples per pixel that it will be rendered with: 1, 4, 9 or 16 (default 1)")
+      ->check(CLI::IsMember({1, 4, 9, 16}));
+  command
+      ->add_option("--degrade", options->degrade,
+                   "what will make the camera less than perfect: a YAML file of the keys of an experiment's degrade")
+      ->check(CLI::ExistingFile);
+  command->add_option("--near", options->settings.check.near_m, "a surface nearer than this is warned of, metres")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  CLI::Option* pixel_error = command
+                                 ->add_option("--pixel-error", options->pixel_error,
+                                              "of the tiles that it will be rendered from, as in `render`, pixels (1)")
+                                 ->check(CLI::PositiveNumber);
+  CLI::Option* memory = command
+                            ->add_option("--memory", options->memory_gb,
+                                         "GB of tiles that may be in memory at once (default: half of the machine's)")
+                            ->check(CLI::PositiveNumber);
+  add_region_options(*command, options->region);
+  add_source_options(*command, options->source_arguments);
+  add_common_options(*command, common);
+  command->callback([options, pixel_error, memory, &selection] {
+    if (memory->count() > 0) {
+      options->settings.render.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
+    }
+    const bool by_flight = pixel_error->count() > 0;
+    selection.run = [options, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
+      experiment::RenderSettings& settings = options->settings.render;
+      settings.load = load_options(options->region);
+      settings.load.source = source_options(options->source_arguments);
+      const bool has_region = settings.load.center || settings.load.center_local;
+      if (by_flight || !has_region) settings.error_px = options->pixel_error;
+      settings.flight.flight = options->flight;
+      if (!options->degrade.empty()) {
+        auto degrade = geometry::YamlSection::load(options->degrade);
+        experiment::read_degrade(degrade, settings.flight);
+      }
+      const nlohmann::json found = experiment::preview(options->settings, options->out, shared.force, progress);
+      return {found, experiment::preview_text(found, options->out)};
+    };
+  });
+}
+
+}  // namespace tileflight::app

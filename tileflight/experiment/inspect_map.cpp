@@ -1,0 +1,220 @@
+#include "tileflight/experiment/inspect_map.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tileflight/experiment/ground_view.h"
+#include "tileflight/experiment/memory_budget.h"
+#include "tileflight/experiment/proposed_region.h"
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/imaging/image_files.h"
+
+namespace tileflight::experiment {
+namespace {
+
+using geometry::Box3;
+using geometry::Vec3;
+using nlohmann::json;
+
+/// The local frame is a plane: at this distance the ground has fallen 2 km below it.
+constexpr double kWidest_m = 320e3;
+/// Bounds are looked for by tiles this many to a side.
+constexpr double kBoundsSteps = 128.0;
+
+bool has_region(const tiles::LoadOptions& load) {
+  return load.center || load.center_local || load.size || !load.areas.empty();
+}
+
+template <class... Numbers>
+std::string format(const char* pattern, Numbers... numbers) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, numbers...);
+  return text;
+}
+
+/// Metres with as many decimals as they need at the place's size.
+std::string metres(double value, double longest_m) {
+  return format("%.*f", longest_m >= 100 ? 1 : longest_m >= 10 ? 2 : 3, value);
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : "; ") + name;
+  return text;
+}
+
+/// What is shown of the place.
+Box3 box_shown(OpenPlace& place, const InspectMapSettings& settings, std::uintmax_t memory, const Progress& progress) {
+  const Box3 region = place.placement().region.box();
+  const double longer_m = std::max(region.sizes().x(), region.sizes().y());
+  if (longer_m > kWidest_m) {
+    throw InputError(place.name(), "spans " + format("%.0f km", longer_m / 1e3) +
+                                       ", which is no place to draw a map of; give --center and --size");
+  }
+  if (has_region(settings.load)) return region;
+  const double error_m = settings.error_m.value_or(longer_m / kBoundsSteps);
+  const Box3 surface = surface_bounds(place, error_m, memory, progress);
+  if (surface.isEmpty()) throw InputError(place.name(), "holds no surface and no points: there is nothing to show");
+  return surface;
+}
+
+sensors::TopDownOptions heights_of(const InspectMapSettings& settings, const Box3& region) {
+  sensors::TopDownOptions options;
+  const bool wants_heights = settings.load.size && settings.load.size->z() > 0;
+  if (!wants_heights && settings.load.areas.empty()) return options;
+  options.top_m = region.max().z();
+  options.bottom_m = region.min().z();
+  return options;
+}
+
+json frame_json(const tiles::Placement& placement) {
+  if (!placement.local_frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
+  const geometry::Geodetic& origin = placement.local_frame->origin();
+  return {
+      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
+}
+
+/// Where a surface is within the picture, and how much of it has one.
+struct Found {
+  Box3 box;
+  double share = 0.0;
+};
+
+Found surface_of(const GroundView& view) {
+  Found found;
+  std::int64_t count = 0;
+  for (int y = 0; y < view.grid.height; ++y) {
+    for (int x = 0; x < view.grid.width; ++x) {
+      const float height_m = view.image.height_m(x, y);
+      if (!std::isfinite(height_m)) continue;
+      ++count;
+      const sensors::GroundGrid pixel = view.grid.part(x, y, 1, 1);
+      found.box.extend(Vec3(pixel.west_m, pixel.south_m(), height_m));
+      found.box.extend(Vec3(pixel.east_m(), pixel.north_m, height_m));
+    }
+  }
+  found.share = static_cast<double>(count) / static_cast<double>(view.image.height_m.pixels.size());
+  return found;
+}
+
+std::vector<std::string> notes_of(const OpenPlace& place, const GroundView& view, const Found& found) {
+  const Vec3 size = found.box.sizes();
+  const double longest_m = std::max(size.x(), size.y());
+  std::string extent = metres(size.x(), longest_m) + " m east × " + metres(size.y(), longest_m) + " m north; heights " +
+                       metres(found.box.min().z(), longest_m) + " to " + metres(found.box.max().z(), longest_m) + " m";
+  if (const auto& frame = place.placement().local_frame) {
+    const double origin_m = frame->origin().height.m;
+    extent += " in the local frame, " + metres(origin_m + found.box.min().z(), longest_m) + " to " +
+              metres(origin_m + found.box.max().z(), longest_m) + " m above the ellipsoid";
+  }
+  std::string pixels =
+      format("one pixel is %.3g m; tiles to a geometric error of %.3g m", view.grid.pixel_m, view.error_m);
+  if (const auto& frame = place.placement().local_frame) {
+    const geometry::Geodetic& origin = frame->origin();
+    pixels += format("; local frame: east, north, up at %.7f°, %.7f°, %.2f m", origin.latitude_deg,
+                     origin.longitude_deg, origin.height.m);
+  } else {
+    pixels += "; not on the earth: local frame is the tileset's own";
+  }
+  return {extent, pixels};
+}
+
+report::MapOutline outline_of(const ProposedRegion& proposed) {
+  const Vec3 low = proposed.center - proposed.size / 2, high = proposed.center + proposed.size / 2;
+  return {report::MapOutline::Kind::kProposedRegion,
+          {{low.x(), low.y()}, {high.x(), low.y()}, {high.x(), high.y()}, {low.x(), high.y()}}};
+}
+
+json map_json(const GroundView& view, const Found& found, const std::filesystem::path& picture) {
+  const auto corner = [](const Vec3& v) { return json{v.x(), v.y(), v.z()}; };
+  return {{"file", picture.string()},
+          {"pixels", {view.grid.width, view.grid.height}},
+          {"pixel_size", view.grid.pixel_m},
+          {"west", view.grid.west_m},
+          {"north", view.grid.north_m},
+          {"surface", {{"min", corner(found.box.min())}, {"max", corner(found.box.max())}, {"share", found.share}}},
+          {"geometric_error_wanted", view.error_m},
+          {"tiles", view.tiles},
+          {"tiles_missing", view.missing.size()},
+          {"parts", view.parts}};
+}
+
+void check(const InspectMapSettings& settings, const std::filesystem::path& picture) {
+  const std::string ending = picture.extension().string();
+  if (ending != ".png" && ending != ".jpg" && ending != ".jpeg")
+    throw InputError(picture.string(), "a map is a picture: let its name end with .png or .jpg");
+  if (settings.pixels < 64 || settings.pixels > 8000)
+    throw InputError("--pixels", "must be from 64 to 8000, of the map's longer side");
+}
+
+}  // namespace
+
+json inspect_map(const InspectMapSettings& settings, const std::filesystem::path& picture, const Progress& progress) {
+  check(settings, picture);
+  tiles::LoadOptions load = settings.load;
+  load.whole_however_large = true;
+  OpenPlace place(settings.source, load, tiles::Use::kAnalyse);
+  const std::uintmax_t memory = settings.max_memory_bytes.value_or(default_memory_bytes());
+  const Box3 box = box_shown(place, settings, memory, progress);
+  const sensors::GroundGrid grid = grid_over(box, settings.pixels);
+  const GroundView view = look_down(place, grid,
+                                    {.error_m = settings.error_m.value_or(grid.pixel_m),
+                                     .top_down = heights_of(settings, box),
+                                     .max_memory_bytes = memory},
+                                    progress);
+  const Found found = surface_of(view);
+  const auto proposed = proposed_region(view.grid, view.image.height_m);
+  if (!proposed) {
+    throw InputError(place.name(), "there is no surface in the region " + tiles::extent_text(box) +
+                                       "; the tileset spans " + tiles::extent_text(place.tree()));
+  }
+  const auto& frame = place.placement().local_frame;
+  report::PlaceMap map{.title = short_name(settings.source),
+                       .notes = notes_of(place, view, found),
+                       .attribution = joined(place.attribution()),
+                       .ground = picture_of(view),
+                       .frame = frame,
+                       .outlines = missing_outlines(view),
+                       .flight = std::nullopt};
+  if (!has_region(settings.load)) map.outlines.push_back(outline_of(*proposed));
+  imaging::write_rgb(picture, drawn(map));
+
+  std::vector<std::string> warnings = warnings_of(view);
+  const std::vector<std::string> of_place = place.warnings();
+  warnings.insert(warnings.end(), of_place.begin(), of_place.end());
+  return {{"map", map_json(view, found, picture)},     {"frame", frame_json(place.placement())},
+          {"georeferenced", place.is_georeferenced()}, {"proposal", to_json(*proposed, frame)},
+          {"attribution", place.attribution()},        {"warnings", warnings}};
+}
+
+std::string inspect_map_text(const json& found) {
+  const json& map = found["map"];
+  const json &low = map["surface"]["min"], &high = map["surface"]["max"];
+  const double east = high[0].get<double>() - low[0].get<double>(),
+               north = high[1].get<double>() - low[1].get<double>();
+  const double longest_m = std::max(east, north);
+  std::string text =
+      map["file"].get<std::string>() + ": " + metres(east, longest_m) + " x " + metres(north, longest_m) +
+      " m of surface from above, " + format("%.3g", map["pixel_size"].get<double>()) + " m a pixel, from " +
+      std::to_string(map["tiles"].get<std::int64_t>()) + " tiles\nheights: " + metres(low[2], longest_m) + " to " +
+      metres(high[2], longest_m) + " m in the local frame";
+  const json& frame = found["frame"];
+  if (!frame["origin_lat"].is_null()) {
+    const double origin_m = frame["origin_height"];
+    text += ", " + metres(origin_m + low[2].get<double>(), longest_m) + " to " +
+            metres(origin_m + high[2].get<double>(), longest_m) + " m above the ellipsoid\nlocal frame: --origin " +
+            format("%.7f,%.7f,%.2f", frame["origin_lat"].get<double>(), frame["origin_lon"].get<double>(), origin_m);
+  }
+  const json& proposal = found["proposal"];
+  text += "\nproposed region and voxel: " + proposal["options"].get<std::string>() +
+          format(" (%.0f %% of the surface; %.0f voxels along its longest side)\n",
+                 100 * proposal["region"]["surface_share"].get<double>(),
+                 std::max({proposal["region"]["size"][0].get<double>(), proposal["region"]["size"][1].get<double>(),
+                           proposal["region"]["size"][2].get<double>()}) /
+                     proposal["voxel_size"].get<double>());
+  for (const auto& warning : found["warnings"]) text += "note: " + warning.get<std::string>() + "\n";
+  return text;
+}
+
+}  // namespace tileflight::experiment

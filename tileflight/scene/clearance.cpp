@@ -1,0 +1,85 @@
+#include "tileflight/scene/clearance.h"
+
+#include <tbb/parallel_for.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+namespace tileflight::scene {
+namespace {
+
+using geometry::Vec3;
+
+constexpr std::size_t kDirections = 128;
+
+/// Even over the sphere: the golden angle from one to the next, heights in equal steps (Swinbank and Purser, Quarterly
+/// Journal of the Royal Meteorological Society 132, 2006).
+std::array<Vec3, kDirections> even_directions() {
+  std::array<Vec3, kDirections> directions;
+  for (std::size_t i = 0; i < kDirections; ++i) {
+    const double z = 1.0 - (2.0 * static_cast<double>(i) + 1.0) / kDirections;
+    const double around = std::numbers::pi * (3.0 - std::sqrt(5.0)) * static_cast<double>(i);
+    const double across = std::sqrt(1.0 - z * z);
+    directions[i] = {across * std::cos(around), across * std::sin(around), z};
+  }
+  return directions;
+}
+
+/// What the first surface along a direction shows.
+enum class Side { kNone, kFront, kBack };
+
+Side side_seen(const Scene& scene, const Ray& ray) {
+  const auto hit = scene.intersect(ray);
+  if (!hit) return Side::kNone;
+  return scene.normal(*hit).dot(ray.direction) > 0 ? Side::kBack : Side::kFront;
+}
+
+bool is_inside(const Scene& scene, const Vec3& point) {
+  static const std::array<Vec3, kDirections> kAll = even_directions();
+  int fronts = 0, backs = 0, upwards = 0, backs_upwards = 0;
+  for (const Vec3& direction : kAll) {
+    const Side side = side_seen(scene, {point, direction});
+    fronts += side == Side::kFront ? 1 : 0;
+    backs += side == Side::kBack ? 1 : 0;
+    if (direction.z() < 0.5) continue;  // within 60 degrees of straight up
+    ++upwards;
+    backs_upwards += side == Side::kBack ? 1 : 0;
+  }
+  return backs > fronts && 2 * backs_upwards > upwards;
+}
+
+}  // namespace
+
+Surroundings surroundings_at(const Scene& scene, const Vec3& point, double reach_m) {
+  Surroundings around;
+  if (const auto nearest = scene.nearest_m(point, reach_m)) around.clearance_m = *nearest;
+  if (const auto below = scene.intersect({point, -Vec3::UnitZ()})) around.above_ground_m = below->distance_m;
+  around.inside = is_inside(scene, point);
+  return around;
+}
+
+bool passes_through(const Scene& scene, std::span<const Vec3> way) {
+  constexpr double kStill_m = 1e-6;
+  for (std::size_t i = 0; i + 1 < way.size(); ++i) {
+    const Vec3 step = way[i + 1] - way[i];
+    const double length_m = step.norm();
+    if (length_m > kStill_m && scene.occluded({way[i], step / length_m}, length_m)) return true;
+  }
+  return false;
+}
+
+PathClearance clearance_along(const Scene& scene, const std::vector<Vec3>& path, double reach_m) {
+  scene.prepare_rays();
+  PathClearance found{std::vector<Surroundings>(path.size()), {}};
+  std::vector<std::uint8_t> blocked(path.size(), 0);  // bits of a vector<bool> are not for several threads
+  tbb::parallel_for(std::size_t{0}, path.size(), [&](std::size_t i) {
+    found.at[i] = surroundings_at(scene, path[i], reach_m);
+    if (i + 1 < path.size()) blocked[i] = passes_through(scene, std::span(path).subspan(i, 2)) ? 1 : 0;
+  });
+  found.blocked_after.assign(blocked.begin(), blocked.end());
+  return found;
+}
+
+}  // namespace tileflight::scene
