@@ -1,3 +1,5 @@
+#include <array>
+#include <cmath>
 #include <sstream>
 
 #include "command.h"
@@ -18,11 +20,46 @@ struct Options {
   std::string by = "map.mean";
 };
 
+/// "surface.median", "completeness.within_0.2" … of a comparison, where they are known.
+constexpr std::array<const char*, 3> kParts{"surface", "completeness", "path"};
+
+std::string interval_text(const json& ci) { return ci[0].is_null() ? "no interval" : "95 % interval " + rounded_list(ci); }
+
+std::string measures_of(const json& pair) {
+  std::ostringstream text;
+  for (const char* part : kParts) {
+    if (!pair[part].is_object()) continue;
+    for (const auto& [name, m] : pair[part].items()) {
+      if (name == "blocks" || !m.is_object()) continue;
+      const bool by_ratio = m["margin_of"] == "ratio";
+      text << "  " << part << " " << name << ": " << m["simulated"] << " and " << m["real"] << ", "
+           << (by_ratio ? "ratio " : "difference ") << m[by_ratio ? "ratio" : "difference"] << ", "
+           << interval_text(m[by_ratio ? "ratio_ci95" : "ci95"]) << " by " << m["unit"].get<std::string>()
+           << ", same up to " << m["margin"] << ": " << m["verdict"].get<std::string>()
+           << (m["decides"].get<bool>() ? "" : " (does not decide)") << "\n";
+    }
+  }
+  for (const json& missing : pair["missing_parts"].is_object() ? pair["missing_parts"]["parts"] : json::array()) {
+    text << "  lacking in the " << (missing["lacks"] == "simulated" ? "first" : "second") << " map: " << missing["edge"]
+         << " m around " << missing["center"] << ", points " << missing["points"]["simulated"] << " and "
+         << missing["points"]["real"] << "\n";
+  }
+  return text.str();
+}
+
 std::string line_of(const json& pair) {
   std::ostringstream text;
-  text << pair["first"].get<std::string>() << " - " << pair["second"].get<std::string>() << ": mean difference "
-       << rounded(pair["mean_difference"]) << " m, 95 % interval " << rounded_list(pair["mean_difference_ci95"])
-       << " m by " << pair["unit"].get<std::string>() << ": " << pair["verdict"].get<std::string>()
+  text << pair["first"].get<std::string>() << " - " << pair["second"].get<std::string>() << ": "
+       << pair["verdict"].get<std::string>();
+  const char* separator = " because of ";
+  for (const json& name : pair["verdict_because"]) {
+    text << separator << name.get<std::string>();
+    separator = ", ";
+  }
+  text << "\n"
+       << measures_of(pair) << "  published measure (nearest voxel centre): mean difference "
+       << rounded(pair["mean_difference"]) << " m, " << interval_text(pair["mean_difference_ci95"]) << " m by "
+       << pair["unit"].get<std::string>() << ": " << pair["mean_difference_verdict"].get<std::string>()
        << "\n  Kolmogorov-Smirnov " << rounded(pair["ks_statistic"]) << ", Wasserstein "
        << rounded(pair["wasserstein_m"]) << " m, ratio of points " << rounded(pair["points_ratio"]) << "\n";
   return text.str();
@@ -65,7 +102,31 @@ void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->required();
   command
       ->add_option("--margin", options->settings.equivalence_margin_m,
-                   "margin of the equivalence test, metres (default 0.05)")
+                   "margin of the published measure's equivalence test, metres (default 0.05)")
+      ->check(CLI::PositiveNumber);
+  const CLI::Validator above_one(
+      [](const std::string& text) {
+        return CLI::Range(std::nextafter(1.0, 2.0), 1e9)(text).empty() ? "" : "must be above 1";
+      },
+      "FLOAT > 1");
+  command
+      ->add_option("--ratio-margin", options->settings.ratio_margin,
+                   "up to this ratio two medians or RMS distances to the surface count as the same (default 1.25)")
+      ->check(above_one);
+  command
+      ->add_option("--share-margin", options->settings.share_margin,
+                   "the same for shares of map points, as a difference (default 0.05)")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--completeness-margin", options->settings.completeness_margin,
+                   "the same for completeness, as a ratio (default 1.1)")
+      ->check(above_one);
+  command
+      ->add_option("--lacking-margin", options->settings.lacking_margin,
+                   "the same for what one map lacks of what the other covers, as a difference of shares (default 0.01)")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--path-margin", options->settings.path_margin_m, "the same for path errors, metres (default 0.1)")
       ->check(CLI::PositiveNumber);
   command->add_option("--csv", options->files.csv, "write a line a map here, and a line a pair to NAME-pairs.csv");
   command->add_option("--tex", options->files.tex, "write both tables here, for LaTeX with booktabs");

@@ -3,6 +3,7 @@
 #include "command.h"
 #include "source_options.h"
 #include "tileflight/report/ablation_table.h"
+#include "tileflight/report/compared_maps.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::app {
@@ -28,9 +29,11 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       const nlohmann::json results =
           experiment::run(experiment, options->out, progress, {.again = shared.force, .listener = shared.stages});
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
-      const std::string variants = report::ablation_text(results);
-      return {results, report::results_table(results) + (variants.empty() ? "" : "\n" + variants) +
-                           "\nreport: " + report + "\n"};
+      std::string text = report::results_table(results);
+      for (const std::string& part : {report::compared_maps_text(results), report::ablation_text(results)}) {
+        if (!part.empty()) text += "\n" + part;
+      }
+      return {results, text + "\nreport: " + report + "\n"};
     };
   });
 }

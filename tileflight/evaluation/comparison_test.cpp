@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tileflight/evaluation/block_bootstrap.h"
+#include "tileflight/evaluation/map_comparison.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/repeated_runs.h"
 #include "tileflight/evaluation/two_samples.h"
@@ -284,7 +285,7 @@ TEST(Comparison, SameBitsForAnyNumberOfThreadsAndSeedMatters) {
 TEST(Comparison, KeysOfTheContract) {
   std::mt19937_64 random(9);
   const auto a = run_over(50, 10, 0.5, 0.1, 0.1, random);
-  const auto json = to_json(compare(a, a));
+  const auto json = to_json(compare(a, a), std::nullopt);
   for (const char* key : {"mean_difference", "std_difference", "points_ratio", "ks_statistic", "wasserstein_m",
                           "mean_difference_ci95", "equivalent_within_m", "verdict"}) {
     EXPECT_TRUE(json.contains(key)) << key;

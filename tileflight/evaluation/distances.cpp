@@ -95,22 +95,30 @@ CumulativeCurve cumulative_curve(const std::vector<double>& distances) {
   for (int k = 0; k <= kPerDecade * kDecades; ++k)
     curve.thresholds_m.push_back(0.01 * std::pow(10.0, static_cast<double>(k) / kPerDecade));
   if (distances.empty()) return curve;
-  std::vector<double> sorted = distances;
-  std::sort(sorted.begin(), sorted.end());
-  for (const double t : curve.thresholds_m) {
-    const auto within = std::upper_bound(sorted.begin(), sorted.end(), t) - sorted.begin();
-    curve.shares.push_back(static_cast<double>(within) / static_cast<double>(sorted.size()));
+  std::vector<std::size_t> first_within(curve.thresholds_m.size() + 1, 0);  // how many have this as their least one
+  for (const double d : distances) {
+    const auto least = std::lower_bound(curve.thresholds_m.begin(), curve.thresholds_m.end(), d);
+    ++first_within[static_cast<std::size_t>(least - curve.thresholds_m.begin())];
+  }
+  std::size_t within = 0;
+  for (std::size_t k = 0; k < curve.thresholds_m.size(); ++k) {
+    within += first_within[k];
+    curve.shares.push_back(static_cast<double>(within) / static_cast<double>(distances.size()));
   }
   return curve;
 }
 
 std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& targets, const char* what,
                                     const char* target_name, double radius_m) {
-  check(points, what);
   check(targets, target_name);
-  const geometry::NearestIndex index(targets.positions);
+  return cloud_distances(points, geometry::NearestIndex(targets.positions), what, radius_m);
+}
+
+std::vector<double> cloud_distances(const PointCloud& points, const geometry::NearestIndex& targets, const char* what,
+                                    double radius_m) {
+  check(points, what);
   return distances_along_walk(points.positions, radius_m, [&](const Vec3& p, double within_m) -> std::optional<double> {
-    const auto nearest = index.nearest(p, within_m);
+    const auto nearest = targets.nearest(p, within_m);
     return nearest ? std::optional(nearest->distance_m) : std::nullopt;
   });
 }
@@ -136,7 +144,11 @@ KeptDistances keep(const std::vector<Vec3>& positions, const std::vector<double>
   return kept;
 }
 
-MapMetrics score_map(const std::vector<double>& distances, const std::vector<double>& floor_distances,
+DistanceStatistics floor_of(const std::vector<double>& distances, double cutoff_m) {
+  return statistics_of(up_to(distances, cutoff_m));
+}
+
+MapMetrics score_map(const std::vector<double>& distances, const DistanceStatistics& floor,
                      const MapMetricsOptions& options) {
   if (!(options.cutoff_m > 0.0) || !std::isfinite(options.cutoff_m))
     throw InputError("cut-off", "must be above zero, in metres");
@@ -149,7 +161,7 @@ MapMetrics score_map(const std::vector<double>& distances, const std::vector<dou
   result.percentiles = percentiles_of(kept);
   result.histogram = histogram_of(kept, options.cutoff_m, options.bins);
   result.cutoff_m = options.cutoff_m;
-  result.quantization_floor = statistics_of(up_to(floor_distances, options.cutoff_m));
+  result.quantization_floor = floor;
   return result;
 }
 
@@ -177,7 +189,7 @@ MapMetrics evaluate_map(const PointCloud& aligned_map, const PointCloud& voxel_c
   std::vector<double> floor;
   if (!surface_samples.empty())
     floor = cloud_distances(surface_samples, voxel_centers, "surface samples", "voxel centres");
-  return score_map(distances, floor, options);
+  return score_map(distances, floor_of(floor, options.cutoff_m), options);
 }
 
 SurfaceMetrics evaluate_surface(const PointCloud& aligned_map, const geometry::TriangleMesh& surface,

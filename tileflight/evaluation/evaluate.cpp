@@ -1,6 +1,7 @@
 #include "tileflight/evaluation/evaluate.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "tileflight/evaluation/distances.h"
 #include "tileflight/geometry/input_error.h"
@@ -13,9 +14,11 @@ namespace {
 
 bool given(const PointCloud* cloud) { return cloud && !cloud->empty(); }
 
-std::vector<double> floor_distances(const ScoreInputs& against) {
+DistanceStatistics floor_against(const ScoreInputs& against, double cutoff_m) {
+  if (against.floor) return *against.floor;
   if (!given(against.surface_samples)) return {};
-  return cloud_distances(*against.surface_samples, *against.voxel_centers, "surface samples", "voxel centres");
+  return floor_of(cloud_distances(*against.surface_samples, *against.voxel_centers, "surface samples", "voxel centres"),
+                  cutoff_m);
 }
 
 std::vector<double> sample_distances(const PointCloud& aligned_map, const ScoreInputs& against,
@@ -27,15 +30,16 @@ std::vector<double> sample_distances(const PointCloud& aligned_map, const ScoreI
 
 }  // namespace
 
-Score evaluate(const PointCloud& aligned_map, const ScoreInputs& against, const ScoreOptions& options,
+Score evaluate(PointCloud given_map, const ScoreInputs& against, const ScoreOptions& options,
                const Progress& progress) {
   if (!against.voxel_centers) throw InputError("ground truth", "has no voxel centres");
   constexpr std::int64_t kParts = 4;
   Score score;
-  score.errors.aligned_map = aligned_map;
+  score.errors.aligned_map = std::move(given_map);
+  const PointCloud& aligned_map = score.errors.aligned_map;
   report_progress(progress, 0, kParts, "distances to voxel centres");
   score.errors.voxel_m = cloud_distances(aligned_map, *against.voxel_centers, "map", "voxel centres");
-  score.metrics.map = score_map(score.errors.voxel_m, floor_distances(against), options.map);
+  score.metrics.map = score_map(score.errors.voxel_m, floor_against(against, options.map.cutoff_m), options.map);
   if (against.surface && !against.surface->triangles.empty()) {
     report_progress(progress, 1, kParts, "distances to the surface");
     score.errors.surface_m = surface_distances(aligned_map, geometry::TriangleIndex(*against.surface));

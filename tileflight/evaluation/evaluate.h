@@ -15,6 +15,7 @@ struct ScoreInputs {
   const geometry::PointCloud* seen_samples = nullptr;  ///< of the surface that the camera saw
   const geometry::Trajectory* estimate = nullptr;      ///< map frame or local, it is aligned anew
   const geometry::Trajectory* truth = nullptr;
+  std::optional<DistanceStatistics> floor = {};  ///< where it is known already; else from the surface samples
 };
 
 struct ScoreOptions {
@@ -30,7 +31,7 @@ struct Score {
 };
 
 /// All metrics of a map with each distance measured once. Throws InputError as the parts do.
-Score evaluate(const geometry::PointCloud& aligned_map, const ScoreInputs& against, const ScoreOptions& options = {},
+Score evaluate(geometry::PointCloud aligned_map, const ScoreInputs& against, const ScoreOptions& options = {},
                const Progress& progress = {});
 
 }  // namespace tileflight::evaluation

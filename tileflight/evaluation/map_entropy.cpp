@@ -9,7 +9,7 @@
 
 #include "tileflight/evaluation/json_reader.h"
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/nearest.h"
+#include "tileflight/geometry/spatial_order.h"
 
 namespace tileflight::evaluation {
 
@@ -51,26 +51,70 @@ void check(const geometry::PointCloud& map, const MapEntropyOptions& options) {
   }
 }
 
-}  // namespace
+/// Every so many of a list, `count` in all.
+std::vector<std::uint32_t> thinned(const std::vector<std::uint32_t>& list, std::size_t count) {
+  if (count >= list.size()) return list;
+  std::vector<std::uint32_t> result(count);
+  for (std::size_t k = 0; k < count; ++k) result[k] = list[k * list.size() / count];
+  return result;
+}
 
-MapEntropy map_entropy(const geometry::PointCloud& map, const MapEntropyOptions& options) {
-  check(map, options);
-  const geometry::NearestIndex index(map.positions);
-  std::vector<double> entropies(map.size(), kNaN);
-  tbb::parallel_for(std::size_t{0}, map.size(), [&](std::size_t i) {
-    const auto neighbors = index.within(map.positions[i], options.radius_m);
-    if (neighbors.size() >= std::max<std::size_t>(4, options.least_neighbors))
-      entropies[i] = entropy_of(covariance(map.positions, neighbors));
-  });
-  MapEntropy result{.radius_m = options.radius_m, .points = map.size()};
-  double sum = 0.0;
+/// Those that are asked: so many that their neighbours together are about as many as the options allow, counted at a
+/// few of them.
+std::vector<std::uint32_t> asked_points(const std::vector<Vec3>& points, const geometry::NearestIndex& index,
+                                        const MapEntropyOptions& options) {
+  constexpr std::size_t kProbes = 256, kLeast = 1000;
+  std::vector<std::uint32_t> asked = geometry::evenly_chosen(points, options.most_points);
+  const std::vector<std::uint32_t> probes = thinned(asked, kProbes);
+  double neighbors = 0.0;
+  for (const std::uint32_t i : probes)
+    neighbors += static_cast<double>(index.within(points[i], options.radius_m).size());
+  const double each = neighbors / static_cast<double>(probes.size());  // each is at least its own neighbour
+  const std::size_t most = std::max(kLeast, static_cast<std::size_t>(options.most_neighbors / each));
+  return asked.size() == points.size() ? geometry::evenly_chosen(points, most) : thinned(asked, most);
+}
+
+/// Mean and standard error of what was judged.
+void add_mean(const std::vector<double>& entropies, MapEntropy& result) {
+  double sum = 0.0, squares = 0.0;
   for (const double h : entropies) {
     if (std::isnan(h)) continue;
     sum += h;
     ++result.judged;
   }
-  if (result.judged > 0) result.mean = sum / static_cast<double>(result.judged);
+  if (result.judged == 0) return;
+  const auto n = static_cast<double>(result.judged);
+  result.mean = sum / n;
+  if (result.asked == result.points) {
+    result.standard_error = 0.0;
+    return;
+  }
+  for (const double h : entropies) {
+    if (!std::isnan(h)) squares += (h - result.mean) * (h - result.mean);
+  }
+  if (result.judged > 1) result.standard_error = std::sqrt(squares / (n - 1.0) / n);
+}
+
+}  // namespace
+
+MapEntropy map_entropy(const geometry::PointCloud& map, const geometry::NearestIndex& index,
+                       const MapEntropyOptions& options) {
+  check(map, options);
+  const std::vector<std::uint32_t> asked = asked_points(map.positions, index, options);
+  std::vector<double> entropies(asked.size(), kNaN);
+  tbb::parallel_for(std::size_t{0}, asked.size(), [&](std::size_t k) {
+    const auto neighbors = index.within(map.positions[asked[k]], options.radius_m);
+    if (neighbors.size() >= std::max<std::size_t>(4, options.least_neighbors))
+      entropies[k] = entropy_of(covariance(map.positions, neighbors));
+  });
+  MapEntropy result{.radius_m = options.radius_m, .points = map.size(), .asked = asked.size()};
+  add_mean(entropies, result);
   return result;
+}
+
+MapEntropy map_entropy(const geometry::PointCloud& map, const MapEntropyOptions& options) {
+  check(map, options);
+  return map_entropy(map, geometry::NearestIndex(map.positions), options);
 }
 
 MapEntropy map_entropy_from_json(const nlohmann::json& object, const std::string& where) {
@@ -78,17 +122,24 @@ MapEntropy map_entropy_from_json(const nlohmann::json& object, const std::string
   MapEntropy e;
   e.radius_m = reader.number("radius");
   e.points = reader.count("points");
+  e.asked = reader.has("asked") ? reader.count("asked") : e.points;  // older files asked all
   e.judged = reader.count("judged");
   reader.number("share_judged");  // follows from the counts
   e.mean = reader.number("mean");
+  if (reader.has("standard_error")) e.standard_error = reader.number("standard_error");
   reader.expect_all_read();
   return e;
 }
 
 nlohmann::json to_json(const MapEntropy& e) {
-  const double share = e.points > 0 ? static_cast<double>(e.judged) / static_cast<double>(e.points) : 0.0;
-  return {
-      {"radius", e.radius_m}, {"points", e.points}, {"judged", e.judged}, {"share_judged", share}, {"mean", e.mean}};
+  const double share = e.asked > 0 ? static_cast<double>(e.judged) / static_cast<double>(e.asked) : 0.0;
+  return {{"radius", e.radius_m},
+          {"points", e.points},
+          {"asked", e.asked},
+          {"judged", e.judged},
+          {"share_judged", share},
+          {"mean", e.mean},
+          {"standard_error", e.standard_error}};
 }
 
 }  // namespace tileflight::evaluation

@@ -69,6 +69,25 @@ TEST(MapEntropy, ThickerIsMoreAndScaleAddsItsLogarithm) {
   EXPECT_NEAR(map_entropy(larger, {.radius_m = 6.0}).mean, map_entropy(slab(0.1)).mean + 3.0 * std::log(3.0), 1e-9);
 }
 
+TEST(MapEntropy, AnEvenChoiceGivesTheMeanOfAllWithinItsStandardError) {
+  // Two sheets, one of which is thicker and denser: a choice that is not even would be off.
+  PointCloud cloud = slab(0.05, 20000);
+  for (const Vec3& p : slab(0.4, 40000).positions) cloud.positions.push_back(p + Vec3(30.0, 0.0, 0.0));
+  const MapEntropy all = map_entropy(cloud, {.most_neighbors = 1e12});
+  EXPECT_EQ(all.asked, 60000u);
+  EXPECT_EQ(all.standard_error, 0.0);
+  for (const std::size_t most : {500u, 2000u, 8000u}) {
+    const MapEntropy some = map_entropy(cloud, {.most_points = most, .most_neighbors = 1e12});
+    EXPECT_EQ(some.asked, most);
+    EXPECT_EQ(some.points, 60000u);
+    EXPECT_NEAR(some.mean, all.mean, 3.0 * some.standard_error) << most;
+    EXPECT_GT(some.standard_error, 0.0);
+  }
+  const MapEntropy dense = map_entropy(cloud, {.most_neighbors = 1e6});
+  EXPECT_LT(dense.asked, 4000u);
+  EXPECT_NEAR(dense.mean, all.mean, 3.0 * dense.standard_error);
+}
+
 TEST(MapEntropy, WhatCannotBeJudgedIsCountedNotScored) {
   PointCloud flat, one;
   for (int k = 0; k < 100; ++k) flat.positions.push_back({0.1 * (k % 10), 0.1 * (k / 10), 5.0});

@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/map_table.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <optional>
@@ -127,16 +128,63 @@ std::string pairs_tex(const std::vector<ComparedMap>& maps, const std::vector<Co
   return text + "\\bottomrule\n\\end{tabular}\n";
 }
 
+/// Of all pairs, in their order.
+std::vector<std::string> measure_names(const std::vector<ComparedPair>& pairs) {
+  std::vector<std::string> names;
+  for (const ComparedPair& pair : pairs) {
+    if (!pair.maps) continue;
+    for (const Measured& m : pair.maps->measures)
+      if (std::find(names.begin(), names.end(), m.name) == names.end()) names.push_back(m.name);
+  }
+  return names;
+}
+
+/// Nullptr where the pair has none of the name.
+const Measured* measure(const ComparedPair& pair, const std::string& name) {
+  if (!pair.maps) return nullptr;
+  const auto found = std::ranges::find(pair.maps->measures, name, &Measured::name);
+  return found == pair.maps->measures.end() ? nullptr : &*found;
+}
+
+/// Of the ratio or of the difference, whichever is judged.
+const std::array<double, 2>& judged_ci95(const Measured& m) {
+  return m.scale == Scale::kRatio ? m.ratio_ci95 : m.difference_ci95;
+}
+
+const std::string& overall_verdict(const ComparedPair& pair) {
+  return pair.maps ? pair.maps->verdict.word : pair.comparison.verdict;
+}
+
+std::string measures_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
+  std::string text =
+      "\\begin{tabular}{lllrrrl}\n\\toprule\nFirst & Second & Measure & first & second & 95\\,\\% interval & Verdict "
+      "\\\\\n\\midrule\n";
+  for (const ComparedPair& pair : pairs) {
+    if (!pair.maps) continue;
+    for (const Measured& m : pair.maps->measures) {
+      const bool by_ratio = m.scale == Scale::kRatio;
+      text += tex_text(maps[pair.first].name) + " & " + tex_text(maps[pair.second].name) + " & " + tex_text(m.name) +
+              " & " + cell(m.simulated, 4, "--") + " & " + cell(m.real, 4, "--") + " & " +
+              (by_ratio ? "$\\times$ " : "") + interval_tex(judged_ci95(m)) + " & " + m.verdict + " \\\\\n";
+    }
+  }
+  return text + "\\bottomrule\n\\end{tabular}\n";
+}
+
 }  // namespace
 
-std::vector<ComparedPair> compare_all(const std::vector<ComparedMap>& maps, const ComparisonOptions& options) {
+std::vector<ComparedPair> compare_all(const std::vector<ComparedMap>& maps, const ComparisonOptions& options,
+                                      const MapComparisonOptions& map_options) {
   if (maps.size() < 2) throw InputError("comparison", "needs at least two maps");
   std::vector<ComparedPair> pairs;
   const std::size_t count = maps.size() * (maps.size() - 1) / 2;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     for (std::size_t j = i + 1; j < maps.size(); ++j) {
-      pairs.push_back({i, j, compare_runs(maps[i].runs, maps[j].runs, options),
-                       simultaneous_interval(maps[i], maps[j], count, options)});
+      ComparedPair pair{i, j, compare_runs(maps[i].runs, maps[j].runs, options)};
+      if (!maps[i].scored.empty() && !maps[j].scored.empty())
+        pair.maps = compare_maps(maps[i].scored, maps[j].scored, map_options);
+      pair.simultaneous_ci95 = simultaneous_interval(maps[i], maps[j], count, options);
+      pairs.push_back(std::move(pair));
     }
   }
   return pairs;
@@ -151,7 +199,7 @@ json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPai
     object["maps"].push_back(std::move(line));
   }
   for (const ComparedPair& pair : pairs) {
-    json line = to_json(pair.comparison);
+    json line = to_json(pair.comparison, pair.maps);
     line["first"] = maps[pair.first].name;
     line["second"] = maps[pair.second].name;
     line["simultaneous_ci95"] = pair.simultaneous_ci95;
@@ -177,7 +225,12 @@ std::string maps_csv(const std::vector<ComparedMap>& maps) {
 std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
   std::string text =
       "first,second,unit,mean_difference_m,ci95_low_m,ci95_high_m,simultaneous_low_m,simultaneous_high_m,ks_statistic,"
-      "wasserstein_m,equivalent_within_m,verdict\r\n";
+      "wasserstein_m,equivalent_within_m,mean_difference_verdict";
+  const std::vector<std::string> names = measure_names(pairs);
+  for (const std::string& name : names) {
+    for (const char* what : {"_first", "_second", "_low", "_high", "_verdict"}) text += "," + csv_text(name + what);
+  }
+  text += ",verdict\r\n";
   for (const ComparedPair& pair : pairs) {
     const Comparison& c = pair.comparison;
     text += csv_text(maps[pair.first].name) + "," + csv_text(maps[pair.second].name) + "," + c.unit;
@@ -185,13 +238,21 @@ std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<Co
          {c.mean_difference_m, c.mean_difference_ci95[0], c.mean_difference_ci95[1], pair.simultaneous_ci95[0],
           pair.simultaneous_ci95[1], c.ks_statistic, c.wasserstein_m, c.equivalent_within_m.value_or(std::nan(""))})
       text += "," + cell(value, 6, "");
-    text += "," + c.verdict + "\r\n";
+    text += "," + c.verdict;
+    for (const std::string& name : names) {
+      const Measured* m = measure(pair, name);
+      for (const double value : m ? std::vector{m->simulated, m->real, judged_ci95(*m)[0], judged_ci95(*m)[1]}
+                                  : std::vector(4, std::nan("")))
+        text += "," + cell(value, 6, "");
+      text += "," + (m ? m->verdict : std::string());
+    }
+    text += "," + overall_verdict(pair) + "\r\n";
   }
   return text;
 }
 
 std::string tables_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
-  return maps_tex(maps) + "\n" + pairs_tex(maps, pairs);
+  return maps_tex(maps) + "\n" + pairs_tex(maps, pairs) + "\n" + measures_tex(maps, pairs);
 }
 
 }  // namespace tileflight::evaluation

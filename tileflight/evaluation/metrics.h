@@ -136,14 +136,15 @@ struct MeanDifference {
   std::optional<double> equivalent_within_m;  ///< as in Comparison
 };
 
-/// The two runs side by side. Differences are simulated minus real.
+/// The two runs side by side by the paper's measure, whose floor hides what good maps differ in: what tells maps apart
+/// is in map_comparison.h. Differences are simulated minus real.
 struct Comparison {
   double mean_difference_m = 0, std_difference_m = 0, points_ratio = 0;
   double ks_statistic = 0, wasserstein_m = 0;
   std::array<double, 2> mean_difference_ci95{};
   double equivalence_margin_m = 0.05;
   /// "equivalent": the 90 % interval (two one-sided tests at 5 %, Schuirmann 1987) lies within the margin; "different":
-  /// the 95 % interval lies outside it; else "undecided".
+  /// the 95 % interval lies outside it; else "undecided". On this measure alone.
   std::string verdict;
   std::optional<double> equivalent_within_m;  ///< the smallest margin at which they would count as equivalent
   std::size_t blocks = 0;                     ///< of the bootstrap; below 2 there is no interval and nothing is decided
@@ -190,6 +191,6 @@ Comparison compare_runs(const std::vector<KeptDistances>& simulated, const std::
 nlohmann::json to_json(const MapMetrics& m);
 nlohmann::json to_json(const SurfaceMetrics& m);
 nlohmann::json to_json(const TrajectoryMetrics& m);
-nlohmann::json to_json(const Comparison& c);
+nlohmann::json to_json(const Comparison& c);  ///< without `verdict`, which is map_comparison.h's
 
 }  // namespace tileflight::evaluation

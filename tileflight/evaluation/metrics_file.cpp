@@ -18,6 +18,7 @@ namespace {
 
 constexpr const char* kVoxelScalar = "voxel_distance";
 constexpr const char* kSurfaceScalar = "surface_distance";
+constexpr const char* kRegionScalar = "over_region";
 
 DistanceStatistics read_statistics(JsonReader& reader, std::size_t count) {
   DistanceStatistics s;
@@ -184,6 +185,20 @@ std::vector<double> scalar_of(const geometry::PointCloud& cloud, const char* nam
   return {found->second.begin(), found->second.end()};
 }
 
+/// The points with truth under them, `count` in all; nullopt where the file does not say which they are.
+std::optional<KeptDistances> over_region(const geometry::PointCloud& cloud, const std::vector<double>& distances,
+                                         std::size_t count) {
+  const auto over = cloud.scalars.find(kRegionScalar);
+  if (over == cloud.scalars.end() && count != cloud.size()) return std::nullopt;
+  KeptDistances kept{.points = cloud.size()};
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (over != cloud.scalars.end() && over->second[i] == 0.0f) continue;
+    kept.positions.push_back(cloud.positions[i]);
+    kept.distances.push_back(distances[i]);
+  }
+  return kept;
+}
+
 }  // namespace
 
 json to_json(const Metrics& metrics) {
@@ -214,10 +229,15 @@ std::filesystem::path errors_file(const std::filesystem::path& metrics_json) {
   return metrics_json.parent_path() / "errors.ply";
 }
 
-void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, const PointErrors& errors) {
-  geometry::PointCloud cloud = errors.aligned_map;
+void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors) {
+  geometry::PointCloud cloud = std::move(errors.aligned_map);
   cloud.scalars[kVoxelScalar] = as_floats(errors.voxel_m, metrics.map.cutoff_m);
-  if (!errors.surface_m.empty()) cloud.scalars[kSurfaceScalar] = as_floats(errors.surface_m, metrics.map.cutoff_m);
+  if (!errors.surface_m.empty()) {
+    cloud.scalars[kSurfaceScalar] = as_floats(errors.surface_m, metrics.map.cutoff_m);
+    std::vector<float>& over = cloud.scalars[kRegionScalar];
+    over.assign(cloud.size(), 1.0f);
+    for (std::size_t i = 0; i < errors.over_region.size(); ++i) over[i] = errors.over_region[i] ? 1.0f : 0.0f;
+  }
   geometry::write_cloud(errors_file(metrics_json), cloud);
   geometry::write_file(metrics_json, to_json(metrics).dump(2) + "\n");
 }
@@ -236,10 +256,9 @@ MetricsFile read_metrics(const std::filesystem::path& metrics_json) {
                                         std::to_string(result.voxel.distances.size()) + " correspondences instead of " +
                                         std::to_string(map.correspondences) + "; evaluate the map again");
   }
-  if (result.metrics.surface) {
+  if (result.metrics.surface)
     result.surface =
-        keep(cloud.positions, scalar_of(cloud, kSurfaceScalar, file), std::numeric_limits<double>::infinity());
-  }
+        over_region(cloud, scalar_of(cloud, kSurfaceScalar, file), result.metrics.surface->distances.count);
   return result;
 }
 

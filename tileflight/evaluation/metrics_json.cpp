@@ -120,7 +120,7 @@ json to_json(const Comparison& c) {
           {"wasserstein_m", c.wasserstein_m},
           {"mean_difference_ci95", c.mean_difference_ci95},
           {"equivalence_margin_m", c.equivalence_margin_m},
-          {"verdict", c.verdict},
+          {"mean_difference_verdict", c.verdict},
           {"equivalent_within_m", c.equivalent_within_m ? json(*c.equivalent_within_m) : json(nullptr)},
           {"blocks", c.blocks},
           {"share_kept", {{"simulated", c.share_kept[0]}, {"real", c.share_kept[1]}}},

@@ -39,7 +39,7 @@ NormalConsistency normal_consistency(const geometry::PointCloud& map, const geom
     if (const auto nearest = index.nearest(map.positions[i], within_m))
       cosines[i] = abs_cos(map.normals[i].cast<double>(), direction_of(surface, nearest->triangle));
   });
-  NormalConsistency result{.points = map.size(), .within_m = within_m, .neighbors = neighbors};
+  NormalConsistency result{.points = map.size(), .asked = map.size(), .within_m = within_m, .neighbors = neighbors};
   double sum = 0.0, close = 0.0;
   for (const double cosine : cosines) {
     if (std::isnan(cosine)) continue;
@@ -54,8 +54,9 @@ NormalConsistency normal_consistency(const geometry::PointCloud& map, const geom
 }
 
 nlohmann::json to_json(const NormalConsistency& n) {
-  const double share = n.points > 0 ? static_cast<double>(n.judged) / static_cast<double>(n.points) : 0.0;
+  const double share = n.asked > 0 ? static_cast<double>(n.judged) / static_cast<double>(n.asked) : 0.0;
   return {{"points", n.points},
+          {"asked", n.asked},
           {"judged", n.judged},
           {"share_judged", share},
           {"within", n.within_m},
@@ -68,6 +69,7 @@ NormalConsistency normals_from_json(const nlohmann::json& object, const std::str
   JsonReader reader(object, where, "surface.normals");
   NormalConsistency n;
   n.points = reader.count("points");
+  n.asked = reader.has("asked") ? reader.count("asked") : n.points;  // older files asked all
   n.judged = reader.count("judged");
   reader.number("share_judged");  // follows from the counts
   n.within_m = reader.number("within");

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -10,16 +8,12 @@
 
 namespace tileflight::evaluation {
 
-/// Indices of the points along a Morton curve through their bounds, so that neighbours in the list are neighbours in
-/// space: queries of a tree in this order find its nodes in the cache.
-std::vector<std::uint32_t> spatial_order(const std::vector<geometry::Vec3>& points);
-
 /// Distance to the nearest of something within a radius (inclusive), or nullopt.
 using NearestWithin = std::function<std::optional<double>(const geometry::Vec3& query, double radius_m)>;
 
-/// The exact distance of every point, infinity beyond `radius_m`; in parallel, along spatial_order(). Each search is
-/// bounded by the distance of the point before it and the way from there (triangle inequality); what it finds does not
-/// depend on the bound.
+/// The exact distance of every point, infinity beyond `radius_m`; in parallel, along geometry::spatial_order(). Each
+/// search is bounded by the distance of the point before it and the way from there (triangle inequality); what it finds
+/// does not depend on the bound.
 std::vector<double> distances_along_walk(const std::vector<geometry::Vec3>& points, double radius_m,
                                          const NearestWithin& nearest);
 

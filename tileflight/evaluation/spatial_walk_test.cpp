@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include <algorithm>
 #include <limits>
 #include <random>
 
@@ -20,21 +19,6 @@ std::vector<Vec3> scattered(std::size_t n, std::uint64_t seed) {
   std::vector<Vec3> points;
   for (std::size_t k = 0; k < n; ++k) points.push_back({place(random), place(random), 0.02 * place(random)});
   return points;
-}
-
-TEST(SpatialWalk, VisitsEveryPointOnceAndNeighboursInTurn) {
-  const auto points = scattered(4096, 1);
-  auto order = spatial_order(points);
-  double in_order = 0.0, as_given = 0.0;
-  for (std::size_t k = 1; k < points.size(); ++k) {
-    in_order += (points[order[k]] - points[order[k - 1]]).norm();
-    as_given += (points[k] - points[k - 1]).norm();
-  }
-  EXPECT_LT(in_order, 0.1 * as_given);
-  std::ranges::sort(order);
-  for (std::uint32_t k = 0; k < order.size(); ++k) ASSERT_EQ(order[k], k);
-  EXPECT_TRUE(spatial_order({}).empty());
-  EXPECT_EQ(spatial_order({Vec3(1, 2, 3), Vec3(1, 2, 3)}), (std::vector<std::uint32_t>{0, 1})) << "all in one place";
 }
 
 TEST(SpatialWalk, DistancesAreThoseOfSingleSearches) {

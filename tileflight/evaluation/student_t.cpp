@@ -14,7 +14,9 @@ double fraction_coefficient(int k, double x, double a, double b) {
   return -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1));
 }
 
-/// Regularised incomplete beta function, DLMF 8.17.22, from the innermost term outwards.
+}  // namespace
+
+// DLMF 8.17.22, from the innermost term outwards.
 double incomplete_beta(double x, double a, double b) {
   if (x <= 0.0) return 0.0;
   if (x >= 1.0) return 1.0;
@@ -25,8 +27,6 @@ double incomplete_beta(double x, double a, double b) {
   const double log_beta = std::lgamma(a) + std::lgamma(b) - std::lgamma(a + b);
   return std::exp(a * std::log(x) + b * std::log1p(-x) - log_beta) / (a * fraction);
 }
-
-}  // namespace
 
 double student_t_cdf(double t, double degrees_of_freedom) {
   assert(degrees_of_freedom > 0.0);

@@ -2,6 +2,9 @@
 
 namespace tileflight::evaluation {
 
+/// Regularised incomplete beta function: NIST Digital Library of Mathematical Functions, 8.17. a, b above zero.
+double incomplete_beta(double x, double a, double b);
+
 /// Distribution function of Student's t; the degrees of freedom are above zero and need not be whole. By the incomplete
 /// beta function: NIST Digital Library of Mathematical Functions, 8.17.
 double student_t_cdf(double t, double degrees_of_freedom);

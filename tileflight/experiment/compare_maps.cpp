@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "tileflight/evaluation/map_table.h"
 #include "tileflight/evaluation/rank_correlation.h"
+#include "tileflight/experiment/evaluate.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/output_folder.h"
@@ -42,14 +45,40 @@ std::vector<fs::path> metrics_of_runs(const fs::path& flight) {
   return files;
 }
 
+/// A run as it is compared with others by exact distances; nullopt where it has no exact surface, or was scored by an
+/// older version, which did not say which points lie over the region. Takes the distances out of `metrics`.
+std::optional<evaluation::ScoredMap> scored_map(const fs::path& metrics_json, evaluation::MetricsFile& metrics) {
+  if (!metrics.surface) return std::nullopt;
+  evaluation::ScoredMap map{.surface = std::move(*metrics.surface)};
+  if (const fs::path seen = seen_file(metrics_json); fs::exists(seen)) map.seen = read_seen(seen);
+  if (metrics.metrics.trajectory) map.ate_rmse_m = metrics.metrics.trajectory->ate_rmse_m;
+  return map;
+}
+
 evaluation::ComparedMap read_map(const std::vector<fs::path>& runs) {
   evaluation::ComparedMap map{.name = name_of(runs.front())};
   for (const fs::path& file : runs) {
     evaluation::MetricsFile read = evaluation::read_metrics(file);
+    if (auto scored = scored_map(file, read)) map.scored.push_back(std::move(*scored));
     if (map.runs.empty()) map.metrics = std::move(read.metrics);
     map.runs.push_back(std::move(read.voxel));
   }
+  if (map.scored.size() < map.runs.size()) map.scored.clear();
   return map;
+}
+
+evaluation::ComparisonOptions published_options(const EvaluationSettings& settings, std::uint64_t seed) {
+  return {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed};
+}
+
+evaluation::MapComparisonOptions map_options(const EvaluationSettings& settings, std::uint64_t seed) {
+  return {.cutoff_m = settings.cutoff_m,
+          .ratio_margin = settings.ratio_margin,
+          .share_margin = settings.share_margin,
+          .completeness_margin = settings.completeness_margin,
+          .lacking_margin = settings.lacking_margin,
+          .path_margin_m = settings.path_margin_m,
+          .seed = seed};
 }
 
 /// The metrics.json files of each map that the arguments name, its first run's in front.
@@ -111,6 +140,14 @@ double number_at(const fs::path& metrics_json, const std::string& by) {
 
 }  // namespace
 
+json compare(const std::vector<fs::path>& simulated, const std::vector<fs::path>& real,
+             const EvaluationSettings& settings, std::uint64_t seed) {
+  if (simulated.empty() || real.empty()) throw InputError("comparison", "needs a run of each flight");
+  const auto pairs = evaluation::compare_all({read_map(simulated), read_map(real)}, published_options(settings, seed),
+                                             map_options(settings, seed));
+  return evaluation::to_json(pairs.front().comparison, pairs.front().maps);
+}
+
 json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings, std::uint64_t seed,
                   const CompareFiles& files) {
   const std::vector<std::vector<fs::path>> named = maps_named(arguments);
@@ -118,14 +155,13 @@ json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettin
   std::vector<evaluation::ComparedMap> maps;
   for (const std::vector<fs::path>& runs : named) maps.push_back(read_map(runs));
   make_names_unique(maps);
-  const auto pairs =
-      evaluation::compare_all(maps, {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed});
+  const auto pairs = evaluation::compare_all(maps, published_options(settings, seed), map_options(settings, seed));
   if (!files.csv.empty()) {
     geometry::write_file(files.csv, evaluation::maps_csv(maps));
     geometry::write_file(pairs_file(files.csv), evaluation::pairs_csv(maps, pairs));
   }
   if (!files.tex.empty()) geometry::write_file(files.tex, evaluation::tables_tex(maps, pairs));
-  json result = maps.size() == 2 ? evaluation::to_json(pairs.front().comparison) : json::object();
+  json result = maps.size() == 2 ? evaluation::to_json(pairs.front().comparison, pairs.front().maps) : json::object();
   result.update(evaluation::to_json(maps, pairs));
   return result;
 }

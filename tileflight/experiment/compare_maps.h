@@ -16,6 +16,12 @@ struct CompareFiles {
   std::filesystem::path tex;  ///< both tables
 };
 
+/// Two flights against each other: metrics.json (with errors.ply and seen.ply beside each) of every run, the first
+/// run's in front. Throws InputError.
+nlohmann::json compare(const std::vector<std::filesystem::path>& simulated,
+                       const std::vector<std::filesystem::path>& real, const EvaluationSettings& settings,
+                       std::uint64_t seed);
+
 /// Any number of scored maps against each other. Each argument is a metrics.json (errors.ply beside it), or a run
 /// folder, which stands for its flights with all their runs. Returns `maps` and `pairs` (evaluation::to_json); for two
 /// maps also the keys of their comparison itself. Throws InputError.

@@ -1,7 +1,11 @@
 #include "tileflight/experiment/evaluate.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "tileflight/alignment/normals.h"
 #include "tileflight/alignment/pose_alignment.h"
@@ -16,6 +20,8 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/nearest.h"
+#include "tileflight/geometry/spatial_order.h"
 #include "tileflight/ground_truth/extract.h"
 #include "tileflight/ground_truth/surface_samples.h"
 #include "tileflight/imaging/camera.h"
@@ -43,15 +49,30 @@ geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_l
   return {};
 }
 
+/// The triangles that meet the box, with all vertices.
+geometry::TriangleMesh part_near(const geometry::TriangleMesh& mesh, const geometry::Box3& box) {
+  geometry::TriangleMesh part{mesh.vertices, {}};
+  for (const geometry::Triangle& t : mesh.triangles) {
+    geometry::Box3 around;
+    for (const std::uint32_t corner : t) around.extend(mesh.vertices[corner]);
+    if (box.intersects(around)) part.triangles.push_back(t);
+  }
+  return part;
+}
+
 /// Even samples of the true surface that the flight's camera saw; all of them where it is not known where or what the
-/// camera was.
-geometry::PointCloud seen_samples(const MapInputs& map, const ground_truth::GroundTruth& truth,
-                                  const TrueRegion& region, const geometry::Sim3& T_local_map, double per_m2) {
-  const geometry::PointCloud samples =
-      over_region(ground_truth::sample_surface(truth.mesh, region.box, per_m2), region);
+/// camera was. Of a large place only what is in the camera's reach is sampled and stands in its way.
+geometry::PointCloud seen_samples(const MapInputs& map, const geometry::TriangleMesh& mesh, const TrueRegion& region,
+                                  const geometry::Sim3& T_local_map, double per_m2) {
   const geometry::Trajectory poses = thinned(local_poses(map, T_local_map));
-  if (map.camera.empty() || poses.empty()) return samples;
-  const scene::Scene scene({imaging::TexturedMesh{.mesh = truth.mesh}});
+  if (map.camera.empty() || poses.empty())
+    return over_region(ground_truth::sample_surface(mesh, region.box, per_m2), region);
+  const geometry::Box3 reach = ground_truth::reach_of(poses);
+  const geometry::PointCloud samples =
+      over_region(ground_truth::sample_surface_near(mesh, region.box, reach, per_m2), region);
+  imaging::TexturedMesh in_reach{.mesh = part_near(mesh, reach)};
+  if (in_reach.mesh.triangles.empty()) return {};
+  const scene::Scene scene({std::move(in_reach)}, geometry::bounds(mesh).center());
   const imaging::Camera camera = imaging::read_calibration(map.camera).camera;
   return geometry::filtered(samples, ground_truth::seen_by_camera(scene, samples, poses, camera));
 }
@@ -110,29 +131,29 @@ std::optional<double> to_true_poses_m(const Poses& poses, const geometry::Sim3& 
   return std::sqrt(squares / static_cast<double>(cloud.size()));
 }
 
-/// The map's own normals, else those of its neighbourhoods.
-evaluation::NormalConsistency normals_of(const geometry::PointCloud& aligned, const geometry::TriangleMesh& surface,
-                                         const geometry::TriangleIndex& index, double within_m) {
-  constexpr std::size_t kNeighbors = 16;
-  if (!aligned.normals.empty()) return evaluation::normal_consistency(aligned, surface, index, within_m, 0);
-  const geometry::PointCloud estimated = alignment::with_normals(aligned, kNeighbors);
-  return evaluation::normal_consistency(estimated, surface, index, within_m, kNeighbors);
-}
+/// Positions and normals alone.
+geometry::PointCloud shape_of(const geometry::PointCloud& cloud) { return {cloud.positions, cloud.normals, {}, {}}; }
 
-/// Everything to the exact surface. A point beside the region has no surface to be measured against: it counts as a map
-/// point, but not as an error. Returns the distances of the points over the region.
-std::vector<double> score_to_surface(const geometry::PointCloud& on_surface, const TrueRegion& region,
-                                     const geometry::TriangleMesh& mesh, const std::vector<double>& seen_m,
-                                     const EvaluationSettings& settings, evaluation::Score& score) {
-  const geometry::TriangleIndex index(mesh);
-  score.errors.surface_m = evaluation::surface_distances(on_surface, index);
-  std::vector<double> over_region_m;
-  for (std::size_t i = 0; i < on_surface.size(); ++i) {
-    if (region.is_over_or_under(on_surface.positions[i])) over_region_m.push_back(score.errors.surface_m[i]);
-  }
-  score.metrics.surface = evaluation::score_surface(over_region_m, seen_m, settings.thresholds_m);
-  score.metrics.surface->normals = normals_of(over_region(on_surface, region), mesh, index, settings.cutoff_m);
-  return over_region_m;
+/// The map's own normals, else those of its neighbourhoods, of all points or of evenly chosen ones of a large map.
+/// `points`: the index of the map's.
+evaluation::NormalConsistency normals_of(const geometry::PointCloud& map, const geometry::NearestIndex& points,
+                                         const geometry::TriangleMesh& surface, const geometry::TriangleIndex& index,
+                                         double within_m) {
+  constexpr std::size_t kNeighbors = 16, kMostPoints = 200000;
+  const bool own = !map.normals.empty();
+  const std::vector<std::uint32_t> chosen = geometry::evenly_chosen(map.positions, kMostPoints);
+  geometry::PointCloud asked;
+  asked.positions.resize(chosen.size());
+  asked.normals.resize(chosen.size());
+  tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t k) {
+    const geometry::Vec3& p = asked.positions[k] = map.positions[chosen[k]];
+    asked.normals[k] =
+        own ? map.normals[chosen[k]] : alignment::estimate_normal(map.positions, points, p, kNeighbors).cast<float>();
+  });
+  evaluation::NormalConsistency result =
+      evaluation::normal_consistency(asked, surface, index, within_m, own ? 0 : kNeighbors);
+  result.points = map.size();
+  return result;
 }
 
 /// Scores of the regions that the alignment took and left, where transform.json names any.
@@ -151,66 +172,142 @@ void write_seen(const fs::path& metrics_json, geometry::PointCloud seen, const s
   geometry::write_cloud(seen_file(metrics_json), seen);
 }
 
+/// What `extract` measured on its samples of the surface. None in a folder of an older version, or where the cut-off is
+/// within its distances.
+std::optional<evaluation::DistanceStatistics> known_floor(const json& extract_json, double cutoff_m) {
+  const json floor = extract_json.value("quantization_floor", json());
+  if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
+  return evaluation::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
+                                        floor.at("rmse")};
+}
+
+/// A ground truth and what is known of it.
+struct Truth {
+  fs::path folder;
+  json about;  ///< extract.json
+  TrueRegion region;
+  ground_truth::GroundTruth parts;
+};
+
+Truth read_truth(const fs::path& folder) {
+  json about = read_extract_json(folder);
+  const TrueRegion region = region_of(about);
+  return {folder, std::move(about), region, ground_truth::read_ground_truth(folder)};
+}
+
+/// The paper's part and the path's. The cloud, in the map's frame, goes into the score's errors.
+evaluation::Score score_to_voxels(geometry::PointCloud cloud, const geometry::Sim3& T_local_map, const Truth& truth,
+                                  const Poses& poses, const EvaluationSettings& settings, const Progress& progress) {
+  const auto floor = known_floor(truth.about, settings.cutoff_m);
+  const geometry::PointCloud samples =
+      floor ? geometry::PointCloud() : ground_truth::read_surface_samples(truth.folder);
+  return evaluation::evaluate(geometry::transformed(T_local_map, std::move(cloud)),
+                              {.voxel_centers = &truth.parts.voxel_centers,
+                               .surface_samples = &samples,
+                               .estimate = poses.both() ? &poses.estimate : nullptr,
+                               .truth = poses.both() ? &poses.truth : nullptr,
+                               .floor = floor},
+                              {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m},
+                              progress);
+}
+
+/// The map's points over the region. What lies beside has no surface to be measured against: it counts as a map point,
+/// but not as an error.
+struct OverRegion {
+  std::vector<bool> is_over;  ///< of all the map's points
+  geometry::PointCloud points;
+  std::vector<double> surface_m;  ///< of `points`
+};
+
+/// `surface_m`: of all points. Throws InputError where none is over the region.
+OverRegion part_over_region(geometry::PointCloud on_surface, const std::vector<double>& surface_m, const Truth& truth,
+                            const MapInputs& map) {
+  OverRegion part{.is_over = std::vector<bool>(on_surface.size())};
+  for (std::size_t i = 0; i < on_surface.size(); ++i) {
+    part.is_over[i] = truth.region.is_over_or_under(on_surface.positions[i]);
+    if (part.is_over[i]) part.surface_m.push_back(surface_m[i]);
+  }
+  if (part.surface_m.empty()) {
+    throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.string() +
+                                           ": the alignment is wrong, or map and truth are of different places");
+  }
+  const bool all = part.surface_m.size() == on_surface.size();
+  part.points = all ? std::move(on_surface) : geometry::filtered(on_surface, part.is_over);
+  return part;
+}
+
+/// The paper's part, the path's, and the map's own sharpness. The cloud, in the map's frame, goes into the score's
+/// errors; `index` becomes that of its aligned points.
+evaluation::Score score_without_surface(geometry::PointCloud cloud, const geometry::Sim3& T_local_map,
+                                        const Truth& truth, const Poses& poses, const EvaluationSettings& settings,
+                                        const Progress& progress, std::optional<geometry::NearestIndex>& index) {
+  const auto floor = known_floor(truth.about, settings.cutoff_m);
+  const geometry::PointCloud samples =
+      floor ? geometry::PointCloud() : ground_truth::read_surface_samples(truth.folder);
+  evaluation::Score score =
+      evaluation::evaluate(geometry::transformed(T_local_map, std::move(cloud)),
+                           {.voxel_centers = &truth.parts.voxel_centers,
+                            .surface_samples = &samples,
+                            .estimate = poses.both() ? &poses.estimate : nullptr,
+                            .truth = poses.both() ? &poses.truth : nullptr,
+                            .floor = floor},
+                           {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
+  index.emplace(score.errors.aligned_map.positions);
+  score.metrics.entropy =
+      evaluation::map_entropy(score.errors.aligned_map, *index, {.radius_m = settings.entropy_radius_m});
+  return score;
+}
+
 }  // namespace
 
 fs::path seen_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "seen.ply"; }
 
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
-  const geometry::PointCloud cloud = read_map(map.map);
-  const geometry::PointCloud aligned =
-      geometry::transformed(alignment::read_transform(transform_file).T_target_source, cloud);
-  const json about_truth = read_extract_json(truth_folder);
-  const TrueRegion region = region_of(about_truth);
-  const ground_truth::GroundTruth truth = ground_truth::read_ground_truth(truth_folder);
+  geometry::PointCloud cloud = read_map(map.map);
+  const geometry::Sim3 T_local_map = alignment::read_transform(transform_file).T_target_source;
+  const geometry::Sim3 T_surface_map = surface_transform(transform_file);
+  const Truth truth = read_truth(truth_folder);
   const Poses poses = read_poses(map);
+  const std::optional<double> path_m = to_true_poses_m(poses, T_surface_map, cloud);
+  geometry::PointCloud on_surface = geometry::transformed(T_surface_map, shape_of(cloud));
 
+  std::optional<geometry::NearestIndex> index;
   evaluation::Score score =
-      evaluation::evaluate(aligned,
-                           {.voxel_centers = &truth.voxel_centers,
-                            .surface_samples = &truth.surface,
-                            .estimate = poses.both() ? &poses.estimate : nullptr,
-                            .truth = poses.both() ? &poses.truth : nullptr},
-                           {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
-  score.metrics.entropy = evaluation::map_entropy(aligned, {.radius_m = settings.entropy_radius_m});
+      score_without_surface(std::move(cloud), T_local_map, truth, poses, settings, progress, index);
+  evaluation::Metrics& metrics = score.metrics;
   // A truth of points alone has cells, and no surface.
-  if (!truth.mesh.triangles.empty()) {
-    const geometry::Sim3 T_surface_map = surface_transform(transform_file);
-    const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, cloud);
-    const geometry::PointCloud on_region = over_region(on_surface, region);
-    if (on_region.empty()) {
-      throw InputError(map.map.string(), "no map point lies over the region of " + truth_folder.string() +
-                                             ": the alignment is wrong, or map and truth are of different places");
-    }
+  if (const geometry::TriangleMesh& mesh = truth.parts.mesh; !mesh.triangles.empty()) {
+    const geometry::TriangleIndex triangles(mesh);
+    score.errors.surface_m = evaluation::surface_distances(on_surface, triangles);
+    metrics.regions = scores_of_regions(transform_file, on_surface, score.errors.surface_m);
+    OverRegion part = part_over_region(std::move(on_surface), score.errors.surface_m, truth, map);
+    if (part.points.positions != score.errors.aligned_map.positions) index.emplace(part.points.positions);
+
     const geometry::PointCloud seen =
-        seen_samples(map, truth, region, T_surface_map, settings.completeness_samples_per_m2);
+        seen_samples(map, mesh, truth.region, T_surface_map, settings.completeness_samples_per_m2);
     std::vector<double> seen_m;
-    if (!seen.empty()) seen_m = evaluation::cloud_distances(seen, on_region, "surface samples", "map");
-    const std::vector<double> surface_m = score_to_surface(on_surface, region, truth.mesh, seen_m, settings, score);
-    score.metrics.regions = scores_of_regions(transform_file, on_surface, score.errors.surface_m);
-    score.metrics.error_budget =
-        evaluation::error_budget({.floor_rmse_m = score.metrics.map.quantization_floor.rmse,
-                                  .geometric_error_m = number_of(about_truth, "geometric_error_max"),
-                                  .alignment_sigma_m = alignment_sigma_m(transform_file),
-                                  .to_true_poses_m = to_true_poses_m(poses, T_surface_map, cloud),
-                                  .surface_m = surface_m,
-                                  .within_m = settings.cutoff_m});
+    if (!seen.empty()) seen_m = evaluation::cloud_distances(seen, *index, "surface samples");
+    metrics.surface = evaluation::score_surface(part.surface_m, seen_m, settings.thresholds_m);
+    metrics.surface->normals = normals_of(part.points, *index, mesh, triangles, settings.cutoff_m);
+    metrics.error_budget = evaluation::error_budget({.floor_rmse_m = metrics.map.quantization_floor.rmse,
+                                                     .geometric_error_m = number_of(truth.about, "geometric_error_max"),
+                                                     .alignment_sigma_m = alignment_sigma_m(transform_file),
+                                                     .to_true_poses_m = path_m,
+                                                     .surface_m = part.surface_m,
+                                                     .within_m = settings.cutoff_m});
+    score.errors.over_region = std::move(part.is_over);
     write_seen(out, seen, seen_m);
   }
-  evaluation::write_metrics(out, score.metrics, score.errors);
-  return evaluation::to_json(score.metrics);
+  evaluation::write_metrics(out, metrics, std::move(score.errors));
+  return evaluation::to_json(metrics);
 }
 
-nlohmann::json compare(const std::vector<fs::path>& simulated, const std::vector<fs::path>& real,
-                       const EvaluationSettings& settings, std::uint64_t seed) {
-  const auto distances_of = [](const std::vector<fs::path>& files) {
-    std::vector<evaluation::KeptDistances> runs;
-    for (const fs::path& file : files) runs.push_back(evaluation::read_metrics(file).voxel);
-    return runs;
-  };
-  return evaluation::to_json(
-      evaluation::compare_runs(distances_of(simulated), distances_of(real),
-                               {.equivalence_margin_m = settings.equivalence_margin_m, .seed = seed}));
+evaluation::SeenSurface read_seen(const fs::path& seen_ply) {
+  geometry::PointCloud cloud = geometry::read_cloud(seen_ply);
+  const auto distances = cloud.scalars.find("map_distance");
+  if (distances == cloud.scalars.end()) throw InputError(seen_ply.string(), "has no property 'map_distance'");
+  return {std::move(cloud.positions), {distances->second.begin(), distances->second.end()}};
 }
 
 }  // namespace tileflight::experiment

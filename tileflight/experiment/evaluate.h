@@ -1,10 +1,9 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <vector>
 
+#include "tileflight/evaluation/missed_places.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/map_inputs.h"
 #include "tileflight/geometry/progress.h"
@@ -21,10 +20,7 @@ nlohmann::json evaluate(const MapInputs& map, const std::filesystem::path& truth
                         const std::filesystem::path& transform, const EvaluationSettings& settings,
                         const std::filesystem::path& out, const Progress& progress = {});
 
-/// Two flights against each other: metrics.json (with errors.ply beside each) of every run, the first run's in front.
-/// Throws InputError.
-nlohmann::json compare(const std::vector<std::filesystem::path>& simulated,
-                       const std::vector<std::filesystem::path>& real, const EvaluationSettings& settings,
-                       std::uint64_t seed);
+/// The samples of seen_file(), each with its distance to the map. Throws InputError.
+evaluation::SeenSurface read_seen(const std::filesystem::path& seen_ply);
 
 }  // namespace tileflight::experiment

@@ -218,11 +218,22 @@ Odometry read_odometry(YamlSection section) {
   return odometry;
 }
 
+double ratio_margin(YamlSection& section, const std::string& key, double otherwise) {
+  const double value = positive(section, key, otherwise);
+  if (!(value > 1.0)) throw section.error(key, "must be above 1: up to this ratio, and its inverse, is the same");
+  return value;
+}
+
 EvaluationSettings read_evaluation(YamlSection section) {
   EvaluationSettings settings;
   settings.cutoff_m = positive(section, "cutoff", settings.cutoff_m);
   if (const auto v = section.numbers("thresholds", 1, 16)) settings.thresholds_m = *v;
   settings.equivalence_margin_m = positive(section, "equivalence_margin", settings.equivalence_margin_m);
+  settings.ratio_margin = ratio_margin(section, "ratio_margin", settings.ratio_margin);
+  settings.share_margin = positive(section, "share_margin", settings.share_margin);
+  settings.completeness_margin = ratio_margin(section, "completeness_margin", settings.completeness_margin);
+  settings.lacking_margin = positive(section, "lacking_margin", settings.lacking_margin);
+  settings.path_margin_m = positive(section, "path_margin", settings.path_margin_m);
   settings.completeness_samples_per_m2 =
       positive(section, "completeness_samples_per_m2", settings.completeness_samples_per_m2);
   settings.entropy_radius_m = positive(section, "entropy_radius", settings.entropy_radius_m);

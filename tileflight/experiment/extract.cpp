@@ -1,8 +1,10 @@
 #include "tileflight/experiment/extract.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "tileflight/dataset/number_text.h"
+#include "tileflight/evaluation/metrics.h"
 #include "tileflight/experiment/version.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -63,6 +65,15 @@ std::vector<std::string> warnings_of(const ExtractSettings& settings, const tile
   return warnings;
 }
 
+/// What a perfect map scores, so that no evaluation needs to read the samples again.
+json floor_json(std::vector<double> floor_m) {
+  if (floor_m.empty()) return nullptr;
+  const double largest = *std::max_element(floor_m.begin(), floor_m.end());
+  const evaluation::DistanceStatistics s = evaluation::statistics_of(std::move(floor_m));
+  return {{"count", s.count},   {"mean", s.mean}, {"std", s.std},
+          {"median", s.median}, {"rmse", s.rmse}, {"max", largest}};
+}
+
 json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
               const ground_truth::ExtractResult& truth) {
   return {
@@ -115,11 +126,12 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
   json result;
   geometry::write_folder(output, [&](const std::filesystem::path& temporary) {
     const auto truth_start = std::chrono::steady_clock::now();
-    const ground_truth::ExtractResult truth = ground_truth::write_ground_truth(
+    ground_truth::ExtractResult truth = ground_truth::write_ground_truth(
         loaded.meshes, loaded.region.box(),
         {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2, .within = loaded.region.parts},
         temporary, progress, loaded.clouds);
     result = describe(settings, loaded, truth);
+    result["quantization_floor"] = floor_json(std::move(truth.floor_m));
     result["seconds"] = {
         {"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};
     geometry::write_file(temporary / "extract.json", result.dump(2) + "\n");

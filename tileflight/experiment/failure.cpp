@@ -8,7 +8,6 @@
 #include "tileflight/evaluation/agreement.h"
 #include "tileflight/evaluation/missed_places.h"
 #include "tileflight/experiment/evaluate.h"
-#include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/trajectory.h"
@@ -55,19 +54,12 @@ json lost_frames(const fs::path& run) {
   return evaluation::to_json(lost);
 }
 
-evaluation::SeenSurface seen_surface(const fs::path& file) {
-  const geometry::PointCloud cloud = geometry::read_cloud(file);
-  const auto distances = cloud.scalars.find("map_distance");
-  if (distances == cloud.scalars.end()) throw InputError(file.string(), "has no property 'map_distance'");
-  return {cloud.positions, {distances->second.begin(), distances->second.end()}};
-}
-
 json missed_places(const fs::path& run, const EvaluationSettings& settings, std::uint64_t seed) {
   const fs::path simulated = seen_file(run / "simulated/metrics.json"), real = seen_file(run / "real/metrics.json");
   if (!fs::exists(simulated) || !fs::exists(real)) return nullptr;
   const double cell_m = settings.agreement_cell_m;
   const evaluation::MissedPlaces places =
-      evaluation::missed_places(seen_surface(simulated), seen_surface(real),
+      evaluation::missed_places(read_seen(simulated), read_seen(real),
                                 {.cell_m = cell_m, .within_m = cell_m / 2, .block_m = 10 * cell_m, .seed = seed});
   geometry::write_file(run / "missed-places.csv", evaluation::places_csv(places));
   return evaluation::to_json(places);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tileflight/experiment/ablation.h"
+#include "tileflight/experiment/compare_maps.h"
 #include "tileflight/experiment/evaluate.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/failure.h"

@@ -1,5 +1,7 @@
 #include "tileflight/geometry/cloud_files.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -45,6 +47,12 @@ PointCloud parse_ply_cloud(std::string_view bytes, const std::string& file) {
     if (!p.is_list) columns.push_back({p.name, color_range_of(p.type)});
   }
   CloudColumns cloud(columns, vertex->count, file);
+  if (const auto rows = PlyRows::find(bytes, header, "vertex", file)) {
+    tbb::parallel_for(std::uint64_t{0}, rows->count(), [&](std::uint64_t row) {
+      for (std::size_t c = 0; c < columns.size(); ++c) cloud.set(c, row, rows->value(row, c));
+    });
+    return cloud.take();
+  }
   visit_ply_element(bytes, header, "vertex", file,
                     [&](std::uint64_t row, std::size_t property, const std::vector<double>& values) {
                       const int column = column_of_property[property];
@@ -110,11 +118,12 @@ void append_value(std::string& text, Number value, CloudEncoding encoding) {
   text += ' ';
 }
 
-/// One row for each point: position, normal, colour, scalars, as far as the cloud has them.
-std::string point_rows(const PointCloud& cloud, CloudEncoding encoding) {
+/// One row for each point from `first` to before `last`: position, normal, colour, scalars, as far as the cloud has
+/// them.
+std::string point_rows(const PointCloud& cloud, CloudEncoding encoding, std::size_t first, std::size_t last) {
   std::string text;
-  text.reserve(cloud.size() * 48);
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
+  text.reserve((last - first) * 48);
+  for (std::size_t i = first; i < last; ++i) {
     for (const double value : cloud.positions[i]) append_value(text, value, encoding);
     if (!cloud.normals.empty()) {
       for (const float value : cloud.normals[i]) append_value(text, value, encoding);
@@ -128,25 +137,43 @@ std::string point_rows(const PointCloud& cloud, CloudEncoding encoding) {
   return text;
 }
 
+/// Header and rows, some thousand of them in memory at a time.
+void write_rows(const std::filesystem::path& file, const std::string& header, const PointCloud& cloud,
+                CloudEncoding encoding) {
+  constexpr std::size_t kRowsAtOnce = 65536;
+  std::string part = header;
+  std::size_t done = 0;
+  bool begun = false;
+  write_file_in_parts(file, [&]() -> std::string_view {
+    if (begun) {
+      const std::size_t last = std::min(done + kRowsAtOnce, cloud.size());
+      part = point_rows(cloud, encoding, done, last);
+      done = last;
+    }
+    begun = true;
+    return part;
+  });
+}
+
 std::string ply_format_line(CloudEncoding encoding) {
   return encoding == CloudEncoding::kAscii ? "format ascii 1.0\n" : "format binary_little_endian 1.0\n";
 }
 
-std::string ply_text(const PointCloud& cloud, CloudEncoding encoding) {
+std::string ply_header(const PointCloud& cloud, CloudEncoding encoding) {
   std::string text = "ply\n" + ply_format_line(encoding) + "element vertex " + std::to_string(cloud.size()) + "\n";
   for (const char* name : {"x", "y", "z"}) text += std::string("property double ") + name + "\n";
   if (!cloud.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
   if (!cloud.colors.empty()) text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   for (const auto& scalar : cloud.scalars) text += "property float " + scalar.first + "\n";
-  return text + "end_header\n" + point_rows(cloud, encoding);
+  return text + "end_header\n";
 }
 
-std::string xyz_text(const PointCloud& cloud) {
+std::string xyz_header(const PointCloud& cloud) {
   std::string text = "# x y z";
   if (!cloud.normals.empty()) text += " nx ny nz";
   if (!cloud.colors.empty()) text += " red green blue";
   for (const auto& scalar : cloud.scalars) text += " " + scalar.first;
-  return text + "\n" + point_rows(cloud, CloudEncoding::kAscii);
+  return text + "\n";
 }
 
 /// Appends a polygon as a fan of triangles.
@@ -178,8 +205,8 @@ PointCloud read_cloud(const std::filesystem::path& file) {
 
 void write_cloud(const std::filesystem::path& file, const PointCloud& cloud, CloudEncoding encoding) {
   const std::string ending = ending_of(file);
-  if (ending == ".ply") return write_file(file, ply_text(cloud, encoding));
-  if (ending == ".xyz") return write_file(file, xyz_text(cloud));
+  if (ending == ".ply") return write_rows(file, ply_header(cloud, encoding), cloud, encoding);
+  if (ending == ".xyz") return write_rows(file, xyz_header(cloud), cloud, CloudEncoding::kAscii);
   if (ending != ".pcd") throw unknown_ending(file);
   write_file(file, pcd_text(cloud, encoding == CloudEncoding::kAscii ? PcdEncoding::kAscii : PcdEncoding::kBinary));
 }

@@ -180,6 +180,23 @@ TEST(Ply, EveryTruncationOfABinaryFileIsRefused) {
   }
 }
 
+TEST(Ply, RowsBehindAnElementOfFixedSizeAndBehindAList) {
+  const auto file = [](const char* before, const std::string& body) {
+    return std::string("ply\nformat binary_little_endian 1.0\n") + before +
+           "element vertex 1\nproperty uchar x\nproperty uchar y\nproperty uchar z\nend_header\n" + body + "\1\2\3";
+  };
+  EXPECT_EQ(read_as("c.ply", file("element a 2\nproperty ushort b\n", "....")).positions[0], Vec3(1, 2, 3));
+  EXPECT_EQ(read_as("c.ply", file("element a 1\nproperty list uchar uchar b\n", "\2..")).positions[0], Vec3(1, 2, 3));
+  expect_refused("c.ply", file("element a 3\nproperty ushort b\n", "...."), "the file ends within element 'vertex'");
+}
+
+TEST(CloudFiles, MoreRowsThanAreWrittenAtOnce) {
+  const tests::TemporaryFolder folder;
+  const PointCloud cloud = sample_cloud(70000);
+  write_cloud(folder / "c.ply", cloud);
+  expect_same(read_cloud(folder / "c.ply"), cloud, 0.0);
+}
+
 const std::string kPcdHead =
     "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ";
 

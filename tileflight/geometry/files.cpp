@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstring>
 #include <system_error>
+#include <utility>
 
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/sha256.h"
@@ -132,21 +133,24 @@ std::vector<std::byte> read_bytes(const fs::path& file, std::uintmax_t max_bytes
   return read_whole<std::vector<std::byte>>(file, max_bytes);
 }
 
-void write_file(const fs::path& file, std::string_view bytes) {
+void write_file_in_parts(const fs::path& file, const std::function<std::string_view()>& next) {
+  const auto write_all = [&](const Descriptor& descriptor) {
+    for (std::string_view part = next(); !part.empty(); part = next()) descriptor.write(part);
+  };
   std::error_code error;
   const fs::file_status status = fs::status(file, error);
   if (fs::is_directory(status)) throw InputError(file.string(), "is a folder where a file is to be written");
   if (fs::exists(status) && !fs::is_regular_file(status)) {
     // A device or pipe is written to, never replaced.
     Descriptor descriptor(file, O_WRONLY);
-    descriptor.write(bytes);
+    write_all(descriptor);
     return descriptor.close();
   }
   const fs::path target = fs::is_symlink(fs::symlink_status(file, error)) ? fs::weakly_canonical(file) : file;
   const fs::path temporary = temporary_beside(target);
   const RemovedOnExit remove_temporary(temporary);
   Descriptor descriptor(temporary, O_WRONLY | O_CREAT | O_EXCL);
-  descriptor.write(bytes);
+  write_all(descriptor);
   descriptor.close();
   rename_or_throw(temporary, target);
 }
@@ -158,6 +162,10 @@ std::string sha256_hex_of_file(const fs::path& file) {
   Sha256 hash;
   while (const std::size_t n = descriptor.read(block.data(), block.size())) hash.add({block.data(), n});
   return hash.hex();
+}
+
+void write_file(const fs::path& file, std::string_view bytes) {
+  write_file_in_parts(file, [rest = bytes]() mutable { return std::exchange(rest, std::string_view()); });
 }
 
 }  // namespace tileflight::geometry

@@ -19,6 +19,10 @@ std::vector<std::byte> read_bytes(const std::filesystem::path& file,
 /// ("no space left", "permission denied", …).
 void write_file(const std::filesystem::path& file, std::string_view bytes);
 
+/// The same for what is too large to be in memory as a whole: `next` gives the file's parts in turn, an empty one at
+/// the end.
+void write_file_in_parts(const std::filesystem::path& file, const std::function<std::string_view()>& next);
+
 /// Runs `fill` on a sibling temporary folder and renames it to `folder` when it returns; removes it when it
 /// throws. An existing `folder` is an InputError unless `replace`.
 void write_folder(const std::filesystem::path& folder, bool replace,

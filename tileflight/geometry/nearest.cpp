@@ -6,13 +6,16 @@
 #include <utility>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/spatial_order.h"
 
 namespace tileflight::geometry {
 namespace {
 
-/// The points as nanoflann wants to see them.
+/// The points as nanoflann wants to see them, in an order in which neighbours lie together: the tree is built in half
+/// the time, and what a search looks at is in the cache.
 struct PointsAdaptor {
   std::vector<Vec3> points;
+  std::vector<std::uint32_t> number;  ///< of each point among those given
 
   std::size_t kdtree_get_point_count() const { return points.size(); }
   double kdtree_get_pt(std::size_t index, std::size_t axis) const { return points[index][static_cast<int>(axis)]; }
@@ -23,10 +26,11 @@ struct PointsAdaptor {
 };
 
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointsAdaptor>, PointsAdaptor,
-                                                   3, std::size_t>;
+                                                   3, std::uint32_t>;
 
 /// Squared distance, then index: the order of neighbours that does not depend on the tree.
-using Candidate = std::pair<double, std::size_t>;
+using Candidate = std::pair<double, std::uint32_t>;
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 /// Distance up to which the tree must still look, a little above `distance2`: points equally far have to be seen so
 /// that the lowest index can win, and the tree's own bounds carry rounding errors. The exact test is ours.
@@ -35,30 +39,33 @@ double search_bound(double distance2) { return distance2 * (1.0 + 1e-9) + std::n
 /// nanoflann result set: the best candidate.
 class BestOne {
  public:
-  explicit BestOne(double radius2) : best_(radius2, std::numeric_limits<std::size_t>::max()) {}
+  BestOne(const PointsAdaptor& points, double radius2) : number_(points.number), best_(radius2, kNone) {}
   bool full() const { return true; }
   double worstDist() const { return search_bound(best_.first); }
-  bool addPoint(double distance2, std::size_t index) {
-    best_ = std::min(best_, Candidate(distance2, index));
+  bool addPoint(double distance2, std::uint32_t place) {
+    if (distance2 <= best_.first) best_ = std::min(best_, Candidate(distance2, number_[place]));
     return true;
   }
-  bool found() const { return best_.second != std::numeric_limits<std::size_t>::max(); }
+  bool found() const { return best_.second != kNone; }
   const Candidate& best() const { return best_; }
 
  private:
+  const std::vector<std::uint32_t>& number_;
   Candidate best_;
 };
 
 /// nanoflann result set: the `count` best candidates, as a heap with the worst on top.
 class BestMany {
  public:
-  explicit BestMany(std::size_t count) : count_(count) { heap_.reserve(count + 1); }
+  BestMany(const PointsAdaptor& points, std::size_t count) : number_(points.number), count_(count) {
+    heap_.reserve(count + 1);
+  }
   bool full() const { return heap_.size() == count_; }
   double worstDist() const {
     return full() ? search_bound(heap_.front().first) : std::numeric_limits<double>::infinity();
   }
-  bool addPoint(double distance2, std::size_t index) {
-    const Candidate candidate(distance2, index);
+  bool addPoint(double distance2, std::uint32_t place) {
+    const Candidate candidate(distance2, number_[place]);
     if (full() && !(candidate < heap_.front())) return true;
     heap_.push_back(candidate);
     std::push_heap(heap_.begin(), heap_.end());
@@ -71,6 +78,7 @@ class BestMany {
   std::vector<Candidate>& candidates() { return heap_; }
 
  private:
+  const std::vector<std::uint32_t>& number_;
   std::size_t count_;
   std::vector<Candidate> heap_;
 };
@@ -78,16 +86,17 @@ class BestMany {
 /// nanoflann result set: every candidate within a radius.
 class AllWithin {
  public:
-  explicit AllWithin(double radius2) : radius2_(radius2) {}
+  AllWithin(const PointsAdaptor& points, double radius2) : number_(points.number), radius2_(radius2) {}
   bool full() const { return true; }
   double worstDist() const { return search_bound(radius2_); }
-  bool addPoint(double distance2, std::size_t index) {
-    if (distance2 <= radius2_) found_.emplace_back(distance2, index);
+  bool addPoint(double distance2, std::uint32_t place) {
+    if (distance2 <= radius2_) found_.emplace_back(distance2, number_[place]);
     return true;
   }
   std::vector<Candidate>& candidates() { return found_; }
 
  private:
+  const std::vector<std::uint32_t>& number_;
   double radius2_;
   std::vector<Candidate> found_;
 };
@@ -100,18 +109,22 @@ std::vector<Neighbor> sorted_neighbors(std::vector<Candidate>& candidates) {
   return neighbors;
 }
 
-PointsAdaptor checked(const std::vector<Vec3>& points) {
+PointsAdaptor in_order(const std::vector<Vec3>& points) {
+  if (points.size() >= kNone) throw InputError("points", "are more than the four thousand million that are indexed");
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!points[i].allFinite()) throw InputError("point " + std::to_string(i), "a coordinate is not finite");
   }
-  return {points};
+  PointsAdaptor result{{}, spatial_order(points)};
+  result.points.reserve(points.size());
+  for (const std::uint32_t i : result.number) result.points.push_back(points[i]);
+  return result;
 }
 
 }  // namespace
 
 struct NearestIndex::Tree {
   explicit Tree(const std::vector<Vec3>& given)
-      : points(checked(given)), index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
+      : points(in_order(given)), index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
 
   static constexpr std::size_t kLeafSize = 10;
   PointsAdaptor points;
@@ -127,7 +140,7 @@ std::size_t NearestIndex::size() const { return tree_->points.points.size(); }
 
 std::optional<Neighbor> NearestIndex::nearest(const Vec3& query, double radius_m) const {
   if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return std::nullopt;
-  BestOne best(radius_m * radius_m);
+  BestOne best(tree_->points, radius_m * radius_m);
   tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
   if (!best.found()) return std::nullopt;
   return Neighbor{best.best().second, std::sqrt(best.best().first)};
@@ -136,14 +149,14 @@ std::optional<Neighbor> NearestIndex::nearest(const Vec3& query, double radius_m
 std::vector<Neighbor> NearestIndex::nearest_k(const Vec3& query, std::size_t count) const {
   count = std::min(count, size());
   if (count == 0 || !query.allFinite()) return {};
-  BestMany best(count);
+  BestMany best(tree_->points, count);
   tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
   return sorted_neighbors(best.candidates());
 }
 
 std::vector<Neighbor> NearestIndex::within(const Vec3& query, double radius_m) const {
   if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return {};
-  AllWithin all(radius_m * radius_m);
+  AllWithin all(tree_->points, radius_m * radius_m);
   tree_->index.findNeighbors(all, query.data(), nanoflann::SearchParams());
   return sorted_neighbors(all.candidates());
 }

@@ -1,5 +1,6 @@
 #include "tileflight/geometry/ply.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -239,6 +240,43 @@ void visit_ply_element(std::string_view bytes, const PlyHeader& header, std::str
     read_element(reader, e, file, wanted ? &visit : nullptr);
     if (wanted) return;
   }
+}
+
+namespace {
+
+bool has_list(const PlyElement& element) {
+  return std::any_of(element.properties.begin(), element.properties.end(),
+                     [](const PlyProperty& p) { return p.is_list; });
+}
+
+}  // namespace
+
+std::optional<PlyRows> PlyRows::find(std::string_view bytes, const PlyHeader& header, std::string_view element,
+                                     const std::string& file) {
+  if (header.format == PlyFormat::kAscii) return std::nullopt;
+  std::uint64_t at = header.size_bytes;
+  for (const PlyElement& e : header.elements) {
+    if (has_list(e)) return std::nullopt;
+    PlyRows rows;
+    for (const PlyProperty& p : e.properties) {
+      rows.places_.push_back({rows.row_bytes_, p.type});
+      rows.row_bytes_ += size_of(p.type);
+    }
+    // The counts were compared with the file's size, so that this does not overflow.
+    if (rows.row_bytes_ * e.count > bytes.size() - at)
+      throw InputError(file, "the file ends within element '" + e.name + "'");
+    rows.first_ = bytes.data() + at;
+    rows.count_ = e.count;
+    rows.swap_ = header.format == PlyFormat::kBigEndian;
+    if (e.name == element) return rows;
+    at += rows.row_bytes_ * e.count;
+  }
+  return std::nullopt;
+}
+
+double PlyRows::value(std::uint64_t row, std::size_t property) const {
+  const Place& place = places_[property];
+  return binary_number(first_ + row * row_bytes_ + place.offset, place.type, swap_);
 }
 
 }  // namespace tileflight::geometry

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -50,5 +51,29 @@ using PlyVisitor = std::function<void(std::uint64_t row, std::size_t property, c
 /// row, cause).
 void visit_ply_element(std::string_view bytes, const PlyHeader& header, std::string_view element,
                        const std::string& file, const PlyVisitor& visit);
+
+/// The rows of a binary element whose values lie at fixed places: any of them is read at once, by any thread.
+class PlyRows {
+ public:
+  /// Nullopt where values have no fixed places: text, a list in the element or before it. Checks that the rows are in
+  /// the file; throws InputError (file, cause).
+  static std::optional<PlyRows> find(std::string_view bytes, const PlyHeader& header, std::string_view element,
+                                     const std::string& file);
+
+  std::uint64_t count() const { return count_; }
+  double value(std::uint64_t row, std::size_t property) const;
+
+ private:
+  struct Place {
+    std::size_t offset = 0;
+    PlyType type = PlyType::kFloat32;
+  };
+
+  const char* first_ = nullptr;
+  std::uint64_t count_ = 0;
+  std::size_t row_bytes_ = 0;
+  bool swap_ = false;          ///< big endian
+  std::vector<Place> places_;  ///< of each property
+};
 
 }  // namespace tileflight::geometry

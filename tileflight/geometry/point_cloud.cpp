@@ -1,6 +1,7 @@
 #include "tileflight/geometry/point_cloud.h"
 
 #include <cassert>
+#include <utility>
 
 namespace tileflight::geometry {
 namespace {
@@ -16,8 +17,8 @@ std::vector<T> kept(const std::vector<T>& values, const std::vector<bool>& keep)
 
 }  // namespace
 
-PointCloud transformed(const Sim3& T_target_source, const PointCloud& cloud) {
-  PointCloud result = cloud;
+PointCloud transformed(const Sim3& T_target_source, PointCloud cloud) {
+  PointCloud result = std::move(cloud);
   for (Vec3& p : result.positions) p = T_target_source * p;
   const Eigen::Matrix3f rotation = T_target_source.rotation.toRotationMatrix().cast<float>();
   for (Eigen::Vector3f& n : result.normals) n = (rotation * n).eval();

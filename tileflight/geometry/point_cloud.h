@@ -22,7 +22,7 @@ struct PointCloud {
 };
 
 /// The cloud moved by a similarity: positions by all of it, normals by its rotation.
-PointCloud transformed(const Sim3& T_target_source, const PointCloud& cloud);
+PointCloud transformed(const Sim3& T_target_source, PointCloud cloud);
 
 /// Points whose index is kept by `keep` (same size as the cloud), with all their values.
 PointCloud filtered(const PointCloud& cloud, const std::vector<bool>& keep);

@@ -164,16 +164,17 @@ std::vector<Cell> parse_runs(std::string_view bytes, const BinvoxHeader& header,
 
 }  // namespace
 
-PointCloud centers(const VoxelGrid& grid) {
+Vec3 center_by_equation(const VoxelGrid& grid, const Cell& cell) {
   // Equation (1): ((i + 0.5) / d, (j + 0.5) / d, (k + 0.5) / d), d the cells of the longest side.
   const double d = *std::max_element(grid.dims.begin(), grid.dims.end());
-  const double scale_m = d * grid.edge_m;
+  const Vec3 normalised = (Vec3(cell.x, cell.y, cell.z) + Vec3::Constant(0.5)) / d;
+  return normalised * (d * grid.edge_m) + grid.origin;
+}
+
+PointCloud centers(const VoxelGrid& grid) {
   PointCloud cloud;
   cloud.positions.reserve(grid.occupied.size());
-  for (const Cell& c : grid.occupied) {
-    const Vec3 normalised = (Vec3(c.x, c.y, c.z) + Vec3::Constant(0.5)) / d;
-    cloud.positions.push_back(normalised * scale_m + grid.origin);
-  }
+  for (const Cell& c : grid.occupied) cloud.positions.push_back(center_by_equation(grid, c));
   return cloud;
 }
 

@@ -30,6 +30,9 @@ struct VoxelGrid {
 /// by the origin; in the order of `occupied`.
 PointCloud centers(const VoxelGrid& grid);
 
+/// One of them, to the bit.
+Vec3 center_by_equation(const VoxelGrid& grid, const Cell& cell);
+
 /// binvox version 1 (P. Min): the numbers after `dim` in the order of the data, which is first axis (east) slowest,
 /// then up, then north fastest; `translate` is the minimum corner, `scale` the longest side in metres. The
 /// specification wants equal sides, and readers disagree on what the numbers mean where they differ: a grid whose

@@ -98,6 +98,15 @@ std::uint32_t BrickMap::find_or_add(std::uint64_t key) {
   return brick;
 }
 
+const BrickMap::Brick* BrickMap::find(const geometry::Cell& cell) const {
+  if (std::min({cell.x, cell.y, cell.z}) < 0 || std::max({cell.x, cell.y, cell.z}) >= kMostCellsPerAxis) return nullptr;
+  const std::uint64_t key = key_of(cell.x >> 3, cell.y >> 3, cell.z >> 3);
+  for (std::size_t slot = slot_of(key, slots_.size()); slots_[slot] != 0; slot = (slot + 1) & (slots_.size() - 1)) {
+    if (keys_[slots_[slot] - 1] == key) return &bricks_[slots_[slot] - 1];
+  }
+  return nullptr;
+}
+
 void BrickMap::grow() {
   slots_.assign(2 * slots_.size(), 0);
   for (std::size_t i = 0; i < keys_.size(); ++i) {

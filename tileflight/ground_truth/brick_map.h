@@ -34,6 +34,18 @@ class BrickMap {
   /// Inserts all cells of the other.
   void merge(const BrickMap& other);
 
+  /// Whether the cell is in the set; any indices.
+  bool contains(const geometry::Cell& cell) const {
+    const Brick* brick = find(cell);
+    return brick != nullptr && holds(*brick, cell);
+  }
+
+  /// The brick around a cell, or nullptr; and whether the cell is in it.
+  const Brick* find(const geometry::Cell& cell) const;
+  static bool holds(const Brick& brick, const geometry::Cell& cell) {
+    return (brick.plane[static_cast<std::size_t>(cell.x & 7)] >> ((cell.y & 7) * 8 + (cell.z & 7)) & 1) != 0;
+  }
+
   std::size_t brick_count() const { return bricks_.size(); }
 
   /// All cells, sorted by x, then y, then z. Runs in parallel.

@@ -6,6 +6,7 @@
 
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/ground_truth/center_distances.h"
 #include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/octree.h"
 #include "tileflight/ground_truth/point_cells.h"
@@ -121,6 +122,7 @@ ExtractResult write_ground_truth(const std::vector<TexturedMesh>& meshes, const 
   surface.positions.insert(surface.positions.end(), points.positions.begin(), points.positions.end());
   surface.normals.insert(surface.normals.end(), points.normals.begin(), points.normals.end());
   result.surface_points = surface.size();
+  if (!result.voxels.occupied.empty()) result.floor_m = center_distances(surface.positions, result.voxels);
 
   if (!parts.empty()) write_mesh_glb(folder / "mesh.glb", parts, options.textured_mesh, progress);
   constexpr int kFiles = 4;
@@ -139,10 +141,13 @@ ExtractResult write_ground_truth(const std::vector<TexturedMesh>& meshes, const 
 GroundTruth read_ground_truth(const std::filesystem::path& folder) {
   GroundTruth truth;
   if (std::filesystem::exists(folder / "mesh.glb")) truth.mesh = read_mesh_glb(folder / "mesh.glb");
-  truth.surface = geometry::read_cloud(folder / "surface.ply");
   truth.voxel_centers = geometry::read_cloud(folder / "voxels.ply");
   truth.voxel_m = geometry::read_binvox_frame(folder / "voxels.binvox").edge_m;
   return truth;
+}
+
+geometry::PointCloud read_surface_samples(const std::filesystem::path& folder) {
+  return geometry::read_cloud(folder / "surface.ply");
 }
 
 }  // namespace tileflight::ground_truth

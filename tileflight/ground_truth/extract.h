@@ -25,6 +25,9 @@ struct ExtractResult {
   std::size_t triangles = 0;  ///< that meet the box
   std::size_t surface_points = 0;
   std::size_t cloud_points = 0;  ///< of the clouds, in the box; they stand behind the samples in surface.ply
+  /// Of each point in surface.ply to the nearest voxel centre, metres: what a perfect map scores. Empty where no cell
+  /// is occupied.
+  std::vector<double> floor_m;
 };
 
 /// `clouds`: points that stand for surface where there are no triangles (tiles of a point cloud). They occupy their
@@ -37,10 +40,12 @@ ExtractResult write_ground_truth(const std::vector<imaging::TexturedMesh>& meshe
 /// The parts of a folder that `extract` wrote, for scoring. Positions in the local frame.
 struct GroundTruth {
   geometry::TriangleMesh mesh;         ///< mesh.glb; empty where points alone were extracted
-  geometry::PointCloud surface;        ///< surface.ply
   geometry::PointCloud voxel_centers;  ///< voxels.ply
   double voxel_m = 1.0;
 };
 GroundTruth read_ground_truth(const std::filesystem::path& folder);
+
+/// surface.ply: by far the largest part.
+geometry::PointCloud read_surface_samples(const std::filesystem::path& folder);
 
 }  // namespace tileflight::ground_truth

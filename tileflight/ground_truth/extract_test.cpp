@@ -15,6 +15,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/nearest.h"
 #include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/octree.h"
 #include "tileflight/imaging/image_files.h"
@@ -187,12 +188,17 @@ TEST(GroundTruth, IsWrittenAndReadBack) {
 
   const GroundTruth truth = read_ground_truth(folder.path());
   EXPECT_EQ(truth.mesh.triangles.size(), result.triangles);
-  EXPECT_EQ(truth.surface.size(), result.surface_points);
-  EXPECT_EQ(truth.surface.normals.size(), result.surface_points);
+  const geometry::PointCloud surface = read_surface_samples(folder.path());
+  EXPECT_EQ(surface.size(), result.surface_points);
+  EXPECT_EQ(surface.normals.size(), result.surface_points);
   EXPECT_EQ(truth.voxel_centers.size(), result.voxels.occupied.size());
   EXPECT_DOUBLE_EQ(truth.voxel_m, 0.5);
   EXPECT_EQ(voxelize(hills(30, kCorner).mesh, box, 0.5).occupied, result.voxels.occupied);
-  for (const Vec3& p : truth.surface.positions) EXPECT_LT(box.exteriorDistance(p), 1e-9);
+  for (const Vec3& p : surface.positions) EXPECT_LT(box.exteriorDistance(p), 1e-9);
+  const geometry::NearestIndex centers(truth.voxel_centers.positions);
+  ASSERT_EQ(result.floor_m.size(), surface.size());
+  for (std::size_t i = 0; i < surface.size(); ++i)
+    EXPECT_DOUBLE_EQ(result.floor_m[i], centers.nearest(surface.positions[i])->distance_m);
 }
 
 /// A triangle with a square hole, and a square beside it: whatever lies in neither is left out.
@@ -222,7 +228,7 @@ TEST(GroundTruth, PolygonsCutTheBox) {
   expected.insert({2, 2, 1});
   EXPECT_EQ(std::set(result.voxels.occupied.begin(), result.voxels.occupied.end()), expected);
   const GroundTruth truth = read_ground_truth(folder.path());
-  for (const Vec3& p : truth.surface.positions) EXPECT_TRUE(wanted(p)) << p.transpose();
+  for (const Vec3& p : read_surface_samples(folder.path()).positions) EXPECT_TRUE(wanted(p)) << p.transpose();
   // Triangles have edges of at most 2 m: each has a corner that near to what is wanted.
   EXPECT_EQ(truth.mesh.triangles.size(), result.triangles);
   std::size_t with_corner = 0;
@@ -239,7 +245,7 @@ TEST(GroundTruth, PointsAloneAreATruthWithoutAMesh) {
   write_ground_truth({}, box, {}, folder.path(), {}, {{.positions = {Vec3(1.5, 1.5, 1.5), Vec3(3.5, 0.5, 0.5)}}});
   const GroundTruth truth = read_ground_truth(folder.path());
   EXPECT_TRUE(truth.mesh.triangles.empty());
-  EXPECT_EQ(truth.surface.size(), 2U);
+  EXPECT_EQ(read_surface_samples(folder.path()).size(), 2U);
   EXPECT_EQ(truth.voxel_centers.positions, (std::vector<Vec3>{Vec3(1.5, 1.5, 1.5), Vec3(3.5, 0.5, 0.5)}));
 }
 

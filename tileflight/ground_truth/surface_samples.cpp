@@ -1,14 +1,16 @@
 #include "tileflight/ground_truth/surface_samples.h"
 
-#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 #include <string>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/spatial_order.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -80,6 +82,11 @@ class AreaSampler {
     done_m2_ += area_m2;
   }
 
+  /// As if the samples of this area had been laid, without them.
+  void pass_over(double area_m2) {
+    for (done_m2_ += area_m2; next_m2_ < done_m2_; place_next()) ++count_;
+  }
+
   PointCloud take() { return std::move(cloud_); }
 
  private:
@@ -112,10 +119,27 @@ class Viewer {
     for (const auto& pose : poses.poses) T_camera_local_.push_back(pose.T_local_camera.inverse());
     for (const auto& pose : poses.poses) centers_.push_back(pose.T_local_camera.translation);
     // A little wider than the image: this only spares the full projection.
-    cos_widest_ = std::cos(std::min(std::numbers::pi, 1.02 * camera.widest_angle_rad() + 0.01));
+    widest_rad_ = std::min(std::numbers::pi, 1.02 * camera.widest_angle_rad() + 0.01);
+    cos_widest_ = std::cos(widest_rad_);
   }
 
-  std::size_t poses() const { return centers_.size(); }
+  /// The poses from which something within the ball may be seen, in their order: the ball is in reach and meets the
+  /// cone around the lens's view.
+  std::vector<std::uint32_t> poses_towards(const Vec3& middle, double radius_m) const {
+    constexpr double kSlack = 1e-6;  // of angle and distance, beyond any rounding
+    std::vector<std::uint32_t> poses;
+    for (std::size_t k = 0; k < centers_.size(); ++k) {
+      const Vec3 offset = middle - centers_[k];
+      const double distance_m = offset.norm();
+      if (distance_m > max_range_m_ + radius_m + kSlack) continue;
+      const bool inside = distance_m <= radius_m;
+      const double cosine = (T_camera_local_[k].rotation * offset).z() / std::max(distance_m, 1e-9);
+      const double nearest_rad = std::acos(std::clamp(cosine, -1.0, 1.0)) -
+                                 (inside ? std::numbers::pi : std::asin(std::min(1.0, radius_m / distance_m)));
+      if (nearest_rad <= widest_rad_ + kSlack) poses.push_back(static_cast<std::uint32_t>(k));
+    }
+    return poses;
+  }
 
   bool sees(std::size_t pose, const Vec3& point) const {
     const Vec3 offset = point - centers_[pose];
@@ -137,7 +161,7 @@ class Viewer {
   const scene::Scene& scene_;
   const imaging::Camera& camera_;
   double max_range_m_, tolerance_m_;
-  double cos_widest_ = -1.0;
+  double widest_rad_ = std::numbers::pi, cos_widest_ = -1.0;
   std::vector<geometry::SE3> T_camera_local_;
   std::vector<Vec3> centers_;
 };
@@ -145,6 +169,11 @@ class Viewer {
 }  // namespace
 
 PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_m2, std::uint64_t seed) {
+  return sample_surface_near(mesh, box, box, per_m2, seed);
+}
+
+PointCloud sample_surface_near(const TriangleMesh& mesh, const Box3& box, const Box3& part, double per_m2,
+                               std::uint64_t seed) {
   check_samples(mesh, box, per_m2);
   AreaSampler sampler(per_m2, seed);
   double area_m2 = 0.0;
@@ -157,34 +186,55 @@ PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_
     if (!box.intersects(around)) continue;
     const Vec3 normal = (b - a).cross(c - a);
     if (!(normal.norm() > 0.0)) continue;
+    const bool wanted = part.intersects(around);
     const Eigen::Vector3f unit = normal.normalized().cast<float>();
     const Polygon polygon = cut_by_box(a, b, c, box);
     for (std::size_t i = 2; i < polygon.size; ++i) {
       const auto& p = polygon.corners;
-      area_m2 += 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
+      const double piece_m2 = 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
+      area_m2 += piece_m2;
       if (area_m2 * per_m2 > kMostPoints) {
         throw InputError("samples per square metre " + std::to_string(per_m2),
                          "would give more than 500 million points: choose fewer, or a smaller region");
       }
-      sampler.add(p[0], p[i - 1], p[i], unit);
+      if (wanted) {
+        sampler.add(p[0], p[i - 1], p[i], unit);
+      } else {
+        sampler.pass_over(piece_m2);
+      }
     }
   }
   return sampler.take();
+}
+
+Box3 reach_of(const geometry::Trajectory& poses, double max_range_m) {
+  Box3 box;
+  for (const auto& pose : poses.poses) box.extend(pose.T_local_camera.translation);
+  if (box.isEmpty()) return box;
+  return {box.min() - Vec3::Constant(max_range_m), box.max() + Vec3::Constant(max_range_m)};
 }
 
 std::vector<bool> seen_by_camera(const scene::Scene& scene, const PointCloud& points, const geometry::Trajectory& poses,
                                  const imaging::Camera& camera, double max_range_m, double tolerance_m) {
   const Viewer viewer(scene, poses, camera, max_range_m, tolerance_m);
   std::vector<std::uint8_t> seen(points.size(), 0);  // bytes: threads may not share a word of bits
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
+  const std::vector<std::uint32_t> order = geometry::spatial_order(points.positions);
+  constexpr std::size_t kTogether = 256;
+  const std::size_t groups = (order.size() + kTogether - 1) / kTogether;
+  tbb::parallel_for(std::size_t{0}, groups, [&](std::size_t group) {
+    const std::span<const std::uint32_t> near =
+        std::span(order).subspan(group * kTogether).first(std::min(kTogether, order.size() - group * kTogether));
+    Box3 box;
+    for (const std::uint32_t i : near) box.extend(points.positions[i]);
+    const std::vector<std::uint32_t> candidates = viewer.poses_towards(box.center(), 0.5 * box.diagonal().norm());
     // Neighbouring points are mostly seen from the same pose: that one is asked first.
     std::size_t last_seen_from = 0;
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
-      for (std::size_t k = 0; k < viewer.poses() && seen[i] == 0; ++k) {
-        const std::size_t pose = (last_seen_from + k) % viewer.poses();
-        if (!viewer.sees(pose, points.positions[i])) continue;
+    for (const std::uint32_t i : near) {
+      for (std::size_t k = 0; k < candidates.size() && seen[i] == 0; ++k) {
+        const std::size_t asked = (last_seen_from + k) % candidates.size();
+        if (!viewer.sees(candidates[asked], points.positions[i])) continue;
         seen[i] = 1;
-        last_seen_from = pose;
+        last_seen_from = asked;
       }
     }
   });

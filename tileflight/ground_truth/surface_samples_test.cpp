@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
@@ -70,6 +71,27 @@ TEST(SampleSurface, ClippedToTheBoxWithTheSameDensity) {
   EXPECT_NEAR(static_cast<double>(cloud.size()), 50.0 * 36.0, 1.0);
   for (const Vec3& p : cloud.positions) EXPECT_LT(box.exteriorDistance(p), 1e-12);
   EXPECT_TRUE(sample_surface(mesh, Box3(Vec3(0, 0, 5), Vec3(1, 1, 6)), 50.0).empty());
+}
+
+TEST(SampleSurface, NearAPartTheyAreTheSame) {
+  TriangleMesh mesh;
+  for (int i = 0; i < 40; ++i)
+    add_rectangle(mesh, Vec3(i % 8, i / 8, 0.1 * i), Vec3(0.9, 0, 0.1 * (i % 3)), Vec3(0, 0.7, 0));
+  const Box3 box(Vec3(0.3, 0.3, -1), Vec3(7, 4.5, 9)), part(Vec3(2, 1, 0), Vec3(4.2, 3.1, 2));
+  const PointCloud all = sample_surface(mesh, box, 37.0, 5), near = sample_surface_near(mesh, box, part, 37.0, 5);
+  EXPECT_LT(near.size(), all.size());
+  std::size_t k = 0;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const bool taken = k < near.size() && near.positions[k] == all.positions[i];
+    if (taken) {
+      EXPECT_EQ(near.normals[k], all.normals[i]);
+      ++k;
+    }
+    EXPECT_TRUE(taken || !part.contains(all.positions[i]));
+  }
+  EXPECT_EQ(k, near.size());
+  EXPECT_TRUE(sample_surface_near(mesh, box, Box3(), 37.0, 5).empty());
+  EXPECT_EQ(sample_surface_near(mesh, box, box, 37.0, 5).positions, all.positions);
 }
 
 TEST(SampleSurface, TheSeedDecides) {
@@ -148,6 +170,45 @@ TEST(SeenByCamera, WhatLiesBehindAPinholeIsNotSeen) {
   const PointCloud points{{Vec3(0, 0, 40)}, {}, {}, {}};
   EXPECT_FALSE(
       seen_by_camera(scene_of(mesh), points, {{looking_down(0, 0, 0, 20)}}, imaging::make_pinhole(64, 64, 120))[0]);
+}
+
+TEST(SeenByCamera, AsAskedPointByPointAndPoseByPose) {
+  TriangleMesh mesh;
+  add_rectangle(mesh, Vec3(-200, -200, 0), Vec3(400, 0, 0), Vec3(0, 400, 0));
+  for (int i = 0; i < 60; ++i)
+    add_rectangle(mesh, Vec3(6.0 * i - 180, 37.0 * (i % 9) - 160, 4), Vec3(3, 0, 1), Vec3(0, 9, 0));
+  const PointCloud points = sample_surface(mesh, kEverywhere, 0.1);
+  geometry::Trajectory poses;
+  for (int i = 0; i < 12; ++i) {
+    poses.poses.push_back(looking_down(i, 30.0 * i - 180, 3.0 * i, 8 + i));
+    geometry::SE3& T = poses.poses.back().T_local_camera;  // turned about the camera's x by up to 110 degrees
+    T = T * geometry::SE3(geometry::so3_exp({0.175 * i, 0, 0}), Vec3::Zero());
+  }
+  const scene::Scene scene = scene_of(mesh);
+  for (const auto& camera : {imaging::make_pinhole(200, 100, 70.0), imaging::make_fisheye(300, 200, 200.0)}) {
+    const auto seen = seen_by_camera(scene, points, poses, camera, 90.0, 0.05);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Vec3& p = points.positions[i];
+      const bool expected = std::ranges::any_of(poses.poses, [&](const geometry::StampedPose& pose) {
+        const Vec3 offset = p - pose.T_local_camera.translation;
+        const auto pixel = camera.project(pose.T_local_camera.inverse() * p);
+        return offset.norm() < 90.0 && pixel && pixel->x() >= -0.5 && pixel->y() >= -0.5 &&
+               pixel->x() < camera.width() - 0.5 && pixel->y() < camera.height() - 0.5 &&
+               !scene.occluded({pose.T_local_camera.translation, offset.normalized()}, offset.norm() - 0.05);
+      });
+      EXPECT_EQ(seen[i], expected) << p.transpose();
+    }
+    EXPECT_GT(std::count(seen.begin(), seen.end(), true), 1000);
+    EXPECT_GT(std::count(seen.begin(), seen.end(), false), 1000);
+  }
+}
+
+TEST(SeenByCamera, ReachHoldsWhatIsSeen) {
+  const geometry::Trajectory poses{{looking_down(0, 5, -7, 20), looking_down(1, 15, -7, 30)}};
+  const Box3 box = reach_of(poses, 100.0);
+  EXPECT_EQ(box.min(), Vec3(-95, -107, -80));
+  EXPECT_EQ(box.max(), Vec3(115, 93, 130));
+  EXPECT_TRUE(reach_of({}).isEmpty());
 }
 
 TEST(SeenByCamera, SameAnswerForAnyNumberOfThreads) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tileflight/report/ablation_table.h"
+#include "tileflight/report/compared_maps.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/numbers.h"
 #include "tileflight/report/score_tables.h"
@@ -71,6 +72,8 @@ Contents contents_of(const RunFolder& run) {
                      {"surface", surface_table(run.flights)},
                      {"quality", quality_table(run.flights)},
                      {"budget", budget_table(run.flights)},
+                     {"verdict", compared_maps_table(run.results)},
+                     {"missing-parts", missing_parts_table(run.results)},
                      {"comparison", comparison_table(run.results)},
                      {"runs", runs_table(run.flights)},
                      {"failure", failure_table(run.results)},

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 
+#include "tileflight/report/compared_maps.h"
 #include "tileflight/report/numbers.h"
 
 namespace tileflight::report {
@@ -140,6 +141,10 @@ std::string means_of(const json& results, const std::string& second) {
 
 std::string verdict_of_two(const json& results, const std::string& second) {
   const json comparison = results.value("comparison", json());
+  if (has_compared_maps(comparison)) {
+    return compared_maps_claim(comparison, second) +
+           ". By the published measure, distance to voxel centres: " + means_of(results, second) + ".";
+  }
   const std::string what = "the " + second + " flight's map error within " +
                            shortest(number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
   const std::string word = text_at(comparison, "/verdict").value_or("");

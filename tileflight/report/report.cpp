@@ -43,7 +43,8 @@ std::vector<Section> sections_of(const RunFolder& run, const Contents& c, const 
       {"errors", "Map error",
        columns(figure("error-histogram") + figure("error-cumulative")) + table("percentiles") + table("surface") +
            table("quality") + table("budget")},
-      {"comparison", "Simulated against second flight", table("comparison") + table("runs") + table("failure")},
+      {"comparison", "Simulated against second flight",
+       table("verdict") + table("missing-parts") + table("comparison") + table("runs") + table("failure")},
       {"frames", "Pictures of the flights", figure("frames")},
       {"error-maps", "Where the error is", figure("error-maps") + table("parts") + table("regions")},
       {"paths", "Paths",

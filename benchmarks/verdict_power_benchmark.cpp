@@ -1,0 +1,145 @@
+// What the verdict on two maps can tell apart, by simulation: N places, each made anew with two maps
+// (synthetic_maps.h), scored by the exact surface and compared as `compare` does. Counted is how often they are called
+// different, for which reason, and how often each interval holds the true value.
+//
+//   verdict_power_benchmark [N (100)] [side of the places, m (150)] [part of a scenario's name]
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tests/synthetic_maps.h"
+#include "tileflight/evaluation/map_comparison.h"
+
+namespace {
+
+using namespace tileflight;
+using tests::MapKind;
+
+struct Scenario {
+  std::string name;
+  MapKind first, second;
+  double true_ratio = 1.0;      ///< of median and RMS, as far as it is known: of the noise
+  bool known_otherwise = true;  ///< whether the other numbers' true differences are zero
+  std::string reason;           ///< that "different" should have; empty: they are of one kind
+};
+
+std::vector<Scenario> scenarios() {
+  std::vector<Scenario> list;
+  for (const std::size_t points : {10000u, 30000u, 100000u}) {
+    const std::string with = std::to_string(points) + " points: ";
+    const auto kind = [&](MapKind k) {
+      k.points = points;
+      return k;
+    };
+    list.push_back({with + "one kind", kind({}), kind({})});
+    list.push_back({with + "noise x 2", kind({.noise_m = 0.1}), kind({}), 2.0, false, "surface.median"});
+    list.push_back({with + "noise x 1.5", kind({.noise_m = 0.075}), kind({}), 1.5, false, "surface.median"});
+    for (const double patch_m : {3.0, 5.0, 10.0}) {
+      list.push_back({with + "5 % missing, patches of " + std::to_string(static_cast<int>(patch_m)) + " m",
+                      kind({.missing_share = 0.05, .patch_m = patch_m}), kind({}), 1.0, false, "completeness.lacking"});
+    }
+    list.push_back(
+        {with + "5 % of one wall missing", kind({.wall_share = 0.05}), kind({}), 1.0, false, "completeness.lacking"});
+  }
+  for (const double correlation_m : {1.0, 3.0, 6.0, 12.0, 25.0}) {
+    const MapKind kind{.points = 20000, .correlation_m = correlation_m};
+    list.push_back({"neighbours alike over " + std::to_string(static_cast<int>(correlation_m)) + " m", kind, kind});
+  }
+  for (const double shared : {0.0, 0.9}) {
+    const MapKind kind{.points = 20000, .shared = shared};
+    list.push_back({"share of errors that maps have in common " + std::to_string(shared).substr(0, 3), kind, kind});
+  }
+  return list;
+}
+
+bool holds(const evaluation::Measured& m, const Scenario& s) {
+  if (m.scale == evaluation::Scale::kDifference) return m.difference_ci95[0] <= 0.0 && 0.0 <= m.difference_ci95[1];
+  const double ratio = m.name.starts_with("surface") ? s.true_ratio : 1.0;
+  return m.ratio_ci95[0] <= ratio && ratio <= m.ratio_ci95[1];
+}
+
+/// Intervals whose true value is known: of maps of one kind all, else median and RMS of a known ratio of noise. RMS is
+/// of the points in the cut-off, with those that are far off whatever the noise is.
+bool is_known(const evaluation::Measured& m, const Scenario& s) {
+  return s.known_otherwise || (s.true_ratio != 1.0 && m.name == "surface.median");
+}
+
+void run(const Scenario& s, int places, double side_m) {
+  int different = 0, equivalent = 0, right = 0, wrong = 0;
+  std::map<std::string, int> held;
+  double points = 0.0, square_metres = 0.0;
+  std::map<std::string, double> half_width;  ///< of the interval that is judged, a ratio's as its logarithm
+  for (int k = 0; k < places; ++k) {
+    const tests::SyntheticPlace place(static_cast<std::uint64_t>(5000 + k), side_m);
+    const geometry::TriangleIndex surface(place.mesh());
+    const auto map = [&](const MapKind& kind, int number) {
+      return tests::scored(place, surface, tests::synthetic_map(place, kind, static_cast<std::uint64_t>(number)));
+    };
+    const evaluation::ScoredMap first = map(s.first, 2 * k), second = map(s.second, 2 * k + 1);
+    points += static_cast<double>(second.surface.distances.size());
+    square_metres += geometry::surface_area_m2(place.mesh());
+    const auto c = evaluation::compare_maps({first}, {second},
+                                            {.finds_missing_parts = false, .seed = static_cast<std::uint64_t>(k)});
+    equivalent += c.verdict.word == "equivalent";
+    for (const evaluation::Measured& m : c.measures) {
+      held[m.name] += is_known(m, s) && holds(m, s);
+      half_width[m.name] +=
+          (m.scale == evaluation::Scale::kRatio ? 0.5 * std::log(m.ratio_ci95[1] / m.ratio_ci95[0])
+                                                : 0.5 * (m.difference_ci95[1] - m.difference_ci95[0])) /
+          places;
+    }
+    if (c.verdict.word != "different") continue;
+    ++different;
+    bool has_right = false, has_wrong = false;
+    for (const std::string& name : c.verdict.because) {
+      has_right = has_right || name == s.reason;
+      // What noise changes is all of the surface part and, since points leave it, completeness too.
+      // What is missing leaves fewer places with a point.
+      has_wrong = has_wrong || (s.reason != "surface.median" && !name.starts_with(s.reason.substr(0, 12)));
+    }
+    right += has_right;
+    wrong += has_wrong;
+  }
+  const auto share = [&](int count) { return 100.0 * count / places; };
+  std::printf("%-45s %5.1f %5.1f %5.1f %5.1f |", s.name.c_str(), share(different), share(right), share(wrong),
+              share(equivalent));
+  for (const char* name : {"surface.median", "surface.rms", "surface.within_0.1", "surface.beyond_1",
+                           "completeness.within_0.2", "completeness.lacking"}) {
+    const evaluation::Measured m{.name = name};
+    if (is_known(m, s)) {
+      std::printf(" %6.1f", share(held[name]));
+    } else {
+      std::printf("      -");
+    }
+  }
+  std::printf(" | %5.3f %5.3f %6.4f | %.2f\n", half_width["surface.median"], half_width["completeness.within_0.2"],
+              half_width["completeness.lacking"], points / square_metres);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const int places = argc > 1 ? std::atoi(argv[1]) : 100;
+  const double side_m = argc > 2 ? std::atof(argv[2]) : 150.0;
+  const std::string part = argc > 3 ? argv[3] : "";
+  if (places < 1 || !(side_m >= 50.0))
+    throw std::runtime_error("needs a number of places, and a side of at least 50 m");
+  std::printf(
+      "of %d places of %g m, in %%: called different, for the right reason, for a wrong one, called equivalent | "
+      "intervals that hold the truth: median, RMS, within 0.1 m, beyond 1 m, completeness at 0.2 m, lacking | their "
+      "half width, "
+      "median and completeness, as a logarithm | map points a square metre\n",
+      places, side_m);
+  for (const Scenario& scenario : scenarios()) {
+    if (scenario.name.find(part) != std::string::npos) run(scenario, places, side_m);
+  }
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "verdict_power_benchmark: %s\n", error.what());
+  return 1;
+}

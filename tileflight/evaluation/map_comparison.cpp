@@ -1,0 +1,431 @@
+#include "tileflight/evaluation/map_comparison.h"
+
+#include <tbb/parallel_sort.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cmath>
+#include <utility>
+
+#include "tileflight/evaluation/path_comparison.h"
+#include "tileflight/evaluation/place_blocks.h"
+#include "tileflight/evaluation/repeated_runs.h"
+#include "tileflight/evaluation/split_mix.h"
+#include "tileflight/evaluation/student_t.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::evaluation {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr double kNaN = Measured::kNaN;
+/// Fewer say too little of their own spread.
+constexpr double kFewestBlocks = 8.0;
+
+/// "within_0.1".
+std::string key_of(const char* what, double threshold_m) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof text, threshold_m).ptr;
+  return std::string(what) + "_" + std::string(text, end);
+}
+
+/// A number of one map, exact from all its points, and from the sums of drawn blocks (`map`: 0 simulated, 1 real).
+struct Number {
+  Measured measured;  ///< name, scale, margins
+  std::function<double(const ScoredMap& map, const ScoredMap& other)> exact;
+  std::function<double(const Eigen::RowVectorXd& sums, Eigen::Index map)> drawn;
+};
+
+double share_within(const std::vector<double>& distances, double threshold_m) {
+  if (distances.empty()) return kNaN;
+  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
+  return static_cast<double>(within) / static_cast<double>(distances.size());
+}
+
+double rms_within(const std::vector<double>& distances, double cutoff_m) {
+  double squares = 0.0, kept = 0.0;
+  for (const double d : distances) {
+    if (!(d <= cutoff_m)) continue;
+    squares += d * d;
+    kept += 1.0;
+  }
+  return std::sqrt(squares / kept);
+}
+
+// ------------------------------------------------------------------------------------------------- sums over blocks
+
+/// Bins of distances, evenly by their logarithm, for medians of drawn blocks. Bin 0 is below the first edge, the last
+/// above the last edge.
+class MedianBins {
+ public:
+  static constexpr Eigen::Index kBins = 512;
+
+  /// Where the distances of both maps are, but for a few at either end.
+  explicit MedianBins(const std::vector<double>& a, const std::vector<double>& b) {
+    const Percentiles pa = percentiles_of(a), pb = percentiles_of(b);
+    const double high = std::max({pa.at(95), pb.at(95), 1e-9});
+    low_ = std::log(std::max(0.02 * std::min(pa.at(25), pb.at(25)), 1e-6 * high));
+    step_ = (std::log(high) - low_) / static_cast<double>(kBins - 2);
+  }
+
+  Eigen::Index bin_of(double distance_m) const {
+    const double at = (std::log(std::max(distance_m, 1e-300)) - low_) / step_;
+    return 1 + static_cast<Eigen::Index>(std::clamp(std::floor(at), -1.0, static_cast<double>(kBins - 2)));
+  }
+
+  /// Linear within its bin.
+  double median(const Eigen::Ref<const Eigen::RowVectorXd>& counts) const {
+    const double half = 0.5 * counts.sum();
+    double before = 0.0;
+    for (Eigen::Index k = 0; k < kBins; ++k) {
+      if (before + counts[k] < half) {
+        before += counts[k];
+        continue;
+      }
+      const double part = counts[k] > 0.0 ? (half - before) / counts[k] : 0.5;
+      return std::exp(low_ + (static_cast<double>(k - 1) + part) * step_);
+    }
+    return kNaN;
+  }
+
+ private:
+  double low_ = 0.0, step_ = 1.0;  ///< of the logarithms
+};
+
+/// Columns of a block of the surface part, one set after the other for each map.
+enum SurfaceColumn : Eigen::Index { kPoints, kWithin, kKept, kSquares, kFirstBin };
+constexpr Eigen::Index kSurfaceColumns = kFirstBin + MedianBins::kBins;
+
+Eigen::MatrixXd surface_sums(const std::array<const ScoredMap*, 2>& maps, const BlockNumbers& numbers,
+                             const MedianBins& bins, const MapComparisonOptions& options) {
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(numbers.block_of.size()), 2 * kSurfaceColumns);
+  for (std::size_t map = 0; map < 2; ++map) {
+    const Eigen::Index first = static_cast<Eigen::Index>(map) * kSurfaceColumns;
+    const std::vector<double>& distances = maps[map]->surface.distances;
+    for (std::size_t i = 0; i < distances.size(); ++i) {
+      const Eigen::Index row = numbers.quarter_of[map][i];
+      const double d = distances[i];
+      sums(row, first + kPoints) += 1.0;
+      sums(row, first + kFirstBin + bins.bin_of(d)) += 1.0;
+      if (d <= options.accuracy_within_m) sums(row, first + kWithin) += 1.0;
+      if (!(d <= options.cutoff_m)) continue;
+      sums(row, first + kKept) += 1.0;
+      sums(row, first + kSquares) += d * d;
+    }
+  }
+  return sums;
+}
+
+std::vector<Number> surface_numbers(const MedianBins& bins, const MapComparisonOptions& o) {
+  const auto at = [](SurfaceColumn column) {
+    return [column](const Eigen::RowVectorXd& s, Eigen::Index map) { return s[map * kSurfaceColumns + column]; };
+  };
+  const auto points = at(kPoints), within = at(kWithin), kept = at(kKept), squares = at(kSquares);
+  const auto measured = [](std::string name, Scale scale, double margin) {
+    return Measured{.name = "surface." + std::move(name), .scale = scale, .margin = margin};
+  };
+  return {{measured("median", Scale::kRatio, o.ratio_margin),
+           [](const ScoredMap& m, const ScoredMap&) { return statistics_of(m.surface.distances).median; },
+           [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
+             return bins.median(s.segment(map * kSurfaceColumns + kFirstBin, MedianBins::kBins));
+           }},
+          {measured("rms", Scale::kRatio, o.ratio_margin),
+           [=](const ScoredMap& m, const ScoredMap&) { return rms_within(m.surface.distances, o.cutoff_m); },
+           [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return std::sqrt(squares(s, map) / kept(s, map)); }},
+          {measured(key_of("within", o.accuracy_within_m), Scale::kDifference, o.share_margin),
+           [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.surface.distances, o.accuracy_within_m); },
+           [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return within(s, map) / points(s, map); }},
+          {measured(key_of("beyond", o.cutoff_m), Scale::kDifference, o.share_margin),
+           [=](const ScoredMap& m, const ScoredMap&) { return 1.0 - share_within(m.surface.distances, o.cutoff_m); },
+           [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return 1.0 - kept(s, map) / points(s, map); }}};
+}
+
+/// Samples of the surface that both cameras saw, by their numbers in both lists: the same point to the bit, as it is
+/// where both flights were scored against one truth.
+using CommonSamples = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+
+std::uint64_t hash_of(const geometry::Vec3& p) {
+  std::uint64_t hash = 0;
+  for (const double coordinate : p) hash = SplitMix64(hash ^ std::bit_cast<std::uint64_t>(coordinate)).next();
+  return hash;
+}
+
+std::vector<std::pair<std::uint64_t, std::uint32_t>> hashed(const std::vector<geometry::Vec3>& points) {
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) keys[i] = {hash_of(points[i]), static_cast<std::uint32_t>(i)};
+  tbb::parallel_sort(keys.begin(), keys.end());
+  return keys;
+}
+
+CommonSamples common_samples(const SeenSurface& a, const SeenSurface& b) {
+  const auto of_a = hashed(a.positions), of_b = hashed(b.positions);
+  CommonSamples common;
+  for (std::size_t i = 0, j = 0; i < of_a.size() && j < of_b.size();) {
+    const auto [hash_a, in_a] = of_a[i];
+    const auto [hash_b, in_b] = of_b[j];
+    if (hash_a == hash_b && a.positions[in_a] == b.positions[in_b]) common.emplace_back(in_a, in_b);
+    i += hash_a <= hash_b ? 1 : 0;
+    j += hash_b <= hash_a ? 1 : 0;
+  }
+  std::sort(common.begin(), common.end());
+  return common;
+}
+
+/// Whether a sample that the other map covers is lacking in this one.
+struct Lacking {
+  double within_m = 0, beyond_m = 0;
+
+  bool covered(double other_m) const { return other_m <= within_m; }
+  bool lacks(double own_m) const { return !(own_m <= beyond_m); }
+};
+
+/// Of what the other map covers, of the samples that both saw, the share that this one lacks.
+double lacking_share(const SeenSurface& map, const SeenSurface& other, const Lacking& lacking) {
+  double covered = 0.0, lacks = 0.0;
+  for (const auto& [own, others] : common_samples(map, other)) {
+    if (!lacking.covered(other.map_distance_m[others])) continue;
+    covered += 1.0;
+    lacks += lacking.lacks(map.map_distance_m[own]) ? 1.0 : 0.0;
+  }
+  return lacks / covered;
+}
+
+/// Columns for each map: all its samples, those with a point within each threshold, then of those that both saw those
+/// that the other map covers, and of them those that this one lacks.
+struct SeenColumns {
+  Eigen::Index thresholds = 0;
+
+  Eigen::Index each() const { return 3 + thresholds; }
+  Eigen::Index covered() const { return 1 + thresholds; }
+  Eigen::Index lacks() const { return 2 + thresholds; }
+};
+
+Eigen::MatrixXd seen_sums(const std::array<const ScoredMap*, 2>& maps, const BlockNumbers& numbers,
+                          const std::vector<double>& thresholds_m, const Lacking& lacking) {
+  const SeenColumns columns{static_cast<Eigen::Index>(thresholds_m.size())};
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(numbers.block_of.size()), 2 * columns.each());
+  for (std::size_t map = 0; map < 2; ++map) {
+    const Eigen::Index first = static_cast<Eigen::Index>(map) * columns.each();
+    const std::vector<double>& distances = maps[map]->seen.map_distance_m;
+    for (std::size_t i = 0; i < distances.size(); ++i) {
+      const Eigen::Index row = numbers.quarter_of[map][i];
+      sums(row, first) += 1.0;
+      for (std::size_t t = 0; t < thresholds_m.size(); ++t) {
+        if (distances[i] <= thresholds_m[t]) sums(row, first + 1 + static_cast<Eigen::Index>(t)) += 1.0;
+      }
+    }
+  }
+  for (const auto& [a, b] : common_samples(maps[0]->seen, maps[1]->seen)) {
+    const std::array<double, 2> distance_m{maps[0]->seen.map_distance_m[a], maps[1]->seen.map_distance_m[b]};
+    const Eigen::Index row = numbers.quarter_of[0][a];
+    for (std::size_t map = 0; map < 2; ++map) {
+      const Eigen::Index first = static_cast<Eigen::Index>(map) * columns.each();
+      if (!lacking.covered(distance_m[1 - map])) continue;
+      sums(row, first + columns.covered()) += 1.0;
+      if (lacking.lacks(distance_m[map])) sums(row, first + columns.lacks()) += 1.0;
+    }
+  }
+  return sums;
+}
+
+std::vector<Number> completeness_numbers(const MapComparisonOptions& o) {
+  const SeenColumns columns{static_cast<Eigen::Index>(o.completeness_within_m.size())};
+  std::vector<Number> numbers;
+  for (std::size_t t = 0; t < o.completeness_within_m.size(); ++t) {
+    const double within_m = o.completeness_within_m[t];
+    const auto column = static_cast<Eigen::Index>(1 + t);
+    numbers.push_back(
+        {{.name = "completeness." + key_of("within", within_m),
+          .scale = Scale::kRatio,
+          .margin = o.completeness_margin,
+          .decides = t + 1 == o.completeness_within_m.size()},
+         [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.seen.map_distance_m, within_m); },
+         [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
+           return s[map * columns.each() + column] / s[map * columns.each()];
+         }});
+  }
+  numbers.push_back({{.name = "completeness.lacking", .scale = Scale::kDifference, .margin = o.lacking_margin},
+                     [=](const ScoredMap& m, const ScoredMap& other) {
+                       return lacking_share(m.seen, other.seen, {o.lacking_within_m, o.cutoff_m});
+                     },
+                     [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
+                       const Eigen::Index first = map * columns.each();
+                       return s[first + columns.lacks()] / s[first + columns.covered()];
+                     }});
+  return numbers;
+}
+
+// --------------------------------------------------------------------------------------------------------- judging
+
+Measured by_blocks(const Number& number, const std::array<const ScoredMap*, 2>& maps,
+                   const std::optional<PlaceBootstrap>& bootstrap) {
+  Measured m = number.measured;
+  m.simulated = number.exact(*maps[0], *maps[1]);
+  m.real = number.exact(*maps[1], *maps[0]);
+  Estimate difference{.value = m.simulated - m.real}, log_ratio{.value = std::log(m.simulated / m.real)};
+  if (bootstrap) {
+    const auto& drawn = number.drawn;
+    difference.standard_error =
+        bootstrap->standard_error([&](const Eigen::RowVectorXd& s) { return drawn(s, 0) - drawn(s, 1); });
+    log_ratio.standard_error =
+        bootstrap->standard_error([&](const Eigen::RowVectorXd& s) { return std::log(drawn(s, 0) / drawn(s, 1)); });
+    difference.degrees_of_freedom = log_ratio.degrees_of_freedom = bootstrap->degrees_of_freedom();
+  }
+  judge(difference, log_ratio, m);
+  return m;
+}
+
+/// Welch's, as an estimate. Runs that all gave the same differ by what they differ by, without an error.
+Estimate estimate_of(const RunDifference& d) {
+  if (!d.has_interval()) return {d.difference, 0.0, 1.0};
+  const double half = 0.5 * (d.ci95[1] - d.ci95[0]);
+  return {d.difference, half / student_t_quantile(0.975, d.degrees_of_freedom), d.degrees_of_freedom};
+}
+
+std::vector<double> logarithms(std::vector<double> values) {
+  for (double& v : values) v = std::log(v);
+  return values;
+}
+
+/// `simulated`, `real`: the number in each run.
+Measured by_runs(Measured m, const std::vector<double>& simulated, const std::vector<double>& real) {
+  const RunDifference difference = difference_of_runs(simulated, real),
+                      log_ratio = difference_of_runs(logarithms(simulated), logarithms(real));
+  m.simulated = difference.a.mean;
+  m.real = difference.b.mean;
+  m.unit = "runs";
+  judge(estimate_of(difference), estimate_of(log_ratio), m);
+  return m;
+}
+
+/// The number in each run, against the others' first run.
+std::vector<double> over_runs(const std::vector<ScoredMap>& runs, const std::vector<ScoredMap>& others,
+                              const std::function<double(const ScoredMap&, const ScoredMap&)>& exact) {
+  std::vector<double> values;
+  for (const ScoredMap& run : runs) values.push_back(exact(run, others.front()));
+  return values;
+}
+
+bool runs_differ(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real) {
+  const auto rms = [](const ScoredMap& m, const ScoredMap&) { return statistics_of(m.surface.distances).rmse; };
+  return difference_of_runs(over_runs(simulated, real, rms), over_runs(real, simulated, rms)).has_interval();
+}
+
+/// Blocks of one part, and draws of them where there are enough.
+struct Part {
+  std::optional<BlocksUsed> used;
+  std::optional<PlaceBootstrap> bootstrap;
+};
+
+template <class Sums>
+Part part_of(const std::vector<geometry::Vec3>& a, const std::vector<geometry::Vec3>& b,
+             const MapComparisonOptions& options, const Sums& sums) {
+  Part part;
+  const std::optional<PlaceBlocks> blocks = place_blocks(a, b, options.wanted_blocks);
+  if (!blocks) return part;
+  const BlockNumbers numbers = block_numbers(*blocks, a, b);
+  part.used = BlocksUsed{blocks->edge_m, blocks->effective, numbers.blocks, numbers.alone};
+  if (blocks->effective >= kFewestBlocks)
+    part.bootstrap.emplace(*blocks, numbers, sums(numbers), options.resamples, options.seed);
+  return part;
+}
+
+/// The path's part, where both paths are known.
+std::optional<Measured> path_of(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real,
+                                bool of_runs, const MapComparisonOptions& o) {
+  Measured m{.name = "path.ate", .scale = Scale::kRatio, .margin = o.path_ratio_margin, .or_within = o.path_margin_m};
+  const auto ate = [](const ScoredMap& map, const ScoredMap&) { return map.ate_rmse_m.value_or(kNaN); };
+  const std::vector<double> s = over_runs(simulated, real, ate), r = over_runs(real, simulated, ate);
+  if (!std::isfinite(s.front()) || !std::isfinite(r.front())) return std::nullopt;
+  if (of_runs) return by_runs(m, s, r);
+  judge_one_path_each(s.front(), r.front(), m);
+  return m;
+}
+
+void check(const std::vector<ScoredMap>& runs, const char* flight) {
+  if (runs.empty()) throw InputError("comparison", "needs a run of each flight");
+  for (const ScoredMap& run : runs) {
+    if (run.surface.distances.empty()) throw InputError(flight, "has no map point over the truth's surface");
+    if (run.surface.positions.size() != run.surface.distances.size() ||
+        run.seen.positions.size() != run.seen.map_distance_m.size())
+      throw InputError(flight, "has not one position for each distance");
+  }
+}
+
+void check(const MapComparisonOptions& o) {
+  if (!(std::min({o.ratio_margin, o.completeness_margin, o.path_ratio_margin}) > 1.0))
+    throw InputError("margin of a ratio", "must be above one");
+  if (!(std::min({o.share_margin, o.path_margin_m}) > 0.0)) throw InputError("margin", "must be above zero");
+  if (o.resamples < 100) throw InputError("resamples of the bootstrap", "must be at least 100");
+}
+
+}  // namespace
+
+MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real,
+                           const MapComparisonOptions& options) {
+  check(simulated, "simulated flight");
+  check(real, "real flight");
+  check(options);
+  const std::array<const ScoredMap*, 2> first{&simulated.front(), &real.front()};
+  const bool of_runs = runs_differ(simulated, real);
+  MapComparison result;
+  const auto add = [&](const std::vector<Number>& numbers, const Part& part) {
+    for (const Number& n : numbers)
+      result.measures.push_back(
+          of_runs ? by_runs(n.measured, over_runs(simulated, real, n.exact), over_runs(real, simulated, n.exact))
+                  : by_blocks(n, first, part.bootstrap));
+  };
+
+  const MedianBins bins(first[0]->surface.distances, first[1]->surface.distances);
+  const Part surface =
+      part_of(first[0]->surface.positions, first[1]->surface.positions, options,
+              [&](const BlockNumbers& numbers) { return surface_sums(first, numbers, bins, options); });
+  add(surface_numbers(bins, options), surface);
+  result.surface_blocks = surface.used;
+
+  if (!first[0]->seen.positions.empty() && !first[1]->seen.positions.empty()) {
+    const Part seen =
+        part_of(first[0]->seen.positions, first[1]->seen.positions, options, [&](const BlockNumbers& numbers) {
+          return seen_sums(first, numbers, options.completeness_within_m, {options.lacking_within_m, options.cutoff_m});
+        });
+    add(completeness_numbers(options), seen);
+    result.completeness_blocks = seen.used;
+    if (options.finds_missing_parts)
+      result.missing = missing_parts(first[0]->surface, first[0]->seen, first[1]->surface, first[1]->seen,
+                                     {.cutoff_m = options.cutoff_m});
+  }
+  if (const auto path = path_of(simulated, real, of_runs, options)) result.measures.push_back(*path);
+  result.verdict = verdict_on(result.measures);
+  return result;
+}
+
+json to_json(const BlocksUsed& b) {
+  return {{"edge", b.edge_m},
+          {"count", b.blocks},
+          {"effective", b.effective},
+          {"simulated_only", b.alone[0]},
+          {"real_only", b.alone[1]}};
+}
+
+json to_json(const Comparison& published, const std::optional<MapComparison>& maps) {
+  json object = to_json(published);
+  for (const char* part : {"surface", "completeness", "path", "missing_parts"}) object[part] = nullptr;
+  const Verdict verdict = maps ? maps->verdict : Verdict{published.verdict, {"mean_difference"}, {}};
+  object["verdict"] = verdict.word;
+  object["verdict_on"] = verdict.on;
+  object["verdict_because"] = verdict.because;
+  if (!maps) return object;
+  for (const Measured& m : maps->measures) {
+    const std::size_t dot = m.name.find('.');
+    object[m.name.substr(0, dot)][m.name.substr(dot + 1)] = to_json(m);
+  }
+  if (maps->missing) object["missing_parts"] = to_json(*maps->missing);
+  if (maps->surface_blocks) object["surface"]["blocks"] = to_json(*maps->surface_blocks);
+  if (maps->completeness_blocks) object["completeness"]["blocks"] = to_json(*maps->completeness_blocks);
+  return object;
+}
+
+}  // namespace tileflight::evaluation

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/evaluation/measured.h"
+#include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/missed_places.h"
+#include "tileflight/evaluation/missing_parts.h"
+
+namespace tileflight::evaluation {
+
+/// A scored map as far as it is compared with another of the same place.
+struct ScoredMap {
+  KeptDistances surface;             ///< of the points over the region to the exact surface, nothing cut off
+  SeenSurface seen;                  ///< may be empty: completeness is not compared then
+  std::optional<double> ate_rmse_m;  ///< where the true path is known
+};
+
+struct MapComparisonOptions {
+  double cutoff_m = 1.0;           ///< RMS is of the points up to this; the share beyond is a number of its own
+  double accuracy_within_m = 0.1;  ///< share of the map points this near to the surface
+  /// Share of the surface with a point this near; the last decides.
+  std::vector<double> completeness_within_m = {0.1, 0.2};
+  double lacking_within_m = 0.2;  ///< of what one map covers this near, the share beyond the other's cut-off is lacking
+  // What counts as the same, and why.
+  double ratio_margin = 1.25;        ///< of median and RMS: less than a quarter more or less changes no decision
+  double share_margin = 0.05;        ///< of the shares of map points
+  double completeness_margin = 1.1;  ///< ratio: a tenth more or fewer places with a point, as with more or fewer points
+  double lacking_margin = 0.01;      ///< what the same flight, tracked again, stays within; 5 % missing is more
+  double path_ratio_margin = 1.25;   ///< of the path error,
+  double path_margin_m = 0.1;        ///< or this difference: the finest threshold at which maps are scored
+  double wanted_blocks = 30;         ///< at least, of place_blocks()
+  bool finds_missing_parts = true;
+  int resamples = 2000;
+  std::uint64_t seed = 1;
+};
+
+/// What the intervals by blocks of a part rest on.
+struct BlocksUsed {
+  double edge_m = 0, effective = 0;
+  std::size_t blocks = 0;
+  std::array<std::size_t, 2> alone{};  ///< that only the simulated, only the real map reaches
+};
+
+/// Two maps by numbers that tell them apart, and one verdict on all.
+struct MapComparison {
+  std::vector<Measured> measures;  ///< surface.…, completeness.…, path.ate
+  std::optional<BlocksUsed> surface_blocks, completeness_blocks;
+  std::optional<MissingParts> missing;  ///< of the first runs; the verdict does not rest on it
+  Verdict verdict;
+};
+
+/// Every list holds a flight's runs, the first in front. By blocks of the place (PlaceBootstrap) of the first runs; by
+/// runs (Welch) where both flights were tracked twice or more, not all alike. Path errors of one run each:
+/// judge_one_path_each(). Fewer than eight effective blocks give no interval. Throws InputError: no run, a run without
+/// points, margins that are none.
+MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real,
+                           const MapComparisonOptions& options = {});
+
+/// The keys of the published measure's comparison, and beside them `surface {median, rms, within_T, beyond_T, blocks}`,
+/// `completeness {within_T …, lacking, blocks}`, `path {ate}` and `missing_parts`, each null where it is not known,
+/// `verdict`, `verdict_on` and `verdict_because` (lists of "part.key"). Without the second comparison, where there is
+/// no exact surface, the verdict is that on the published measure.
+nlohmann::json to_json(const Comparison& published, const std::optional<MapComparison>& maps);
+
+}  // namespace tileflight::evaluation

@@ -1,0 +1,125 @@
+#include "tileflight/evaluation/missing_parts.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <random>
+
+#include "tests/synthetic_maps.h"
+#include "tileflight/evaluation/student_t.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::evaluation {
+namespace {
+
+using geometry::Vec3;
+
+/// Points on a floor of 60 m x 60 m, `density` a square metre, but for a square of the edge around (20, 30).
+KeptDistances floor_without(double edge_m, double density, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> place(0.0, 60.0);
+  KeptDistances map;
+  for (int k = 0; k < static_cast<int>(3600.0 * density); ++k) {
+    const Vec3 p(place(random), place(random), 0.3);
+    if ((p - Vec3(20, 30, 0.3)).cwiseAbs().maxCoeff() < 0.5 * edge_m) continue;
+    map.positions.push_back(p);
+    map.distances.push_back(0.02);
+  }
+  map.points = map.positions.size();
+  return map;
+}
+
+SeenSurface seen_floor() {
+  SeenSurface seen;
+  for (double x = 0.25; x < 60.0; x += 0.5)
+    for (double y = 0.25; y < 60.0; y += 0.5) seen.positions.push_back({x, y, 0.3});
+  seen.map_distance_m.assign(seen.positions.size(), 0.0);
+  return seen;
+}
+
+TEST(IncompleteBeta, IsTheBinomialsTail) {
+  for (const double p : {0.1, 0.5, 0.8}) {
+    double sum = 0.0, term = std::pow(1.0 - p, 12);
+    for (int k = 0; k < 12; ++k) {
+      sum += term;
+      EXPECT_NEAR(incomplete_beta(1.0 - p, 12.0 - k, k + 1.0), sum, 1e-12) << k;
+      term *= (12.0 - k) / (k + 1.0) * p / (1.0 - p);
+    }
+  }
+}
+
+TEST(MissingParts, AHoleIsFoundWhereItIs) {
+  const SeenSurface seen = seen_floor();
+  const auto found = missing_parts(floor_without(0, 3, 1), seen, floor_without(5.0, 3, 2), seen);
+  ASSERT_FALSE(found.parts.empty());
+  EXPECT_EQ(found.parts[0].lacks, 1u);
+  EXPECT_LT((found.parts[0].center - Vec3(20, 30, 0.3)).head<2>().norm(), 2.0);
+  EXPECT_EQ(found.parts[0].points[1], 0u);
+  EXPECT_LT(found.parts[0].p, 1e-3);
+  const auto other = missing_parts(floor_without(5.0, 3, 2), seen, floor_without(0, 3, 1), seen);
+  EXPECT_EQ(other.parts[0].lacks, 0u);
+  EXPECT_NEAR(other.parts[0].p, found.parts[0].p, 1e-9 * found.parts[0].p);
+}
+
+TEST(MissingParts, WhatOneCameraDidNotSeeIsNotMissing) {
+  const SeenSurface seen = seen_floor();
+  SeenSurface apart;
+  for (const Vec3& p : seen.positions)
+    if ((p - Vec3(20, 30, 0.3)).cwiseAbs().maxCoeff() > 12.0) apart.positions.push_back(p);
+  EXPECT_TRUE(missing_parts(floor_without(0, 3, 1), seen, floor_without(5.0, 3, 2), apart).parts.empty());
+  EXPECT_EQ(missing_parts(floor_without(0, 3, 1), {}, floor_without(5.0, 3, 2), seen).cubes, 0u);
+}
+
+TEST(MissingParts, ChanceAloneFindsSomethingInFewerThanOneOfTwenty) {
+  const SeenSurface seen = seen_floor();
+  int false_alarms = 0;
+  for (std::uint64_t k = 0; k < 60; ++k)
+    false_alarms +=
+        !missing_parts(floor_without(0, 3, 2 * k), seen, floor_without(0, 2, 2 * k + 1), seen).parts.empty();
+  EXPECT_LE(false_alarms, 3);
+}
+
+TEST(MissingParts, MapsThatDifferEverywhereHideASmallOne) {
+  const SeenSurface seen = seen_floor();
+  const tests::SmoothField field(5, 4.0);
+  KeptDistances uneven;
+  for (const Vec3& p : floor_without(5.0, 6, 3).positions)
+    if (tests::as_share(tests::hash_of(1, std::llround(1e6 * p.x()), std::llround(1e6 * p.y()), 0)) <
+        0.5 + 0.3 * field.at(p))
+      uneven.positions.push_back(p);
+  uneven.distances.assign(uneven.positions.size(), 0.02);
+  const auto found = missing_parts(floor_without(0, 3, 1), seen, uneven, seen);
+  EXPECT_GT(found.dispersion, 2.0);
+  for (const MissingPart& part : found.parts) EXPECT_GT(part.points[0], 15u) << "only what is gross";
+}
+
+TEST(MissingParts, FivePercentOfAWallIsFoundWhereTheMapIsDenseEnough) {
+  int found = 0, alarms = 0;
+  constexpr std::uint64_t kPlaces = 6;
+  for (std::uint64_t k = 0; k < kPlaces; ++k) {
+    const tests::SyntheticPlace place(300 + k, 60.0);
+    const geometry::TriangleIndex surface(place.mesh());
+    const auto map = [&](double wall_share, std::uint64_t seed) {
+      return tests::scored(
+          place, surface, tests::synthetic_map(place, {.points = 150000, .gaps = 0.0, .wall_share = wall_share}, seed));
+    };
+    const ScoredMap whole = map(0.0, 2 * k), lacking = map(0.05, 2 * k + 1), other = map(0.0, 2 * k + 1);
+    found += !missing_parts(whole.surface, whole.seen, lacking.surface, lacking.seen).parts.empty();
+    alarms += !missing_parts(whole.surface, whole.seen, other.surface, other.seen).parts.empty();
+  }
+  EXPECT_EQ(found, 6);
+  EXPECT_EQ(alarms, 0);
+}
+
+TEST(MissingParts, SameForAnyNumberOfThreads) {
+  const SeenSurface seen = seen_floor();
+  const auto a = floor_without(0, 3, 1), b = floor_without(6.0, 3, 2);
+  const std::string first = to_json(missing_parts(a, seen, b, seen)).dump();
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  EXPECT_EQ(to_json(missing_parts(a, seen, b, seen)).dump(), first);
+  EXPECT_THROW(missing_parts(a, seen, b, seen, {.edges_m = {0.0}}), InputError);
+}
+
+}  // namespace
+}  // namespace tileflight::evaluation

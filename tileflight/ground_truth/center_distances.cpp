@@ -1,0 +1,89 @@
+#include "tileflight/ground_truth/center_distances.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/nearest.h"
+#include "tileflight/ground_truth/brick_map.h"
+
+namespace tileflight::ground_truth {
+namespace {
+
+using geometry::Cell;
+using geometry::Vec3;
+using geometry::VoxelGrid;
+
+constexpr double kUnknown = -1.0;
+
+Cell cell_of(const VoxelGrid& grid, const Vec3& p) {
+  // Far outside is outside: what no integer holds may not be converted.
+  const Vec3 at = ((p - grid.origin) / grid.edge_m).array().floor().max(-8.0).min(BrickMap::kMostCellsPerAxis + 8.0);
+  return {static_cast<std::int32_t>(at.x()), static_cast<std::int32_t>(at.y()), static_cast<std::int32_t>(at.z())};
+}
+
+double distance_m(const VoxelGrid& grid, const Cell& cell, const Vec3& p) {
+  const Vec3 d = p - geometry::center_by_equation(grid, cell);
+  return std::sqrt(d.x() * d.x() + d.y() * d.y() + d.z() * d.z());
+}
+
+/// Looks around the cells of points that come one after the other, mostly within one brick.
+class CellFinder {
+ public:
+  CellFinder(const VoxelGrid& grid, const BrickMap& cells) : grid_(grid), cells_(cells) {}
+
+  /// kUnknown where neither the point's own cell nor one around it settles it.
+  double distance_m(const Vec3& p) {
+    const Cell own = cell_of(grid_, p);
+    if (contains(own)) return ground_truth::distance_m(grid_, own, p);
+    double least_m = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 27; ++i) {
+      const Cell near{own.x + i % 3 - 1, own.y + i / 3 % 3 - 1, own.z + i / 9 - 1};
+      if (contains(near)) least_m = std::min(least_m, ground_truth::distance_m(grid_, near, p));
+    }
+    // Centres of all other cells are a cell and a half away, at least along one axis.
+    constexpr double kSafe = 1.5 - 1e-6;
+    return least_m < kSafe * grid_.edge_m ? least_m : kUnknown;
+  }
+
+ private:
+  bool contains(const Cell& cell) {
+    const Cell brick{cell.x >> 3, cell.y >> 3, cell.z >> 3};
+    if (brick != last_) {
+      last_ = brick;
+      found_ = cells_.find(cell);
+    }
+    return found_ != nullptr && BrickMap::holds(*found_, cell);
+  }
+
+  const VoxelGrid& grid_;
+  const BrickMap& cells_;
+  Cell last_{std::numeric_limits<std::int32_t>::min(), 0, 0};  ///< no brick's
+  const BrickMap::Brick* found_ = nullptr;
+};
+
+}  // namespace
+
+std::vector<double> center_distances(const std::vector<Vec3>& points, const VoxelGrid& grid) {
+  if (grid.occupied.empty()) throw InputError("voxels", "none is occupied; there is nothing to measure to");
+  BrickMap cells;
+  for (const Cell& c : grid.occupied) cells.insert(c.x, c.y, c.z);
+  std::vector<double> distances(points.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 4096), [&](const auto& range) {
+    CellFinder finder(grid, cells);
+    for (std::size_t i = range.begin(); i < range.end(); ++i) distances[i] = finder.distance_m(points[i]);
+  });
+  std::optional<geometry::NearestIndex> all;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (distances[i] != kUnknown) continue;
+    if (!all) all.emplace(geometry::centers(grid).positions);
+    distances[i] = all->nearest(points[i])->distance_m;
+  }
+  return distances;
+}
+
+}  // namespace tileflight::ground_truth
