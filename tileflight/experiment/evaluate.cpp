@@ -11,6 +11,7 @@
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/true_region.h"
 #include "tileflight/geometry/cloud_files.h"
@@ -67,6 +68,16 @@ Poses read_poses(const MapInputs& map) {
   if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
   if (!map.truth_trajectory.empty()) poses.truth = geometry::read_tum(map.truth_trajectory);
   return poses;
+}
+
+/// map to local for distances to voxel centres: `published` where align() left it (the paper's last step), else the
+/// transform itself.
+geometry::Sim3 published_transform(const fs::path& transform_file) {
+  const json all = json::parse(geometry::read_text(transform_file), nullptr, false);
+  if (all.is_object() && all.contains("published")) {
+    return alignment::alignment_from_json(all["published"], transform_file.string() + ": published").T_target_source;
+  }
+  return alignment::read_transform(transform_file).T_target_source;
 }
 
 /// map to local for distances to the exact surface: `to_surface` where align() left it, else the transform itself.
@@ -151,6 +162,28 @@ void write_seen(const fs::path& metrics_json, geometry::PointCloud seen, const s
   geometry::write_cloud(seen_file(metrics_json), seen);
 }
 
+/// Everything that may make the scores wrong: of the map, its transform, the truth and the pictures, and what the scores
+/// show themselves.
+Doubts doubts_of_scores(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+                        const evaluation::Metrics& metrics) {
+  Doubts doubts = doubts_in(transform_file);
+  append(doubts, doubts_of_odometry(map));
+  append(doubts, doubts_of_truth(about_truth));
+  append(doubts, doubts_of_dataset(map.dataset));
+  constexpr double kFewNear = 0.5;
+  if (metrics.surface) {
+    const auto& accuracy = metrics.surface->accuracy;
+    if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
+      doubts.push_back({"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
+                            " % of the map's points over the region lie within " +
+                            std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
+                        "evaluation", "likely",
+                        "look at the map over the truth in the report: a wrong transform, or another place"});
+    }
+  }
+  return doubts;
+}
+
 }  // namespace
 
 fs::path seen_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "seen.ply"; }
@@ -158,8 +191,7 @@ fs::path seen_file(const fs::path& metrics_json) { return metrics_json.parent_pa
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
   const geometry::PointCloud cloud = read_map(map.map);
-  const geometry::PointCloud aligned =
-      geometry::transformed(alignment::read_transform(transform_file).T_target_source, cloud);
+  const geometry::PointCloud aligned = geometry::transformed(published_transform(transform_file), cloud);
   const json about_truth = read_extract_json(truth_folder);
   const TrueRegion region = region_of(about_truth);
   const ground_truth::GroundTruth truth = ground_truth::read_ground_truth(truth_folder);
@@ -197,6 +229,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
                                   .within_m = settings.cutoff_m});
     write_seen(out, seen, seen_m);
   }
+  score.metrics.doubts = doubts_of_scores(map, about_truth, transform_file, score.metrics);
   evaluation::write_metrics(out, score.metrics, score.errors);
   return evaluation::to_json(score.metrics);
 }
