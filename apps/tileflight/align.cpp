@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "command.h"
+#include "doubts_text.h"
 #include "map_options.h"
 #include "number_text.h"
 #include "tileflight/alignment/transform_file.h"
@@ -39,7 +40,10 @@ alignment::AlignMapOptions align_options(const Options& options) {
   using alignment::AlignmentStart;
   alignment::AlignMapOptions align;
   if (options.preset == "paper") align = alignment::paper_preset();
-  if (options.method) align.icp.method = method_named(*options.method);
+  if (options.method) {
+    align.by_all_evidence = *options.method == "all-evidence";
+    if (!align.by_all_evidence) align.icp.method = method_named(*options.method);
+  }
   if (options.radius_m) align.icp.radius_m = *options.radius_m;
   align.find_regions = options.find_regions;
   if (options.fixed_scale) align.icp.scale = alignment::ScaleMode::kFixed;
@@ -52,6 +56,8 @@ alignment::AlignMapOptions align_options(const Options& options) {
     align.start = AlignmentStart::kAsItIs;
   } else if (options.start == "geometry") {
     align.start = AlignmentStart::kGeometry;
+  } else if (options.start == "true-poses") {
+    align.start = AlignmentStart::kTruePoses;
   } else if (options.start != "auto") {
     align.start = AlignmentStart::kGiven;
     align.given_start = alignment::read_transform(options.start).T_target_source;
@@ -80,11 +86,15 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->check(CLI::IsMember({"default", "paper"}));
   command->add_option(
       "--start", options->start,
-      "'auto' (telemetry, else as it is, else geometry), 'as-it-is', 'geometry' (no start is needed), or "
-      "a transform.json to begin at");
-  command->add_option("--method", options->method, "of the last step; default: point-to-point")
-      ->check(CLI::IsMember({"point-to-point", "point-to-plane", "point-to-mesh", "generalized"}));
-  command->add_option("--radius", options->radius_m, "of the last step's correspondences, metres; default: 1")
+      "'auto' (telemetry, else the map as it is, else found from shapes and pictures), 'as-it-is', 'geometry' (no "
+      "telemetry even where there is some), 'true-poses' (the dataset's ground truth: for simulations only), or a "
+      "transform.json to begin at");
+  command
+      ->add_option("--method", options->method,
+                   "'all-evidence' (default: shapes, telemetry and pictures together, to the exact surface), or ICP from "
+                   "one start: point-to-point, point-to-plane, point-to-mesh, generalized")
+      ->check(CLI::IsMember({"all-evidence", "point-to-point", "point-to-plane", "point-to-mesh", "generalized"}));
+  command->add_option("--radius", options->radius_m, "of ICP's last step's correspondences, metres; default: 1")
       ->check(CLI::PositiveNumber);
   command->add_option("--up", options->up, "X,Y,Z: against gravity in the map's frame, for --start geometry")
       ->delimiter(',')
@@ -104,7 +114,7 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
       text << options->out << ": " << t["method"].get<std::string>() << ", scale " << rounded(t["scale"], 6)
            << ", RMSE " << rounded(t["rmse"]) << " m over " << percent_text(t["fitness"]) << " of the points, "
            << t["iterations"] << " iterations" << (t["converged"].get<bool>() ? "" : ", NOT CONVERGED") << "\n";
-      text << notes_of(t);
+      text << notes_of(t) << doubts_text(t);
       return {t, text.str()};
     };
   });

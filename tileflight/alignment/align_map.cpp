@@ -26,6 +26,7 @@ IcpOptions final_icp() {
 
 AlignMapOptions paper_preset() {
   AlignMapOptions options;
+  options.by_all_evidence = false;
   options.coarse_radii_m.clear();
   options.icp = IcpOptions();
   return options;

@@ -18,14 +18,18 @@ IcpOptions final_icp();
 
 /// Where an alignment begins.
 enum class AlignmentStart {
-  kAuto,     ///< telemetry or true poses where there are any; else the map as it is, and if it does not fit there,
-             ///< geometry
-  kAsItIs,   ///< the map is in the local frame, but for small errors
-  kGiven,    ///< the given transform
-  kGeometry  ///< found from the shapes alone (align_map_globally())
+  kAuto,       ///< telemetry or true poses where there are any; else the map as it is, and if it does not fit there,
+               ///< geometry
+  kAsItIs,     ///< the map is in the local frame, but for small errors
+  kGiven,      ///< the given transform
+  kTruePoses,  ///< true poses, for who asks for them: nothing that a flight knows of itself
+  kGeometry    ///< found from the shapes alone (align_map_globally())
 };
 
 struct AlignMapOptions {
+  /// Registration to the exact surface by all that is known (register_map.h), where the ground truth has a surface;
+  /// false: ICP from one start with the settings below. For who calls align_map(): it is ICP's.
+  bool by_all_evidence = true;
   AlignmentStart start = AlignmentStart::kAuto;  ///< for who calls align_map(): it begins where it is told
   geometry::Sim3 given_start{};                  ///< map to local, of AlignmentStart::kGiven
   std::optional<geometry::Vec3> map_up{};        ///< against gravity in the map's frame; else from the trajectory

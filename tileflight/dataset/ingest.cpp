@@ -62,6 +62,14 @@ void add_gps(DatasetWriter& writer, const IngestOptions& options, const Span_s& 
   writer.set_gps(std::move(fixes));
 }
 
+/// attitude.csv, where the log has attitudes during the frames.
+void add_attitudes(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames) {
+  std::vector<CameraAttitude> attitudes = options.attitudes;
+  for (CameraAttitude& attitude : attitudes) attitude.time_s += options.gps_time_offset_s;
+  attitudes = within(attitudes, frames, [](const CameraAttitude& a) { return a.time_s; });
+  if (!attitudes.empty()) write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
+}
+
 /// range.csv, where the log has ranges during the frames.
 void add_ranges(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames) {
   std::vector<GroundRange> ranges = options.ranges;
@@ -143,6 +151,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
 
   const Span_s frames{result.first_time_s, result.last_time_s};
   add_gps(writer, options, frames, result);
+  add_attitudes(writer, options, frames);
   add_ranges(writer, options, frames);
   add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
   describe(writer, options, fitted);
@@ -231,6 +240,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
   });
   const Span_s span{result.first_time_s, result.last_time_s};
   add_gps(writer, options, span, result);
+  add_attitudes(writer, options, span);
   add_ranges(writer, options, span);
   add_groundtruth(writer, groundtruth, options.groundtruth.string(), span, result);
   describe(writer, options, fitted);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/dataset/attitude_csv.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/dataset/video.h"
 #include "tileflight/geometry/progress.h"
@@ -35,6 +36,7 @@ struct IngestOptions {
   /// named here are left out (and noted).
   std::map<std::string, ImageTime> image_times;
   std::vector<GpsFix> gps;                         ///< of the flight's log, on the log's clock
+  std::vector<CameraAttitude> attitudes;           ///< the same log's, of the camera
   std::vector<GroundRange> ranges;                 ///< the same log's
   double gps_time_offset_s = 0.0;                  ///< video time = log time + this
   std::filesystem::path groundtruth;               ///< TUM poses on the video's clock; may be empty

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "tileflight/evaluation/distances.h"
+#include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/evaluation/json_reader.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
@@ -208,6 +209,7 @@ json to_json(const Metrics& metrics) {
                  {"entropy", metrics.entropy ? to_json(*metrics.entropy) : json(nullptr)},
                  {"error_budget", metrics.error_budget ? to_json(*metrics.error_budget) : json(nullptr)}};
   if (metrics.regions) object["regions"] = to_json(*metrics.regions);
+  object["doubts"] = to_json(metrics.doubts);
   return object;
 }
 
@@ -221,6 +223,7 @@ Metrics metrics_from_json(const json& object, const std::string& where) {
   if (is_given(reader, "error_budget"))
     metrics.error_budget = error_budget_from_json(reader.value("error_budget"), where);
   if (reader.has("regions")) metrics.regions = read_region_scores(reader.object("regions"), where);
+  if (reader.has("doubts")) metrics.doubts = doubts_from_json(reader.value("doubts"), where);  // older files have none
   reader.expect_all_read();
   return metrics;
 }

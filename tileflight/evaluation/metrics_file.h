@@ -8,6 +8,7 @@
 #include "tileflight/evaluation/map_entropy.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/region_scores.h"
+#include "tileflight/geometry/doubt.h"
 
 namespace tileflight::evaluation {
 
@@ -19,6 +20,7 @@ struct Metrics {
   std::optional<MapEntropy> entropy;
   std::optional<ErrorBudget> error_budget;
   std::optional<RegionScores> regions;  ///< where the alignment had regions; else the key is not there
+  Doubts doubts;                        ///< what may make the scores wrong
 };
 
 nlohmann::json to_json(const Metrics& metrics);

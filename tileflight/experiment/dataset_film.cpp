@@ -5,6 +5,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "tileflight/dataset/attitude_csv.h"
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
 #include "tileflight/experiment/extract.h"
@@ -35,6 +36,23 @@ std::vector<dataset::GpsFix> simulated_gps(const Mission& mission, const std::op
         {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
   }
   return fixes;
+}
+
+/// What a gimbal would have said of the camera's attitude, where the place is on the earth.
+std::vector<dataset::CameraAttitude> simulated_attitude(const Mission& mission,
+                                                        const std::optional<geometry::LocalFrame>& frame,
+                                                        std::uint64_t seed) {
+  if (!frame || mission.frames.size() < 2) return {};
+  const sensors::AttitudeOptions options =
+      mission.sensor_files->suite().attitude.value_or(sensors::AttitudeOptions{.seed = seed});
+  const auto times = sensors::sample_times("attitude", mission.frames.poses.front().time_s,
+                                           mission.frames.poses.back().time_s, options.rate_hz);
+  const auto pose_at = [&](double time_s) { return *geometry::interpolate(mission.frames, time_s); };
+  std::vector<dataset::CameraAttitude> attitudes;
+  for (const sensors::AttitudeSample& sample : sensors::simulate_attitude(pose_at, times, options))
+    attitudes.push_back({sample.time_s, sample.R_local_camera, sensors::tilt_sigma_deg(options),
+                         sensors::yaw_sigma_deg(options)});
+  return attitudes;
 }
 
 std::string joined(const std::vector<std::string>& lines) {
@@ -207,6 +225,8 @@ void add_lists(dataset::DatasetWriter& writer, const Mission& mission, const Ren
   writer.set_groundtruth(mission.frames);
   const std::vector<dataset::GpsFix> gps = simulated_gps(mission, filmed.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
+  const auto attitudes = simulated_attitude(mission, filmed.tiles.local_frame, settings.seed);
+  if (!attitudes.empty()) dataset::write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
   for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
   const std::optional<geometry::LocalFrame>& frame = filmed.tiles.local_frame;
   for (const auto& [key, value] : described_frame(frame ? std::optional(frame->origin()) : std::nullopt))

@@ -15,6 +15,7 @@
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/true_region.h"
 #include "tileflight/geometry/cloud_files.h"
@@ -88,6 +89,16 @@ Poses read_poses(const MapInputs& map) {
   if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
   if (!map.truth_trajectory.empty()) poses.truth = geometry::read_tum(map.truth_trajectory);
   return poses;
+}
+
+/// map to local for distances to voxel centres: `published` where align() left it (the paper's last step), else the
+/// transform itself.
+geometry::Sim3 published_transform(const fs::path& transform_file) {
+  const json all = json::parse(geometry::read_text(transform_file), nullptr, false);
+  if (all.is_object() && all.contains("published")) {
+    return alignment::alignment_from_json(all["published"], transform_file.string() + ": published").T_target_source;
+  }
+  return alignment::read_transform(transform_file).T_target_source;
 }
 
 /// map to local for distances to the exact surface: `to_surface` where align() left it, else the transform itself.
@@ -195,22 +206,6 @@ Truth read_truth(const fs::path& folder) {
   return {folder, std::move(about), region, ground_truth::read_ground_truth(folder)};
 }
 
-/// The paper's part and the path's. The cloud, in the map's frame, goes into the score's errors.
-evaluation::Score score_to_voxels(geometry::PointCloud cloud, const geometry::Sim3& T_local_map, const Truth& truth,
-                                  const Poses& poses, const EvaluationSettings& settings, const Progress& progress) {
-  const auto floor = known_floor(truth.about, settings.cutoff_m);
-  const geometry::PointCloud samples =
-      floor ? geometry::PointCloud() : ground_truth::read_surface_samples(truth.folder);
-  return evaluation::evaluate(geometry::transformed(T_local_map, std::move(cloud)),
-                              {.voxel_centers = &truth.parts.voxel_centers,
-                               .surface_samples = &samples,
-                               .estimate = poses.both() ? &poses.estimate : nullptr,
-                               .truth = poses.both() ? &poses.truth : nullptr,
-                               .floor = floor},
-                              {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m},
-                              progress);
-}
-
 /// The map's points over the region. What lies beside has no surface to be measured against: it counts as a map point,
 /// but not as an error.
 struct OverRegion {
@@ -258,6 +253,28 @@ evaluation::Score score_without_surface(geometry::PointCloud cloud, const geomet
   return score;
 }
 
+/// Everything that may make the scores wrong: of the map, its transform, the truth and the pictures, and what the scores
+/// show themselves.
+Doubts doubts_of_scores(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+                        const evaluation::Metrics& metrics) {
+  Doubts doubts = doubts_in(transform_file);
+  append(doubts, doubts_of_odometry(map));
+  append(doubts, doubts_of_truth(about_truth));
+  append(doubts, doubts_of_dataset(map.dataset));
+  constexpr double kFewNear = 0.5;
+  if (metrics.surface) {
+    const auto& accuracy = metrics.surface->accuracy;
+    if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
+      doubts.push_back({"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
+                            " % of the map's points over the region lie within " +
+                            std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
+                        "evaluation", "likely",
+                        "look at the map over the truth in the report: a wrong transform, or another place"});
+    }
+  }
+  return doubts;
+}
+
 }  // namespace
 
 fs::path seen_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "seen.ply"; }
@@ -265,7 +282,7 @@ fs::path seen_file(const fs::path& metrics_json) { return metrics_json.parent_pa
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
   geometry::PointCloud cloud = read_map(map.map);
-  const geometry::Sim3 T_local_map = alignment::read_transform(transform_file).T_target_source;
+  const geometry::Sim3 T_published_map = published_transform(transform_file);
   const geometry::Sim3 T_surface_map = surface_transform(transform_file);
   const Truth truth = read_truth(truth_folder);
   const Poses poses = read_poses(map);
@@ -274,7 +291,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
 
   std::optional<geometry::NearestIndex> index;
   evaluation::Score score =
-      score_without_surface(std::move(cloud), T_local_map, truth, poses, settings, progress, index);
+      score_without_surface(std::move(cloud), T_published_map, truth, poses, settings, progress, index);
   evaluation::Metrics& metrics = score.metrics;
   // A truth of points alone has cells, and no surface.
   if (const geometry::TriangleMesh& mesh = truth.parts.mesh; !mesh.triangles.empty()) {
@@ -299,6 +316,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
     score.errors.over_region = std::move(part.is_over);
     write_seen(out, seen, seen_m);
   }
+  metrics.doubts = doubts_of_scores(map, truth.about, transform_file, metrics);
   evaluation::write_metrics(out, metrics, std::move(score.errors));
   return evaluation::to_json(metrics);
 }

@@ -29,6 +29,7 @@ void add_positions(const flight::Telemetry& telemetry, IngestFlight flight, cons
     warnings.push_back(note.str());
   }
   options.gps = gps_fixes(telemetry, flight, warnings);
+  options.attitudes = camera_attitudes(telemetry);
   options.gps_time_offset_s = flight.telemetry_offset_s.value_or(0.0);
 }
 

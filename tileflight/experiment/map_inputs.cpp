@@ -14,7 +14,9 @@ MapInputs map_inputs(const fs::path& map, const fs::path& dataset_folder) {
   if (!fs::is_directory(dataset_folder)) throw InputError(dataset_folder.string(), "no such dataset folder");
   inputs.truth_trajectory = if_there(dataset_folder / "groundtruth.txt");
   inputs.gps = if_there(dataset_folder / "gps.csv");
+  inputs.attitude = if_there(dataset_folder / "attitude.csv");
   inputs.camera = if_there(dataset_folder / "camera.yaml");
+  inputs.dataset = dataset_folder;
   return inputs;
 }
 

@@ -14,8 +14,10 @@ struct MapInputs {
   std::filesystem::path trajectory;        ///< estimated poses in the map's frame; empty: trajectory.txt of the folder
   std::filesystem::path truth_trajectory;  ///< true poses (TUM); empty: none
   std::filesystem::path gps;               ///< gps.csv; empty: none
+  std::filesystem::path attitude;          ///< attitude.csv; empty: none
+  std::filesystem::path dataset;           ///< folder of the flight's pictures; empty: none
   std::filesystem::path camera;            ///< calibration, for what the camera saw; empty: none
-  std::vector<MapInputs> others{};         ///< of other flights, whose maps must have points of regions to align on, too
+  std::vector<MapInputs> others{};  ///< of other flights, whose maps must have points of regions to align on, too
 };
 
 /// The inputs of a flight's folder (odometry/, dataset/).

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "tileflight/flight/path.h"
 #include "tileflight/geometry/input_error.h"
 
 namespace tileflight::experiment {
@@ -72,6 +73,19 @@ std::vector<dataset::GpsFix> gps_fixes(const flight::Telemetry& telemetry, const
     warnings.push_back(std::to_string(without_height) +
                        " positions of the flight log left out: no height of that kind");
   return fixes;
+}
+
+std::vector<dataset::CameraAttitude> camera_attitudes(const flight::Telemetry& telemetry) {
+  constexpr double kTiltSigma_deg = 2.0, kYawSigma_deg = 6.0;  // logs do not say them
+  std::vector<dataset::CameraAttitude> attitudes;
+  for (const flight::TelemetryFix& fix : telemetry.fixes) {
+    if (!fix.gimbal_yaw_deg || !fix.gimbal_pitch_deg) continue;
+    attitudes.push_back({fix.time_s,
+                         flight::camera_orientation(*fix.gimbal_yaw_deg, *fix.gimbal_pitch_deg,
+                                                    fix.gimbal_roll_deg.value_or(0.0)),
+                         kTiltSigma_deg, kYawSigma_deg});
+  }
+  return attitudes;
 }
 
 std::vector<geometry::Vec3> local_positions(const std::vector<dataset::GpsFix>& fixes,

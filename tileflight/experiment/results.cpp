@@ -1,7 +1,9 @@
 #include "tileflight/experiment/results.h"
 
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/evaluation/paper.h"
+#include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/extract.h"
 #include "tileflight/experiment/repetition.h"
 #include "tileflight/experiment/version.h"
@@ -52,6 +54,17 @@ json describe_inputs(const Experiment& experiment, const StageCache& cache) {
   return inputs;
 }
 
+/// Of all flights' scores, each under its flight's name; of the truth once.
+Doubts all_doubts(const Pipeline& pipeline, const fs::path& run) {
+  Doubts doubts = doubts_of_truth(read_extract_json(run / "truth"));
+  for (const FlightStages& f : pipeline.flights()) {
+    Doubts own = doubts_in(f.folder / "metrics.json");
+    std::erase_if(own, [](const Doubt& doubt) { return doubt.where == "truth"; });
+    append(doubts, of_flight(std::move(own), f.name));
+  }
+  return doubts;
+}
+
 }  // namespace
 
 std::vector<fs::path> input_files(const Experiment& experiment) {
@@ -89,6 +102,7 @@ nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pip
   const bool follows =
       experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
   results["reproduction"] = follows ? read_json(run / "reproduction.json") : json(nullptr);
+  results["doubts"] = evaluation::to_json(all_doubts(pipeline, run));
   results["provenance"] = {{"version", version()},
                            {"commit", commit()},
                            {"seed", experiment.seed},

@@ -7,14 +7,13 @@
 #include "tileflight/alignment/gravity.h"
 #include "tileflight/alignment/region_list.h"
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/dataset/dataset.h"
-#include "tileflight/experiment/extract.h"
-#include "tileflight/experiment/positions.h"
-#include "tileflight/experiment/true_region.h"
+#include "tileflight/evaluation/doubts_json.h"
+#include "tileflight/experiment/align_target.h"
+#include "tileflight/experiment/doubts.h"
+#include "tileflight/experiment/register_flight.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
-#include "tileflight/ground_truth/extract.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -22,65 +21,10 @@ namespace {
 
 using nlohmann::json;
 
-/// What a map is aligned to, held together with what it points into.
-struct Target {
-  geometry::PointCloud cloud;
-  geometry::TriangleMesh mesh;
-  std::optional<geometry::TriangleIndex> index;
-  std::optional<geometry::Geodetic> origin;
-  std::vector<geometry::Box3> regions;  ///< over which there is truth; empty: not known
-
-  alignment::AlignmentTarget view() const {
-    return {.cloud = &cloud, .index = index ? &*index : nullptr, .mesh = index ? &mesh : nullptr};
-  }
-};
-
-/// Over the region at any height: a map's points above or below the truth must be pulled in as well.
-geometry::Box3 column(const geometry::Box3& box) {
-  geometry::Box3 tall = box;
-  tall.min().z() -= 1e6;
-  tall.max().z() += 1e6;
-  return tall;
-}
-
-Target read_target(const fs::path& path) {
-  Target target;
-  if (!fs::is_directory(path)) {
-    target.cloud = geometry::read_cloud(path);
-    return target;
-  }
-  const json about = read_extract_json(path);
-  ground_truth::GroundTruth truth = ground_truth::read_ground_truth(path);
-  target.cloud = std::move(truth.voxel_centers);
-  target.mesh = std::move(truth.mesh);
-  if (!target.mesh.triangles.empty()) target.index.emplace(target.mesh);
-  target.origin = origin_of(about);
-  target.regions = {column(region_of(about).box)};
-  return target;
-}
-
-std::vector<alignment::PositionFix> receiver_positions(const fs::path& gps_csv, const geometry::Geodetic& origin) {
-  const std::vector<dataset::GpsFix> gps = dataset::read_gps_csv(gps_csv);
-  const std::vector<geometry::Vec3> positions = local_positions(gps, geometry::LocalFrame(origin));
-  std::vector<alignment::PositionFix> fixes;
-  for (std::size_t i = 0; i < gps.size(); ++i) {
-    fixes.push_back({gps[i].time_s, positions[i], gps[i].horizontal_sigma_m, gps[i].vertical_sigma_m});
-  }
-  return fixes;
-}
-
-std::vector<alignment::PositionFix> true_positions(const fs::path& trajectory) {
-  std::vector<alignment::PositionFix> fixes;
-  for (const geometry::StampedPose& pose : geometry::read_tum(trajectory).poses) {
-    fixes.push_back({pose.time_s, pose.T_local_camera.translation, 0.0, 0.0});
-  }
-  return fixes;
-}
-
 /// Voxel centres pull a map off the surface, by up to half a cell where the ground is level. What is measured to the
 /// exact surface is therefore aligned to the surface, from where the chosen alignment ended.
 alignment::AlignmentResult refined_to_surface(const geometry::PointCloud& cloud, const geometry::Sim3& T_local_map,
-                                              const Target& target, const alignment::AlignMapOptions& options) {
+                                              const AlignTarget& target, const alignment::AlignMapOptions& options) {
   alignment::IcpOptions icp = alignment::converging_icp();
   icp.method = alignment::IcpMethod::kPointToMesh;
   icp.scale = options.icp.scale;
@@ -89,8 +33,9 @@ alignment::AlignmentResult refined_to_surface(const geometry::PointCloud& cloud,
 }
 
 /// From the shapes alone; upright where the camera's path or the options say what upright is.
-alignment::MapAlignment align_by_geometry(const geometry::PointCloud& cloud, const MapInputs& map, const Target& target,
-                                          const alignment::AlignMapOptions& options, const Progress& progress) {
+alignment::MapAlignment align_by_geometry(const geometry::PointCloud& cloud, const MapInputs& map,
+                                          const AlignTarget& target, const alignment::AlignMapOptions& options,
+                                          const Progress& progress) {
   std::optional<geometry::Vec3> up = options.map_up;
   if (!up && !map.trajectory.empty()) up = alignment::up_of_trajectory(geometry::read_tum(map.trajectory));
   return alignment::align_map_globally(cloud, up, target.view(), options, progress);
@@ -98,7 +43,7 @@ alignment::MapAlignment align_by_geometry(const geometry::PointCloud& cloud, con
 
 /// The map where it is; elsewhere if it does not fit there and fits elsewhere.
 alignment::MapAlignment align_without_telemetry(const geometry::PointCloud& cloud, const MapInputs& map,
-                                                const Target& target, const alignment::AlignMapOptions& options,
+                                                const AlignTarget& target, const alignment::AlignMapOptions& options,
                                                 std::string& start, const Progress& progress) {
   constexpr double kFits = 0.5;  // share of the points with a correspondence
   start = "as it is";
@@ -116,7 +61,7 @@ alignment::MapAlignment align_without_telemetry(const geometry::PointCloud& clou
 }
 
 /// From the start that the options name; `start` tells which it was.
-alignment::MapAlignment align_from(const geometry::PointCloud& cloud, const MapInputs& map, const Target& target,
+alignment::MapAlignment align_from(const geometry::PointCloud& cloud, const MapInputs& map, const AlignTarget& target,
                                    const alignment::AlignMapOptions& options, std::string& start,
                                    const Progress& progress) {
   using alignment::AlignmentStart;
@@ -145,7 +90,7 @@ alignment::MapAlignment align_from(const geometry::PointCloud& cloud, const MapI
 }
 
 /// Where the other flights' points lie, roughly: by their telemetry alone. Those without any are left out.
-std::vector<geometry::PointCloud> other_maps(const MapInputs& map, const Target& target,
+std::vector<geometry::PointCloud> other_maps(const MapInputs& map, const AlignTarget& target,
                                              const alignment::AlignMapOptions& options) {
   std::vector<geometry::PointCloud> maps;
   for (const MapInputs& other : map.others) {
@@ -168,7 +113,7 @@ std::vector<geometry::Box3> boxes_of(const std::vector<alignment::FoundRegion>& 
 
 /// The final step once more, on regions that hold it firmly; others are kept back for scoring.
 alignment::RegionList refine_on_found_regions(const geometry::PointCloud& cloud, const MapInputs& map,
-                                              const Target& target, alignment::AlignMapOptions& options,
+                                              const AlignTarget& target, alignment::AlignMapOptions& options,
                                               alignment::MapAlignment& aligned) {
   if (!target.index) throw InputError("regions", "can only be found on a ground truth with a mesh");
   const geometry::PointCloud placed = geometry::transformed(aligned.result.T_target_source, cloud);
@@ -190,14 +135,38 @@ alignment::RegionList refine_on_found_regions(const geometry::PointCloud& cloud,
   return list;
 }
 
+/// What ICP's notes and flags say, as doubts.
+Doubts doubts_of_icp(const alignment::AlignmentResult& result) {
+  constexpr double kLowFitness = 0.3;
+  Doubts doubts;
+  if (!result.converged) {
+    doubts.push_back({"ICP did not converge" + (result.note.empty() ? "" : ": " + result.note), "alignment", "certain",
+                      "give a better start, or leave out --method"});
+  } else if (!result.note.empty()) {
+    doubts.push_back({result.note, "alignment", "possible", "compare with the default method"});
+  }
+  if (result.fitness < kLowFitness) {
+    doubts.push_back({"only " + std::to_string(static_cast<int>(100.0 * result.fitness)) +
+                          " % of the map's points have a correspondence",
+                      "alignment", "likely", "check place, region and start"});
+  }
+  return doubts;
+}
+
 }  // namespace
 
 nlohmann::json align(const MapInputs& map, const fs::path& target_path, const alignment::AlignMapOptions& options,
                      const fs::path& out, const Progress& progress) {
   const geometry::PointCloud cloud = alignment::thinned(read_map(map.map), options.most_points);
-  const Target target = read_target(target_path);
+  const AlignTarget target = read_align_target(target_path);
   alignment::AlignMapOptions chosen = options;
   if (chosen.icp.regions.empty()) chosen.icp.regions = target.regions;
+
+  if (chosen.by_all_evidence && target.index) {
+    const json result = register_flight(map, target, chosen, progress);
+    geometry::write_file(out, result.dump(2) + "\n");
+    return result;
+  }
 
   std::string start;
   alignment::MapAlignment aligned = align_from(cloud, map, target, chosen, start, progress);
@@ -210,6 +179,9 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
   }
   if (!regions.aligned_on.empty() || !regions.held_out.empty()) result["regions"] = alignment::to_json(regions);
   result["start"] = start;
+  Doubts doubts = doubts_of_odometry(map);
+  append(doubts, doubts_of_icp(aligned.result));
+  result["doubts"] = evaluation::to_json(doubts);
   geometry::write_file(out, result.dump(2) + "\n");
   return result;
 }

@@ -23,12 +23,17 @@ int at_least(YamlSection& section, const std::string& key, int least, int otherw
   return value;
 }
 
-alignment::IcpMethod icp_method(YamlSection& section, const std::string& key, alignment::IcpMethod otherwise) {
-  const auto word = section.choice(key, {"point-to-point", "point-to-plane", "point-to-mesh", "generalized"});
-  if (!word) return otherwise;
-  if (*word == "generalized") return alignment::IcpMethod::kGeneralized;
-  if (*word == "point-to-point") return alignment::IcpMethod::kPointToPoint;
-  return *word == "point-to-plane" ? alignment::IcpMethod::kPointToPlane : alignment::IcpMethod::kPointToMesh;
+/// `method: all-evidence`, or one of ICP's.
+void read_method(YamlSection& section, alignment::AlignMapOptions& options) {
+  using alignment::IcpMethod;
+  const auto word =
+      section.choice("method", {"all-evidence", "point-to-point", "point-to-plane", "point-to-mesh", "generalized"});
+  if (!word) return;
+  options.by_all_evidence = *word == "all-evidence";
+  if (*word == "generalized") options.icp.method = IcpMethod::kGeneralized;
+  if (*word == "point-to-point") options.icp.method = IcpMethod::kPointToPoint;
+  if (*word == "point-to-plane") options.icp.method = IcpMethod::kPointToPlane;
+  if (*word == "point-to-mesh") options.icp.method = IcpMethod::kPointToMesh;
 }
 
 /// The section alone switches it on.
@@ -140,7 +145,7 @@ alignment::RobustKernel read_kernel(YamlSection& section, alignment::RobustKerne
   return kernel;
 }
 
-/// `start: auto | as-it-is | geometry`, or the path of a transform.json.
+/// `start: auto | as-it-is | geometry | true-poses`, or the path of a transform.json.
 void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
   const std::string word = section.text("start").value_or("auto");
   if (word == "auto") return;
@@ -148,6 +153,8 @@ void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
     options.start = alignment::AlignmentStart::kAsItIs;
   } else if (word == "geometry") {
     options.start = alignment::AlignmentStart::kGeometry;
+  } else if (word == "true-poses") {
+    options.start = alignment::AlignmentStart::kTruePoses;
   } else {
     options.start = alignment::AlignmentStart::kGiven;
     options.given_start = alignment::read_transform(*section.path("start")).T_target_source;
@@ -174,7 +181,7 @@ alignment::AlignMapOptions read_alignment(YamlSection& section) {
   options.icp.kept_share = positive(section, "kept_share", options.icp.kept_share);
   if (options.icp.kept_share > 1.0) throw section.error("kept_share", "must be at most 1");
   options.scale_seeds = read_scale_seeds(section, options.scale_seeds);
-  options.icp.method = icp_method(section, "method", options.icp.method);
+  read_method(section, options);
   options.icp.radius_m = positive(section, "radius", options.icp.radius_m);
   options.icp.rms_change_m = positive(section, "rms_change", options.icp.rms_change_m);
   options.icp.max_iterations = at_least(section, "max_iterations", 1, options.icp.max_iterations);

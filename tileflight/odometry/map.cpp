@@ -49,6 +49,7 @@ geometry::PointCloud make_cloud(const std::vector<MapPoint>& points, const std::
   std::vector<float>& observations = cloud.scalars["observations"];
   std::vector<float>& first = cloud.scalars["first_frame"];
   std::vector<float>& last = cloud.scalars["last_frame"];
+  std::vector<float>& host = cloud.scalars["keyframe"];
   for (const MapPoint& point : points) {
     const auto pose = T_map_keyframe.find(point.keyframe);
     if (pose == T_map_keyframe.end() || !is_clean(point, options)) continue;
@@ -58,6 +59,7 @@ geometry::PointCloud make_cloud(const std::vector<MapPoint>& points, const std::
     observations.push_back(static_cast<float>(point.observations));
     first.push_back(static_cast<float>(point.first_frame));
     last.push_back(static_cast<float>(point.last_frame));
+    host.push_back(static_cast<float>(std::distance(T_map_keyframe.begin(), pose)));
   }
   return cloud;
 }

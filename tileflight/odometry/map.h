@@ -34,9 +34,9 @@ std::vector<int> keyframes_seeing(const ActivePoint& point, const Window& window
 /// Whether a point passes the options' filters.
 bool is_clean(const MapPoint& point, const MapOptions& options);
 
-/// Positions in the map frame with colours and the scalars inverse_depth_variance, observations, first_frame,
-/// last_frame; only points that pass the options' filters.
-/// In the order of `points`.
+/// Positions in the map frame with colours and the scalars inverse_depth_variance (along the host's ray), observations,
+/// first_frame, last_frame and keyframe (which of `T_map_keyframe`, in order, hosts it: the line of keyframes.txt);
+/// only points that pass the options' filters. In the order of `points`.
 geometry::PointCloud make_cloud(const std::vector<MapPoint>& points, const std::map<int, SE3>& T_map_keyframe,
                                 const MapOptions& options);
 

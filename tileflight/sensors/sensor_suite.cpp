@@ -92,6 +92,17 @@ GnssOptions read_gnss(YamlSection section, std::uint64_t seed) {
   return o;
 }
 
+AttitudeOptions read_attitude(YamlSection section, std::uint64_t seed) {
+  AttitudeOptions o{.seed = seed};
+  seed_of(section, o.seed);
+  rate_of(section, o.rate_hz);
+  number(section, "noise_deg", o.noise_deg);
+  number(section, "tilt_bias_sigma_deg", o.tilt_bias_sigma_deg);
+  number(section, "yaw_bias_sigma_deg", o.yaw_bias_sigma_deg);
+  number(section, "bias_time_s", o.bias_time_s);
+  return finished(section, o);
+}
+
 BarometerOptions read_barometer(YamlSection section, std::uint64_t seed, double& origin_above_sea_m) {
   BarometerOptions o{.seed = seed};
   seed_of(section, o.seed);
@@ -244,6 +255,7 @@ SensorSuite read_suite(YamlSection section, std::uint64_t seed, const SE3& T_cam
   SensorSuite suite;
   if (auto s = section.section("imu")) suite.imu = read_imu(*s, seed, T_camera_imu);
   if (auto s = section.section("gnss")) suite.gnss = read_gnss(*s, seed);
+  if (auto s = section.section("attitude")) suite.attitude = read_attitude(*s, seed);
   if (auto s = section.section("barometer")) suite.barometer = read_barometer(*s, seed, suite.origin_above_sea_m);
   if (auto s = section.section("magnetometer"))
     suite.magnetometer = read_magnetometer(*s, seed, T_camera_imu, suite.magnetic_field);

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "tileflight/sensors/attitude.h"
 #include "tileflight/sensors/barometer.h"
 #include "tileflight/sensors/gps.h"
 #include "tileflight/sensors/imu.h"
@@ -22,6 +23,7 @@ struct MagneticField {
 struct SensorSuite {
   std::optional<ImuOptions> imu;
   std::optional<GnssOptions> gnss;
+  std::optional<AttitudeOptions> attitude;  ///< of the camera, as a gimbal says it
   std::optional<BarometerOptions> barometer;
   double origin_above_sea_m = 0.0;  ///< height of the local frame's origin, where the place is not on the earth
   std::optional<MagnetometerOptions> magnetometer;
@@ -35,7 +37,7 @@ struct SensorSuite {
 };
 
 /// The `sensors:` of a FLIGHT file, or the file that its `sensors_file:` names, which has the same keys at its top:
-/// imu, gnss, barometer, magnetometer, range_finder, lidar, each a map of keys named as the options are
+/// imu, gnss, attitude, barometer, magnetometer, range_finder, lidar, each a map of keys named as the options are
 /// (docs/sensors.md). A file without either gives an empty suite. `seed` is that of every sensor which has none of its
 /// own, and `T_camera_imu` where the IMU and the magnetometer sit. Throws InputError (file, line, key): unknown keys,
 /// both sections, values out of range.

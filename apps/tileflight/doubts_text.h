@@ -1,0 +1,11 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace tileflight::app {
+
+/// The `doubts` of a result, one line each, most certain first; empty where there is none.
+std::string doubts_text(const nlohmann::json& result);
+
+}  // namespace tileflight::app

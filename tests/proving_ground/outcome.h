@@ -1,0 +1,53 @@
+#pragma once
+
+// How a flight over the proving ground ended, judged by the truth that the program under test never saw.
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "random_flight.h"
+#include "tileflight/geometry/point_cloud.h"
+#include "tileflight/geometry/trajectory.h"
+
+namespace tileflight::proving_ground {
+
+/// What the truth says of an odometry and a transform.
+struct TrueErrors {
+  double ate_m = 0.0;     ///< after the best similarity of the positions
+  double path_m = 0.0;    ///< length of the true path
+  double offset_m = 0.0;  ///< RMS over the nearer nine tenths of the map's points of |T p - T_true p|, T_true from all
+                          ///< true poses, turns included
+  double scale_error = 0.0;  ///< scale over the true one, minus one
+};
+
+/// Throws InputError when fewer than three poses share a time.
+TrueErrors true_errors(const geometry::PointCloud& map, const geometry::Trajectory& estimate,
+                       const geometry::Trajectory& truth, const geometry::Sim3& T_local_map);
+
+struct Outcome {
+  std::string name, place;
+  FlightDraw draw;
+  std::string stage;  ///< the last one that was done: "odometry", "align" or "evaluate"
+  std::string error;  ///< what the next one said
+  int frames = 0, tracked = 0;
+  TrueErrors errors;
+  double sigma_m = 0.0;             ///< that the transform says of itself; 0: none
+  std::vector<std::string> doubts;  ///< all that the program said, odometry to scores
+  double seconds = 0.0;
+
+  /// Within max(0.1 m, 3 ATE), and the path within a hundredth of its length.
+  bool is_right() const;
+  bool is_doubted() const { return !doubts.empty() || !error.empty(); }
+  /// "right", "false doubt", "doubted" or "SILENT".
+  std::string verdict() const;
+};
+
+nlohmann::json to_json(const Outcome& outcome);
+Outcome outcome_from_json(const nlohmann::json& object);
+
+/// The table by kind, place, lens, view, aids, height and camera, and the list of what went wrong, as Markdown.
+std::string summary(const std::vector<Outcome>& outcomes);
+
+}  // namespace tileflight::proving_ground

@@ -1,0 +1,192 @@
+#include "tileflight/alignment/register_map.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tileflight/alignment/test_flights.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::alignment {
+namespace {
+
+using namespace test_flights;
+using testing::HasSubstr;
+
+struct Place {
+  geometry::TriangleMesh mesh = place();
+  geometry::TriangleIndex index{mesh};
+  Surface surface{index, mesh, {geometry::Box3(Vec3(-60, -60, -1e6), Vec3(60, 60, 1e6))}};
+};
+
+const Place& the_place() {
+  static const Place place;
+  return place;
+}
+
+std::vector<PositionFix> receiver(const geometry::Trajectory& local, const Vec3& bias) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  std::vector<PositionFix> fixes;
+  for (const auto& pose : local.poses)
+    fixes.push_back({pose.time_s,
+                     pose.T_local_camera.translation + bias +
+                         0.2 * Vec3(normal(random), normal(random), normal(random)),
+                     0.6, 0.9});
+  return fixes;
+}
+
+RegistrationOptions options() {
+  RegistrationOptions options;
+  options.trajectory.estimate_time_offset = false;
+  return options;
+}
+
+RegistrationServices rays_only() {
+  RegistrationServices services;
+  services.cast = cast;
+  return services;
+}
+
+/// Pictures that are found where the cameras truly were, but for a centimetre; only from nearby.
+LocatedPictures found_near(const Flight& flight, const Sim3& T, std::size_t pictures) {
+  LocatedPictures result;
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal;
+  for (std::size_t k = 0; k < pictures; ++k) {
+    const std::size_t pose = k * flight.map.size() / pictures;
+    ++result.tried;
+    const SE3 truth = flight.local.poses[pose].T_local_camera;
+    const SE3 guess = T * flight.map.poses[pose].T_local_camera;
+    constexpr double kCapture_m = 2.0, kCapture_rad = 0.1;
+    if ((guess.translation - truth.translation).norm() > kCapture_m) continue;
+    if (guess.rotation.angularDistance(truth.rotation) > kCapture_rad) continue;
+    SE3 found = truth;
+    found.translation += 0.01 * Vec3(normal(random), normal(random), normal(random));
+    LocatedPose located{flight.map.poses[pose].T_local_camera, found};
+    located.information.diagonal() << 1e4, 1e4, 1e4, 1e6, 1e6, 1e6;
+    result.found.push_back({pose, located, 0.9});
+  }
+  return result;
+}
+
+std::string all_doubts(const Registration& registration) {
+  std::string text;
+  for (const Doubt& doubt : registration.doubts) text += doubt.what + "\n";
+  return text;
+}
+
+TEST(RegisterMap, PositionsOfACurvedPathLeadToTheSurface) {
+  const Flight flight = fly(curved_path());
+  const Registration r = register_map(
+      flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3(0.6, -0.5, 0.9))},
+      the_place().surface, rays_only(), options());
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.05);
+  EXPECT_EQ(r.method, "surface");
+  EXPECT_EQ(r.start, "positions");
+  EXPECT_LT(r.sigma_m, 0.1);
+  EXPECT_EQ(all_doubts(r), "");
+}
+
+/// Found by the issue: receiver positions of a straight path leave the roll about it open.
+TEST(RegisterMap, AStraightPathIsTurnedTheRightWay) {
+  for (const unsigned seed : {1U, 2U}) {
+    const Flight flight = fly(straight_path(), 50, 0.005, seed);
+    const Registration r =
+        register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3(-0.5, 0.3, 0.8))},
+                     the_place().surface, rays_only(), options());
+    EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.1) << seed;
+    EXPECT_GT(r.starts_tried, 1U);
+  }
+}
+
+TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
+  const Flight flight = fly(curved_path());
+  RegistrationServices services = rays_only();
+  services.locate = [&](const Sim3& T, std::size_t n) { return found_near(flight, T, n); };
+  const Registration r =
+      register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
+                   the_place().surface, services, options());
+  EXPECT_EQ(r.method, "pictures");
+  ASSERT_TRUE(r.pictures);
+  EXPECT_EQ(r.pictures->agreeing, 20U);
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.03);
+  EXPECT_EQ(all_doubts(r), "");
+}
+
+TEST(RegisterMap, APathThatBreaksIsSaid) {
+  Flight flight = fly(curved_path());
+  Flight broken = flight;
+  for (std::size_t k = 14; k < broken.map.size(); ++k)  // odometry jumps by what is three metres
+    broken.map.poses[k].T_local_camera.translation += T_local_map().inverse().rotation * Vec3(3.0, 0, 0) / 8.0;
+  RegistrationServices services = rays_only();
+  services.locate = [&](const Sim3& T, std::size_t n) {
+    LocatedPictures located;
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::size_t pose = k * flight.map.size() / n;
+      LocatedPose found{broken.map.poses[pose].T_local_camera, flight.local.poses[pose].T_local_camera};
+      found.information.diagonal() << 1e4, 1e4, 1e4, 1e6, 1e6, 1e6;
+      located.found.push_back({pose, found, 0.9});
+      ++located.tried;
+    }
+    (void)T;
+    return located;
+  };
+  const Registration r =
+      register_map(broken.points, {.path = broken.map, .positions = receiver(flight.local, Vec3::Zero())},
+                   the_place().surface, services, options());
+  EXPECT_THAT(all_doubts(r), HasSubstr("the path bends"));
+}
+
+TEST(RegisterMap, WhereNothingFitsItIsSaid) {
+  const Flight flight = fly(curved_path());
+  std::vector<PositionFix> elsewhere = receiver(flight.local, Vec3(40.0, 35.0, 0.0));
+  const Registration r = register_map(flight.points, {.path = flight.map, .positions = elsewhere},
+                                      the_place().surface, rays_only(), options());
+  EXPECT_FALSE(r.doubts.empty());
+}
+
+TEST(RegisterMap, HeightsOfAnotherDatumAreSaid) {
+  const Flight flight = fly(curved_path());
+  RegistrationServices services = rays_only();
+  services.look_for_places = [] { return std::vector<Sim3>{T_local_map()}; };
+  const Registration r =
+      register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3(0.0, 0.0, 30.0))},
+                   the_place().surface, services, options());
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.05);
+  EXPECT_THAT(all_doubts(r), HasSubstr("vertical datum"));
+}
+
+/// Two places alike: the same buildings once more, thirty metres east.
+TEST(RegisterMap, TwoPlacesThatFitAreAmbiguous) {
+  const auto twice = [](double x, double y) {
+    const double east = x > 0.0 ? x - 30.0 : x + 30.0;
+    double z = 2.0 * std::sin(0.3 * y);
+    if (std::abs(east) < 5.0 && std::abs(y) < 4.0) z += 8.0;
+    if (std::abs(east - 9.0) < 3.0 && std::abs(y - 9.0) < 2.0) z += 4.0;
+    return z;
+  };
+  const geometry::TriangleMesh mesh = tests::height_field(120, -60.0, 120.0, twice);
+  const geometry::TriangleIndex index(mesh);
+  ObservedPoints points;
+  std::mt19937_64 random(6);
+  std::uniform_real_distribution<double> unit(-15.0, 15.0);
+  for (int k = 0; k < 3000; ++k) {
+    const Vec3 p(-30.0 + unit(random), unit(random), 0.0);
+    points.positions.push_back(T_local_map().inverse() * Vec3(p.x(), p.y(), twice(p.x(), p.y())));
+  }
+  RegistrationServices services;
+  Sim3 other = T_local_map();
+  other.translation.x() += 60.0;
+  services.look_for_places = [&] { return std::vector<Sim3>{T_local_map(), other}; };
+  const Registration r = register_map(points, {}, {index, mesh, {}}, services, options());
+  EXPECT_THAT(all_doubts(r), HasSubstr("ambiguous"));
+}
+
+TEST(RegisterMap, NothingToBeginWithIsAnError) {
+  const Flight flight = fly(curved_path(), 10);
+  EXPECT_THROW(register_map(flight.points, {}, the_place().surface, {}, options()), InputError);
+  EXPECT_THROW(register_map({}, {}, the_place().surface, {}, options()), InputError);
+}
+
+}  // namespace
+}  // namespace tileflight::alignment

@@ -1,0 +1,69 @@
+#include "tileflight/experiment/find_pictures.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "tileflight/imaging/image_files.h"
+#include "tileflight/localization/picture_localizer.h"
+
+namespace tileflight::experiment {
+
+using geometry::SE3;
+using geometry::Sim3;
+
+struct PictureFinder::Impl {
+  dataset::Dataset dataset;
+  geometry::Trajectory path;
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< pose of the path, frame of the dataset
+  localization::PictureLocalizer localizer;
+
+  Impl(const scene::Scene& scene, dataset::Dataset d, geometry::Trajectory p)
+      : dataset(std::move(d)), path(std::move(p)), localizer(scene, dataset.calibration.camera) {
+    geometry::Trajectory times;
+    for (const dataset::Frame& frame : dataset.frames) times.poses.push_back({frame.time_s, SE3()});
+    constexpr double kSameTime_s = 1e-3;
+    pairs = geometry::associate(path, times, kSameTime_s);
+  }
+
+  std::optional<alignment::LocatedPicture> locate(std::size_t pair, const SE3& guess) const {
+    const auto [pose, frame] = pairs[pair];
+    const auto found = localizer.locate(imaging::read_rgb(dataset.frames[frame].image), guess);
+    if (!found) return std::nullopt;
+    return alignment::LocatedPicture{
+        pose, {path.poses[pose].T_local_camera, found->T_local_camera, found->information}, found->correlation};
+  }
+
+  /// From where a neighbour was found, on by the path's own motion.
+  SE3 guess_from(const alignment::LocatedPicture& neighbor, std::size_t pose, double scale) const {
+    SE3 motion = neighbor.found.T_map_camera.inverse() * path.poses[pose].T_local_camera;
+    motion.translation *= scale;
+    return neighbor.found.T_local_camera * motion;
+  }
+};
+
+PictureFinder::PictureFinder(const scene::Scene& scene, dataset::Dataset dataset, geometry::Trajectory path)
+    : impl_(std::make_unique<Impl>(scene, std::move(dataset), std::move(path))) {}
+
+PictureFinder::~PictureFinder() = default;
+
+alignment::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size_t pictures) const {
+  const Impl& my = *impl_;
+  const std::size_t n = std::min(pictures, my.pairs.size());
+  std::vector<std::size_t> chosen;
+  for (std::size_t k = 0; k < n; ++k) chosen.push_back((2 * k + 1) * my.pairs.size() / (2 * n));
+  std::vector<std::optional<alignment::LocatedPicture>> found(n);
+  for (std::size_t k = 0; k < n; ++k)
+    found[k] = my.locate(chosen[k], T * my.path.poses[my.pairs[chosen[k]].first].T_local_camera);
+  const auto from_neighbor = [&](std::size_t k, std::size_t neighbor) {
+    if (found[k] || !found[neighbor]) return;
+    found[k] = my.locate(chosen[k], my.guess_from(*found[neighbor], my.pairs[chosen[k]].first, T.scale));
+  };
+  for (std::size_t k = 1; k < n; ++k) from_neighbor(k, k - 1);
+  for (std::size_t k = n; k-- > 1;) from_neighbor(k - 1, k);
+  alignment::LocatedPictures result{.tried = n};
+  for (const auto& picture : found)
+    if (picture) result.found.push_back(*picture);
+  return result;
+}
+
+}  // namespace tileflight::experiment

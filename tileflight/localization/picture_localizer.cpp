@@ -1,0 +1,154 @@
+#include "tileflight/localization/picture_localizer.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/localization/even_contrast.h"
+#include "tileflight/odometry/pixel_selector.h"
+#include "tileflight/odometry/pyramid.h"
+#include "tileflight/odometry/tracker.h"
+#include "tileflight/sensors/render.h"
+
+namespace tileflight::localization {
+
+using geometry::SE3;
+using imaging::FloatImage;
+using imaging::RgbImage;
+
+namespace {
+
+odometry::TrackingOptions tracking_options() {
+  odometry::TrackingOptions options;
+  options.huber = 15.0F;  // grey values of even contrast: two pictures of one place differ more than two of one video
+  options.cutoff = 60.0F;
+  options.lost_rmse = 60.0;
+  options.max_log_gain = 2.0;
+  return options;
+}
+
+/// Whether the surface is smooth about a pixel: at an edge of it, the nearer side's grey values stand for both.
+bool is_smooth(const FloatImage& depth_m, int x, int y) {
+  constexpr float kStep = 0.05F;
+  const float here = depth_m(x, y);
+  if (!std::isfinite(here)) return false;
+  for (int dy = -1; dy <= 1; ++dy)
+    for (int dx = -1; dx <= 1; ++dx)
+      if (!(std::abs(depth_m(x + dx, y + dy) - here) < kStep * std::abs(here))) return false;
+  return true;
+}
+
+}  // namespace
+
+struct PictureLocalizer::Impl {
+  imaging::Camera camera;  ///< of the shrunk pictures
+  int full_width = 0, full_height = 0;
+  LocalizerOptions options;
+  sensors::CameraRenderer renderer;
+  odometry::LensPyramid lens;
+  odometry::SelectionOptions selection;
+  odometry::TrackingOptions tracking = tracking_options();
+
+  Impl(const scene::Scene& scene, const imaging::Camera& full, const LocalizerOptions& o)
+      : camera(full), full_width(full.width()), full_height(full.height()), options(o), renderer(scene, camera, {}) {
+    odometry::OdometryOptions pyramid;
+    pyramid.min_level_area_px = 500;  // a guess is farther off than one picture of a video from the next
+    lens = odometry::build_lens_pyramid(camera, odometry::pyramid_levels(camera.width(), camera.height(), pyramid));
+  }
+
+  odometry::Pyramid pyramid_of(const RgbImage& image) const {
+    const int reach = std::max(4, static_cast<int>(0.5 * options.contrast_window * camera.width()));
+    return odometry::build_pyramid(with_even_contrast(odometry::luminance(image, nullptr), reach),
+                                   static_cast<int>(lens.lenses.size()));
+  }
+
+  /// Pixels that stand out in the predicted picture, with their inverse distances.
+  std::vector<odometry::ReferencePoint> points_of(const odometry::Pyramid& pyramid, const FloatImage& depth_m) const {
+    constexpr double kGrazing = 0.05;  // of a ray with the image's plane
+    std::vector<odometry::ReferencePoint> points;
+    for (const odometry::SelectedPixel& pixel :
+         odometry::select_pixels(pyramid, lens.rays[0], options.points, selection)) {
+      if (!is_smooth(depth_m, pixel.x, pixel.y)) continue;
+      const Eigen::Vector3f& ray = lens.rays[0].at(pixel.x, pixel.y);
+      if (std::abs(ray.z()) < kGrazing) continue;
+      const float range_m = depth_m(pixel.x, pixel.y) / ray.z();
+      points.push_back(
+          {Eigen::Vector2f(static_cast<float>(pixel.x), static_cast<float>(pixel.y)), 1.0F / range_m, 1.0F});
+    }
+    return points;
+  }
+
+  /// Correlation of the reference's grey values with the picture's where the points lie in it.
+  double correlation(const odometry::ReferenceLevel& reference, const odometry::PyramidLevel& picture,
+                     const SE3& T_picture_reference) const {
+    double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+    const Eigen::Matrix3d R = T_picture_reference.rotation.toRotationMatrix();
+    for (std::size_t i = 0; i < reference.size(); ++i) {
+      const geometry::Vec3 X =
+          R * reference.ray_of(i).cast<double>() + reference.rho[i] * T_picture_reference.translation;
+      geometry::Vec2 pixel;
+      if (!lens.lenses[0].project<double>(X, pixel)) continue;
+      if (!picture.inside(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()), 1.0F)) continue;
+      const double p = reference.intensity[i];
+      const double q = picture.sample_intensity(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()));
+      n += 1, a += p, b += q, aa += p * p, bb += q * q, ab += p * q;
+    }
+    const double spread = (n * aa - a * a) * (n * bb - b * b);
+    return n > 10 && spread > 0.0 ? (n * ab - a * b) / std::sqrt(spread) : 0.0;
+  }
+};
+
+PictureLocalizer::PictureLocalizer(const scene::Scene& scene, const imaging::Camera& camera,
+                                   const LocalizerOptions& options)
+    : impl_(std::make_unique<Impl>(scene, camera, options)) {}
+
+PictureLocalizer::~PictureLocalizer() = default;
+
+namespace {
+
+/// Of the pose alone: the light's two unknowns are eliminated. The tracker's motion acts on the reference's points from
+/// the left, in the picture's frame; the camera's own motion is its inverse: the same information.
+Mat6 pose_information(const odometry::AlignmentResult& alignment) {
+  const Eigen::Matrix<double, 8, 8>& H = alignment.information;
+  const Eigen::Matrix2d light = H.bottomRightCorner<2, 2>() + 1e-9 * Eigen::Matrix2d::Identity();
+  const Mat6 pose = H.topLeftCorner<6, 6>() - H.topRightCorner<6, 2>() * light.inverse() * H.bottomLeftCorner<2, 6>();
+  const double variance = std::max(1.0, alignment.finest_rmse() * alignment.finest_rmse());
+  return pose / variance;
+}
+
+}  // namespace
+
+std::optional<LocatedPicture> PictureLocalizer::locate(const RgbImage& picture, const SE3& guess) const {
+  const Impl& my = *impl_;
+  if (picture.width != my.full_width || picture.height != my.full_height)
+    throw InputError("picture", "is " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
+                                    ", the calibration is for " + std::to_string(my.full_width) + "x" +
+                                    std::to_string(my.full_height));
+  const odometry::Pyramid seen = my.pyramid_of(picture);
+  LocatedPicture located{.T_local_camera = guess};
+  for (int round = 0; round < my.options.rounds; ++round) {
+    const sensors::RenderedFrame predicted = my.renderer.render(located.T_local_camera);
+    const odometry::Pyramid expected = my.pyramid_of(predicted.rgb);
+    const std::vector<odometry::ReferencePoint> points = my.points_of(expected, predicted.depth_m);
+    constexpr std::size_t kFewest = 50;
+    if (points.size() < kFewest) return std::nullopt;
+    const odometry::TrackingReference reference = odometry::make_reference(my.lens, expected, points);
+    const odometry::AlignmentResult alignment = odometry::align(my.lens, reference, seen, {}, my.tracking);
+    if (!alignment.converged) return std::nullopt;
+    const SE3& T_picture_reference = alignment.state.T_target_reference;
+    located.correlation = my.correlation(reference.levels[0], seen.levels[0], T_picture_reference);
+    located.T_local_camera = located.T_local_camera * T_picture_reference.inverse();
+    located.information = pose_information(alignment);
+    located.share_in_view = alignment.inside_share;
+    located.rmse = alignment.finest_rmse();
+    constexpr double kStill_px = 0.05;
+    const auto flow = odometry::optical_flow(my.lens, reference, T_picture_reference);
+    if (flow.full_px < kStill_px) break;
+  }
+  if (located.share_in_view < my.options.least_share || located.correlation < my.options.least_correlation)
+    return std::nullopt;
+  return located;
+}
+
+}  // namespace tileflight::localization

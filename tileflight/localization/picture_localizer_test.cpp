@@ -1,0 +1,102 @@
+#include "tileflight/localization/picture_localizer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/sensors/render.h"
+#include "tileflight/sensors/test_scenes.h"
+
+namespace tileflight::localization {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+
+/// Blotches of many sizes: what ground looks like.
+std::shared_ptr<const imaging::RgbImage> blotches(int seed) {
+  using sensors::test_scenes::noise;
+  return sensors::test_scenes::texture(512, 512, [seed](int x, int y) {
+    double value = 0.0;
+    for (int k = 0; k < 6; ++k) {
+      const int cell = 1 << k;
+      const int i = x / cell, j = y / cell;
+      const double u = double(x % cell) / cell, v = double(y % cell) / cell;
+      const auto at = [&](int a, int b) { return double(noise(i + a, j + b, seed + k)); };
+      value += (1 - u) * (1 - v) * at(0, 0) + u * (1 - v) * at(1, 0) + (1 - u) * v * at(0, 1) + u * v * at(1, 1);
+    }
+    return sensors::test_scenes::grey(static_cast<int>(value / 6.0));
+  });
+}
+
+struct Place {
+  scene::Scene scene;
+  explicit Place(int seed) : scene({sensors::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, blotches(seed))}) {}
+};
+
+const Place& the_place() {
+  static const Place place(1);
+  return place;
+}
+
+imaging::Camera camera() { return imaging::make_pinhole(320, 240, 80.0); }
+
+SE3 true_pose() {
+  SE3 pose = sensors::test_scenes::looking_down(Vec3(4.0, -7.0, 40.0));
+  pose.rotation = pose.rotation * geometry::so3_exp({0.25, -0.1, 0.4});
+  return pose;
+}
+
+imaging::RgbImage picture_at(const Place& place, const SE3& pose) {
+  return sensors::CameraRenderer(place.scene, camera(), {}).render(pose).rgb;
+}
+
+SE3 off(const SE3& pose, const Vec3& metres, const Vec3& radians) {
+  return {pose.rotation * geometry::so3_exp(radians), pose.translation + metres};
+}
+
+TEST(PictureLocalizer, FindsTheCameraFromAMetreAndTwoDegreesOff) {
+  const PictureLocalizer localizer(the_place().scene, camera());
+  const imaging::RgbImage picture = picture_at(the_place(), true_pose());
+  for (const Vec3& metres : {Vec3(1.0, 0.0, 0.0), Vec3(-0.6, 0.8, 0.3), Vec3(0.2, -0.3, -0.9)}) {
+    const auto found = localizer.locate(picture, off(true_pose(), metres, Vec3(0.02, -0.025, 0.03)));
+    ASSERT_TRUE(found);
+    EXPECT_LT((found->T_local_camera.translation - true_pose().translation).norm(), 0.02);
+    EXPECT_LT(found->T_local_camera.rotation.angularDistance(true_pose().rotation), 6e-4);
+    EXPECT_GT(found->correlation, 0.95);
+    // The information is that of what moves the picture least: along the axis it is known worst.
+    const double along = found->information(2, 2), across = found->information(0, 0);
+    EXPECT_LT(along, across);
+  }
+}
+
+TEST(PictureLocalizer, OtherLightDoesNotMatter) {
+  imaging::RgbImage picture = picture_at(the_place(), true_pose());
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {  // darker, and fading to a corner
+      const double share = 0.7 - 0.4 * (double(x) / picture.width) * (double(y) / picture.height);
+      for (auto& channel : picture(x, y)) channel = static_cast<std::uint8_t>(share * channel);
+    }
+  }
+  const PictureLocalizer localizer(the_place().scene, camera());
+  const auto found = localizer.locate(picture, off(true_pose(), Vec3(0.5, 0.4, -0.3), Vec3(0.01, 0.01, 0.01)));
+  ASSERT_TRUE(found);
+  EXPECT_LT((found->T_local_camera.translation - true_pose().translation).norm(), 0.05);
+}
+
+TEST(PictureLocalizer, AnotherPlaceIsNotTaken) {
+  const PictureLocalizer localizer(the_place().scene, camera());
+  EXPECT_FALSE(localizer.locate(picture_at(Place(2), true_pose()), true_pose()));
+  // Nor one that is far from where it is looked for, nor the sky.
+  EXPECT_FALSE(localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3(25.0, 0, 0), Vec3::Zero())));
+  EXPECT_FALSE(localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3::Zero(), Vec3(M_PI, 0, 0))));
+}
+
+TEST(PictureLocalizer, APictureOfAnotherSizeIsAnError) {
+  const PictureLocalizer localizer(the_place().scene, camera());
+  EXPECT_THROW(localizer.locate(imaging::RgbImage(100, 100), true_pose()), InputError);
+}
+
+}  // namespace
+}  // namespace tileflight::localization

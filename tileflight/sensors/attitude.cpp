@@ -1,0 +1,54 @@
+#include "tileflight/sensors/attitude.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/geometry/input_error.h"
+#include "tileflight/sensors/gauss_markov.h"
+
+namespace tileflight::sensors {
+namespace {
+
+constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
+constexpr std::uint64_t kNoiseStream = 1, kEastStream = 2, kNorthStream = 3, kUpStream = 4;
+
+void require(bool holds, const char* option, const char* what) {
+  if (!holds) throw InputError(std::string("attitude ") + option, what);
+}
+
+}  // namespace
+
+void check(const AttitudeOptions& o) {
+  require(o.rate_hz > 0.0 && o.rate_hz <= 1e5, "rate_hz", "must lie between 0 and 100000");
+  require(o.noise_deg >= 0.0 && o.tilt_bias_sigma_deg >= 0.0 && o.yaw_bias_sigma_deg >= 0.0, "errors",
+          "must not be negative");
+  require(o.bias_time_s > 0.0, "bias_time_s", "must be more than 0");
+}
+
+std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(double)>& pose_at,
+                                              const SampleTimes& times, const AttitudeOptions& options) {
+  check(options);
+  const auto bias = [&](double sigma_deg, std::uint64_t stream) {
+    return GaussMarkov(sigma_deg * kRadiansOfDegree, options.bias_time_s, times.rate_hz,
+                       stream_key(options.seed, stream));
+  };
+  GaussMarkov east = bias(options.tilt_bias_sigma_deg, kEastStream);
+  GaussMarkov north = bias(options.tilt_bias_sigma_deg, kNorthStream);
+  GaussMarkov up = bias(options.yaw_bias_sigma_deg, kUpStream);
+  const std::uint64_t noise_key = stream_key(options.seed, kNoiseStream);
+  std::vector<AttitudeSample> samples;
+  samples.reserve(times.count());
+  for (std::uint64_t i = 0; i < times.count(); ++i) {
+    const auto n = normal_numbers(noise_key, i);
+    const geometry::Vec3 error = geometry::Vec3(east.value(), north.value(), up.value()) +
+                                 options.noise_deg * kRadiansOfDegree * geometry::Vec3(n[0], n[1], n[2]);
+    samples.push_back({times.at(i), geometry::so3_exp(error) * pose_at(times.at(i)).rotation});
+    east.step(), north.step(), up.step();
+  }
+  return samples;
+}
+
+double tilt_sigma_deg(const AttitudeOptions& o) { return std::max(0.01, std::hypot(o.tilt_bias_sigma_deg, o.noise_deg)); }
+double yaw_sigma_deg(const AttitudeOptions& o) { return std::max(0.01, std::hypot(o.yaw_bias_sigma_deg, o.noise_deg)); }
+
+}  // namespace tileflight::sensors
