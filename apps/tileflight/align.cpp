@@ -90,9 +90,10 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
       "telemetry even where there is some), 'true-poses' (the dataset's ground truth: for simulations only), or a "
       "transform.json to begin at");
   command
-      ->add_option("--method", options->method,
-                   "'all-evidence' (default: shapes, telemetry and pictures together, to the exact surface), or ICP from "
-                   "one start: point-to-point, point-to-plane, point-to-mesh, generalized")
+      ->add_option(
+          "--method", options->method,
+          "'all-evidence' (default: shapes, telemetry and pictures together, to the exact surface), or ICP from "
+          "one start: point-to-point, point-to-plane, point-to-mesh, generalized")
       ->check(CLI::IsMember({"all-evidence", "point-to-point", "point-to-plane", "point-to-mesh", "generalized"}));
   command->add_option("--radius", options->radius_m, "of ICP's last step's correspondences, metres; default: 1")
       ->check(CLI::PositiveNumber);

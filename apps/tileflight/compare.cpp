@@ -23,7 +23,9 @@ struct Options {
 /// "surface.median", "completeness.within_0.2" … of a comparison, where they are known.
 constexpr std::array<const char*, 3> kParts{"surface", "completeness", "path"};
 
-std::string interval_text(const json& ci) { return ci[0].is_null() ? "no interval" : "95 % interval " + rounded_list(ci); }
+std::string interval_text(const json& ci) {
+  return ci[0].is_null() ? "no interval" : "95 % interval " + rounded_list(ci);
+}
 
 std::string measures_of(const json& pair) {
   std::ostringstream text;
@@ -32,8 +34,8 @@ std::string measures_of(const json& pair) {
     for (const auto& [name, m] : pair[part].items()) {
       if (name == "blocks" || !m.is_object()) continue;
       const bool by_ratio = m["margin_of"] == "ratio";
-      text << "  " << part << " " << name << ": " << m["simulated"] << " and " << m["real"] << ", "
-           << (by_ratio ? "ratio " : "difference ") << m[by_ratio ? "ratio" : "difference"] << ", "
+      text << "  " << part << " " << name << ": " << rounded(m["simulated"]) << " and " << rounded(m["real"]) << ", "
+           << (by_ratio ? "ratio " : "difference ") << rounded(m[by_ratio ? "ratio" : "difference"]) << ", "
            << interval_text(m[by_ratio ? "ratio_ci95" : "ci95"]) << " by " << m["unit"].get<std::string>()
            << ", same up to " << m["margin"] << ": " << m["verdict"].get<std::string>()
            << (m["decides"].get<bool>() ? "" : " (does not decide)") << "\n";
@@ -56,8 +58,11 @@ std::string line_of(const json& pair) {
     text << separator << name.get<std::string>();
     separator = ", ";
   }
-  text << "\n"
-       << measures_of(pair) << "  published measure (nearest voxel centre): mean difference "
+  text << "\n";
+  for (const json& doubt : pair.value("verdict_withheld_by", json::array()))
+    text << "  withheld by a doubt (" << doubt["where"].get<std::string>() << "): " << doubt["what"].get<std::string>()
+         << "\n";
+  text << measures_of(pair) << "  published measure (nearest voxel centre): mean difference "
        << rounded(pair["mean_difference"]) << " m, " << interval_text(pair["mean_difference_ci95"]) << " m by "
        << pair["unit"].get<std::string>() << ": " << pair["mean_difference_verdict"].get<std::string>()
        << "\n  Kolmogorov-Smirnov " << rounded(pair["ks_statistic"]) << ", Wasserstein "

@@ -1,6 +1,7 @@
 #include "tileflight/experiment/run.h"
 
 #include "command.h"
+#include "doubts_text.h"
 #include "source_options.h"
 #include "tileflight/report/ablation_table.h"
 #include "tileflight/report/compared_maps.h"
@@ -33,6 +34,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       for (const std::string& part : {report::compared_maps_text(results), report::ablation_text(results)}) {
         if (!part.empty()) text += "\n" + part;
       }
+      if (const std::string doubts = doubts_text(results); !doubts.empty()) text += "\n" + doubts;
       return {results, text + "\nreport: " + report + "\n"};
     };
   });

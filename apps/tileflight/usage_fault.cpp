@@ -108,11 +108,14 @@ std::string choice_fault(const std::string& fault) {
 
 std::string usage_fault(const CLI::App& app, const std::vector<std::string>& arguments, const std::string& fault) {
   const CLI::App* command = &app;
-  for (const std::string& argument : arguments) {
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& argument = arguments[i];
     if (argument == "--") break;
     if (is_option(argument)) {
       const std::string name = argument.substr(0, argument.find('='));
-      if (command->get_option_no_throw(name) == nullptr) return unknown_option(*command, name);
+      const CLI::Option* option = command->get_option_no_throw(name);
+      if (option == nullptr) return unknown_option(*command, name);
+      if (name == argument && option->get_items_expected_min() > 0) ++i;  // its value, which may look like an option
     } else if (const auto commands = subcommands_of(*command); !commands.empty()) {
       const auto chosen = std::find_if(commands.begin(), commands.end(),
                                        [&](const CLI::App* known) { return known->get_name() == argument; });

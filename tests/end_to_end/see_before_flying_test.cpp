@@ -74,7 +74,7 @@ class BridgeAndHouse : public ::testing::Test {
     TinyPlace::write_file(folder_ / "place.obj", shapes.text());
     const ProgramResult tiled =
         run_tileflight({"tile", (folder_ / "place.obj").string(), "--out", place(), "--georeference", "50.5,14.25,300",
-                        "--tile-triangles", "60", "--copyright", "Nobody, CC0"});
+                        "--tile-triangles", "100", "--copyright", "Nobody, CC0"});
     ASSERT_EQ(tiled.exit_code, 0) << tiled.err;
     TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
   }

@@ -23,6 +23,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/output_folder.h"
 #include "tileflight/geometry/yaml_section.h"
 #include "tileflight/ground_truth/extract.h"
 #include "tileflight/tiling/stadium.h"
@@ -47,6 +48,7 @@ struct Options {
   std::uint64_t seed = 1;
   std::string keep = "odometry";
   std::optional<int> one;
+  int least_right = 0;
 };
 
 std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
@@ -65,7 +67,8 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     if (place.source == "stadium:twin") {
       const fs::path built_in = out / "places/built-in";
       if (!fs::exists(built_in)) {
-        geometry::write_folder(built_in, false, [](const fs::path& folder) { tiling::write_stadium(folder, {}); });
+        geometry::write_folder({.folder = built_in, .command = "proving_ground", .unmarked = {}},
+                               [](const fs::path& folder) { tiling::write_stadium(folder, {}); });
       }
       place.source = (built_in / "twin/tileset.json").string();
     }
@@ -278,6 +281,7 @@ int main_of(int argc, char** argv) {
   app.add_option("--seed", options.seed, "of everything that is drawn")->capture_default_str();
   app.add_option("--keep", options.keep, "'odometry': align and score again; 'all': only flights that are not done yet")
       ->check(CLI::IsMember({"odometry", "all"}));
+  app.add_option("--least-right", options.least_right, "fewer right ones are a failure, too")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     fs::create_directories(options.out);
@@ -288,7 +292,10 @@ int main_of(int argc, char** argv) {
     geometry::write_file(options.out / "summary.md", summary(outcomes));
     std::cout << summary(outcomes);
     const bool silent = std::ranges::any_of(outcomes, [](const Outcome& o) { return o.verdict() == "SILENT"; });
-    return silent ? 1 : 0;
+    const auto right = std::ranges::count_if(outcomes, [](const Outcome& o) { return o.verdict() == "right"; });
+    if (right < options.least_right)
+      std::cerr << "proving_ground: " << right << " right ones, wanted " << options.least_right << "\n";
+    return silent || right < options.least_right ? 1 : 0;
   } catch (const std::exception& fault) {
     std::cerr << "proving_ground: " << fault.what() << "\n";
     return 1;

@@ -16,10 +16,10 @@ std::vector<PositionFix> receiver(const geometry::Trajectory& local, const Vec3&
   std::normal_distribution<double> normal;
   std::vector<PositionFix> fixes;
   for (const auto& pose : local.poses)
-    fixes.push_back({pose.time_s,
-                     pose.T_local_camera.translation + bias +
-                         noise_m * Vec3(normal(random), normal(random), normal(random)),
-                     1.0, 2.0});
+    fixes.push_back(
+        {pose.time_s,
+         pose.T_local_camera.translation + bias + noise_m * Vec3(normal(random), normal(random), normal(random)), 1.0,
+         2.0});
   return fixes;
 }
 
@@ -49,9 +49,9 @@ TEST(Evidence, AStraightPathLeavesItsRollOpenAndSaysAboutWhichAxis) {
   const TrajectoryAlignment fit = align_trajectory(flight.map, fixes, {.estimate_time_offset = false});
   const TelemetryEstimate telemetry = estimate_of(flight.map, fixes, fit, std::nullopt);
   EXPECT_GT(telemetry.worst_rotation_sigma_rad, 0.5);
-  const Vec3 along = (flight.local.poses.back().T_local_camera.translation -
-                      flight.local.poses.front().T_local_camera.translation)
-                         .normalized();
+  const Vec3 along =
+      (flight.local.poses.back().T_local_camera.translation - flight.local.poses.front().T_local_camera.translation)
+          .normalized();
   EXPECT_GT(std::abs(telemetry.worst_axis_local.dot(along)), 0.99);
 }
 

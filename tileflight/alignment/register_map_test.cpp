@@ -28,10 +28,10 @@ std::vector<PositionFix> receiver(const geometry::Trajectory& local, const Vec3&
   std::normal_distribution<double> normal;
   std::vector<PositionFix> fixes;
   for (const auto& pose : local.poses)
-    fixes.push_back({pose.time_s,
-                     pose.T_local_camera.translation + bias +
-                         0.2 * Vec3(normal(random), normal(random), normal(random)),
-                     0.6, 0.9});
+    fixes.push_back(
+        {pose.time_s,
+         pose.T_local_camera.translation + bias + 0.2 * Vec3(normal(random), normal(random), normal(random)), 0.6,
+         0.9});
   return fixes;
 }
 
@@ -77,9 +77,9 @@ std::string all_doubts(const Registration& registration) {
 
 TEST(RegisterMap, PositionsOfACurvedPathLeadToTheSurface) {
   const Flight flight = fly(curved_path());
-  const Registration r = register_map(
-      flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3(0.6, -0.5, 0.9))},
-      the_place().surface, rays_only(), options());
+  const Registration r =
+      register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3(0.6, -0.5, 0.9))},
+                   the_place().surface, rays_only(), options());
   EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.05);
   EXPECT_EQ(r.method, "surface");
   EXPECT_EQ(r.start, "positions");
@@ -140,8 +140,8 @@ TEST(RegisterMap, APathThatBreaksIsSaid) {
 TEST(RegisterMap, WhereNothingFitsItIsSaid) {
   const Flight flight = fly(curved_path());
   std::vector<PositionFix> elsewhere = receiver(flight.local, Vec3(40.0, 35.0, 0.0));
-  const Registration r = register_map(flight.points, {.path = flight.map, .positions = elsewhere},
-                                      the_place().surface, rays_only(), options());
+  const Registration r = register_map(flight.points, {.path = flight.map, .positions = elsewhere}, the_place().surface,
+                                      rays_only(), options());
   EXPECT_FALSE(r.doubts.empty());
 }
 

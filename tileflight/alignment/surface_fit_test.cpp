@@ -44,7 +44,8 @@ TEST(SurfaceFit, UncertainAndWildPointsDoNotPull) {
   Flight flight = fly(curved_path(), 150, 0.003);
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
-  for (std::size_t i = 0; i < flight.points.size(); i += 3) {  // a third is far off along its ray, to one side, and says so
+  for (std::size_t i = 0; i < flight.points.size();
+       i += 3) {  // a third is far off along its ray, to one side, and says so
     const double sigma = 0.1;
     const Vec3 ray = flight.points.positions[i] - flight.points.viewpoints[i];
     flight.points.positions[i] += std::abs(sigma * normal(random)) * ray;
@@ -64,7 +65,8 @@ TEST(SurfaceFit, WhatTheSurfaceLeavesOpenIsHeldByWhatIsKnown) {
   ObservedPoints points;
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> unit(-30.0, 30.0);
-  for (int k = 0; k < 3000; ++k) points.positions.push_back(T_local_map().inverse() * Vec3(unit(random), unit(random), 0.0));
+  for (int k = 0; k < 3000; ++k)
+    points.positions.push_back(T_local_map().inverse() * Vec3(unit(random), unit(random), 0.0));
   Vec7 motion = Vec7::Zero();
   motion << 0.8, -0.6, 0.5, 0.01, -0.01, 0.02, 0.01;
   SurfaceFitOptions options;
@@ -94,8 +96,8 @@ TEST(SurfaceFit, NothingToAlignIsSaid) {
   EXPECT_THROW(fit_to_surface(broken, the_place().index, the_place().mesh, Sim3()), InputError);
   SurfaceFitOptions elsewhere;
   elsewhere.regions = {geometry::Box3(Vec3(1e6, 1e6, 0), Vec3(1e6 + 1, 1e6 + 1, 1))};
-  const SurfaceFit fit = fit_to_surface(fly(curved_path(), 10).points, the_place().index, the_place().mesh,
-                                        T_local_map(), elsewhere);
+  const SurfaceFit fit =
+      fit_to_surface(fly(curved_path(), 10).points, the_place().index, the_place().mesh, T_local_map(), elsewhere);
   EXPECT_EQ(fit.points, 0U);
   EXPECT_FALSE(fit.converged);
 }

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/temporary_folder.h"
 #include "tests/refusal.h"
+#include "tests/temporary_folder.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/transform.h"
 

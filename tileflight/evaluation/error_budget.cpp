@@ -23,7 +23,7 @@ BudgetPart tiles_part(const std::optional<double>& geometric_error_m) {
 
 BudgetPart alignment_part(const std::optional<double>& sigma_m) {
   if (!sigma_m) return {std::nullopt, "estimated", "the transform has no uncertainty; it is part of the remainder"};
-  return {sigma_m, "estimated", "how far noise may have moved the map's points, from the transform's covariance"};
+  return {sigma_m, "estimated", "how far the map's points may have been moved, by the transform's own uncertainty"};
 }
 
 BudgetPart path_part(const std::optional<double>& to_true_poses_m) {

@@ -6,8 +6,10 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
+#include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/evaluation/path_comparison.h"
 #include "tileflight/evaluation/place_blocks.h"
 #include "tileflight/evaluation/repeated_runs.h"
@@ -410,13 +412,20 @@ json to_json(const BlocksUsed& b) {
           {"real_only", b.alone[1]}};
 }
 
-json to_json(const Comparison& published, const std::optional<MapComparison>& maps) {
+json to_json(const Comparison& published, const std::optional<MapComparison>& maps, const Doubts& doubts) {
   json object = to_json(published);
   for (const char* part : {"surface", "completeness", "path", "missing_parts"}) object[part] = nullptr;
   const Verdict verdict = maps ? maps->verdict : Verdict{published.verdict, {"mean_difference"}, {}};
   object["verdict"] = verdict.word;
   object["verdict_on"] = verdict.on;
   object["verdict_because"] = verdict.because;
+  Doubts forbidding;
+  std::ranges::copy_if(doubts, std::back_inserter(forbidding), forbids_verdict);
+  if (!forbidding.empty()) {
+    object["verdict"] = kWithheld;
+    object["verdict_without_doubts"] = verdict.word;
+    object["verdict_withheld_by"] = to_json(forbidding);
+  }
   if (!maps) return object;
   for (const Measured& m : maps->measures) {
     const std::size_t dot = m.name.find('.');

@@ -11,6 +11,7 @@
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/missed_places.h"
 #include "tileflight/evaluation/missing_parts.h"
+#include "tileflight/geometry/doubt.h"
 
 namespace tileflight::evaluation {
 
@@ -47,6 +48,9 @@ struct BlocksUsed {
   std::array<std::size_t, 2> alone{};  ///< that only the simulated, only the real map reaches
 };
 
+/// The word for a verdict that doubts forbid.
+inline constexpr const char* kWithheld = "withheld";
+
 /// Two maps by numbers that tell them apart, and one verdict on all.
 struct MapComparison {
   std::vector<Measured> measures;  ///< surface.…, completeness.…, path.ate
@@ -65,7 +69,9 @@ MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::v
 /// The keys of the published measure's comparison, and beside them `surface {median, rms, within_T, beyond_T, blocks}`,
 /// `completeness {within_T …, lacking, blocks}`, `path {ate}` and `missing_parts`, each null where it is not known,
 /// `verdict`, `verdict_on` and `verdict_because` (lists of "part.key"). Without the second comparison, where there is
-/// no exact surface, the verdict is that on the published measure.
-nlohmann::json to_json(const Comparison& published, const std::optional<MapComparison>& maps);
+/// no exact surface, the verdict is that on the published measure. Where a doubt of either map forbids it (doubt.h), it
+/// is "withheld": `verdict_withheld_by` lists those doubts, `verdict_without_doubts` is the word that the numbers give.
+nlohmann::json to_json(const Comparison& published, const std::optional<MapComparison>& maps,
+                       const Doubts& doubts = {});
 
 }  // namespace tileflight::evaluation

@@ -151,8 +151,22 @@ const std::array<double, 2>& judged_ci95(const Measured& m) {
   return m.scale == Scale::kRatio ? m.ratio_ci95 : m.difference_ci95;
 }
 
-const std::string& overall_verdict(const ComparedPair& pair) {
+std::string overall_verdict(const ComparedPair& pair) {
+  if (std::ranges::any_of(pair.doubts, forbids_verdict)) return kWithheld;
   return pair.maps ? pair.maps->verdict.word : pair.comparison.verdict;
+}
+
+Doubts doubts_of_both(const ComparedMap& first, const ComparedMap& second) {
+  Doubts doubts;
+  for (const ComparedMap* map : {&first, &second}) {
+    for (Doubt doubt : map->metrics.doubts) {
+      const bool of_truth = doubt.where == "truth";
+      if (of_truth && map == &second) continue;
+      if (!of_truth) doubt.where = map->name + "/" + doubt.where;
+      doubts.push_back(std::move(doubt));
+    }
+  }
+  return doubts;
 }
 
 std::string measures_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
@@ -184,6 +198,7 @@ std::vector<ComparedPair> compare_all(const std::vector<ComparedMap>& maps, cons
       if (!maps[i].scored.empty() && !maps[j].scored.empty())
         pair.maps = compare_maps(maps[i].scored, maps[j].scored, map_options);
       pair.simultaneous_ci95 = simultaneous_interval(maps[i], maps[j], count, options);
+      pair.doubts = doubts_of_both(maps[i], maps[j]);
       pairs.push_back(std::move(pair));
     }
   }
@@ -199,7 +214,7 @@ json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPai
     object["maps"].push_back(std::move(line));
   }
   for (const ComparedPair& pair : pairs) {
-    json line = to_json(pair.comparison, pair.maps);
+    json line = to_json(pair.comparison, pair.maps, pair.doubts);
     line["first"] = maps[pair.first].name;
     line["second"] = maps[pair.second].name;
     line["simultaneous_ci95"] = pair.simultaneous_ci95;

@@ -28,6 +28,7 @@ struct ComparedPair {
   /// Interval of the difference, by blocks of the first runs, such that those of all pairs hold together in 95 of 100
   /// cases (Bonferroni).
   std::array<double, 2> simultaneous_ci95{};
+  Doubts doubts{};  ///< of both maps, each under its map's name; the truth's once
 };
 
 /// Every pair of at least two maps. Throws InputError as compare() and compare_maps() do.

@@ -102,7 +102,9 @@ TEST(PlaceBootstrap, StandardErrorIsTheSpreadOverOtherPlaces) {
       squares += std::pow(bootstrap.value(mean), 2);  // its true value is 0
       said += std::pow(bootstrap.standard_error(mean), 2);
     }
-    EXPECT_NEAR(std::sqrt(said / squares), 1.0, 0.15) << correlation_m;
+    // Never below the blocks' or the quarters' own: where errors are not alike at all, that is a sixth too much.
+    EXPECT_GE(std::sqrt(said / squares), 0.85) << correlation_m;
+    EXPECT_LE(std::sqrt(said / squares), 1.25) << correlation_m;
   }
 }
 

@@ -7,6 +7,7 @@
 
 #include "tileflight/evaluation/map_table.h"
 #include "tileflight/evaluation/rank_correlation.h"
+#include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/evaluate.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -60,7 +61,11 @@ evaluation::ComparedMap read_map(const std::vector<fs::path>& runs) {
   for (const fs::path& file : runs) {
     evaluation::MetricsFile read = evaluation::read_metrics(file);
     if (auto scored = scored_map(file, read)) map.scored.push_back(std::move(*scored));
-    if (map.runs.empty()) map.metrics = std::move(read.metrics);
+    if (map.runs.empty()) {
+      map.metrics = std::move(read.metrics);
+    } else {
+      append(map.metrics.doubts, read.metrics.doubts);
+    }
     map.runs.push_back(std::move(read.voxel));
   }
   if (map.scored.size() < map.runs.size()) map.scored.clear();
@@ -143,9 +148,11 @@ double number_at(const fs::path& metrics_json, const std::string& by) {
 json compare(const std::vector<fs::path>& simulated, const std::vector<fs::path>& real,
              const EvaluationSettings& settings, std::uint64_t seed) {
   if (simulated.empty() || real.empty()) throw InputError("comparison", "needs a run of each flight");
-  const auto pairs = evaluation::compare_all({read_map(simulated), read_map(real)}, published_options(settings, seed),
-                                             map_options(settings, seed));
-  return evaluation::to_json(pairs.front().comparison, pairs.front().maps);
+  std::vector<evaluation::ComparedMap> maps{read_map(simulated), read_map(real)};
+  maps[0].name = "simulated";
+  maps[1].name = "real";
+  const auto pairs = evaluation::compare_all(maps, published_options(settings, seed), map_options(settings, seed));
+  return evaluation::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts);
 }
 
 json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings, std::uint64_t seed,
@@ -161,7 +168,9 @@ json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettin
     geometry::write_file(pairs_file(files.csv), evaluation::pairs_csv(maps, pairs));
   }
   if (!files.tex.empty()) geometry::write_file(files.tex, evaluation::tables_tex(maps, pairs));
-  json result = maps.size() == 2 ? evaluation::to_json(pairs.front().comparison, pairs.front().maps) : json::object();
+  json result = maps.size() == 2
+                    ? evaluation::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts)
+                    : json::object();
   result.update(evaluation::to_json(maps, pairs));
   return result;
 }

@@ -50,8 +50,8 @@ std::vector<dataset::CameraAttitude> simulated_attitude(const Mission& mission,
   const auto pose_at = [&](double time_s) { return *geometry::interpolate(mission.frames, time_s); };
   std::vector<dataset::CameraAttitude> attitudes;
   for (const sensors::AttitudeSample& sample : sensors::simulate_attitude(pose_at, times, options))
-    attitudes.push_back({sample.time_s, sample.R_local_camera, sensors::tilt_sigma_deg(options),
-                         sensors::yaw_sigma_deg(options)});
+    attitudes.push_back(
+        {sample.time_s, sample.R_local_camera, sensors::tilt_sigma_deg(options), sensors::yaw_sigma_deg(options)});
   return attitudes;
 }
 

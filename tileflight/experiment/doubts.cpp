@@ -4,6 +4,7 @@
 
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/doubts_json.h"
+#include "tileflight/experiment/flight_faults.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/trajectory.h"
 
@@ -86,9 +87,10 @@ Doubts doubts_of_truth(const json& about) {
 Doubts doubts_of_dataset(const fs::path& folder) {
   Doubts doubts;
   if (folder.empty()) return doubts;
-  for (const auto& [key, value] : dataset::read_dataset(folder).about) {
-    if (key == "warnings" || key.starts_with("warnings."))
-      doubts.push_back({value, "dataset", "likely", "look at the pictures (tileflight preview), and change the flight"});
+  for (const sensors::FlightFault& fault : recorded_faults(dataset::read_dataset(folder).about)) {
+    const bool only_near = fault.key == "camera_near_surface" || fault.key == "no_surface_in_view";
+    doubts.push_back({fault.what + " (frames " + frame_runs(fault.frames) + ")", "dataset",
+                      only_near ? "possible" : "likely", "look at those pictures, and change the flight"});
   }
   return doubts;
 }

@@ -193,14 +193,14 @@ std::optional<evaluation::DistanceStatistics> known_floor(const json& extract_js
 }
 
 /// A ground truth and what is known of it.
-struct Truth {
+struct KnownTruth {
   fs::path folder;
   json about;  ///< extract.json
   TrueRegion region;
   ground_truth::GroundTruth parts;
 };
 
-Truth read_truth(const fs::path& folder) {
+KnownTruth read_truth(const fs::path& folder) {
   json about = read_extract_json(folder);
   const TrueRegion region = region_of(about);
   return {folder, std::move(about), region, ground_truth::read_ground_truth(folder)};
@@ -215,8 +215,8 @@ struct OverRegion {
 };
 
 /// `surface_m`: of all points. Throws InputError where none is over the region.
-OverRegion part_over_region(geometry::PointCloud on_surface, const std::vector<double>& surface_m, const Truth& truth,
-                            const MapInputs& map) {
+OverRegion part_over_region(geometry::PointCloud on_surface, const std::vector<double>& surface_m,
+                            const KnownTruth& truth, const MapInputs& map) {
   OverRegion part{.is_over = std::vector<bool>(on_surface.size())};
   for (std::size_t i = 0; i < on_surface.size(); ++i) {
     part.is_over[i] = truth.region.is_over_or_under(on_surface.positions[i]);
@@ -234,7 +234,7 @@ OverRegion part_over_region(geometry::PointCloud on_surface, const std::vector<d
 /// The paper's part, the path's, and the map's own sharpness. The cloud, in the map's frame, goes into the score's
 /// errors; `index` becomes that of its aligned points.
 evaluation::Score score_without_surface(geometry::PointCloud cloud, const geometry::Sim3& T_local_map,
-                                        const Truth& truth, const Poses& poses, const EvaluationSettings& settings,
+                                        const KnownTruth& truth, const Poses& poses, const EvaluationSettings& settings,
                                         const Progress& progress, std::optional<geometry::NearestIndex>& index) {
   const auto floor = known_floor(truth.about, settings.cutoff_m);
   const geometry::PointCloud samples =
@@ -253,14 +253,20 @@ evaluation::Score score_without_surface(geometry::PointCloud cloud, const geomet
   return score;
 }
 
-/// Everything that may make the scores wrong: of the map, its transform, the truth and the pictures, and what the scores
-/// show themselves.
+/// Everything that may make the scores wrong: of the map, its transform, the truth and the pictures, and what the
+/// scores show themselves.
 Doubts doubts_of_scores(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
                         const evaluation::Metrics& metrics) {
   Doubts doubts = doubts_in(transform_file);
   append(doubts, doubts_of_odometry(map));
   append(doubts, doubts_of_truth(about_truth));
   append(doubts, doubts_of_dataset(map.dataset));
+  if (!metrics.surface) {
+    doubts.push_back({"the ground truth has no exact surface: distances to its cells' centres have a floor of " +
+                          std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
+                          " m, which hides what good maps differ in",
+                      "truth", "possible", "extract from meshes, or with smaller cells"});
+  }
   constexpr double kFewNear = 0.5;
   if (metrics.surface) {
     const auto& accuracy = metrics.surface->accuracy;
@@ -284,7 +290,7 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   geometry::PointCloud cloud = read_map(map.map);
   const geometry::Sim3 T_published_map = published_transform(transform_file);
   const geometry::Sim3 T_surface_map = surface_transform(transform_file);
-  const Truth truth = read_truth(truth_folder);
+  const KnownTruth truth = read_truth(truth_folder);
   const Poses poses = read_poses(map);
   const std::optional<double> path_m = to_true_poses_m(poses, T_surface_map, cloud);
   geometry::PointCloud on_surface = geometry::transformed(T_surface_map, shape_of(cloud));

@@ -113,10 +113,10 @@ struct EvaluationSettings {
   std::vector<double> thresholds_m{0.1, 0.2, 0.5, 1.0};
   double equivalence_margin_m = 0.05;  ///< of the published measure
   // What counts as the same in the comparison of two maps; why so much: evaluation::MapComparisonOptions.
-  double ratio_margin = 1.25;         ///< of median and RMS distance to the surface
-  double share_margin = 0.05;         ///< of the shares of map points
-  double completeness_margin = 1.1;   ///< ratio
-  double lacking_margin = 0.01;       ///< of the share that one map lacks of what the other covers
+  double ratio_margin = 1.25;        ///< of median and RMS distance to the surface
+  double share_margin = 0.05;        ///< of the shares of map points
+  double completeness_margin = 1.1;  ///< ratio
+  double lacking_margin = 0.01;      ///< of the share that one map lacks of what the other covers
   double path_margin_m = 0.1;
   double completeness_samples_per_m2 = 4.0;
   double entropy_radius_m = 2.0;  ///< of the neighbourhoods that the map's own sharpness is judged in

@@ -50,7 +50,7 @@ std::vector<std::size_t> frames_of_runs(const std::string& runs) {
     const auto first = number(part.substr(0, dash));
     const auto last = dash == std::string::npos ? first : number(part.substr(dash + 1));
     if (!first || !last) continue;
-    for (std::size_t i = *first; i <= *last; ++i) frames.push_back(i);
+    for (std::size_t i = *first; i <= *last && frames.size() < kMostFrames; ++i) frames.push_back(i);
   }
   return frames;
 }

@@ -164,13 +164,13 @@ Box3 surface_bounds(OpenPlace& place, double error_m, std::uintmax_t max_memory_
 }
 
 GroundGrid grid_over(const Box3& box, int pixels) {
-  constexpr double kMargin = 0.02, kNarrowest = 1.0 / 3.0;
+  constexpr double kMargin = 0.02, kNarrowest = 1.0 / 3.0, kLeast_m = 1e-3;
   const Vec3 middle = box.center();
-  const double longer_m = std::max({box.sizes().x(), box.sizes().y(), 1e-3}) * (1 + 2 * kMargin);
+  const double longer_m = std::max({box.sizes().x(), box.sizes().y(), kLeast_m}) * (1 + 2 * kMargin);
   GroundGrid grid;
   grid.pixel_m = longer_m / pixels;
   const auto count = [&](double side_m) {
-    const double wanted_m = std::max(side_m + 2 * kMargin * longer_m, kNarrowest * longer_m);
+    const double wanted_m = std::max(std::max(side_m, kLeast_m) + 2 * kMargin * longer_m, kNarrowest * longer_m);
     return std::clamp(static_cast<int>(std::ceil(wanted_m / grid.pixel_m - 1e-9)), 1, pixels);
   };
   grid.width = count(box.sizes().x());

@@ -164,7 +164,7 @@ tiles::SourceOptions Pipeline::source_options() const {
 
 std::string Pipeline::section(const std::string& name) const {
   const auto found = experiment_.sections.find(name);
-  if (found == experiment_.sections.end()) return "";
+  if (found == experiment_.sections.end() || found->second.empty()) return "";
   // It is kept beside the results, and variables that are filled in may be secret. Another key opens the same tiles.
   return geometry::sha256_hex(tiles::scrubbed(found->second, tiles::secrets_of(experiment_.place.source)));
 }

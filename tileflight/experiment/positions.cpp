@@ -80,10 +80,10 @@ std::vector<dataset::CameraAttitude> camera_attitudes(const flight::Telemetry& t
   std::vector<dataset::CameraAttitude> attitudes;
   for (const flight::TelemetryFix& fix : telemetry.fixes) {
     if (!fix.gimbal_yaw_deg || !fix.gimbal_pitch_deg) continue;
-    attitudes.push_back({fix.time_s,
-                         flight::camera_orientation(*fix.gimbal_yaw_deg, *fix.gimbal_pitch_deg,
-                                                    fix.gimbal_roll_deg.value_or(0.0)),
-                         kTiltSigma_deg, kYawSigma_deg});
+    attitudes.push_back(
+        {fix.time_s,
+         flight::camera_orientation(*fix.gimbal_yaw_deg, *fix.gimbal_pitch_deg, fix.gimbal_roll_deg.value_or(0.0)),
+         kTiltSigma_deg, kYawSigma_deg});
   }
   return attitudes;
 }

@@ -75,9 +75,12 @@ alignment::MapAlignment align_from(const geometry::PointCloud& cloud, const MapI
     start = "geometry";
     return align_by_geometry(cloud, map, target, options, progress);
   }
-  const bool by_receiver = !map.trajectory.empty() && !map.gps.empty() && target.origin;
-  const bool by_true_poses = !map.trajectory.empty() && !map.truth_trajectory.empty();
-  if (!by_receiver && !by_true_poses) return align_without_telemetry(cloud, map, target, options, start, progress);
+  const bool by_true_poses = options.start == AlignmentStart::kTruePoses;
+  const bool by_receiver = !by_true_poses && !map.gps.empty() && target.origin;
+  if (by_true_poses && map.truth_trajectory.empty())
+    throw InputError("--start true-poses", "needs the dataset's groundtruth.txt (--dataset)");
+  if (map.trajectory.empty() || (!by_receiver && !by_true_poses))
+    return align_without_telemetry(cloud, map, target, options, start, progress);
 
   start = by_receiver ? "receiver positions" : "true poses";
   alignment::AlignMapOptions chosen = options;
@@ -94,8 +97,10 @@ std::vector<geometry::PointCloud> other_maps(const MapInputs& map, const AlignTa
                                              const alignment::AlignMapOptions& options) {
   std::vector<geometry::PointCloud> maps;
   for (const MapInputs& other : map.others) {
-    const bool by_receiver = !other.gps.empty() && target.origin;
-    if (other.trajectory.empty() || (!by_receiver && other.truth_trajectory.empty())) continue;
+    const bool by_true_poses =
+        options.start == alignment::AlignmentStart::kTruePoses && !other.truth_trajectory.empty();
+    const bool by_receiver = !by_true_poses && !other.gps.empty() && target.origin;
+    if (other.trajectory.empty() || (!by_receiver && !by_true_poses)) continue;
     const auto fixes =
         by_receiver ? receiver_positions(other.gps, *target.origin) : true_positions(other.truth_trajectory);
     const geometry::Sim3 T =

@@ -37,8 +37,8 @@ struct FlightPlan {
   std::optional<VehiclePlan> vehicle;         ///< vehicle: flies these, or the mission; none: the camera is on the path
   std::vector<MissionStep> mission;           ///< mission: else these, by a vehicle
   SpeedLimits limits;
-  std::filesystem::path sensors_file;         ///< sensors::read_sensor_suite; empty: none
-  std::optional<double> fps;  ///< without: one frame at each pose of the file
+  std::filesystem::path sensors_file;  ///< sensors::read_sensor_suite; empty: none
+  std::optional<double> fps;           ///< without: one frame at each pose of the file
   std::optional<int> max_frames;
 };
 

@@ -15,4 +15,7 @@ struct Doubt {
 
 using Doubts = std::vector<Doubt>;
 
+/// Whether no verdict may rest on what is doubted: one that is only possible stands beside the verdict.
+inline bool forbids_verdict(const Doubt& doubt) { return doubt.how_sure != "possible"; }
+
 }  // namespace tileflight

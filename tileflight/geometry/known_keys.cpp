@@ -31,7 +31,9 @@ std::string nearest_key(std::string_view unknown, const std::vector<std::string>
 std::string did_you_mean(std::string_view unknown, const std::vector<std::string>& known) {
   const std::string nearest = nearest_key(unknown, known);
   const std::size_t longer = std::max(unknown.size(), nearest.size());
-  if (nearest.empty() || 2 * edit_distance(unknown, nearest) > longer + 1) return "";
+  const bool is_beginning = unknown.size() >= 3 && nearest.starts_with(unknown);
+  // Two letters of five, and one swap more in short words.
+  if (nearest.empty() || (!is_beginning && 5 * edit_distance(unknown, nearest) > 2 * longer + 2)) return "";
   return "; did you mean '" + nearest + "'?";
 }
 

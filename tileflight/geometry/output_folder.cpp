@@ -151,7 +151,8 @@ void require_writable(const OutputFolder& output) {
   put_back_moved(target);
   if (!fs::exists(target)) return;
   const std::string name = output.folder.string();
-  if (!fs::is_directory(target)) throw InputError(name, "is not a folder");
+  if (!fs::is_directory(target))
+    throw InputError(name, "is not a folder, and --force replaces folders alone; choose another name");
   const std::string why = objection(target, output);
   if (!why.empty()) throw InputError(name, (output.replace ? "" : "exists already and ") + why);
   if (!output.replace) throw InputError(name, "exists already; --force replaces it");

@@ -11,7 +11,8 @@ imaging::FloatImage pattern(double gain, double offset, double slope) {
   imaging::FloatImage image(64, 48);
   for (int y = 0; y < 48; ++y)
     for (int x = 0; x < 64; ++x)
-      image(x, y) = static_cast<float>(gain * 30.0 * std::sin(0.9 * x + 0.4 * y) * std::cos(1.1 * y) + offset + slope * x);
+      image(x, y) =
+          static_cast<float>(gain * 30.0 * std::sin(0.9 * x + 0.4 * y) * std::cos(1.1 * y) + offset + slope * x);
   return image;
 }
 

@@ -89,8 +89,10 @@ TEST(PictureLocalizer, AnotherPlaceIsNotTaken) {
   const PictureLocalizer localizer(the_place().scene, camera());
   EXPECT_FALSE(localizer.locate(picture_at(Place(2), true_pose()), true_pose()));
   // Nor one that is far from where it is looked for, nor the sky.
-  EXPECT_FALSE(localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3(25.0, 0, 0), Vec3::Zero())));
-  EXPECT_FALSE(localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3::Zero(), Vec3(M_PI, 0, 0))));
+  EXPECT_FALSE(
+      localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3(25.0, 0, 0), Vec3::Zero())));
+  EXPECT_FALSE(
+      localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3::Zero(), Vec3(M_PI, 0, 0))));
 }
 
 TEST(PictureLocalizer, APictureOfAnotherSizeIsAnError) {

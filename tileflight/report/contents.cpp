@@ -96,6 +96,7 @@ json report_json(const Contents& contents, const json& results) {
   return {{"format", kFormat},
           {"name", contents.name},
           {"verdict", contents.verdict},
+          {"doubts", results.contains("doubts") ? results["doubts"] : json::array()},
           {"remark_on_floor", contents.remark_on_floor},
           {"key_figures", json_of(contents.key_figures)},
           {"tables", tables},

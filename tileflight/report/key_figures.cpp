@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "tileflight/report/compared_maps.h"
+#include "tileflight/report/doubts.h"
 #include "tileflight/report/numbers.h"
 
 namespace tileflight::report {
@@ -110,13 +111,23 @@ bool is(const json& flight, const std::string& pointer, bool wanted) {
   return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == wanted;
 }
 
-/// What takes from the worth of a flight's numbers, as further sentences.
-std::string doubts(const json& flight, const std::string& label) {
+/// What takes from the worth of a flight's numbers, as further sentences: of results whose writer listed no doubts.
+std::string unlisted_doubts(const json& results, const char* flight, const std::string& label) {
+  if (results.contains("doubts") || !results.contains(flight)) return "";
   std::string sentences;
-  if (is(flight, "/odometry/lost", true)) sentences += " Tracking of the " + label + " flight was lost before its end.";
-  if (is(flight, "/alignment/converged", false))
+  if (is(results[flight], "/odometry/lost", true))
+    sentences += " Tracking of the " + label + " flight was lost before its end.";
+  if (is(results[flight], "/alignment/converged", false))
     sentences += " The alignment of the " + label + " map did not converge.";
   return sentences;
+}
+
+/// How many doubts stand beside a verdict; empty if there is none.
+std::string remark_on_doubts(const json& results) {
+  const std::size_t doubts = doubt_lines(results).size();
+  if (doubts == 0) return "";
+  return doubts == 1 ? " One possible doubt stands beside it."
+                     : " " + std::to_string(doubts) + " possible doubts stand beside it.";
 }
 
 /// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". Where
@@ -141,10 +152,12 @@ std::string means_of(const json& results, const std::string& second) {
 
 std::string verdict_of_two(const json& results, const std::string& second) {
   const json comparison = results.value("comparison", json());
-  if (has_compared_maps(comparison)) {
-    return compared_maps_claim(comparison, second) +
-           ". By the published measure, distance to voxel centres: " + means_of(results, second) + ".";
-  }
+  const std::string by_published = ". By the published measure, distance to voxel centres: ";
+  if (const std::string withheld = verdict_withheld(results, second); !withheld.empty())
+    return withheld + by_published + means_of(results, second) + ".";
+  if (has_compared_maps(comparison))
+    return compared_maps_claim(comparison, second) + by_published + means_of(results, second) + "." +
+           remark_on_doubts(results);
   const std::string what = "the " + second + " flight's map error within " +
                            shortest(number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
   const std::string word = text_at(comparison, "/verdict").value_or("");
@@ -152,7 +165,7 @@ std::string verdict_of_two(const json& results, const std::string& second) {
   if (word == "equivalent") claim = "Simulation predicted " + what;
   if (word == "different") claim = "Simulation did not predict " + what;
   if (word == "undecided") claim = "It stays open whether simulation predicts " + what;
-  return claim + ": " + means_of(results, second) + ".";
+  return claim + ": " + means_of(results, second) + "." + remark_on_doubts(results);
 }
 
 }  // namespace
@@ -206,8 +219,9 @@ std::string verdict(const nlohmann::json& results) {
     sentence = "The " + (has_simulated ? "simulated" : second) + " flight's map has a mean error of " +
                fixed(number_at(flight, "/map/mean"), 4) + " m; there is no second flight to compare it with.";
   }
-  if (results.contains("simulated")) sentence += doubts(results["simulated"], "simulated");
-  if (results.contains("real")) sentence += doubts(results["real"], lower_case(flight_label("real", results["real"])));
+  sentence += unlisted_doubts(results, "simulated", "simulated");
+  if (results.contains("real"))
+    sentence += unlisted_doubts(results, "real", lower_case(flight_label("real", results["real"])));
   return sentence;
 }
 

@@ -39,8 +39,8 @@ std::string lower_case(std::string label);
 /// What a reader must know of the table's first rows; empty if there is nothing to say.
 std::string remark_on_floor(const nlohmann::json& results);
 
-/// Whether simulation predicted the second flight's map, by which numbers, and the published means beside; further
-/// sentences only for what makes the numbers doubtful.
+/// Whether simulation predicted the second flight's map, by which numbers, and the published means beside. No verdict
+/// where a doubt forbids it: then what forbids it.
 std::string verdict(const nlohmann::json& results);
 
 }  // namespace tileflight::report

@@ -21,7 +21,7 @@ PlaceMap red_map(int width = 300, int height = 240) {
                .frame = {},
                .outlines = {},
                .flight = {}};
-  map.ground.extent = {-150, -150 + width, -100, -100 + height};
+  map.ground.extent = {-150.0, -150.0 + width, -100.0, -100.0 + height};
   map.ground.colors = imaging::RgbImage(width, height, {200, 30, 30});
   map.ground.heights_m = imaging::FloatImage(width, height);
   for (int y = 0; y < height; ++y) {

@@ -2,6 +2,7 @@
 
 #include "tileflight/geometry/files.h"
 #include "tileflight/report/contents.h"
+#include "tileflight/report/doubts.h"
 #include "tileflight/report/html.h"
 #include "tileflight/report/key_figures_files.h"
 #include "tileflight/report/numbers.h"
@@ -100,7 +101,8 @@ Html header(const RunFolder& run, const Contents& contents, const std::vector<Se
       "from 3D Tiles." +
       second_flight_note(run.results);
   return element("header", element("h1", text(contents.name)) + element("p", {{"class", "subtitle"}}, text(subtitle)) +
-                               element("p", {{"class", "verdict"}}, text(contents.verdict)) + navigation(sections));
+                               element("p", {{"class", "verdict"}}, text(contents.verdict)) +
+                               doubts_panel(run.results) + navigation(sections));
 }
 
 Html main_part(const Contents& contents, const std::vector<Section>& sections) {

@@ -48,7 +48,9 @@ std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(
   return samples;
 }
 
-double tilt_sigma_deg(const AttitudeOptions& o) { return std::max(0.01, std::hypot(o.tilt_bias_sigma_deg, o.noise_deg)); }
+double tilt_sigma_deg(const AttitudeOptions& o) {
+  return std::max(0.01, std::hypot(o.tilt_bias_sigma_deg, o.noise_deg));
+}
 double yaw_sigma_deg(const AttitudeOptions& o) { return std::max(0.01, std::hypot(o.yaw_bias_sigma_deg, o.noise_deg)); }
 
 }  // namespace tileflight::sensors

@@ -28,8 +28,7 @@ TEST(Attitude, ErrorsHaveTheirStatistics) {
   for (int seed = 1; seed <= kSeeds; ++seed) {
     const AttitudeOptions options{.seed = static_cast<std::uint64_t>(seed)};
     const auto samples = simulate_attitude(turning, {0.0, 0.05, 10.0}, options);
-    const Vec3 error =
-        geometry::so3_log(samples[0].R_local_camera * turning(samples[0].time_s).rotation.conjugate());
+    const Vec3 error = geometry::so3_log(samples[0].R_local_camera * turning(samples[0].time_s).rotation.conjugate());
     squares += error.cwiseProduct(error) / kSeeds;
   }
   const Vec3 sigma_deg = squares.cwiseSqrt() * 180.0 / std::numbers::pi;

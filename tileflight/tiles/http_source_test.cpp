@@ -61,7 +61,7 @@ TEST_F(HttpSourceTest, a_region_is_the_same_as_from_files) {
   for (const auto& [path, content] : place_.files()) EXPECT_EQ(place_.server().count(path), 1) << path;
 }
 
-TEST_F(HttpSourceTest, a_folder_is_its_tileset_and_an_inspection_fetches_no_tiles) {
+TEST_F(HttpSourceTest, a_folder_is_its_tileset_and_an_inspection_fetches_few_tiles_for_their_copyright) {
   SourceOptions options;
   options.http = options_;
   const TilesetSummary summary = inspect_tileset(place_.url("/place/"), options);
@@ -69,7 +69,7 @@ TEST_F(HttpSourceTest, a_folder_is_its_tileset_and_an_inspection_fetches_no_tile
   EXPECT_FALSE(summary.content_sizes_known);
   EXPECT_EQ(summary.content_files_missing, 0);
   EXPECT_EQ(summary.external_tilesets, 1);
-  EXPECT_EQ(place_.server().requests().size(), 2U);
+  EXPECT_EQ(place_.server().requests().size(), 4U) << "two tilesets, and both tiles for whose they are";
 }
 
 TEST_F(HttpSourceTest, statuses_are_named_with_the_reason_given) {

@@ -1,0 +1,62 @@
+#include "tileflight/experiment/doubts.h"
+
+#include <gmock/gmock.h>
+
+#include <fstream>
+
+#include "tests/temporary_folder.h"
+#include "tileflight/geometry/input_error.h"
+
+namespace tileflight::experiment {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class DoubtsOfAFlight : public testing::Test {
+ protected:
+  void write(const std::string& name, const std::string& text) { std::ofstream(folder_.path() / name) << text; }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(DoubtsOfAFlight, AnOdometryThatStoppedShort) {
+  write("odometry.json", R"({"frames": 120, "frames_tracked": 90, "lost": true, "lost_reason": "too few points",
+                            "doubts": [{"what": "the scale may have changed", "where": "odometry", "how_sure": "likely",
+                                        "what_to_do": "look"}]})");
+  const Doubts doubts = doubts_of_odometry({.map = folder_.path()});
+  ASSERT_EQ(doubts.size(), 3u);
+  EXPECT_EQ(doubts[0].what, "the scale may have changed");
+  EXPECT_THAT(doubts[1].what, HasSubstr("not tracked to its end: too few points"));
+  EXPECT_EQ(doubts[2].what, "90 of 120 frames have a pose");
+}
+
+TEST_F(DoubtsOfAFlight, AWholeOneHasNone) {
+  write("odometry.json", R"({"frames": 120, "frames_tracked": 120, "lost": false})");
+  EXPECT_TRUE(doubts_of_odometry({.map = folder_.path()}).empty());
+  EXPECT_TRUE(doubts_in(folder_.path() / "absent.json").empty());
+  EXPECT_TRUE(doubts_of_dataset({}).empty());
+}
+
+TEST_F(DoubtsOfAFlight, ATruthWithoutItsTiles) {
+  const Doubts doubts = doubts_of_truth({{"complete", false}, {"tiles_failed", 3}, {"tiles_wanted", 40}});
+  ASSERT_EQ(doubts.size(), 1u);
+  EXPECT_EQ(doubts[0].what, "3 of 40 tiles of the ground truth are missing");
+  EXPECT_EQ(doubts_of_truth({{"geometric_error_max", 2.5}}).size(), 1u);
+  EXPECT_TRUE(doubts_of_truth({{"geometric_error_max", 0.2}}).empty());
+}
+
+TEST_F(DoubtsOfAFlight, AListThatIsNoneIsAnError) {
+  write("transform.json", R"({"doubts": [{"what": 3}]})");
+  EXPECT_THROW(doubts_in(folder_.path() / "transform.json"), InputError);
+}
+
+TEST_F(DoubtsOfAFlight, TheSameTwiceStandsOnceAndAFlightsBearItsName) {
+  Doubts doubts{{"a", "odometry", "likely", "look"}};
+  append(doubts, {{"a", "odometry", "likely", "look"}, {"b", "odometry", "likely", "look"}});
+  ASSERT_EQ(doubts.size(), 2u);
+  EXPECT_EQ(of_flight(doubts, "real")[1].where, "real/odometry");
+}
+
+}  // namespace
+}  // namespace tileflight::experiment
