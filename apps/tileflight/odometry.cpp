@@ -1,6 +1,7 @@
 #include <numbers>
 
 #include "command.h"
+#include "doubts_text.h"
 #include "number_text.h"
 #include "tileflight/experiment/track.h"
 
@@ -57,7 +58,7 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
        << rounded(result["frames_per_second"], 3) << " frames a second\n";
-  if (result["lost"].get<bool>()) text << "lost: " << result["lost_reason"].get<std::string>() << "\n";
+  text << doubts_text(result);
   return text.str();
 }
 
@@ -88,6 +89,8 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
                     "find places that the flight comes back to and spread the drift (after the last picture)");
   command->add_flag("--deterministic", options->deterministic,
                     "the same result for any number of threads (it always is)");
+  command->add_flag("--no-check{false}", options->extras.second_opinion,
+                    "do not track the pictures in the other direction too to see whether both agree (half the time)");
   add_common_options(*command, common);
   command->callback([options, to, rectify, &selection] {
     if (to->count() > 0) options->range.to = options->to;

@@ -51,6 +51,7 @@ Doubts doubts_of_odometry(const MapInputs& map) {
   if (fs::is_directory(map.map) && fs::exists(file)) {
     const json about = json::parse(geometry::read_text(file), nullptr, false);
     append(doubts, doubts_in(file));
+    if (about.is_object() && about.contains("doubts")) return doubts;  // our own odometry's, complete
     if (about.is_object() && about.value("lost", false)) {
       const std::string why = text_of(about, "lost_reason");
       doubts.push_back({"the flight was not tracked to its end" + (why.empty() ? "" : ": " + why), kOdometry, "certain",

@@ -41,6 +41,7 @@ void find_map(const Experiment& experiment, const fs::path& dataset, const Odome
   }
   TrackExtras extras = settings.extras;
   if (settings.debug_pictures) extras.debug_pictures = pictures;
+  if (run.repeats) extras.second_opinion = false;  // a further run is in the direction that it is for
   track(dataset, run.folder / "odometry", true, run.options, run.frames, progress, extras);
 }
 

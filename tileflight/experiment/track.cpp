@@ -3,11 +3,15 @@
 #include <sys/wait.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <fstream>
+#include <iomanip>
+#include <sstream>
 
 #include "tileflight/dataset/colmap.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
@@ -17,6 +21,8 @@
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/imaging/rectify.h"
 #include "tileflight/odometry/debug_picture.h"
+#include "tileflight/odometry/second_opinion.h"
+#include "tileflight/odometry/tracking_doubts.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -194,6 +200,24 @@ json intrinsics_of(const imaging::Camera& camera, bool estimated) {
       camera.model());
 }
 
+/// A line a picture that was given, in the order of time.
+std::string quality_table(std::vector<odometry::FrameQuality> quality, const std::vector<dataset::Frame>& frames,
+                          bool reverse) {
+  if (reverse) std::reverse(quality.begin(), quality.end());
+  std::ostringstream table;
+  table << std::setprecision(6)
+        << "frame,time_s,tracked,keyframe,rmse,inside_share,saturated_share,known_points,step,"
+           "sigma_position,sigma_rotation_rad,sigma_log_scale\n";
+  for (const odometry::FrameQuality& q : quality) {
+    const dataset::Frame& frame = frames[static_cast<std::size_t>(q.frame)];
+    table << frame.id << ',' << std::setprecision(17) << frame.time_s << std::setprecision(6) << ',' << q.tracked << ','
+          << q.is_keyframe << ',' << q.rmse << ',' << q.inside_share << ',' << q.saturated_share << ','
+          << q.known_points << ',' << q.step << ',' << q.sigma_position << ',' << q.sigma_rotation_rad << ','
+          << q.sigma_log_scale << '\n';
+  }
+  return table.str();
+}
+
 json describe(const odometry::OdometryResult& result, const Skipped& skipped, std::vector<std::string> warnings) {
   if (skipped.frames > 0) {
     warnings.push_back(std::to_string(skipped.frames) +
@@ -274,6 +298,90 @@ void with_pictures_folder(const fs::path& pictures, const geometry::OutputFolder
   geometry::write_folder(folder, work);
 }
 
+/// Of a run that is not gone by after all.
+void remove_files(const fs::path& folder) {
+  if (folder.empty() || !fs::is_directory(folder)) return;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) fs::remove(entry.path());
+}
+
+/// One dataset's pictures, tracked in either direction.
+class Tracking {
+ public:
+  Tracking(const dataset::Dataset& data, const View& view, const odometry::OdometryOptions& options, FrameRange range,
+           const TrackExtras& extras)
+      : view_(view),
+        options_(options),
+        extras_(extras),
+        photometric_(photometric_of(data, view)),
+        reverse_(range.reverse) {
+    for (const bool reverse : {false, true}) {
+      range.reverse = reverse;
+      frames_[reverse] = chosen_frames(data, range);
+    }
+    aids_ = aids_of(extras, frames_[reverse_], reverse_, view);
+  }
+  Tracking(const Tracking&) = delete;  // what is known of depth refers to the frames
+  Tracking& operator=(const Tracking&) = delete;
+
+  const std::vector<dataset::Frame>& frames(bool reverse) const { return frames_[reverse]; }
+  /// Of the run that is gone by.
+  const Skipped& skipped() const { return skipped_; }
+  bool reverse() const { return reverse_; }
+
+  /// In the direction that was asked for. Times of a reversed run are negative: odometry needs them to increase.
+  /// `pictures`: folder of pictures of keyframes; empty: none.
+  odometry::OdometryResult run(const fs::path& pictures, const Progress& progress) {
+    skipped_ = {};
+    return track(reverse_, options_, aids_, pictures, skipped_, progress);
+  }
+
+  /// Tracks the same pictures in the other direction, from the pictures alone, and puts that run into `result` where it
+  /// is the better one. How far both agree where they do not and neither is better.
+  std::optional<odometry::Agreement> check(odometry::OdometryResult& result, const fs::path& pictures,
+                                           const Progress& progress) {
+    odometry::OdometryOptions options = options_;
+    options.map.dense = false;  // only the path is looked at
+    options.loops.enabled = false;
+    odometry::Aids pictures_alone;
+    pictures_alone.mask = aids_.mask;
+    Skipped skipped;
+    const odometry::OdometryResult other = track(!reverse_, options, pictures_alone, {}, skipped, progress);
+    geometry::Trajectory same_times = other.trajectory;
+    restore_times(same_times);
+    const auto agreement = odometry::agreement(result.trajectory, same_times);
+    const odometry::Belief belief = odometry::belief(result, other, agreement);
+    if (belief == odometry::Belief::kOpen) return agreement;
+    if (belief == odometry::Belief::kSecond && extras_.init_from.empty()) {
+      reverse_ = !reverse_;
+      aids_ = pictures_alone;
+      remove_files(pictures);
+      result = run(pictures, progress);
+    }
+    return std::nullopt;
+  }
+
+ private:
+  odometry::OdometryResult track(bool reverse, const odometry::OdometryOptions& options, const odometry::Aids& aids,
+                                 const fs::path& debug_pictures, Skipped& skipped, const Progress& progress) const {
+    const std::vector<dataset::Frame>& frames = frames_[reverse];
+    const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
+      report_progress(progress, done, static_cast<std::int64_t>(frames.size()), "tracking: " + std::string(what));
+    };
+    return odometry::run_odometry(as_played(view_.calibration, reverse), photometric_ ? &*photometric_ : nullptr,
+                                  source_of(frames, reverse, view_, skipped), options, counted, aids,
+                                  debug_pictures_into(debug_pictures, frames));
+  }
+
+  const View& view_;
+  const odometry::OdometryOptions& options_;
+  const TrackExtras& extras_;
+  std::optional<imaging::PhotometricCalibration> photometric_;
+  std::array<std::vector<dataset::Frame>, 2> frames_;  ///< forwards, backwards
+  odometry::Aids aids_;
+  bool reverse_;  ///< direction of the run that is gone by
+  Skipped skipped_;
+};
+
 }  // namespace
 
 nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool replace,
@@ -282,35 +390,36 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
   const dataset::Dataset data = dataset::read_dataset(dataset_folder, {extras.camera, extras.camera_id});
   const View view = view_of(data.calibration, extras.rectify_fov_deg);
   if (extras.colmap) dataset::require_colmap_lens(view.calibration.camera);
-  const std::optional<imaging::PhotometricCalibration> photometric = photometric_of(data, view);
-  const std::vector<dataset::Frame> frames = chosen_frames(data, range);
-  const odometry::Aids aids = aids_of(extras, frames, range.reverse, view);
-  Skipped skipped;
   json about;
   const geometry::OutputFolder output =
       odometry_folder(out, replace, {dataset_folder, extras.camera, extras.mask, extras.init_from});
+  Tracking tracking(data, view, options, range, extras);
   const auto write = [&](const fs::path& temporary, const fs::path& pictures) {
-    const Progress counted = [&](std::int64_t done, std::int64_t, std::string_view what) {
-      report_progress(progress, done, static_cast<std::int64_t>(frames.size()), "tracking: " + std::string(what));
-    };
-    odometry::OdometryResult result = odometry::run_odometry(
-        as_played(view.calibration, range.reverse), photometric ? &*photometric : nullptr,
-        source_of(frames, range.reverse, view, skipped), options, counted, aids, debug_pictures_into(pictures, frames));
+    odometry::OdometryResult result = tracking.run(pictures, progress);
+    const std::optional<odometry::Agreement> second =
+        extras.second_opinion ? tracking.check(result, pictures, progress) : std::nullopt;
+    const bool reverse = tracking.reverse();
+    const std::vector<dataset::Frame>& frames = tracking.frames(reverse);
     imaging::Calibration calibration = view.calibration;
     if (result.camera) calibration.camera = *result.camera;
     if (extras.colmap) {
       fs::create_directory(temporary / "colmap");
       dataset::write_colmap(temporary / "colmap", colmap_model(calibration.camera, result, frames));
     }
-    if (range.reverse) {
+    about = describe(result, tracking.skipped(), with_notes(data.warnings, data.calibration, view));
+    about["doubts"] = evaluation::to_json(odometry::doubts_of(
+        result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
+        [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second));
+    about["backwards"] = reverse;
+    if (reverse) {
       restore_times(result.trajectory);
       restore_times(result.keyframes);
     }
+    geometry::write_file(temporary / "quality.csv", quality_table(result.quality, frames, reverse));
     geometry::write_tum(temporary / "trajectory.txt", result.trajectory);
     geometry::write_tum(temporary / "keyframes.txt", result.keyframes);
     geometry::write_cloud(temporary / "map.ply", result.map);
     imaging::write_kalibr(temporary / "camera.yaml", calibration);
-    about = describe(result, skipped, with_notes(data.warnings, data.calibration, view));
     if (options.loops.enabled) about["loops"] = describe_loops(result.loops, frames);
     about["intrinsics"] = intrinsics_of(calibration.camera, result.camera && options.window.refine_intrinsics);
     geometry::write_file(temporary / "odometry.json", about.dump(2) + "\n");

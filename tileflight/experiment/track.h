@@ -21,11 +21,11 @@ struct FrameRange {
 };
 
 /// Runs our odometry over a dataset folder and writes trajectory.txt, keyframes.txt, map.ply, camera.yaml (of the
-/// pictures as they were tracked) and odometry.json (returned) as a whole folder. The dataset's ground truth and
-/// positions are not looked at. A run that was lost is written as far as it went, with `lost` true; one that never
-/// began has an empty trajectory and no map points. A picture that cannot be decoded is left out, counted and warned
-/// of. Throws InputError for a dataset, mask or start that cannot be read, and for a lens that COLMAP does not know
-/// when its format was asked for.
+/// pictures as they were tracked), quality.csv (a line a picture) and odometry.json (returned, with `doubts`) as a
+/// whole folder. The dataset's ground truth and positions are not looked at. A run that was lost is written as far as
+/// it went, with `lost` true; one that never began has an empty trajectory and no map points. A picture that cannot be
+/// decoded is left out, counted and warned of. Throws InputError for a dataset, mask or start that cannot be read, and
+/// for a lens that COLMAP does not know when its format was asked for.
 nlohmann::json track(const std::filesystem::path& dataset_folder, const std::filesystem::path& out, bool replace,
                      const odometry::OdometryOptions& options, const FrameRange& range, const Progress& progress = {},
                      const TrackExtras& extras = {});

@@ -15,6 +15,7 @@ struct TrackExtras {
   std::filesystem::path init_from;        ///< TUM poses (a file), or depth/000000.exr by frame (a folder)
   bool colmap = false;                    ///< write colmap/ into the output folder
   std::filesystem::path debug_pictures;   ///< folder for a picture of each keyframe with its points
+  bool second_opinion = true;  ///< track the pictures in the other direction too, and doubt what does not agree
 };
 
 }  // namespace tileflight::experiment

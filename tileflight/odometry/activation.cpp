@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "tileflight/odometry/distance_map.h"
@@ -17,14 +18,36 @@ using Status = ImmaturePoint::Status;
 
 constexpr float kMaxInterval_px = 8.0F;
 constexpr int kMaxFailures = 2;
+/// Half the interval of inverse distance over it (or the window's median, where that is larger): a wider one says
+/// nothing yet.
+constexpr float kMaxIntervalShare = 0.5F;
 constexpr float kScaleRoom = 0.5F;  ///< more room for each coarser scale that a point stood out at
 constexpr int kCoarsestScale = 2;
 
-bool is_ready(const ImmaturePoint& point, const TracingOptions& options) {
+/// Whether the search left an interval of inverse distance that says something, on the window's scale. Without a
+/// baseline (a camera that only turned) every distance fits: such points wait.
+bool is_determined(const ImmaturePoint& point, float typical_rho) {
+  return 0.5F * (point.rho_max - point.rho_min) <= kMaxIntervalShare * std::max(point.rho(), typical_rho);
+}
+
+bool is_ready(const ImmaturePoint& point, float typical_rho, const TracingOptions& options) {
   if (!point.has_depth() || point.rho() <= 0 || point.failures > 0) return false;
+  if (!is_determined(point, typical_rho)) return false;
   const bool traced = point.status == Status::kGood || point.status == Status::kSkipped ||
                       point.status == Status::kBadCondition || point.status == Status::kOutside;
   return traced && point.interval_px < kMaxInterval_px && point.quality > options.min_quality;
+}
+
+/// Median inverse distance of the window's points; infinite while there are none.
+float typical_rho(const Window& window) {
+  std::vector<float> rho;
+  for (const Keyframe& keyframe : window.keyframes) {
+    for (const ActivePoint& point : keyframe.points) rho.push_back(point.rho);
+  }
+  if (rho.empty()) return std::numeric_limits<float>::infinity();
+  const auto middle = rho.begin() + static_cast<std::ptrdiff_t>(rho.size() / 2);
+  std::nth_element(rho.begin(), middle, rho.end());
+  return *middle;
 }
 
 /// Where a point of `host` falls in the newest keyframe at level 1; nullopt outside.
@@ -74,14 +97,14 @@ enum class Fate : std::uint8_t { kKept, kRemoved, kOutOfView };
 
 /// Indices of a keyframe's immature points that are ready and fall where there is room; ones that are beyond use are
 /// marked, chosen ones too.
-std::vector<int> candidates(const Window& window, const Lens& lens, const Pair& pair, int host,
+std::vector<int> candidates(const Window& window, const Lens& lens, const Pair& pair, int host, float typical,
                             const TracingOptions& options, double spacing, DistanceMap& map, std::vector<Fate>& fates) {
   std::vector<int> chosen;
   const std::vector<ImmaturePoint>& points = window.keyframes[host].immature;
   for (int i = 0; i < static_cast<int>(points.size()); ++i) {
     const ImmaturePoint& point = points[i];
     if (point.failures >= kMaxFailures) fates[i] = Fate::kRemoved;
-    if (!is_ready(point, options)) {
+    if (!is_ready(point, typical, options)) {
       if (point.status == Status::kOutside && fates[i] == Fate::kKept) fates[i] = Fate::kOutOfView;
       continue;
     }
@@ -192,13 +215,14 @@ int activate_points(Window& window, const Lens& lens, const OdometryOptions& opt
   for (const Keyframe& keyframe : window.keyframes) have += keyframe.points.size();
   adapt(spacing, static_cast<double>(have), options.window.active_points);
   const std::vector<Pair> pairs = make_pairs(window);
+  const float typical = typical_rho(window);
   DistanceMap map = map_of_active_points(window, lens, pairs, spacing.pixels);
   int activated = 0;
   for (int h = 0; h < newest; ++h) {
     Keyframe& host = window.keyframes[h];
     std::vector<Fate> fates(host.immature.size(), Fate::kKept);
-    const std::vector<int> chosen =
-        candidates(window, lens, pairs[h * window.size() + newest], h, options.tracing, spacing.pixels, map, fates);
+    const std::vector<int> chosen = candidates(window, lens, pairs[h * window.size() + newest], h, typical,
+                                               options.tracing, spacing.pixels, map, fates);
     std::vector<std::optional<ActivePoint>> results(chosen.size());
     const std::vector<PairTransform> from_host = pairs_from(window, h);
     tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t i) {

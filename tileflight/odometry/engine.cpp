@@ -27,6 +27,32 @@ std::vector<std::size_t> spread_over_parallax(const std::vector<double>& paralla
   return picks;
 }
 
+/// Neighbouring residuals share their errors (of texture, sampling and known distances), so that many say less than
+/// their number: standard deviations by the residuals' own curvature are too small by these factors. Medians over 45
+/// flights of the proving ground (tests/proving_ground) against their true poses.
+constexpr double kSharedInPosition = 2.2, kSharedInRotation = 2.7;
+
+/// Standard deviations of a pose, by the covariance of a left twist.
+void set_deviations(const Eigen::Matrix<double, 6, 6>& covariance, FrameQuality& quality) {
+  quality.sigma_position = kSharedInPosition * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
+  quality.sigma_rotation_rad = kSharedInRotation * std::sqrt(covariance.bottomRightCorner<3, 3>().trace());
+}
+
+/// What an alignment says of its picture.
+void describe(const AlignmentResult& alignment, FrameQuality& quality) {
+  if (alignment.rmse.empty()) return;
+  quality.rmse = alignment.finest_rmse();
+  quality.inside_share = alignment.inside_share;
+  quality.saturated_share = alignment.saturated_share;
+  const Eigen::Matrix<double, 8, 8> H = alignment.information;
+  const Vec8 scale = (H.diagonal().array() + 1e-9).sqrt().inverse();
+  Eigen::Matrix<double, 8, 8> A = scale.asDiagonal() * H * scale.asDiagonal();
+  A.diagonal().array() += 1e-9;
+  const Eigen::Matrix<double, 8, 8> covariance =
+      scale.asDiagonal() * A.ldlt().solve(Eigen::Matrix<double, 8, 8>::Identity()) * scale.asDiagonal();
+  set_deviations(quality.rmse * quality.rmse * covariance.topLeftCorner<6, 6>(), quality);
+}
+
 AffineLight composed(const AffineLight& reference, double a, double b) {
   return {reference.a + a, b + std::exp(a) * reference.b};
 }
@@ -47,6 +73,7 @@ Engine::Engine(const imaging::Calibration& calibration, const imaging::Photometr
 
 void Engine::add(InputFrame frame) {
   ++frames_;
+  given_.emplace_back(frame.index, frame.time_s);
   if (frame.image.width != calibration_.camera.width() || frame.image.height != calibration_.camera.height()) {
     throw InputError("frame " + std::to_string(frame.index),
                      "is " + std::to_string(frame.image.width) + "x" + std::to_string(frame.image.height) +
@@ -215,7 +242,7 @@ std::vector<Keyframe> Engine::keyframes_of_start(const Start& start, const std::
 void Engine::align_earlier_frames(std::size_t count) {
   if (count == 0) return;
   const Reference reference = reference_of(0);
-  std::vector<std::pair<std::size_t, SE3>> found;
+  std::vector<std::pair<std::size_t, AlignmentResult>> found;
   AlignmentState state;
   SE3 velocity;
   double velocity_s = 0.0;  // its interval
@@ -231,10 +258,11 @@ void Engine::align_earlier_frames(std::size_t count) {
     velocity_s = interval_s;
     velocity = alignment.state.T_target_reference * state.T_target_reference.inverse();
     state = alignment.state;
-    found.emplace_back(i, state.T_target_reference);
+    found.emplace_back(i, alignment);
   }
   std::reverse(found.begin(), found.end());
-  for (const auto& [i, T] : found) record(waiting_[i], reference, T);
+  for (const auto& [i, alignment] : found)
+    record(waiting_[i], reference, alignment.state.T_target_reference, alignment);
 }
 
 void Engine::align_start_frames(const Start& start, const std::vector<std::size_t>& picks) {
@@ -242,7 +270,7 @@ void Engine::align_start_frames(const Start& start, const std::vector<std::size_
   AlignmentState state;
   for (std::size_t s = 0; s < picks.size(); ++s) {
     const Reference reference = reference_of(static_cast<int>(s));
-    record(waiting_[offset + picks[s]], reference, SE3());
+    record(waiting_[offset + picks[s]], reference, SE3(), {});
     const std::size_t end = s + 1 < picks.size() ? picks[s + 1] : picks[s];
     state.a = state.b = 0.0;
     for (std::size_t k = picks[s] + 1; k < end; ++k) {
@@ -252,7 +280,7 @@ void Engine::align_start_frames(const Start& start, const std::vector<std::size_
       if (alignment.converged) {
         state = alignment.state;
         last_rmse_ = alignment.finest_rmse();
-        record(waiting_[offset + k], reference, alignment.state.T_target_reference);
+        record(waiting_[offset + k], reference, alignment.state.T_target_reference, alignment);
       }
     }
     if (s + 1 == picks.size()) reference_ = reference;
@@ -328,9 +356,9 @@ void Engine::track(const InputFrame& frame) {
     if (is_keyframe) global = InputFrame{frame.index, frame.time_s, frame.exposure_ms, rectify(frame.image)};
   }
   if (is_keyframe) {
-    make_keyframe(global ? *global : frame, pyramid, T_camera_map, light);
+    make_keyframe(global ? *global : frame, pyramid, T_camera_map, light, alignment);
   } else {
-    record(frame, reference_, alignment.state.T_target_reference);
+    record(frame, reference_, alignment.state.T_target_reference, alignment);
     const StageClock clock(processor_time_.tracing);
     mapper_.trace(*pyramid, T_camera_map, light);
   }
@@ -354,7 +382,7 @@ std::optional<AlignmentResult> Engine::recover(const Pyramid& pyramid) {
 }
 
 void Engine::make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
-                           const AffineLight& light) {
+                           const AffineLight& light, const AlignmentResult& alignment) {
   const StageClock clock(processor_time_.keyframes);
   const SE3 T_last_before_last = T_last_before_last_;
   mapper_.add_keyframe(source_of(frame, std::move(pyramid), T_camera_map, light));
@@ -363,7 +391,7 @@ void Engine::make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyrami
   T_last_map_ = reference_.T_camera_map;
   T_last_before_last_ = T_last_before_last;
   last_a_ = last_b_ = 0.0;
-  record(frame, reference_, SE3());
+  record(frame, reference_, SE3(), alignment);
   show(frame, mapper_.window().size() - 1);
   remember_corners(mapper_.window().size() - 1);
 }
@@ -377,8 +405,7 @@ void Engine::remember_corners(int slot) {
 
 void Engine::on_failure(const InputFrame& frame, const AlignmentResult& alignment) {
   ++failures_;
-  if (failures_ <= options_.tracking.patience_frames) return;
-  lost_ = true;
+  lost_ = failures_ > options_.tracking.patience_frames;
   const std::string rmse =
       std::isfinite(alignment.finest_rmse()) ? std::to_string(alignment.finest_rmse()).substr(0, 5) : "none";
   lost_reason_ = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures_) +
@@ -386,8 +413,9 @@ void Engine::on_failure(const InputFrame& frame, const AlignmentResult& alignmen
                  std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
 }
 
-void Engine::record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference) {
-  tracked_.push_back({frame.index, frame.time_s, reference.keyframe, T_camera_reference});
+void Engine::record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference,
+                    AlignmentResult alignment) {
+  tracked_.push_back({frame.index, frame.time_s, reference.keyframe, T_camera_reference, std::move(alignment)});
 }
 
 // ---- result ----
@@ -415,14 +443,47 @@ std::map<int, double> Engine::close_loops(std::vector<KeyframeRecord>& keyframes
   return scale;
 }
 
+std::vector<FrameQuality> Engine::quality() const {
+  const std::vector<KeyframeRecord> keyframes = mapper_.keyframes();
+  const std::vector<StepUncertainty>& steps = mapper_.steps();
+  std::vector<double> log_scale_variance(steps.size(), 0.0);  // since the start
+  for (std::size_t k = 1; k < steps.size(); ++k) log_scale_variance[k] = log_scale_variance[k - 1] + steps[k].log_scale;
+  std::map<std::int64_t, const TrackedFrame*> tracked;
+  for (const TrackedFrame& frame : tracked_) tracked[frame.index] = &frame;
+  std::vector<FrameQuality> quality;
+  for (const auto& [index, time_s] : given_) {
+    FrameQuality q{.frame = index, .time_s = time_s};
+    if (const auto found = tracked.find(index); found != tracked.end()) {
+      const TrackedFrame& frame = *found->second;
+      q.tracked = true;
+      q.is_keyframe = keyframes[frame.keyframe].frame_index == index;
+      q.keyframe = q.is_keyframe ? frame.keyframe - 1 : frame.keyframe;
+      describe(frame.alignment, q);
+      q.sigma_log_scale = kSharedInPosition * std::sqrt(log_scale_variance[frame.keyframe]);
+      SE3 T_camera_keyframe = frame.T_camera_keyframe;
+      if (q.is_keyframe && frame.keyframe > 0) {
+        T_camera_keyframe = keyframes[frame.keyframe].T_map_camera.inverse() * keyframes[q.keyframe].T_map_camera;
+        set_deviations(steps[frame.keyframe].pose, q);
+      }
+      q.known_points = steps[frame.keyframe].known_points;
+      q.step = T_camera_keyframe.translation.norm();
+    }
+    quality.push_back(q);
+  }
+  return quality;
+}
+
 OdometryResult Engine::result() const {
   OdometryResult result;
   result.frames = frames_;
   result.frames_tracked = static_cast<std::int64_t>(tracked_.size());
   result.processor_time = processor_time_;
   result.recoveries = recoveries_;
-  result.lost = lost_ || !started_;
-  result.lost_reason = started_ ? lost_reason_ : (frames_ == 0 ? "no pictures" : initializer_.reason());
+  constexpr int kLostAtEnd = 5;  // pictures: the last ones failed, and none came after that could have been found again
+  result.lost = lost_ || !started_ || failures_ >= kLostAtEnd;
+  if (result.lost)
+    result.lost_reason = started_ ? lost_reason_ : (frames_ == 0 ? "no pictures" : initializer_.reason());
+  result.quality = quality();
   if (!started_) return result;
   std::vector<KeyframeRecord> keyframes = mapper_.keyframes();
   std::vector<MapPoint> points = mapper_.points();

@@ -43,6 +43,7 @@ class Engine {
     double time_s = 0.0;
     int keyframe = 0;
     SE3 T_camera_keyframe;
+    AlignmentResult alignment;  ///< of a picture that is no keyframe, to `keyframe`; of a keyframe, to the one before
   };
   /// The keyframe that pictures are aligned to.
   struct Reference {
@@ -78,12 +79,14 @@ class Engine {
   AlignmentResult best_alignment(const Pyramid& pyramid, const RollingShutter& shutter) const;
   std::optional<AlignmentResult> recover(const Pyramid& pyramid);
   void on_failure(const InputFrame& frame, const AlignmentResult& alignment);
-  void record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference);
+  void record(const InputFrame& frame, const Reference& reference, const SE3& T_camera_reference,
+              AlignmentResult alignment);
+  std::vector<FrameQuality> quality() const;
   void remember_corners(int slot);
   std::map<int, double> close_loops(std::vector<KeyframeRecord>& keyframes, std::vector<MapPoint>& points,
                                     OdometryResult& result) const;
   void make_keyframe(const InputFrame& frame, std::shared_ptr<const Pyramid> pyramid, const SE3& T_camera_map,
-                     const AffineLight& light);
+                     const AffineLight& light, const AlignmentResult& alignment);
 
   imaging::Calibration calibration_;
   const imaging::PhotometricCalibration* photometric_;
@@ -103,6 +106,7 @@ class Engine {
   bool lost_ = false;
   std::string lost_reason_;
   std::int64_t frames_ = 0;
+  std::vector<std::pair<std::int64_t, double>> given_;  ///< index and time of each picture
 
   Reference reference_;
   SE3 T_last_map_;  ///< camera of the last tracked picture

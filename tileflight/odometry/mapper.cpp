@@ -44,6 +44,8 @@ WindowResult Mapper::begin(std::vector<Keyframe> keyframes) {
   follow_lens();
   remove_bad_residuals(window_);
   update_noise(result);
+  for (int slot = 0; slot < window_.size(); ++slot)
+    steps_.push_back(step_uncertainty(window_, slot, residual_variance_));
   return result;
 }
 
@@ -97,6 +99,7 @@ WindowResult Mapper::add_keyframe(const KeyframeSource& source) {
   follow_lens();
   remove_bad_residuals(window_);
   update_noise(result);
+  steps_.push_back(step_uncertainty(window_, window_.size() - 1, residual_variance_));
   retire();
   return result;
 }

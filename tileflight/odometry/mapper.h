@@ -9,6 +9,7 @@
 #include "tileflight/odometry/activation.h"
 #include "tileflight/odometry/keyframe_policy.h"
 #include "tileflight/odometry/map.h"
+#include "tileflight/odometry/step_uncertainty.h"
 #include "tileflight/odometry/window_optimizer.h"
 
 namespace tileflight::odometry {
@@ -60,6 +61,8 @@ class Mapper {
   /// All points so far: those that left and the window's.
   std::vector<MapPoint> points() const;
   std::size_t active_points() const;
+  /// How well each keyframe so far (by id) was known relative to the one before when it came; zero for the first.
+  const std::vector<StepUncertainty>& steps() const { return steps_; }
 
  private:
   void follow_lens();
@@ -79,6 +82,7 @@ class Mapper {
   int selection_block_px_ = 0;  ///< of the last keyframe (pixel_selector.h)
   int next_id_ = 0;
   double residual_variance_ = 25.0;
+  std::vector<StepUncertainty> steps_;
   std::vector<MapPoint> left_;
   std::vector<KeyframeRecord> archived_;
 };

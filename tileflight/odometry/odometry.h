@@ -12,6 +12,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
+#include "tileflight/odometry/frame_quality.h"
 
 namespace tileflight::odometry {
 
@@ -82,6 +83,7 @@ struct OdometryResult {
   std::optional<imaging::Camera> camera;  ///< the given one, or what was estimated of it; none where nothing started
   std::int64_t frames = 0;                ///< read
   std::int64_t frames_tracked = 0;
+  std::vector<FrameQuality> quality;  ///< of every picture read, in their order
   std::vector<LoopFound> loops;  ///< that the poses and the map were corrected by
   std::int64_t recoveries = 0;   ///< times that tracking failed and was found again on an older keyframe
   bool lost = false;             ///< tracking ended before the pictures did, or never began

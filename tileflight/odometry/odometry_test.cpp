@@ -119,6 +119,45 @@ TEST(Odometry, SaysWhereItWasLost) {
   EXPECT_FALSE(result.map.empty());
 }
 
+TEST(Odometry, AFlightThatEndsInAWallIsLost) {
+  Sequence sequence = over_flat_ground(40);
+  for (std::size_t i = 32; i < 40; ++i)
+    std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{90, 90, 90});
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  EXPECT_TRUE(result.lost);
+  EXPECT_EQ(result.frames_tracked, 32);
+  EXPECT_NE(result.lost_reason.find("frame 39"), std::string::npos) << result.lost_reason;
+}
+
+TEST(Odometry, EachPictureHasAQuality) {
+  Sequence sequence = over_flat_ground(40);
+  for (const int i : {35, 36})
+    std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{});
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
+  ASSERT_EQ(result.quality.size(), 40U);
+  std::size_t keyframes = 0, tracked = 0;
+  double sigma_log_scale = 0.0;
+  for (std::size_t i = 0; i < 40; ++i) {
+    const FrameQuality& q = result.quality[i];
+    EXPECT_EQ(q.frame, static_cast<std::int64_t>(i));
+    EXPECT_EQ(q.tracked, i != 35 && i != 36);
+    if (!q.tracked) continue;
+    keyframes += q.is_keyframe;
+    EXPECT_GE(q.sigma_log_scale, sigma_log_scale);  // it only grows
+    sigma_log_scale = q.sigma_log_scale;
+    // A step is the distance of the camera from its keyframe's in the trajectory.
+    const Vec3 position = result.trajectory.poses[tracked++].T_local_camera.translation;
+    if (q.keyframe < 0) continue;
+    const Vec3 before = result.keyframes.poses[q.keyframe].T_local_camera.translation;
+    EXPECT_NEAR(q.step, (position - before).norm(), 1e-6);
+    EXPECT_GT(q.sigma_position, 0.0);
+    EXPECT_LT(q.sigma_position, 0.1 * q.step + 0.01);
+    EXPECT_GT(q.known_points, 50);
+  }
+  EXPECT_EQ(keyframes, result.keyframes.size());
+  EXPECT_GT(sigma_log_scale, 0.0);
+}
+
 TEST(Odometry, RefusesAPictureOfAnotherSize) {
   Sequence sequence;
   sequence.calibration.camera = imaging::make_pinhole(320, 240, 80.0);

@@ -132,6 +132,16 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
   expect_all_followed(sequence);
 }
 
+TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
+  // Half a turn through a lens of 130 degrees: what is seen in the end was not in view in the beginning.
+  const Sequence sequence = over_rolling_ground(110, [](int i) {
+    const double moved = i < 35 ? i : (i < 75 ? 35 : i - 40);
+    const double turned = i < 35 ? 0.0 : (i < 75 ? 0.04 * (i - 35) : 1.6);
+    return tests::looking(Vec3(0.14 * moved, 0.17 * moved, 20.0), Vec3(std::sin(turned), std::cos(turned), -1.0));
+  });
+  expect_followed(sequence, 105);
+}
+
 TEST(Robustness, ASlowStartIsWaitedFor) {
   const Sequence sequence = over_rolling_ground(60, [](int i) {
     const double s = i < 40 ? 0.1 * i * i / 40.0 : 4.0 + 0.2 * (i - 40);

@@ -1,0 +1,180 @@
+#include "tileflight/odometry/tracking_doubts.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace tileflight::odometry {
+namespace {
+
+using geometry::SE3;
+using geometry::Sim3;
+using geometry::Vec3;
+
+SE3 at(double x, double y, double z) { return {Eigen::Quaterniond::Identity(), Vec3(x, y, z)}; }
+
+/// Sixty pictures along a curve, all tracked well.
+OdometryResult good_flight() {
+  OdometryResult result;
+  for (int i = 0; i < 60; ++i) {
+    const double t = 0.1 * i;
+    result.trajectory.poses.push_back({t, at(2.0 * t, std::sin(t), 0.3 * t)});
+    result.quality.push_back({.frame = i,
+                              .time_s = t,
+                              .tracked = true,
+                              .keyframe = 0,
+                              .rmse = 5.0,
+                              .inside_share = 0.9,
+                              .saturated_share = 0.03,
+                              .sigma_log_scale = 1e-6 * i});
+  }
+  result.frames = result.frames_tracked = 60;
+  return result;
+}
+
+std::string name_of(std::int64_t frame) { return "f" + std::to_string(frame); }
+
+Doubts doubts_about(const OdometryResult& result, std::int64_t frames = 60,
+                    const std::optional<Agreement>& second = {}) {
+  return doubts_of(result, frames, name_of, second);
+}
+
+/// The only doubt, which says `what` and is about `where`.
+void expect_only(const Doubts& doubts, const std::string& what, const std::string& where) {
+  ASSERT_EQ(doubts.size(), 1U);
+  EXPECT_NE(doubts[0].what.find(what), std::string::npos) << doubts[0].what;
+  EXPECT_EQ(doubts[0].where, where);
+  EXPECT_FALSE(doubts[0].what_to_do.empty());
+}
+
+TEST(TrackingDoubts, AGoodFlightHasNone) {
+  EXPECT_TRUE(doubts_about(good_flight()).empty());
+  EXPECT_TRUE(doubts_about(good_flight(), 60, Agreement{60, 0.002, 0.004, 1.0}).empty());
+}
+
+TEST(TrackingDoubts, AFlightThatWasLostIsSaidWithItsReason) {
+  OdometryResult result = good_flight();
+  result.lost = true;
+  result.lost_reason = "a wall";
+  result.frames_tracked = 45;
+  const Doubts doubts = doubts_about(result);
+  expect_only(doubts, "45 of 60 frames have a pose): a wall", "odometry");
+  EXPECT_EQ(doubts[0].how_sure, "certain");
+}
+
+TEST(TrackingDoubts, NoStartIsOneDoubt) {
+  OdometryResult result;
+  result.frames = 60;
+  result.lost = true;
+  result.lost_reason = "no parallax";
+  expect_only(doubts_about(result), "no parallax", "odometry");
+}
+
+TEST(TrackingDoubts, GapsAndFewFramesAreSaid) {
+  OdometryResult result = good_flight();
+  result.frames_tracked = 50;
+  expect_only(doubts_about(result), "50 of 60", "odometry");
+  result.frames_tracked = 12;
+  expect_only(doubts_about(result, 12), "only 12 frames", "odometry");
+}
+
+TEST(TrackingDoubts, FramesThatFitBadlyAreNamed) {
+  OdometryResult result = good_flight();
+  for (const int i : {20, 21, 24}) result.quality[i].saturated_share = 0.3 + 0.01 * i;
+  expect_only(doubts_about(result), "badly in 3 frames: up to 54 %", "odometry, frames f20 to f24");
+}
+
+TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedFromItsFrameOn) {
+  OdometryResult result = good_flight();
+  for (int i = 30; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
+  expect_only(doubts_about(result), "scale may have changed", "odometry, from frame f30 on");
+}
+
+TEST(TrackingDoubts, PicturesThatJumpAwayAndBackAreNamed) {
+  OdometryResult result = good_flight();
+  for (int i = 40; i < 46; ++i) result.trajectory.poses[i].T_local_camera.translation += Vec3(0, 4.8, 0);
+  expect_only(doubts_about(result), "the camera jumps", "odometry, frame f40");
+}
+
+TEST(TrackingDoubts, AFlightThatStartsAndStopsDoesNotJump) {
+  OdometryResult result = good_flight();
+  for (int i = 0; i < 60; ++i)
+    result.trajectory.poses[i].T_local_camera.translation = Vec3(i < 20 ? i : i < 40 ? 20 : 20 + 3 * (i - 40), 0, 0);
+  EXPECT_TRUE(doubts_about(result).empty());
+}
+
+TEST(TrackingDoubts, AnotherRunThatDisagreesIsADoubt) {
+  expect_only(doubts_about(good_flight(), 60, Agreement{60, 0.08, 0.2, 3.04}), "differ by 8 %",
+              "odometry, most at frame f30");
+}
+
+// ---- two runs ----
+
+TEST(Belief, IsInTheFirstWhereBothAgreeOrTheSecondSaysLittle) {
+  const OdometryResult good = good_flight();
+  OdometryResult half = good;
+  half.frames_tracked = 30;
+  EXPECT_EQ(belief(good, good, Agreement{60, 0.001, 0.01, 0.0}), Belief::kFirst);
+  EXPECT_EQ(belief(good, half, Agreement{30, 0.1, 0.2, 0.0}), Belief::kFirst);
+  EXPECT_EQ(belief(good, good, {}), Belief::kFirst);
+}
+
+TEST(Belief, IsInTheSecondWhereTheFirstHasNoStartOrIsWorseByItself) {
+  const OdometryResult good = good_flight();
+  OdometryResult none, worse = good;
+  EXPECT_EQ(belief(none, good, {}), Belief::kSecond);
+  for (FrameQuality& q : worse.quality) q.rmse = 7.0, q.saturated_share = 0.2;
+  EXPECT_EQ(belief(worse, good, Agreement{60, 0.1, 0.2, 0.0}), Belief::kSecond);
+  EXPECT_EQ(belief(good, worse, Agreement{60, 0.1, 0.2, 0.0}), Belief::kFirst);
+}
+
+TEST(Belief, IsOpenWhereNothingTellsThem) {
+  const OdometryResult good = good_flight();
+  EXPECT_EQ(belief(good, good, Agreement{60, 0.1, 0.2, 0.0}), Belief::kOpen);
+}
+
+TEST(SecondOpinion, ASimilarityChangesNothing) {
+  const geometry::Trajectory path = good_flight().trajectory;
+  const Sim3 T(3.0, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())), Vec3(4, 5, 6));
+  const auto found = agreement(path, geometry::transformed(T, path));
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->pictures, 60U);
+  EXPECT_LT(found->rms_share, 1e-9);
+}
+
+TEST(SecondOpinion, ANoiseOfKnownSizeIsItsShareOfThePath) {
+  // A straight path of 59 steps; every second camera of one run is off to either side.
+  geometry::Trajectory first, second;
+  for (int i = 0; i < 60; ++i) {
+    first.poses.push_back({0.1 * i, at(i, 0, 0)});
+    second.poses.push_back({0.1 * i, at(i, i % 4 < 2 ? 0.5 : -0.5, 0)});
+  }
+  const auto found = agreement(first, second);
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->rms_share, 0.5 / 59, 1e-4);
+}
+
+TEST(SecondOpinion, AScaleThatChangedHalfWayIsSeen) {
+  const geometry::Trajectory path = good_flight().trajectory;
+  geometry::Trajectory other = path;
+  const Vec3 middle = path.poses[30].T_local_camera.translation;
+  for (int i = 31; i < 60; ++i) {
+    Vec3& p = other.poses[i].T_local_camera.translation;
+    p = middle + 0.7 * (p - middle);
+  }
+  EXPECT_GT(agreement(path, other)->rms_share, 0.02);
+  EXPECT_NEAR(agreement(path, other)->rms_share, agreement(other, path)->rms_share, 0.02);
+}
+
+TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
+  const geometry::Trajectory path = good_flight().trajectory;
+  geometry::Trajectory part = path;
+  part.poses.erase(part.poses.begin(), part.poses.begin() + 40);
+  EXPECT_EQ(agreement(path, part)->pictures, 20U);
+  part.poses.resize(3);
+  EXPECT_FALSE(agreement(path, part));
+  EXPECT_FALSE(agreement(path, {}));
+}
+
+}  // namespace
+}  // namespace tileflight::odometry
