@@ -84,11 +84,11 @@ struct OdometryResult {
   std::int64_t frames = 0;                ///< read
   std::int64_t frames_tracked = 0;
   std::vector<FrameQuality> quality;  ///< of every picture read, in their order
-  std::vector<LoopFound> loops;  ///< that the poses and the map were corrected by
-  std::int64_t recoveries = 0;   ///< times that tracking failed and was found again on an older keyframe
-  bool lost = false;             ///< tracking ended before the pictures did, or never began
-  std::string lost_reason;       ///< at which frame and why, when lost
-  double seconds = 0.0;          ///< wall time of the run, image decoding included
+  std::vector<LoopFound> loops;       ///< that the poses and the map were corrected by
+  std::int64_t recoveries = 0;        ///< times that tracking failed and was found again on an older keyframe
+  bool lost = false;                  ///< tracking ended before the pictures did, or never began
+  std::string lost_reason;            ///< at which frame and why, when lost
+  double seconds = 0.0;               ///< wall time of the run, image decoding included
   StageSeconds processor_time;
 };
 
