@@ -150,8 +150,10 @@ experiment::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folde
   return map;
 }
 
+/// The place's own are left out: here its tiles are the truth, whatever they say of themselves.
 void add_doubts(const json& object, std::vector<std::string>& doubts) {
   for (const json& doubt : object.value("doubts", json::array())) {
+    if (doubt.at("where") == "truth") continue;
     const std::string what = doubt.at("what");
     if (std::ranges::find(doubts, what) == doubts.end()) doubts.push_back(what);
   }

@@ -277,10 +277,11 @@ geometry::OutputFolder odometry_folder(const fs::path& out, bool replace, std::v
           .command = "odometry",
           .replace = replace,
           .inputs = std::move(inputs),
-          .unmarked = {.key_file = "odometry.json",
-                       .key_text = "frames_tracked",
-                       .files = {"trajectory.txt", "keyframes.txt", "map.ply", "camera.yaml", "odometry.json",
-                                 "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
+          .unmarked = {
+              .key_file = "odometry.json",
+              .key_text = "frames_tracked",
+              .files = {"trajectory.txt", "keyframes.txt", "map.ply", "quality.csv", "camera.yaml", "odometry.json",
+                        "command.log", "colmap/cameras.txt", "colmap/images.txt", "colmap/points3D.txt"}}};
 }
 
 /// Calls `work` with the folder that pictures go to while `out` is made in `temporary`: below it where they are to be
