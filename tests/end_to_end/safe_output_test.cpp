@@ -198,9 +198,9 @@ TEST_F(SafeOutput, InputsThatAreFilesOfAnOutputStay) {
       {"render", path("plain"), "--flight", (folder_ / "flight.yaml").string(), "--out", data},
       {"render", path("plain"), "--flight", path("settings/flight.yaml"), "--camera", data + "/camera.yaml", "--out",
        data},
-      {"odometry", path("flown"), "--camera", data + "/camera.yaml", "--out", data},
-      {"odometry", path("flown"), "--init-from", data + "/groundtruth.txt", "--out", data},
-      {"export", path("flown"), "--camera", data + "/camera.yaml", "--layout", "tum-mono", "--out", data},
+      {"odometry", path("dataset"), "--camera", data + "/camera.yaml", "--out", data},
+      {"odometry", path("dataset"), "--init-from", data + "/groundtruth.txt", "--out", data},
+      {"export", path("dataset"), "--camera", data + "/camera.yaml", "--layout", "tum-mono", "--out", data},
       {"ingest", path("dataset/images"), "--fps", "4", "--camera", data + "/camera.yaml", "--out", data},
       {"ingest", path("dataset/images"), "--fps", "4", "--camera", path("dataset/camera.yaml"), "--groundtruth",
        data + "/groundtruth.txt", "--out", data}};
