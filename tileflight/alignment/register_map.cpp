@@ -125,8 +125,7 @@ class Follower {
  public:
   Follower(const ObservedPoints& points, const RegistrationEvidence& evidence, const Surface& surface,
            const RegistrationServices& services, const RegistrationOptions& options)
-      : points_(points),
-        few_(thinned(points, options.coarse_points)),
+      : few_(thinned(points, options.coarse_points)),
         evidence_(evidence),
         surface_(surface),
         services_(services),
@@ -166,7 +165,6 @@ class Follower {
   double viewing_distance_m(const Sim3& T) const;
 
  private:
-  const ObservedPoints& points_;
   ObservedPoints few_;
   const RegistrationEvidence& evidence_;
   const Surface& surface_;
