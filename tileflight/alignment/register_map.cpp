@@ -420,10 +420,12 @@ class MapRegistration {
   }
 
   void follow_places() {
-    if (is_settled() || !services_.look_for_places) return;
-    std::vector<Start> places;
-    for (const Sim3& T : services_.look_for_places()) places.push_back({T, "places"});
-    follow(places);
+    for (const auto& look : {services_.recognize_places, services_.look_for_places}) {
+      if (is_settled() || !look) continue;
+      std::vector<Start> places;
+      for (const Sim3& T : look()) places.push_back({T, "places"});
+      follow(places);
+    }
   }
 
   /// The best end, and how good the best of the others is.

@@ -51,7 +51,9 @@ struct RegistrationServices {
   RayCast cast;
   /// Looks for so many pictures, evenly over the path, from where a transform puts them.
   std::function<LocatedPictures(const geometry::Sim3& T_local_map, std::size_t pictures)> locate;
-  /// Places where the map may belong, best first, without any start.
+  /// Places that look like the flight's pictures, best first, without any start: asked where nothing else convinces.
+  std::function<std::vector<geometry::Sim3>()> recognize_places;
+  /// Places where the map may belong by other means (its shape), best first: asked where those do not convince either.
   std::function<std::vector<geometry::Sim3>()> look_for_places;
 };
 

@@ -182,6 +182,31 @@ TEST(RegisterMap, TwoPlacesThatFitAreAmbiguous) {
   EXPECT_THAT(all_doubts(r), HasSubstr("ambiguous"));
 }
 
+/// Places are looked for by looks first, and by other means only if those do not convince.
+TEST(RegisterMap, PlacesThatLookRightComeFirst) {
+  const Flight flight = fly(curved_path());
+  RegistrationServices services = rays_only();
+  services.locate = [&](const Sim3& T, std::size_t n) { return found_near(flight, T, n); };
+  Sim3 elsewhere = T_local_map();
+  elsewhere.translation.x() += 40.0;
+  int asked = 0;
+  services.look_for_places = [&] {
+    ++asked;
+    return std::vector<Sim3>{T_local_map()};
+  };
+  services.recognize_places = [&] { return std::vector<Sim3>{elsewhere, T_local_map()}; };
+  const Registration r = register_map(flight.points, {.path = flight.map}, the_place().surface, services, options());
+  EXPECT_EQ(asked, 0);
+  EXPECT_EQ(r.start, "places");
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.03);
+
+  services.recognize_places = [&] { return std::vector<Sim3>{elsewhere}; };
+  const Registration by_shape =
+      register_map(flight.points, {.path = flight.map}, the_place().surface, services, options());
+  EXPECT_EQ(asked, 1);
+  EXPECT_LT(apart_m(flight.points, by_shape.T_local_map, T_local_map()), 0.03);
+}
+
 TEST(RegisterMap, NothingToBeginWithIsAnError) {
   const Flight flight = fly(curved_path(), 10);
   EXPECT_THROW(register_map(flight.points, {}, the_place().surface, {}, options()), InputError);

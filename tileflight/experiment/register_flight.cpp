@@ -14,6 +14,7 @@
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/find_pictures.h"
+#include "tileflight/experiment/recognize_place.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/tiling/mesh_source.h"
@@ -73,6 +74,17 @@ alignment::RegistrationEvidence evidence_of(const MapInputs& map, const AlignTar
     evidence.positions = true_positions(map.truth_trajectory);
   if (options.start == AlignmentStart::kAuto && evidence.positions.empty()) evidence.starts = {geometry::Sim3()};
   return evidence;
+}
+
+/// Places that look like the ground that the pictures show.
+std::vector<geometry::Sim3> places_by_looks(const scene::Scene& scene, const dataset::Dataset& dataset,
+                                            const geometry::Trajectory& path, const geometry::PointCloud& cloud,
+                                            const alignment::AlignMapOptions& options) {
+  const localization::PlaceRecognizer recognizer(scene, scene.bounds());
+  std::vector<geometry::Sim3> places;
+  for (const auto& candidate : recognizer.find(flight_evidence(dataset, path, cloud, options.map_up)))
+    places.push_back(candidate.T_local_map);
+  return places;
 }
 
 /// Places where the shapes alone say that the map may belong.
@@ -157,8 +169,13 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
     finder = std::make_unique<PictureFinder>(*place.scene, dataset::read_dataset(map.dataset), evidence.path);
     services.locate = [&finder](const geometry::Sim3& T, std::size_t pictures) { return (*finder)(T, pictures); };
   }
-  if (options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry)
-    services.look_for_places = [&] { return places_by_shape(cloud, evidence.path, target, options); };
+  const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
+  if (may_look && finder) {
+    services.recognize_places = [&] {
+      return places_by_looks(*place.scene, dataset::read_dataset(map.dataset), evidence.path, cloud, options);
+    };
+  }
+  if (may_look) services.look_for_places = [&] { return places_by_shape(cloud, evidence.path, target, options); };
   alignment::RegistrationOptions registration;
   registration.scale = options.icp.scale;
   registration.max_scale_change = options.icp.max_scale_change;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/localization/test_places.h"
 #include "tileflight/sensors/render.h"
 #include "tileflight/sensors/test_scenes.h"
 
@@ -14,25 +15,10 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-/// Blotches of many sizes: what ground looks like.
-std::shared_ptr<const imaging::RgbImage> blotches(int seed) {
-  using sensors::test_scenes::noise;
-  return sensors::test_scenes::texture(512, 512, [seed](int x, int y) {
-    double value = 0.0;
-    for (int k = 0; k < 6; ++k) {
-      const int cell = 1 << k;
-      const int i = x / cell, j = y / cell;
-      const double u = double(x % cell) / cell, v = double(y % cell) / cell;
-      const auto at = [&](int a, int b) { return double(noise(i + a, j + b, seed + k)); };
-      value += (1 - u) * (1 - v) * at(0, 0) + u * (1 - v) * at(1, 0) + (1 - u) * v * at(0, 1) + u * v * at(1, 1);
-    }
-    return sensors::test_scenes::grey(static_cast<int>(value / 6.0));
-  });
-}
-
 struct Place {
   scene::Scene scene;
-  explicit Place(int seed) : scene({sensors::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, blotches(seed))}) {}
+  explicit Place(int seed)
+      : scene({sensors::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, test_places::blotches(seed))}) {}
 };
 
 const Place& the_place() {

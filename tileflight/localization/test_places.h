@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cmath>
+#include <random>
+
+#include "tileflight/localization/flight_mosaic.h"
+#include "tileflight/scene/scene.h"
+#include "tileflight/sensors/render.h"
+#include "tileflight/sensors/test_scenes.h"
+
+// Places whose look is known, for the tests of this stage.
+namespace tileflight::localization::test_places {
+
+/// Blotches of many sizes, what ground looks like: 0 to 255, anywhere.
+inline double blotches_at(double x, double y, int seed) {
+  using sensors::test_scenes::noise;
+  double value = 0.0;
+  for (int k = 0; k < 6; ++k) {
+    const double cell = 1 << k;
+    const int i = static_cast<int>(std::floor(x / cell)), j = static_cast<int>(std::floor(y / cell));
+    const double u = x / cell - i, v = y / cell - j;
+    const auto at = [&](int a, int b) { return static_cast<double>(noise(i + a, j + b, seed + k)); };
+    value += (1 - u) * (1 - v) * at(0, 0) + u * (1 - v) * at(1, 0) + (1 - u) * v * at(0, 1) + u * v * at(1, 1);
+  }
+  return value / 6.0;
+}
+
+inline std::shared_ptr<const imaging::RgbImage> blotches(int seed, int size = 512) {
+  return sensors::test_scenes::texture(size, size, [seed](int x, int y) {
+    return sensors::test_scenes::grey(static_cast<int>(blotches_at(x, y, seed)));
+  });
+}
+
+/// Blotched hills over 100 m.
+struct Hills {
+  scene::Scene scene;
+
+  explicit Hills(int seed) : scene({sensors::test_scenes::hills(geometry::Vec3(0, 0, 10), 100.0, 60, blotches(seed))}) {
+    scene.prepare_rays();
+  }
+};
+
+/// Nine pictures on an arc some 25 m over the hills, and points of the surface that they show. `lean_rad`: of the
+/// camera's axis from straight down.
+struct Flight {
+  imaging::Camera camera = imaging::make_pinhole(320, 240, 80.0);
+  std::vector<geometry::SE3> T_local_camera;
+  std::vector<imaging::RgbImage> rendered;
+  std::vector<geometry::Vec3> points;  ///< local frame
+
+  Flight(const Hills& place, double lean_rad) {
+    using geometry::Vec3;
+    const sensors::CameraRenderer renderer(place.scene, camera, {});
+    std::mt19937_64 random(5);
+    for (int k = 0; k < 9; ++k) {
+      const double heading = 0.12 * k;
+      geometry::SE3 pose =
+          sensors::test_scenes::looking_down(Vec3(-14.0 + 4.0 * k, -9.0 + 0.3 * k * k, 35.0 + 0.3 * k));
+      pose.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(heading, Vec3::UnitZ())) * pose.rotation *
+                      geometry::so3_exp(Vec3(lean_rad, 0.0, 0.0));
+      const sensors::RenderedFrame frame = renderer.render(pose);
+      for (int i = 0; i < 500; ++i) {
+        const int x = static_cast<int>(random() % 320), y = static_cast<int>(random() % 240);
+        const float depth_m = frame.depth_m(x, y);
+        const auto ray = camera.unproject(geometry::Vec2(x, y));
+        if (std::isfinite(depth_m) && ray) points.push_back(pose * Vec3(*ray * (depth_m / ray->z())));
+      }
+      T_local_camera.push_back(pose);
+      rendered.push_back(frame.rgb);
+    }
+  }
+
+  /// In a map's frame. The flight must outlive it.
+  FlightPictures pictures(const geometry::Sim3& T_map_local = {}) const {
+    FlightPictures pictures{.camera = camera};
+    for (const geometry::SE3& pose : T_local_camera)
+      pictures.T_map_camera.emplace_back(T_map_local.rotation * pose.rotation, T_map_local * pose.translation);
+    pictures.picture = [this](std::size_t k) { return rendered[k]; };
+    return pictures;
+  }
+  std::vector<geometry::Vec3> points_in(const geometry::Sim3& T_map_local) const {
+    std::vector<geometry::Vec3> moved;
+    for (const geometry::Vec3& p : points) moved.push_back(T_map_local * p);
+    return moved;
+  }
+};
+
+}  // namespace tileflight::localization::test_places
