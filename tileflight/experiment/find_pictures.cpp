@@ -46,6 +46,8 @@ PictureFinder::PictureFinder(const scene::Scene& scene, dataset::Dataset dataset
 
 PictureFinder::~PictureFinder() = default;
 
+std::shared_ptr<const sensors::Appearance> PictureFinder::appearance() const { return impl_->localizer.appearance(); }
+
 alignment::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size_t pictures) const {
   const Impl& my = *impl_;
   const std::size_t n = std::min(pictures, my.pairs.size());

@@ -7,6 +7,10 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/scene/scene.h"
 
+namespace tileflight::sensors {
+class Appearance;  // appearance.h
+}
+
 namespace tileflight::experiment {
 
 /// Looks for a flight's pictures in the textured place.
@@ -21,6 +25,9 @@ class PictureFinder {
   /// So many pictures, evenly over the path, each from where the transform puts it; those that are not found there once
   /// more from where a neighbour in time was found (a path that drifts or breaks is followed, so that it shows).
   alignment::LocatedPictures operator()(const geometry::Sim3& T_local_map, std::size_t pictures) const;
+
+  /// Of the scene: to be shared, as it holds all textures once more.
+  std::shared_ptr<const sensors::Appearance> appearance() const;
 
  private:
   struct Impl;

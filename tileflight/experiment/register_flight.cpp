@@ -77,10 +77,11 @@ alignment::RegistrationEvidence evidence_of(const MapInputs& map, const AlignTar
 }
 
 /// Places that look like the ground that the pictures show.
-std::vector<geometry::Sim3> places_by_looks(const scene::Scene& scene, const dataset::Dataset& dataset,
-                                            const geometry::Trajectory& path, const geometry::PointCloud& cloud,
+std::vector<geometry::Sim3> places_by_looks(const scene::Scene& scene, const PictureFinder& finder,
+                                            const dataset::Dataset& dataset, const geometry::Trajectory& path,
+                                            const geometry::PointCloud& cloud,
                                             const alignment::AlignMapOptions& options) {
-  const localization::PlaceRecognizer recognizer(scene, scene.bounds());
+  const localization::PlaceRecognizer recognizer(scene, scene.bounds(), {}, finder.appearance());
   std::vector<geometry::Sim3> places;
   for (const auto& candidate : recognizer.find(flight_evidence(dataset, path, cloud, options.map_up)))
     places.push_back(candidate.T_local_map);
@@ -172,7 +173,7 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
   const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
   if (may_look && finder) {
     services.recognize_places = [&] {
-      return places_by_looks(*place.scene, dataset::read_dataset(map.dataset), evidence.path, cloud, options);
+      return places_by_looks(*place.scene, *finder, dataset::read_dataset(map.dataset), evidence.path, cloud, options);
     };
   }
   if (may_look) services.look_for_places = [&] { return places_by_shape(cloud, evidence.path, target, options); };

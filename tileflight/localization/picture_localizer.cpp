@@ -105,6 +105,8 @@ PictureLocalizer::PictureLocalizer(const scene::Scene& scene, const imaging::Cam
 
 PictureLocalizer::~PictureLocalizer() = default;
 
+std::shared_ptr<const sensors::Appearance> PictureLocalizer::appearance() const { return impl_->renderer.appearance(); }
+
 namespace {
 
 /// Of the pose alone: the light's two unknowns are eliminated. The tracker's motion acts on the reference's points from

@@ -10,6 +10,10 @@
 #include "tileflight/imaging/image.h"
 #include "tileflight/scene/scene.h"
 
+namespace tileflight::sensors {
+class Appearance;  // appearance.h
+}
+
 namespace tileflight::localization {
 
 using Mat6 = Eigen::Matrix<double, 6, 6>;
@@ -46,6 +50,9 @@ class PictureLocalizer {
   /// a picture of another size than the camera's.
   std::optional<LocatedPicture> locate(const imaging::RgbImage& picture,
                                        const geometry::SE3& T_local_camera_guess) const;
+
+  /// Of the scene: to be shared, as it holds all textures once more.
+  std::shared_ptr<const sensors::Appearance> appearance() const;
 
  private:
   struct Impl;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/localization/feature_matching.h"
@@ -99,9 +100,10 @@ struct PlaceRecognizer::Impl {
   LocalFeatures features;
   DescriptorIndex index;
 
-  Impl(const scene::Scene& scene, const geometry::Box3& box, const PlaceRecognitionOptions& o)
+  Impl(const scene::Scene& scene, const geometry::Box3& box, const PlaceRecognitionOptions& o,
+       std::shared_ptr<const sensors::Appearance> appearance)
       : options(o),
-        ground(orthophoto(scene, std::make_shared<const sensors::Appearance>(scene), box, o.orthophoto)),
+        ground(orthophoto(scene, std::move(appearance), box, o.orthophoto)),
         pyramid(ground),
         features(find_features(ground.grey, ground.seen)),
         index(features.descriptors) {}
@@ -162,8 +164,11 @@ struct PlaceRecognizer::Impl {
 };
 
 PlaceRecognizer::PlaceRecognizer(const scene::Scene& scene, const geometry::Box3& box,
-                                 const PlaceRecognitionOptions& options)
-    : impl_(std::make_unique<Impl>(scene, box, options)) {}
+                                 const PlaceRecognitionOptions& options,
+                                 std::shared_ptr<const sensors::Appearance> appearance)
+    : impl_(std::make_unique<Impl>(
+          scene, box, options,
+          appearance ? std::move(appearance) : std::make_shared<const sensors::Appearance>(scene))) {}
 
 PlaceRecognizer::~PlaceRecognizer() = default;
 

@@ -41,8 +41,10 @@ struct PlaceCandidate {
 
 class PlaceRecognizer {
  public:
-  /// `box`: over which there is truth. The scene need not outlive it.
-  PlaceRecognizer(const scene::Scene& scene, const geometry::Box3& box, const PlaceRecognitionOptions& options = {});
+  /// `box`: over which there is truth. `appearance`: the scene's, where there is one already (it holds all textures
+  /// once more). Neither scene nor appearance is kept.
+  PlaceRecognizer(const scene::Scene& scene, const geometry::Box3& box, const PlaceRecognitionOptions& options = {},
+                  std::shared_ptr<const sensors::Appearance> appearance = {});
   ~PlaceRecognizer();
   PlaceRecognizer(const PlaceRecognizer&) = delete;
   PlaceRecognizer& operator=(const PlaceRecognizer&) = delete;
