@@ -2,7 +2,8 @@
 // (synthetic_maps.h), scored by the exact surface and compared as `compare` does. Counted is how often they are called
 // different, for which reason, and how often each interval holds the true value.
 //
-//   verdict_power_benchmark [N (100)] [side of the places, m (150)] [part of a scenario's name]
+//   verdict_power_benchmark [N (100)] [side of the places, m (100)] [part of a scenario's name]
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -29,7 +30,7 @@ struct Scenario {
 
 std::vector<Scenario> scenarios() {
   std::vector<Scenario> list;
-  for (const std::size_t points : {10000u, 30000u, 100000u}) {
+  for (const std::size_t points : {6000u, 20000u, 60000u}) {
     const std::string with = std::to_string(points) + " points: ";
     const auto kind = [&](MapKind k) {
       k.points = points;
@@ -42,10 +43,17 @@ std::vector<Scenario> scenarios() {
       list.push_back({with + "5 % missing, patches of " + std::to_string(static_cast<int>(patch_m)) + " m",
                       kind({.missing_share = 0.05, .patch_m = patch_m}), kind({}), 1.0, false, "completeness.lacking"});
     }
-    list.push_back(
-        {with + "5 % of one wall missing", kind({.wall_share = 0.05}), kind({}), 1.0, false, "completeness.lacking"});
+    list.push_back({with + "without gaps", kind({.gaps = 0.0}), kind({.gaps = 0.0})});
+    list.push_back({with + "without gaps, 5 % of one wall missing", kind({.gaps = 0.0, .wall_share = 0.05}),
+                    kind({.gaps = 0.0}), 1.0, false, "completeness.lacking"});
   }
-  for (const double correlation_m : {1.0, 3.0, 6.0, 12.0, 25.0}) {
+  for (const double gaps : {0.0003, 0.001, 0.003, 0.05}) {
+    const MapKind kind{.points = 20000, .gaps = gaps};
+    char name[64];
+    std::snprintf(name, sizeof name, "gaps in %g %% of the surface", 100.0 * gaps);
+    list.push_back({name, kind, kind});
+  }
+  for (const double correlation_m : {1.0, 3.0, 12.0, 25.0}) {
     const MapKind kind{.points = 20000, .correlation_m = correlation_m};
     list.push_back({"neighbours alike over " + std::to_string(static_cast<int>(correlation_m)) + " m", kind, kind});
   }
@@ -69,7 +77,7 @@ bool is_known(const evaluation::Measured& m, const Scenario& s) {
 }
 
 void run(const Scenario& s, int places, double side_m) {
-  int different = 0, equivalent = 0, right = 0, wrong = 0;
+  int different = 0, equivalent = 0, right = 0, wrong = 0, with_parts = 0, in_one_alone = 0;
   std::map<std::string, int> held;
   double points = 0.0, square_metres = 0.0;
   std::map<std::string, double> half_width;  ///< of the interval that is judged, a ratio's as its logarithm
@@ -82,8 +90,12 @@ void run(const Scenario& s, int places, double side_m) {
     const evaluation::ScoredMap first = map(s.first, 2 * k), second = map(s.second, 2 * k + 1);
     points += static_cast<double>(second.surface.distances.size());
     square_metres += geometry::surface_area_m2(place.mesh());
-    const auto c = evaluation::compare_maps({first}, {second},
-                                            {.finds_missing_parts = false, .seed = static_cast<std::uint64_t>(k)});
+    const auto c = evaluation::compare_maps({first}, {second}, {.seed = static_cast<std::uint64_t>(k)});
+    const auto lacks = [&](std::size_t flight) {
+      return std::ranges::count(c.missing->parts, flight, &evaluation::MissingPart::lacks) > 0;
+    };
+    with_parts += lacks(0) || lacks(1);
+    in_one_alone += lacks(0) != lacks(1);
     equivalent += c.verdict.word == "equivalent";
     for (const evaluation::Measured& m : c.measures) {
       held[m.name] += is_known(m, s) && holds(m, s);
@@ -105,8 +117,8 @@ void run(const Scenario& s, int places, double side_m) {
     wrong += has_wrong;
   }
   const auto share = [&](int count) { return 100.0 * count / places; };
-  std::printf("%-45s %5.1f %5.1f %5.1f %5.1f |", s.name.c_str(), share(different), share(right), share(wrong),
-              share(equivalent));
+  std::printf("%-45s %5.1f %5.1f %5.1f %5.1f | %5.1f %5.1f |", s.name.c_str(), share(different), share(right),
+              share(wrong), share(equivalent), share(with_parts), share(in_one_alone));
   for (const char* name : {"surface.median", "surface.rms", "surface.within_0.1", "surface.beyond_1",
                            "completeness.within_0.2", "completeness.lacking"}) {
     const evaluation::Measured m{.name = name};
@@ -125,15 +137,15 @@ void run(const Scenario& s, int places, double side_m) {
 
 int main(int argc, char** argv) try {
   const int places = argc > 1 ? std::atoi(argv[1]) : 100;
-  const double side_m = argc > 2 ? std::atof(argv[2]) : 150.0;
+  const double side_m = argc > 2 ? std::atof(argv[2]) : 100.0;
   const std::string part = argc > 3 ? argv[3] : "";
   if (places < 1 || !(side_m >= 50.0))
     throw std::runtime_error("needs a number of places, and a side of at least 50 m");
   std::printf(
-      "of %d places of %g m, in %%: called different, for the right reason, for a wrong one, called equivalent | "
-      "intervals that hold the truth: median, RMS, within 0.1 m, beyond 1 m, completeness at 0.2 m, lacking | their "
-      "half width, "
-      "median and completeness, as a logarithm | map points a square metre\n",
+      "of %d places of %g m, in %%: called different, for the right reason, for a wrong one, called equivalent | with "
+      "missing parts listed, in one map alone | intervals that hold the truth: median, RMS, within 0.1 m, beyond 1 m, "
+      "completeness at 0.2 m, lacking | their "
+      "half width: median and completeness, as a logarithm, lacking | map points a square metre\n",
       places, side_m);
   for (const Scenario& scenario : scenarios()) {
     if (scenario.name.find(part) != std::string::npos) run(scenario, places, side_m);

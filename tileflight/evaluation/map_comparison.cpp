@@ -1,9 +1,6 @@
 #include "tileflight/evaluation/map_comparison.h"
 
-#include <tbb/parallel_sort.h>
-
 #include <algorithm>
-#include <bit>
 #include <charconv>
 #include <cmath>
 #include <iterator>
@@ -13,7 +10,6 @@
 #include "tileflight/evaluation/path_comparison.h"
 #include "tileflight/evaluation/place_blocks.h"
 #include "tileflight/evaluation/repeated_runs.h"
-#include "tileflight/evaluation/split_mix.h"
 #include "tileflight/evaluation/student_t.h"
 #include "tileflight/geometry/input_error.h"
 
@@ -39,6 +35,8 @@ struct Number {
   Measured measured;  ///< name, scale, margins
   std::function<double(const ScoredMap& map, const ScoredMap& other)> exact;
   std::function<double(const Eigen::RowVectorXd& sums, Eigen::Index map)> drawn;
+  /// Where it is a fact of this place: by how much more the simulated map has of it than the real, in each block.
+  std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)> fact{};
 };
 
 double share_within(const std::vector<double>& distances, double threshold_m) {
@@ -145,68 +143,18 @@ std::vector<Number> surface_numbers(const MedianBins& bins, const MapComparisonO
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return 1.0 - kept(s, map) / points(s, map); }}};
 }
 
-/// Samples of the surface that both cameras saw, by their numbers in both lists: the same point to the bit, as it is
-/// where both flights were scored against one truth.
-using CommonSamples = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
-
-std::uint64_t hash_of(const geometry::Vec3& p) {
-  std::uint64_t hash = 0;
-  for (const double coordinate : p) hash = SplitMix64(hash ^ std::bit_cast<std::uint64_t>(coordinate)).next();
-  return hash;
-}
-
-std::vector<std::pair<std::uint64_t, std::uint32_t>> hashed(const std::vector<geometry::Vec3>& points) {
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) keys[i] = {hash_of(points[i]), static_cast<std::uint32_t>(i)};
-  tbb::parallel_sort(keys.begin(), keys.end());
-  return keys;
-}
-
-CommonSamples common_samples(const SeenSurface& a, const SeenSurface& b) {
-  const auto of_a = hashed(a.positions), of_b = hashed(b.positions);
-  CommonSamples common;
-  for (std::size_t i = 0, j = 0; i < of_a.size() && j < of_b.size();) {
-    const auto [hash_a, in_a] = of_a[i];
-    const auto [hash_b, in_b] = of_b[j];
-    if (hash_a == hash_b && a.positions[in_a] == b.positions[in_b]) common.emplace_back(in_a, in_b);
-    i += hash_a <= hash_b ? 1 : 0;
-    j += hash_b <= hash_a ? 1 : 0;
-  }
-  std::sort(common.begin(), common.end());
-  return common;
-}
-
-/// Whether a sample that the other map covers is lacking in this one.
-struct Lacking {
-  double within_m = 0, beyond_m = 0;
-
-  bool covered(double other_m) const { return other_m <= within_m; }
-  bool lacks(double own_m) const { return !(own_m <= beyond_m); }
-};
-
-/// Of what the other map covers, of the samples that both saw, the share that this one lacks.
-double lacking_share(const SeenSurface& map, const SeenSurface& other, const Lacking& lacking) {
-  double covered = 0.0, lacks = 0.0;
-  for (const auto& [own, others] : common_samples(map, other)) {
-    if (!lacking.covered(other.map_distance_m[others])) continue;
-    covered += 1.0;
-    lacks += lacking.lacks(map.map_distance_m[own]) ? 1.0 : 0.0;
-  }
-  return lacks / covered;
-}
-
 /// Columns for each map: all its samples, those with a point within each threshold, then of those that both saw those
-/// that the other map covers, and of them those that this one lacks.
+/// that tell what a map lacks, and of them those that this one lacks.
 struct SeenColumns {
   Eigen::Index thresholds = 0;
 
   Eigen::Index each() const { return 3 + thresholds; }
-  Eigen::Index covered() const { return 1 + thresholds; }
+  Eigen::Index telling() const { return 1 + thresholds; }
   Eigen::Index lacks() const { return 2 + thresholds; }
 };
 
 Eigen::MatrixXd seen_sums(const std::array<const ScoredMap*, 2>& maps, const BlockNumbers& numbers,
-                          const std::vector<double>& thresholds_m, const Lacking& lacking) {
+                          const std::vector<double>& thresholds_m, const MissingParts& missing) {
   const SeenColumns columns{static_cast<Eigen::Index>(thresholds_m.size())};
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(numbers.block_of.size()), 2 * columns.each());
   for (std::size_t map = 0; map < 2; ++map) {
@@ -219,18 +167,17 @@ Eigen::MatrixXd seen_sums(const std::array<const ScoredMap*, 2>& maps, const Blo
         if (distances[i] <= thresholds_m[t]) sums(row, first + 1 + static_cast<Eigen::Index>(t)) += 1.0;
       }
     }
-  }
-  for (const auto& [a, b] : common_samples(maps[0]->seen, maps[1]->seen)) {
-    const std::array<double, 2> distance_m{maps[0]->seen.map_distance_m[a], maps[1]->seen.map_distance_m[b]};
-    const Eigen::Index row = numbers.quarter_of[0][a];
-    for (std::size_t map = 0; map < 2; ++map) {
-      const Eigen::Index first = static_cast<Eigen::Index>(map) * columns.each();
-      if (!lacking.covered(distance_m[1 - map])) continue;
-      sums(row, first + columns.covered()) += 1.0;
-      if (lacking.lacks(distance_m[map])) sums(row, first + columns.lacks()) += 1.0;
+    for (std::size_t k = 0; k < missing.common.size(); ++k) {
+      const Eigen::Index row = numbers.quarter_of[0][missing.common[k].first];
+      sums(row, first + columns.telling()) += missing.telling[k];
+      sums(row, first + columns.lacks()) += missing.lacks[map][k];
     }
   }
   return sums;
+}
+
+MissingParts missing_of(const ScoredMap& map, const ScoredMap& other, const MapComparisonOptions& o) {
+  return missing_parts(map.surface, map.seen, other.surface, other.seen, {.cutoff_m = o.cutoff_m});
 }
 
 std::vector<Number> completeness_numbers(const MapComparisonOptions& o) {
@@ -249,15 +196,26 @@ std::vector<Number> completeness_numbers(const MapComparisonOptions& o) {
            return s[map * columns.each() + column] / s[map * columns.each()];
          }});
   }
-  numbers.push_back({{.name = "completeness.lacking", .scale = Scale::kDifference, .margin = o.lacking_margin},
-                     [=](const ScoredMap& m, const ScoredMap& other) {
-                       return lacking_share(m.seen, other.seen, {o.lacking_within_m, o.cutoff_m});
-                     },
-                     [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
-                       const Eigen::Index first = map * columns.each();
-                       return s[first + columns.lacks()] / s[first + columns.covered()];
-                     }});
   return numbers;
+}
+
+/// `first`: of the first runs, simulated and real, which are compared most.
+Number lacking_number(const MapComparisonOptions& o, const std::array<const ScoredMap*, 2>& maps,
+                      const MissingParts& first) {
+  const SeenColumns columns{static_cast<Eigen::Index>(o.completeness_within_m.size())};
+  return {{.name = "completeness.lacking", .scale = Scale::kDifference, .margin = o.lacking_margin},
+          [=, &first](const ScoredMap& m, const ScoredMap& other) {
+            if (&m == maps[0] && &other == maps[1]) return first.lacking_share(0);
+            if (&m == maps[1] && &other == maps[0]) return first.lacking_share(1);
+            return missing_of(m, other, o).lacking_share(0);
+          },
+          [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
+            const Eigen::Index start = map * columns.each();
+            return s[start + columns.lacks()] / s[start + columns.telling()];
+          },
+          [=](const Eigen::MatrixXd& blocks) -> Eigen::VectorXd {
+            return blocks.col(columns.lacks()) - blocks.col(columns.each() + columns.lacks());
+          }};
 }
 
 // --------------------------------------------------------------------------------------------------------- judging
@@ -277,6 +235,8 @@ Measured by_blocks(const Number& number, const std::array<const ScoredMap*, 2>& 
     difference.degrees_of_freedom = log_ratio.degrees_of_freedom = bootstrap->degrees_of_freedom();
   }
   judge(difference, log_ratio, m);
+  if (bootstrap && number.fact && std::isfinite(m.difference))
+    m.p_within = std::abs(m.difference) > m.margin ? bootstrap->exchange_p(number.fact) : 1.0;
   return m;
 }
 
@@ -389,15 +349,15 @@ MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::v
   result.surface_blocks = surface.used;
 
   if (!first[0]->seen.positions.empty() && !first[1]->seen.positions.empty()) {
+    result.missing = missing_of(*first[0], *first[1], options);
     const Part seen =
         part_of(first[0]->seen.positions, first[1]->seen.positions, options, [&](const BlockNumbers& numbers) {
-          return seen_sums(first, numbers, options.completeness_within_m, {options.lacking_within_m, options.cutoff_m});
+          return seen_sums(first, numbers, options.completeness_within_m, *result.missing);
         });
-    add(completeness_numbers(options), seen);
+    std::vector<Number> numbers = completeness_numbers(options);
+    numbers.push_back(lacking_number(options, first, *result.missing));
+    add(numbers, seen);
     result.completeness_blocks = seen.used;
-    if (options.finds_missing_parts)
-      result.missing = missing_parts(first[0]->surface, first[0]->seen, first[1]->surface, first[1]->seen,
-                                     {.cutoff_m = options.cutoff_m});
   }
   if (const auto path = path_of(simulated, real, of_runs, options)) result.measures.push_back(*path);
   result.verdict = verdict_on(result.measures);

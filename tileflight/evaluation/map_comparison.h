@@ -27,16 +27,14 @@ struct MapComparisonOptions {
   double accuracy_within_m = 0.1;  ///< share of the map points this near to the surface
   /// Share of the surface with a point this near; the last decides.
   std::vector<double> completeness_within_m = {0.1, 0.2};
-  double lacking_within_m = 0.2;  ///< of what one map covers this near, the share beyond the other's cut-off is lacking
   // What counts as the same, and why.
   double ratio_margin = 1.25;        ///< of median and RMS: less than a quarter more or less changes no decision
   double share_margin = 0.05;        ///< of the shares of map points
   double completeness_margin = 1.1;  ///< ratio: a tenth more or fewer places with a point, as with more or fewer points
-  double lacking_margin = 0.01;      ///< what the same flight, tracked again, stays within; 5 % missing is more
+  double lacking_margin = 0.01;      ///< of the shares of the surface that a map lacks (MissingParts); 5 % is more
   double path_ratio_margin = 1.25;   ///< of the path error,
   double path_margin_m = 0.1;        ///< or this difference: the finest threshold at which maps are scored
   double wanted_blocks = 30;         ///< at least, of place_blocks()
-  bool finds_missing_parts = true;
   int resamples = 2000;
   std::uint64_t seed = 1;
 };
@@ -55,13 +53,15 @@ inline constexpr const char* kWithheld = "withheld";
 struct MapComparison {
   std::vector<Measured> measures;  ///< surface.…, completeness.…, path.ate
   std::optional<BlocksUsed> surface_blocks, completeness_blocks;
-  std::optional<MissingParts> missing;  ///< of the first runs; the verdict does not rest on it
+  std::optional<MissingParts> missing;  ///< of the first runs; "lacking" is of its shares, no verdict of its list
   Verdict verdict;
 };
 
 /// Every list holds a flight's runs, the first in front. By blocks of the place (PlaceBootstrap) of the first runs; by
 /// runs (Welch) where both flights were tracked twice or more, not all alike. Path errors of one run each:
-/// judge_one_path_each(). Fewer than eight effective blocks give no interval. Throws InputError: no run, a run without
+/// judge_one_path_each(). What one map lacks is a fact of this place; it is beyond its margin where the shares are, and
+/// where maps of one kind, which lack this or that by chance, would seldom differ as much: exchange_p(). Fewer than
+/// eight effective blocks give no interval. Throws InputError: no run, a run without
 /// points, margins that are none.
 MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real,
                            const MapComparisonOptions& options = {});

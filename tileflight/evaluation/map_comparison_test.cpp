@@ -68,12 +68,9 @@ TEST(MapComparison, NumbersAreThoseOfTheWholeMaps) {
   EXPECT_EQ(number(c, "completeness.within_0.2").simulated, share(a.seen.map_distance_m, 0.2));
   EXPECT_EQ(number(c, "completeness.within_0.1").real, share(b.seen.map_distance_m, 0.1));
   EXPECT_FALSE(number(c, "completeness.within_0.1").decides);
-  double covered = 0.0, lacks = 0.0;
-  for (std::size_t i = 0; i < a.seen.positions.size(); ++i) {
-    covered += b.seen.map_distance_m[i] <= 0.2;
-    lacks += b.seen.map_distance_m[i] <= 0.2 && a.seen.map_distance_m[i] > 1.0;
-  }
-  EXPECT_EQ(number(c, "completeness.lacking").simulated, lacks / covered);
+  const MissingParts missing = missing_parts(a.surface, a.seen, b.surface, b.seen);
+  EXPECT_EQ(number(c, "completeness.lacking").simulated, missing.lacking_share(0));
+  EXPECT_EQ(number(c, "completeness.lacking").real, missing.lacking_share(1));
   EXPECT_EQ(number(c, "path.ate").real, 0.05);
   EXPECT_EQ(number(c, "path.ate").unit, "one path");
   ASSERT_TRUE(c.surface_blocks && c.completeness_blocks);
@@ -130,16 +127,15 @@ TEST(MapComparison, WhatIsLackingIsOfWhatBothCamerasSaw) {
   const ScoredMap a = place().map({}, 1);
   ScoredMap b = place().map({}, 2);
   SeenSurface part;
-  double covered = 0.0, lacks = 0.0;
   for (std::size_t i = 0; i < b.seen.positions.size(); ++i) {
     if (b.seen.positions[i].y() > 60.0) continue;
     part.positions.insert(part.positions.begin(), b.seen.positions[i]);  // in another order
     part.map_distance_m.insert(part.map_distance_m.begin(), b.seen.map_distance_m[i]);
-    covered += a.seen.map_distance_m[i] <= 0.2;
-    lacks += a.seen.map_distance_m[i] <= 0.2 && b.seen.map_distance_m[i] > 1.0;
   }
   b.seen = part;
-  EXPECT_EQ(number(compared(a, b), "completeness.lacking").real, lacks / covered);
+  const MissingParts missing = missing_parts(a.surface, a.seen, b.surface, b.seen);
+  EXPECT_EQ(missing.common.size(), part.positions.size());
+  EXPECT_EQ(number(compared(a, b), "completeness.lacking").real, missing.lacking_share(1));
   for (geometry::Vec3& p : b.seen.positions) p.z() += 1e-9;  // another truth: nothing in common
   EXPECT_TRUE(std::isnan(number(compared(a, b), "completeness.lacking").real));
 }
@@ -245,6 +241,10 @@ Counts count(const MapKind& first, const MapKind& second,
   for (std::uint64_t k = 0; k < kPlaces; ++k) {
     const Place here(100 + k);
     const MapComparison c = compared(here.map(first, 2 * k), here.map(second, 2 * k + 1), k);
+    if (std::getenv("SHOW")) {
+      const Measured& l = number(c, "completeness.lacking");
+      std::printf("%d %.4f %.4f p %.4f\n", static_cast<int>(k), l.simulated, l.real, l.p_within);
+    }
     counts.different += c.verdict.word == "different";
     counts.equivalent += c.verdict.word == "equivalent";
     if (c.verdict.word == "different")

@@ -1,16 +1,21 @@
 #include "tileflight/evaluation/missing_parts.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <atomic>
+#include <bit>
 #include <cmath>
+#include <numeric>
 #include <tuple>
-#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "tileflight/evaluation/split_mix.h"
 #include "tileflight/evaluation/student_t.h"
 #include "tileflight/geometry/input_error.h"
+#include "tileflight/geometry/nearest.h"
 
 namespace tileflight::evaluation {
 
@@ -18,96 +23,148 @@ using geometry::Vec3;
 
 namespace {
 
-/// A cube by its lattice and its numbers along the axes.
-struct Cube {
-  std::array<std::int64_t, 3> at{};
-  friend auto operator<=>(const Cube&, const Cube&) = default;
-};
-
-struct CubeHash {
-  std::size_t operator()(const Cube& cube) const {
-    std::uint64_t z = 0;
-    for (const std::int64_t c : cube.at) z = SplitMix64(z ^ static_cast<std::uint64_t>(c)).next();
-    return static_cast<std::size_t>(z);
-  }
-};
-
-/// What is in a cube.
-struct Content {
-  std::array<std::uint32_t, 2> points{}, seen{};  ///< map points near the surface, samples seen: simulated, real
-
-  std::uint32_t total() const { return points[0] + points[1]; }
-};
-
-using Lattice = std::unordered_map<Cube, Content, CubeHash>;
-
-/// One of the eight ways to lay cubes of an edge: half an edge on along some of the axes.
-struct Laying {
-  double edge_m = 0;
-  int shifted = 0;  ///< bit an axis
-
-  double shift_m(int axis) const { return (shifted >> axis & 1) != 0 ? 0.5 * edge_m : 0.0; }
-  Cube around(const Vec3& p) const {
-    Cube cube;
-    for (int axis = 0; axis < 3; ++axis)
-      cube.at[static_cast<std::size_t>(axis)] =
-          static_cast<std::int64_t>(std::floor((p[axis] + shift_m(axis)) / edge_m));
-    return cube;
-  }
-  Vec3 center(const Cube& cube) const {
-    Vec3 c;
-    for (int axis = 0; axis < 3; ++axis)
-      c[axis] = (static_cast<double>(cube.at[static_cast<std::size_t>(axis)]) + 0.5) * edge_m - shift_m(axis);
-    return c;
-  }
-};
-
-struct Flights {
-  std::array<const KeptDistances*, 2> maps;
-  std::array<const SeenSurface*, 2> seen;
-};
-
 /// More of either say nothing more: every so many are taken.
 std::size_t step_through(std::size_t count) {
   constexpr std::size_t kMost = 1000000;
   return 1 + count / kMost;
 }
 
-/// Cubes that both cameras saw, with a map point of either.
-Lattice filled(const Flights& flights, const Laying& laying, double cutoff_m) {
-  Lattice cubes;
-  for (std::size_t flight = 0; flight < 2; ++flight) {
-    const KeptDistances& map = *flights.maps[flight];
-    for (std::size_t i = 0; i < map.positions.size(); i += step_through(map.positions.size())) {
-      if (map.distances[i] <= cutoff_m) ++cubes[laying.around(map.positions[i])].points[flight];
-    }
-  }
-  for (std::size_t flight = 0; flight < 2; ++flight) {
-    const std::vector<Vec3>& samples = flights.seen[flight]->positions;
-    for (std::size_t i = 0; i < samples.size(); i += step_through(samples.size())) {
-      if (const auto found = cubes.find(laying.around(samples[i])); found != cubes.end()) ++found->second.seen[flight];
-    }
-  }
-  std::erase_if(cubes, [](const auto& cube) { return cube.second.seen[0] == 0 || cube.second.seen[1] == 0; });
-  return cubes;
+// --------------------------------------------------------------------------------------- what both cameras saw
+
+using CommonSamples = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+
+std::uint64_t hash_of(const Vec3& p) {
+  std::uint64_t hash = 0;
+  for (const double coordinate : p) hash = SplitMix64(hash ^ std::bit_cast<std::uint64_t>(coordinate)).next();
+  return hash;
 }
 
-/// Pearson's, over cubes with points enough; at least 1.
-class Dispersion {
- public:
-  void add(const Content& content, double share) {
-    constexpr double kEnough = 10.0;
-    const double n = content.total();
-    if (n < kEnough) return;
-    const double off = content.points[0] - n * share;
-    sum_ += off * off / (n * share * (1.0 - share));
-    count_ += 1.0;
-  }
-  double value() const { return count_ > 0.0 ? std::max(1.0, sum_ / count_) : 1.0; }
+std::vector<std::pair<std::uint64_t, std::uint32_t>> hashed(const std::vector<Vec3>& points) {
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> keys(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) keys[i] = {hash_of(points[i]), static_cast<std::uint32_t>(i)};
+  tbb::parallel_sort(keys.begin(), keys.end());
+  return keys;
+}
 
- private:
-  double sum_ = 0.0, count_ = 0.0;
+/// In the order of their hashes, which exchanged maps leave as it is; thinned without a pattern where there are many.
+CommonSamples common_samples(const SeenSurface& a, const SeenSurface& b) {
+  const auto of_a = hashed(a.positions), of_b = hashed(b.positions);
+  CommonSamples common;
+  for (std::size_t i = 0, j = 0; i < of_a.size() && j < of_b.size();) {
+    const auto [hash_a, in_a] = of_a[i];
+    const auto [hash_b, in_b] = of_b[j];
+    if (hash_a == hash_b && a.positions[in_a] == b.positions[in_b]) common.emplace_back(in_a, in_b);
+    i += hash_a <= hash_b ? 1 : 0;
+    j += hash_b <= hash_a ? 1 : 0;
+  }
+  const std::size_t step = step_through(common.size());
+  CommonSamples thinned;
+  for (std::size_t k = 0; k < common.size(); k += step) thinned.push_back(common[k]);
+  return thinned;
+}
+
+/// Map points, simulated and real.
+struct Counts {
+  std::array<std::uint32_t, 2> points{};
+
+  std::uint32_t total() const { return points[0] + points[1]; }
 };
+
+/// The samples, and how many points of each map are nearest to each.
+struct Surface {
+  std::vector<Vec3> samples;
+  geometry::NearestIndex index;
+  std::vector<Counts> counts;
+
+  explicit Surface(std::vector<Vec3> points) : samples(std::move(points)), index(samples), counts(samples.size()) {}
+};
+
+void count_points(const KeptDistances& map, std::size_t number, double cutoff_m, Surface& surface) {
+  const std::size_t step = step_through(map.positions.size());
+  const std::size_t taken = (map.positions.size() + step - 1) / step;
+  tbb::parallel_for(std::size_t{0}, taken, [&](std::size_t k) {
+    const std::size_t i = k * step;
+    if (!(map.distances[i] <= cutoff_m)) return;
+    if (const auto near = surface.index.nearest(map.positions[i], cutoff_m))
+      std::atomic_ref(surface.counts[near->index].points[number]).fetch_add(1, std::memory_order_relaxed);
+  });
+}
+
+// --------------------------------------------------------------------------------------------------------- balls
+
+/// Balls of one size around samples, with what is in them, and what to expect there.
+struct Balls {
+  double edge_m = 0;
+  std::vector<std::uint32_t> centers;
+  std::vector<Counts> counts;
+  double share = 0.0, correlation = 0.0;  ///< the simulated map's of all points; of choices within a ball
+
+  /// Of n points: as many independent ones.
+  double effective(double n) const { return n / (1.0 + (n - 1.0) * correlation); }
+};
+
+/// The first sample of each cell of a lattice.
+std::vector<std::uint32_t> centers_apart(const std::vector<Vec3>& samples, double apart_m) {
+  std::unordered_set<std::uint64_t> taken;
+  std::vector<std::uint32_t> centers;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const Vec3 cell = (samples[i] / apart_m).array().floor();
+    if (taken.insert(hash_of(cell)).second) centers.push_back(static_cast<std::uint32_t>(i));
+  }
+  return centers;
+}
+
+template <class Visit>
+void in_ball(const Surface& surface, const Balls& balls, std::size_t ball, const Visit& visit) {
+  for (const auto& near : surface.index.within(surface.samples[balls.centers[ball]], 0.5 * balls.edge_m))
+    visit(near.index);
+}
+
+/// Such that the median ball deviates as far as its independent points would. Of balls with points enough.
+double correlation_of(const Balls& balls) {
+  constexpr double kEnough = 10.0, kMedianOfChiSquare = 0.4549364;
+  const double p = balls.share;
+  std::vector<std::pair<double, double>> deviations;  // points, squared deviation in units of the binomial's
+  for (const Counts& counts : balls.counts) {
+    const double n = counts.total();
+    if (n < kEnough) continue;
+    const double off = counts.points[0] - n * p;
+    deviations.emplace_back(n, off * off / (n * p * (1.0 - p)));
+  }
+  if (deviations.empty()) return 0.0;
+  std::vector<double> scaled(deviations.size());
+  const auto too_small = [&](double correlation) {
+    std::ranges::transform(deviations, scaled.begin(),
+                           [&](const auto& d) { return d.second / (1.0 + (d.first - 1.0) * correlation); });
+    const auto middle = scaled.begin() + static_cast<std::ptrdiff_t>(scaled.size() / 2);
+    std::nth_element(scaled.begin(), middle, scaled.end());
+    return *middle > kMedianOfChiSquare;
+  };
+  if (!too_small(0.0)) return 0.0;
+  double low = 0.0, high = 1.0;
+  for (int k = 0; k < 20; ++k) {
+    const double middle = 0.5 * (low + high);
+    (too_small(middle) ? low : high) = middle;
+  }
+  return high;
+}
+
+Balls balls_of(const Surface& surface, double edge_m) {
+  Balls balls{.edge_m = edge_m, .centers = centers_apart(surface.samples, 0.25 * edge_m)};
+  balls.counts.resize(balls.centers.size());
+  tbb::parallel_for(std::size_t{0}, balls.centers.size(), [&](std::size_t k) {
+    in_ball(surface, balls, k, [&](std::size_t sample) {
+      for (std::size_t map = 0; map < 2; ++map) balls.counts[k].points[map] += surface.counts[sample].points[map];
+    });
+  });
+  std::array<double, 2> all{};
+  for (const Counts& counts : surface.counts) {
+    for (std::size_t map = 0; map < 2; ++map) all[map] += counts.points[map];
+  }
+  balls.share = all[0] / (all[0] + all[1]);
+  if (balls.share > 0.0 && balls.share < 1.0) balls.correlation = correlation_of(balls);
+  return balls;
+}
 
 /// Of so few points or fewer of n, each with the probability; counts need not be whole.
 double binomial_tail(double few, double n, double probability) {
@@ -115,39 +172,51 @@ double binomial_tail(double few, double n, double probability) {
 }
 
 bool overlap(const MissingPart& a, const MissingPart& b) {
-  return (a.center - b.center).cwiseAbs().maxCoeff() < 0.5 * (a.edge_m + b.edge_m) * (1.0 - 1e-9);
+  return (a.center - b.center).norm() < 0.5 * (a.edge_m + b.edge_m);
 }
 
-/// All cubes of one laying, and what counts of their edge are expected to be.
-struct LaidCubes {
-  Laying laying;
-  Lattice cubes;
-  double share = 0.0, dispersion = 1.0;  ///< the simulated map's of all points; how far shares deviate
-};
-
-/// Share and dispersion, from cubes that do not overlap.
-void add_expectations(LaidCubes& laid) {
-  std::array<double, 2> all{};
-  for (const auto& [cube, content] : laid.cubes) {
-    for (std::size_t map = 0; map < 2; ++map) all[map] += content.points[map];
-  }
-  laid.share = all[0] / (all[0] + all[1]);
-  Dispersion dispersion;
-  for (const auto& [cube, content] : laid.cubes) dispersion.add(content, laid.share);
-  laid.dispersion = dispersion.value();
+/// Probability of so few points of a map in a ball.
+double p_of(const Balls& balls, const Counts& counts, std::size_t map) {
+  const double n = balls.effective(counts.total()), share = map == 0 ? balls.share : 1.0 - balls.share;
+  return binomial_tail(counts.points[map] * n / counts.total(), n, share);
 }
 
-/// Cubes that one of the maps lacks.
-void find_parts(const LaidCubes& laid, double tests, const MissingPartsOptions& options,
+bool hardly_any(const Balls& balls, const Counts& counts, std::size_t map, const MissingPartsOptions& options) {
+  const double share = map == 0 ? balls.share : 1.0 - balls.share;
+  return counts.points[map] <= options.hardly * counts.total() * share;
+}
+
+/// Marks what the balls tell of and what a map lacks. A ball tells if none of the rarer map's points would be too few.
+void mark(const Surface& surface, const Balls& balls, const MissingPartsOptions& options, MissingParts& result) {
+  const auto set = [](std::vector<std::uint8_t>& flags, std::size_t sample) {
+    std::atomic_ref(flags[sample]).store(1, std::memory_order_relaxed);
+  };
+  tbb::parallel_for(std::size_t{0}, balls.centers.size(), [&](std::size_t k) {
+    const Counts& counts = balls.counts[k];
+    const double rarer = std::min(balls.share, 1.0 - balls.share);
+    if (counts.total() == 0 || !(binomial_tail(0.0, balls.effective(counts.total()), rarer) <= options.level_of_one))
+      return;
+    std::array<bool, 2> lacks{};
+    for (std::size_t map = 0; map < 2; ++map)
+      lacks[map] = hardly_any(balls, counts, map, options) && p_of(balls, counts, map) <= options.level_of_one;
+    in_ball(surface, balls, k, [&](std::size_t sample) {
+      set(result.telling, sample);
+      for (std::size_t map = 0; map < 2; ++map)
+        if (lacks[map]) set(result.lacks[map], sample);
+    });
+  });
+}
+
+/// Balls that one of the maps lacks, for sure.
+void find_parts(const Surface& surface, const Balls& balls, double tests, const MissingPartsOptions& options,
                 std::vector<MissingPart>& found) {
-  if (!(laid.share > 0.0 && laid.share < 1.0)) return;
-  for (const auto& [cube, content] : laid.cubes) {
+  for (std::size_t k = 0; k < balls.centers.size(); ++k) {
+    const Counts& counts = balls.counts[k];
     for (std::size_t map = 0; map < 2; ++map) {
-      const double of_map = map == 0 ? laid.share : 1.0 - laid.share, n = content.total();
-      if (content.points[map] > options.hardly * n * of_map) continue;
-      const double p = tests * binomial_tail(content.points[map] / laid.dispersion, n / laid.dispersion, of_map);
+      if (counts.total() == 0 || !hardly_any(balls, counts, map, options)) continue;
+      const double p = tests * p_of(balls, counts, map);
       if (!(p <= options.level)) continue;
-      found.push_back({laid.laying.center(cube), laid.laying.edge_m, {content.points[0], content.points[1]}, map, p});
+      found.push_back({surface.samples[balls.centers[k]], balls.edge_m, {counts.points[0], counts.points[1]}, map, p});
     }
   }
 }
@@ -171,32 +240,45 @@ std::vector<MissingPart> apart(std::vector<MissingPart> found, std::size_t most)
 
 void check(const MissingPartsOptions& options) {
   for (const double edge_m : options.edges_m) {
-    if (!(edge_m > 0.0) || !std::isfinite(edge_m)) throw InputError("cubes", "must have an edge above zero, in metres");
+    if (!(edge_m > 0.0) || !std::isfinite(edge_m)) throw InputError("balls", "must have a width above zero, in metres");
   }
 }
 
 }  // namespace
 
+double MissingParts::lacking_share(std::size_t map) const {
+  const auto sum = [](const std::vector<std::uint8_t>& flags) {
+    return std::accumulate(flags.begin(), flags.end(), 0.0);
+  };
+  return sum(lacks[map]) / sum(telling);
+}
+
 MissingParts missing_parts(const KeptDistances& simulated, const SeenSurface& seen_by_simulated,
                            const KeptDistances& real, const SeenSurface& seen_by_real,
                            const MissingPartsOptions& options) {
   check(options);
-  const Flights flights{{&simulated, &real}, {&seen_by_simulated, &seen_by_real}};
-  MissingParts result{.options = options};
-  constexpr std::size_t kLayings = 8;
-  std::vector<LaidCubes> laid(kLayings * options.edges_m.size());
-  tbb::parallel_for(std::size_t{0}, laid.size(), [&](std::size_t k) {
-    laid[k].laying = {options.edges_m[k / kLayings], static_cast<int>(k % kLayings)};
-    laid[k].cubes = filled(flights, laid[k].laying, options.cutoff_m);
-    add_expectations(laid[k]);
-  });
-  for (const LaidCubes& cubes : laid) result.cubes += cubes.cubes.size();
-  if (result.cubes == 0) return result;
+  MissingParts result{.options = options, .common = common_samples(seen_by_simulated, seen_by_real)};
+  result.telling.assign(result.common.size(), 0);
+  result.lacks.fill(result.telling);
+  if (result.common.empty()) return result;
+  std::vector<Vec3> samples;
+  for (const auto& [in_simulated, in_real] : result.common)
+    samples.push_back(seen_by_simulated.positions[in_simulated]);
+  Surface surface(std::move(samples));
+  count_points(simulated, 0, options.cutoff_m, surface);
+  count_points(real, 1, options.cutoff_m, surface);
+  std::vector<Balls> sizes;
+  for (const double edge_m : options.edges_m) {
+    sizes.push_back(balls_of(surface, edge_m));
+    result.balls += sizes.back().centers.size();
+  }
+  result.correlation = 0.0;
   std::vector<MissingPart> found;
-  result.dispersion = 1.0;
-  for (const LaidCubes& cubes : laid) {
-    result.dispersion = std::max(result.dispersion, cubes.dispersion);
-    find_parts(cubes, 2.0 * static_cast<double>(result.cubes), options, found);
+  for (const Balls& balls : sizes) {
+    if (!(balls.share > 0.0 && balls.share < 1.0)) continue;
+    result.correlation = std::max(result.correlation, balls.correlation);
+    mark(surface, balls, options, result);
+    find_parts(surface, balls, 2.0 * static_cast<double>(result.balls), options, found);
   }
   result.parts = apart(std::move(found), options.most);
   return result;
@@ -211,7 +293,7 @@ nlohmann::json to_json(const MissingParts& missing) {
                      {"lacks", part.lacks == 0 ? "simulated" : "real"},
                      {"p", part.p}});
   }
-  return {{"cubes", missing.cubes}, {"dispersion", missing.dispersion}, {"parts", parts}};
+  return {{"balls", missing.balls}, {"correlation", missing.correlation}, {"parts", parts}};
 }
 
 }  // namespace tileflight::evaluation

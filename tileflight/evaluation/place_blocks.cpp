@@ -173,12 +173,28 @@ BlockNumbers block_numbers(const PlaceBlocks& blocks, const std::vector<Vec3>& a
 
 PlaceBootstrap::PlaceBootstrap(const PlaceBlocks& blocks, const BlockNumbers& numbers, const Eigen::MatrixXd& quarters,
                                int resamples, std::uint64_t seed)
-    : total_(quarters.colwise().sum()), effective_(blocks.effective) {
+    : total_(quarters.colwise().sum()), seed_(seed), effective_(blocks.effective) {
   Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(numbers.blocks), quarters.cols());
   for (Eigen::Index q = 0; q < quarters.rows(); ++q)
     whole.row(numbers.block_of[static_cast<std::size_t>(q)]) += quarters.row(q);
   of_blocks_ = resampled(whole, resamples, seed);
   of_quarters_ = resampled(quarters, resamples, seed + 1);
+  blocks_ = std::move(whole);
+}
+
+double PlaceBootstrap::exchange_p(
+    const std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)>& differences) const {
+  const Eigen::VectorXd difference =
+      differences(blocks_).unaryExpr([](double d) { return std::copysign(std::sqrt(std::abs(d)), d); });
+  const double found = std::abs(difference.sum()) * (1.0 - 1e-12);
+  SplitMix64 random(seed_ + 2);
+  double as_far = 0.0;
+  for (Eigen::Index draw = 0; draw < of_blocks_.rows(); ++draw) {
+    double sum = 0.0;
+    for (const double d : difference) sum += random.below(2) == 0 ? d : -d;
+    as_far += std::abs(sum) >= found;
+  }
+  return (1.0 + as_far) / (1.0 + static_cast<double>(of_blocks_.rows()));
 }
 
 double PlaceBootstrap::standard_error(const BlockStatistic& statistic) const {

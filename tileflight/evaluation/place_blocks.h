@@ -59,11 +59,19 @@ class PlaceBootstrap {
   /// (Richardson's extrapolation). Never below either. NaN where too few draws have the number.
   double standard_error(const BlockStatistic& statistic) const;
 
+  /// How often two maps of one kind would differ at least as much, either way: each block's difference is the one's or
+  /// the other's by an even chance, drawn as often as the bootstrap (Fisher, The Design of Experiments, 1935, 21).
+  /// Summed are square roots, so that one block with much does not hide that the others agree. It says nothing of other
+  /// places: it takes the surface as it is, and asks only whose the difference is.
+  double exchange_p(const std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)>& differences) const;
+
   /// For Student's t.
   double degrees_of_freedom() const { return effective_ - 1.0; }
 
  private:
   Eigen::RowVectorXd total_;
+  Eigen::MatrixXd blocks_;  ///< [block][column]
+  std::uint64_t seed_ = 0;
   Eigen::MatrixXd of_blocks_, of_quarters_;  ///< [draw][column], sums over the drawn
   double effective_ = 0;
 };
