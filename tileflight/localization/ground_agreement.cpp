@@ -184,58 +184,66 @@ float GroundPyramid::at(const Vec2& position, double step) const {
   return (1.0F - b) * upper + b * lower;
 }
 
-GroundAgreement ground_agreement(const GroundPyramid& mosaic, const GroundPyramid& place, const Sim3& start) {
-  GroundAgreement agreement{.T_local_mosaic = start};
-  Sim3& T = agreement.T_local_mosaic;
-  const GroundImage& image = mosaic.image();
-  const double extent = std::sqrt(static_cast<double>(image.grey.width) * image.grey.height) * image.pixel;
-  constexpr int kRounds = 6;
-  for (const int across : {32, 64, 128}) {
-    const double step = std::max(extent / across, image.pixel);
-    Grid grid = grid_over(mosaic, step);
-    Vec3 middle = Vec3::Zero();
-    double n = 0.0;
-    for (std::size_t k = 0; k < grid.points.size(); ++k)
-      if (std::isfinite(grid.mosaic.pixels[k])) middle += grid.points[k], n += 1.0;
-    if (n < 20.0) return agreement;
-    middle /= n;
-    const int reach = 6;
-    Sim3 best = T;
-    double most = 0.0, share = 0.0;
-    for (int round = 0; round <= kRounds; ++round) {
-      look_up(grid, place, T);
-      FloatImage seen = grid.mosaic, known = grid.place;
-      even_out(seen, grid.place, reach);
-      even_out(known, grid.mosaic, reach);
-      double on = 0.0;
-      for (const float v : known.pixels) on += std::isfinite(v) ? 1.0 : 0.0;
-      const double c = correlation(seen, known);
-      if (c * on / n > most * share) {
-        most = c, share = on / n, best = T;
-      }
-      if (round == kRounds) break;
-      constexpr double kStill = 0.02;
-      if (improve(grid, seen, known, T, middle) < kStill) break;
-    }
-    T = best;
-    agreement.correlation = most;
-    agreement.share = share;
+namespace {
+
+/// At one size: the motion of the best of some rounds, with its correlation and share. Where the grid shows too little,
+/// what was known before.
+GroundAgreement improved(const GroundAgreement& before, const GroundPyramid& place, Grid& grid) {
+  constexpr double kFewest = 20.0, kStill = 0.02;  // values; steps
+  constexpr int kRounds = 6, kReach = 6;
+  Vec3 middle = Vec3::Zero();
+  double n = 0.0;
+  for (std::size_t k = 0; k < grid.points.size(); ++k)
+    if (std::isfinite(grid.mosaic.pixels[k])) middle += grid.points[k], n += 1.0;
+  if (n < kFewest) return before;
+  middle /= n;
+  GroundAgreement best{.T_local_mosaic = before.T_local_mosaic};
+  Sim3 T = before.T_local_mosaic;
+  for (int round = 0; round <= kRounds; ++round) {
+    look_up(grid, place, T);
+    FloatImage seen = grid.mosaic, known = grid.place;
+    even_out(seen, grid.place, kReach);
+    even_out(known, grid.mosaic, kReach);
+    const auto on = static_cast<double>(std::ranges::count_if(known.pixels, [](float v) { return std::isfinite(v); }));
+    const double c = correlation(seen, known);
+    if (c * on / n > best.correlation * best.share) best = {T, c, 0.0, on / n};
+    if (round == kRounds || improve(grid, seen, known, T, middle) < kStill) break;
   }
+  return best;
+}
+
+/// How many of the mosaic's heights are those of the place, each counted by how closely.
+double share_of_heights(const GroundImage& mosaic, const GroundImage& place, const Sim3& T, double tolerance_m) {
   double agree = 0.0, known = 0.0;
-  for (int j = 0; j < image.height.height; j += 2) {
-    for (int i = 0; i < image.height.width; i += 2) {
-      const float z = image.height(i, j);
+  for (int j = 0; j < mosaic.height.height; j += 2) {
+    for (int i = 0; i < mosaic.height.width; i += 2) {
+      const float z = mosaic.height(i, j);
       if (!std::isfinite(z)) continue;
-      const Vec2 at = image.position(i * GroundImage::kHeightStep, j * GroundImage::kHeightStep);
+      const Vec2 at = mosaic.position(i * GroundImage::kHeightStep, j * GroundImage::kHeightStep);
       const Vec3 p = T * Vec3(at.x(), at.y(), z);
       known += 1.0;
-      const auto height = place.image().height_at(p.head<2>());
+      const auto height = place.height_at(p.head<2>());
       if (!height) continue;
-      const double apart = (*height - p.z()) / (0.03 * extent * T.scale);
+      const double apart = (*height - p.z()) / tolerance_m;
       agree += std::max(0.0, 1.0 - apart * apart);
     }
   }
-  agreement.heights = known > 0.0 ? agree / known : 0.0;
+  return known > 0.0 ? agree / known : 0.0;
+}
+
+}  // namespace
+
+GroundAgreement ground_agreement(const GroundPyramid& mosaic, const GroundPyramid& place, const Sim3& start) {
+  constexpr double kTolerance = 0.03;  // of heights, as a share of the mosaic's side
+  const GroundImage& image = mosaic.image();
+  const double side = std::sqrt(static_cast<double>(image.grey.width) * image.grey.height) * image.pixel;
+  GroundAgreement agreement{.T_local_mosaic = start};
+  for (const int across : {32, 64, 128}) {
+    Grid grid = grid_over(mosaic, std::max(side / across, image.pixel));
+    agreement = improved(agreement, place, grid);
+  }
+  const Sim3& T = agreement.T_local_mosaic;
+  agreement.heights = share_of_heights(image, place.image(), T, kTolerance * side * T.scale);
   return agreement;
 }
 
