@@ -25,7 +25,8 @@ struct Scenario {
   MapKind first, second;
   double true_ratio = 1.0;      ///< of median and RMS, as far as it is known: of the noise
   bool known_otherwise = true;  ///< whether the other numbers' true differences are zero
-  std::string reason;           ///< that "different" should have; empty: they are of one kind
+  std::string reason{};         ///< that "different" should have; empty: they are of one kind
+  double side_m = 0.0;          ///< of the places; 0: as the arguments say
 };
 
 std::vector<Scenario> scenarios() {
@@ -43,9 +44,12 @@ std::vector<Scenario> scenarios() {
       list.push_back({with + "5 % missing, patches of " + std::to_string(static_cast<int>(patch_m)) + " m",
                       kind({.missing_share = 0.05, .patch_m = patch_m}), kind({}), 1.0, false, "completeness.lacking"});
     }
-    list.push_back({with + "without gaps", kind({.gaps = 0.0}), kind({.gaps = 0.0})});
-    list.push_back({with + "without gaps, 5 % of one wall missing", kind({.gaps = 0.0, .wall_share = 0.05}),
-                    kind({.gaps = 0.0}), 1.0, false, "completeness.lacking"});
+  }
+  for (const std::size_t points : {15000u, 60000u}) {
+    const std::string with = "place of 40 m, " + std::to_string(points) + " points, no gaps: ";
+    const MapKind whole{.points = points, .gaps = 0.0}, lacking{.points = points, .gaps = 0.0, .wall_share = 0.05};
+    list.push_back({with + "one kind", whole, whole, 1.0, true, "", 40.0});
+    list.push_back({with + "5 % of one wall missing", lacking, whole, 1.0, false, "completeness.lacking", 40.0});
   }
   for (const double gaps : {0.0003, 0.001, 0.003, 0.05}) {
     const MapKind kind{.points = 20000, .gaps = gaps};
@@ -76,7 +80,8 @@ bool is_known(const evaluation::Measured& m, const Scenario& s) {
   return s.known_otherwise || (s.true_ratio != 1.0 && m.name == "surface.median");
 }
 
-void run(const Scenario& s, int places, double side_m) {
+void run(const Scenario& s, int places, double wanted_side_m) {
+  const double side_m = s.side_m > 0.0 ? s.side_m : wanted_side_m;
   int different = 0, equivalent = 0, right = 0, wrong = 0, with_parts = 0, in_one_alone = 0;
   std::map<std::string, int> held;
   double points = 0.0, square_metres = 0.0;
@@ -117,7 +122,7 @@ void run(const Scenario& s, int places, double side_m) {
     wrong += has_wrong;
   }
   const auto share = [&](int count) { return 100.0 * count / places; };
-  std::printf("%-45s %5.1f %5.1f %5.1f %5.1f | %5.1f %5.1f |", s.name.c_str(), share(different), share(right),
+  std::printf("%-58s %5.1f %5.1f %5.1f %5.1f | %5.1f %5.1f |", s.name.c_str(), share(different), share(right),
               share(wrong), share(equivalent), share(with_parts), share(in_one_alone));
   for (const char* name : {"surface.median", "surface.rms", "surface.within_0.1", "surface.beyond_1",
                            "completeness.within_0.2", "completeness.lacking"}) {
