@@ -169,7 +169,8 @@ Table missing_parts_table(const json& results) {
   const std::string second =
       results.contains("real") ? flight_label("real", results["real"]) : std::string("Second flight");
   Table table{
-      "Balls around the surface that both cameras saw, where one map has hardly a point and the other has many (the surest first; "
+      "Balls around the surface that both cameras saw, where one map has hardly a point and the other has many (the "
+      "surest first; "
       "chance finds any in one of twenty pairs of maps)",
       {"East, north, up, m", "Across, m", "Simulated points", second + " points", "Lacking in"},
       {}};
