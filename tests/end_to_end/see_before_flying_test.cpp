@@ -279,7 +279,7 @@ TEST_F(BridgeAndHouse, AMissingTileIsSaidAndThePreviewGoesOn) {
 
 TEST_F(BridgeAndHouse, OptionsThatAreOfNoUseTogetherAreRefused) {
   const auto refused = [&](std::vector<std::string> more) {
-    more.insert(more.begin(), {"inspect", place()});
+    more.insert(more.begin(), {"inspect", place(), "--quiet"});
     const ProgramResult result = run_tileflight(more);
     EXPECT_EQ(result.exit_code, 1);
     EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
