@@ -412,6 +412,7 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
         result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
         [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second));
     about["backwards"] = reverse;
+    about["residual_pattern_px"] = result.pattern ? json(result.pattern->rms_px) : json(nullptr);
     if (reverse) {
       restore_times(result.trajectory);
       restore_times(result.keyframes);

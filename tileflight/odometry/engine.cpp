@@ -502,6 +502,7 @@ OdometryResult Engine::result() const {
     if (!scale.empty()) T_keyframe_camera.translation *= scale.at(frame.keyframe);
     result.trajectory.poses.push_back({frame.time_s, poses.at(frame.keyframe) * T_keyframe_camera});
   }
+  result.pattern = mapper_.pattern().common();
   result.camera = moved(calibration_.camera, mapper_.lens_delta());
   result.map = make_cloud(points, poses, options_.map);
   result.map_keyframes = make_tracks(points, ids, options_.map);

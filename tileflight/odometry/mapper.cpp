@@ -96,6 +96,7 @@ WindowResult Mapper::add_keyframe(const KeyframeSource& source) {
   activate_points(window_, lens_.lenses[0], options_, spacing_);
   const WindowResult result = optimize_window(window_, lens_.lenses[0], options_.window, options_.window.iterations);
   relinearize(window_, window_.size() - 1);
+  pattern_.add(window_, window_.size() - 1, lens_.lenses[0]);
   follow_lens();
   remove_bad_residuals(window_);
   update_noise(result);

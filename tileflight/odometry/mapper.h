@@ -9,6 +9,7 @@
 #include "tileflight/odometry/activation.h"
 #include "tileflight/odometry/keyframe_policy.h"
 #include "tileflight/odometry/map.h"
+#include "tileflight/odometry/residual_pattern.h"
 #include "tileflight/odometry/step_uncertainty.h"
 #include "tileflight/odometry/window_optimizer.h"
 
@@ -63,6 +64,8 @@ class Mapper {
   std::size_t active_points() const;
   /// How well each keyframe so far (by id) was known relative to the one before when it came; zero for the first.
   const std::vector<StepUncertainty>& steps() const { return steps_; }
+  /// What the good residuals of all keyframes so far have in common.
+  const ResidualPattern& pattern() const { return pattern_; }
 
  private:
   void follow_lens();
@@ -83,6 +86,7 @@ class Mapper {
   int next_id_ = 0;
   double residual_variance_ = 25.0;
   std::vector<StepUncertainty> steps_;
+  ResidualPattern pattern_;
   std::vector<MapPoint> left_;
   std::vector<KeyframeRecord> archived_;
 };

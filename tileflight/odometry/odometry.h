@@ -13,6 +13,7 @@
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/odometry/frame_quality.h"
+#include "tileflight/odometry/residual_pattern.h"
 
 namespace tileflight::odometry {
 
@@ -83,12 +84,13 @@ struct OdometryResult {
   std::optional<imaging::Camera> camera;  ///< the given one, or what was estimated of it; none where nothing started
   std::int64_t frames = 0;                ///< read
   std::int64_t frames_tracked = 0;
-  std::vector<FrameQuality> quality;  ///< of every picture read, in their order
-  std::vector<LoopFound> loops;       ///< that the poses and the map were corrected by
-  std::int64_t recoveries = 0;        ///< times that tracking failed and was found again on an older keyframe
-  bool lost = false;                  ///< tracking ended before the pictures did, or never began
-  std::string lost_reason;            ///< at which frame and why, when lost
-  double seconds = 0.0;               ///< wall time of the run, image decoding included
+  std::vector<FrameQuality> quality;          ///< of every picture read, in their order
+  std::optional<CommonDisplacement> pattern;  ///< of all keyframes' residuals; none where they are too few to tell
+  std::vector<LoopFound> loops;               ///< that the poses and the map were corrected by
+  std::int64_t recoveries = 0;                ///< times that tracking failed and was found again on an older keyframe
+  bool lost = false;                          ///< tracking ended before the pictures did, or never began
+  std::string lost_reason;                    ///< at which frame and why, when lost
+  double seconds = 0.0;                       ///< wall time of the run, image decoding included
   StageSeconds processor_time;
 };
 

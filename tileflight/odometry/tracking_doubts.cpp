@@ -107,6 +107,20 @@ void doubt_jumps(const OdometryResult& result, const NameOf& name_of, const Doub
                     "look at the frames around it (something before the lens, missing pictures); leave them out"});
 }
 
+/// What residuals have in common, wherever the camera is: its lens, its shutter, or a false start.
+void doubt_calibration(const OdometryResult& result, const DoubtLimits& limits, Doubts& doubts) {
+  if (!result.pattern || result.pattern->rms_px <= limits.pattern_px || result.pattern->sigmas <= limits.pattern_sigmas)
+    return;
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2g", result.pattern->rms_px);
+  doubts.push_back(
+      {"the calibration does not fit the pictures: residuals have a pattern of " + std::string(text) +
+           " pixels (RMS) that is the same in all keyframes (another lens or line delay, or a false start)",
+       kWhere, result.pattern->rms_px > limits.pattern_likely_px ? "likely" : "possible",
+       "calibrate this camera as it was flown (focus, resolution, crop, rolling shutter), or try "
+       "--refine-intrinsics"});
+}
+
 void doubt_second(const OdometryResult& result, const std::optional<Agreement>& second, const NameOf& name_of,
                   const DoubtLimits& limits, Doubts& doubts) {
   if (!second || second->rms_share <= limits.disagreement) return;
@@ -133,6 +147,7 @@ Doubts doubts_of(const OdometryResult& result, std::int64_t frames, const NameOf
   doubt_fit(result, name_of, limits, doubts);
   doubt_scale(result, name_of, limits, doubts);
   doubt_jumps(result, name_of, limits, doubts);
+  doubt_calibration(result, limits, doubts);
   return doubts;
 }
 

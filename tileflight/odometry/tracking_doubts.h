@@ -18,7 +18,11 @@ struct DoubtLimits {
   double saturated_share = 0.13;      ///< of a picture's points, residual above the cut-off
   double sigma_log_scale = 0.0013;    ///< of the scale at the end over that at the start
   double velocity_change = 1.5;       ///< between two pictures, in units of the flight's 95th percentile of speed
-  double disagreement = 0.007;        ///< of forwards and backwards, as a share of the path
+  double pattern_px = 0.04;  ///< of the displacement that keyframes have in common; from `pattern_likely_px` on
+                             ///< it is more than a possible doubt
+  double pattern_likely_px = 0.1;
+  double pattern_sigmas = 2.0;
+  double disagreement = 0.007;  ///< of forwards and backwards, as a share of the path
 };
 
 /// The doubts, most certain first; none for a flight that went well. `frames`: pictures there were; `name_of`: a

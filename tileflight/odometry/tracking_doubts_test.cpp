@@ -52,6 +52,20 @@ TEST(TrackingDoubts, AGoodFlightHasNone) {
   EXPECT_TRUE(doubts_about(good_flight(), 60, Agreement{60, 0.002, 0.004, 1.0}).empty());
 }
 
+TEST(TrackingDoubts, APatternInTheResidualsIsTheCalibration) {
+  OdometryResult result = good_flight();
+  result.pattern = CommonDisplacement{.rms_px = 0.02, .sigmas = 5.0};
+  EXPECT_TRUE(doubts_about(result).empty());
+  result.pattern = CommonDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // noise makes as much
+  EXPECT_TRUE(doubts_about(result).empty());
+  result.pattern = CommonDisplacement{.rms_px = 0.06, .sigmas = 5.0};
+  expect_only(doubts_about(result), "calibration does not fit the pictures: residuals have a pattern of 0.06 pixels",
+              "odometry");
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
+  result.pattern->rms_px = 0.2;
+  EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
+}
+
 TEST(TrackingDoubts, AFlightThatWasLostIsSaidWithItsReason) {
   OdometryResult result = good_flight();
   result.lost = true;
