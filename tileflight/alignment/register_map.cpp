@@ -157,7 +157,9 @@ class Follower {
   }
 
   /// What pictures say, and where they move the transform. `sigma_m`: how sure they are of it.
-  std::optional<PictureAgreement> recognise(Sim3& T, std::size_t pictures, double* sigma_m = nullptr) const;
+  std::optional<PictureAgreement> recognise(Sim3& T, std::size_t pictures,
+                                            PictureDetail detail = PictureDetail::kCoarse,
+                                            double* sigma_m = nullptr) const;
 
   /// The map's points, few enough to compare starts by.
   const ObservedPoints& few() const { return few_; }
@@ -241,12 +243,13 @@ double sigma_of_pictures_m(const std::vector<LocatedPose>& poses, const std::vec
   });
 }
 
-std::optional<PictureAgreement> Follower::recognise(Sim3& T, std::size_t pictures, double* sigma_m) const {
+std::optional<PictureAgreement> Follower::recognise(Sim3& T, std::size_t pictures, PictureDetail detail,
+                                                    double* sigma_m) const {
   if (!services_.locate) return std::nullopt;
   constexpr int kRounds = 2;  // what the first finds puts the others nearer to where they are looked for
   std::optional<PictureAgreement> agreement;
   for (int round = 0; round < kRounds; ++round) {
-    const LocatedPictures located = services_.locate(T, pictures);
+    const LocatedPictures located = services_.locate(T, pictures, detail);
     const std::vector<LocatedPose> poses = poses_of(located);
     constexpr std::size_t kFewest = 3;
     if (poses.size() < kFewest) return PictureAgreement{.tried = located.tried, .located = poses.size()};
@@ -424,8 +427,28 @@ class MapRegistration {
       if (is_settled() || !look) continue;
       std::vector<Start> places;
       for (const Sim3& T : look()) places.push_back({T, "places"});
-      follow(places);
+      if (!recognise_at_once(places)) follow(places);
     }
+  }
+
+  /// A place that was found by its looks may be right as it is: then the pictures say so, and no shapes need be
+  /// followed from all the others.
+  bool recognise_at_once(const std::vector<Start>& places) {
+    for (const Start& place : places) {
+      Candidate candidate{.start = place, .T = place.T};
+      candidate.pictures = follower_.recognise(candidate.T, options_.few_pictures);
+      if (!candidate.is_recognised()) continue;
+      const Sim3 T = candidate.T;
+      const std::optional<PictureAgreement> pictures = candidate.pictures;
+      candidate = follower_.follow({T, place.name});
+      candidate.start = place;
+      candidate.T = T;
+      candidate.pictures = pictures;
+      candidates_.insert(candidates_.begin(), std::move(candidate));
+      ++result_.starts_tried;
+      return true;
+    }
+    return false;
   }
 
   /// The best end, and how good the best of the others is.
@@ -454,7 +477,8 @@ class MapRegistration {
     constexpr double kWeak = 0.03;  // of Constraint::strengths
     const bool weak = best.fit.constraint.strengths.empty() || best.fit.constraint.strengths.front() < kWeak;
     if (best.is_recognised() && weak) result_.repeated_apart_m = look_for_repetition(follower_, spread_, T);
-    if (best.is_recognised()) best.pictures = follower_.recognise(T, options_.many_pictures, &result_.sigma_m);
+    if (best.is_recognised())
+      best.pictures = follower_.recognise(T, options_.many_pictures, PictureDetail::kFine, &result_.sigma_m);
     const bool by_pictures = best.is_recognised() && options_.regions.empty();
     const ObservedPoints many = thinned(points_, options_.fine_points);
     SurfaceFitOptions fit = follower_.fit_options(best.start, {1.0, 0.5});

@@ -46,11 +46,17 @@ struct LocatedPictures {
   std::vector<LocatedPicture> found;
 };
 
+/// How closely pictures are looked at.
+enum class PictureDetail {
+  kCoarse,  ///< enough to recognise the place
+  kFine     ///< as exactly as they tell
+};
+
 /// What the registration asks of others; each may be missing.
 struct RegistrationServices {
   RayCast cast;
   /// Looks for so many pictures, evenly over the path, from where a transform puts them.
-  std::function<LocatedPictures(const geometry::Sim3& T_local_map, std::size_t pictures)> locate;
+  std::function<LocatedPictures(const geometry::Sim3& T_local_map, std::size_t pictures, PictureDetail detail)> locate;
   /// Places that look like the flight's pictures, best first, without any start: asked where nothing else convinces.
   std::function<std::vector<geometry::Sim3>()> recognize_places;
   /// Places where the map may belong by other means (its shape), best first: asked where those do not convince either.

@@ -102,7 +102,7 @@ TEST(RegisterMap, AStraightPathIsTurnedTheRightWay) {
 TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
   const Flight flight = fly(curved_path());
   RegistrationServices services = rays_only();
-  services.locate = [&](const Sim3& T, std::size_t n) { return found_near(flight, T, n); };
+  services.locate = [&](const Sim3& T, std::size_t n, PictureDetail) { return found_near(flight, T, n); };
   const Registration r =
       register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
                    the_place().surface, services, options());
@@ -119,7 +119,7 @@ TEST(RegisterMap, APathThatBreaksIsSaid) {
   for (std::size_t k = 14; k < broken.map.size(); ++k)  // odometry jumps by what is three metres
     broken.map.poses[k].T_local_camera.translation += T_local_map().inverse().rotation * Vec3(3.0, 0, 0) / 8.0;
   RegistrationServices services = rays_only();
-  services.locate = [&](const Sim3& T, std::size_t n) {
+  services.locate = [&](const Sim3& T, std::size_t n, PictureDetail) {
     LocatedPictures located;
     for (std::size_t k = 0; k < n; ++k) {
       const std::size_t pose = k * flight.map.size() / n;
@@ -186,7 +186,7 @@ TEST(RegisterMap, TwoPlacesThatFitAreAmbiguous) {
 TEST(RegisterMap, PlacesThatLookRightComeFirst) {
   const Flight flight = fly(curved_path());
   RegistrationServices services = rays_only();
-  services.locate = [&](const Sim3& T, std::size_t n) { return found_near(flight, T, n); };
+  services.locate = [&](const Sim3& T, std::size_t n, PictureDetail) { return found_near(flight, T, n); };
   Sim3 elsewhere = T_local_map();
   elsewhere.translation.z() += 500.0;
   int asked = 0;

@@ -11,22 +11,31 @@ namespace tileflight::experiment {
 using geometry::SE3;
 using geometry::Sim3;
 
+namespace {
+constexpr int kCoarseWidth = 400;  // pixels: shows whether it is the place at a sixth of the cost
+}
+
 struct PictureFinder::Impl {
   dataset::Dataset dataset;
   geometry::Trajectory path;
   std::vector<std::pair<std::size_t, std::size_t>> pairs;  ///< pose of the path, frame of the dataset
-  localization::PictureLocalizer localizer;
+  localization::PictureLocalizer fine, coarse;
 
   Impl(const scene::Scene& scene, dataset::Dataset d, geometry::Trajectory p)
-      : dataset(std::move(d)), path(std::move(p)), localizer(scene, dataset.calibration.camera) {
+      : dataset(std::move(d)),
+        path(std::move(p)),
+        fine(scene, dataset.calibration.camera),
+        coarse(scene, fine.appearance(), dataset.calibration.camera, {.width = kCoarseWidth}) {
     geometry::Trajectory times;
     for (const dataset::Frame& frame : dataset.frames) times.poses.push_back({frame.time_s, SE3()});
     constexpr double kSameTime_s = 1e-3;
     pairs = geometry::associate(path, times, kSameTime_s);
   }
 
-  std::optional<alignment::LocatedPicture> locate(std::size_t pair, const SE3& guess) const {
+  std::optional<alignment::LocatedPicture> locate(std::size_t pair, const SE3& guess,
+                                                  alignment::PictureDetail detail) const {
     const auto [pose, frame] = pairs[pair];
+    const auto& localizer = detail == alignment::PictureDetail::kFine ? fine : coarse;
     const auto found = localizer.locate(imaging::read_rgb(dataset.frames[frame].image), guess);
     if (!found) return std::nullopt;
     return alignment::LocatedPicture{
@@ -46,19 +55,20 @@ PictureFinder::PictureFinder(const scene::Scene& scene, dataset::Dataset dataset
 
 PictureFinder::~PictureFinder() = default;
 
-std::shared_ptr<const sensors::Appearance> PictureFinder::appearance() const { return impl_->localizer.appearance(); }
+std::shared_ptr<const sensors::Appearance> PictureFinder::appearance() const { return impl_->fine.appearance(); }
 
-alignment::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size_t pictures) const {
+alignment::LocatedPictures PictureFinder::operator()(const Sim3& T, std::size_t pictures,
+                                                     alignment::PictureDetail detail) const {
   const Impl& my = *impl_;
   const std::size_t n = std::min(pictures, my.pairs.size());
   std::vector<std::size_t> chosen;
   for (std::size_t k = 0; k < n; ++k) chosen.push_back((2 * k + 1) * my.pairs.size() / (2 * n));
   std::vector<std::optional<alignment::LocatedPicture>> found(n);
   for (std::size_t k = 0; k < n; ++k)
-    found[k] = my.locate(chosen[k], T * my.path.poses[my.pairs[chosen[k]].first].T_local_camera);
+    found[k] = my.locate(chosen[k], T * my.path.poses[my.pairs[chosen[k]].first].T_local_camera, detail);
   const auto from_neighbor = [&](std::size_t k, std::size_t neighbor) {
     if (found[k] || !found[neighbor]) return;
-    found[k] = my.locate(chosen[k], my.guess_from(*found[neighbor], my.pairs[chosen[k]].first, T.scale));
+    found[k] = my.locate(chosen[k], my.guess_from(*found[neighbor], my.pairs[chosen[k]].first, T.scale), detail);
   };
   for (std::size_t k = 1; k < n; ++k) from_neighbor(k, k - 1);
   for (std::size_t k = n; k-- > 1;) from_neighbor(k - 1, k);

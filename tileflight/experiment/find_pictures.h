@@ -24,7 +24,8 @@ class PictureFinder {
 
   /// So many pictures, evenly over the path, each from where the transform puts it; those that are not found there once
   /// more from where a neighbour in time was found (a path that drifts or breaks is followed, so that it shows).
-  alignment::LocatedPictures operator()(const geometry::Sim3& T_local_map, std::size_t pictures) const;
+  alignment::LocatedPictures operator()(const geometry::Sim3& T_local_map, std::size_t pictures,
+                                        alignment::PictureDetail detail) const;
 
   /// Of the scene: to be shared, as it holds all textures once more.
   std::shared_ptr<const sensors::Appearance> appearance() const;

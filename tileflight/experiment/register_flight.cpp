@@ -168,7 +168,9 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
   std::unique_ptr<PictureFinder> finder;
   if (place.textured && !map.dataset.empty() && !evidence.path.empty()) {
     finder = std::make_unique<PictureFinder>(*place.scene, dataset::read_dataset(map.dataset), evidence.path);
-    services.locate = [&finder](const geometry::Sim3& T, std::size_t pictures) { return (*finder)(T, pictures); };
+    services.locate = [&finder](const geometry::Sim3& T, std::size_t pictures, alignment::PictureDetail detail) {
+      return (*finder)(T, pictures, detail);
+    };
   }
   const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
   if (may_look && finder) {

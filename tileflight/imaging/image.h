@@ -42,4 +42,8 @@ using FloatImage = Image<float>;
 GrayImage to_gray(const RgbImage& image);
 RgbImage to_rgb(const GrayImage& image);
 
+/// Each pixel the mean of what it covers, for Camera::scaled_to(width, height). Not larger than the image is; the image
+/// itself at its own size.
+FloatImage shrink(const FloatImage& image, int width, int height);
+
 }  // namespace tileflight::imaging

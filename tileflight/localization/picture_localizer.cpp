@@ -9,6 +9,7 @@
 #include "tileflight/odometry/pixel_selector.h"
 #include "tileflight/odometry/pyramid.h"
 #include "tileflight/odometry/tracker.h"
+#include "tileflight/sensors/appearance.h"
 #include "tileflight/sensors/render.h"
 
 namespace tileflight::localization {
@@ -26,6 +27,13 @@ odometry::TrackingOptions tracking_options() {
   options.lost_rmse = 60.0;
   options.max_log_gain = 2.0;
   return options;
+}
+
+/// The camera of pictures that are at most `width` pixels wide.
+imaging::Camera shrunk(const imaging::Camera& full, int width) {
+  if (full.width() <= width) return full;
+  const double share = static_cast<double>(width) / full.width();
+  return full.scaled_to(width, std::max(1, static_cast<int>(std::lround(share * full.height()))));
 }
 
 /// Whether the surface is smooth about a pixel: at an edge of it, the nearer side's grey values stand for both.
@@ -50,8 +58,13 @@ struct PictureLocalizer::Impl {
   odometry::SelectionOptions selection;
   odometry::TrackingOptions tracking = tracking_options();
 
-  Impl(const scene::Scene& scene, const imaging::Camera& full, const LocalizerOptions& o)
-      : camera(full), full_width(full.width()), full_height(full.height()), options(o), renderer(scene, camera, {}) {
+  Impl(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance, const imaging::Camera& full,
+       const LocalizerOptions& o)
+      : camera(shrunk(full, o.width)),
+        full_width(full.width()),
+        full_height(full.height()),
+        options(o),
+        renderer(scene, std::move(appearance), camera, {}) {
     odometry::OdometryOptions pyramid;
     pyramid.min_level_area_px = 500;  // a guess is farther off than one picture of a video from the next
     lens = odometry::build_lens_pyramid(camera, odometry::pyramid_levels(camera.width(), camera.height(), pyramid));
@@ -59,8 +72,8 @@ struct PictureLocalizer::Impl {
 
   odometry::Pyramid pyramid_of(const RgbImage& image) const {
     const int reach = std::max(4, static_cast<int>(0.5 * options.contrast_window * camera.width()));
-    return odometry::build_pyramid(with_even_contrast(odometry::luminance(image, nullptr), reach),
-                                   static_cast<int>(lens.lenses.size()));
+    const FloatImage luma = imaging::shrink(odometry::luminance(image, nullptr), camera.width(), camera.height());
+    return odometry::build_pyramid(with_even_contrast(luma, reach), static_cast<int>(lens.lenses.size()));
   }
 
   /// Pixels that stand out in the predicted picture, with their inverse distances.
@@ -101,7 +114,11 @@ struct PictureLocalizer::Impl {
 
 PictureLocalizer::PictureLocalizer(const scene::Scene& scene, const imaging::Camera& camera,
                                    const LocalizerOptions& options)
-    : impl_(std::make_unique<Impl>(scene, camera, options)) {}
+    : PictureLocalizer(scene, std::make_shared<const sensors::Appearance>(scene), camera, options) {}
+
+PictureLocalizer::PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance,
+                                   const imaging::Camera& camera, const LocalizerOptions& options)
+    : impl_(std::make_unique<Impl>(scene, std::move(appearance), camera, options)) {}
 
 PictureLocalizer::~PictureLocalizer() = default;
 

@@ -19,7 +19,7 @@ namespace tileflight::localization {
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 struct LocalizerOptions {
-  int width = 640;                  ///< pictures are shrunk to at most this, pixels
+  int width = 960;                  ///< pictures are shrunk to at most this, pixels
   int points = 2500;                ///< pixels that stand out, in the predicted picture
   int rounds = 4;                   ///< of predicting again from where the last round ended, at most
   double contrast_window = 0.1;     ///< side of the window over which contrast is made even, as a share of the width
@@ -41,6 +41,9 @@ class PictureLocalizer {
  public:
   /// The scene must outlive it. `camera`: the lens of the pictures.
   PictureLocalizer(const scene::Scene& scene, const imaging::Camera& camera, const LocalizerOptions& options = {});
+  /// With what another localizer or camera in the same scene uses too.
+  PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance,
+                   const imaging::Camera& camera, const LocalizerOptions& options = {});
   ~PictureLocalizer();
   PictureLocalizer(const PictureLocalizer&) = delete;
   PictureLocalizer& operator=(const PictureLocalizer&) = delete;
