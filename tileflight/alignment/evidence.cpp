@@ -145,6 +145,25 @@ Sim3 with_rotation(const Pairs& pairs, const Quaterniond& R, double fallback_sca
   return {scale, R, local_mean - scale * (R * map_mean)};
 }
 
+double squared_residuals(const Pairs& pairs, const Sim3& T) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < pairs.map.size(); ++i) sum += (T * pairs.map[i] - pairs.local[i]).squaredNorm();
+  return sum;
+}
+
+/// Where to begin for a rotation that may know nothing of the heading: every ten degrees, the one that fits best.
+Sim3 beginning(const Pairs& pairs, const RotationEstimate& rotation, double fallback_scale) {
+  constexpr int kTurns = 36;
+  Sim3 best = with_rotation(pairs, rotation.R_local_map, fallback_scale);
+  if (rotation.covariance(2, 2) < std::numbers::pi * std::numbers::pi) return best;
+  for (int k = 1; k < kTurns; ++k) {
+    const Quaterniond heading(Eigen::AngleAxisd(2.0 * std::numbers::pi * k / kTurns, Vec3::UnitZ()));
+    const Sim3 T = with_rotation(pairs, heading * rotation.R_local_map, fallback_scale);
+    if (squared_residuals(pairs, T) < squared_residuals(pairs, best)) best = T;
+  }
+  return best;
+}
+
 /// How sure the rotation is with place and scale free: what is left of the information when they are eliminated.
 void judge_rotation(TelemetryEstimate& telemetry) {
   const Mat7& I = telemetry.estimate.information;
@@ -166,7 +185,8 @@ TelemetryEstimate estimate_of(const geometry::Trajectory& T_map_camera, const st
                               const TrajectoryAlignment& fit, const std::optional<RotationEstimate>& rotation) {
   const Pairs pairs = pairs_of(T_map_camera, fixes, fit);
   const double weight = weight_of_position(pairs, fit);
-  Sim3 T = rotation ? with_rotation(pairs, rotation->R_local_map, fit.T_local_map.scale) : fit.T_local_map;
+  Sim3 T = rotation ? beginning(pairs, *rotation, fit.T_local_map.scale) : fit.T_local_map;
+  const Quaterniond R_known = T.rotation;  // as known, but for a heading that is not
   Vec3 center = Vec3::Zero();
   for (const Vec3& p : pairs.local) center += p / static_cast<double>(pairs.local.size());
   const Mat3 by_attitude = rotation ? Mat3(rotation->covariance.inverse()) : Mat3(Mat3::Zero());
@@ -177,7 +197,7 @@ TelemetryEstimate estimate_of(const geometry::Trajectory& T_map_camera, const st
     for (std::size_t i = 0; i < pairs.map.size(); ++i)
       pull += weight * position_jacobian(T * pairs.map[i], center).transpose() * (pairs.local[i] - T * pairs.map[i]);
     H.block<3, 3>(3, 3) += by_attitude;
-    pull.segment<3>(3) -= by_attitude * geometry::so3_log(T.rotation * rotation->R_local_map.conjugate());
+    pull.segment<3>(3) -= by_attitude * geometry::so3_log(T.rotation * R_known.conjugate());
     constexpr double kDamping = 1e-12;
     T = moved_by(T, (H + kDamping * H.trace() * Mat7::Identity()).ldlt().solve(pull), center);
   }

@@ -85,5 +85,17 @@ TEST(Evidence, UpLeavesTheHeadingOpen) {
   EXPECT_NEAR(rotation.covariance(0, 0), 4e-4, 1e-9);
 }
 
+TEST(Evidence, GravityAndPositionsOfAStraightPathTellTheWholeTurn) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const Flight flight = fly(straight_path(), 1, 0.0, seed);
+    const auto fixes = receiver(flight.local, Vec3::Zero(), 0.01);
+    const TrajectoryAlignment fit = align_trajectory(flight.map, fixes, {.estimate_time_offset = false});
+    const UpDirection up{T_local_map().rotation.conjugate() * Vec3::UnitZ(), 0.02};
+    const TelemetryEstimate telemetry = estimate_of(flight.map, fixes, fit, upright(up));
+    EXPECT_LT(telemetry.estimate.T_target_source.rotation.angularDistance(T_local_map().rotation), 0.03) << seed;
+    EXPECT_LT(telemetry.worst_rotation_sigma_rad, 0.1) << seed;
+  }
+}
+
 }  // namespace
 }  // namespace tileflight::alignment

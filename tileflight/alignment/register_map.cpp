@@ -108,12 +108,11 @@ std::vector<Start> given_starts(const RegistrationEvidence& evidence) {
   return starts;
 }
 
-/// By a receiver's positions, with or without a gimbal's attitude.
+/// By a receiver's positions, with or without a gimbal's attitude or gravity.
 std::vector<Start> starts_by_telemetry(const RegistrationEvidence& evidence, const TrajectoryAlignment& fit,
-                                       const std::optional<RotationEstimate>& rotation) {
+                                       const std::optional<RotationEstimate>& rotation, const std::string& name) {
   const TelemetryEstimate telemetry = estimate_of(evidence.path, evidence.positions, fit, rotation);
-  const Start start{telemetry.estimate.T_target_source, rotation ? "positions and attitude" : "positions",
-                    telemetry.estimate};
+  const Start start{telemetry.estimate.T_target_source, name, telemetry.estimate};
   constexpr double kOpen_rad = 0.15;
   if (telemetry.worst_rotation_sigma_rad < kOpen_rad) return {start};
   return turns_about(start, telemetry, evidence);
@@ -417,9 +416,13 @@ class MapRegistration {
   void follow_telemetry() {
     if (evidence_.positions.empty() || evidence_.path.empty()) return;
     result_.telemetry = align_trajectory(evidence_.path, evidence_.positions, options_.trajectory);
-    const auto rotation = rotation_by_attitude(evidence_.path, evidence_.attitudes);
-    if (!is_settled()) follow(starts_by_telemetry(evidence_, *result_.telemetry, rotation));
-    if (!is_settled() && rotation) follow(starts_by_telemetry(evidence_, *result_.telemetry, std::nullopt));
+    const auto follow_from = [&](const std::optional<RotationEstimate>& rotation, const std::string& name) {
+      if (!is_settled()) follow(starts_by_telemetry(evidence_, *result_.telemetry, rotation, name));
+    };
+    if (const auto rotation = rotation_by_attitude(evidence_.path, evidence_.attitudes))
+      follow_from(rotation, "positions and attitude");
+    if (evidence_.up) follow_from(upright(*evidence_.up), "positions and gravity");
+    follow_from(std::nullopt, "positions");
   }
 
   void follow_places() {

@@ -89,7 +89,7 @@ struct RegistrationOptions {
 struct Registration {
   geometry::Sim3 T_local_map;
   double sigma_m = 0.0;  ///< RMS over points and noise of how far errors move the points, calibrated
-  std::string start;     ///< "receiver positions", "positions and attitude", "given", "as it is", "places"
+  std::string start;     ///< "positions", "positions and attitude", "positions and gravity", "given", "places"
   std::string method;    ///< "pictures" or "surface": what the end rests on
   SurfaceFit surface;    ///< by the shapes, at the end
   std::optional<RayAgreement> rays;

@@ -99,6 +99,18 @@ TEST(RegisterMap, AStraightPathIsTurnedTheRightWay) {
   }
 }
 
+TEST(RegisterMap, GravityClosesWhatAStraightPathLeavesOpen) {
+  const Flight flight = fly(straight_path(), 50, 0.005, 1U);
+  const Registration r = register_map(flight.points,
+                                      {.path = flight.map,
+                                       .positions = receiver(flight.local, Vec3(-0.5, 0.3, 0.8)),
+                                       .up = UpDirection{T_local_map().rotation.conjugate() * Vec3::UnitZ(), 0.01}},
+                                      the_place().surface, rays_only(), options());
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.1);
+  EXPECT_EQ(r.start, "positions and gravity");
+  EXPECT_EQ(r.starts_tried, 1U);
+}
+
 TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
   const Flight flight = fly(curved_path());
   RegistrationServices services = rays_only();

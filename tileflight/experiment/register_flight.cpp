@@ -8,9 +8,11 @@
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/global_registration.h"
 #include "tileflight/alignment/gravity.h"
+#include "tileflight/alignment/inertial_up.h"
 #include "tileflight/alignment/register_map.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/dataset/attitude_csv.h"
+#include "tileflight/dataset/imu_files.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/find_pictures.h"
@@ -60,6 +62,20 @@ std::vector<alignment::AttitudeFix> attitudes_of(const fs::path& attitude_csv) {
   return fixes;
 }
 
+/// Which way is up in the map: as it was given, else by the flight's inertial unit where there is one.
+std::optional<alignment::UpDirection> up_of(const MapInputs& map, const geometry::Trajectory& path,
+                                            const alignment::AlignMapOptions& options) {
+  constexpr double kGivenSigma_rad = 0.05;
+  if (options.map_up) return alignment::UpDirection{options.map_up->normalized(), kGivenSigma_rad};
+  const fs::path file = map.dataset / "imu.csv";
+  if (map.dataset.empty() || path.empty() || !fs::is_regular_file(file)) return std::nullopt;
+  const Eigen::Quaterniond R_cam_imu = dataset::read_dataset(map.dataset).calibration.T_cam_imu.rotation;
+  std::vector<alignment::SpecificForce> readings;
+  for (const dataset::ImuReading& reading : dataset::read_imu_csv(file))
+    readings.push_back({reading.time_s, R_cam_imu * reading.specific_force_m_s2});
+  return alignment::up_of_specific_force(path, readings);
+}
+
 alignment::RegistrationEvidence evidence_of(const MapInputs& map, const AlignTarget& target,
                                             const alignment::AlignMapOptions& options) {
   alignment::RegistrationEvidence evidence;
@@ -70,30 +86,37 @@ alignment::RegistrationEvidence evidence_of(const MapInputs& map, const AlignTar
     evidence.positions = receiver_positions(map.gps, *target.origin);
   if (options.start == AlignmentStart::kAuto && !map.attitude.empty() && target.origin)
     evidence.attitudes = attitudes_of(map.attitude);
+  if (options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry)
+    evidence.up = up_of(map, evidence.path, options);
   if (options.start == AlignmentStart::kTruePoses && !map.truth_trajectory.empty())
     evidence.positions = true_positions(map.truth_trajectory);
   if (options.start == AlignmentStart::kAuto && evidence.positions.empty()) evidence.starts = {geometry::Sim3()};
   return evidence;
 }
 
+std::optional<geometry::Vec3> known_up(const alignment::RegistrationEvidence& evidence) {
+  return evidence.up ? std::optional(evidence.up->up_map) : std::nullopt;
+}
+
 /// Places that look like the ground that the pictures show.
 std::vector<geometry::Sim3> places_by_looks(const scene::Scene& scene, const PictureFinder& finder,
-                                            const dataset::Dataset& dataset, const geometry::Trajectory& path,
-                                            const geometry::PointCloud& cloud,
-                                            const alignment::AlignMapOptions& options) {
+                                            const dataset::Dataset& dataset,
+                                            const alignment::RegistrationEvidence& evidence,
+                                            const geometry::PointCloud& cloud) {
   const localization::PlaceRecognizer recognizer(scene, scene.bounds(), {}, finder.appearance());
   std::vector<geometry::Sim3> places;
-  for (const auto& candidate : recognizer.find(flight_evidence(dataset, path, cloud, options.map_up)))
+  for (const auto& candidate : recognizer.find(flight_evidence(dataset, evidence.path, cloud, known_up(evidence))))
     places.push_back(candidate.T_local_map);
   return places;
 }
 
 /// Places where the shapes alone say that the map may belong.
-std::vector<geometry::Sim3> places_by_shape(const geometry::PointCloud& cloud, const geometry::Trajectory& path,
-                                            const AlignTarget& target, const alignment::AlignMapOptions& options) {
+std::vector<geometry::Sim3> places_by_shape(const geometry::PointCloud& cloud,
+                                            const alignment::RegistrationEvidence& evidence, const AlignTarget& target,
+                                            const alignment::AlignMapOptions& options) {
   constexpr std::size_t kSurfacePoints = 100000;
   alignment::GlobalOptions search;
-  search.source_up = options.map_up ? options.map_up : alignment::up_of_trajectory(path);
+  search.source_up = evidence.up ? known_up(evidence) : alignment::up_of_trajectory(evidence.path);
   if (search.source_up) search.target_up = geometry::Vec3::UnitZ();
   if (options.icp.scale == alignment::ScaleMode::kFixed) search.least_scale = search.most_scale = 1.0;
   std::vector<geometry::Sim3> places;
@@ -175,10 +198,10 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
   const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
   if (may_look && finder) {
     services.recognize_places = [&] {
-      return places_by_looks(*place.scene, *finder, dataset::read_dataset(map.dataset), evidence.path, cloud, options);
+      return places_by_looks(*place.scene, *finder, dataset::read_dataset(map.dataset), evidence, cloud);
     };
   }
-  if (may_look) services.look_for_places = [&] { return places_by_shape(cloud, evidence.path, target, options); };
+  if (may_look) services.look_for_places = [&] { return places_by_shape(cloud, evidence, target, options); };
   alignment::RegistrationOptions registration;
   registration.scale = options.icp.scale;
   registration.max_scale_change = options.icp.max_scale_change;
