@@ -113,10 +113,13 @@ std::optional<Start> Initializer::add(std::shared_ptr<const Pyramid> pyramid,
   parallax_.push_back(fit_rotation(pairs_to(parallax_.size())).median_rad);
   widest_parallax_ = std::max(widest_parallax_, parallax_.back());
   constexpr std::size_t kMinPictures = 3;
-  if (parallax_.size() < kMinPictures ||
-      parallax_.back() < std::max(options_.min_parallax_rad, kGrowth * last_try_parallax_)) {
+  // Before the tracks are lost: level ground seen straight from above hides most of its parallax in the rotation.
+  const bool running_out = followed < 2 * options_.min_tracks ||
+                           followed < 2.0 * kMinShareLeft * static_cast<double>(corners_.size()) ||
+                           2 * parallax_.size() > static_cast<std::size_t>(options_.max_frames);
+  const double least = running_out ? options_.last_parallax_rad : options_.min_parallax_rad;
+  if (parallax_.size() < kMinPictures || parallax_.back() < std::max(least, kGrowth * last_try_parallax_))
     return std::nullopt;
-  }
   last_try_parallax_ = parallax_.back();
   return try_start();
 }

@@ -9,6 +9,7 @@ struct StartOptions {
   int corners = 900;                ///< corners that are followed from the first picture on
   int max_frames = 90;              ///< pictures kept waiting for parallax; older ones are let go after that
   double min_parallax_rad = 0.026;  ///< median angle left between rays after the best rotation, before a start is tried
+  double last_parallax_rad = 0.009;     ///< the same where the tracks are about to be lost
   double enough_parallax_rad = 0.08;    ///< with this much the best hypothesis is taken even if a second one is close
   double max_cost_ratio = 0.8;          ///< best over second-best hypothesis (joint cost) that counts as decided
   double max_median_residual_px = 0.7;  ///< a start whose tracks fit worse than this is refused

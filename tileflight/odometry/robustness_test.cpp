@@ -150,6 +150,21 @@ TEST(Robustness, ASlowStartIsWaitedFor) {
   expect_followed(sequence, 45);
 }
 
+TEST(Robustness, LevelGroundFromStraightAboveIsEnoughForAStart) {
+  // A narrow lens and no relief: the best rotation takes up most of the motion, and tracks end before what is left of
+  // it is what a start usually waits for.
+  tests::Relief level;
+  level.texel_m = 0.6;
+  std::vector<SE3> truth;
+  for (int i = 0; i < 60; ++i) truth.push_back(tests::looking(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
+  const tests::Sequence sequence =
+      tests::rendered(imaging::Camera(imaging::PinholeRadtan{242, 242, 139.5, 99.5, {}}, 280, 200), level, truth);
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
+  EXPECT_FALSE(result.lost) << result.lost_reason;
+  EXPECT_GE(result.frames_tracked, 55);
+  EXPECT_LT(tests::ate_share(result.trajectory, sequence.truth), 0.01);
+}
+
 TEST(Robustness, LargeMotionBetweenPicturesIsFollowed) {
   expect_followed(picked(level_flight(), counted(0, 50, 3)), 15, 0.02);
 }
