@@ -328,6 +328,8 @@ class Tracking {
   /// Of the run that is gone by.
   const Skipped& skipped() const { return skipped_; }
   bool reverse() const { return reverse_; }
+  /// Of the two directions, in the stated sigmas of the run that is gone by; none without a second one.
+  const std::optional<odometry::Dispersion>& dispersion() const { return dispersion_; }
 
   /// In the direction that was asked for. Times of a reversed run are negative: odometry needs them to increase.
   /// `pictures`: folder of pictures of keyframes; empty: none.
@@ -351,13 +353,17 @@ class Tracking {
     restore_times(same_times);
     const auto agreement = odometry::agreement(result.trajectory, same_times);
     const odometry::Belief belief = odometry::belief(result, other, agreement);
-    if (belief == odometry::Belief::kOpen) return agreement;
     if (belief == odometry::Belief::kSecond && extras_.init_from.empty()) {
+      same_times = result.trajectory;
+      restore_times(same_times);
       reverse_ = !reverse_;
       aids_ = pictures_alone;
       remove_files(pictures);
       result = run(pictures, progress);
     }
+    dispersion_ = odometry::dispersion(result.trajectory, result.keyframes, result.quality, same_times);
+    if (dispersion_) odometry::calibrate(result.quality, *dispersion_);
+    if (belief == odometry::Belief::kOpen) return agreement;
     return std::nullopt;
   }
 
@@ -380,6 +386,7 @@ class Tracking {
   std::array<std::vector<dataset::Frame>, 2> frames_;  ///< forwards, backwards
   odometry::Aids aids_;
   bool reverse_;  ///< direction of the run that is gone by
+  std::optional<odometry::Dispersion> dispersion_;
   Skipped skipped_;
 };
 
@@ -412,6 +419,10 @@ nlohmann::json track(const fs::path& dataset_folder, const fs::path& out, bool r
         result, static_cast<std::int64_t>(frames.size()) - tracking.skipped().frames,
         [&](std::int64_t frame) { return frames[static_cast<std::size_t>(frame)].id; }, second));
     about["backwards"] = reverse;
+    about["dispersion"] = tracking.dispersion() ? json{{"pictures", tracking.dispersion()->pictures},
+                                                       {"position", tracking.dispersion()->position},
+                                                       {"rotation", tracking.dispersion()->rotation}}
+                                                : json(nullptr);
     about["residual_pattern_px"] = result.pattern ? json(result.pattern->rms_px) : json(nullptr);
     if (reverse) {
       restore_times(result.trajectory);

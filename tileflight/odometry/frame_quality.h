@@ -5,8 +5,9 @@
 namespace tileflight::odometry {
 
 /// How well a picture was tracked. Standard deviations are of the pose relative to the keyframe before (`keyframe`), in
-/// units of the map, by the residuals' curvature and a factor for the errors that they share; 0 where there is none
-/// before (the first keyframe) and where the picture has no pose.
+/// units of the map, by the residuals' curvature and a factor for the errors that they share (calibrate() in
+/// second_opinion.h makes them the flight's own); 0 where there is none before (the first keyframe) and where the
+/// picture has no pose.
 struct FrameQuality {
   std::int64_t frame = 0;  ///< InputFrame::index
   double time_s = 0.0;

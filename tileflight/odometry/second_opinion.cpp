@@ -6,10 +6,34 @@
 #include "tileflight/odometry/known_start.h"
 
 namespace tileflight::odometry {
+namespace {
+
+constexpr double kSameTime_s = 1e-6;
+
+/// The pose at a time that the trajectory has, or nullptr.
+const geometry::SE3* pose_at(const geometry::Trajectory& trajectory, double time_s) {
+  const auto found =
+      std::lower_bound(trajectory.poses.begin(), trajectory.poses.end(), time_s - kSameTime_s,
+                       [](const geometry::StampedPose& pose, double time) { return pose.time_s < time; });
+  if (found == trajectory.poses.end() || found->time_s > time_s + kSameTime_s) return nullptr;
+  return &found->T_local_camera;
+}
+
+/// Size of the second trajectory's lengths in the first one's units.
+std::optional<double> scale_between(const geometry::Trajectory& first, const geometry::Trajectory& second) {
+  std::vector<geometry::SE3> from, to;
+  for (const auto& [a, b] : geometry::associate(first, second, kSameTime_s)) {
+    from.push_back(second.poses[b].T_local_camera);
+    to.push_back(first.poses[a].T_local_camera);
+  }
+  const auto similarity = similarity_of_poses(from, to);
+  return similarity && similarity->scale > 0.0 ? std::optional(similarity->scale) : std::nullopt;
+}
+
+}  // namespace
 
 std::optional<Agreement> agreement(const geometry::Trajectory& first, const geometry::Trajectory& second,
                                    std::size_t least) {
-  constexpr double kSameTime_s = 1e-6;
   const auto pairs = geometry::associate(first, second, kSameTime_s);
   if (pairs.size() < least) return std::nullopt;
   std::vector<geometry::SE3> from, to;
@@ -37,6 +61,41 @@ std::optional<Agreement> agreement(const geometry::Trajectory& first, const geom
   result.rms_share = std::sqrt(squares / static_cast<double>(pairs.size())) / path;
   result.worst_share = worst / path;
   return result;
+}
+
+std::optional<Dispersion> dispersion(const geometry::Trajectory& first, const geometry::Trajectory& keyframes,
+                                     const std::vector<FrameQuality>& quality, const geometry::Trajectory& second,
+                                     std::size_t least) {
+  const auto scale = scale_between(first, second);
+  if (!scale) return std::nullopt;
+  Dispersion result{.pictures = 0, .position = 0.0, .rotation = 0.0};
+  for (const FrameQuality& q : quality) {
+    if (!q.tracked || q.keyframe < 0 || !(q.sigma_position > 0.0) || !(q.sigma_rotation_rad > 0.0)) continue;
+    const double key_time_s = keyframes.poses[static_cast<std::size_t>(q.keyframe)].time_s;
+    const geometry::SE3 *here = pose_at(first, q.time_s), *key = pose_at(first, key_time_s);
+    const geometry::SE3 *other_here = pose_at(second, q.time_s), *other_key = pose_at(second, key_time_s);
+    if (!here || !key || !other_here || !other_key) continue;
+    const geometry::SE3 step = key->inverse() * *here, other = other_key->inverse() * *other_here;
+    const double apart = (step.translation - *scale * other.translation).norm() / q.sigma_position;
+    const double turned = step.rotation.angularDistance(other.rotation) / q.sigma_rotation_rad;
+    result.position += 0.5 * apart * apart;
+    result.rotation += 0.5 * turned * turned;
+    ++result.pictures;
+  }
+  if (result.pictures < least) return std::nullopt;
+  result.position /= static_cast<double>(result.pictures);
+  result.rotation /= static_cast<double>(result.pictures);
+  return result;
+}
+
+void calibrate(std::vector<FrameQuality>& quality, const Dispersion& dispersion) {
+  constexpr double kLeast = 0.5;
+  const double position = std::max(kLeast, std::sqrt(dispersion.position));
+  const double rotation = std::max(kLeast, std::sqrt(dispersion.rotation));
+  for (FrameQuality& q : quality) {
+    q.sigma_position *= position;
+    q.sigma_rotation_rad *= rotation;
+  }
 }
 
 }  // namespace tileflight::odometry

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "tileflight/geometry/trajectory.h"
+#include "tileflight/odometry/frame_quality.h"
 
 namespace tileflight::odometry {
 
@@ -23,5 +24,22 @@ struct Agreement {
 /// after the similarity: a scale that collapsed must not hide behind the other's length.
 std::optional<Agreement> agreement(const geometry::Trajectory& first, const geometry::Trajectory& second,
                                    std::size_t least = 5);
+
+/// How far two runs' steps from the keyframe before differ, in the sigmas that the first run states of them: 1 where
+/// the sigmas are right and the two runs' errors their own. Mean squared difference over twice the squared sigma.
+struct Dispersion {
+  std::size_t pictures = 0;  ///< that were compared
+  double position = 1.0;
+  double rotation = 1.0;
+};
+
+/// `quality` and `keyframes`: of the first run. nullopt where fewer than `least` pictures can be compared.
+std::optional<Dispersion> dispersion(const geometry::Trajectory& first, const geometry::Trajectory& keyframes,
+                                     const std::vector<FrameQuality>& quality, const geometry::Trajectory& second,
+                                     std::size_t least = 10);
+
+/// Multiplies the sigmas of positions and rotations by the root of the dispersion, at least by a half: each flight has
+/// its own noise, texture and geometry, and two runs over it tell what its errors really are.
+void calibrate(std::vector<FrameQuality>& quality, const Dispersion& dispersion);
 
 }  // namespace tileflight::odometry

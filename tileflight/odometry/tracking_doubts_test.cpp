@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 namespace tileflight::odometry {
 namespace {
@@ -178,6 +179,49 @@ TEST(SecondOpinion, AScaleThatChangedHalfWayIsSeen) {
   }
   EXPECT_GT(agreement(path, other)->rms_share, 0.02);
   EXPECT_NEAR(agreement(path, other)->rms_share, agreement(other, path)->rms_share, 0.02);
+}
+
+/// Both runs wrong by `noise` (position, per axis) and `turn_rad` (about one axis), sigmas stated as given.
+std::optional<Dispersion> dispersion_of(double noise, double turn_rad, double stated_position, double stated_rotation) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> normal;
+  const auto disturbed = [&](const geometry::Trajectory& path) {
+    geometry::Trajectory other = path;
+    for (std::size_t i = 0; i < other.size(); i += 1) {
+      if (i % 6 == 0) continue;  // keyframes: the steps' errors are then those of the pictures between
+      SE3& pose = other.poses[i].T_local_camera;
+      pose.translation += noise * Vec3(normal(random), normal(random), normal(random));
+      pose.rotation = pose.rotation * Eigen::AngleAxisd(turn_rad * normal(random), Vec3::UnitY());
+    }
+    return other;
+  };
+  OdometryResult result = good_flight();
+  for (int k = 0; k < 10; ++k) result.keyframes.poses.push_back(result.trajectory.poses[6 * k]);
+  for (int i = 0; i < 60; ++i) {
+    FrameQuality& q = result.quality[static_cast<std::size_t>(i)];
+    q.keyframe = i / 6;
+    q.sigma_position = i % 6 == 0 ? 0.0 : stated_position;
+    q.sigma_rotation_rad = i % 6 == 0 ? 0.0 : stated_rotation;
+  }
+  geometry::Trajectory second = disturbed(result.trajectory);
+  for (auto& pose : second.poses) pose.T_local_camera.translation *= 2.5;  // its own scale
+  return dispersion(disturbed(result.trajectory), result.keyframes, result.quality, second);
+}
+
+TEST(SecondOpinion, DispersionIsOneWhereTheSigmasAreRight) {
+  const auto right = dispersion_of(0.01, 0.002, std::sqrt(3.0) * 0.01, 0.002);
+  ASSERT_TRUE(right);
+  EXPECT_EQ(right->pictures, 50U);
+  EXPECT_NEAR(right->position, 1.0, 0.25);
+  EXPECT_NEAR(right->rotation, 1.0, 0.35);
+  const auto too_small = dispersion_of(0.01, 0.002, std::sqrt(3.0) * 0.005, 0.001);
+  ASSERT_TRUE(too_small);
+  EXPECT_NEAR(too_small->position, 4.0 * right->position, 1e-9);
+  EXPECT_NEAR(too_small->rotation, 4.0 * right->rotation, 1e-9);
+  std::vector<FrameQuality> quality{{.sigma_position = 0.1, .sigma_rotation_rad = 0.2}};
+  calibrate(quality, {50, 4.0, 0.01});
+  EXPECT_DOUBLE_EQ(quality[0].sigma_position, 0.2);
+  EXPECT_DOUBLE_EQ(quality[0].sigma_rotation_rad, 0.1);  // not below a half
 }
 
 TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
