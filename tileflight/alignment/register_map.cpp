@@ -227,6 +227,17 @@ PictureAgreement agreement_of(const LocatedPictures& pictures, const std::vector
   return agreement;
 }
 
+/// Neighbours that disagree with the others together were not found wrongly, each by chance at the same place aside:
+/// the path itself bends there, a little, and the transform has to carry all of it. Single ones stay out.
+std::vector<bool> with_bending_stretches(std::vector<bool> agrees) {
+  const std::vector<bool> single = agrees;
+  for (std::size_t i = 0; i < agrees.size(); ++i) {
+    const bool before = i > 0 && !single[i - 1], after = i + 1 < agrees.size() && !single[i + 1];
+    if (before || after) agrees[i] = true;
+  }
+  return agrees;
+}
+
 /// By leaving out stretches of the path.
 double sigma_of_pictures_m(const std::vector<LocatedPose>& poses, const std::vector<bool>& agrees, const Sim3& T,
                            const PointSpread& points) {
@@ -254,10 +265,11 @@ std::optional<PictureAgreement> Follower::recognise(Sim3& T, std::size_t picture
     if (poses.size() < kFewest) return PictureAgreement{.tried = located.tried, .located = poses.size()};
     const LocatedPosesFit fit = fit_located_poses(poses, T);
     if (fit.agreeing < kFewest) return agreement_of(located, fit.agrees, T, evidence_.path);
-    const Sim3 carried = carried_by(poses, fit.agrees);
+    const std::vector<bool> used = detail == PictureDetail::kFine ? with_bending_stretches(fit.agrees) : fit.agrees;
+    const Sim3 carried = carried_by(poses, used);
     agreement = agreement_of(located, fit.agrees, carried, evidence_.path);
     T = carried;
-    if (sigma_m != nullptr) *sigma_m = sigma_of_pictures_m(poses, fit.agrees, carried, spread_of(few_));
+    if (sigma_m != nullptr) *sigma_m = sigma_of_pictures_m(poses, used, carried, spread_of(few_));
     if (agreement->located == agreement->tried) break;
   }
   return agreement;
