@@ -161,6 +161,7 @@ json to_json(const Outcome& o) {
           {"scale_error", o.errors.scale_error},
           {"sigma_m", o.sigma_m},
           {"doubts", o.doubts},
+          {"withheld", o.withheld},
           {"verdict", o.verdict()},
           {"seconds", o.seconds}};
 }
@@ -180,6 +181,7 @@ Outcome outcome_from_json(const json& object) {
   o.errors = {number_at("ate_m"), number_at("path_m"), number_at("offset_m"), number_at("scale_error")};
   o.sigma_m = number_at("sigma_m");
   o.doubts = object.at("doubts");
+  o.withheld = object.value("withheld", !o.doubts.empty());
   o.seconds = number_at("seconds");
   return o;
 }

@@ -35,11 +35,13 @@ struct Outcome {
   TrueErrors errors;
   double sigma_m = 0.0;             ///< that the transform says of itself; 0: none
   std::vector<std::string> doubts;  ///< all that the program said, odometry to scores
+  bool withheld = false;            ///< one of them is certain or likely, so that no verdict may rest on the map
   double seconds = 0.0;
 
   /// Within max(0.1 m, 3 ATE), and the path within a hundredth of its length.
   bool is_right() const;
-  bool is_doubted() const { return !doubts.empty() || !error.empty(); }
+  /// What is only possible is said beside a verdict, and neither hides nor excuses an error.
+  bool is_doubted() const { return withheld || !error.empty(); }
   /// "right", "false doubt", "doubted" or "SILENT".
   std::string verdict() const;
 };

@@ -21,6 +21,7 @@
 #include "tileflight/experiment/score.h"
 #include "tileflight/experiment/track.h"
 #include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/doubt.h"
 #include "tileflight/geometry/files.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/output_folder.h"
@@ -151,11 +152,13 @@ experiment::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folde
 }
 
 /// The place's own are left out: here its tiles are the truth, whatever they say of themselves.
-void add_doubts(const json& object, std::vector<std::string>& doubts) {
+void add_doubts(const json& object, Outcome& outcome) {
   for (const json& doubt : object.value("doubts", json::array())) {
     if (doubt.at("where") == "truth") continue;
     const std::string what = doubt.at("what");
-    if (std::ranges::find(doubts, what) == doubts.end()) doubts.push_back(what);
+    if (std::ranges::find(outcome.doubts, what) == outcome.doubts.end()) outcome.doubts.push_back(what);
+    if (forbids_verdict({.what = what, .where = "", .how_sure = doubt.at("how_sure"), .what_to_do = ""}))
+      outcome.withheld = true;
   }
 }
 
@@ -182,16 +185,15 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.frames = tracked.at("frames");
     outcome.tracked = tracked.at("frames_tracked");
     outcome.stage = "odometry";
-    add_doubts(tracked, outcome.doubts);
+    add_doubts(tracked, outcome);
     const experiment::MapInputs map = known_inputs(draw, folder);
     const json transform = experiment::align(map, field.truth, {}, folder / "transform.json");
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
-    add_doubts(transform, outcome.doubts);
+    add_doubts(transform, outcome);
     outcome.errors = true_errors(experiment::read_map(map.map), geometry::read_tum(map.trajectory),
                                  geometry::read_tum(folder / "dataset/groundtruth.txt"), matrix_of(transform));
-    add_doubts(experiment::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"),
-               outcome.doubts);
+    add_doubts(experiment::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
     outcome.error = error.what();

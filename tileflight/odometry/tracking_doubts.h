@@ -20,7 +20,7 @@ struct DoubtLimits {
   double velocity_change = 1.5;       ///< between two pictures, in units of the flight's 95th percentile of speed
   double pattern_px = 0.04;  ///< of the displacement that keyframes have in common; from `pattern_likely_px` on
                              ///< it is more than a possible doubt
-  double pattern_likely_px = 0.1;
+  double pattern_likely_px = 0.15;
   double pattern_sigmas = 2.0;
   double disagreement = 0.007;  ///< of forwards and backwards, as a share of the path
 };
