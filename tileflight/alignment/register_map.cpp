@@ -380,9 +380,16 @@ std::optional<double> look_for_repetition(const Follower& follower, const PointS
     if (correlation > best + kBetter || (T.matrix() != begun.matrix() && correlation > best))
       best = correlation, T = end;
   }
+  // Small pictures end a little apart anyway: what may be another place is looked at closely.
+  Sim3 here_closely = T;
   for (const auto& [correlation, end] : ends) {
-    const double apart_m = rms_motion_m(T, end, spread);
-    if (apart_m > kApart_m && correlation > best - kEqual) return apart_m;
+    if (rms_motion_m(T, end, spread) < kApart_m || correlation < best - kEqual) continue;
+    const auto best_closely = follower.recognise(here_closely, kPictures, PictureDetail::kFine);
+    Sim3 end_closely = end;
+    const auto there = follower.recognise(end_closely, kPictures, PictureDetail::kFine);
+    if (!best_closely || !there || there->agreeing < there->tried) continue;
+    const double apart_m = rms_motion_m(here_closely, end_closely, spread);
+    if (apart_m > kApart_m && there->correlation > best_closely->correlation - kEqual) return apart_m;
   }
   return std::nullopt;
 }

@@ -130,12 +130,12 @@ void doubt_points(const ObservedPoints& points, Registration& r) {
 }
 
 void doubt_sigma(Registration& r) {
-  constexpr double kLoose_m = 0.1;
+  constexpr double kLoose_m = 0.1, kUseless_m = 0.2;  // maps are scored at 0.1 m
   if (std::isnan(r.sigma_m)) {
     add(r, kAlignment, "possible", "there are too few keyframes or pictures to tell how sure the transform is",
         "fly farther, or at a higher frame rate");
   } else if (r.sigma_m > kLoose_m) {
-    add(r, kAlignment, "certain",
+    add(r, kAlignment, r.sigma_m > kUseless_m ? "certain" : "possible",
         text("the transform is known to %.2f m (one sigma, RMS over the map's points) only", r.sigma_m),
         "fly nearer, with a longer path, or over a place with more relief or texture");
   }
