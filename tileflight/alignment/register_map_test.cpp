@@ -216,6 +216,43 @@ TEST(RegisterMap, TwoPlacesThatFitAreAmbiguous) {
   EXPECT_THAT(all_doubts(r), HasSubstr("ambiguous"));
 }
 
+/// A flight over level ground, which holds no map against a step aside.
+Flight over_level_ground() {
+  Flight flight = fly(curved_path());
+  std::mt19937_64 random(8);
+  std::uniform_real_distribution<double> unit(-8.0, 8.0);
+  for (std::size_t k = 0; k < flight.points.size(); ++k) {
+    const Vec3 eye = T_local_map() * flight.points.viewpoints[k];
+    flight.points.positions[k] = T_local_map().inverse() * Vec3(eye.x() + unit(random), eye.y() + unit(random), 0.0);
+  }
+  return flight;
+}
+
+/// Registered over level ground with paving of that period; `coarse_m`: by how much small pictures end aside, on the
+/// side that they came from.
+std::string doubts_over_paving(double period_m, double coarse_m) {
+  const geometry::TriangleMesh mesh = tests::height_field(40, -60.0, 120.0, [](double, double) { return 0.0; });
+  const geometry::TriangleIndex index(mesh);
+  const Flight flight = over_level_ground();
+  RegistrationServices services;
+  services.locate = [&](const Sim3& T, std::size_t pictures, PictureDetail detail) {
+    LocatedPictures located = found_near(flight, T, pictures);
+    for (LocatedPicture& picture : located.found) {
+      SE3& found = picture.found.T_local_camera;
+      const Vec3 off = (T * picture.found.T_map_camera.translation - found.translation).cwiseProduct(Vec3(1, 1, 0));
+      found.translation += period_m * (off / period_m).array().round().matrix();
+      if (detail == PictureDetail::kCoarse && off.norm() > 0.1) found.translation += coarse_m * off.normalized();
+    }
+    return located;
+  };
+  return all_doubts(register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
+                                 {index, mesh, {}}, services, options()));
+}
+
+TEST(RegisterMap, PavingThatRepeatsIsSaid) { EXPECT_THAT(doubts_over_paving(1.2, 0.0), HasSubstr("textures repeat")); }
+
+TEST(RegisterMap, SmallPicturesThatEndALittleAsideAreNoRepetition) { EXPECT_EQ(doubts_over_paving(1000.0, 0.08), ""); }
+
 /// Places are looked for by looks first, and by other means only if those do not convince.
 TEST(RegisterMap, PlacesThatLookRightComeFirst) {
   const Flight flight = fly(curved_path());
