@@ -360,9 +360,12 @@ double sigma_of_shapes_m(const ObservedPoints& points, const Surface& surface, c
 std::optional<double> look_for_repetition(const Follower& follower, const PointSpread& spread, Sim3& T) {
   constexpr std::size_t kPictures = 4;
   constexpr int kDirections = 8;
-  constexpr double kBetter = 0.02, kEqual = 0.01, kApart_m = 0.05;
+  constexpr double kBetter = 0.02, kEqual = 0.01, kLeastApart_m = 0.05;
+  constexpr double kResolved =
+      0.01;  // of the viewing distance: some pixels; a texture that repeats in less is not seen
   const auto here = follower.recognise(T, kPictures);
   if (!here) return std::nullopt;
+  const double least_apart_m = std::max(kLeastApart_m, kResolved * follower.viewing_distance_m(T));
   double best = here->correlation;
   std::vector<std::pair<double, Sim3>> ends;
   for (const double share : {0.02, 0.04, 0.08}) {  // of the distance that the place is seen from
@@ -383,13 +386,13 @@ std::optional<double> look_for_repetition(const Follower& follower, const PointS
   // Small pictures end a little apart anyway: what may be another place is looked at closely.
   Sim3 here_closely = T;
   for (const auto& [correlation, end] : ends) {
-    if (rms_motion_m(T, end, spread) < kApart_m || correlation < best - kEqual) continue;
+    if (rms_motion_m(T, end, spread) < least_apart_m || correlation < best - kEqual) continue;
     const auto best_closely = follower.recognise(here_closely, kPictures, PictureDetail::kFine);
     Sim3 end_closely = end;
     const auto there = follower.recognise(end_closely, kPictures, PictureDetail::kFine);
     if (!best_closely || !there || there->agreeing < there->tried) continue;
     const double apart_m = rms_motion_m(here_closely, end_closely, spread);
-    if (apart_m > kApart_m && there->correlation > best_closely->correlation - kEqual) return apart_m;
+    if (apart_m > least_apart_m && there->correlation > best_closely->correlation - kEqual) return apart_m;
   }
   return std::nullopt;
 }
