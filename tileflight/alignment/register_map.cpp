@@ -361,8 +361,7 @@ std::optional<double> look_for_repetition(const Follower& follower, const PointS
   constexpr std::size_t kPictures = 4;
   constexpr int kDirections = 8;
   constexpr double kBetter = 0.02, kEqual = 0.01, kLeastApart_m = 0.05;
-  constexpr double kResolved =
-      0.01;  // of the viewing distance: some pixels; a texture that repeats in less is not seen
+  constexpr double kResolved = 0.01;  // of the viewing distance: some pixels; what repeats in less is not seen
   const auto here = follower.recognise(T, kPictures);
   if (!here) return std::nullopt;
   const double least_apart_m = std::max(kLeastApart_m, kResolved * follower.viewing_distance_m(T));
