@@ -100,6 +100,29 @@ double calibration(const std::vector<Outcome>& outcomes) {
   return n > 0.0 ? std::sqrt(sum / n) : std::numeric_limits<double>::quiet_NaN();
 }
 
+/// How many flights' sigmas are of the right size, and how far the others are off.
+std::string path_sigma_line(const std::vector<Outcome>& outcomes, const std::string& what, double PathSigmas::*member) {
+  std::vector<double> ratios;
+  for (const Outcome& o : outcomes)
+    if (o.path_sigmas && o.errors.ate_m <= 0.01 * o.errors.path_m) ratios.push_back((*o.path_sigmas).*member);
+  if (ratios.empty()) return "";
+  std::sort(ratios.begin(), ratios.end());
+  const auto fine = std::ranges::count_if(ratios, [](double r) { return r >= 0.5 && r <= 2.0; });
+  const auto quantile = [&](double q) { return number(ratios[static_cast<std::size_t>(q * (ratios.size() - 1))]); };
+  return "Sigmas of the path, " + what + ": squared error over squared sigma within 0.5 to 2 in " +
+         std::to_string(fine) + " of " + std::to_string(ratios.size()) + " flights whose path is right; 5 % below " +
+         quantile(0.05) + ", median " + quantile(0.5) + ", 5 % above " + quantile(0.95) + "\n";
+}
+
+/// What is only possible counts here, too.
+std::string literal_counts(const std::vector<Outcome>& outcomes) {
+  const auto count = [&](auto&& which) { return std::to_string(std::ranges::count_if(outcomes, which)); };
+  return "Right with any doubt, possible ones too: " +
+         count([](const Outcome& o) { return o.is_right() && !o.is_without_a_word(); }) +
+         "; wrong without any doubt at all: " +
+         count([](const Outcome& o) { return !o.is_right() && o.is_without_a_word(); }) + "\n";
+}
+
 std::string joined(const std::vector<std::string>& texts) {
   std::string all;
   for (const std::string& text : texts) all += (all.empty() ? "" : "; ") + text;
@@ -141,29 +164,32 @@ std::string Outcome::verdict() const {
 }
 
 json to_json(const Outcome& o) {
-  return {{"name", o.name},
-          {"place", o.place},
-          {"seed", o.draw.seed},
-          {"kind", name_of(o.draw.kind)},
-          {"view", name_of(o.draw.view)},
-          {"aids", name_of(o.draw.aids)},
-          {"lens_deg", o.draw.lens_deg},
-          {"height_m", o.draw.height_m},
-          {"pitch_deg", o.draw.pitch_deg},
-          {"degraded", o.draw.degraded},
-          {"stage", o.stage},
-          {"error", o.error},
-          {"frames", o.frames},
-          {"tracked", o.tracked},
-          {"ate_m", o.errors.ate_m},
-          {"path_m", o.errors.path_m},
-          {"offset_m", o.errors.offset_m},
-          {"scale_error", o.errors.scale_error},
-          {"sigma_m", o.sigma_m},
-          {"doubts", o.doubts},
-          {"withheld", o.withheld},
-          {"verdict", o.verdict()},
-          {"seconds", o.seconds}};
+  json object = {{"name", o.name},
+                 {"place", o.place},
+                 {"seed", o.draw.seed},
+                 {"kind", name_of(o.draw.kind)},
+                 {"view", name_of(o.draw.view)},
+                 {"aids", name_of(o.draw.aids)},
+                 {"lens_deg", o.draw.lens_deg},
+                 {"height_m", o.draw.height_m},
+                 {"pitch_deg", o.draw.pitch_deg},
+                 {"degraded", o.draw.degraded},
+                 {"stage", o.stage},
+                 {"error", o.error},
+                 {"frames", o.frames},
+                 {"tracked", o.tracked},
+                 {"ate_m", o.errors.ate_m},
+                 {"path_m", o.errors.path_m},
+                 {"offset_m", o.errors.offset_m},
+                 {"scale_error", o.errors.scale_error},
+                 {"sigma_m", o.sigma_m},
+                 {"doubts", o.doubts},
+                 {"withheld", o.withheld},
+                 {"verdict", o.verdict()},
+                 {"seconds", o.seconds}};
+  if (o.path_sigmas)
+    object["path_sigmas"] = {{"position", o.path_sigmas->position}, {"rotation", o.path_sigmas->rotation}};
+  return object;
 }
 
 Outcome outcome_from_json(const json& object) {
@@ -183,6 +209,8 @@ Outcome outcome_from_json(const json& object) {
   o.doubts = object.at("doubts");
   o.withheld = object.value("withheld", !o.doubts.empty());
   o.seconds = number_at("seconds");
+  if (object.contains("path_sigmas"))
+    o.path_sigmas = {object["path_sigmas"].at("position"), object["path_sigmas"].at("rotation")};
   return o;
 }
 
@@ -202,7 +230,10 @@ std::string summary(const std::vector<Outcome>& outcomes) {
   text += lines_by(outcomes, height_class);
   text += lines_by(outcomes,
                    [](const Outcome& o) { return std::string(o.draw.degraded ? "degraded" : "clean") + " camera"; });
-  text += "\nOffset over the stated sigma, RMS over what was right: " + number(calibration(outcomes)) + "\n\n";
+  text += "\nOffset over the stated sigma, RMS over what was right: " + number(calibration(outcomes)) + "\n";
+  text += path_sigma_line(outcomes, "positions", &PathSigmas::position);
+  text += path_sigma_line(outcomes, "rotations", &PathSigmas::rotation);
+  text += literal_counts(outcomes) + "\n";
   for (const Outcome& o : outcomes) {
     if (o.verdict() == "right") continue;
     text += "- " + o.verdict() + ": " + o.name + ", offset " + number(o.errors.offset_m) + " m, ATE " +

@@ -4,9 +4,11 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "path_sigmas.h"
 #include "random_flight.h"
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/trajectory.h"
@@ -33,15 +35,18 @@ struct Outcome {
   std::string error;  ///< what the next one said
   int frames = 0, tracked = 0;
   TrueErrors errors;
-  double sigma_m = 0.0;             ///< that the transform says of itself; 0: none
-  std::vector<std::string> doubts;  ///< all that the program said, odometry to scores
-  bool withheld = false;            ///< one of them is certain or likely, so that no verdict may rest on the map
+  std::optional<PathSigmas> path_sigmas;  ///< whether the odometry's own are right
+  double sigma_m = 0.0;                   ///< that the transform says of itself; 0: none
+  std::vector<std::string> doubts;        ///< all that the program said, odometry to scores
+  bool withheld = false;                  ///< one of them is certain or likely, so that no verdict may rest on the map
   double seconds = 0.0;
 
   /// Within max(0.1 m, 3 ATE), and the path within a hundredth of its length.
   bool is_right() const;
   /// What is only possible is said beside a verdict, and neither hides nor excuses an error.
   bool is_doubted() const { return withheld || !error.empty(); }
+  /// Nothing at all was said: stricter for wrong ones than "SILENT", which a doubt that is only possible does not lift.
+  bool is_without_a_word() const { return doubts.empty() && error.empty(); }
   /// "right", "false doubt", "doubted" or "SILENT".
   std::string verdict() const;
 };

@@ -2,9 +2,10 @@
 // often the answer is right, and whether a wrong one is ever silent. docs/trust.md has its figures.
 //   build/release/bin/proving_ground --flights 200 --out out/proving-ground
 // A flight whose files are there is not rendered and tracked again; it is aligned and scored each time, unless
-// --keep all. Everything is drawn from --seed.
+// --keep all. Everything is drawn from --seed. Several calls' flights in one table: --summarise FOLDER FOLDER
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -44,7 +45,8 @@ struct Place {
 
 struct Options {
   fs::path places, out;
-  std::vector<std::string> only;  ///< names of places; empty: all
+  std::vector<fs::path> summarise;  ///< folders of earlier calls: nothing is flown
+  std::vector<std::string> only;    ///< names of places; empty: all
   int flights = 200;
   std::uint64_t seed = 1;
   std::string keep = "odometry";
@@ -191,8 +193,10 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
     add_doubts(transform, outcome);
-    outcome.errors = true_errors(experiment::read_map(map.map), geometry::read_tum(map.trajectory),
-                                 geometry::read_tum(folder / "dataset/groundtruth.txt"), matrix_of(transform));
+    const geometry::Trajectory truth = geometry::read_tum(folder / "dataset/groundtruth.txt");
+    outcome.errors =
+        true_errors(experiment::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
+    outcome.path_sigmas = path_sigmas(folder / "odometry", truth);
     add_doubts(experiment::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
@@ -208,6 +212,24 @@ std::string flight_name(int number, const Place& place, const FlightDraw& draw) 
   return text + place.name + "-" + name_of(draw.kind) + "-" + std::to_string(draw.lens_deg) + "-" + name_of(draw.view) +
          "-" + std::to_string(static_cast<int>(draw.height_m)) + "m-" + name_of(draw.aids) +
          (draw.degraded ? "-degraded" : "");
+}
+
+/// What earlier calls found, of all folders together.
+std::vector<Outcome> read_outcomes(const std::vector<fs::path>& folders) {
+  std::vector<fs::path> files;
+  for (const fs::path& folder : folders)
+    for (const auto& entry : fs::directory_iterator(folder / "flights"))
+      if (fs::exists(entry.path() / "outcome.json")) files.push_back(entry.path() / "outcome.json");
+  std::sort(files.begin(), files.end());
+  std::vector<Outcome> outcomes;
+  for (const fs::path& file : files) {
+    outcomes.push_back(outcome_from_json(json::parse(geometry::read_text(file))));
+    const fs::path truth = file.parent_path() / "dataset/groundtruth.txt";
+    const fs::path odometry = file.parent_path() / "odometry";
+    if (fs::exists(truth) && fs::exists(odometry / "quality.csv"))
+      outcomes.back().path_sigmas = path_sigmas(odometry, geometry::read_tum(truth));
+  }
+  return outcomes;
 }
 
 class ProvingGround {
@@ -279,7 +301,11 @@ int main_of(int argc, char** argv) {
       ->check(CLI::ExistingFile)
       ->capture_default_str();
   app.add_option("--only", options.only, "names of places; default: all")->delimiter(',');
-  app.add_option("--out", options.out, "folder for everything; what is there is gone on with")->required();
+  auto* out = app.add_option("--out", options.out, "folder for everything; what is there is gone on with");
+  auto* summarise =
+      app.add_option("--summarise", options.summarise, "fly nothing: the table of these folders of earlier calls")
+          ->check(CLI::ExistingDirectory);
+  out->excludes(summarise);
   app.add_option("--flights", options.flights, "how many")->capture_default_str();
   app.add_option("--flight", options.one, "this one only, by number");
   app.add_option("--seed", options.seed, "of everything that is drawn")->capture_default_str();
@@ -288,6 +314,11 @@ int main_of(int argc, char** argv) {
   app.add_option("--least-right", options.least_right, "fewer right ones are a failure, too")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
+    if (!options.summarise.empty()) {
+      std::cout << summary(read_outcomes(options.summarise));
+      return 0;
+    }
+    if (options.out.empty()) throw InputError("--out", "is needed: a folder for everything");
     fs::create_directories(options.out);
     const std::vector<Outcome> outcomes = ProvingGround(options).run();
     json all = json::array();

@@ -151,7 +151,8 @@ double squared_residuals(const Pairs& pairs, const Sim3& T) {
   return sum;
 }
 
-/// Where to begin for a rotation that may know nothing of the heading: every ten degrees, the one that fits best.
+/// Where to begin for a rotation that may know nothing of the heading (a sigma of half a turn and more): every ten
+/// degrees, the one that fits best.
 Sim3 beginning(const Pairs& pairs, const RotationEstimate& rotation, double fallback_scale) {
   constexpr int kTurns = 36;
   Sim3 best = with_rotation(pairs, rotation.R_local_map, fallback_scale);

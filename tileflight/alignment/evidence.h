@@ -37,6 +37,7 @@ std::optional<RotationEstimate> rotation_by_attitude(const geometry::Trajectory&
 struct UpDirection {
   geometry::Vec3 up_map = geometry::Vec3::UnitZ();
   double sigma_rad = 0.1;
+  bool given = false;  ///< by who calls it: no other is looked for. An inertial unit's axes may be stated wrongly
 };
 
 /// The turn of a map about the vertical is not told by its up direction: a rotation that puts it upright, with no

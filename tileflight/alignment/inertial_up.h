@@ -20,7 +20,8 @@ struct SpecificForce {
 /// Over a stretch of time the mean specific force is the mean acceleration, (v_1 - v_0) / (t_1 - t_0) with the path's
 /// velocities v times its scale, plus gravity upwards: least squares over the stretches for gravity and the scale,
 /// which need not be known. nullopt where path and readings have too little time in common, and where what comes out is
-/// no gravity (other units, other axes, another clock): its size must be within a twentieth of 9.81 m/s^2.
+/// no gravity (other units, another clock; other axes, if the camera turned): its size must be within a twentieth of
+/// 9.81 m/s^2. Axes that are stated wrongly do not show while the camera does not turn.
 std::optional<UpDirection> up_of_specific_force(const geometry::Trajectory& T_map_camera,
                                                 const std::vector<SpecificForce>& readings);
 

@@ -77,10 +77,9 @@ bool is_upright(const geometry::Trajectory& path, const Sim3& T) {
   return up >= 0.0;
 }
 
-/// How little a turn is to be expected: by gravity where it is known, else by how level and upright it carries the
-/// camera.
+/// How little a turn is to be expected: by how level and upright it carries the camera. (Gravity leaves such turns open
+/// only about the vertical, where it does not tell them apart.)
 double unlikely(const RegistrationEvidence& evidence, const Sim3& T) {
-  if (evidence.up) return 1.0 - (T.rotation * evidence.up->up_map).z();
   return unlevel(evidence.path, T) + (is_upright(evidence.path, T) ? 0.0 : 1.0);
 }
 
@@ -227,15 +226,21 @@ PictureAgreement agreement_of(const LocatedPictures& pictures, const std::vector
   return agreement;
 }
 
-/// Neighbours that disagree with the others together were not found wrongly, each by chance at the same place aside:
-/// the path itself bends there, a little, and the transform has to carry all of it. Single ones stay out.
-std::vector<bool> with_bending_stretches(std::vector<bool> agrees) {
-  const std::vector<bool> single = agrees;
-  for (std::size_t i = 0; i < agrees.size(); ++i) {
-    const bool before = i > 0 && !single[i - 1], after = i + 1 < agrees.size() && !single[i + 1];
-    if (before || after) agrees[i] = true;
+/// Neighbours that disagree with the others together, but lie near, were hardly found wrongly one by one: the path
+/// itself bends there, a little, and the transform has to carry all of it. Single ones and what is farther off stay
+/// out: of the latter a doubt of the path is said.
+std::vector<bool> with_bending_stretches(const std::vector<LocatedPose>& poses, const LocatedPosesFit& fit) {
+  double path_m = 0.0;
+  for (std::size_t i = 1; i < poses.size(); ++i)
+    path_m += (poses[i].T_local_camera.translation - poses[i - 1].T_local_camera.translation).norm();
+  const double near_m = std::max(kPartOffLeast_m, kPartOffShare * path_m);
+  const auto bends = [&](std::size_t i) { return !fit.agrees[i] && fit.distances_m[i] < near_m; };
+  std::vector<bool> used = fit.agrees;
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    const bool beside = (i > 0 && bends(i - 1)) || (i + 1 < used.size() && bends(i + 1));
+    if (bends(i) && beside) used[i] = true;
   }
-  return agrees;
+  return used;
 }
 
 /// By leaving out stretches of the path.
@@ -265,7 +270,7 @@ std::optional<PictureAgreement> Follower::recognise(Sim3& T, std::size_t picture
     if (poses.size() < kFewest) return PictureAgreement{.tried = located.tried, .located = poses.size()};
     const LocatedPosesFit fit = fit_located_poses(poses, T);
     if (fit.agreeing < kFewest) return agreement_of(located, fit.agrees, T, evidence_.path);
-    const std::vector<bool> used = detail == PictureDetail::kFine ? with_bending_stretches(fit.agrees) : fit.agrees;
+    const std::vector<bool> used = detail == PictureDetail::kFine ? with_bending_stretches(poses, fit) : fit.agrees;
     const Sim3 carried = carried_by(poses, used);
     agreement = agreement_of(located, fit.agrees, carried, evidence_.path);
     T = carried;
@@ -384,9 +389,10 @@ std::optional<double> look_for_repetition(const Follower& follower, const PointS
   }
   // Small pictures end a little apart anyway: what may be another place is looked at closely.
   Sim3 here_closely = T;
+  std::optional<PictureAgreement> best_closely;
   for (const auto& [correlation, end] : ends) {
     if (rms_motion_m(T, end, spread) < least_apart_m || correlation < best - kEqual) continue;
-    const auto best_closely = follower.recognise(here_closely, kPictures, PictureDetail::kFine);
+    if (!best_closely) best_closely = follower.recognise(here_closely, kPictures, PictureDetail::kFine);
     Sim3 end_closely = end;
     const auto there = follower.recognise(end_closely, kPictures, PictureDetail::kFine);
     if (!best_closely || !there || there->agreeing < there->tried) continue;

@@ -111,6 +111,21 @@ TEST(RegisterMap, GravityClosesWhatAStraightPathLeavesOpen) {
   EXPECT_EQ(r.starts_tried, 1U);
 }
 
+TEST(RegisterMap, GravityInOtherAxesSpoilsNothingAndIsSaid) {
+  // As an inertial unit says it whose axes are not as its calibration has them; the flight is straight, so that nothing
+  // else tells.
+  const Flight flight = fly(straight_path(), 50, 0.005, 1U);
+  const Registration r =
+      register_map(flight.points,
+                   {.path = flight.map,
+                    .positions = receiver(flight.local, Vec3(-0.5, 0.3, 0.8)),
+                    .up = UpDirection{T_local_map().rotation.conjugate() * Vec3(0.6, -0.8, 0.0), 0.01}},
+                   the_place().surface, rays_only(), options());
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.1);
+  EXPECT_EQ(r.start, "positions");
+  EXPECT_THAT(all_doubts(r), HasSubstr("up is 90 degrees from where the inertial unit's gravity has it"));
+}
+
 TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
   const Flight flight = fly(curved_path());
   RegistrationServices services = rays_only();
@@ -169,6 +184,26 @@ TEST(RegisterMap, APathThatBendsALittleIsCarriedWhole) {
   EXPECT_EQ(r.method, "pictures");
   EXPECT_LT(r.pictures->worst_m, 0.2);  // spread over the whole path
   EXPECT_GT(r.sigma_m, 0.5 * apart_m(flight.points, r.T_local_map, T_local_map()));
+}
+
+TEST(RegisterMap, NeighboursThatAreFoundFarOffDoNotCount) {
+  // Two of twenty, side by side, found 2.5 m away (a roof that another looks like): of a path of some 100 m that is
+  // more than it bends.
+  const Flight flight = fly(curved_path());
+  RegistrationServices services = rays_only();
+  services.locate = [&](const Sim3& T, std::size_t n, PictureDetail detail) {
+    LocatedPictures located = found_near(flight, T, n);
+    for (std::size_t k = 12; detail == PictureDetail::kFine && k < 14 && k < located.found.size(); ++k)
+      located.found[k].found.T_local_camera.translation.x() += 2.5;
+    return located;
+  };
+  const Registration r =
+      register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
+                   the_place().surface, services, options());
+  EXPECT_EQ(r.method, "pictures");
+  EXPECT_EQ(r.pictures->agreeing, 18U);
+  EXPECT_LT(apart_m(flight.points, r.T_local_map, T_local_map()), 0.03);
+  EXPECT_THAT(all_doubts(r), HasSubstr("path"));
 }
 
 TEST(RegisterMap, WhereNothingFitsItIsSaid) {

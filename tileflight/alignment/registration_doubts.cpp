@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <numbers>
 
 namespace tileflight::alignment {
 
@@ -36,7 +37,7 @@ bool is_recognised(const Registration& r) { return r.method == "pictures"; }
 /// The path against where its pictures were found: an odometry that drifts, jumps or is broken.
 void doubt_path(Registration& r) {
   const PictureAgreement& p = *r.pictures;
-  constexpr double kPathShare = 0.005, kWorstShare = 0.02, kLeast_m = 0.05;
+  constexpr double kPathShare = 0.005, kLeast_m = 0.05;
   if (p.path_error_m > std::max(kLeast_m, kPathShare * p.path_m)) {
     add(r, kOdometry, p.path_error_m > 3.0 * kPathShare * p.path_m ? "certain" : "likely",
         text(
@@ -44,7 +45,7 @@ void doubt_path(Registration& r) {
             "%.1f m",
             p.located, p.path_error_m, p.path_m),
         "use only the stretch that fits, another start frame, or a flight with less rotation in place");
-  } else if (p.agreeing < p.located && p.worst_m > std::max(kLeast_m, kWorstShare * p.path_m)) {
+  } else if (p.agreeing < p.located && p.worst_m > std::max(kPartOffLeast_m, kPartOffShare * p.path_m)) {
     add(r, kOdometry, "likely",
         text("a part of the path is off by up to %.2f m (around %.2f s): %zu of %zu pictures lie there in the place "
              "where "
@@ -181,6 +182,22 @@ void doubt_telemetry(const RegistrationEvidence& evidence, Registration& r) {
   }
 }
 
+// ---- gravity ----
+
+/// An inertial unit whose axes are not as the calibration says shows only by where the map ended.
+void doubt_gravity(const RegistrationEvidence& evidence, Registration& r) {
+  if (!evidence.up) return;
+  constexpr double kSigmas = 5.0, kLeast_rad = 0.1, kDegrees = 180.0 / std::numbers::pi;
+  const double cosine = (r.T_local_map.rotation * evidence.up->up_map.normalized()).z();
+  const double off_rad = std::acos(std::clamp(cosine, -1.0, 1.0));
+  if (off_rad < std::max(kLeast_rad, kSigmas * evidence.up->sigma_rad)) return;
+  add(r, kAlignment, is_recognised(r) ? "possible" : "likely",
+      text("up is %.0f degrees from where %s it", kDegrees * off_rad,
+           evidence.up->given ? "--up has" : "the inertial unit's gravity has"),
+      evidence.up->given ? "check --up: against gravity, in the map's frame"
+                         : "check T_cam_imu of the calibration: the unit's axes, turned into the camera's");
+}
+
 }  // namespace
 
 void add_registration_doubts(const ObservedPoints& points, const RegistrationEvidence& evidence,
@@ -190,6 +207,7 @@ void add_registration_doubts(const ObservedPoints& points, const RegistrationEvi
   doubt_points(points, registration);
   doubt_sigma(registration);
   doubt_telemetry(evidence, registration);
+  doubt_gravity(evidence, registration);
 }
 
 }  // namespace tileflight::alignment

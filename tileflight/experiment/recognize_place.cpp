@@ -1,13 +1,25 @@
 #include "tileflight/experiment/recognize_place.h"
 
+#include <algorithm>
+
 #include "tileflight/alignment/gravity.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/localization/ground_direction.h"
 
 namespace tileflight::experiment {
+namespace {
+
+/// A direction that one of `ups` nearly is would be looked for twice.
+void add_unless_alike(const geometry::Vec3& up, std::vector<geometry::Vec3>& ups) {
+  constexpr double kAlike = 0.9982;  // cosine of 0.06 rad: a lean that fitting takes up (ground_fit_test.cpp)
+  if (std::ranges::none_of(ups, [&](const geometry::Vec3& other) { return other.dot(up) > kAlike; })) ups.push_back(up);
+}
+
+}  // namespace
 
 localization::FlightEvidence flight_evidence(const dataset::Dataset& dataset, const geometry::Trajectory& path,
-                                             const geometry::PointCloud& map, const std::optional<geometry::Vec3>& up) {
+                                             const geometry::PointCloud& map,
+                                             const std::optional<alignment::UpDirection>& up) {
   localization::FlightEvidence evidence;
   geometry::Trajectory times;
   for (const dataset::Frame& frame : dataset.frames) times.poses.push_back({frame.time_s, geometry::SE3()});
@@ -20,11 +32,13 @@ localization::FlightEvidence flight_evidence(const dataset::Dataset& dataset, co
   evidence.pictures.camera = dataset.calibration.camera;
   evidence.pictures.picture = [files](std::size_t k) { return imaging::read_rgb(files[k]); };
   evidence.points = map.positions;
-  if (const auto known = up ? up : alignment::up_of_trajectory(path)) {
-    evidence.ups = {known->normalized()};
+  if (up) evidence.ups = {up->up_map.normalized()};
+  if (up && up->given) return evidence;
+  if (const auto carried = alignment::up_of_trajectory(path)) {
+    add_unless_alike(*carried, evidence.ups);
   } else {
     for (const auto& plane : localization::ground_planes(map.positions, evidence.pictures.T_map_camera))
-      evidence.ups.push_back(plane.up);
+      add_unless_alike(plane.up, evidence.ups);
   }
   return evidence;
 }

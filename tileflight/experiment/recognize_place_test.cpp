@@ -49,7 +49,8 @@ TEST(FlightEvidence, HasThePicturesThatHaveAPose) {
 
 TEST(FlightEvidence, UpIsGivenElseThePathsElseAcrossTheGround) {
   const dataset::Dataset dataset = frames_at({0.0, 0.5, 1.0, 1.5, 2.0});
-  const auto given = flight_evidence(dataset, path_of(5, 0.3), ground(), Vec3(0.0, 3.0, 4.0));
+  const auto given =
+      flight_evidence(dataset, path_of(5, 0.3), ground(), alignment::UpDirection{Vec3(0.0, 3.0, 4.0), 0.05, true});
   ASSERT_EQ(given.ups.size(), 1U);
   EXPECT_LT((given.ups[0] - Vec3(0.0, 0.6, 0.8)).norm(), 1e-12);
   const auto by_path = flight_evidence(dataset, path_of(5, 0.3), geometry::PointCloud());
@@ -59,6 +60,17 @@ TEST(FlightEvidence, UpIsGivenElseThePathsElseAcrossTheGround) {
   ASSERT_FALSE(by_ground.ups.empty());
   EXPECT_GT(by_ground.ups[0].z(), 0.9999);
   EXPECT_TRUE(flight_evidence(dataset, path_of(5, 0.0), geometry::PointCloud()).ups.empty());
+}
+
+TEST(FlightEvidence, AnInertialUnitsUpIsFirstButNotAlone) {
+  // Its axes may be stated wrongly; what it says rightly is not looked for twice.
+  const dataset::Dataset dataset = frames_at({0.0, 0.5, 1.0, 1.5, 2.0});
+  const auto wrong = flight_evidence(dataset, path_of(5, 0.3), ground(), alignment::UpDirection{Vec3::UnitX(), 0.01});
+  ASSERT_EQ(wrong.ups.size(), 2U);
+  EXPECT_EQ(wrong.ups[0], Vec3::UnitX());
+  EXPECT_LT((wrong.ups[1] - Vec3::UnitZ()).norm(), 1e-9);
+  const auto right = flight_evidence(dataset, path_of(5, 0.3), ground(), alignment::UpDirection{Vec3::UnitZ(), 0.01});
+  EXPECT_EQ(right.ups.size(), 1U);
 }
 
 }  // namespace

@@ -8,15 +8,14 @@
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/global_registration.h"
 #include "tileflight/alignment/gravity.h"
-#include "tileflight/alignment/inertial_up.h"
 #include "tileflight/alignment/register_map.h"
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/dataset/attitude_csv.h"
-#include "tileflight/dataset/imu_files.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/experiment/doubts.h"
 #include "tileflight/experiment/find_pictures.h"
 #include "tileflight/experiment/recognize_place.h"
+#include "tileflight/experiment/up_direction.h"
 #include "tileflight/geometry/input_error.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/tiling/mesh_source.h"
@@ -63,21 +62,16 @@ std::vector<alignment::AttitudeFix> attitudes_of(const fs::path& attitude_csv) {
 }
 
 /// Which way is up in the map: as it was given, else by the flight's inertial unit where there is one.
-std::optional<alignment::UpDirection> up_of(const MapInputs& map, const geometry::Trajectory& path,
+std::optional<alignment::UpDirection> up_of(const std::optional<dataset::Dataset>& dataset,
+                                            const geometry::Trajectory& path,
                                             const alignment::AlignMapOptions& options) {
   constexpr double kGivenSigma_rad = 0.05;
-  if (options.map_up) return alignment::UpDirection{options.map_up->normalized(), kGivenSigma_rad};
-  const fs::path file = map.dataset / "imu.csv";
-  if (map.dataset.empty() || path.empty() || !fs::is_regular_file(file)) return std::nullopt;
-  const Eigen::Quaterniond R_cam_imu = dataset::read_dataset(map.dataset).calibration.T_cam_imu.rotation;
-  std::vector<alignment::SpecificForce> readings;
-  for (const dataset::ImuReading& reading : dataset::read_imu_csv(file))
-    readings.push_back({reading.time_s, R_cam_imu * reading.specific_force_m_s2});
-  return alignment::up_of_specific_force(path, readings);
+  if (options.map_up) return alignment::UpDirection{options.map_up->normalized(), kGivenSigma_rad, true};
+  return dataset ? up_by_inertial_unit(*dataset, path) : std::nullopt;
 }
 
-alignment::RegistrationEvidence evidence_of(const MapInputs& map, const AlignTarget& target,
-                                            const alignment::AlignMapOptions& options) {
+alignment::RegistrationEvidence evidence_of(const MapInputs& map, const std::optional<dataset::Dataset>& dataset,
+                                            const AlignTarget& target, const alignment::AlignMapOptions& options) {
   alignment::RegistrationEvidence evidence;
   if (!map.trajectory.empty()) evidence.path = geometry::read_tum(map.trajectory);
   if (options.start == AlignmentStart::kGiven) evidence.starts = {options.given_start};
@@ -87,15 +81,11 @@ alignment::RegistrationEvidence evidence_of(const MapInputs& map, const AlignTar
   if (options.start == AlignmentStart::kAuto && !map.attitude.empty() && target.origin)
     evidence.attitudes = attitudes_of(map.attitude);
   if (options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry)
-    evidence.up = up_of(map, evidence.path, options);
+    evidence.up = up_of(dataset, evidence.path, options);
   if (options.start == AlignmentStart::kTruePoses && !map.truth_trajectory.empty())
     evidence.positions = true_positions(map.truth_trajectory);
   if (options.start == AlignmentStart::kAuto && evidence.positions.empty()) evidence.starts = {geometry::Sim3()};
   return evidence;
-}
-
-std::optional<geometry::Vec3> known_up(const alignment::RegistrationEvidence& evidence) {
-  return evidence.up ? std::optional(evidence.up->up_map) : std::nullopt;
 }
 
 /// Places that look like the ground that the pictures show.
@@ -105,9 +95,17 @@ std::vector<geometry::Sim3> places_by_looks(const scene::Scene& scene, const Pic
                                             const geometry::PointCloud& cloud) {
   const localization::PlaceRecognizer recognizer(scene, scene.bounds(), {}, finder.appearance());
   std::vector<geometry::Sim3> places;
-  for (const auto& candidate : recognizer.find(flight_evidence(dataset, evidence.path, cloud, known_up(evidence))))
+  for (const auto& candidate : recognizer.find(flight_evidence(dataset, evidence.path, cloud, evidence.up)))
     places.push_back(candidate.T_local_map);
   return places;
+}
+
+/// Directions of the map that may be up, each to be tried; one that is no direction: nothing tells.
+std::vector<std::optional<geometry::Vec3>> possible_ups(const alignment::RegistrationEvidence& evidence) {
+  const std::optional<geometry::Vec3> carried = alignment::up_of_trajectory(evidence.path);
+  if (!evidence.up) return {carried};
+  if (evidence.up->given) return {evidence.up->up_map};
+  return {evidence.up->up_map, carried};
 }
 
 /// Places where the shapes alone say that the map may belong.
@@ -115,15 +113,16 @@ std::vector<geometry::Sim3> places_by_shape(const geometry::PointCloud& cloud,
                                             const alignment::RegistrationEvidence& evidence, const AlignTarget& target,
                                             const alignment::AlignMapOptions& options) {
   constexpr std::size_t kSurfacePoints = 100000;
-  alignment::GlobalOptions search;
-  search.source_up = evidence.up ? known_up(evidence) : alignment::up_of_trajectory(evidence.path);
-  if (search.source_up) search.target_up = geometry::Vec3::UnitZ();
-  if (options.icp.scale == alignment::ScaleMode::kFixed) search.least_scale = search.most_scale = 1.0;
+  const auto surface = alignment::even_surface_points(target.mesh, kSurfacePoints);
   std::vector<geometry::Sim3> places;
-  for (const auto& candidate : alignment::register_globally(
-                                   cloud.positions, alignment::even_surface_points(target.mesh, kSurfacePoints), search)
-                                   .candidates)
-    places.push_back(candidate.T_target_source);
+  for (const std::optional<geometry::Vec3>& up : possible_ups(evidence)) {
+    alignment::GlobalOptions search;
+    search.source_up = up;
+    if (up) search.target_up = geometry::Vec3::UnitZ();
+    if (options.icp.scale == alignment::ScaleMode::kFixed) search.least_scale = search.most_scale = 1.0;
+    for (const auto& candidate : alignment::register_globally(cloud.positions, surface, search).candidates)
+      places.push_back(candidate.T_target_source);
+  }
   return places;
 }
 
@@ -185,21 +184,21 @@ json register_flight(const MapInputs& map, const AlignTarget& target, const alig
                      const Progress& progress) {
   const geometry::PointCloud cloud = read_map(map.map);
   const Place place(target);
-  const alignment::RegistrationEvidence evidence = evidence_of(map, target, options);
+  std::optional<dataset::Dataset> dataset;
+  if (!map.dataset.empty() && !map.trajectory.empty()) dataset = dataset::read_dataset(map.dataset);
+  const alignment::RegistrationEvidence evidence = evidence_of(map, dataset, target, options);
   alignment::RegistrationServices services;
   services.cast = cast_into(*place.scene);
   std::unique_ptr<PictureFinder> finder;
-  if (place.textured && !map.dataset.empty() && !evidence.path.empty()) {
-    finder = std::make_unique<PictureFinder>(*place.scene, dataset::read_dataset(map.dataset), evidence.path);
+  if (place.textured && dataset && !evidence.path.empty()) {
+    finder = std::make_unique<PictureFinder>(*place.scene, *dataset, evidence.path);
     services.locate = [&finder](const geometry::Sim3& T, std::size_t pictures, alignment::PictureDetail detail) {
       return (*finder)(T, pictures, detail);
     };
   }
   const bool may_look = options.start == AlignmentStart::kAuto || options.start == AlignmentStart::kGeometry;
   if (may_look && finder) {
-    services.recognize_places = [&] {
-      return places_by_looks(*place.scene, *finder, dataset::read_dataset(map.dataset), evidence, cloud);
-    };
+    services.recognize_places = [&] { return places_by_looks(*place.scene, *finder, *dataset, evidence, cloud); };
   }
   if (may_look) services.look_for_places = [&] { return places_by_shape(cloud, evidence, target, options); };
   alignment::RegistrationOptions registration;

@@ -2,9 +2,9 @@
 
 // Whether the calibration fits the camera, from the pictures alone. A lens model that is a little wrong moves what a
 // picture shows. Poses and distances take up what looks like motion; the rest stays in the residuals, the same for the
-// same place in the picture and the same direction of motion. Noise is not the same: what the points of two
-// halves of the keyframes have in common comes from the lens, the shutter, or from a geometry that is wrong altogether
-// (a false start).
+// same place in the picture and the same direction of motion. Noise is not the same: what the points of two halves of
+// the keyframes have in common comes from the lens, the shutter, or from a geometry that is wrong altogether (a false
+// start).
 
 #include <array>
 #include <optional>
@@ -28,7 +28,7 @@ class ResidualPattern {
   std::optional<CommonDisplacement> common() const;
 
  private:
-  static constexpr int kColumns = 8, kRows = 6, kDirections = 8;
+  static constexpr int kColumns = 8, kRows = 6, kDirections = 8, kCells = kColumns * kRows * kDirections;
 
   /// Weighted least squares of one displacement, squared grey values a pixel.
   struct Cell {
@@ -38,7 +38,7 @@ class ResidualPattern {
   };
   static std::size_t cell_at(const PyramidLevel& picture, const Eigen::Vector2f& pixel, const Eigen::Vector2f& motion);
 
-  std::array<std::array<Cell, static_cast<std::size_t>(kColumns* kRows* kDirections)>, 2> halves_{};
+  std::array<std::array<Cell, kCells>, 2> halves_{};  ///< by the host of the points, every second keyframe
 };
 
 }  // namespace tileflight::odometry

@@ -5,6 +5,7 @@
 // disagree.
 
 #include <optional>
+#include <vector>
 
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/odometry/frame_quality.h"

@@ -117,8 +117,7 @@ void doubt_calibration(const OdometryResult& result, const DoubtLimits& limits, 
       {"the calibration does not fit the pictures: residuals have a pattern of " + std::string(text) +
            " pixels (RMS) that is the same in all keyframes (another lens or line delay, or a false start)",
        kWhere, result.pattern->rms_px > limits.pattern_likely_px ? "likely" : "possible",
-       "calibrate this camera as it was flown (focus, resolution, crop, rolling shutter), or try "
-       "--refine-intrinsics"});
+       "calibrate this camera as it was flown (focus, resolution, crop, rolling shutter)"});
 }
 
 void doubt_second(const OdometryResult& result, const std::optional<Agreement>& second, const NameOf& name_of,
