@@ -1,12 +1,12 @@
-// From how far off does the alignment of a map find back? A known transform is disturbed about the map's centre by
-// random rotations, shifts and scales; counted is how many of the starts end within 0.1 m, 0.1 degrees and 0.2 % of
-// where the undisturbed start ends. Not a timing of a fixed task: it needs the results of a run.
+// Convergence range of map alignment. A known transform is disturbed about the map's centre by random rotations,
+// translations and scales; the benchmark counts the starts that end within 0.1 m, 0.1 degrees and 0.2 % of the result
+// of the undisturbed start. This is not a timing of a fixed task: it needs the results of a run.
 //
 //   alignment_starts_benchmark RUN/real/odometry/map.ply RUN/truth RUN/real/transform.json [N] [SETTINGS] [bound]
 //
-// SETTINGS: default (the steps of align_map, then the paper's to voxel centres), surface (the same, but the last step
-// is to the surface), paper (the paper's settings alone). Each start is drawn up to 10 m, 15 degrees and 20 % off, or
-// with `bound` exactly that far.
+// SETTINGS: default (the steps of align_map, then the paper's to voxel centres), surface (the same, but with the last
+// step to the surface), paper (the paper's settings alone). Starts are drawn with errors of up to 10 m, 15 degrees and
+// 20 %, or with `bound` exactly these.
 #include <sys/resource.h>
 
 #include <cmath>
@@ -18,8 +18,8 @@
 
 #include "tileflight/alignment/align_map.h"
 #include "tileflight/alignment/transform_file.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/ground_truth/mesh_glb.h"
 
 namespace {
@@ -60,7 +60,7 @@ struct Place {
     if (inside > 0) center_local /= static_cast<double>(inside);
   }
 
-  /// Above and below the ground truth: what lies beside it has nothing to be aligned to.
+  /// The ground truth's box extended vertically: points beside it have nothing to be aligned to.
   geometry::Box3 column() const {
     geometry::Box3 box = geometry::bounds(mesh);
     box.min().z() -= 1e6;
@@ -69,7 +69,7 @@ struct Place {
   }
 };
 
-/// How far apart two transforms put the map.
+/// Difference between two transforms of the map.
 struct Difference {
   double shift_m = 0.0, angle_deg = 0.0, scale = 0.0;
   bool small() const { return shift_m < 0.1 && angle_deg < 0.1 && scale < 0.002; }
@@ -81,7 +81,7 @@ Difference difference(const Sim3& A, const Sim3& B, const Vec3& center_local) {
           std::abs(A.scale / B.scale - 1.0)};
 }
 
-/// A similarity about the map's centre.
+/// Draws similarities about the map's centre.
 class Disturbances {
  public:
   Disturbances(const Vec3& center, bool at_bound) : center_(center), at_bound_(at_bound) {}
@@ -117,7 +117,7 @@ void run(const char* name, const Place& place, const AlignMapOptions& options, i
   const double begin_s = cpu_s();
   for (int k = 0; k < starts; ++k) {
     const Sim3 off = disturbances.next();
-    const alignment::AlignmentResult end = align_map(place.map, off * place.T_local_map, target, options).result;
+    const alignment::IcpResult end = align_map(place.map, off * place.T_local_map, target, options).result;
     const Difference d = difference(end.T_target_source, expected, place.center_local);
     if (d.small()) {
       ++count.ended_there;
@@ -141,7 +141,7 @@ AlignMapOptions options_of(const std::string& settings) {
     return options;
   }
   if (settings != "paper") throw InputError("settings", "must be default, surface or paper, not " + settings);
-  return alignment::paper_preset();
+  return alignment::paper_options();
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
-// What `evaluate` costs: maps of 0.1, 1 and 10 million points over the built-in stadium's twin, then a small map in the
-// middle of a place of 4 km2 (4.5 million triangles, 16 samples a square metre). Each in a process of its own: seconds,
-// processor seconds and peak memory, and beside them the numbers that must not depend on the size.
+// Cost of `evaluate`: maps of 0.1, 1 and 10 million points over the built-in stadium's twin, then a small map in the
+// middle of a place of 4 km2 (4.5 million triangles, 16 samples a square metre). Each runs in its own process; reported
+// are seconds, processor seconds, peak memory, and the scores that must not depend on the size.
 //
 //   evaluate_benchmark [--points N]... [--place-km2 A] [--folder DIR]
 //
-// What is made stays in DIR (default: a temporary folder, removed at the end) and is not made again.
+// Generated data stays in DIR (default: a temporary folder, removed at the end) and is reused.
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -22,13 +22,14 @@
 
 #include "tests/height_field.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/experiment/evaluate.h"
-#include "tileflight/experiment/extract.h"
+#include "tileflight/base/files.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/ground_truth/extract.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/scoring/evaluate.h"
+#include "tileflight/stadium/stadium.h"
 #include "tileflight/tiling/glb_writer.h"
-#include "tileflight/tiling/stadium.h"
 
 namespace {
 
@@ -41,21 +42,21 @@ struct Task {
   fs::path map, truth, dataset;
 };
 
-// ------------------------------------------------------------------------------------------------------- what is made
+// --------------------------------------------------------------------------------------------------- generated data
 
 void make_stadium_truth(const fs::path& folder) {
   if (fs::exists(folder / "truth")) return;
-  tiling::write_stadium(folder / "place", {.texture_scale = 0.1});
-  const geometry::Geodetic origin{tiling::kStadiumLatitudeDeg, tiling::kStadiumLongitudeDeg,
-                                  geometry::EllipsoidalHeight{tiling::kStadiumHeightM}};
+  stadium::write_stadium(folder / "place", {.texture_scale = 0.1});
+  const geometry::Geodetic origin{stadium::kStadiumLatitudeDeg, stadium::kStadiumLongitudeDeg,
+                                  geometry::EllipsoidalHeight{stadium::kStadiumHeightM}};
   geometry::Geodetic center = origin;
   center.height.m += 15.0;
-  experiment::extract({.source = (folder / "place/twin/tileset.json").string(),
-                       .load = {.center = center, .size = Vec3(250, 250, 90), .origin = origin}},
-                      folder / "truth", true);
+  place::extract({.source = (folder / "place/twin/tileset.json").string(),
+                  .load = {.center = center, .size = Vec3(250, 250, 90), .origin = origin}},
+                 folder / "truth", true);
 }
 
-/// Hills with a house on every second hectare's middle, steep walls of one cell's width.
+/// Hills with a house at the centre of every second hectare, with steep walls of one cell's width.
 double height_m(double x, double y) {
   const double hills = 8.0 * std::sin(x / 170.0) + 6.0 * std::cos(y / 130.0) + 2.0 * std::sin(x / 23.0 + y / 31.0);
   const double u = x / 50.0 - std::floor(x / 50.0), v = y / 50.0 - std::floor(y / 50.0);
@@ -68,7 +69,7 @@ void make_large_truth(const fs::path& folder, double km2) {
   const auto cells = static_cast<std::uint32_t>(side_m * 0.75);
   fs::create_directories(folder);
   imaging::TexturedMesh mesh{.mesh = tests::height_field(cells, -side_m / 2, side_m, height_m)};
-  geometry::write_file(folder / "t.glb", tiling::write_glb({mesh}, {}));
+  base::write_file(folder / "t.glb", tiling::write_glb({mesh}, {}));
   const json box{0, 0, 10, side_m / 2, 0, 0, 0, side_m / 2, 0, 0, 0, 40};
   const json tileset{{"asset", {{"version", "1.1"}}},
                      {"geometricError", 100},
@@ -77,19 +78,19 @@ void make_large_truth(const fs::path& folder, double km2) {
                        {"geometricError", 0},
                        {"refine", "REPLACE"},
                        {"content", {{"uri", "t.glb"}}}}}};
-  geometry::write_file(folder / "tileset.json", tileset.dump());
-  experiment::extract({.source = (folder / "tileset.json").string(),
-                       .load = {.center_local = Vec3(0, 0, 10), .size = Vec3(side_m, side_m, 80)}},
-                      folder / "truth", true);
+  base::write_file(folder / "tileset.json", tileset.dump());
+  place::extract({.source = (folder / "tileset.json").string(),
+                  .load = {.center_local = Vec3(0, 0, 10), .size = Vec3(side_m, side_m, 80)}},
+                 folder / "truth", true);
 }
 
 /// A fisheye of 155 degrees along a line of 300 m at 85 m, looking 45 degrees down.
 void make_dataset(const fs::path& folder) {
   fs::create_directories(folder);
-  geometry::write_file(folder / "camera.yaml",
-                       "cam0:\n  camera_model: pinhole\n  intrinsics: [379.0, 379.0, 511.5, 287.5]\n"
-                       "  distortion_model: equidistant\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
-                       "  resolution: [1024, 576]\n");
+  base::write_file(folder / "camera.yaml",
+                   "cam0:\n  camera_model: pinhole\n  intrinsics: [379.0, 379.0, 511.5, 287.5]\n"
+                   "  distortion_model: equidistant\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
+                   "  resolution: [1024, 576]\n");
   geometry::Mat3 R_local_camera;  // columns: the camera's right, down, forward
   const double half = std::sqrt(0.5);
   R_local_camera << 0, -half, half, -1, 0, 0, 0, -half, -half;
@@ -102,14 +103,14 @@ void make_dataset(const fs::path& folder) {
   geometry::write_tum(folder / "groundtruth.txt", path);
 }
 
-/// Points scattered about the true surface, 5 cm across it, those nearer than `within_m` to the middle.
+/// Points scattered around the true surface with 5 cm noise, no farther than `within_m` from the centre.
 void make_map(const fs::path& file, const fs::path& truth, std::size_t points, double within_m) {
   if (fs::exists(file)) return;
   geometry::PointCloud surface = ground_truth::read_surface_samples(truth);
   std::vector<bool> near(surface.size());
   for (std::size_t i = 0; i < surface.size(); ++i)
     near[i] = surface.positions[i].head<2>().cwiseAbs().maxCoeff() < within_m;
-  surface = geometry::filtered(surface, near);
+  surface = geometry::filter_points(surface, near);
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal(0.0, 1.0);
   geometry::PointCloud map;
@@ -124,22 +125,22 @@ void make_map(const fs::path& file, const fs::path& truth, std::size_t points, d
   geometry::write_cloud(file, map);
 }
 
-// ---------------------------------------------------------------------------------------------------- what is measured
+// ------------------------------------------------------------------------------------------------------ measurements
 
 int evaluate(const Task& task) {
   const fs::path out = task.map.string() + ".scores";
   fs::create_directories(out);
-  geometry::write_file(out / "transform.json",
-                       R"({"matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "scale": 1, "rmse": 0, "fitness": 1,
+  base::write_file(out / "transform.json",
+                   R"({"matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "scale": 1, "rmse": 0, "fitness": 1,
                            "iterations": 1, "converged": true, "method": "given"})");
-  experiment::MapInputs map{.map = task.map};
+  scoring::MapInputs map{.map = task.map};
   map.camera = task.dataset / "camera.yaml";
   map.truth_trajectory = task.dataset / "groundtruth.txt";
-  experiment::evaluate(map, task.truth, out / "transform.json", {}, out / "metrics.json");
+  scoring::evaluate(map, task.truth, out / "transform.json", {}, out / "metrics.json");
   return 0;
 }
 
-/// Runs evaluate() in a process of its own, this program begun anew.
+/// Runs evaluate() in its own process, by executing this program again.
 void measure(const Task& task) {
   const auto start = std::chrono::steady_clock::now();
   const pid_t child = fork();
@@ -153,7 +154,7 @@ void measure(const Task& task) {
   wait4(child, &status, 0, &used);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (status != 0) throw std::runtime_error(task.map.string() + ": evaluate failed");
-  const json m = json::parse(geometry::read_text(task.map.string() + ".scores/metrics.json"));
+  const json m = json::parse(base::read_text(task.map.string() + ".scores/metrics.json"));
   const double cpu_s = static_cast<double>(used.ru_utime.tv_sec + used.ru_stime.tv_sec) +
                        1e-6 * static_cast<double>(used.ru_utime.tv_usec + used.ru_stime.tv_usec);
   std::printf(

@@ -1,10 +1,10 @@
-// Registration of a map of 84 029 points (0.3 m noise), moved by 2 degrees and (0.6, -0.5, 0.3) m, to the centres of
-// the 1 m voxels that a place of 250 m x 250 m touches, and to its surface: the shape of the task that PCL 1.13
-// takes 19.1 s for, CloudCompare 9.0, Open3D 8.3 and small_gicp 5.05 (two cores, reference task). Beside it what stands
-// in textbooks. Trees are built inside the time. Accuracy beside it: how far the aligned points lie from their true
-// places (RMS).
-// With TILEFLIGHT_ICP_TASK naming a folder (source.ply, true.ply, voxels.ply, surface.ply, mesh.glb; what
-// registration_peers.py writes), that is the task.
+// Registration of a map of 84 029 points (0.3 m noise), displaced by 2 degrees and (0.6, -0.5, 0.3) m, to the centres
+// of the 1 m voxels that a place of 250 m x 250 m touches, and to its surface. On a task of this size (two cores,
+// reference task) PCL 1.13 takes 19.1 s, CloudCompare 9.0, Open3D 8.3 and small_gicp 5.05. A textbook implementation is
+// measured for comparison. Times include construction of the trees. Accuracy: RMS distance of the aligned points from
+// their true positions.
+// If TILEFLIGHT_ICP_TASK names a folder (source.ply, true.ply, voxels.ply, surface.ply, mesh.glb, as written by
+// registration_peers.py), that task is used instead.
 #include <benchmark/benchmark.h>
 #include <tbb/parallel_for.h>
 
@@ -25,9 +25,9 @@
 
 namespace {
 
-using tileflight::alignment::AlignmentResult;
 using tileflight::alignment::IcpMethod;
 using tileflight::alignment::IcpOptions;
+using tileflight::alignment::IcpResult;
 using tileflight::alignment::ScaleMode;
 using tileflight::geometry::PointCloud;
 using tileflight::geometry::Sim3;
@@ -50,7 +50,7 @@ double height_m(double x, double y) {
   return z;
 }
 
-/// Even by area, with the triangles' normals.
+/// Samples uniform by area, with the triangles' normals.
 PointCloud make_surface(const TriangleMesh& mesh, std::size_t n, double noise_m) {
   std::mt19937_64 random(1);
   std::normal_distribution<double> noise(0.0, noise_m);
@@ -79,7 +79,7 @@ PointCloud make_surface(const TriangleMesh& mesh, std::size_t n, double noise_m)
 
 struct Task {
   TriangleMesh mesh = tileflight::tests::height_field(kCells, 0.0, kSide_m, height_m);
-  PointCloud voxel_centers = tileflight::geometry::centers(
+  PointCloud voxel_centers = tileflight::geometry::cell_centers(
       tileflight::ground_truth::voxelize(mesh, {Vec3(0, 0, 0), Vec3(kSide_m, kSide_m, 60)}, 1.0));
   PointCloud surface = make_surface(mesh, kSurfacePoints, 0.0);
   PointCloud truth = make_surface(mesh, kPoints, 0.3);
@@ -91,7 +91,7 @@ struct Task {
         surface(tileflight::geometry::read_cloud(folder + "/surface.ply")),
         truth(tileflight::geometry::read_cloud(folder + "/true.ply")),
         source(tileflight::geometry::read_cloud(folder + "/source.ply")) {
-    surface.normals.clear();  // to be estimated, as the peers do
+    surface.normals.clear();  // estimated, as by the peers
   }
 
   Task() {
@@ -114,7 +114,7 @@ const Task& task() {
   return made;
 }
 
-void report(benchmark::State& state, const AlignmentResult& result) {
+void report(benchmark::State& state, const IcpResult& result) {
   state.counters["error_m"] = task().error_m(result.T_target_source);
   state.counters["iterations"] = result.iterations;
   state.counters["converged"] = result.converged;
@@ -127,7 +127,7 @@ IcpOptions rigid(IcpOptions options, IcpMethod method) {
 }
 
 void to_cloud(benchmark::State& state, const PointCloud& target, const IcpOptions& options) {
-  AlignmentResult result;
+  IcpResult result;
   for (auto _ : state) result = icp(task().source, target, Sim3(), options);
   report(state, result);
 }
@@ -137,11 +137,12 @@ void icp_paper_settings(benchmark::State& state) {
 }
 
 void icp_to_voxel_centers(benchmark::State& state) {
-  to_cloud(state, task().voxel_centers, rigid(tileflight::alignment::converging_icp(), IcpMethod::kPointToPoint));
+  to_cloud(state, task().voxel_centers,
+           rigid(tileflight::alignment::converging_icp_options(), IcpMethod::kPointToPoint));
 }
 
-/// What stands in textbooks, both cores: a search for every point in every iteration, no acceleration, the same stop
-/// (step below 1e-4 m).
+/// Textbook ICP on both cores: a search for every point in every iteration, no acceleration, the same stopping
+/// criterion (step below 1e-4 m).
 void icp_textbook_to_voxel_centers(benchmark::State& state) {
   Sim3 T;
   int iterations = 0;
@@ -171,19 +172,19 @@ void icp_textbook_to_voxel_centers(benchmark::State& state) {
 }
 
 void icp_to_surface_points(benchmark::State& state) {
-  to_cloud(state, task().surface, rigid(tileflight::alignment::converging_icp(), IcpMethod::kPointToPlane));
+  to_cloud(state, task().surface, rigid(tileflight::alignment::converging_icp_options(), IcpMethod::kPointToPlane));
 }
 
 void icp_generalized_to_surface_points(benchmark::State& state) {
-  to_cloud(state, task().surface, rigid(tileflight::alignment::converging_icp(), IcpMethod::kGeneralized));
+  to_cloud(state, task().surface, rigid(tileflight::alignment::converging_icp_options(), IcpMethod::kGeneralized));
 }
 
 void icp_to_mesh(benchmark::State& state) {
-  AlignmentResult result;
+  IcpResult result;
   for (auto _ : state) {
     const TriangleIndex index(task().mesh);
     result = icp(task().source, index, task().mesh, Sim3(),
-                 rigid(tileflight::alignment::converging_icp(), IcpMethod::kPointToMesh));
+                 rigid(tileflight::alignment::converging_icp_options(), IcpMethod::kPointToMesh));
   }
   report(state, result);
 }

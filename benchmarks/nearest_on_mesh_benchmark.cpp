@@ -1,5 +1,5 @@
-// Distances from 2 million points to a terrain of 800 000 triangles, the tree's building included. Peer: Embree's point
-// query over the same triangles (floats), both cores each.
+// Distances from 2 million points to a terrain of 800 000 triangles, including construction of the tree. Peer: Embree's
+// point query on the same triangles (floats). Both use both cores.
 #include <benchmark/benchmark.h>
 #include <embree3/rtcore.h>
 #include <tbb/parallel_for.h>
@@ -62,7 +62,7 @@ void nearest_on_mesh(benchmark::State& state) {
   state.counters["mean_m"] = sum / kPoints;
 }
 
-/// As `evaluate` does it: along a curve through space, each search bounded by the one before.
+/// As in `evaluate`: along a space-filling curve, each search bounded by the previous one.
 void nearest_on_mesh_walk(benchmark::State& state) {
   terrain();
   tileflight::geometry::PointCloud cloud;

@@ -1,9 +1,9 @@
-// The odometry over whole sequences: accuracy beside time.
+// Accuracy and speed of the odometry on whole sequences.
 //
 //   odometry_benchmark [--runs N] [--threads N] [--loop-closure] [--fixed-intrinsics] [PART-OF-A-NAME...]
 //
-// `synthetic` needs no data; the others are read from $TILEFLIGHT_TEST_DATA and left out where they are not there.
-// Processor time is that of all threads, without the decoding of pictures, which has its own column.
+// `synthetic` needs no data; other sequences are read from $TILEFLIGHT_TEST_DATA and skipped if missing. Processor time
+// is that of all threads, without decoding of images, which has its own column.
 
 #include <tbb/global_control.h>
 
@@ -23,9 +23,8 @@
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/odometry/options.h"
-#include "tileflight/odometry/stage_clock.h"
-#include "tileflight/odometry/synthetic_scene.h"
+#include "tileflight/odometry/stage_timer.h"
+#include "tileflight/photometry/synthetic_scene.h"
 
 namespace {
 
@@ -34,7 +33,7 @@ using namespace tileflight;
 using geometry::Vec3;
 using imaging::RgbImage;
 
-/// Pictures by index, with the true place of each camera (may be empty).
+/// Images by index, with the true position of each camera (may be empty).
 struct Sequence {
   imaging::Calibration calibration;
   std::size_t frames = 0;
@@ -42,12 +41,12 @@ struct Sequence {
   std::vector<Vec3> truth;
 };
 
-/// Which pictures of a sequence, in which order.
+/// The images of a sequence to use, and their order.
 struct Order {
   std::size_t from = 0;
   std::size_t every = 1;
   bool reverse = false;
-  int passes = 1;  ///< played to and fro so many times
+  int passes = 1;  ///< number of passes, alternating forwards and backwards
 
   std::vector<std::size_t> of(std::size_t frames) const {
     std::vector<std::size_t> indices;
@@ -74,7 +73,7 @@ struct Outcome {
   double path_m = 0.0;
   double decoding_s = 0.0;
   double processor_s = 0.0;  ///< without decoding
-  double memory_mb = 0.0;    ///< most of the run
+  double memory_mb = 0.0;    ///< peak of the run
 };
 
 fs::path data(const char* relative) { return tests::test_data_root() / relative; }
@@ -115,7 +114,7 @@ RgbImage resized(const RgbImage& image, int width, int height) {
   return out;
 }
 
-/// The surrogate video, decoded once; `width` other than its own: resized with its camera.
+/// The surrogate video, decoded once; if `width` differs from its own, resized together with its camera.
 std::optional<Sequence> machangara(int width, std::size_t most) {
   const fs::path folder = data("flights/machangara-a");
   if (!fs::exists(folder)) return std::nullopt;
@@ -144,23 +143,23 @@ std::optional<Sequence> machangara(int width, std::size_t most) {
                   places(geometry::read_tum(folder / "groundtruth.txt"))};
 }
 
-/// Rolling ground under a wide lens; rendered here.
+/// Hilly ground through a wide lens; rendered here.
 std::optional<Sequence> synthetic() {
   constexpr int kFrames = 90;
-  odometry::tests::Relief relief;
+  photometry::tests::Relief relief;
   relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
   relief.highest_m = 2.0;
   relief.texel_m = 0.5;
   const imaging::Camera camera = imaging::make_fisheye(640, 400, 140.0);
-  const odometry::tests::ReliefCamera scene(camera, relief);
+  const photometry::tests::ReliefCamera scene(camera, relief);
   auto images = std::make_shared<std::vector<RgbImage>>();
   Sequence sequence;
   sequence.calibration.camera = camera;
   for (int i = 0; i < kFrames; ++i) {
     const double s = i / 30.0;
-    const auto pose = odometry::tests::looking(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
-                                               Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
-    images->push_back(scene.picture(pose));
+    const auto pose = photometry::tests::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+                                                    Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+    images->push_back(scene.render(pose));
     sequence.truth.push_back(pose.translation);
   }
   sequence.frames = images->size();
@@ -168,7 +167,7 @@ std::optional<Sequence> synthetic() {
   return sequence;
 }
 
-/// Sequences are loaded once and kept while neighbouring cases use them.
+/// Keeps a sequence loaded while consecutive cases use it.
 template <class Load>
 std::function<std::optional<Sequence>()> once(const Load& load) {
   auto kept = std::make_shared<std::optional<std::optional<Sequence>>>();
@@ -210,7 +209,7 @@ std::vector<Case> all_cases() {
   return cases;
 }
 
-/// Root mean square distance to the truth after the best similarity.
+/// RMS distance from the truth after alignment by the best similarity.
 void score(const Sequence& sequence, const std::vector<std::size_t>& indices, Outcome& outcome) {
   const auto& poses = outcome.result.trajectory.poses;
   if (sequence.truth.empty() || poses.size() < 3) return;
@@ -225,7 +224,7 @@ void score(const Sequence& sequence, const std::vector<std::size_t>& indices, Ou
   outcome.ate_m = std::sqrt((moved - to).colwise().squaredNorm().mean());
 }
 
-/// Largest resident size since the last call of reset, MB (Linux; 0 elsewhere).
+/// Peak resident size since the last reset, MB (Linux; 0 elsewhere).
 void reset_peak_memory() { std::ofstream("/proc/self/clear_refs") << "5"; }
 double peak_memory_mb() {
   std::ifstream status("/proc/self/status");
@@ -249,16 +248,16 @@ Outcome run(const Sequence& sequence, const Order& order, const odometry::Odomet
   const odometry::FrameSource source = [&]() -> std::optional<odometry::InputFrame> {
     if (next == indices.size()) return std::nullopt;
     const std::size_t i = indices[next];
-    // The time is the position in the order, by which scoring finds its truth.
+    // The time is the position in the order, by which the score finds the true position.
     const auto time = static_cast<double>(next);
     return odometry::InputFrame{.index = static_cast<std::int64_t>(next++),
                                 .time_s = time,
-                                .image = odometry::timed(outcome.decoding_s, [&] { return sequence.picture(i); })};
+                                .image = odometry::time_stage(outcome.decoding_s, [&] { return sequence.picture(i); })};
   };
   reset_peak_memory();
-  const double memory_before_mb = memory_mb(), begin_s = odometry::processor_time_s();
+  const double memory_before_mb = memory_mb(), begin_s = odometry::cpu_time_s();
   outcome.result = odometry::run_odometry(sequence.calibration, nullptr, source, options);
-  outcome.processor_s = odometry::processor_time_s() - begin_s - outcome.decoding_s;
+  outcome.processor_s = odometry::cpu_time_s() - begin_s - outcome.decoding_s;
   outcome.memory_mb = peak_memory_mb() - memory_before_mb;
   score(sequence, indices, outcome);
   return outcome;
@@ -278,12 +277,12 @@ void print(const std::string& name, const Outcome& outcome, const odometry::Odom
   const auto& r = outcome.result;
   const double frames = std::max<double>(1.0, static_cast<double>(r.frames));
   const auto ms = [frames](double s) { return 1e3 * s / frames; };
-  const odometry::StageSeconds& cpu = r.processor_time;
+  const odometry::StageTimes& cpu = r.cpu_time;
   std::printf("%-30s %4lld/%-4lld %8.4f %8.4f | %6.2f %6.2f | %6.2f %6.2f %6.2f %6.2f %6.2f | %6.1f %5zu %6.0f%s%s\n",
               name.c_str(), static_cast<long long>(r.frames_tracked), static_cast<long long>(r.frames), outcome.ate_m,
               outcome.path_m > 0 ? 100.0 * outcome.ate_m / outcome.path_m : 0.0, ms(outcome.processor_s),
-              ms(outcome.decoding_s), ms(cpu.start), ms(cpu.pictures), ms(cpu.tracking), ms(cpu.tracing),
-              ms(cpu.keyframes), frames / r.seconds, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
+              ms(outcome.decoding_s), ms(cpu.initialization), ms(cpu.preprocessing), ms(cpu.tracking), ms(cpu.tracing),
+              ms(cpu.keyframes), frames / r.wall_time_s, r.keyframes.size(), outcome.memory_mb, r.lost ? "  " : "",
               r.lost ? r.lost_reason.c_str() : "");
   if (options.window.refine_intrinsics && r.camera) print_intrinsics(*r.camera);
   std::fflush(stdout);

@@ -1,6 +1,6 @@
-// Point-to-point registration by the Point Cloud Library, for registration_peers.py, which compiles it where the
-// library is installed (libpcl-dev): `pcl_peer SOURCE.ply TARGET.ply TRUE.ply` prints seconds (tree included, files
-// not), iterations are the library's own matter, and how far the points end from their true places (RMS, metres).
+// Point-to-point registration by the Point Cloud Library, for registration_peers.py, which compiles it if the library
+// is installed (libpcl-dev): `pcl_peer SOURCE.ply TARGET.ply TRUE.ply` prints seconds (including the tree, without file
+// access; the library chooses its iterations), and the points' RMS distance from their true positions in metres.
 #include <pcl/io/ply_io.h>
 #include <pcl/registration/icp.h>
 
@@ -33,6 +33,7 @@ int main(int argc, char** argv) {
     const Eigen::Vector4d p((*source)[i].x, (*source)[i].y, (*source)[i].z, 1.0);
     sum += ((T * p).head<3>() - (*truth)[i].getVector3fMap().cast<double>()).squaredNorm();
   }
-  std::printf("{\"seconds\": %.3f, \"error_m\": %.4f}\n", seconds, std::sqrt(sum / static_cast<double>(source->size())));
+  std::printf("{\"seconds\": %.3f, \"error_m\": %.4f}\n", seconds,
+              std::sqrt(sum / static_cast<double>(source->size())));
   return 0;
 }

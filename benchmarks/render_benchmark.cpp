@@ -1,5 +1,5 @@
-// Rendering against its floor: a 2688 x 1512 frame through a 155 degree fisheye over a textured height field of two
-// million triangles.
+// Rendering time against its lower bound: a 2688 x 1512 frame through a 155 degree fisheye over a textured height field
+// of two million triangles.
 //
 //   Floor            Embree's own packet intersection of the same rays, default scene flags, nothing else
 //   FloorWatertight  the same with Embree's robust flag, which the renderer uses so that no ray slips through an edge
@@ -15,10 +15,10 @@
 #include <memory>
 
 #include "tests/height_field.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/render/ray_table.h"
 #include "tileflight/scene/packets.h"
 #include "tileflight/scene/scene.h"
-#include "tileflight/sensors/ray_table.h"
-#include "tileflight/sensors/render.h"
 
 namespace {
 
@@ -63,7 +63,7 @@ imaging::TexturedMesh textured_hills() {
 
 imaging::Camera camera() { return imaging::make_fisheye(kWidth, kHeight, 155.0, {-1.0 / 24, 1.0 / 1920, 0, 0}); }
 
-/// 40 m above the middle, looking ahead and 35 degrees down.
+/// 40 m above the centre, looking ahead and 35 degrees down.
 geometry::SE3 pose() {
   const double pitch = 35.0 * 3.14159265358979 / 180.0;
   geometry::Mat3 r;
@@ -76,7 +76,7 @@ const scene::Scene& shared_scene() {
   return scene;
 }
 
-/// The same triangles in an Embree scene of its own.
+/// The same triangles in a plain Embree scene.
 class PlainEmbree {
  public:
   explicit PlainEmbree(RTCSceneFlags flags) : device_(rtcNewDevice(nullptr)), scene_(rtcNewScene(device_)) {
@@ -108,7 +108,7 @@ class PlainEmbree {
   RTCScene scene_;
 };
 
-void fill_rays(const sensors::RayBlock& block, const Eigen::Matrix3f& r, const Eigen::Vector3f& origin,
+void fill_rays(const render::RayBlock& block, const Eigen::Matrix3f& r, const Eigen::Vector3f& origin,
                RTCRayHit8& packet) {
   for (int i = 0; i < 8; ++i) {
     packet.ray.org_x[i] = origin.x();
@@ -129,7 +129,7 @@ void fill_rays(const sensors::RayBlock& block, const Eigen::Matrix3f& r, const E
 
 void intersect_frame(benchmark::State& state, RTCSceneFlags flags) {
   const PlainEmbree tree(flags);
-  const sensors::RayTable rays(camera(), 1);
+  const render::RayTable rays(camera(), 1);
   const Eigen::Matrix3f r = pose().rotation.toRotationMatrix().cast<float>();
   const Eigen::Vector3f origin = pose().translation.cast<float>();
   for (auto _ : state) {
@@ -155,7 +155,7 @@ void floor_watertight(benchmark::State& state) { intersect_frame(state, RTC_SCEN
 
 void intersect_beams(benchmark::State& state) {
   const scene::Scene& scene = shared_scene();
-  const sensors::RayTable rays(camera(), 1);
+  const render::RayTable rays(camera(), 1);
   const Eigen::Matrix3f r = pose().rotation.toRotationMatrix().cast<float>();
   const Eigen::Vector3f origin = (pose().translation - scene.anchor()).cast<float>();
   for (auto _ : state) {
@@ -176,7 +176,7 @@ void intersect_beams(benchmark::State& state) {
 }
 
 void render_frame(benchmark::State& state) {
-  const sensors::CameraRenderer renderer(shared_scene(), camera(), {});
+  const render::CameraRenderer renderer(shared_scene(), camera(), {});
   for (auto _ : state) benchmark::DoNotOptimize(renderer.render(pose()));
   state.counters["rays/s"] =
       benchmark::Counter(static_cast<double>(kWidth) * kHeight, benchmark::Counter::kIsIterationInvariantRate);

@@ -1,12 +1,12 @@
-// From tiles to a scene that rays can be cast into: a whole tileset from disk, from a server 20 ms away, and from the
-// cache that this left, beside the time that decoding the same contents takes when they lie in memory.
+// Time from tiles to a scene for ray casting: a whole tileset from disk, from a server with 20 ms latency, and from the
+// resulting cache, compared with the time to decode the same contents from memory.
 //
 //   tiles_benchmark [--runs N] [TILESET.JSON...]
 //
-// Without files: the tilesets in $TILEFLIGHT_TEST_DATA. Each line is the fastest of N runs (default 3), all lines in
-// turns. The server is a process of its own on the same cores: what it takes of them is not there for who reads, so the
-// ratio is given as measured and with the server's processor time, spread over the cores, taken off. Memory is the most
-// that the run needed beyond what the process held before.
+// Without files: the tilesets in $TILEFLIGHT_TEST_DATA. Each line is the fastest of N runs (default 3), measured in
+// turns. The server is a separate process on the same cores and takes processor time from the reader, so the ratio is
+// given as measured and with the server's processor time, divided by the cores, subtracted. Memory is the peak of the
+// run minus what the process held before.
 
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -31,9 +31,9 @@
 
 #include "tests/test_data.h"
 #include "tileflight/scene/scene.h"
-#include "tileflight/tiles/content.h"
+#include "tileflight/tile_contents/content.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/test_http_server.h"
+#include "tileflight/transport/test_http_server.h"
 
 namespace {
 
@@ -45,8 +45,8 @@ constexpr std::chrono::milliseconds kLatency{20};
 struct Cost {
   double wall_s = 1e300;
   double processor_s = 0.0;
-  double scene_s = 0.0;   ///< of wall_s, for building what rays are cast into
-  double server_s = 0.0;  ///< processor time of the server meanwhile
+  double scene_s = 0.0;   ///< part of wall_s: construction of the scene
+  double server_s = 0.0;  ///< processor time of the server during the run
   double memory_mb = 0.0;
 };
 
@@ -67,8 +67,8 @@ double status_mb(const char* key) {
 
 double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-/// Keeps what was read.
-class KeepingSource : public tiles::TileSource {
+/// Keeps the bytes read.
+class KeepingSource : public transport::TileSource {
  public:
   explicit KeepingSource(const fs::path& tileset) : inner_(tileset) {}
 
@@ -84,7 +84,7 @@ class KeepingSource : public tiles::TileSource {
   const std::map<std::string, std::vector<std::byte>>& kept() const { return kept_; }
 
  private:
-  tiles::FolderSource inner_;
+  transport::FolderSource inner_;
   std::mutex mutex_;
   std::map<std::string, std::vector<std::byte>> kept_;
 };
@@ -94,7 +94,7 @@ std::string bytes_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// A folder behind a server that answers 20 ms late, from memory, in a process of its own.
+/// Serves a folder from memory with 20 ms latency, in its own process.
 class SlowServer {
  public:
   explicit SlowServer(const fs::path& folder) {
@@ -116,7 +116,7 @@ class SlowServer {
 
   std::string url(const std::string& path) const { return "http://127.0.0.1:" + std::to_string(port_) + "/" + path; }
 
-  /// Since it was started: user and system time of /proc/PID/stat.
+  /// Since its start: user and system time of /proc/PID/stat.
   double processor_s() const {
     std::ifstream file("/proc/" + std::to_string(process_) + "/stat");
     std::string line;
@@ -133,8 +133,8 @@ class SlowServer {
   [[noreturn]] static void serve(const fs::path& folder, int port_pipe) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     const std::map<std::string, std::string> files = files_of(folder);
-    const tiles::testing::TestHttpServer server(
-        [&files](const tiles::testing::ServedRequest& request, tiles::testing::ServedConnection& connection) {
+    const transport::testing::TestHttpServer server(
+        [&files](const transport::testing::ServedRequest& request, transport::testing::ServedConnection& connection) {
           connection.wait(kLatency);
           const auto file = files.find(request.path().substr(1));
           return file != files.end() ? connection.answer(200, file->second, {"Cache-Control: max-age=3600"})
@@ -156,12 +156,12 @@ class SlowServer {
   int port_ = 0;
 };
 
-/// Something that is measured. `work` says how long its scene took.
+/// A measured task. `work` returns the seconds spent on its scene.
 struct Task {
   std::string name;
   std::function<double()> work;
   std::function<void()> before = {};
-  Cost best = {};  ///< the fastest run's, its scene not counted
+  Cost best = {};  ///< of the fastest run, without its scene
 
   void run(const SlowServer& server) {
     if (before) before();
@@ -175,17 +175,17 @@ struct Task {
   }
 };
 
-/// Reads a place; all of its tiles are there at the end.
+/// Reads a place; throws if tiles are missing.
 tiles::LoadedTiles read(const std::string& source, bool textures, const fs::path& cache = {}) {
   tiles::LoadOptions options;
   options.textures = textures;
-  options.source.cache = cache;
+  options.source.cache_folder = cache;
   tiles::LoadedTiles loaded = tiles::load_region(source, options);
   if (!loaded.complete) throw std::runtime_error(source + ": " + loaded.failures.at(0));
   return loaded;
 }
 
-/// Reads a place and builds its scene; seconds of the latter.
+/// Reads a place and builds its scene; returns the seconds of the latter.
 double load(const std::string& source, bool textures, const fs::path& cache = {}) {
   tiles::LoadedTiles loaded = read(source, textures, cache);
   const double begin_s = now_s();
@@ -193,16 +193,16 @@ double load(const std::string& source, bool textures, const fs::path& cache = {}
   return now_s() - begin_s;
 }
 
-/// Decodes contents that lie in memory, on all cores, and lets go of them.
+/// Decodes contents from memory on all cores and discards the results.
 void decode(const std::map<std::string, std::vector<std::byte>>& kept, const std::vector<std::string>& contents,
             bool textures) {
-  tiles::ContentOptions options;
+  tile_contents::ContentOptions options;
   options.textures = textures;
   tbb::parallel_for(std::size_t{0}, contents.size(), [&](std::size_t i) {
-    tiles::ContentOptions own = options;
+    tile_contents::ContentOptions own = options;
     const std::string folder = contents[i].substr(0, contents[i].rfind('/') + 1);
     own.read_resource = [&](const std::string& uri) { return kept.at(folder + uri); };
-    tiles::decode_content(kept.at(contents[i]), contents[i], own);
+    tile_contents::decode_content(kept.at(contents[i]), contents[i], own);
   });
 }
 
@@ -226,7 +226,7 @@ void compare(const fs::path& tileset, const SlowServer& server, bool textures, i
   std::size_t bytes = 0;
   for (const auto& [uri, read] : keeping.kept()) {
     bytes += read.size();
-    const std::string kind = tiles::content_kind(read);
+    const std::string kind = tile_contents::detect_content_format(read);
     if (kind == "b3dm" || kind == "glb" || kind == "i3dm" || kind == "pnts" || kind == "cmpt") contents.push_back(uri);
   }
   std::printf("%s, %s: %lld triangles, %lld tiles, %.1f MB\n", tileset.parent_path().filename().c_str(),
@@ -245,7 +245,7 @@ void compare(const fs::path& tileset, const SlowServer& server, bool textures, i
                           {"server, 20 ms, no cache", [&] { return load(url, textures); }},
                           {"server, 20 ms, cold cache", [&] { return load(url, textures, cache); }, forget},
                           {"server, 20 ms, warm cache", [&] { return load(url, textures, cache); }}};
-  // In turns: a machine that slows down for a while slows down the floor, too.
+  // In turns, so that a temporarily slow machine slows down the lower bound, too.
   for (int i = 0; i < runs; ++i)
     for (Task& task : tasks) task.run(server);
   for (const Task& task : tasks) print(task, tasks.front().best.wall_s);
@@ -271,7 +271,7 @@ int main(int argc, char** argv) {
     }
   }
   if (tilesets.empty()) std::printf("no tilesets: name some, or set TILEFLIGHT_TEST_DATA\n");
-  // Before there are threads, which a fork would leave behind.
+  // Started before any threads, which a fork would not copy.
   std::vector<std::unique_ptr<SlowServer>> servers;
   for (const fs::path& tileset : tilesets) servers.push_back(std::make_unique<SlowServer>(tileset.parent_path()));
   for (std::size_t i = 0; i < tilesets.size(); ++i) {

@@ -1,6 +1,6 @@
-// What the verdict on two maps can tell apart, by simulation: N places, each made anew with two maps
-// (synthetic_maps.h), scored by the exact surface and compared as `compare` does. Counted is how often they are called
-// different, for which reason, and how often each interval holds the true value.
+// Statistical power of the verdict on two maps, by simulation: N random places with two maps each (synthetic_maps.h),
+// scored by the exact surface and compared as by `compare`. Counts how often the maps are called different, for which
+// reason, and how often each interval contains the true value.
 //
 //   verdict_power_benchmark [N (100)] [side of the places, m (100)] [part of a scenario's name]
 #include <algorithm>
@@ -23,10 +23,10 @@ using tests::MapKind;
 struct Scenario {
   std::string name;
   MapKind first, second;
-  double true_ratio = 1.0;      ///< of median and RMS, as far as it is known: of the noise
-  bool known_otherwise = true;  ///< whether the other numbers' true differences are zero
-  std::string reason{};         ///< that "different" should have; empty: they are of one kind
-  double side_m = 0.0;          ///< of the places; 0: as the arguments say
+  double true_ratio = 1.0;      ///< of median and RMS, as far as it follows from the noise
+  bool known_otherwise = true;  ///< whether the true differences of the other numbers are zero
+  std::string reason{};         ///< expected reason for "different"; empty: the maps are of one kind
+  double side_m = 0.0;          ///< of the places; 0: as in the arguments
 };
 
 std::vector<Scenario> scenarios() {
@@ -68,15 +68,16 @@ std::vector<Scenario> scenarios() {
   return list;
 }
 
-bool holds(const evaluation::Measured& m, const Scenario& s) {
-  if (m.scale == evaluation::Scale::kDifference) return m.difference_ci95[0] <= 0.0 && 0.0 <= m.difference_ci95[1];
+bool holds(const evaluation::ComparedMetric& m, const Scenario& s) {
+  if (m.scale == evaluation::MarginScale::kDifference)
+    return m.difference_ci95[0] <= 0.0 && 0.0 <= m.difference_ci95[1];
   const double ratio = m.name.starts_with("surface") ? s.true_ratio : 1.0;
   return m.ratio_ci95[0] <= ratio && ratio <= m.ratio_ci95[1];
 }
 
-/// Intervals whose true value is known: of maps of one kind all, else median and RMS of a known ratio of noise. RMS is
-/// of the points in the cut-off, with those that are far off whatever the noise is.
-bool is_known(const evaluation::Measured& m, const Scenario& s) {
+/// Whether the true value of an interval is known: all values for maps of one kind, otherwise only the median, for a
+/// known ratio of noise. The RMS is over the points within the cut-off, some of which are outliers whatever the noise.
+bool is_known(const evaluation::ComparedMetric& m, const Scenario& s) {
   return s.known_otherwise || (s.true_ratio != 1.0 && m.name == "surface.median");
 }
 
@@ -85,7 +86,7 @@ void run(const Scenario& s, int places, double wanted_side_m) {
   int different = 0, equivalent = 0, right = 0, wrong = 0, with_parts = 0, in_one_alone = 0;
   std::map<std::string, int> held;
   double points = 0.0, square_metres = 0.0;
-  std::map<std::string, double> half_width;  ///< of the interval that is judged, a ratio's as its logarithm
+  std::map<std::string, double> half_width;  ///< of the judged interval; for ratios of its logarithm
   for (int k = 0; k < places; ++k) {
     const tests::SyntheticPlace place(static_cast<std::uint64_t>(5000 + k), side_m);
     const geometry::TriangleIndex surface(place.mesh());
@@ -97,25 +98,25 @@ void run(const Scenario& s, int places, double wanted_side_m) {
     square_metres += geometry::surface_area_m2(place.mesh());
     const auto c = evaluation::compare_maps({first}, {second}, {.seed = static_cast<std::uint64_t>(k)});
     const auto lacks = [&](std::size_t flight) {
-      return std::ranges::count(c.missing->parts, flight, &evaluation::MissingPart::lacks) > 0;
+      return std::ranges::count(c.missing->parts, flight, &evaluation::MissingPart::lacking_map) > 0;
     };
     with_parts += lacks(0) || lacks(1);
     in_one_alone += lacks(0) != lacks(1);
     equivalent += c.verdict.word == "equivalent";
-    for (const evaluation::Measured& m : c.measures) {
+    for (const evaluation::ComparedMetric& m : c.metrics) {
       held[m.name] += is_known(m, s) && holds(m, s);
       half_width[m.name] +=
-          (m.scale == evaluation::Scale::kRatio ? 0.5 * std::log(m.ratio_ci95[1] / m.ratio_ci95[0])
-                                                : 0.5 * (m.difference_ci95[1] - m.difference_ci95[0])) /
+          (m.scale == evaluation::MarginScale::kRatio ? 0.5 * std::log(m.ratio_ci95[1] / m.ratio_ci95[0])
+                                                      : 0.5 * (m.difference_ci95[1] - m.difference_ci95[0])) /
           places;
     }
     if (c.verdict.word != "different") continue;
     ++different;
     bool has_right = false, has_wrong = false;
-    for (const std::string& name : c.verdict.because) {
+    for (const std::string& name : c.verdict.reasons) {
       has_right = has_right || name == s.reason;
-      // What noise changes is all of the surface part and, since points leave it, completeness too.
-      // What is missing leaves fewer places with a point.
+      // Noise changes all of the surface part and, as points leave it, also completeness. Missing parts leave fewer
+      // places with a point.
       has_wrong = has_wrong || (s.reason != "surface.median" && !name.starts_with(s.reason.substr(0, 12)));
     }
     right += has_right;
@@ -126,7 +127,7 @@ void run(const Scenario& s, int places, double wanted_side_m) {
               share(wrong), share(equivalent), share(with_parts), share(in_one_alone));
   for (const char* name : {"surface.median", "surface.rms", "surface.within_0.1", "surface.beyond_1",
                            "completeness.within_0.2", "completeness.lacking"}) {
-    const evaluation::Measured m{.name = name};
+    const evaluation::ComparedMetric m{.name = name};
     if (is_known(m, s)) {
       std::printf(" %6.1f", share(held[name]));
     } else {

@@ -1,6 +1,6 @@
-// Voxel grid of a terrain of 800 000 triangles about half a metre large, as a photogrammetric survey of 250 m x 250 m
-// has them. Peer: the straightforward way, one thread, every cell of a triangle's bounding box tested by the 13
-// separating axes, a dense bitmap. Real data instead: TILEFLIGHT_BENCHMARK_MESH names a PLY mesh; the box is then its
+// Voxelization of a terrain of 800 000 triangles of about half a metre, as from a photogrammetric survey of 250 m x 250
+// m. Peer: the straightforward single-threaded way, which tests every cell of a triangle's bounding box by the 13
+// separating axes into a dense bitmap. For real data, TILEFLIGHT_BENCHMARK_MESH names a PLY mesh; the box is then its
 // bounds.
 #include <benchmark/benchmark.h>
 
@@ -46,14 +46,13 @@ const Input& input() {
   return cached;
 }
 
-/// One of the axes that may separate the triangle from cells: what both span along it, for a cell whose centre is the
-/// origin.
+/// A separating axis: the projections of the triangle and of a cell centred at the origin.
 struct Axis {
   Vec3 direction;
-  double low, high;  ///< centres of cells outside these projections are separated
+  double low, high;  ///< cells whose projected centre is outside this interval are separated
 };
 
-/// The 10 axes that the bounding box has not already tested: the normal, and the sides crossed with the grid's axes.
+/// The 10 axes not covered by the bounding box: the normal, and the cross products of the sides and the grid's axes.
 std::array<Axis, 10> axes_of(const std::array<Vec3, 3>& t, double half_m) {
   std::array<Axis, 10> axes;
   const std::array<Vec3, 3> sides{t[1] - t[0], t[2] - t[1], t[0] - t[2]};
@@ -76,7 +75,7 @@ bool overlaps(const std::array<Axis, 10>& axes, const Vec3& center) {
   return true;
 }
 
-/// The peer: occupied cells, counted in a dense bitmap.
+/// The peer: the number of occupied cells, from a dense bitmap.
 std::int64_t straightforward(const TriangleMesh& mesh, const Box3& box, double edge_m) {
   std::array<std::int64_t, 3> dims{};
   for (std::size_t axis = 0; axis < 3; ++axis) {

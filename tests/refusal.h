@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::tests {
 

@@ -18,7 +18,7 @@ class TinyFlight {
 
   static const odometry::tests::Sequence& sequence() {
     static const odometry::tests::Sequence kSequence =
-        odometry::tests::over_hills(imaging::make_fisheye(280, 180, 130.0), kFrames);
+        odometry::tests::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), kFrames);
     return kSequence;
   }
 

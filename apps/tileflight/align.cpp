@@ -8,8 +8,8 @@
 #include "map_options.h"
 #include "number_text.h"
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
 
 namespace tileflight::app {
 namespace {
@@ -39,10 +39,10 @@ alignment::IcpMethod method_named(const std::string& name) {
 alignment::AlignMapOptions align_options(const Options& options) {
   using alignment::AlignmentStart;
   alignment::AlignMapOptions align;
-  if (options.preset == "paper") align = alignment::paper_preset();
+  if (options.preset == "paper") align = alignment::paper_options();
   if (options.method) {
-    align.by_all_evidence = *options.method == "all-evidence";
-    if (!align.by_all_evidence) align.icp.method = method_named(*options.method);
+    align.use_all_evidence = *options.method == "all-evidence";
+    if (!align.use_all_evidence) align.icp.method = method_named(*options.method);
   }
   if (options.radius_m) align.icp.radius_m = *options.radius_m;
   align.find_regions = options.find_regions;
@@ -108,9 +108,9 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
       std::vector<std::filesystem::path> inputs = files_named(options->map);
       inputs.insert(inputs.end(), {options->target, options->start});
-      geometry::require_no_input(options->out, inputs);
+      base::require_not_input(options->out, inputs);
       const nlohmann::json t =
-          experiment::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress);
+          scoring::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress);
       std::ostringstream text;
       text << options->out << ": " << t["method"].get<std::string>() << ", scale " << rounded(t["scale"], 6)
            << ", RMSE " << rounded(t["rmse"]) << " m over " << percent_text(t["fitness"]) << " of the points, "

@@ -7,37 +7,37 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "tileflight/base/progress.h"
 #include "tileflight/experiment/stage_cache.h"
-#include "tileflight/geometry/progress.h"
 
 namespace tileflight::app {
 
-/// What every command takes.
+/// Options of every command.
 struct CommonOptions {
   bool json = false;   ///< one JSON object on stdout, nothing else
   bool quiet = false;  ///< nothing on stdout, no progress
-  bool force = false;  ///< replace what is at the output's place
-  int threads = 0;     ///< 0: one a core
-  /// Told of the stages of a run; set by main.
+  bool force = false;  ///< replace existing output
+  int threads = 0;     ///< 0: one per core
+  /// Listener for the stages of a run; set by main.
   experiment::StageListener stages = {};
 };
 
-/// What a command leaves to print: for programs (null: it has printed by itself) and for people.
+/// Output of a command: for programs (null: already printed) and for people.
 struct Output {
   nlohmann::json json;
   std::string text;
 };
 
-/// The command failed, and another process has said why.
+/// The command failed, and another process has reported the cause.
 struct FailedElsewhere : std::exception {};
 
-/// The command that was asked for, bound to its options; filled by the parser.
+/// The chosen command, bound to its options; filled by the parser.
 struct Selection {
   std::function<Output(const CommonOptions&, const Progress&)> run;
-  bool is_server = false;  ///< it ends when it is told to: how long its work took is not said
+  bool is_server = false;  ///< runs until it is stopped: its duration is not reported
 };
 
-/// Adds the options that every command has.
+/// Adds the options of every command.
 inline void add_common_options(CLI::App& command, CommonOptions& common) {
   command.add_flag("--json", common.json, "print one JSON object and nothing else on stdout");
   command.add_flag("--quiet", common.quiet, "print nothing but errors");
@@ -46,7 +46,7 @@ inline void add_common_options(CLI::App& command, CommonOptions& common) {
       ->check(CLI::Range(1, 1024));
 }
 
-// One function a command, each in the file of its name: adds the subcommand and binds it to `selection`.
+// One function per command, each in the file of its name: adds the subcommand and binds it to `selection`.
 void add_scene(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_tile(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection);

@@ -4,7 +4,7 @@
 
 #include "command.h"
 #include "number_text.h"
-#include "tileflight/experiment/compare_maps.h"
+#include "tileflight/scoring/compare_maps.h"
 
 namespace tileflight::app {
 namespace {
@@ -13,14 +13,14 @@ using nlohmann::json;
 
 struct Options {
   std::vector<std::filesystem::path> maps;
-  experiment::EvaluationSettings settings;
-  experiment::CompareFiles files;
+  scoring::EvaluationSettings settings;
+  scoring::ComparisonFiles files;
   std::uint64_t seed = 1;
   bool ranking = false;
   std::string by = "map.mean";
 };
 
-/// "surface.median", "completeness.within_0.2" … of a comparison, where they are known.
+/// Parts of a comparison whose numbers are printed: "surface.median", "completeness.within_0.2" …, if known.
 constexpr std::array<const char*, 3> kParts{"surface", "completeness", "path"};
 
 std::string interval_text(const json& ci) {
@@ -71,7 +71,7 @@ std::string line_of(const json& pair) {
 }
 
 Output compare(const Options& options) {
-  const json result = experiment::compare_maps(options.maps, options.settings, options.seed, options.files);
+  const json result = scoring::compare_maps(options.maps, options.settings, options.seed, options.files);
   std::ostringstream text;
   for (const json& map : result["maps"]) {
     text << map["name"].get<std::string>() << ": " << map["correspondences"] << " of " << map["points"]
@@ -83,7 +83,7 @@ Output compare(const Options& options) {
 }
 
 Output rank(const Options& options) {
-  const json result = experiment::compare_ranking(options.maps, options.by, options.seed);
+  const json result = scoring::compare_ranking(options.maps, options.by, options.seed);
   std::ostringstream text;
   for (const json& item : result["list"]) {
     text << item["name"].get<std::string>() << ": simulated " << rounded(item["simulated"]) << ", real "

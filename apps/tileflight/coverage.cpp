@@ -1,4 +1,4 @@
-#include "tileflight/experiment/coverage.h"
+#include "tileflight/survey/coverage.h"
 
 #include <cstdio>
 
@@ -40,11 +40,11 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
     SourceArguments source_arguments;
-    experiment::CoverageSettings settings;
+    survey::CoverageSettings settings;
     std::string flight, out;
   };
   auto options = std::make_shared<Options>();
-  experiment::CoverageSettings& settings = options->settings;
+  survey::CoverageSettings& settings = options->settings;
   CLI::App* command = app.add_subcommand(
       "coverage", "what each tile-loading strategy gives each frame of a flight: holes, tiles, bytes");
   command->footer(
@@ -74,7 +74,7 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.load = load_options(options->region);
       options->settings.load.source = source_options(options->source_arguments);
       options->settings.flight = options->flight;
-      const nlohmann::json result = experiment::coverage(options->settings, options->out, shared.force, progress);
+      const nlohmann::json result = survey::coverage(options->settings, options->out, shared.force, progress);
       return {result, table(result, options->out)};
     };
   });

@@ -5,7 +5,7 @@
 
 namespace tileflight::app {
 
-/// The `doubts` of a result, one line each, most certain first; empty where there is none.
+/// The `doubts` of a result, one line each, most certain first; empty if there are none.
 std::string doubts_text(const nlohmann::json& result);
 
 }  // namespace tileflight::app

@@ -3,16 +3,16 @@
 #include "command.h"
 #include "map_options.h"
 #include "number_text.h"
-#include "tileflight/geometry/output_folder.h"
+#include "tileflight/base/output_folder.h"
 
 namespace tileflight::app {
 namespace {
 
-/// metrics.json and what is written beside it.
+/// Throws InputError if metrics.json or a file written beside it is an input.
 void require_no_input(const std::filesystem::path& metrics_json, const std::vector<std::filesystem::path>& inputs) {
   for (const std::filesystem::path& file :
-       {metrics_json, metrics_json.parent_path() / "errors.ply", experiment::seen_file(metrics_json)})
-    geometry::require_no_input(file, inputs);
+       {metrics_json, metrics_json.parent_path() / "errors.ply", scoring::seen_surface_file(metrics_json)})
+    base::require_not_input(file, inputs);
 }
 
 }  // namespace
@@ -21,7 +21,7 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     MapOptions map;
     std::string truth, transform, out;
-    experiment::EvaluationSettings settings;
+    scoring::EvaluationSettings settings;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("evaluate", "map and trajectory error of an aligned map");
@@ -41,8 +41,8 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
       std::vector<std::filesystem::path> inputs = files_named(options->map);
       inputs.insert(inputs.end(), {options->truth, options->transform});
       require_no_input(options->out, inputs);
-      const nlohmann::json m = experiment::evaluate(map_inputs(options->map), options->truth, options->transform,
-                                                    options->settings, options->out, progress);
+      const nlohmann::json m = scoring::evaluate(map_inputs(options->map), options->truth, options->transform,
+                                                 options->settings, options->out, progress);
       std::ostringstream text;
       text << options->out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
            << rounded(m["map"]["cutoff"]) << " m of a voxel centre, mean " << rounded(m["map"]["mean"]) << " m, std "

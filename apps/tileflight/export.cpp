@@ -1,9 +1,9 @@
 #include <sstream>
 
 #include "command.h"
+#include "tileflight/base/output_folder.h"
 #include "tileflight/dataset/export_dataset.h"
 #include "tileflight/dataset/mcap_export.h"
-#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::app {
 namespace {
@@ -59,7 +59,7 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
       const dataset::Dataset source = dataset::read_dataset(options->dataset, options->camera);
       if (options->layout != kMcap)
         return exported_folder(source, options->camera, options->layout, options->out, shared.force, progress);
-      geometry::require_no_input(options->out, {options->dataset, options->camera.calibration});
+      base::require_not_input(options->out, {options->dataset, options->camera.calibration});
       return exported_mcap(source, options->out, shared.force, progress);
     };
   });

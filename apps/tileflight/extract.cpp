@@ -1,4 +1,4 @@
-#include "tileflight/experiment/extract.h"
+#include "tileflight/place/extract.h"
 
 #include "command.h"
 #include "number_text.h"
@@ -42,10 +42,10 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      experiment::ExtractSettings settings{
+      place::ExtractSettings settings{
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
       settings.load.source = source_options(options->source_arguments);
-      const nlohmann::json result = experiment::extract(settings, options->out, shared.force, progress);
+      const nlohmann::json result = place::extract(settings, options->out, shared.force, progress);
       return {result, summary(result, options->out)};
     };
   });

@@ -2,19 +2,19 @@
 #include <sstream>
 
 #include "command.h"
-#include "tileflight/experiment/fly.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/text_fields.h"
+#include "tileflight/survey/render_stage.h"
 
 namespace tileflight::app {
 
 namespace {
 
-/// `text`: as on the command line, empty where it is not given.
-void set_time_offset(const std::string& text, experiment::IngestFlight& flight) {
+/// `text`: the option's value, empty if it is not given.
+void set_time_offset(const std::string& text, survey::IngestedFlightConfig& flight) {
   if (text.empty()) return;
-  flight.finds_telemetry_offset = text == "auto";
-  if (flight.finds_telemetry_offset) return;
-  const auto seconds = geometry::parse_number<double>(text);
+  flight.estimates_telemetry_offset = text == "auto";
+  if (flight.estimates_telemetry_offset) return;
+  const auto seconds = base::parse_number<double>(text);
   if (!seconds || !std::isfinite(*seconds))
     throw CLI::ValidationError("--time-offset", "must be auto or a number of seconds, not '" + text + "'");
   flight.telemetry_offset_s = *seconds;
@@ -24,7 +24,7 @@ void set_time_offset(const std::string& text, experiment::IngestFlight& flight) 
 
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
-    experiment::IngestFlight flight;
+    survey::IngestedFlightConfig flight;
     std::string video, camera, telemetry, truth, groundtruth, out, time_offset;
     double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
   };
@@ -64,14 +64,14 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->flight.telemetry = options->telemetry;
     options->flight.groundtruth = options->groundtruth;
     set_time_offset(options->time_offset, options->flight);
-    if (options->flight.finds_telemetry_offset && options->telemetry.empty())
+    if (options->flight.estimates_telemetry_offset && options->telemetry.empty())
       throw CLI::ValidationError("--time-offset", "is of a flight log; name it with --telemetry");
     if (to->count() > 0) options->flight.to_s = options->to_s;
     if (fps->count() > 0) options->flight.fps = options->fps;
     if (takeoff->count() > 0) options->flight.takeoff_height_m = options->takeoff_height_m;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       const nlohmann::json r =
-          experiment::ingest_dataset(options->flight, options->truth, options->out, shared.force, progress);
+          survey::ingest_dataset(options->flight, options->truth, options->out, shared.force, progress);
       std::ostringstream text;
       text << options->out << ": " << r["frames"] << " frames, " << r["positions"] << " positions\n";
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";

@@ -122,7 +122,7 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*command, common);
   command->callback([options, command, &selection] {
     selection.run = [options, command](const CommonOptions&, const Progress& progress) -> Output {
-      const tiles::SourceOptions source = source_options(options->arguments);
+      const transport::SourceOptions source = source_options(options->arguments);
       check_inspect_place(*command, options->place);
       Output output{nlohmann::json::object(), ""};
       if (tells_whole_tileset(options->place, options->source)) {

@@ -2,16 +2,16 @@
 
 #include <algorithm>
 
-#include "tileflight/experiment/ground_heights.h"
-#include "tileflight/experiment/inspect_map.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/place/ground_heights.h"
+#include "tileflight/place/inspect_map.h"
 
 namespace tileflight::app {
 namespace {
 
 bool asks_heights(const InspectPlaceOptions& options) { return !options.at.empty() || !options.at_local.empty(); }
 
-/// Two answers as one: lists one after the other, each line once.
+/// Merges two results: lists are concatenated without duplicates.
 void merge(const nlohmann::json& more, nlohmann::json& all) {
   for (const auto& [key, value] : more.items()) {
     if (!value.is_array() || !all.contains(key) || !all[key].is_array()) {
@@ -26,21 +26,21 @@ void merge(const nlohmann::json& more, nlohmann::json& all) {
 
 void draw_map(const std::string& source, const tiles::LoadOptions& load, const CLI::App& command,
               const InspectPlaceOptions& options, Output& output, const Progress& progress) {
-  experiment::InspectMapSettings settings{.source = source, .load = load, .error_m = {}, .pixels = options.pixels};
+  place::InspectMapSettings settings{.source = source, .load = load, .error_m = {}, .longer_side_px = options.pixels};
   if (command.get_option("--error")->count() > 0) settings.error_m = options.region.error_m;
   if (options.memory_gb > 0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
-  const nlohmann::json found = experiment::inspect_map(settings, options.map, progress);
+  const nlohmann::json found = place::inspect_map(settings, options.map, progress);
   merge(found, output.json);
-  output.text += experiment::inspect_map_text(found);
+  output.text += place::inspect_map_text(found);
 }
 
 void ask_heights(const std::string& source, const tiles::LoadOptions& load, const InspectPlaceOptions& options,
                  Output& output, const Progress& progress) {
-  std::vector<experiment::GroundQuery> points;
-  for (const std::string& text : options.at) points.push_back(experiment::geodetic_query(text));
-  for (const std::string& text : options.at_local) points.push_back(experiment::local_query(text));
-  const nlohmann::json found = experiment::ground_heights({source, load}, points, progress);
-  output.text += experiment::ground_heights_text(found);
+  std::vector<place::GroundQuery> points;
+  for (const std::string& text : options.at) points.push_back(place::parse_geodetic_query(text));
+  for (const std::string& text : options.at_local) points.push_back(place::parse_local_query(text));
+  const nlohmann::json found = place::ground_heights({source, load}, points, progress);
+  output.text += place::ground_heights_text(found);
   nlohmann::json part{{"points", found["points"]},
                       {"points_read", {{"tiles", found["tiles"]}, {"bytes", found["bytes_read"]}}},
                       {"frame", found["frame"]},
@@ -79,10 +79,10 @@ void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& opt
 
 bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source) {
   if (options.map.empty()) return !asks_heights(options);
-  return !tiles::is_network_source(source);
+  return !transport::is_network_source(source);
 }
 
-void inspect_place(const std::string& source, const tiles::SourceOptions& source_options, const CLI::App& command,
+void inspect_place(const std::string& source, const transport::SourceOptions& source_options, const CLI::App& command,
                    const InspectPlaceOptions& options, Output& output, const Progress& progress) {
   if (options.map.empty() && !asks_heights(options)) return;
   tiles::LoadOptions load = load_options(options.region);

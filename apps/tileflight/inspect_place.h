@@ -6,29 +6,29 @@
 
 #include "command.h"
 #include "region_options.h"
-#include "tileflight/tiles/open_source.h"
+#include "tileflight/transport/open_source.h"
 
 namespace tileflight::app {
 
-/// What `inspect` looks at in the tiles themselves.
+/// Options of `inspect` that read the tiles' content.
 struct InspectPlaceOptions {
   RegionOptions region;
-  std::string map;  ///< picture to write; empty: none
+  std::string map;  ///< image to write; empty: none
   int pixels = 1100;
   double memory_gb = 0.0;
-  std::vector<std::string> at, at_local;  ///< points whose heights are asked for
+  std::vector<std::string> at, at_local;  ///< points whose heights are queried
 };
 
 void add_inspect_place_options(CLI::App& command, InspectPlaceOptions& options);
-/// Throws InputError for options that are of no use together.
+/// Throws InputError for options that cannot be combined.
 void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& options);
 
-/// Whether the whole tree is looked through as well: not where only heights are asked for, nor for the map of a place
-/// on a server, whose tree may have no end.
+/// Whether the whole tree is traversed as well: not if only heights are queried, nor for the map of a place on a
+/// server, whose tree may be unbounded.
 bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source);
 
-/// Adds the map's and the points' answers.
-void inspect_place(const std::string& source, const tiles::SourceOptions& source_options, const CLI::App& command,
+/// Adds the results for the map and the points.
+void inspect_place(const std::string& source, const transport::SourceOptions& source_options, const CLI::App& command,
                    const InspectPlaceOptions& options, Output& output, const Progress& progress);
 
 }  // namespace tileflight::app

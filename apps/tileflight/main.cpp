@@ -12,7 +12,7 @@
 #include "command.h"
 #include "mpi_ranks.h"
 #include "terminal_progress.h"
-#include "tileflight/experiment/version.h"
+#include "tileflight/place/version.h"
 #include "usage_fault.h"
 
 namespace {
@@ -41,7 +41,7 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   commands::add_serve(app, common, selection);
 }
 
-/// One line, whatever the cause put into it.
+/// Prints one line, whatever the message contains.
 void print_error(std::string message) {
   for (char& c : message) {
     if (c == '\n' || c == '\r') c = ' ';
@@ -67,11 +67,11 @@ TerminalProgress::Form progress_form(const CommonOptions& common, const Selectio
 }
 
 tileflight::experiment::StageListener told_to(TerminalProgress& terminal) {
-  using What = tileflight::experiment::StageNews::What;
-  return [&terminal](const tileflight::experiment::StageNews& news) {
-    if (news.what == What::kBegins) terminal.begin_stage(news.stage);
-    if (news.what == What::kDone) terminal.end_stage(news.stage, news.seconds);
-    if (news.what == What::kUnchanged) terminal.stage_is_unchanged(news.stage);
+  using What = tileflight::experiment::StageEvent::Kind;
+  return [&terminal](const tileflight::experiment::StageEvent& news) {
+    if (news.kind == What::kBegins) terminal.begin_stage(news.stage);
+    if (news.kind == What::kDone) terminal.end_stage(news.stage, news.seconds);
+    if (news.kind == What::kUnchanged) terminal.stage_is_unchanged(news.stage);
   };
 }
 
@@ -111,13 +111,13 @@ int end_of_parsing(const CLI::App& app, const CLI::ParseError& fault, const std:
 }  // namespace
 
 int main(int argc, char** argv) {
-  // A closed pipe or a file over the size limit is an error of that write, not the end of the process.
+  // A closed pipe or a file above the size limit is an error of that write and must not terminate the process.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
   CLI::App app{"Fly a drone's camera through 3D Tiles of a real place, and measure how true SLAM's map is."};
   app.name("tileflight");
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string("tileflight ") + tileflight::experiment::version());
+  app.set_version_flag("--version", std::string("tileflight ") + tileflight::place::version());
 
   CommonOptions common;
   Selection selection;

@@ -1,6 +1,6 @@
 #include "map_options.h"
 
-#include "tileflight/geometry/folder_marker.h"
+#include "tileflight/base/folder_marker.h"
 
 namespace tileflight::app {
 
@@ -17,16 +17,16 @@ std::vector<std::filesystem::path> files_named(const MapOptions& options) {
   namespace fs = std::filesystem;
   std::vector<fs::path> files{options.dataset, options.trajectory, options.truth_trajectory};
   const fs::path map = options.map;
-  // Beside the map of another program, in a folder without a marker, there may be results of an earlier call.
-  const bool is_other = fs::is_directory(map) && !geometry::read_folder_marker(map);
+  // A folder without a marker that holds another program's map may contain results of an earlier call.
+  const bool is_other = fs::is_directory(map) && !base::read_folder_marker(map);
   for (const fs::path& file :
        is_other ? std::vector<fs::path>{map / "map.ply", map / "trajectory.txt"} : std::vector{map})
     files.push_back(file);
   return files;
 }
 
-experiment::MapInputs map_inputs(const MapOptions& options) {
-  experiment::MapInputs inputs = experiment::map_inputs(options.map, options.dataset);
+scoring::MapInputs map_inputs(const MapOptions& options) {
+  scoring::MapInputs inputs = scoring::find_map_inputs(options.map, options.dataset);
   if (!options.trajectory.empty()) inputs.trajectory = options.trajectory;
   if (!options.truth_trajectory.empty()) inputs.truth_trajectory = options.truth_trajectory;
   return inputs;

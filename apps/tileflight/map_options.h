@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/experiment/evaluate.h"
-#include "tileflight/experiment/score.h"
+#include "tileflight/scoring/align_stage.h"
+#include "tileflight/scoring/evaluate.h"
 
 namespace tileflight::app {
 
-/// MAP of the contract and what is known about its flight.
+/// MAP of the contract and the known data of its flight.
 struct MapOptions {
   std::string map;
   std::string dataset;
@@ -20,10 +20,10 @@ struct MapOptions {
 
 void add_map_options(CLI::App& command, MapOptions& options);
 
-/// The files and folders that the options name: a file that is written takes the place of none of them.
+/// The files and folders named by the options; none of them may be overwritten.
 std::vector<std::filesystem::path> files_named(const MapOptions& options);
 
-/// What the dataset folder holds, with what was named by itself on top.
-experiment::MapInputs map_inputs(const MapOptions& options);
+/// The contents of the dataset folder, overridden by files named explicitly.
+scoring::MapInputs map_inputs(const MapOptions& options);
 
 }  // namespace tileflight::app

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <thread>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 #ifdef TILEFLIGHT_MPI
 #define OMPI_SKIP_MPICXX 1
@@ -24,7 +24,7 @@
 namespace tileflight::app {
 namespace {
 
-/// A count that mpirun (Open MPI) tells the processes that it starts; 0: it did not start this one.
+/// A count that mpirun (Open MPI) passes to the processes it starts; 0: it did not start this one.
 int told_by_mpirun(const char* variable) {
   const char* text = std::getenv(variable);
   if (text == nullptr) return 0;
@@ -46,8 +46,8 @@ sigset_t only_sigterm() {
   return set;
 }
 
-/// SIGTERM is what mpirun sends the others when a process dies. It is blocked in every thread that starts from now on
-/// and taken by one of its own.
+/// Handles SIGTERM, which mpirun sends to the other processes when one dies. The signal is blocked in every thread
+/// started from now on, and received by a dedicated thread.
 class EndWatch {
  public:
   EndWatch() {
@@ -79,7 +79,7 @@ class EndWatch {
     const std::lock_guard lock(mutex_);
     const std::string words = last_words_ ? last_words_() : "";
     if (!words.empty()) std::cerr << "tileflight: " + words + "\n" << std::flush;
-    // The others look whether this process lives, to know whether it speaks.
+    // Other ranks check whether this process is alive to decide which one reports.
     std::this_thread::sleep_for(milliseconds(300));
     std::_Exit(1);
   }
@@ -90,7 +90,7 @@ class EndWatch {
   std::thread thread_;
 };
 
-class MpiRanks : public experiment::Ranks {
+class MpiRanks : public survey::Ranks {
  public:
   MpiRanks() {
     int given = 0;
@@ -102,11 +102,11 @@ class MpiRanks : public experiment::Ranks {
 
   int rank() const override { return rank_; }
   int count() const override { return count_; }
-  void set_last_words(std::function<std::string()> last_words) override {
+  void set_termination_message(std::function<std::string()> last_words) override {
     end_watch_.set_last_words(std::move(last_words));
   }
 
-  std::vector<std::string> exchange(const std::string& text) override {
+  std::vector<std::string> all_gather(const std::string& text) override {
     const int own = static_cast<int>(text.size());
     std::vector<int> sizes(static_cast<std::size_t>(count_)), starts(sizes.size());
     MPI_Request request = MPI_REQUEST_NULL;
@@ -125,20 +125,20 @@ class MpiRanks : public experiment::Ranks {
   }
 
  private:
-  /// MPI's own waiting keeps a core busy that others render on.
+  /// Waits without MPI's busy waiting, which occupies a core that others render on.
   static void wait(MPI_Request& request) {
     int done = 0;
     while (MPI_Test(&request, &done, MPI_STATUS_IGNORE), done == 0) std::this_thread::sleep_for(milliseconds(2));
   }
 
-  EndWatch end_watch_;  // before MPI starts threads
+  EndWatch end_watch_;  // created before MPI starts threads
   int rank_ = 0, count_ = 1;
 };
 #endif
 
 }  // namespace
 
-std::unique_ptr<experiment::Ranks> ranks_of_mpirun() {
+std::unique_ptr<survey::Ranks> ranks_of_mpirun() {
   if (!is_started_by_mpirun()) return nullptr;
 #ifdef TILEFLIGHT_MPI
   return std::make_unique<MpiRanks>();

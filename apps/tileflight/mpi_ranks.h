@@ -3,19 +3,19 @@
 #include <cstddef>
 #include <memory>
 
-#include "tileflight/experiment/ranks.h"
+#include "tileflight/survey/ranks.h"
 
 namespace tileflight::app {
 
-/// The processes that mpirun started with this one; null where none did. Only then MPI is initialised, and finalised
-/// with the object. Throws InputError in a build without MPI.
-std::unique_ptr<experiment::Ranks> ranks_of_mpirun();
+/// The processes that mpirun started together with this one, or null. MPI is initialized only in the former case, and
+/// finalized by the object's destructor. Throws InputError in a build without MPI.
+std::unique_ptr<survey::Ranks> ranks_of_mpirun();
 
-/// Ends all processes of mpirun at once, for a failure that only this one knows.
+/// Terminates all processes of mpirun, for a failure that only this one knows of.
 [[noreturn]] void abort_ranks();
 
-/// Threads for this process: the machine's cores shared among the processes that mpirun runs on it, and no more than it
-/// may use.
+/// Default number of threads: the machine's cores divided among the processes that mpirun runs on it, at most the
+/// number available to this process.
 std::size_t threads_by_default();
 
 }  // namespace tileflight::app

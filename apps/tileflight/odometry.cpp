@@ -3,7 +3,7 @@
 #include "command.h"
 #include "doubts_text.h"
 #include "number_text.h"
-#include "tileflight/experiment/track.h"
+#include "tileflight/survey/track.h"
 
 namespace tileflight::app {
 namespace {
@@ -11,10 +11,10 @@ namespace {
 struct Options {
   std::string dataset;
   std::string out;
-  experiment::FrameRange range;
+  survey::FrameRange range;
   std::size_t to = 0;
   odometry::OdometryOptions settings;
-  experiment::TrackExtras extras;
+  survey::TrackOptions extras;
   double rectify_fov_deg = 0.0;
   double min_parallax_deg = 0.0;
   bool active_points_only = false;
@@ -24,7 +24,7 @@ struct Options {
 constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 
 void add_extras(CLI::App& command, Options& options) {
-  experiment::TrackExtras& extras = options.extras;
+  survey::TrackOptions& extras = options.extras;
   command.add_option("--camera", extras.camera, "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
   command.add_option("--camera-id", extras.camera_id, "which camera of a calibration that holds several");
   command.add_option("--mask", extras.mask, "picture of the frames' size, black where never to look (own body)");
@@ -42,7 +42,7 @@ void add_map_filters(CLI::App& command, Options& options) {
   command.add_option("--min-observations", map.min_observations, "map: keyframes that a point must agree with")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.add_option("--max-deviation", map.max_relative_deviation, "map: standard deviation over inverse distance")
+  command.add_option("--max-deviation", map.max_relative_sigma, "map: standard deviation over inverse distance")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command.add_option("--min-parallax", options.min_parallax_deg, "map: degrees between the rays of a point")
@@ -83,13 +83,15 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
                     "take focal lengths and principal point as the calibration has them; otherwise they are estimated "
                     "too, beginning there");
   add_map_filters(*command, *options);
-  command->add_option("--seed", options->settings.start.seed, "of the random samples from which the start is guessed")
+  command
+      ->add_option("--seed", options->settings.initialization.seed,
+                   "of the random samples from which the start is guessed")
       ->capture_default_str();
   command->add_flag("--loop-closure", options->settings.loops.enabled,
                     "find places that the flight comes back to and spread the drift (after the last picture)");
   command->add_flag("--deterministic", options->deterministic,
                     "the same result for any number of threads (it always is)");
-  command->add_flag("--no-check{false}", options->extras.second_opinion,
+  command->add_flag("--no-check{false}", options->extras.check_reversed,
                     "do not track the pictures in the other direction too to see whether both agree (half the time)");
   add_common_options(*command, common);
   command->callback([options, to, rectify, &selection] {
@@ -98,8 +100,8 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->settings.map.min_parallax_rad = options->min_parallax_deg / kDegreesOfRadian;
     options->settings.map.dense = !options->active_points_only;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const nlohmann::json result = experiment::track(options->dataset, options->out, shared.force, options->settings,
-                                                      options->range, progress, options->extras);
+      const nlohmann::json result = survey::track(options->dataset, options->out, shared.force, options->settings,
+                                                  options->range, progress, options->extras);
       if (result["frames_tracked"].get<std::int64_t>() == 0) {
         throw std::runtime_error(options->dataset + ": " + result["lost_reason"].get<std::string>());
       }

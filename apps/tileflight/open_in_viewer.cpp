@@ -9,12 +9,12 @@
 #include <string>
 #include <thread>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::app {
 namespace {
 
-/// xdg-open says within this that it can do nothing; some desktops let it run as long as the viewer does.
+/// xdg-open reports failure within this time; on some desktops it runs as long as the viewer.
 constexpr std::chrono::milliseconds kPatience{3000}, kStep{20};
 
 [[noreturn]] void refuse(const std::string& file, const std::string& why) {

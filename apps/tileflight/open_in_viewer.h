@@ -4,8 +4,8 @@
 
 namespace tileflight::app {
 
-/// Opens a file with the program that the user's desktop has for it (xdg-open), and does not wait until that is closed.
-/// Throws InputError where there is no desktop to do it.
+/// Opens a file with the desktop's default program (xdg-open) without waiting for it. Throws InputError without a
+/// desktop.
 void open_in_viewer(const std::filesystem::path& file);
 
 }  // namespace tileflight::app

@@ -1,4 +1,4 @@
-#include "tileflight/experiment/preview.h"
+#include "tileflight/survey/preview.h"
 
 #include "command.h"
 #include "region_options.h"
@@ -11,13 +11,13 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
     SourceArguments source_arguments;
-    experiment::PreviewSettings settings;
+    survey::PreviewSettings settings;
     std::string flight, degrade, out;
     double pixel_error = 1.0;
     double memory_gb = 0.0;
   };
   auto options = std::make_shared<Options>();
-  experiment::RenderSettings& render = options->settings.render;
+  survey::RenderSettings& render = options->settings.render;
   CLI::App* command =
       app.add_subcommand("preview", "a flight before it is rendered: map, profile, three pictures, cost, warnings");
   command->footer(
@@ -36,7 +36,8 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->add_option("--degrade", options->degrade,
                    "what will make the camera less than perfect: a YAML file of the keys of an experiment's degrade")
       ->check(CLI::ExistingFile);
-  command->add_option("--near", options->settings.check.near_m, "a surface nearer than this is warned of, metres")
+  command
+      ->add_option("--near", options->settings.check.min_clearance_m, "a surface nearer than this is warned of, metres")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   CLI::Option* pixel_error = command
@@ -56,18 +57,18 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
     }
     const bool by_flight = pixel_error->count() > 0;
     selection.run = [options, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
-      experiment::RenderSettings& settings = options->settings.render;
+      survey::RenderSettings& settings = options->settings.render;
       settings.load = load_options(options->region);
       settings.load.source = source_options(options->source_arguments);
       const bool has_region = settings.load.center || settings.load.center_local;
       if (by_flight || !has_region) settings.error_px = options->pixel_error;
       settings.flight.flight = options->flight;
       if (!options->degrade.empty()) {
-        auto degrade = geometry::YamlSection::load(options->degrade);
+        auto degrade = base::YamlSection::load(options->degrade);
         experiment::read_degrade(degrade, settings.flight);
       }
-      const nlohmann::json found = experiment::preview(options->settings, options->out, shared.force, progress);
-      return {found, experiment::preview_text(found, options->out)};
+      const nlohmann::json found = survey::preview(options->settings, options->out, shared.force, progress);
+      return {found, survey::preview_text(found, options->out)};
     };
   });
 }

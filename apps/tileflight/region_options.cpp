@@ -2,14 +2,14 @@
 
 #include <limits>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/tiles/region_file.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::app {
 namespace {
 
 geometry::Geodetic geodetic(const std::vector<double>& numbers) {
-  // A height that is not given is the middle of the tileset's own (tiles/load.h).
+  // A missing height defaults to the centre of the tileset (tiles/load.h).
   const double height_m = numbers.size() > 2 ? numbers[2] : std::numeric_limits<double>::quiet_NaN();
   return {numbers.at(0), numbers.at(1), geometry::EllipsoidalHeight{height_m}};
 }

@@ -21,7 +21,7 @@ struct RegionOptions {
 
 void add_region_options(CLI::App& command, RegionOptions& options);
 
-/// Throws InputError for options that do not go together or a GeoJSON file that names no area.
+/// Throws InputError for options that cannot be combined, or a GeoJSON file without an area.
 tiles::LoadOptions load_options(const RegionOptions& options);
 
 }  // namespace tileflight::app

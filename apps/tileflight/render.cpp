@@ -7,14 +7,15 @@
 #include "number_text.h"
 #include "region_options.h"
 #include "source_options.h"
-#include "tileflight/experiment/fly.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
+#include "tileflight/experiment/experiment_file.h"
+#include "tileflight/survey/render_stage.h"
 
 namespace tileflight::app {
 namespace {
 
-/// The options that were given, and what stands in the files that they name. Not those that change no byte of a
-/// picture, nor what may be secret.
+/// The options given, and the content of the files they name; without options that do not affect the images and those
+/// that may be secret.
 nlohmann::json asked(const CLI::App& command) {
   const std::set<std::string> left_out{"out",    "threads", "json",   "quiet",      "force",   "resume",
                                        "memory", "cache",   "header", "allow-host", "no-cache"};
@@ -24,18 +25,18 @@ nlohmann::json asked(const CLI::App& command) {
     if (option->count() == 0 || left_out.contains(name)) continue;
     for (const std::string& value : option->results()) {
       given[name].push_back(value);
-      if (std::filesystem::is_regular_file(value)) given[name].push_back(geometry::sha256_hex_of_file(value));
+      if (std::filesystem::is_regular_file(value)) given[name].push_back(base::sha256_hex_of_file(value));
     }
   }
   return given;
 }
 
-/// One of several processes says why they all failed; what only one knows ends them all.
-nlohmann::json render_among(experiment::Ranks& ranks, const experiment::RenderSettings& settings,
-                            const std::string& out, bool force, const Progress& progress) {
+/// A failure known to all is reported by one process; a failure known to only one terminates all.
+nlohmann::json render_among(survey::Ranks& ranks, const survey::RenderSettings& settings, const std::string& out,
+                            bool force, const Progress& progress) {
   try {
-    return experiment::render_dataset(settings, out, force, progress, &ranks);
-  } catch (const experiment::FailedTogether&) {
+    return survey::render_dataset(settings, out, force, progress, &ranks);
+  } catch (const survey::CollectiveError&) {
     if (ranks.rank() == 0) throw;
     throw FailedElsewhere();
   } catch (const std::exception& fault) {
@@ -45,11 +46,11 @@ nlohmann::json render_among(experiment::Ranks& ranks, const experiment::RenderSe
   }
 }
 
-nlohmann::json render(const experiment::RenderSettings& settings, const std::string& out, bool force,
+nlohmann::json render(const survey::RenderSettings& settings, const std::string& out, bool force,
                       const Progress& progress) {
-  const std::unique_ptr<experiment::Ranks> ranks = ranks_of_mpirun();
+  const std::unique_ptr<survey::Ranks> ranks = ranks_of_mpirun();
   if (ranks) return render_among(*ranks, settings, out, force, progress);
-  return experiment::render_dataset(settings, out, force, progress);
+  return survey::render_dataset(settings, out, force, progress);
 }
 
 }  // namespace
@@ -58,7 +59,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     RegionOptions region;
     SourceArguments source_arguments;
-    experiment::RenderSettings settings;
+    survey::RenderSettings settings;
     std::string flight, out, outputs, degrade, camera;
     std::vector<int> resolution;
     int max_frames = 0;
@@ -138,12 +139,12 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.flight.flight = options->flight;
       options->settings.flight.camera = options->camera;
       options->settings.inputs = {options->degrade};
-      experiment::RenderOutputs& outputs = options->settings.flight.outputs;
-      outputs = experiment::parse_outputs(options->outputs,
-                                          [](const std::string& what) { return InputError("--outputs", what); });
+      survey::RenderOutputs& outputs = options->settings.flight.outputs;
+      outputs = survey::parse_outputs(options->outputs,
+                                      [](const std::string& what) { return InputError("--outputs", what); });
       outputs.depth = outputs.depth || options->depth;
       if (!options->degrade.empty()) {
-        auto degrade = geometry::YamlSection::load(options->degrade);
+        auto degrade = base::YamlSection::load(options->degrade);
         experiment::read_degrade(degrade, options->settings.flight);
       }
       const nlohmann::json r = render(options->settings, options->out, shared.force, progress);

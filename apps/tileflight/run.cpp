@@ -4,7 +4,7 @@
 #include "doubts_text.h"
 #include "source_options.h"
 #include "tileflight/report/ablation_table.h"
-#include "tileflight/report/compared_maps.h"
+#include "tileflight/report/map_comparison_tables.h"
 #include "tileflight/report/report.h"
 
 namespace tileflight::app {
@@ -28,10 +28,10 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       experiment::Experiment experiment = experiment::read_experiment(options->experiment);
       experiment.source_options = source_options(options->source_arguments);
       const nlohmann::json results =
-          experiment::run(experiment, options->out, progress, {.again = shared.force, .listener = shared.stages});
+          experiment::run(experiment, options->out, progress, {.rerun_all = shared.force, .listener = shared.stages});
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
       std::string text = report::results_table(results);
-      for (const std::string& part : {report::compared_maps_text(results), report::ablation_text(results)}) {
+      for (const std::string& part : {report::map_comparison_text(results), report::ablation_text(results)}) {
         if (!part.empty()) text += "\n" + part;
       }
       if (const std::string doubts = doubts_text(results); !doubts.empty()) text += "\n" + doubts;

@@ -1,6 +1,6 @@
 #include "command.h"
-#include "tileflight/geometry/output_folder.h"
-#include "tileflight/tiling/stadium.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/stadium/stadium.h"
 
 namespace tileflight::app {
 
@@ -20,13 +20,13 @@ void add_scene(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_common_options(*stadium, common);
   stadium->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
-      const geometry::OutputFolder output{.folder = options->out,
-                                          .command = "scene",
-                                          .replace = shared.force,
-                                          .inputs = {},
-                                          .unmarked = tiling::unmarked_stadium()};
-      geometry::write_folder(output, [&](const std::filesystem::path& temporary) {
-        tiling::write_stadium(temporary, {.seed = options->seed}, progress);
+      const base::OutputFolder output{.folder = options->out,
+                                      .command = "scene",
+                                      .replace = shared.force,
+                                      .inputs = {},
+                                      .legacy = stadium::legacy_stadium_folder()};
+      base::write_folder(output, [&](const std::filesystem::path& temporary) {
+        stadium::write_stadium(temporary, {.seed = options->seed}, progress);
       });
       const std::filesystem::path out = options->out;
       return {{{"twin", (out / "twin/tileset.json").string()}, {"world", (out / "world/tileset.json").string()}},

@@ -16,9 +16,9 @@
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/server/extension_methods.h"
 #include "tileflight/server/method_table.h"
-#include "tileflight/server/own_methods.h"
 
 namespace tileflight::app {
 namespace {
@@ -50,7 +50,7 @@ std::string token_of(const std::string& file) {
 }
 
 simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
-  using simulator::Following;
+  using simulator::TileResidency;
   simulator::SimulatorOptions result = options.simulator;
   result.load = load_options(options.region);
   result.load.source = source_options(options.source_arguments);
@@ -58,15 +58,15 @@ simulator::SimulatorOptions simulator_options(const ServeOptions& options) {
     result.settings = file_text(options.settings, "settings");
     result.settings_name = options.settings;
   }
-  result.following = options.follow == "auto"     ? Following::kAuto
-                     : options.follow == "region" ? Following::kRegion
-                                                  : Following::kFollow;
+  result.residency = options.follow == "auto"     ? TileResidency::kAuto
+                     : options.follow == "region" ? TileResidency::kRegion
+                                                  : TileResidency::kFollow;
   result.max_memory_bytes = static_cast<std::uintmax_t>(options.memory_gb * 1e9);
-  if (!options.files.empty()) result.files = options.files;
+  if (!options.files.empty()) result.output_root = options.files;
   const std::vector<double>& start = options.start_local;
   if (!start.empty()) {
     const double up_m = start.size() > 2 ? start[2] : std::numeric_limits<double>::quiet_NaN();
-    result.start_local = geometry::Vec3{start[0], start[1], up_m};
+    result.ned_origin_local = geometry::Vec3{start[0], start[1], up_m};
   }
   return result;
 }
@@ -76,7 +76,7 @@ rpc::ServerOptions server_options(const ServeOptions& options, const simulator::
   const std::optional<int> of_settings = simulator.settings_port();
   if (!options.port_given && of_settings) result.port = static_cast<std::uint16_t>(*of_settings);
   if (!options.token_file.empty()) result.token = token_of(options.token_file);
-  result.token_method = server::kTokenMethod;
+  result.token_method = server::kAuthenticateMethod;
   result.limits.message.max_bytes = options.message_mb << 20U;
   return result;
 }
@@ -86,14 +86,14 @@ std::string endpoint(const std::string& address, int port) {
   return (brackets ? "[" + address + "]" : address) + ":" + std::to_string(port);
 }
 
-/// Settings that were written for other servers often name all networks: only the command line opens the port to them.
+/// Settings written for other servers often allow all networks; here only the command line opens the port to them.
 void warn_of_settings_address(const rpc::ServerOptions& options, const simulator::Simulator& simulator) {
   const std::optional<std::string> wanted = simulator.settings_address();
   if (!wanted || *wanted == "localhost" || *wanted == options.address) return;
   std::cerr << "tileflight: LocalHostIp of the settings is not followed; --bind says where to listen\n";
 }
 
-/// What users of the port have to know at once: printed when it listens, for there is no end to wait for.
+/// Prints what users need to connect as soon as the server listens.
 void announce(const CommonOptions& common, const rpc::ServerOptions& options, int port,
               const simulator::Simulator& simulator) {
   const std::vector<std::string> vehicles = simulator.list_vehicles();
@@ -122,9 +122,9 @@ void warn_of_other_machines(const rpc::ServerOptions& options) {
             << "\n";
 }
 
-/// A server runs for days, and its calls come in threads that come and go: with glibc's defaults each arena (eight a
-/// core) keeps the pages of the largest moment that it ever had. Two arenas, pictures in pages of their own, and pages
-/// that are free given back now and then keep memory at what is in use.
+/// A server runs for days and handles calls in short-lived threads. With glibc's defaults each arena (eight per core)
+/// keeps the pages of its peak usage. Two arenas, separately mapped pages for images, and periodic trimming keep memory
+/// close to what is in use.
 class SteadyHeap {
  public:
   SteadyHeap() {
@@ -158,7 +158,7 @@ Output serve(const ServeOptions& options, const CommonOptions& common, const Pro
     if (!quiet) std::cerr << ("tileflight: " + line + "\n");
   };
   simulator::Simulator simulator(simulator_options(options), log, progress);
-  if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // what is left of the progress line
+  if (isatty(STDERR_FILENO) == 1) std::cerr << "\r\033[K";  // clear the progress line
   std::unique_ptr<rpc::Server> server;
   const rpc::ServerOptions settings = server_options(options, simulator);
   server = std::make_unique<rpc::Server>(

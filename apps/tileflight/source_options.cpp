@@ -11,7 +11,7 @@ std::string environment(const char* name) {
   return value == nullptr ? std::string() : std::string(value);
 }
 
-/// XDG Base Directory Specification: a relative path there is not heeded. Empty where there is no home either.
+/// XDG Base Directory Specification: a relative path is ignored. Empty if there is no home folder either.
 std::filesystem::path users_cache() {
   const std::filesystem::path folder = environment("XDG_CACHE_HOME");
   if (folder.is_absolute()) return folder / "tileflight";
@@ -47,14 +47,14 @@ void add_source_options(CLI::App& command, SourceArguments& arguments) {
       ->group(group);
 }
 
-tiles::SourceOptions source_options(const SourceArguments& arguments) {
-  tiles::SourceOptions options;
+transport::SourceOptions source_options(const SourceArguments& arguments) {
+  transport::SourceOptions options;
   options.headers = arguments.headers;
   options.http.allowed_hosts = arguments.allowed_hosts;
   if (!arguments.no_cache)
-    options.cache = arguments.cache.empty() ? users_cache() : std::filesystem::path(arguments.cache);
-  options.cache_asked_for = !arguments.cache.empty();
-  options.cache_bytes = static_cast<std::uintmax_t>(arguments.cache_gb * 1e9);
+    options.cache_folder = arguments.cache.empty() ? users_cache() : std::filesystem::path(arguments.cache);
+  options.cache_required = !arguments.cache.empty();
+  options.cache_max_bytes = static_cast<std::uintmax_t>(arguments.cache_gb * 1e9);
   options.terms_accepted = arguments.terms_accepted;
   options.google_key = environment("GOOGLE_MAPS_API_KEY");
   options.ion_token = environment("CESIUM_ION_TOKEN");

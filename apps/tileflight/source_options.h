@@ -5,19 +5,19 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/tiles/open_source.h"
+#include "tileflight/transport/open_source.h"
 
 namespace tileflight::app {
 
-/// What SOURCE may be, as the help of each command says it.
+/// Possible values of SOURCE, for the help of each command.
 inline constexpr const char* kSourceHelp =
     "tileset.json, its folder, a .3tz or a .3dtiles, an http(s) URL, `google`, or `ion:ASSET`";
 
-/// How a source from the network is opened, as command line options.
+/// Command-line options for network sources.
 struct SourceArguments {
   std::vector<std::string> headers;        ///< "Name: value"
   std::vector<std::string> allowed_hosts;  ///< host or host:port
-  std::string cache;                       ///< folder; empty: the user's own (XDG)
+  std::string cache;                       ///< folder; empty: the user's default (XDG)
   double cache_gb = 4.0;
   bool no_cache = false;
   bool terms_accepted = false;
@@ -25,8 +25,8 @@ struct SourceArguments {
 
 void add_source_options(CLI::App& command, SourceArguments& arguments);
 
-/// With keys and tokens from the environment (GOOGLE_MAPS_API_KEY, CESIUM_ION_TOKEN), and the cache in
-/// $XDG_CACHE_HOME/tileflight (~/.cache/tileflight) unless another folder is named.
-tiles::SourceOptions source_options(const SourceArguments& arguments);
+/// Source options with keys and tokens from the environment (GOOGLE_MAPS_API_KEY, CESIUM_ION_TOKEN), and the cache in
+/// $XDG_CACHE_HOME/tileflight (~/.cache/tileflight) unless another folder is given.
+transport::SourceOptions source_options(const SourceArguments& arguments);
 
 }  // namespace tileflight::app

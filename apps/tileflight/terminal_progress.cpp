@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kBetweenLines{100};
 constexpr std::chrono::seconds kHeldBack{2};
-/// Of a step that has run for less, nobody can tell how long it will.
+/// Below these, the remaining time of a step cannot be estimated.
 constexpr double kLeastSeconds = 2.0, kLeastShare = 0.01;
 
 double seconds_between(std::chrono::steady_clock::time_point from, std::chrono::steady_clock::time_point to) {
@@ -29,7 +29,7 @@ std::string share_text(std::int64_t done, std::int64_t total, double seconds) {
   return text;
 }
 
-/// Columns of the terminal, or of one that does not say.
+/// Columns of the terminal, or a default if it does not report them.
 std::size_t columns_of(std::FILE* stream) {
   winsize size{};
   constexpr std::size_t kUsual = 80;
@@ -91,7 +91,7 @@ void TerminalProgress::enter_step(std::string_view what) {
   leave_step();
   const std::string name(what.substr(0, what.find(": ")));
   const auto known = std::find_if(steps_.begin(), steps_.end(), [&](const Step& step) { return step.name == name; });
-  if (known == steps_.end()) tell_steps();  // steps that take turns are told of at the end
+  if (known == steps_.end()) tell_steps();  // alternating steps are reported at the end
   step_ = static_cast<std::size_t>(known - steps_.begin());
   if (known == steps_.end()) steps_.push_back({.name = name});
   step_begin_ = Clock::now();
@@ -104,7 +104,7 @@ void TerminalProgress::leave_step() {
   step_begin_ = now;
 }
 
-/// Lines of the steps of a command that has no stages; those of a stage are told of by its own line.
+/// Prints the steps of a command without stages; a stage prints its own line.
 void TerminalProgress::tell_steps() {
   if (!stage_.empty() || form_ != Form::kLines) return;
   for (Step& step : steps_) {

@@ -10,16 +10,16 @@
 
 namespace tileflight::app {
 
-/// What a command says on stderr while it works.
+/// Reports a command's progress on stderr.
 ///
-/// On a terminal: one line, rewritten in place, of the stage, what it is at, the share that is done and the time left;
-/// stages of a run leave a line each. Elsewhere (a file, a log): a line for each stage that is done, with the time that
-/// it took. A stage is one of a run's (begin_stage), else one kind of work: what update() says of it before a ": ".
-/// A failure within the first seconds is told by its own line alone.
+/// On a terminal: one line, rewritten in place, with the stage, the current item, the share done and the time left;
+/// each finished stage of a run leaves a line. Otherwise (a file, a log): a line for each finished stage, with its
+/// duration. A stage is one of a run (begin_stage), else one kind of work: the text before ": " in update(). A failure
+/// within the first seconds prints only the error.
 class TerminalProgress {
  public:
   enum class Form { kSilent, kTerminal, kLines };
-  /// What stderr is.
+  /// The kind of output that stderr is connected to.
   static Form form_of_stderr();
 
   TerminalProgress(Form form, std::FILE* stream);
@@ -32,14 +32,14 @@ class TerminalProgress {
   void end_stage(const std::string& name, double seconds);
   void stage_is_unchanged(const std::string& name);
 
-  /// The work is done: says what is still to be said, and leaves no line half written.
+  /// Ends a successful command: prints pending lines and completes the current one.
   void finish();
-  /// The work has failed: leaves no line half written.
+  /// Ends a failed command: completes the current line.
   void clear();
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// One kind of work, with the time that it took and that lines were written of.
+  /// One kind of work, with its duration, whose lines were printed.
   struct Step {
     std::string name;
     double seconds = 0.0, told_seconds = 0.0;
@@ -57,12 +57,12 @@ class TerminalProgress {
   Form form_;
   std::FILE* stream_;
   Clock::time_point begin_ = Clock::now();
-  std::string stage_;  ///< of a run, that is being done; empty: none
+  std::string stage_;  ///< current stage of a run; empty: none
   std::vector<Step> steps_;
-  std::size_t step_ = 0;  ///< that is being done, where there are any
+  std::size_t step_ = 0;  ///< current step, if there are any
   Clock::time_point step_begin_{}, shown_at_{};
-  std::vector<std::string> held_back_;  ///< lines of the first seconds
-  bool is_shown_ = false;               ///< a line that is not ended
+  std::vector<std::string> held_back_;  ///< lines withheld during the first seconds
+  bool is_shown_ = false;               ///< a line without its end is displayed
 };
 
 }  // namespace tileflight::app

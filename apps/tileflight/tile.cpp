@@ -4,9 +4,9 @@
 
 #include "command.h"
 #include "number_text.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
-#include "tileflight/tiling/map_place.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/tiling/georeference.h"
 #include "tileflight/tiling/mesh_source.h"
 #include "tileflight/tiling/mesh_tileset.h"
 
@@ -29,15 +29,15 @@ struct Options {
 
 tiling::MeshSourceOptions source_of(const Options& options) {
   tiling::MeshSourceOptions out;
-  const std::map<std::string, tiles::UpAxis> axes{
-      {"x", tiles::UpAxis::kX}, {"y", tiles::UpAxis::kY}, {"z", tiles::UpAxis::kZ}};
+  const std::map<std::string, tile_contents::UpAxis> axes{
+      {"x", tile_contents::UpAxis::kX}, {"y", tile_contents::UpAxis::kY}, {"z", tile_contents::UpAxis::kZ}};
   if (!options.up.empty()) out.up = axes.at(options.up);
   out.metres_per_unit = options.scale;
   out.textures = !options.no_textures;
   return out;
 }
 
-/// Where on Earth the mesh lies: as the options say, else as a file beside it does. Moves a mesh that lies on a map.
+/// Georeference of the mesh, from the options or else from a file beside it. Moves a mesh that is in map coordinates.
 std::optional<geometry::LocalFrame> place_on_earth(const Options& options, tiling::MeshSource& source,
                                                    std::string& stated_by) {
   if (options.no_georeference) return std::nullopt;
@@ -46,16 +46,16 @@ std::optional<geometry::LocalFrame> place_on_earth(const Options& options, tilin
     return geometry::LocalFrame(
         {options.georeference[0], options.georeference[1], geometry::EllipsoidalHeight{options.georeference[2]}});
   }
-  std::optional<tiling::MapPlace> place;
+  std::optional<tiling::Georeference> place;
   if (!options.crs.empty()) {
-    place = tiling::MapPlace{options.crs, geometry::Vec3::Zero(), "--crs"};
+    place = tiling::Georeference{options.crs, geometry::Vec3::Zero(), "--crs"};
     if (!options.offset.empty()) place->offset = geometry::Vec3(options.offset.data());
   } else {
-    place = tiling::map_place_beside(options.mesh);
+    place = tiling::find_georeference(options.mesh);
   }
   if (!place) return std::nullopt;
   stated_by = place->stated_by;
-  return tiling::move_from_map(*place, source.meshes);
+  return tiling::reproject_to_local(*place, source.meshes);
 }
 
 nlohmann::json frame_json(const std::optional<geometry::LocalFrame>& frame, const std::string& stated_by) {
@@ -104,12 +104,12 @@ std::string text_of(const nlohmann::json& result) {
 
 Output tile(const Options& options, const CommonOptions& shared, const Progress& progress) {
   nlohmann::json result;
-  const geometry::OutputFolder output{.folder = options.out,
-                                      .command = "tile",
-                                      .replace = shared.force,
-                                      .inputs = {options.mesh},
-                                      .unmarked = tiling::unmarked_tileset()};
-  geometry::write_folder(output, [&](const std::filesystem::path& temporary) {
+  const base::OutputFolder output{.folder = options.out,
+                                  .command = "tile",
+                                  .replace = shared.force,
+                                  .inputs = {options.mesh},
+                                  .legacy = tiling::legacy_tileset_folder()};
+  base::write_folder(output, [&](const std::filesystem::path& temporary) {
     report_progress(progress, 0, 0, "reading the mesh");
     tiling::MeshSource source = tiling::read_mesh_source(options.mesh, source_of(options));
     std::string stated_by;
@@ -153,7 +153,7 @@ void add_options(CLI::App& command, Options& options) {
       ->check(CLI::PositiveNumber);
   command.add_option("--tile-triangles", options.tileset.tile_triangles, "triangles a tile, at most (default 20000)")
       ->check(CLI::Range(100, 10000000));
-  command.add_option("--texture-size", options.tileset.sheet_px, "longest side of a tile's texture (default 4096)")
+  command.add_option("--texture-size", options.tileset.max_atlas_px, "longest side of a tile's texture (default 4096)")
       ->check(CLI::Range(64, 16384));
   command.add_option("--levels", options.levels, "levels of detail (default: as many as the tiles ask for)")
       ->check(CLI::Range(1, 10));

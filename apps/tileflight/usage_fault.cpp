@@ -7,8 +7,8 @@
 #include <sstream>
 
 #include "number_text.h"
-#include "tileflight/geometry/known_keys.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/known_keys.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::app {
 namespace {
@@ -38,7 +38,7 @@ std::string list(const std::vector<std::string>& words) {
 }
 
 double number(const std::string& text) {
-  return geometry::parse_number<double>(text).value_or(std::numeric_limits<double>::infinity());
+  return base::parse_number<double>(text).value_or(std::numeric_limits<double>::infinity());
 }
 
 bool is_option(const std::string& argument) {
@@ -56,7 +56,7 @@ std::string look_up(const CLI::App& command) { return "; `" + full_name(command)
 
 std::string unknown_command(const CLI::App& app, const std::string& word) {
   const std::vector<std::string> commands = commands_of(app);
-  const std::string meant = geometry::did_you_mean(word, commands);
+  const std::string meant = base::did_you_mean(word, commands);
   return "there is no command '" + word + "'" + (meant.empty() ? "; the commands are " + list(commands) : meant);
 }
 
@@ -65,12 +65,12 @@ std::string unknown_option(const CLI::App& command, const std::string& name) {
   if (std::any_of(below.begin(), below.end(),
                   [&](const CLI::App* one) { return one->get_option_no_throw(name) != nullptr; }))
     return "options stand behind the command: `" + full_name(command) + " COMMAND … " + name + "`";
-  const std::string meant = geometry::did_you_mean(name, options_of(command));
+  const std::string meant = base::did_you_mean(name, options_of(command));
   return "`" + full_name(command) + "` has no option " + name +
          (meant.empty() ? "; `" + full_name(command) + " --help` lists them" : meant);
 }
 
-/// "--voxel: Value 0 not in range 0.000000 to 1797…" as people say it; what is no such fault stays as it is.
+/// Rephrases "--voxel: Value 0 not in range 0.000000 to 1797…" for people; other messages are unchanged.
 std::string range_fault(const std::string& fault) {
   static const std::regex kRange("(.*): Value (\\S+) not in range (\\S+) to (\\S+)");
   std::smatch parts;
@@ -92,7 +92,7 @@ std::string count_fault(const std::string& fault) {
          " values with commas between, and has " + parts[4].str();
 }
 
-/// "--layout: eurok not in {tum-mono,euroc}", with the word that was meant.
+/// "--layout: eurok not in {tum-mono,euroc}", with the most similar word.
 std::string choice_fault(const std::string& fault) {
   static const std::regex kChoice("(.*): (\\S+) not in \\{(.*)\\}");
   std::smatch parts;
@@ -101,7 +101,7 @@ std::string choice_fault(const std::string& fault) {
   std::istringstream all(parts[3].str());
   for (std::string word; std::getline(all, word, ',');) words.push_back(word);
   return parts[1].str() + " is none of " + list(words) + ": '" + parts[2].str() + "'" +
-         geometry::did_you_mean(parts[2].str(), words);
+         base::did_you_mean(parts[2].str(), words);
 }
 
 }  // namespace
@@ -115,7 +115,7 @@ std::string usage_fault(const CLI::App& app, const std::vector<std::string>& arg
       const std::string name = argument.substr(0, argument.find('='));
       const CLI::Option* option = command->get_option_no_throw(name);
       if (option == nullptr) return unknown_option(*command, name);
-      if (name == argument && option->get_items_expected_min() > 0) ++i;  // its value, which may look like an option
+      if (name == argument && option->get_items_expected_min() > 0) ++i;  // skip its value
     } else if (const auto commands = subcommands_of(*command); !commands.empty()) {
       const auto chosen = std::find_if(commands.begin(), commands.end(),
                                        [&](const CLI::App* known) { return known->get_name() == argument; });

@@ -6,8 +6,8 @@
 
 namespace tileflight::app {
 
-/// What is wrong with a command line that could not be parsed, and what to do, on one line: a command or option that
-/// there is not (with the one that is spelled most like it), else `fault`, which the parser says.
+/// A one-line message for a command line that could not be parsed, with a remedy: an unknown command or option (with
+/// the most similarly spelled one), else `fault`, the parser's message.
 std::string usage_fault(const CLI::App& app, const std::vector<std::string>& arguments, const std::string& fault);
 
 }  // namespace tileflight::app

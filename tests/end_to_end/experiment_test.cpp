@@ -7,7 +7,7 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/geometry/folder_marker.h"
+#include "tileflight/base/folder_marker.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image_files.h"
 
@@ -385,7 +385,7 @@ TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
   EXPECT_TRUE(fs::exists(odometry / "colmap/points3D.txt"));
   EXPECT_TRUE(json::parse(file_text(odometry / "odometry.json")).contains("loops"));
   const fs::path pictures = folder_ / "out/simulated/keyframe_pictures";
-  EXPECT_EQ(geometry::read_folder_marker(pictures)->files.size(),
+  EXPECT_EQ(base::read_folder_marker(pictures)->files.size(),
             json::parse(file_text(odometry / "odometry.json"))["keyframes"].get<std::size_t>());
 
   const auto before = stage_times("out");

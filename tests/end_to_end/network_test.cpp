@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/run_program.h"
-#include "tileflight/tiles/test_http_place.h"
+#include "tileflight/tiles/test_http_tileset.h"
 
 /// The binary against a server on the loopback device: what a user sees, and what is left on disk.
 namespace tileflight {
@@ -33,7 +33,7 @@ class Network : public ::testing::Test {
   }
 
   tests::TemporaryFolder folder_;
-  tiles::testing::HttpPlace place_;
+  tiles::testing::TestHttpTileset place_;
 };
 
 TEST_F(Network, a_tileset_behind_a_key_is_extracted_and_the_key_is_nowhere) {

@@ -6,9 +6,9 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
+#include "tileflight/base/folder_marker.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/folder_marker.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight {
@@ -88,7 +88,7 @@ TEST_F(OdometryCommand, WritesColmapAndDebugPictures) {
   EXPECT_EQ(tests::line_count(tests::file_text(folder_ / "out/colmap/points3D.txt")), 1 + about["points"].get<int>());
   EXPECT_EQ(tests::line_count(tests::file_text(folder_ / "out/colmap/images.txt")),
             2 + 2 * about["keyframes"].get<int>());
-  const std::vector<std::string> pictures = geometry::read_folder_marker(folder_ / "pictures")->files;
+  const std::vector<std::string> pictures = base::read_folder_marker(folder_ / "pictures")->files;
   EXPECT_EQ(pictures.size(), about["keyframes"].get<std::size_t>());
   const imaging::RgbImage first = imaging::read_rgb(folder_ / "pictures" / pictures.front());
   EXPECT_EQ(first.width, 280);

@@ -85,10 +85,10 @@ TEST_F(RenderCamera, WhatDoesNotGoIsOneLine) {
 }
 
 TEST_F(RenderCamera, TheDatasetSaysWhatItsFrameIs) {
-  const auto own = rendered("own", {"--max-frames", "2"}).about;
+  const auto own = rendered("own", {"--max-frames", "2"}).metadata;
   EXPECT_EQ(own.at("frame.kind"), "tileset");
   EXPECT_EQ(own.count("frame.origin_lat"), 0U);
-  const auto placed = rendered("placed", {"--max-frames", "2", "--origin", "50.8231,14.221,312.5"}).about;
+  const auto placed = rendered("placed", {"--max-frames", "2", "--origin", "50.8231,14.221,312.5"}).metadata;
   EXPECT_EQ(placed.at("frame.kind"), "east-north-up");
   EXPECT_EQ(placed.at("frame.origin_lat"), "50.8231");
   EXPECT_EQ(placed.at("frame.origin_lon"), "14.221");
@@ -103,7 +103,7 @@ TEST_F(RenderCamera, TheDatasetSaysWhatItsFrameIs) {
                                                  "--camera", (folder_ / "placed/camera.yaml").string(), "--truth",
                                                  (folder_ / "truth").string(), "--out", (folder_ / "filmed").string()});
   ASSERT_EQ(ingested.exit_code, 0) << ingested.err;
-  EXPECT_EQ(dataset::read_dataset(folder_ / "filmed").about.at("frame.origin_height"), "312.5");
+  EXPECT_EQ(dataset::read_dataset(folder_ / "filmed").metadata.at("frame.origin_height"), "312.5");
 }
 
 }  // namespace

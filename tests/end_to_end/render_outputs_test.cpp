@@ -14,7 +14,7 @@
 #include "tileflight/imaging/exr_channels.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
-#include "tileflight/sensors/light.h"
+#include "tileflight/render/linear_color.h"
 
 namespace tileflight {
 namespace {
@@ -173,10 +173,9 @@ gamma: 1.8
         return calibration.inverse_response[static_cast<std::size_t>(v)] / 255.0 / calibration.vignette.pixels[p] /
                gain;
       };
-      wrong +=
-          light(value - 1) < sensors::srgb_decode(colour + 1) && light(value + 1) > sensors::srgb_decode(colour - 1)
-              ? 0
-              : 1;
+      wrong += light(value - 1) < render::srgb_decode(colour + 1) && light(value + 1) > render::srgb_decode(colour - 1)
+                   ? 0
+                   : 1;
       ++compared;
     }
   }

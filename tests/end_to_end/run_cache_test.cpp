@@ -10,7 +10,7 @@
 #include "tests/background_program.h"
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
-#include "tileflight/geometry/folder_marker.h"
+#include "tileflight/base/folder_marker.h"
 
 namespace tileflight {
 namespace {
@@ -194,8 +194,8 @@ simulated:
   EXPECT_GE(taken_up, kept) << "their very files";
   EXPECT_FALSE(fs::exists(frames));
   const fs::path whole = folder_ / "whole/simulated/dataset", resumed = folder_ / "out/simulated/dataset";
-  EXPECT_EQ(geometry::files_below(whole), geometry::files_below(resumed));
-  for (const std::string& file : geometry::files_below(whole))
+  EXPECT_EQ(base::list_files_recursive(whole), base::list_files_recursive(resumed));
+  for (const std::string& file : base::list_files_recursive(whole))
     EXPECT_TRUE(file_text(whole / file) == file_text(resumed / file)) << file;
 }
 

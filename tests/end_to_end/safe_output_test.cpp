@@ -8,7 +8,7 @@
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
 #include "tests/tiny_place.h"
-#include "tileflight/geometry/folder_marker.h"
+#include "tileflight/base/folder_marker.h"
 
 namespace tileflight {
 namespace {
@@ -26,7 +26,7 @@ using Call = std::vector<std::string>;
 /// All files below a folder with what is in them.
 std::map<std::string, std::string> snapshot(const fs::path& folder) {
   std::map<std::string, std::string> files;
-  for (const std::string& file : geometry::files_below(folder)) files[file] = file_text(folder / file);
+  for (const std::string& file : base::list_files_recursive(folder)) files[file] = file_text(folder / file);
   return files;
 }
 
@@ -116,10 +116,10 @@ TEST_F(SafeOutput, ForceReplacesWhatACommandWroteAndNothingMore) {
     const fs::path out = folder_ / writer.name;
     const ProgramResult first = run_tileflight(writer.call(out));
     ASSERT_EQ(first.exit_code, 0) << writer.name << ": " << first.err;
-    const auto marker = geometry::read_folder_marker(out);
+    const auto marker = base::read_folder_marker(out);
     ASSERT_TRUE(marker) << writer.name;
     EXPECT_EQ(marker->command, writer.name.substr(0, writer.name.find(' ')));
-    EXPECT_EQ(marker->files.size() + 1, geometry::files_below(out).size()) << writer.name;
+    EXPECT_EQ(marker->files.size() + 1, base::list_files_recursive(out).size()) << writer.name;
     const auto before = snapshot(out);
     expect_refused(run_tileflight(writer.call(out)), writer.name, "exists already; --force replaces it");
     EXPECT_EQ(snapshot(out), before) << writer.name;
@@ -279,7 +279,7 @@ TEST_F(SafeOutput, FoldersOfVersionsWithoutAMarkerAreKnownByTheirFiles) {
   for (const Writer& writer : writers()) {
     const fs::path out = folder_ / writer.name;
     ASSERT_EQ(run_tileflight(writer.call(out)).exit_code, 0) << writer.name;
-    fs::remove(out / geometry::kFolderMarker);
+    fs::remove(out / base::kFolderMarker);
     const bool is_others_layout = writer.name.starts_with("export");
     TinyPlace::write_file(out / "notes.txt", "mine");
     expect_refused(forced(writer, out), writer.name, is_others_layout ? "holds " : "holds notes.txt");

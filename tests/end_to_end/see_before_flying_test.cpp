@@ -11,9 +11,9 @@
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
 #include "tileflight/dataset/dataset.h"
-#include "tileflight/experiment/flight_faults.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/survey/flight_faults.h"
 
 namespace tileflight {
 namespace {
@@ -230,10 +230,10 @@ TEST_F(BridgeAndHouse, AFlightThroughAHouseIsSaidByPreviewAndRenderAndInTheDatas
   EXPECT_THAT(render["warnings"].dump(),
               AllOf(HasSubstr("inside or under a surface"), HasSubstr("goes through a surface")));
 
-  const auto about = dataset::read_dataset(folder_ / "render").about;
-  const auto faults = experiment::recorded_faults(about);
+  const auto about = dataset::read_dataset(folder_ / "render").metadata;
+  const auto faults = survey::faults_from_metadata(about);
   const auto frames = [&](const std::string& key) {
-    for (const sensors::FlightFault& fault : faults)
+    for (const render::FlightFault& fault : faults)
       if (fault.key == key) return fault.frames;
     return std::vector<std::size_t>();
   };
@@ -251,7 +251,7 @@ TEST_F(BridgeAndHouse, AFlightThroughAHouseIsSaidByPreviewAndRenderAndInTheDatas
 
 TEST_F(BridgeAndHouse, AFlightWithoutFaultsSaysNoneInItsDataset) {
   flown("render", kOverAll);
-  EXPECT_TRUE(experiment::recorded_faults(dataset::read_dataset(folder_ / "render").about).empty());
+  EXPECT_TRUE(survey::faults_from_metadata(dataset::read_dataset(folder_ / "render").metadata).empty());
   EXPECT_THAT(file_text(folder_ / "render/dataset.yaml"), Not(HasSubstr("warnings")));
 }
 

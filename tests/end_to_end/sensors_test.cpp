@@ -103,8 +103,8 @@ TEST_F(Sensors, AllSayWhatIsThereAtTheirTimes) {
     expect_ground(points, scans.poses[i].T_local_camera);
   }
   EXPECT_EQ(tests::line_count(file_text(data / "lidar/times.txt")), 18);
-  EXPECT_EQ(frames.about.at("sensors.lidar.seed"), "1");
-  EXPECT_EQ(frames.about.at("sensors.imu.rate_hz"), "100");
+  EXPECT_EQ(frames.metadata.at("sensors.lidar.seed"), "1");
+  EXPECT_EQ(frames.metadata.at("sensors.imu.rate_hz"), "100");
   EXPECT_FALSE(fs::exists(data / "gps.csv"));  // the place is not on the earth
 }
 

@@ -17,7 +17,7 @@ geometry::TriangleMesh middle_of_machangara(const std::filesystem::path& tileset
   options.center_local = Vec3(347.8, -131.4, 2893.0);
   options.size = Vec3(250.0, 250.0, 48.0);
   options.textures = false;
-  return scene::merged(tiles::load_region(tileset.string(), options).meshes);
+  return scene::merge_meshes(tiles::load_region(tileset.string(), options).meshes);
 }
 
 TEST(VoxelCounts, MachangaraMatchesTheKnownCounts) {

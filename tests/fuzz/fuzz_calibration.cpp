@@ -1,5 +1,5 @@
 #include "tests/fuzz/memory_file.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/camera.h"
 
 /// A camera's calibration of any bytes: Kalibr, OpenCV, ROS, COLMAP or DSO.

@@ -1,13 +1,13 @@
 #include "tests/fuzz/memory_file.h"
-#include "tileflight/flight/telemetry_file.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/flight_logs/telemetry_file.h"
 
 /// A flight log of any bytes: subtitles, CSV, GPX, KML, ULog or DataFlash.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   const fuzz::MemoryFile file(data, size);
   try {
-    flight::read_telemetry(file.path());
+    flight_logs::read_telemetry(file.path());
   } catch (const InputError&) {
     // one clear line is what broken input is worth
   }

@@ -1,7 +1,7 @@
 #include <string_view>
 
 #include "tests/fuzz/memory_file.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/tiling/mtl_file.h"
 #include "tileflight/tiling/obj_file.h"
 #include "tileflight/tiling/ply_meshes.h"

@@ -2,10 +2,10 @@
 #include <cstdint>
 #include <span>
 
-#include "tileflight/flight/photo_tags.h"
+#include "tileflight/flight_logs/photo_tags.h"
 
 /// EXIF and XMP of any bytes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  tileflight::flight::read_photo_tags(std::as_bytes(std::span(data, size)));
+  tileflight::flight_logs::read_photo_tags(std::as_bytes(std::span(data, size)));
   return 0;
 }

@@ -3,8 +3,8 @@
 
 #include "tileflight/rpc/message_scanner.h"
 #include "tileflight/server/airsim_methods.h"
-#include "tileflight/server/no_simulator.h"
-#include "tileflight/server/own_methods.h"
+#include "tileflight/server/extension_methods.h"
+#include "tileflight/server/null_simulator_caller.h"
 
 namespace {
 
@@ -12,16 +12,17 @@ using namespace tileflight;
 
 rpc::MethodTable make_table() {
   rpc::MethodTable table;
-  server::Binder<server::NoSimulator> bind(table, {});
+  server::MethodBinder<server::NullSimulatorCaller> bind(table, {});
   server::add_airsim_methods(bind);
-  server::add_own_methods(bind, [] { return rpc::ServerStatistics{}; });
+  server::add_extension_methods(bind, [] { return rpc::ServerStatistics{}; });
   return table;
 }
 
 void answer(const rpc::MethodTable& table, const rpc::MessageLimits& limits, const std::string& message) {
   const rpc::Request request(message);
   const std::string bytes = table.call(request).bytes;
-  if (rpc::MessageScanner(limits).end(bytes) != bytes.size()) std::abort();  // every answer is one whole message
+  if (rpc::MessageScanner(limits).find_message_end(bytes) != bytes.size())
+    std::abort();  // every answer is one whole message
 }
 
 }  // namespace
@@ -33,7 +34,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::string_view rest(reinterpret_cast<const char*>(data), size);
   try {
     rpc::MessageScanner scanner(limits);
-    while (const auto bytes = scanner.end(rest)) {
+    while (const auto bytes = scanner.find_message_end(rest)) {
       answer(table, limits, std::string(rest.substr(0, *bytes)));
       rest.remove_prefix(*bytes);
       scanner.restart();

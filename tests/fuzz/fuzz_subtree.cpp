@@ -2,28 +2,28 @@
 #include <cstdint>
 #include <span>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/tiles/subtree.h"
 
 /// A subtree of any bytes, with metadata that name volumes and URIs; its outside buffers are these same bytes.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace tileflight;
   const auto bytes = std::as_bytes(std::span(data, size));
-  tiles::MetadataProperty box{.id = "box", .semantic = "TILE_BOUNDING_BOX", .component_type = "FLOAT32"};
+  tile_contents::MetadataProperty box{.id = "box", .semantic = "TILE_BOUNDING_BOX", .component_type = "FLOAT32"};
   box.is_array = true;
   box.array_length = 12;
-  const tiles::MetadataProperty error{
+  const tile_contents::MetadataProperty error{
       .id = "error", .semantic = "TILE_GEOMETRIC_ERROR", .component_type = "UINT16", .normalized = true};
-  tiles::MetadataProperty uri{.id = "uri", .semantic = "CONTENT_URI"};
-  uri.kind = tiles::MetadataProperty::Kind::kString;
+  tile_contents::MetadataProperty uri{.id = "uri", .semantic = "CONTENT_URI"};
+  uri.kind = tile_contents::MetadataProperty::Kind::kString;
   auto tiling = std::make_shared<tiles::ImplicitTiling>();
   tiling->octree = size % 2 == 1;
   tiling->subtree_levels = 3;
   tiling->available_levels = 6;
   tiling->content_templates = {"a", "b"};
   tiling->root_volume = tiles::OrientedBox{geometry::Vec3::Zero(), geometry::Mat3::Identity()};
-  tiling->schema = std::make_shared<const tiles::MetadataSchema>(
-      tiles::MetadataSchema{{"tile", {{box, error}}}, {"content", {{uri}}}});
+  tiling->schema = std::make_shared<const tile_contents::MetadataSchema>(
+      tile_contents::MetadataSchema{{"tile", {{box, error}}}, {"content", {{uri}}}});
   try {
     tiles::parse_subtree(bytes, {tiling, {}}, "input",
                          [&](const std::string&) { return std::vector<std::byte>(bytes.begin(), bytes.end()); });

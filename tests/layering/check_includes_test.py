@@ -6,13 +6,14 @@ import tempfile
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import check_includes
 
-TABLE = "| level | stage | purpose | may use |\n| --- | --- | --- | --- |\n" + "".join(
+TABLE = "| level | room | purpose | may use |\n| --- | --- | --- | --- |\n" + "".join(
     f"| {level} | `{name}` | x | {uses} |\n"
     for level, name, uses in [
         (0, "geometry", "–"), (1, "imaging", "geometry"), (1, "alignment", "geometry"), (1, "evaluation", "geometry"),
         (2, "tiles", "geometry, imaging"), (2, "scene", "geometry, imaging"), (2, "flight", "geometry"),
         (2, "odometry", "geometry, imaging"), (3, "ground_truth", "scene"), (3, "sensors", "scene, flight"),
-        (5, "experiment", "all")])
+        (3, "report", "imaging; tests: evaluation"),
+        (5, "experiment", "odometry, sensors, ground_truth")])
 
 
 def tree(root, files):
@@ -36,11 +37,13 @@ def main():
             "experiment/c.cpp": '#include "tileflight/odometry/odometry.h"\n'}
     assert faults_of(good) == [], faults_of(good)
     leak = faults_of({"odometry/a.cpp": '\n#include "tileflight/ground_truth/voxelize.h"\n'})
-    assert leak == ["tileflight/odometry/a.cpp:2: stage odometry may not include stage ground_truth"], leak
+    assert leak == ["tileflight/odometry/a.cpp:2: room odometry may not include room ground_truth"], leak
     assert faults_of({"alignment/a.h": '#include "tileflight/scene/scene.h"\n'})
     assert faults_of({"geometry/a.h": '#include "tileflight/imaging/image.h"\n'})
     assert faults_of({"utils/a.h": ""})
     assert faults_of({"scene/deep/er.h": ""})
+    assert faults_of({"report/a_test.cpp": '#include "tileflight/evaluation/e.h"\n'}) == []
+    assert faults_of({"report/a.cpp": '#include "tileflight/evaluation/e.h"\n'})
     print("the check finds each planted fault")
 
 

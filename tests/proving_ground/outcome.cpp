@@ -9,7 +9,7 @@
 
 #include "tileflight/alignment/pose_alignment.h"
 #include "tileflight/alignment/umeyama.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::proving_ground {
 namespace {

@@ -4,9 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/alignment/umeyama.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -20,9 +20,9 @@ struct PictureQuality {
 };
 
 std::vector<PictureQuality> read_quality(const fs::path& file) {
-  const std::string all = geometry::read_text(file);
+  const std::string all = base::read_text(file);
   std::string_view rest = all;
-  const std::vector<std::string_view> head = geometry::split_fields(geometry::take_line(rest).value_or(""), ",");
+  const std::vector<std::string_view> head = base::split_fields(base::take_line(rest).value_or(""), ",");
   const auto column = [&](std::string_view name) {
     const auto at = std::ranges::find(head, name);
     if (at == head.end()) throw InputError(file.string(), "has no column " + std::string(name));
@@ -31,10 +31,10 @@ std::vector<PictureQuality> read_quality(const fs::path& file) {
   const std::size_t time = column("time_s"), tracked = column("tracked"), keyframe = column("keyframe"),
                     position = column("sigma_position"), rotation = column("sigma_rotation_rad");
   std::vector<PictureQuality> lines;
-  while (const auto line = geometry::take_line(rest)) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line, ",");
+  while (const auto line = base::take_line(rest)) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ",");
     if (fields.size() != head.size()) throw InputError(file.string(), "a line has another number of columns");
-    const auto number = [&](std::size_t k) { return geometry::parse_number<double>(fields[k]).value_or(0.0); };
+    const auto number = [&](std::size_t k) { return base::parse_number<double>(fields[k]).value_or(0.0); };
     lines.push_back({number(time), number(position), number(rotation), number(tracked) > 0.0, number(keyframe) > 0.0});
   }
   return lines;
@@ -70,7 +70,7 @@ std::optional<PathSigmas> path_sigmas(const fs::path& odometry, const geometry::
   const std::vector<PosePair> pairs = pose_pairs(geometry::read_tum(odometry / "trajectory.txt"), truth);
   if (pairs.size() < 3) return std::nullopt;
   std::vector<PictureQuality> pictures = read_quality(odometry / "quality.csv");
-  const auto state = nlohmann::json::parse(geometry::read_text(odometry / "odometry.json"));
+  const auto state = nlohmann::json::parse(base::read_text(odometry / "odometry.json"));
   if (!state.contains("dispersion") || state["dispersion"].is_null()) return std::nullopt;
   // A flight that was tracked backwards has its keyframes after the pictures that rest on them.
   if (state.value("backwards", false)) std::ranges::reverse(pictures);

@@ -13,11 +13,11 @@
 
 #include "outcome.h"
 #include "tileflight/alignment/pose_alignment.h"
-#include "tileflight/experiment/align_target.h"
-#include "tileflight/experiment/recognize_place.h"
-#include "tileflight/experiment/score.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/scene/scene.h"
+#include "tileflight/scoring/align_stage.h"
+#include "tileflight/scoring/align_target.h"
+#include "tileflight/scoring/flight_evidence.h"
 #include "tileflight/tiling/mesh_source.h"
 
 namespace tileflight::proving_ground {
@@ -41,15 +41,15 @@ std::string place_of(const std::string& name) {
 }
 
 struct Flight {
-  experiment::MapInputs inputs;  ///< without telemetry
+  scoring::MapInputs inputs;  ///< without telemetry
   geometry::PointCloud map;
   geometry::Trajectory path, truth;
   Sim3 T_true;
   TrueErrors errors;  ///< of the odometry
 
   explicit Flight(const fs::path& folder)
-      : inputs(experiment::map_inputs(folder / "odometry", folder / "dataset")),
-        map(experiment::read_map(inputs.map)),
+      : inputs(scoring::find_map_inputs(folder / "odometry", folder / "dataset")),
+        map(scoring::read_map(inputs.map)),
         path(geometry::read_tum(inputs.trajectory)),
         truth(geometry::read_tum(folder / "dataset/groundtruth.txt")) {
     inputs.truth_trajectory.clear();
@@ -132,7 +132,7 @@ class Recall {
     if (place == place_) return;
     place_ = place;
     recognizer_.reset();
-    const auto target = experiment::read_align_target(options_.out / "places" / place);
+    const auto target = scoring::read_align_target(options_.out / "places" / place);
     const scene::Scene scene(tiling::read_mesh_source(target.folder / "mesh.glb", {}).meshes);
     const auto begin = std::chrono::steady_clock::now();
     recognizer_ = std::make_unique<localization::PlaceRecognizer>(scene, scene.bounds());
@@ -143,7 +143,7 @@ class Recall {
     load(place_of(name));
     const auto begin = std::chrono::steady_clock::now();
     const auto candidates = recognizer_->find(
-        experiment::flight_evidence(dataset::read_dataset(flight.inputs.dataset), flight.path, flight.map));
+        scoring::make_flight_evidence(dataset::read_dataset(flight.inputs.dataset), flight.path, flight.map));
     const double seconds = seconds_since(begin);
     int rank = 0;
     for (std::size_t k = 0; k < candidates.size(); ++k) {
@@ -151,8 +151,8 @@ class Recall {
       if (rank == 0 && miss.is_near()) rank = static_cast<int>(k) + 1;
       if (options_.list)
         std::printf("   %zu inliers %zu correlation %.3f heights %.2f share %.2f, off %.3f %.1f deg %.3f\n", k + 1,
-                    candidates[k].inliers, candidates[k].correlation, candidates[k].heights, candidates[k].share,
-                    miss.scale, miss.turn_deg, miss.offset);
+                    candidates[k].inliers, candidates[k].correlation, candidates[k].height_agreement,
+                    candidates[k].overlap, miss.scale, miss.turn_deg, miss.offset);
     }
     ++flights_;
     found_ += rank >= 1 && rank <= 8 ? 1 : 0;
@@ -161,8 +161,8 @@ class Recall {
 
   void align(const std::string& name, const Flight& flight) {
     const auto begin = std::chrono::steady_clock::now();
-    const auto transform = experiment::align(flight.inputs, options_.out / "places" / place_of(name), {},
-                                             fs::temp_directory_path() / ("place-recall-" + name + ".json"));
+    const auto transform = scoring::align(flight.inputs, options_.out / "places" / place_of(name), {},
+                                          fs::temp_directory_path() / ("place-recall-" + name + ".json"));
     const double seconds = seconds_since(begin);
     geometry::Mat4 m;
     for (int row = 0; row < 4; ++row)

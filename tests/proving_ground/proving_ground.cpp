@@ -16,19 +16,19 @@
 
 #include "outcome.h"
 #include "random_flight.h"
-#include "tileflight/experiment/evaluate.h"
-#include "tileflight/experiment/extract.h"
-#include "tileflight/experiment/fly.h"
-#include "tileflight/experiment/score.h"
-#include "tileflight/experiment/track.h"
+#include "tileflight/base/doubt.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/base/yaml_section.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/doubt.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
-#include "tileflight/geometry/yaml_section.h"
-#include "tileflight/ground_truth/extract.h"
-#include "tileflight/tiling/stadium.h"
+#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/scoring/align_stage.h"
+#include "tileflight/scoring/evaluate.h"
+#include "tileflight/stadium/stadium.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/survey/track.h"
 
 namespace tileflight::proving_ground {
 namespace {
@@ -55,9 +55,9 @@ struct Options {
 };
 
 std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
-  auto root = geometry::YamlSection::load(file);
+  auto root = base::YamlSection::load(file);
   std::vector<Place> places;
-  for (geometry::YamlSection& section : root.sections("places")) {
+  for (base::YamlSection& section : root.sections("places")) {
     Place place;
     place.name = section.text("name").value_or("");
     place.source = section.text("source").value_or("");
@@ -66,12 +66,12 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     if (const auto v = section.numbers("center_local", 3, 3))
       place.center_local = geometry::Vec3((*v)[0], (*v)[1], (*v)[2]);
     if (const auto v = section.numbers("size", 3, 3)) place.size = geometry::Vec3((*v)[0], (*v)[1], (*v)[2]);
-    section.finish();
+    section.require_all_keys_used();
     if (place.source == "stadium:twin") {
       const fs::path built_in = out / "places/built-in";
       if (!fs::exists(built_in)) {
-        geometry::write_folder({.folder = built_in, .command = "proving_ground", .unmarked = {}},
-                               [](const fs::path& folder) { tiling::write_stadium(folder, {}); });
+        base::write_folder({.folder = built_in, .command = "proving_ground", .legacy = {}},
+                           [](const fs::path& folder) { stadium::write_stadium(folder, {}); });
       }
       place.source = (built_in / "twin/tileset.json").string();
     }
@@ -81,7 +81,7 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
     }
     places.push_back(place);
   }
-  root.finish();
+  root.require_all_keys_used();
   return places;
 }
 
@@ -89,9 +89,9 @@ std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
 fs::path truth_of(const Place& place, const fs::path& out) {
   const fs::path folder = out / "places" / place.name;
   if (!fs::exists(folder)) {
-    experiment::extract({.source = place.source,
-                         .load = {.center_local = place.center_local, .size = place.size, .origin = place.origin}},
-                        folder, false);
+    place::extract({.source = place.source,
+                    .load = {.center_local = place.center_local, .size = place.size, .origin = place.origin}},
+                   folder, false);
   }
   return folder;
 }
@@ -112,8 +112,8 @@ struct Field {
 };
 
 /// What a moderately bad camera does.
-experiment::RenderFlight degraded(experiment::RenderFlight flight) {
-  sensors::ImageFormation formation;
+survey::RenderedFlightConfig degraded(survey::RenderedFlightConfig flight) {
+  render::ImageFormation formation;
   formation.exposure_time_s = 0.004;
   formation.exposure_samples = 3;
   formation.line_delay_s = 15e-6;
@@ -123,7 +123,7 @@ experiment::RenderFlight degraded(experiment::RenderFlight flight) {
   formation.white_electrons = 8000;
   formation.read_noise_electrons = 8;
   flight.degrade = formation;
-  flight.video = dataset::VideoRate{.crf = 20};
+  flight.video = dataset::VideoCompression{.crf = 20};
   return flight;
 }
 
@@ -131,22 +131,22 @@ void write_flight(const FlightDraw& draw, const geometry::Trajectory& poses, con
   fs::create_directories(folder);
   imaging::write_kalibr(folder / "camera.yaml", camera_of(draw));
   geometry::write_tum(folder / "poses.txt", poses);
-  geometry::write_file(folder / "flight.yaml", "camera: camera.yaml\ntrajectory: poses.txt\n");
+  base::write_file(folder / "flight.yaml", "camera: camera.yaml\ntrajectory: poses.txt\n");
 }
 
 void render(const Field& field, const FlightDraw& draw, const fs::path& folder) {
-  experiment::RenderSettings settings{.source = field.place.source, .load = {}, .flight = {}};
+  survey::RenderSettings settings{.source = field.place.source, .load = {}, .flight = {}};
   settings.load.origin = field.place.origin;
   settings.flight.flight = folder / "flight.yaml";
   if (draw.degraded) settings.flight = degraded(settings.flight);
   settings.seed = draw.seed;
   settings.error_px = 1.0;
-  experiment::render_dataset(settings, folder / "dataset", true);
+  survey::render_dataset(settings, folder / "dataset", true);
 }
 
 /// What the draw lets the program know; the true poses are for this program alone.
-experiment::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folder) {
-  experiment::MapInputs map = experiment::map_inputs(folder / "odometry", folder / "dataset");
+scoring::MapInputs known_inputs(const FlightDraw& draw, const fs::path& folder) {
+  scoring::MapInputs map = scoring::find_map_inputs(folder / "odometry", folder / "dataset");
   map.truth_trajectory.clear();
   if (draw.aids != Aids::kAttitude) map.attitude.clear();
   if (draw.aids == Aids::kNothing) map.gps.clear();
@@ -182,22 +182,22 @@ Outcome fly(const Field& field, const FlightDraw& draw, const std::string& name,
   const auto begin = std::chrono::steady_clock::now();
   try {
     if (!fs::exists(folder / "dataset")) render(field, draw, folder);
-    if (!fs::exists(folder / "odometry")) experiment::track(folder / "dataset", folder / "odometry", false, {}, {});
-    const json tracked = json::parse(geometry::read_text(folder / "odometry/odometry.json"));
+    if (!fs::exists(folder / "odometry")) survey::track(folder / "dataset", folder / "odometry", false, {}, {});
+    const json tracked = json::parse(base::read_text(folder / "odometry/odometry.json"));
     outcome.frames = tracked.at("frames");
     outcome.tracked = tracked.at("frames_tracked");
     outcome.stage = "odometry";
     add_doubts(tracked, outcome);
-    const experiment::MapInputs map = known_inputs(draw, folder);
-    const json transform = experiment::align(map, field.truth, {}, folder / "transform.json");
+    const scoring::MapInputs map = known_inputs(draw, folder);
+    const json transform = scoring::align(map, field.truth, {}, folder / "transform.json");
     outcome.stage = "align";
     outcome.sigma_m = sigma_of(transform);
     add_doubts(transform, outcome);
     const geometry::Trajectory truth = geometry::read_tum(folder / "dataset/groundtruth.txt");
     outcome.errors =
-        true_errors(experiment::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
+        true_errors(scoring::read_map(map.map), geometry::read_tum(map.trajectory), truth, matrix_of(transform));
     outcome.path_sigmas = path_sigmas(folder / "odometry", truth);
-    add_doubts(experiment::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
+    add_doubts(scoring::evaluate(map, field.truth, folder / "transform.json", {}, folder / "metrics.json"), outcome);
     outcome.stage = "evaluate";
   } catch (const InputError& error) {
     outcome.error = error.what();
@@ -223,7 +223,7 @@ std::vector<Outcome> read_outcomes(const std::vector<fs::path>& folders) {
   std::sort(files.begin(), files.end());
   std::vector<Outcome> outcomes;
   for (const fs::path& file : files) {
-    outcomes.push_back(outcome_from_json(json::parse(geometry::read_text(file))));
+    outcomes.push_back(outcome_from_json(json::parse(base::read_text(file))));
     const fs::path truth = file.parent_path() / "dataset/groundtruth.txt";
     const fs::path odometry = file.parent_path() / "odometry";
     if (fs::exists(truth) && fs::exists(odometry / "quality.csv"))
@@ -275,7 +275,7 @@ class ProvingGround {
       const std::string name = flight_name(number, place, draw);
       const fs::path folder = options_.out / "flights" / name;
       if (options_.keep == "all" && fs::exists(folder / "outcome.json"))
-        return outcome_from_json(json::parse(geometry::read_text(folder / "outcome.json")));
+        return outcome_from_json(json::parse(base::read_text(folder / "outcome.json")));
       if (!fs::exists(folder / "flight.yaml")) {
         const auto poses = place_flight(draw, field(place).ground());
         if (!poses && seed < first + 99) continue;
@@ -283,7 +283,7 @@ class ProvingGround {
         write_flight(draw, *poses, folder);
       }
       const Outcome outcome = fly(field(place), draw, name, folder);
-      geometry::write_file(folder / "outcome.json", to_json(outcome).dump(2) + "\n");
+      base::write_file(folder / "outcome.json", to_json(outcome).dump(2) + "\n");
       return outcome;
     }
   }
@@ -323,8 +323,8 @@ int main_of(int argc, char** argv) {
     const std::vector<Outcome> outcomes = ProvingGround(options).run();
     json all = json::array();
     for (const Outcome& outcome : outcomes) all.push_back(to_json(outcome));
-    geometry::write_file(options.out / "outcomes.json", all.dump(2) + "\n");
-    geometry::write_file(options.out / "summary.md", summary(outcomes));
+    base::write_file(options.out / "outcomes.json", all.dump(2) + "\n");
+    base::write_file(options.out / "summary.md", summary(outcomes));
     std::cout << summary(outcomes);
     const bool silent = std::ranges::any_of(outcomes, [](const Outcome& o) { return o.verdict() == "SILENT"; });
     const auto right = std::ranges::count_if(outcomes, [](const Outcome& o) { return o.verdict() == "right"; });

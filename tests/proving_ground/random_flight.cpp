@@ -6,7 +6,7 @@
 #include <functional>
 #include <numbers>
 
-#include "tileflight/evaluation/split_mix.h"
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/flight/path.h"
 
 namespace tileflight::proving_ground {
@@ -33,7 +33,7 @@ class Random {
   }
 
  private:
-  evaluation::SplitMix64 bits_;
+  base::SplitMix64 bits_;
 };
 
 /// Where the path is after a part of it (0 to 1), and which way it leads.

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/evaluation/paper.h"
+#include "tileflight/base/files.h"
+#include "tileflight/evaluation/published_results.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/trajectory.h"
-#include "tileflight/geometry/files.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/tiling/glb_writer.h"
 
@@ -35,7 +35,7 @@ class SyntheticRun {
 
   void write() const {
     nlohmann::json results{{"name", options_.name},
-                           {"paper", evaluation::paper_table()},
+                           {"paper", evaluation::published_table()},
                            {"truth", truth()},
                            {"provenance", provenance()}};
     write_truth();
@@ -100,7 +100,7 @@ class SyntheticRun {
     }
     std::filesystem::create_directories(folder_ / "truth");
     geometry::write_cloud(folder_ / "truth/voxels.ply", centers);
-    geometry::write_file(folder_ / "truth/mesh.glb", tiling::write_glb({textured_place()}, {}));
+    base::write_file(folder_ / "truth/mesh.glb", tiling::write_glb({textured_place()}, {}));
   }
 
   /// Stripes across and along, brighter to the north.

@@ -7,7 +7,7 @@
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/global_registration.h"
 #include "tileflight/alignment/ordered_sum.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 
@@ -24,7 +24,7 @@ double area_m2(const TriangleMesh& mesh, const std::array<std::uint32_t, 3>& t) 
 }
 
 /// Additive recurrence of Roberts's R2 sequence, folded into the triangle.
-Vec3 point_of_triangle(const TriangleMesh& mesh, const std::array<std::uint32_t, 3>& t, std::size_t k) {
+Vec3 low_discrepancy_point(const TriangleMesh& mesh, const std::array<std::uint32_t, 3>& t, std::size_t k) {
   constexpr double kFirst = 0.7548776662466927, kSecond = 0.5698402909980532;
   const auto n = static_cast<double>(k + 1);
   double u = std::fmod(0.5 + kFirst * n, 1.0), v = std::fmod(0.5 + kSecond * n, 1.0);
@@ -36,11 +36,11 @@ Vec3 point_of_triangle(const TriangleMesh& mesh, const std::array<std::uint32_t,
   return o + u * (mesh.vertices[t[1]] - o) + v * (mesh.vertices[t[2]] - o);
 }
 
-/// How closely the map lies on the target after the coarse steps: mean of 1 - (distance / tolerance)^2, the tolerance
-/// being a hundredth of the moved map's size.
-class Closeness {
+/// Closeness of the map to the target after the coarse steps: mean of max(0, 1 - (distance / tolerance)^2); the
+/// tolerance is a hundredth of the aligned map's size.
+class ClosenessMetric {
  public:
-  Closeness(const PointCloud& map, const AlignmentTarget& target, const std::vector<Vec3>& target_points)
+  ClosenessMetric(const PointCloud& map, const AlignmentTarget& target, const std::vector<Vec3>& target_points)
       : target_(target), nearest_(target_points) {
     const std::size_t stride = std::max<std::size_t>(1, map.size() / 4000);
     for (std::size_t i = 0; i < map.size(); i += stride) points_.push_back(map.positions[i]);
@@ -51,7 +51,7 @@ class Closeness {
     radius_ = distances[distances.size() / 2];
   }
 
-  double of(const Sim3& T) const {
+  double evaluate(const Sim3& T) const {
     constexpr double kTolerance = 0.01;
     const double tolerance_m = kTolerance * T.scale * radius_;
     const double sum = ordered_sum<double>(points_.size(), [&](std::size_t begin, std::size_t end) {
@@ -65,8 +65,8 @@ class Closeness {
     return sum / static_cast<double>(points_.size());
   }
 
-  /// How far apart two transforms put the map's middle and rim, as a share of its size.
-  double apart(const Sim3& A, const Sim3& B) const {
+  /// Largest distance between the map's centre and outline under two transforms, as a share of its size.
+  double separation(const Sim3& A, const Sim3& B) const {
     double most_m = (A * mean_ - B * mean_).norm();
     for (int axis = 0; axis < 3; ++axis) {
       const Vec3 rim = mean_ + radius_ * Vec3::Unit(axis);
@@ -92,34 +92,35 @@ class Closeness {
   double radius_ = 0.0;
 };
 
-struct Place {
+struct RankedAlignment {
   Sim3 T;
   double closeness = 0.0;
 };
 
-/// Where the best candidates end after the coarse steps, closest first.
-std::vector<Place> looked_at_closely(const PointCloud& map, const GlobalRegistration& found,
-                                     const AlignmentTarget& target, const AlignMapOptions& options,
-                                     const Closeness& closeness) {
-  constexpr double kWorthALook = 0.6;  // of the best one's share
+/// Refines the best candidates by the coarse steps; closest first.
+std::vector<RankedAlignment> refine_candidates(const PointCloud& map, const GlobalRegistration& found,
+                                               const AlignmentTarget& target, const AlignMapOptions& options,
+                                               const ClosenessMetric& closeness) {
+  constexpr double kWorthALook = 0.6;  // of the best candidate's overlap; chosen by hand
   constexpr std::size_t kMost = 4;
-  std::vector<Place> places;
+  std::vector<RankedAlignment> places;
   for (const GlobalCandidate& c : found.candidates) {
-    if (places.size() == kMost || c.share < kWorthALook * found.candidates.front().share) break;
+    if (places.size() == kMost || c.overlap < kWorthALook * found.candidates.front().overlap) break;
     AlignMapOptions about = options;
     about.icp.scale_center = c.T_target_source.scale;
     about.scale_seeds = {1.0};
     const Sim3 T = align_coarsely(map, c.T_target_source, target, about).T_local_map;
-    places.push_back({T, closeness.of(T)});
+    places.push_back({T, closeness.evaluate(T)});
   }
-  std::ranges::stable_sort(places, [](const Place& a, const Place& b) { return a.closeness > b.closeness; });
+  std::ranges::stable_sort(
+      places, [](const RankedAlignment& a, const RankedAlignment& b) { return a.closeness > b.closeness; });
   return places;
 }
 
-std::string rival_note(const std::vector<Place>& places, const Closeness& closeness) {
+std::string rival_note(const std::vector<RankedAlignment>& places, const ClosenessMetric& closeness) {
   constexpr double kAsGood = 0.9, kElsewhere = 0.05;
   for (std::size_t k = 1; k < places.size(); ++k) {
-    const double apart = closeness.apart(places[0].T, places[k].T);
+    const double apart = closeness.separation(places[0].T, places[k].T);
     if (places[k].closeness < kAsGood * places[0].closeness || apart < kElsewhere) continue;
     char text[128];
     std::snprintf(text, sizeof text, "ambiguous: another place, %.2g of the map's size away, fits nearly as well",
@@ -131,7 +132,7 @@ std::string rival_note(const std::vector<Place>& places, const Closeness& closen
 
 }  // namespace
 
-std::vector<Vec3> even_surface_points(const TriangleMesh& mesh, std::size_t count) {
+std::vector<Vec3> sample_surface_evenly(const TriangleMesh& mesh, std::size_t count) {
   double whole_m2 = 0.0;
   for (const auto& t : mesh.triangles) whole_m2 += area_m2(mesh, t);
   if (!(whole_m2 > 0.0)) return {};
@@ -140,32 +141,32 @@ std::vector<Vec3> even_surface_points(const TriangleMesh& mesh, std::size_t coun
   double owed_m2 = 0.5 * each_m2;
   for (const auto& t : mesh.triangles) {
     for (owed_m2 += area_m2(mesh, t); owed_m2 >= each_m2; owed_m2 -= each_m2)
-      points.push_back(point_of_triangle(mesh, t, points.size()));
+      points.push_back(low_discrepancy_point(mesh, t, points.size()));
   }
   return points;
 }
 
 namespace {
 
-std::vector<Vec3> target_points(const AlignmentTarget& target) {
+std::vector<Vec3> sample_target(const AlignmentTarget& target) {
   constexpr std::size_t kSurfacePoints = 100000;
-  return target.mesh ? even_surface_points(*target.mesh, kSurfacePoints) : target.cloud->positions;
+  return target.mesh ? sample_surface_evenly(*target.mesh, kSurfacePoints) : target.cloud->positions;
 }
 
 }  // namespace
 
-double closeness_of(const PointCloud& map, const Sim3& T_local_map, const AlignmentTarget& target) {
-  return Closeness(map, target, target_points(target)).of(T_local_map);
+double compute_closeness(const PointCloud& map, const Sim3& T_local_map, const AlignmentTarget& target) {
+  return ClosenessMetric(map, target, sample_target(target)).evaluate(T_local_map);
 }
 
 MapAlignment align_map_globally(const PointCloud& map, const std::optional<Vec3>& map_up, const AlignmentTarget& target,
                                 const AlignMapOptions& options, const Progress& progress) {
   if (!target.mesh && !target.cloud) throw InputError("global registration", "needs a ground truth to register to");
-  const std::vector<Vec3> points = target_points(target);
-  GlobalOptions search;
+  const std::vector<Vec3> points = sample_target(target);
+  GlobalRegistrationOptions search;
   search.source_up = map_up;
   if (map_up) search.target_up = Vec3::UnitZ();
-  if (options.icp.scale == ScaleMode::kFixed) search.least_scale = search.most_scale = 1.0;
+  if (options.icp.scale == ScaleMode::kFixed) search.min_scale = search.max_scale = 1.0;
   report_progress(progress, 0, 3, "looking for the map's place");
   const GlobalRegistration found = register_globally(map.positions, points, search);
   if (found.candidates.empty()) {
@@ -173,15 +174,15 @@ MapAlignment align_map_globally(const PointCloud& map, const std::optional<Vec3>
                      "found no place where the map looks like the ground truth; give telemetry or a start");
   }
   report_progress(progress, 1, 3, "looking for the map's place");
-  const Closeness closeness(map, target, points);
-  const std::vector<Place> places = looked_at_closely(map, found, target, options, closeness);
+  const ClosenessMetric closeness(map, target, points);
+  const std::vector<RankedAlignment> places = refine_candidates(map, found, target, options, closeness);
   report_progress(progress, 2, 3, "looking for the map's place");
   AlignMapOptions from_there = options;
   from_there.scale_seeds = {1.0};
   MapAlignment alignment = align_map(map, places.front().T, target, from_there, progress);
   const std::string note = rival_note(places, closeness);
   if (!note.empty()) alignment.result.note += (alignment.result.note.empty() ? "" : "; ") + note;
-  alignment.closeness = closeness.of(alignment.result.T_target_source);
+  alignment.closeness = closeness.evaluate(alignment.result.T_target_source);
   return alignment;
 }
 

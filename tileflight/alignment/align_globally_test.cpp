@@ -1,5 +1,6 @@
 #include "tileflight/alignment/align_globally.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,7 +8,7 @@
 
 #include "tests/height_field.h"
 #include "tileflight/alignment/global_registration.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
@@ -17,6 +18,8 @@ using geometry::Sim3;
 using geometry::TriangleIndex;
 using geometry::TriangleMesh;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// Rolling ground with buildings of different sizes.
 double height_m(double x, double y) {
@@ -36,13 +39,13 @@ double height_m(double x, double y) {
   return z;
 }
 
-/// What odometry would leave of it: points over a part, noise of 0.1 m, one in ten wild.
+/// As from odometry: points over a part of it, noise of 0.1 m, one in ten an outlier.
 PointCloud map_points(const TriangleMesh& mesh) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> noise(0.0, 0.1);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   PointCloud cloud;
-  for (const Vec3& p : even_surface_points(mesh, 9000)) {
+  for (const Vec3& p : sample_surface_evenly(mesh, 9000)) {
     if (p.x() < -30.0 || p.y() > 45.0) continue;
     cloud.positions.push_back(p + Vec3(noise(random), noise(random), noise(random)));
     if (cloud.size() % 10 == 0) cloud.positions.back().z() += 15.0 * (unit(random) - 0.3);
@@ -90,10 +93,10 @@ TEST_F(AlignGlobally, FindsPlaceTurnAndScaleFromTheShapesAlone) {
 }
 
 TEST_F(AlignGlobally, ShrinkingGainsNoCloseness) {
-  const double right = closeness_of(local_, Sim3(), target_);
+  const double right = compute_closeness(local_, Sim3(), target_);
   EXPECT_GT(right, 0.6);
   const Sim3 tiny(0.01, Eigen::Quaterniond::Identity(), Vec3(0, 0, height_m(0, 0)));
-  EXPECT_LT(closeness_of(local_, tiny, target_), 0.5 * right) << "all of it lies within a metre of the ground";
+  EXPECT_LT(compute_closeness(local_, tiny, target_), 0.5 * right) << "all of it lies within a metre of the ground";
 }
 
 TEST_F(AlignGlobally, AKnownScaleIsKept) {
@@ -112,7 +115,7 @@ TEST(AlignGloballyInASymmetricPlace, SaysThatAnotherPlaceFitsAsWell) {
   const TriangleMesh mesh = tests::height_field(120, -60.0, 120.0, symmetric);
   const TriangleIndex index(mesh);
   PointCloud map;
-  map.positions = even_surface_points(mesh, 6000);
+  map.positions = sample_surface_evenly(mesh, 6000);
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
   const MapAlignment found = align_map_globally(map, Vec3::UnitZ(), {nullptr, &index, &mesh}, options);
@@ -136,10 +139,14 @@ TEST(RegisterGlobally, RefusesBadInput) {
   const std::vector<Vec3> few = {{0, 0, 0}, {1, 0, 0}}, same(10, Vec3(1, 2, 3));
   std::vector<Vec3> bad = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, std::nan("")}};
   const std::vector<Vec3> good = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {2, 1, 4}};
-  EXPECT_THROW(register_globally(few, good), InputError);
-  EXPECT_THROW(register_globally(good, bad), InputError);
-  EXPECT_THROW(register_globally(same, good), InputError);
-  EXPECT_THROW(register_globally(good, good, {.least_scale = 2.0, .most_scale = 1.0}), InputError);
+  EXPECT_THAT([&] { register_globally(few, good); },
+              ThrowsMessage<InputError>(HasSubstr("source cloud: has fewer than three points")));
+  EXPECT_THAT([&] { register_globally(good, bad); },
+              ThrowsMessage<InputError>(HasSubstr("target cloud: point 3 is not finite")));
+  EXPECT_THAT([&] { register_globally(same, good); },
+              ThrowsMessage<InputError>(HasSubstr("most of its points lie at one place")));
+  EXPECT_THAT([&] { register_globally(good, good, {.min_scale = 2.0, .max_scale = 1.0}); },
+              ThrowsMessage<InputError>(HasSubstr("scale range: must be two positive numbers")));
   EXPECT_TRUE(register_globally(good, good).candidates.empty()) << "five points tell nothing";
 }
 
@@ -147,7 +154,7 @@ TEST(EvenSurfacePoints, AreEvenByArea) {
   TriangleMesh mesh;
   mesh.vertices = {{0, 0, 0}, {3, 0, 0}, {0, 2, 0}, {10, 0, 0}, {11, 0, 0}, {10, 2, 0}, {20, 0, 0}};
   mesh.triangles = {{0, 1, 2}, {3, 4, 5}, {6, 6, 6}};  // 3 and 1 square metres, and none
-  const std::vector<Vec3> points = even_surface_points(mesh, 400);
+  const std::vector<Vec3> points = sample_surface_evenly(mesh, 400);
   EXPECT_NEAR(static_cast<double>(points.size()), 400.0, 1.0);
   std::size_t first = 0;
   Vec3 mean = Vec3::Zero();
@@ -158,7 +165,7 @@ TEST(EvenSurfacePoints, AreEvenByArea) {
   }
   EXPECT_NEAR(static_cast<double>(first), 300.0, 1.0);
   EXPECT_LT((mean / static_cast<double>(first) - Vec3(1.0, 2.0 / 3.0, 0.0)).norm(), 0.03) << "the centroid";
-  EXPECT_TRUE(even_surface_points({}, 10).empty());
+  EXPECT_TRUE(sample_surface_evenly({}, 10).empty());
 }
 
 }  // namespace

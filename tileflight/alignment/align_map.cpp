@@ -7,8 +7,8 @@
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 
@@ -17,16 +17,16 @@ using geometry::Sim3;
 using geometry::Vec3;
 using nlohmann::json;
 
-IcpOptions final_icp() {
+IcpOptions final_icp_options() {
   IcpOptions options;
-  options.go_on = true;
+  options.continue_after_false_stop = true;
   options.max_scale_change = 1.3;
   return options;
 }
 
-AlignMapOptions paper_preset() {
+AlignMapOptions paper_options() {
   AlignMapOptions options;
-  options.by_all_evidence = false;
+  options.use_all_evidence = false;
   options.coarse_radii_m.clear();
   options.icp = IcpOptions();
   return options;
@@ -34,7 +34,7 @@ AlignMapOptions paper_preset() {
 
 namespace {
 
-PointSpread spread_of(const std::vector<Vec3>& points) {
+PointSpread compute_spread(const std::vector<Vec3>& points) {
   PointSpread spread;
   const auto n = static_cast<double>(points.size());
   for (const Vec3& p : points) {
@@ -54,12 +54,12 @@ void add_note(std::string& note, const std::string& text) {
   if (!text.empty()) note += (note.empty() ? "" : "; ") + text;
 }
 
-/// Farther than telemetry is ever wrong: the surface may have been matched with another one. Judged at the camera,
-/// which is where telemetry was.
+/// Adds a note if ICP moved the map farther than the error of telemetry can explain, since it may have matched the
+/// wrong surface. Measured at the camera positions, which telemetry refers to.
 void note_distance(const geometry::Trajectory& T_map_camera, MapAlignment& alignment) {
   const TrajectoryAlignment& start = *alignment.trajectory;
   const double moved_m =
-      rms_motion_m(start.T_local_map, alignment.result.T_target_source, spread_of(positions(T_map_camera)));
+      rms_motion_m(start.T_local_map, alignment.result.T_target_source, compute_spread(positions(T_map_camera)));
   if (moved_m <= std::max(5.0, 3.0 * start.rmse_m)) return;
   char text[96];
   std::snprintf(text, sizeof text, "ICP moved the camera %.1f m (RMS) away from where telemetry had put it", moved_m);
@@ -87,13 +87,13 @@ MapAlignment align_map(const PointCloud& map, const Sim3& T_local_map_start, con
   report_progress(progress, 0, 2, "aligning the map");
   CoarseAlignment coarse = align_coarsely(map, T_local_map_start, target, centered);
   alignment.steps = std::move(coarse.steps);
-  alignment.scale_seed = coarse.scale_seed;
+  alignment.scale_seed = coarse.best_scale_seed;
   report_progress(progress, 1, 2, "aligning the map");
   alignment.result = align_step(map, coarse.T_local_map, target, centered.icp);
   add_note(alignment.result.note, coarse.note);
   report_progress(progress, 2, 2, "aligning the map");
   alignment.moved_from_start_m =
-      rms_motion_m(T_local_map_start, alignment.result.T_target_source, spread_of(map.positions));
+      rms_motion_m(T_local_map_start, alignment.result.T_target_source, compute_spread(map.positions));
   return alignment;
 }
 
@@ -115,12 +115,12 @@ json to_json(const MapAlignment& alignment) {
   object["scale_seed"] = alignment.scale_seed;
   if (alignment.closeness) object["closeness"] = *alignment.closeness;
   object["steps"] = json::array();
-  for (const AlignmentResult& s : alignment.steps) object["steps"].push_back(to_json(s));
+  for (const IcpResult& s : alignment.steps) object["steps"].push_back(to_json(s));
   return object;
 }
 
 void write_transform(const std::filesystem::path& file, const MapAlignment& alignment) {
-  geometry::write_file(file, to_json(alignment).dump(2) + "\n");
+  base::write_file(file, to_json(alignment).dump(2) + "\n");
 }
 
 }  // namespace tileflight::alignment

@@ -8,83 +8,85 @@
 
 #include "tileflight/alignment/align_trajectory.h"
 #include "tileflight/alignment/icp.h"
-#include "tileflight/geometry/progress.h"
+#include "tileflight/base/progress.h"
 
 namespace tileflight::alignment {
 
-/// The paper's ICP settings, but that a false stop of its rule is not left where it is, and that a start whose scale is
-/// 20 % too small (true scale: 1.25 of it) has its true scale within the bound.
-IcpOptions final_icp();
+/// The paper's ICP settings, with two changes: after a false stop of the stopping rule the iteration continues, and the
+/// scale bound is wide enough for a start whose scale is 20 % too small (true scale: 1.25 times it).
+IcpOptions final_icp_options();
 
-/// Where an alignment begins.
+/// Where an alignment starts.
 enum class AlignmentStart {
-  kAuto,       ///< telemetry or true poses where there are any; else the map as it is, and if it does not fit there,
-               ///< geometry
-  kAsItIs,     ///< the map is in the local frame, but for small errors
+  kAuto,       ///< telemetry or true poses if available; else the map as it is, and if it does not fit there, geometry
+  kAsItIs,     ///< the map is already in the local frame, except for small errors
   kGiven,      ///< the given transform
-  kTruePoses,  ///< true poses, for who asks for them: nothing that a flight knows of itself
-  kGeometry    ///< found from the shapes alone (align_map_globally())
+  kTruePoses,  ///< true poses; only on explicit request, since a real flight does not have them
+  kGeometry    ///< found from geometry alone (align_map_globally())
 };
 
 struct AlignMapOptions {
-  /// Registration to the exact surface by all that is known (register_map.h), where the ground truth has a surface;
-  /// false: ICP from one start with the settings below. For who calls align_map(): it is ICP's.
-  bool by_all_evidence = true;
-  AlignmentStart start = AlignmentStart::kAuto;  ///< for who calls align_map(): it begins where it is told
-  geometry::Sim3 given_start{};                  ///< map to local, of AlignmentStart::kGiven
-  std::optional<geometry::Vec3> map_up{};        ///< against gravity in the map's frame; else from the trajectory
+  /// Register to the exact surface with all available evidence (register_map.h), if the ground truth has a surface;
+  /// false: ICP from one start with the settings below. Read by the caller; align_map() itself always uses ICP.
+  bool use_all_evidence = true;
+  AlignmentStart start = AlignmentStart::kAuto;  ///< read by the caller; align_map() starts at the given transform
+  geometry::Sim3 given_start{};                  ///< map to local, for AlignmentStart::kGiven
+  std::optional<geometry::Vec3> map_up{};        ///< direction against gravity, map frame; none: estimated from the
+                                                 ///< trajectory
   AlignTrajectoryOptions trajectory{};
-  /// Radii of the steps that pull in the error of the telemetry, metres; the first keeps the scale. Empty: the final
-  /// step only.
+  /// Radii of the coarse steps that correct the error of the telemetry, metres; the first step keeps the scale. Empty:
+  /// final step only.
   std::vector<double> coarse_radii_m = {8.0, 4.0, 2.0, 1.0};
-  /// Factors of the start's scale from which the coarse steps are tried; the end that fits best is gone on with. Only
-  /// the first step's scale is theirs: the bound stays about the start's own. With a fixed scale: the start's only.
+  /// Multiples of the start's scale at which the coarse steps are tried; the best result is kept. They set only the
+  /// scale of the first step: the scale bound stays around the start's own. With a fixed scale only 1 is used.
   std::vector<double> scale_seeds = {1.0, 0.87, 1.15};
   IcpMethod coarse_method = IcpMethod::kPointToMesh;  ///< without a mesh: point-to-point
-  IcpOptions icp = final_icp();       ///< of the final step; its regions and scale mode hold for all steps
-  std::size_t most_points = 1000000;  ///< of the map; more are thinned evenly (scores still take all)
-  bool find_regions = false;  ///< for who calls align_map(): a last step on regions found where the map then lies
-  std::vector<geometry::Box3> held_out{};  ///< regions named by hand that nothing is aligned on, for scoring
+  IcpOptions icp = final_icp_options();               ///< final step; its regions and scale mode apply to all steps
+  std::size_t max_points = 1000000;  ///< map points used; larger maps are subsampled evenly (scores still use all
+                                     ///< points)
+  bool find_regions = false;         ///< read by the caller: add a last step on regions found around the aligned map
+  std::vector<geometry::Box3> held_out{};  ///< regions given by the user that are excluded from alignment and used for
+                                           ///< scoring
 };
 
-/// The paper's alignment and nothing else: point to point, radius 1 m, RMS change 1e-5, at most 1500 iterations, from
-/// the start as it is. A false stop of its rule stays, and is said.
-AlignMapOptions paper_preset();
+/// The paper's alignment only: point to point, radius 1 m, RMS change 1e-5, at most 1500 iterations, from the
+/// unmodified start. A false stop of the rule is kept and reported.
+AlignMapOptions paper_options();
 
-/// Ground truth to align to. The mesh may be missing (both null), then only the methods between clouds can be used.
+/// Ground truth to align to. The mesh may be missing (both null); then only cloud-to-cloud methods can be used.
 struct AlignmentTarget {
   const geometry::PointCloud* cloud =
-      nullptr;  ///< voxel centres, or any cloud; needed for point-to-point and point-to-plane
+      nullptr;  ///< voxel centres or any point cloud; required for point-to-point and point-to-plane
   const geometry::TriangleIndex* index = nullptr;
   const geometry::TriangleMesh* mesh = nullptr;
 };
 
 struct MapAlignment {
-  AlignmentResult result;  ///< T_local_map and its diagnostics, of the final step; notes of all steps
-  std::optional<TrajectoryAlignment> trajectory;  ///< the step from telemetry, where there was one
-  std::vector<AlignmentResult> steps;             ///< coarse ones, in order, from the scale seed that won
-  double scale_seed = 1.0;                        ///< that seed
-  std::optional<double> closeness;  ///< of one found from geometry: 1 if all points lie on the surface, 0 if none is
-                                    ///< within a hundredth of the map's size
-  double moved_from_start_m = 0.0;  ///< how far all ICP steps together moved the map's points (RMS)
+  IcpResult result;                               ///< T_local_map and diagnostics of the final step; notes of all steps
+  std::optional<TrajectoryAlignment> trajectory;  ///< the alignment by telemetry, if there was one
+  std::vector<IcpResult> steps;                   ///< coarse steps in order, from the best scale seed
+  double scale_seed = 1.0;                        ///< the best scale seed
+  std::optional<double> closeness;  ///< only for a start from geometry: 1 if all points lie on the surface, 0 if none
+                                    ///< is within a hundredth of the map's size
+  double moved_from_start_m = 0.0;  ///< RMS distance by which all ICP steps together moved the map's points
 };
 
-/// From a start (telemetry, or known otherwise) to the map's place: ICP steps with a radius that shrinks, then the
-/// final step, by default with the paper's settings. Regions choose the points that take part; the transform is for the
-/// whole map. Throws InputError as icp() does, and where a method lacks its target.
+/// Aligns a map from a start: ICP steps with decreasing radius, then the final step, by default with the paper's
+/// settings. Regions select the points used; the transform applies to the whole map. Throws InputError as icp() does,
+/// and if the target of a method is missing.
 MapAlignment align_map(const geometry::PointCloud& map, const geometry::Sim3& T_local_map_start,
                        const AlignmentTarget& target, const AlignMapOptions& options = {},
                        const Progress& progress = {});
 
-/// The same, started from the camera's trajectory (map frame) and a receiver's positions (local frame).
+/// Same, starting from the camera's trajectory (map frame) and a receiver's positions (local frame).
 MapAlignment align_map(const geometry::PointCloud& map, const geometry::Trajectory& T_map_camera,
                        const std::vector<PositionFix>& fixes, const AlignmentTarget& target,
                        const AlignMapOptions& options = {}, const Progress& progress = {});
 
-/// The final result's keys (transform.json), with `telemetry` and `steps` for the diagnostics.
+/// The keys of the final result (transform.json), with `telemetry` and `steps` as diagnostics.
 nlohmann::json to_json(const MapAlignment& alignment);
 
-/// `transform.json` with those keys. Throws InputError.
+/// Writes `transform.json` with those keys. Throws InputError.
 void write_transform(const std::filesystem::path& file, const MapAlignment& alignment);
 
 }  // namespace tileflight::alignment

@@ -1,5 +1,6 @@
 #include "tileflight/alignment/align_map.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,7 +10,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
@@ -20,6 +21,8 @@ using geometry::Trajectory;
 using geometry::TriangleIndex;
 using geometry::TriangleMesh;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr double kHalf_m = 60.0;
 
@@ -49,7 +52,7 @@ TriangleMesh place() {
   return mesh;
 }
 
-/// Points on the surface with noise of 0.2 m, a tenth of them wild: what odometry would leave, in the local frame.
+/// As from odometry, in the local frame: points on the surface with noise of 0.2 m, a tenth of them outliers.
 PointCloud surface_points(const TriangleMesh& mesh, std::size_t n) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -87,7 +90,7 @@ Trajectory map_trajectory() {
   return trajectory;
 }
 
-/// Positions with a bias of 2.5 m that turns, noise and a lag.
+/// Positions with a rotating bias of 2.5 m, noise and a lag.
 std::vector<PositionFix> fixes() {
   std::mt19937_64 random(4);
   std::normal_distribution<double> noise(0.0, 0.3);
@@ -143,8 +146,13 @@ TEST_F(AlignMap, WithoutAMeshTheCloudServes) {
 
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
-  EXPECT_THROW(align_map(map_, T_local_map(), cloud_only, options), InputError);
-  EXPECT_THROW(align_map(map_, T_local_map(), {nullptr, &index_, &mesh_}), InputError);
+  EXPECT_THAT([&] { align_map(map_, T_local_map(), cloud_only, options); },
+              ThrowsMessage<InputError>(HasSubstr("point-to-mesh needs a ground truth with a mesh")));
+  EXPECT_THAT(
+      [&] {
+        align_map(map_, T_local_map(), {nullptr, &index_, &mesh_});
+      },
+      ThrowsMessage<InputError>(HasSubstr("need a ground truth cloud")));
 }
 
 TEST_F(AlignMap, PullsInTiltedAndShiftedStarts) {
@@ -167,14 +175,15 @@ TEST_F(AlignMap, PullsInStartsTenMetresFifteenDegreesAndAFifthOfTheScaleOff) {
   const Vec3 shift = 10.0 * Vec3(0.6, -0.64, 0.48), turn_rad = 0.2618 * Vec3(0.48, 0.6, -0.64);
   for (const auto& [scale, sign] : {std::pair{0.8, 1.0}, {1.2, -1.0}}) {
     const Sim3 off(scale, geometry::so3_exp(sign * turn_rad), sign * shift);
-    const AlignmentResult result = align_map(map_, off * T_local_map(), target_, options).result;
+    const IcpResult result = align_map(map_, off * T_local_map(), target_, options).result;
     EXPECT_LT(error_m(result.T_target_source), 0.12) << "scale " << scale << ": " << result.note;
     EXPECT_TRUE(result.converged) << result.note;
   }
 }
 
 TEST_F(AlignMap, OfTheScaleSeedsTheBestIsGoneOnWith) {
-  // The true scale is 2.1 of the start's: out of the reach of the start itself, not of a seed at twice it.
+  // The true scale is 2.1 times the start's: out of reach from the start itself, but not from a seed at twice its
+  // scale.
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
   options.icp.max_scale_change = 2.2;
@@ -191,12 +200,12 @@ TEST_F(AlignMap, OfTheScaleSeedsTheBestIsGoneOnWith) {
 TEST(Thinned, LeavesEveryKth) {
   PointCloud cloud;
   for (int k = 0; k < 1001; ++k) cloud.positions.emplace_back(k, 0, 0);
-  EXPECT_EQ(thinned(cloud, 2000).size(), 1001u);
-  EXPECT_EQ(thinned(cloud, 1001).size(), 1001u);
-  const PointCloud half = thinned(cloud, 1000);
+  EXPECT_EQ(subsample(cloud, 2000).size(), 1001u);
+  EXPECT_EQ(subsample(cloud, 1001).size(), 1001u);
+  const PointCloud half = subsample(cloud, 1000);
   EXPECT_EQ(half.size(), 501u);
   EXPECT_EQ(half.positions[2].x(), 4.0);
-  EXPECT_TRUE(thinned({}, 10).empty());
+  EXPECT_TRUE(subsample({}, 10).empty());
 }
 
 TEST_F(AlignMap, TrianglesWithoutAreaAndWildPointsDoNotCount) {
@@ -206,12 +215,12 @@ TEST_F(AlignMap, TrianglesWithoutAreaAndWildPointsDoNotCount) {
   const TriangleIndex index(degenerate);
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
-  const AlignmentResult result = align_map(map_, T_local_map(), {&centers_, &index, &degenerate}, options).result;
+  const IcpResult result = align_map(map_, T_local_map(), {&centers_, &index, &degenerate}, options).result;
   EXPECT_LT(error_m(result.T_target_source), 0.12) << result.note;
 
   PointCloud elsewhere;
   for (int k = 0; k < 500; ++k) elsewhere.positions.emplace_back(1e4 + k, 1e5, 1e3);
-  const AlignmentResult nothing = align_map(elsewhere, Sim3(), target_, options).result;
+  const IcpResult nothing = align_map(elsewhere, Sim3(), target_, options).result;
   EXPECT_FALSE(nothing.converged);
   EXPECT_NE(nothing.note.find("no correspondence"), std::string::npos) << nothing.note;
 }
@@ -225,12 +234,12 @@ TEST(AlignMapToAPlane, SaysThatAnotherScaleFitsAsWell) {
   }
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
-  const AlignmentResult result = align_map(map, Sim3(), {nullptr, &index, &plane}, options).result;
+  const IcpResult result = align_map(map, Sim3(), {nullptr, &index, &plane}, options).result;
   EXPECT_NE(result.note.find("fits as well"), std::string::npos) << result.note;
 }
 
 TEST(AlignMapToARoundPlace, SaysWhichTurnIsOpen) {
-  // A level floor, and from 25 m on a slope all around: any turn about the vertical fits as well.
+  // A level floor, and from 25 m on a slope all around: any rotation about the vertical fits equally well.
   const TriangleMesh bowl = tests::height_field(
       100, -50.0, 100.0, [](double x, double y) { return 0.8 * std::max(0.0, std::hypot(x, y) - 25.0); });
   const TriangleIndex index(bowl);
@@ -241,7 +250,7 @@ TEST(AlignMapToARoundPlace, SaysWhichTurnIsOpen) {
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
   const Sim3 start(1.03, geometry::so3_exp({0.02, -0.01, 0.2}), {1.0, -1.0, 0.5});
-  const AlignmentResult result = align_map(map, start, {nullptr, &index, &bowl}, options).result;
+  const IcpResult result = align_map(map, start, {nullptr, &index, &bowl}, options).result;
   EXPECT_FALSE(result.constraint.well_constrained);
   EXPECT_EQ(result.constraint.weakest_motion, "rotation about z");
   EXPECT_NE(result.note.find("ambiguous"), std::string::npos) << result.note;
@@ -261,7 +270,7 @@ TEST_F(AlignMap, JsonTellsEveryStep) {
   const MapAlignment alignment = align_map(map_, map_trajectory(), fixes(), target_);
   const tests::TemporaryFolder folder;
   write_transform(folder / "transform.json", alignment);
-  const AlignmentResult back = read_transform(folder / "transform.json");
+  const IcpResult back = read_transform(folder / "transform.json");
   EXPECT_LT((back.T_target_source.matrix() - alignment.result.T_target_source.matrix()).norm(), 1e-9);
   const auto json = to_json(alignment);
   EXPECT_EQ(json.at("steps").size(), 4u);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 
@@ -18,7 +18,7 @@ struct Pairs {
   std::vector<Vec3> map, local;
 };
 
-bool moves(const Trajectory& trajectory) {
+bool has_motion(const Trajectory& trajectory) {
   const Vec3& first = trajectory.poses.front().T_local_camera.translation;
   constexpr double kRounding = 1e-9;
   return std::any_of(trajectory.poses.begin(), trajectory.poses.end(), [&](const geometry::StampedPose& pose) {
@@ -34,15 +34,16 @@ void check_input(const Trajectory& trajectory, const std::vector<PositionFix>& f
       throw InputError("trajectory", "a pose is not finite");
     }
   }
-  if (!moves(trajectory)) throw InputError("trajectory", "the camera does not move, so that its scale is unknown");
+  if (!has_motion(trajectory)) throw InputError("trajectory", "the camera does not move, so that its scale is unknown");
   for (const PositionFix& fix : fixes) {
     if (!fix.position.allFinite() || !std::isfinite(fix.time_s))
       throw InputError("telemetry", "a position is not finite");
   }
 }
 
-/// Logs repeat a position until the receiver has a new one; only the first of a run is a measurement.
-std::vector<PositionFix> without_repeats(const std::vector<PositionFix>& fixes) {
+/// Removes repeated positions: logs repeat a position until the receiver has a new one; only the first is a
+/// measurement.
+std::vector<PositionFix> remove_repeats(const std::vector<PositionFix>& fixes) {
   std::vector<PositionFix> result;
   for (const PositionFix& fix : fixes) {
     if (result.empty() || fix.position != result.back().position) result.push_back(fix);
@@ -50,7 +51,7 @@ std::vector<PositionFix> without_repeats(const std::vector<PositionFix>& fixes) 
   return result;
 }
 
-Pairs pairs_at(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, double offset_s) {
+Pairs pair_positions_at(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, double offset_s) {
   Pairs pairs;
   for (const PositionFix& fix : fixes) {
     const auto pose = geometry::interpolate(trajectory, fix.time_s + offset_s);
@@ -61,9 +62,10 @@ Pairs pairs_at(const Trajectory& trajectory, const std::vector<PositionFix>& fix
   return pairs;
 }
 
-/// Fixes that stay within the trajectory's time for every offset of +-`margin_s`, so that the residuals of all offsets
-/// are over the same fixes.
-std::vector<PositionFix> inner(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, double margin_s) {
+/// Fixes within the trajectory's time range for every offset of +-`margin_s`, so that all offsets are evaluated over
+/// the same fixes.
+std::vector<PositionFix> trim_to_overlap(const Trajectory& trajectory, const std::vector<PositionFix>& fixes,
+                                         double margin_s) {
   const double from_s = trajectory.poses.front().time_s + margin_s, to_s = trajectory.poses.back().time_s - margin_s;
   std::vector<PositionFix> result;
   for (const PositionFix& fix : fixes) {
@@ -72,10 +74,10 @@ std::vector<PositionFix> inner(const Trajectory& trajectory, const std::vector<P
   return result;
 }
 
-/// How many independent measurements the residuals are worth: errors of a receiver stay alike for seconds. Count over
-/// the integrated autocorrelation, summed up to where it fades (Sokal, Monte Carlo methods in statistical mechanics,
-/// 1997, section 3).
-double independent(const std::vector<Vec3>& residuals) {
+/// Effective number of independent residuals, since a receiver's errors are correlated over seconds: count over the
+/// integrated autocorrelation time, summed until the autocorrelation fades (Sokal, Monte Carlo methods in statistical
+/// mechanics, 1997, section 3).
+double effective_sample_count(const std::vector<Vec3>& residuals) {
   const auto n = static_cast<double>(residuals.size());
   Vec3 mean = Vec3::Zero();
   for (const Vec3& r : residuals) mean += r / n;
@@ -96,7 +98,7 @@ double independent(const std::vector<Vec3>& residuals) {
   return std::max(3.0, n / time);
 }
 
-/// Residuals of the pairs that fit, in the fixes' order.
+/// Residuals of the inlier pairs, in the order of the fixes.
 std::vector<Vec3> inlier_residuals(const Pairs& pairs, const geometry::Sim3& T, double inlier_m) {
   std::vector<Vec3> residuals;
   for (std::size_t i = 0; i < pairs.map.size(); ++i) {
@@ -109,41 +111,40 @@ std::vector<Vec3> inlier_residuals(const Pairs& pairs, const geometry::Sim3& T, 
 /// The robust residual as a function of the offset.
 class OffsetCost {
  public:
-  OffsetCost(const Trajectory& trajectory, std::vector<PositionFix> fixes, ScaleMode scale, RobustOptions robust)
+  OffsetCost(const Trajectory& trajectory, std::vector<PositionFix> fixes, ScaleMode scale, RobustUmeyamaOptions robust)
       : trajectory_(trajectory), fixes_(std::move(fixes)), scale_(scale), robust_(robust) {
-    constexpr int kFewTriples = 60;  // for each of many offsets; the final fit takes them all
+    constexpr int kFewTriples = 60;  // per offset; the final fit uses all triples
     robust_.samples = std::min(robust_.samples, kFewTriples);
   }
 
   double operator()(double offset_s) const {
-    const Pairs pairs = pairs_at(trajectory_, fixes_, offset_s);
+    const Pairs pairs = pair_positions_at(trajectory_, fixes_, offset_s);
     const auto fit = robust_umeyama(pairs.map, pairs.local, scale_, robust_);
     return robust_cost_m2(fit.T_target_source, pairs.map, pairs.local, robust_.inlier_m);
   }
 
-  /// Independent measurements among the residuals at an offset.
-  double measurements(double offset_s) const {
-    const Pairs pairs = pairs_at(trajectory_, fixes_, offset_s);
+  /// Effective number of independent residuals at an offset.
+  double effective_samples(double offset_s) const {
+    const Pairs pairs = pair_positions_at(trajectory_, fixes_, offset_s);
     const auto fit = robust_umeyama(pairs.map, pairs.local, scale_, robust_);
-    return independent(inlier_residuals(pairs, fit.T_target_source, robust_.inlier_m));
+    return effective_sample_count(inlier_residuals(pairs, fit.T_target_source, robust_.inlier_m));
   }
 
  private:
   const Trajectory& trajectory_;
   std::vector<PositionFix> fixes_;
   ScaleMode scale_;
-  RobustOptions robust_;
+  RobustUmeyamaOptions robust_;
 };
 
 struct Minimum {
   double at = 0.0;
   double value = 0.0;
   double curvature = 0.0;  ///< second derivative
-  bool inside = false;     ///< a dip, not an end of the range
+  bool inside = false;     ///< a minimum inside the range, not at its end
 };
 
-/// Least value of `cost` on the grid of +-`reach` about `center`, refined by the parabola through it and its
-/// neighbours.
+/// Minimum of `cost` on the grid of +-`reach` around `center`, refined by a parabola through it and its neighbours.
 Minimum grid_minimum(const OffsetCost& cost, double center, double reach, double step) {
   const int half = static_cast<int>(std::lround(reach / step));
   std::vector<double> values;
@@ -165,16 +166,18 @@ void add_note(TrajectoryAlignment& result, const std::string& text) {
   result.note += (result.note.empty() ? "" : "; ") + text;
 }
 
-/// Of c(o) = c0 + k/2 (o - best)^2, with c0 the mean squared residual of n measurements: sigma^2 = 2 c0 / (k n).
+/// Standard deviation of the offset: for c(o) = c0 + k/2 (o - best)^2, with c0 the mean squared residual of n
+/// measurements: sigma^2 = 2 c0 / (k n).
 double offset_sigma_s(const Minimum& minimum, double measurements) {
   return std::sqrt(2.0 * minimum.value / (minimum.curvature * measurements));
 }
 
-void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix>& fixes, const RobustOptions& robust,
-                     const AlignTrajectoryOptions& options, TrajectoryAlignment& result) {
+void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix>& fixes,
+                     const RobustUmeyamaOptions& robust, const AlignTrajectoryOptions& options,
+                     TrajectoryAlignment& result) {
   const double span_s = trajectory.poses.back().time_s - trajectory.poses.front().time_s;
   const double reach_s = std::min(options.max_time_offset_s, 0.2 * span_s);
-  const auto within = inner(trajectory, fixes, reach_s);
+  const auto within = trim_to_overlap(trajectory, fixes, reach_s);
   constexpr std::size_t kEnough = 10;
   if (within.size() < kEnough) return add_note(result, "too few positions for the time offset, taken as 0 s");
 
@@ -182,7 +185,7 @@ void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix
   const double coarse_s = reach_s / 20.0;
   const Minimum coarse = grid_minimum(cost, 0.0, reach_s, coarse_s);
   constexpr double kTooUncertain_s = 0.3;
-  const double sigma_s = coarse.inside ? offset_sigma_s(coarse, cost.measurements(coarse.at)) : reach_s;
+  const double sigma_s = coarse.inside ? offset_sigma_s(coarse, cost.effective_samples(coarse.at)) : reach_s;
   if (!(sigma_s < kTooUncertain_s)) {
     return add_note(result, "the path does not tell the time offset of the telemetry, taken as 0 s");
   }
@@ -191,14 +194,14 @@ void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix
   result.time_offset_sigma_s = sigma_s;
 }
 
-RobustOptions widened(RobustOptions robust, const std::vector<PositionFix>& fixes) {
+RobustUmeyamaOptions widen_inlier_threshold(RobustUmeyamaOptions robust, const std::vector<PositionFix>& fixes) {
   double largest_m = 0.0;
   for (const PositionFix& fix : fixes) largest_m = std::max({largest_m, fix.horizontal_sigma_m, fix.vertical_sigma_m});
   robust.inlier_m = std::max(robust.inlier_m, 3.0 * largest_m);
   return robust;
 }
 
-/// Spread of the path across its best line, metres.
+/// RMS distance of the path from its best-fitting line, metres.
 double spread_across_m(const std::vector<Vec3>& points) {
   Vec3 mean = Vec3::Zero();
   for (const Vec3& p : points) mean += p / static_cast<double>(points.size());
@@ -207,9 +210,9 @@ double spread_across_m(const std::vector<Vec3>& points) {
   return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<geometry::Mat3>(covariance).eigenvalues()[1]));
 }
 
-void judge_roll(const Pairs& pairs, double inlier_m, TrajectoryAlignment& result) {
+void set_roll_sigma(const Pairs& pairs, double inlier_m, TrajectoryAlignment& result) {
   const double across_m = result.T_local_map.scale * spread_across_m(pairs.map);
-  const double measurements = independent(inlier_residuals(pairs, result.T_local_map, inlier_m));
+  const double measurements = effective_sample_count(inlier_residuals(pairs, result.T_local_map, inlier_m));
   const double error_m = result.rmse_m / std::sqrt(measurements);
   result.roll_sigma_rad = across_m > 0.0 ? std::min(3.14, error_m / across_m) : 3.14;
   constexpr double kTooUncertain_rad = 0.1;
@@ -223,12 +226,12 @@ void judge_roll(const Pairs& pairs, double inlier_m, TrajectoryAlignment& result
 TrajectoryAlignment align_trajectory(const Trajectory& T_map_camera, const std::vector<PositionFix>& fixes,
                                      const AlignTrajectoryOptions& options) {
   check_input(T_map_camera, fixes);
-  const auto measured = without_repeats(fixes);
-  const RobustOptions robust = widened(options.robust, measured);
+  const auto measured = remove_repeats(fixes);
+  const RobustUmeyamaOptions robust = widen_inlier_threshold(options.robust, measured);
   TrajectoryAlignment result;
   if (options.estimate_time_offset) estimate_offset(T_map_camera, measured, robust, options, result);
 
-  const Pairs pairs = pairs_at(T_map_camera, measured, result.time_offset_s);
+  const Pairs pairs = pair_positions_at(T_map_camera, measured, result.time_offset_s);
   if (pairs.map.size() < 3) {
     throw InputError("telemetry",
                      "only " + std::to_string(pairs.map.size()) +
@@ -242,7 +245,7 @@ TrajectoryAlignment align_trajectory(const Trajectory& T_map_camera, const std::
   result.inliers = fit.inliers;
   result.rmse_m = fit.rmse_m;
   if (2 * result.inliers < result.pairs) add_note(result, "more than half of the positions do not fit the path");
-  judge_roll(pairs, robust.inlier_m, result);
+  set_roll_sigma(pairs, robust.inlier_m, result);
   return result;
 }
 

@@ -12,7 +12,7 @@ namespace tileflight::alignment {
 struct PositionFix {
   double time_s = 0.0;  ///< on the receiver's clock
   geometry::Vec3 position;
-  double horizontal_sigma_m = 0.0;  ///< 0: not known
+  double horizontal_sigma_m = 0.0;  ///< 0: unknown
   double vertical_sigma_m = 0.0;
 };
 
@@ -20,26 +20,26 @@ struct AlignTrajectoryOptions {
   bool estimate_time_offset = true;
   double max_time_offset_s = 2.0;
   ScaleMode scale = ScaleMode::kEstimated;
-  RobustOptions robust{};  ///< the inlier distance is widened to three times the fixes' sigma
+  RobustUmeyamaOptions robust{};  ///< the inlier distance is raised to three times the fixes' sigma
 };
 
 struct TrajectoryAlignment {
   geometry::Sim3 T_local_map;
   double time_offset_s =
-      0.0;  ///< a fix of time t shows where the camera was at t + offset; a receiver that lags has it negative
-  double time_offset_sigma_s = 0.0;  ///< roughly; 0 where it was not estimated
-  std::size_t pairs = 0;             ///< fixes within the trajectory's time, repeated positions counted once
+      0.0;  ///< a fix at time t is the camera's position at t + offset; negative for a receiver that lags
+  double time_offset_sigma_s = 0.0;  ///< approximate; 0 if not estimated
+  std::size_t pairs = 0;             ///< fixes within the trajectory's time range, repeated positions counted once
   std::size_t inliers = 0;
   double rmse_m = 0.0;          ///< over the inliers
-  double roll_sigma_rad = 0.0;  ///< about the line that fits the path best: large for a straight flight
-  std::string note;             ///< empty, or one line: what is doubtful
+  double roll_sigma_rad = 0.0;  ///< about the best-fitting line of the path; large for a straight flight
+  std::string note;             ///< warning, one line; empty: none
 };
 
-/// Similarity from the map's frame to the local frame, from camera positions against a receiver's: robust Umeyama over
-/// positions interpolated to the fixes' times. The constant offset between the two clocks (and the receiver's lag) is
-/// searched on a grid of +-max_time_offset_s for the least robust residual and refined by a parabola; where the path
-/// does not tell it (straight and even flight), it is left at zero. Throws InputError: empty or non-finite input, fewer
-/// than three fixes within the trajectory's time.
+/// Similarity from the map frame to the local frame, from camera positions and a receiver's positions: robust Umeyama
+/// over positions interpolated to the fixes' times. The constant clock offset (including the receiver's lag) is
+/// searched on a grid of +-max_time_offset_s for the smallest robust residual and refined by a parabola; it stays zero
+/// if the path does not determine it (straight flight at constant speed). Throws InputError for empty or non-finite
+/// input, and for fewer than three fixes within the trajectory's time range.
 TrajectoryAlignment align_trajectory(const geometry::Trajectory& T_map_camera, const std::vector<PositionFix>& fixes,
                                      const AlignTrajectoryOptions& options = {});
 

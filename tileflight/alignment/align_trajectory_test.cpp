@@ -1,5 +1,6 @@
 #include "tileflight/alignment/align_trajectory.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,8 +10,8 @@
 #include <regex>
 
 #include "tests/test_data.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/geodesy.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
@@ -18,14 +19,16 @@ namespace {
 using geometry::Sim3;
 using geometry::Trajectory;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 Sim3 T_local_map() { return {12.5, geometry::so3_exp({1.6, 0.2, -0.4}), {350.0, -130.0, 2930.0}}; }
 
-/// Where the camera is at a time, local frame: a winding climb at 6 m/s and more.
+/// Camera position at a time, local frame: a winding climb at 6 m/s or more.
 Vec3 winding(double t) { return {6.0 * t, 15.0 * std::sin(0.5 * t), 30.0 + 4.0 * std::sin(0.3 * t)}; }
 Vec3 straight(double t) { return {6.0 * t, 2.0 * t, 30.0}; }
 
-/// The path as odometry sees it, at 10 Hz.
+/// The path as from odometry, at 10 Hz.
 template <class Path>
 Trajectory odometry(const Path& path, double seconds) {
   Trajectory trajectory;
@@ -36,8 +39,8 @@ Trajectory odometry(const Path& path, double seconds) {
   return trajectory;
 }
 
-/// A receiver at 10 Hz that lags, with noise, a slow bias and now and then a wild position; each position is held for
-/// three entries.
+/// A receiver at 10 Hz with lag, noise, a slow bias and occasional outliers; each position is repeated for three
+/// entries.
 template <class Path>
 std::vector<PositionFix> receiver(const Path& path, double seconds, double lag_s, double noise_m, double bias_m,
                                   double wild_share) {
@@ -121,15 +124,20 @@ TEST(AlignTrajectory, StraightFlightTellsNeitherOffsetNorRoll) {
 TEST(AlignTrajectory, RefusesBadInput) {
   const Trajectory trajectory = odometry(winding, 20);
   auto fixes = receiver(winding, 20, 0.0, 0.1, 0.0, 0.0);
-  EXPECT_THROW(align_trajectory({}, fixes), InputError);
-  EXPECT_THROW(align_trajectory(trajectory, {}), InputError);
+  EXPECT_THAT([&] { align_trajectory({}, fixes); }, ThrowsMessage<InputError>(HasSubstr("trajectory: has no poses")));
+  EXPECT_THAT([&] { align_trajectory(trajectory, {}); },
+              ThrowsMessage<InputError>(HasSubstr("telemetry: has no positions")));
   auto later = fixes;
   for (auto& fix : later) fix.time_s += 1000.0;
-  EXPECT_THROW(align_trajectory(trajectory, later), InputError) << "no time in common";
+  EXPECT_THAT([&] { align_trajectory(trajectory, later); },
+              ThrowsMessage<InputError>(HasSubstr("only 0 of its positions lie within the trajectory's time")))
+      << "no time in common";
   fixes[3].position.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(align_trajectory(trajectory, fixes), InputError);
+  EXPECT_THAT([&] { align_trajectory(trajectory, fixes); },
+              ThrowsMessage<InputError>(HasSubstr("telemetry: a position is not finite")));
   const auto still = odometry([](double) { return Vec3(1, 2, 3); }, 20);
-  EXPECT_THROW(align_trajectory(still, receiver(winding, 20, 0.0, 0.1, 0.0, 0.0)), InputError)
+  EXPECT_THAT([&] { align_trajectory(still, receiver(winding, 20, 0.0, 0.1, 0.0, 0.0)); },
+              ThrowsMessage<InputError>(HasSubstr("the camera does not move")))
       << "a camera that does not move";
 }
 
@@ -158,7 +166,7 @@ TEST(AlignTrajectory, FlightOverMachangara) {
   ASSERT_EQ(fixes.size(), 600u);
   const Trajectory map = geometry::transformed(T_local_map().inverse(), truth);
   const auto result = align_trajectory(map, fixes);
-  // The log's bias is a metre or two, so the path cannot be placed better than that; its shape is.
+  // The log's bias is a metre or two, which limits the position of the path but not its shape.
   EXPECT_LT(rms_apart_m(result.T_local_map, map), 3.0) << result.note;
   EXPECT_NEAR(result.T_local_map.scale, 12.5, 0.02 * 12.5);
   EXPECT_LT(result.time_offset_s, -0.05) << "the receiver lags";

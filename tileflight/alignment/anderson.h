@@ -6,15 +6,15 @@
 
 namespace tileflight::alignment {
 
-/// Anderson acceleration of a fixed-point iteration x <- g(x) in seven dimensions: combines the last steps so that
-/// their residuals g(x) - x cancel best. Walker and Ni, SIAM J. Numerical Analysis 49(4), 2011 (their method of
-/// differences); for ICP see Pavlov et al., ICRA 2018.
-class Anderson {
+/// Anderson acceleration of a fixed-point iteration x <- g(x) in seven dimensions: combines the last steps so that the
+/// norm of their combined residuals g(x) - x is minimal. Walker and Ni, SIAM J. Numerical Analysis 49(4), 2011 (their
+/// method of differences); for ICP see Pavlov et al., ICRA 2018.
+class AndersonAcceleration {
  public:
-  /// The next x, given the present one and what the plain iteration makes of it.
+  /// The next x, given the present x and g = g(x).
   geometry::Vec7 next(const geometry::Vec7& x, const geometry::Vec7& g);
 
-  /// Forgets the past: after a step that was not taken.
+  /// Clears the history; call after a step was rejected.
   void reset();
 
  private:
@@ -24,7 +24,7 @@ class Anderson {
     geometry::Vec7 g;
     geometry::Vec7 residual;
   };
-  std::deque<Entry> past_;  ///< oldest first
+  std::deque<Entry> history_;  ///< oldest first
 };
 
 }  // namespace tileflight::alignment

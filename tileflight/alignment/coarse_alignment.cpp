@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "tileflight/alignment/similarity_chart.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 
@@ -15,7 +15,7 @@ using geometry::PointCloud;
 using geometry::Sim3;
 using geometry::Vec3;
 
-PointCloud thinned(const PointCloud& map, std::size_t most) {
+PointCloud subsample(const PointCloud& map, std::size_t most) {
   const std::size_t stride = std::max<std::size_t>(1, (map.size() + most - 1) / most);
   PointCloud few;
   for (std::size_t i = 0; i < map.size(); i += stride) {
@@ -25,8 +25,8 @@ PointCloud thinned(const PointCloud& map, std::size_t most) {
   return few;
 }
 
-AlignmentResult align_step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
-                           const IcpOptions& options) {
+IcpResult align_step(const PointCloud& map, const Sim3& start, const AlignmentTarget& target,
+                     const IcpOptions& options) {
   if (options.method == IcpMethod::kPointToMesh || (options.method == IcpMethod::kGeneralized && target.index)) {
     if (!target.index || !target.mesh)
       throw InputError("alignment method", "point-to-mesh needs a ground truth with a mesh");
@@ -40,7 +40,7 @@ AlignmentResult align_step(const PointCloud& map, const Sim3& start, const Align
 namespace {
 
 IcpOptions coarse_options(const AlignMapOptions& options, const AlignmentTarget& target, std::size_t level) {
-  IcpOptions coarse = converging_icp();
+  IcpOptions coarse = converging_icp_options();
   coarse.method = options.coarse_method;
   if (coarse.method == IcpMethod::kPointToMesh && !target.index) coarse.method = IcpMethod::kPointToPoint;
   coarse.radius_m = options.coarse_radii_m[level];
@@ -53,8 +53,9 @@ IcpOptions coarse_options(const AlignMapOptions& options, const AlignmentTarget&
   return coarse;
 }
 
-/// The start stretched about the middle of the points that take part.
-Sim3 stretched(const Sim3& T, double factor, const PointCloud& map, const std::vector<geometry::Box3>& regions) {
+/// Scales the start about the centre of the points used.
+Sim3 scale_about_center(const Sim3& T, double factor, const PointCloud& map,
+                        const std::vector<geometry::Box3>& regions) {
   Vec3 sum = Vec3::Zero();
   double n = 0.0;
   for (const Vec3& p : map.positions) {
@@ -68,28 +69,28 @@ Sim3 stretched(const Sim3& T, double factor, const PointCloud& map, const std::v
   return {T.scale * factor, T.rotation, center + factor * (T.translation - center)};
 }
 
-/// The way from one scale.
+/// The steps from one scale seed.
 struct Attempt {
-  std::vector<AlignmentResult> steps;
+  std::vector<IcpResult> steps;
   Sim3 T;
   double cost_m2 = 0.0;  ///< mean of min(distance, last radius)^2
 };
 
-Attempt attempt(const PointCloud& few, const Sim3& start, const AlignmentTarget& target,
-                const AlignMapOptions& options) {
+Attempt align_from_scale(const PointCloud& few, const Sim3& start, const AlignmentTarget& target,
+                         const AlignMapOptions& options) {
   Attempt a;
   a.T = start;
   for (std::size_t level = 0; level < options.coarse_radii_m.size(); ++level) {
     a.steps.push_back(align_step(few, a.T, target, coarse_options(options, target, level)));
     a.T = a.steps.back().T_target_source;
   }
-  const AlignmentResult& end = a.steps.back();
+  const IcpResult& end = a.steps.back();
   const double radius_m = options.coarse_radii_m.back();
   a.cost_m2 = end.fitness * end.rmse_m * end.rmse_m + (1.0 - end.fitness) * radius_m * radius_m;
   return a;
 }
 
-PointSpread spread_of(const std::vector<Vec3>& points) {
+PointSpread compute_spread(const std::vector<Vec3>& points) {
   PointSpread spread;
   const auto n = static_cast<double>(points.size());
   for (const Vec3& p : points) {
@@ -99,7 +100,7 @@ PointSpread spread_of(const std::vector<Vec3>& points) {
   return spread;
 }
 
-/// Of an end elsewhere that fits nearly as well as the best.
+/// Note about a different result that fits nearly as well as the best.
 std::string rival_note(const std::vector<Attempt>& attempts, std::size_t best, const PointSpread& spread,
                        double apart_m) {
   constexpr double kAsGood = 1.1;
@@ -120,19 +121,20 @@ CoarseAlignment align_coarsely(const PointCloud& map, const Sim3& T_local_map_st
                                const AlignMapOptions& options) {
   if (options.coarse_radii_m.empty()) return {.T_local_map = T_local_map_start};
   constexpr std::size_t kEnough = 10000;
-  const PointCloud few = thinned(map, kEnough);
+  const PointCloud few = subsample(map, kEnough);
   std::vector<double> seeds = options.scale_seeds;
   if (options.icp.scale == ScaleMode::kFixed || seeds.empty()) seeds = {1.0};
 
   std::vector<Attempt> attempts(seeds.size());
   for (std::size_t k = 0; k < seeds.size(); ++k) {
-    attempts[k] = attempt(few, stretched(T_local_map_start, seeds[k], few, options.icp.regions), target, options);
+    attempts[k] = align_from_scale(few, scale_about_center(T_local_map_start, seeds[k], few, options.icp.regions),
+                                   target, options);
   }
   const auto least =
       std::ranges::min_element(attempts, {}, [](const Attempt& a) { return a.cost_m2; }) - attempts.begin();
   const auto best = static_cast<std::size_t>(least);
   return {attempts[best].T, attempts[best].steps, seeds[best],
-          rival_note(attempts, best, spread_of(few.positions), options.coarse_radii_m.back())};
+          rival_note(attempts, best, compute_spread(few.positions), options.coarse_radii_m.back())};
 }
 
 }  // namespace tileflight::alignment

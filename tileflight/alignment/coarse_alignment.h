@@ -8,25 +8,25 @@
 
 namespace tileflight::alignment {
 
-/// Every k-th point, with k the least that leaves at most about `most`: positions and normals.
-geometry::PointCloud thinned(const geometry::PointCloud& map, std::size_t most);
+/// Every k-th point (position and normal), with the smallest k that leaves at most about `most` points.
+geometry::PointCloud subsample(const geometry::PointCloud& map, std::size_t most);
 
-/// One step of an alignment against whatever the method needs of the target. Throws InputError where that is missing,
-/// and as icp() does.
-AlignmentResult align_step(const geometry::PointCloud& map, const geometry::Sim3& start, const AlignmentTarget& target,
-                           const IcpOptions& options);
+/// One ICP step against the part of the target that the method needs. Throws InputError if that is missing, and as
+/// icp() does.
+IcpResult align_step(const geometry::PointCloud& map, const geometry::Sim3& start, const AlignmentTarget& target,
+                     const IcpOptions& options);
 
-/// Where the coarse steps lead.
+/// Result of the coarse steps.
 struct CoarseAlignment {
   geometry::Sim3 T_local_map;
-  std::vector<AlignmentResult> steps;  ///< from the scale that won, in order
-  double scale_seed = 1.0;             ///< that scale, as a factor of the start's
-  std::string note;                    ///< empty, or that another scale fits as well
+  std::vector<IcpResult> steps;  ///< in order, from the best scale seed
+  double best_scale_seed = 1.0;  ///< best scale seed, as a multiple of the start's scale
+  std::string note;              ///< empty, or a note that another scale fits as well
 };
 
-/// ICP with radii that shrink, from each of the scale seeds, over at most some 10 000 evenly chosen points; the end
-/// with the least mean min(distance, last radius)^2 wins. A map that is too small finds surface close to each of its
-/// points wherever it lies, so that from far off in scale a single start rests in the wrong place.
+/// ICP with decreasing radii from each scale seed, over at most about 10 000 evenly chosen points; the result with the
+/// smallest mean of min(distance, last radius)^2 is returned. Several seeds are needed because a map that is too small
+/// has surface close to all its points at many places, so that a start with a wrong scale gets stuck at a wrong place.
 CoarseAlignment align_coarsely(const geometry::PointCloud& map, const geometry::Sim3& T_local_map_start,
                                const AlignmentTarget& target, const AlignMapOptions& options);
 

@@ -16,14 +16,14 @@ class Planted : public ::testing::Test {
  protected:
   Vec3 somewhere(double size_m) { return size_m * Vec3(unit_(random_), unit_(random_), unit_(random_)); }
 
-  /// `right` pairs that a rigid motion explains, then `wrong` ones at random.
-  PlacePairs pairs(std::size_t right, std::size_t wrong) {
+  /// `right` pairs related by a rigid motion, then `wrong` random ones.
+  PutativeMatches pairs(std::size_t right, std::size_t wrong) {
     const Sim3 T(1.03, geometry::so3_exp({0.0, 0.0, 2.0}), {30.0, -20.0, 5.0});
-    PlacePairs result;
+    PutativeMatches result;
     for (std::size_t k = 0; k < right + wrong; ++k) {
       result.source.push_back(somewhere(60.0));
       result.target.push_back(k < right ? Vec3(T * result.source.back() + somewhere(0.3)) : somewhere(80.0));
-      result.unlikeness.push_back(0.0f);
+      result.descriptor_distance.push_back(0.0f);
     }
     return result;
   }
@@ -33,11 +33,11 @@ class Planted : public ::testing::Test {
 };
 
 TEST_F(Planted, GroupIsFoundAmongManyWrongPairs) {
-  const PlacePairs all = pairs(14, 300);
+  const PutativeMatches all = pairs(14, 300);
   ConsistencyOptions options;
   options.tolerance_m = 1.0;
   options.tolerance_share = 0.05;
-  const auto groups = consistent_groups(all, options);
+  const auto groups = find_consistent_groups(all, options);
   ASSERT_FALSE(groups.empty());
   std::size_t right = 0;
   for (const std::size_t k : groups.front()) right += k < 14 ? 1 : 0;
@@ -46,23 +46,23 @@ TEST_F(Planted, GroupIsFoundAmongManyWrongPairs) {
 }
 
 TEST_F(Planted, GravityTellsTurnedOverGroups) {
-  PlacePairs upside_down = pairs(0, 0);
+  PutativeMatches upside_down = pairs(0, 0);
   const Sim3 over(1.0, geometry::so3_exp({3.1, 0.0, 0.0}), {1.0, 2.0, 3.0});
   for (int k = 0; k < 20; ++k) {
     upside_down.source.push_back(somewhere(60.0));
     upside_down.target.push_back(over * upside_down.source.back());
-    upside_down.unlikeness.push_back(0.0f);
+    upside_down.descriptor_distance.push_back(0.0f);
   }
   ConsistencyOptions options;
   options.tolerance_m = 1.0;
-  EXPECT_GE(consistent_groups(upside_down, options).front().size(), 15u);
+  EXPECT_GE(find_consistent_groups(upside_down, options).front().size(), 15u);
   options.source_up = options.target_up = Vec3::UnitZ();
-  EXPECT_LE(consistent_groups(upside_down, options).front().size(), 8u);
+  EXPECT_LE(find_consistent_groups(upside_down, options).front().size(), 8u);
 }
 
 TEST_F(Planted, AsLargeAsTheLargestCliqueOfSmallGraphs) {
   for (int round = 0; round < 20; ++round) {
-    const PlacePairs all = pairs(5, 9);
+    const PutativeMatches all = pairs(5, 9);
     ConsistencyOptions options;
     options.tolerance_m = 3.0;
     const auto agree = [&](std::size_t a, std::size_t b) {
@@ -78,7 +78,7 @@ TEST_F(Planted, AsLargeAsTheLargestCliqueOfSmallGraphs) {
       }
       if (clique) largest = std::max(largest, std::popcount(set));
     }
-    const auto groups = consistent_groups(all, options);
+    const auto groups = find_consistent_groups(all, options);
     EXPECT_GE(static_cast<int>(groups.front().size()), largest - 1) << "greedy, but from every start";
     for (const std::size_t a : groups.front()) {
       for (const std::size_t b : groups.front()) EXPECT_TRUE(a == b || agree(a, b));
@@ -91,14 +91,14 @@ TEST(SimilarPlaces, NearestDescriptorsBothWays) {
   source << 1, 0, 0, 1, 0, 0;
   target << 0.9f, 0.1f, 0.5f, 0.6f, 0, 0;
   const std::vector<Vec3> s = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, t = {{0, 1, 0}, {1, 1, 0}, {2, 1, 0}};
-  const PlacePairs pairs = similar_places(s, source, t, target);
+  const PutativeMatches pairs = match_descriptors(s, source, t, target);
   ASSERT_EQ(pairs.source.size(), 2u) << "rows of zeros pair with nothing";
   EXPECT_EQ(pairs.source[0], s[0]);
   EXPECT_EQ(pairs.target[0], t[0]);
-  EXPECT_NEAR(pairs.unlikeness[0], 0.1414f, 1e-3f);
+  EXPECT_NEAR(pairs.descriptor_distance[0], 0.1414f, 1e-3f);
   EXPECT_EQ(pairs.source[1], s[1]);
   EXPECT_EQ(pairs.target[1], t[1]);
-  EXPECT_EQ(similar_places(s, source, t, target, 1).source.size(), 1u);
+  EXPECT_EQ(match_descriptors(s, source, t, target, 1).source.size(), 1u);
 }
 
 }  // namespace

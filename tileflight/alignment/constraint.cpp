@@ -10,7 +10,7 @@ using geometry::Vec7;
 
 namespace {
 
-constexpr double kWeak = 0.003;
+constexpr double kMinEigenvalue = 0.003;
 constexpr std::array<const char*, 7> kNames = {"translation along x",
                                                "translation along y",
                                                "translation along z",
@@ -19,17 +19,17 @@ constexpr std::array<const char*, 7> kNames = {"translation along x",
                                                "rotation about z",
                                                "scale"};
 
-/// The motion's largest part in words.
-std::string in_words(const Vec7& motion) {
+/// Name of the motion's largest component.
+std::string motion_name(const Vec7& motion) {
   Eigen::Index largest = 0;
   motion.cwiseAbs().maxCoeff(&largest);
   return kNames[static_cast<std::size_t>(largest)];
 }
 
-/// The motions that lie for the most part in the span of the open directions. Each direction for itself says little: of
-/// equally weak ones, the eigenvectors are any mixture.
-std::string open_in_words(const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen) {
-  const Eigen::Index open = (eigen.eigenvalues().array() < kWeak).count();
+/// Names of the basic motions that lie mostly in the span of the unconstrained directions. The eigenvectors themselves
+/// are not used, since for equal eigenvalues they are an arbitrary mixture.
+std::string open_motion_names(const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen) {
+  const Eigen::Index open = (eigen.eigenvalues().array() < kMinEigenvalue).count();
   const Eigen::VectorXd share = eigen.eigenvectors().leftCols(open).rowwise().squaredNorm();
   std::string words;
   for (Eigen::Index i = 0; i < share.size(); ++i) {
@@ -41,18 +41,18 @@ std::string open_in_words(const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& 
 
 }  // namespace
 
-Constraint constraint_of(const PlaneSystem& system, std::size_t points, bool with_scale) {
+Constraint analyze_constraint(const PointToPlaneSystem& system, std::size_t points, bool with_scale) {
   Constraint result;
   result.well_constrained = false;
   if (points == 0) return result;
   const Eigen::Index unknowns = with_scale ? 7 : 6;
   const Eigen::MatrixXd mean = system.hessian.topLeftCorner(unknowns, unknowns) / static_cast<double>(points);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(mean);
-  result.strengths.assign(eigen.eigenvalues().begin(), eigen.eigenvalues().end());
-  result.weakest.head(unknowns) = eigen.eigenvectors().col(0);
-  result.well_constrained = result.strengths[0] >= kWeak;
-  result.weakest_motion = open_in_words(eigen);
-  if (result.weakest_motion.empty()) result.weakest_motion = in_words(result.weakest);
+  result.eigenvalues.assign(eigen.eigenvalues().begin(), eigen.eigenvalues().end());
+  result.weakest_direction.head(unknowns) = eigen.eigenvectors().col(0);
+  result.well_constrained = result.eigenvalues[0] >= kMinEigenvalue;
+  result.weakest_motion = open_motion_names(eigen);
+  if (result.weakest_motion.empty()) result.weakest_motion = motion_name(result.weakest_direction);
   return result;
 }
 

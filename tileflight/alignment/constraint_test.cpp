@@ -16,7 +16,7 @@ struct Oriented {
 
 constexpr double kPi = 3.141592653589793;
 
-/// Of a surface given by two parameters in [0, 1), 4000 points about their centre.
+/// 4000 points of a surface with two parameters in [0, 1), relative to their centre.
 Constraint constraint_of_surface(const std::function<Oriented(double, double)>& surface, bool with_scale = false) {
   constexpr int kSide = 64;
   std::vector<Oriented> points;
@@ -28,9 +28,9 @@ Constraint constraint_of_surface(const std::function<Oriented(double, double)>& 
   double squares = 0.0;
   for (const Oriented& o : points) squares += (o.point - center).squaredNorm();
   const double length_m = std::sqrt(squares / static_cast<double>(points.size()));
-  PlaneSystem system;
+  PointToPlaneSystem system;
   for (const Oriented& o : points) system.add(o.point - center, o.point - center, o.normal, length_m);
-  return constraint_of(system, points.size(), with_scale);
+  return analyze_constraint(system, points.size(), with_scale);
 }
 
 Oriented on_sphere(double u, double v) {
@@ -58,8 +58,8 @@ Oriented in_round_bowl(double u, double v) {
 TEST(Constraint, PlaneNamesEveryOpenMotion) {
   const Constraint c = constraint_of_surface(on_level_plane);
   EXPECT_FALSE(c.well_constrained);
-  EXPECT_NEAR(c.strengths[2], 0.0, 1e-12);
-  EXPECT_GT(c.strengths[3], 0.1);
+  EXPECT_NEAR(c.eigenvalues[2], 0.0, 1e-12);
+  EXPECT_GT(c.eigenvalues[3], 0.1);
   EXPECT_EQ(c.weakest_motion, "translation along x, translation along y, rotation about z");
 }
 
@@ -72,14 +72,14 @@ TEST(Constraint, RoundBowlMayTurnAboutTheVertical) {
   const Constraint c = constraint_of_surface(in_round_bowl, true);
   EXPECT_FALSE(c.well_constrained);
   EXPECT_EQ(c.weakest_motion, "rotation about z");
-  EXPECT_NEAR(std::abs(c.weakest[5]), 1.0, 1e-6);
-  EXPECT_GT(c.strengths[1], 0.003);
+  EXPECT_NEAR(std::abs(c.weakest_direction[5]), 1.0, 1e-6);
+  EXPECT_GT(c.eigenvalues[1], 0.003);
 }
 
 TEST(Constraint, SphereMayTurnAnyWay) {
   const Constraint c = constraint_of_surface(on_sphere);
   EXPECT_EQ(c.weakest_motion, "rotation about x, rotation about y, rotation about z");
-  EXPECT_NEAR(c.strengths[3], 1.0 / 3.0, 1e-3) << "the mean square of one component of a unit normal";
+  EXPECT_NEAR(c.eigenvalues[3], 1.0 / 3.0, 1e-3) << "the mean square of one component of a unit normal";
 }
 
 TEST(Constraint, TunnelMaySlideAndTurn) {
@@ -89,12 +89,12 @@ TEST(Constraint, TunnelMaySlideAndTurn) {
 TEST(Constraint, BowlWithACornerIsHeld) {
   const Constraint c = constraint_of_surface([](double u, double v) {
     if (v > 0.2) return in_round_bowl(u, v);
-    return Oriented{Vec3(30.0 * u, 12.0, 60.0 * v), Vec3::UnitY()};  // a wall beside the middle
+    return Oriented{Vec3(30.0 * u, 12.0, 60.0 * v), Vec3::UnitY()};  // a wall away from the centre
   });
   EXPECT_TRUE(c.well_constrained) << c.weakest_motion;
 }
 
-TEST(Constraint, NothingMatchedIsNotHeld) { EXPECT_FALSE(constraint_of({}, 0, true).well_constrained); }
+TEST(Constraint, NothingMatchedIsNotHeld) { EXPECT_FALSE(analyze_constraint({}, 0, true).well_constrained); }
 
 }  // namespace
 }  // namespace tileflight::alignment

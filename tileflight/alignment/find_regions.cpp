@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <map>
 
-#include "tileflight/alignment/spatial_order.h"
+#include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::alignment {
 
@@ -27,7 +27,7 @@ struct NormalScatter {
     sum += weight * normal * normal.transpose();
     area += weight;
   }
-  /// Increasing, of the mean; they sum to one.
+  /// Eigenvalues of the mean, increasing; they sum to one.
   Vec3 eigenvalues() const {
     return Eigen::SelfAdjointEigenSolver<Mat3>(sum / area, Eigen::EigenvaluesOnly).eigenvalues();
   }
@@ -39,17 +39,17 @@ using CellKey = std::array<std::int64_t, 2>;
 struct Cell {
   NormalScatter normals;
   std::map<PatchKey, NormalScatter> patches;
-  Box3 box;                         ///< of its triangles' middles
-  std::vector<std::size_t> points;  ///< of each map
+  Box3 box;                         ///< of its triangles' centroids
+  std::vector<std::size_t> points;  ///< number of points of each map
 };
 
-std::int64_t step_of(double x, double size) { return static_cast<std::int64_t>(std::floor(x / size)); }
+std::int64_t cell_index(double x, double size) { return static_cast<std::int64_t>(std::floor(x / size)); }
 
-CellKey cell_of(const Vec3& p, const FindRegionsOptions& o) {
-  return {step_of(p.x(), o.cell_m), step_of(p.y(), o.cell_m)};
+CellKey cell_key(const Vec3& p, const FindRegionsOptions& o) {
+  return {cell_index(p.x(), o.cell_m), cell_index(p.y(), o.cell_m)};
 }
 
-std::map<CellKey, Cell> cells_of(const geometry::TriangleMesh& surface, const FindRegionsOptions& options) {
+std::map<CellKey, Cell> bin_surface(const geometry::TriangleMesh& surface, const FindRegionsOptions& options) {
   std::map<CellKey, Cell> cells;
   for (const auto& [a, b, c] : surface.triangles) {
     const Vec3& o = surface.vertices[a];
@@ -57,18 +57,18 @@ std::map<CellKey, Cell> cells_of(const geometry::TriangleMesh& surface, const Fi
     const double length = cross.norm();
     if (!(length > 0.0)) continue;
     const Vec3 middle = (o + surface.vertices[b] + surface.vertices[c]) / 3.0;
-    Cell& cell = cells[cell_of(middle, options)];
+    Cell& cell = cells[cell_key(middle, options)];
     const double size = options.patch_m;
     cell.normals.add(cross / length, 0.5 * length);
-    cell.patches[{step_of(middle.x(), size), step_of(middle.y(), size), step_of(middle.z(), size)}].add(cross / length,
-                                                                                                        0.5 * length);
+    cell.patches[{cell_index(middle.x(), size), cell_index(middle.y(), size), cell_index(middle.z(), size)}].add(
+        cross / length, 0.5 * length);
     cell.box.extend(middle);
   }
   return cells;
 }
 
-/// Mean over the patches of how much of their normals lies in one direction, from 0 (a third, all around) to 1.
-double planarity_of(const Cell& cell) {
+/// Mean over the patches of the share of normals in one direction, mapped from [1/3, 1] (isotropic to flat) to [0, 1].
+double mean_planarity(const Cell& cell) {
   double sum = 0.0;
   for (const auto& [key, patch] : cell.patches) sum += patch.area * (patch.eigenvalues()[2] - 1.0 / 3.0) * 1.5;
   return sum / cell.normals.area;
@@ -79,7 +79,7 @@ void count_points(const std::vector<const PointCloud*>& maps, const FindRegionsO
   for (auto& [key, cell] : cells) cell.points.assign(maps.size(), 0);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     for (const Vec3& p : maps[m]->positions) {
-      const auto cell = p.allFinite() ? cells.find(cell_of(p, options)) : cells.end();
+      const auto cell = p.allFinite() ? cells.find(cell_key(p, options)) : cells.end();
       if (cell == cells.end()) continue;
       const Box3& box = cell->second.box;
       if (p.z() >= box.min().z() - options.margin_m && p.z() <= box.max().z() + options.margin_m)
@@ -88,23 +88,24 @@ void count_points(const std::vector<const PointCloud*>& maps, const FindRegionsO
   }
 }
 
-Box3 column(const CellKey& key, const Cell& cell, const FindRegionsOptions& options) {
+Box3 column_box(const CellKey& key, const Cell& cell, const FindRegionsOptions& options) {
   const Vec3 low(static_cast<double>(key[0]) * options.cell_m, static_cast<double>(key[1]) * options.cell_m,
                  cell.box.min().z() - options.margin_m);
   return {low, Vec3(low.x() + options.cell_m, low.y() + options.cell_m, cell.box.max().z() + options.margin_m)};
 }
 
 std::vector<FoundRegion> best_regions(const std::map<CellKey, Cell>& cells, const FindRegionsOptions& options) {
-  constexpr double kFewCorners = 0.02;  // a floor with a few curbs
+  constexpr double kFewCorners = 0.02;  // as for a floor with a few curbs; chosen by hand
   std::vector<FoundRegion> found;
   for (const auto& [key, cell] : cells) {
-    const bool seen = std::ranges::all_of(cell.points, [&](std::size_t n) { return n >= options.least_points; });
+    const bool seen = std::ranges::all_of(cell.points, [&](std::size_t n) { return n >= options.min_points; });
     const double corners = cell.normals.eigenvalues()[0];
-    if (seen && corners >= kFewCorners) found.push_back({column(key, cell, options), corners, planarity_of(cell)});
+    if (seen && corners >= kFewCorners)
+      found.push_back({column_box(key, cell, options), corners, mean_planarity(cell)});
   }
   std::ranges::stable_sort(found, std::greater<>(),
-                           [](const FoundRegion& r) { return r.corners * r.planarity * r.planarity; });
-  if (found.size() > options.most) found.resize(options.most);
+                           [](const FoundRegion& r) { return r.corner_strength * r.planarity * r.planarity; });
+  if (found.size() > options.max_regions) found.resize(options.max_regions);
   return found;
 }
 
@@ -112,7 +113,7 @@ std::vector<FoundRegion> best_regions(const std::map<CellKey, Cell>& cells, cons
 
 FoundRegions find_regions(const geometry::TriangleMesh& surface, const std::vector<const PointCloud*>& maps,
                           const FindRegionsOptions& options) {
-  std::map<CellKey, Cell> cells = cells_of(surface, options);
+  std::map<CellKey, Cell> cells = bin_surface(surface, options);
   count_points(maps, options, cells);
   const std::vector<FoundRegion> best = best_regions(cells, options);
   FoundRegions regions;
@@ -121,8 +122,8 @@ FoundRegions find_regions(const geometry::TriangleMesh& surface, const std::vect
   std::vector<Vec3> centers;
   for (const FoundRegion& r : best) centers.push_back(r.box.center());
   bool keep_back = false;
-  for (const std::uint32_t k : spatial_order(centers)) {
-    (keep_back ? regions.held_out : regions.aligning).push_back(best[k]);
+  for (const std::uint32_t k : geometry::morton_order(centers, geometry::kCoarseMortonCells)) {
+    (keep_back ? regions.held_out : regions.aligned_on).push_back(best[k]);
     keep_back = !keep_back;
   }
   return regions;

@@ -37,7 +37,7 @@ TriangleMesh place() { return tests::height_field(240, 0.0, 120.0, height_m); }
 
 PointCloud points_of(const TriangleMesh& mesh, std::size_t n) {
   PointCloud cloud;
-  cloud.positions = even_surface_points(mesh, n);
+  cloud.positions = sample_surface_evenly(mesh, n);
   return cloud;
 }
 
@@ -50,14 +50,14 @@ TEST(FindRegions, BlocksNotLawnsNorThickets) {
   const TriangleMesh mesh = place();
   const PointCloud map = points_of(mesh, 20000);
   FindRegionsOptions options;
-  options.most = 6;
+  options.max_regions = 6;
   const FoundRegions found = find_regions(mesh, {&map}, options);
-  EXPECT_EQ(found.aligning.size(), 3u);
+  EXPECT_EQ(found.aligned_on.size(), 3u);
   EXPECT_EQ(found.held_out.size(), 3u);
-  for (const auto* list : {&found.aligning, &found.held_out}) {
+  for (const auto* list : {&found.aligned_on, &found.held_out}) {
     for (const FoundRegion& region : *list) {
       EXPECT_TRUE(is_block(region)) << region.box.center().transpose();
-      EXPECT_GT(region.corners, 0.05);
+      EXPECT_GT(region.corner_strength, 0.05);
       EXPECT_GT(region.planarity, 0.8);
     }
   }
@@ -71,31 +71,32 @@ TEST(FindRegions, OnlyWhereEveryMapHasPoints) {
     if (p.x() < 60.0) west.positions.push_back(p);
   }
   const FoundRegions found = find_regions(mesh, {&all, &west});
-  for (const auto* list : {&found.aligning, &found.held_out}) {
+  ASSERT_FALSE(found.aligned_on.empty());
+  for (const auto* list : {&found.aligned_on, &found.held_out}) {
     for (const FoundRegion& region : *list) EXPECT_LT(region.box.max().x(), 60.1);
   }
   PointCloud high = all;
   for (Vec3& p : high.positions) p.z() += 30.0;
-  EXPECT_TRUE(find_regions(mesh, {&high}).aligning.empty()) << "what lies above was not seen of it";
+  EXPECT_TRUE(find_regions(mesh, {&high}).aligned_on.empty()) << "what lies above was not seen of it";
 }
 
 TEST(FindRegions, NoneOnALawn) {
   const TriangleMesh lawn = tests::height_field(60, 0.0, 120.0, [](double, double) { return 0.0; });
   const PointCloud map = points_of(lawn, 20000);
   const FoundRegions found = find_regions(lawn, {&map});
-  EXPECT_TRUE(found.aligning.empty());
+  EXPECT_TRUE(found.aligned_on.empty());
   EXPECT_TRUE(found.held_out.empty());
-  EXPECT_TRUE(find_regions({}, {&map}).aligning.empty());
+  EXPECT_TRUE(find_regions({}, {&map}).aligned_on.empty());
 }
 
 TEST(FindRegions, AlignmentOnThemIsHeldFirmly) {
   const TriangleMesh mesh = place();
   const geometry::TriangleIndex index(mesh);
   const PointCloud map = points_of(mesh, 20000);
-  IcpOptions options = converging_icp();
-  for (const FoundRegion& region : find_regions(mesh, {&map}).aligning) options.regions.push_back(region.box);
+  IcpOptions options = converging_icp_options();
+  for (const FoundRegion& region : find_regions(mesh, {&map}).aligned_on) options.regions.push_back(region.box);
   const geometry::Sim3 off(1.01, geometry::so3_exp({0.005, -0.004, 0.01}), {0.3, -0.2, 0.2});
-  const AlignmentResult result = icp(map, index, mesh, off, options);
+  const IcpResult result = icp(map, index, mesh, off, options);
   EXPECT_TRUE(result.converged) << result.note;
   EXPECT_TRUE(result.constraint.well_constrained);
   EXPECT_LT((result.T_target_source * Vec3(60, 60, 0) - Vec3(60, 60, 0)).norm(), 0.01);

@@ -36,22 +36,22 @@ Trajectory turning(double turn_rad, double roll_rad) {
 
 const Vec3 kUpInMap = Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(0.3, -0.5, 0.81).normalized())) * Vec3::UnitZ();
 
-TEST(UpOfTrajectory, AnUprightCameraThatTurnsTellsIt) {
-  const auto up = up_of_trajectory(turning(1.0, 0.0));
+TEST(UpFromTrajectory, AnUprightCameraThatTurnsTellsIt) {
+  const auto up = estimate_up_from_trajectory(turning(1.0, 0.0));
   ASSERT_TRUE(up);
   EXPECT_LT((*up - kUpInMap).norm(), 1e-9);
 }
 
-TEST(UpOfTrajectory, SomeRollDoesLittle) {
-  const auto up = up_of_trajectory(turning(1.0, 0.1));
+TEST(UpFromTrajectory, SomeRollDoesLittle) {
+  const auto up = estimate_up_from_trajectory(turning(1.0, 0.1));
   ASSERT_TRUE(up);
   EXPECT_LT(std::acos(up->dot(kUpInMap)), 0.05);
 }
 
-TEST(UpOfTrajectory, WithoutTurnsItIsNotKnown) {
-  EXPECT_FALSE(up_of_trajectory(turning(0.02, 0.0)));
-  EXPECT_FALSE(up_of_trajectory(turning(0.3, 0.3))) << "rolls as much as it turns";
-  EXPECT_FALSE(up_of_trajectory({}));
+TEST(UpFromTrajectory, WithoutTurnsItIsNotKnown) {
+  EXPECT_FALSE(estimate_up_from_trajectory(turning(0.02, 0.0)));
+  EXPECT_FALSE(estimate_up_from_trajectory(turning(0.3, 0.3))) << "rolls as much as it turns";
+  EXPECT_FALSE(estimate_up_from_trajectory({}));
 }
 
 }  // namespace

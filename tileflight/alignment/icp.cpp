@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tileflight/alignment/icp_iteration.h"
 #include "tileflight/alignment/matcher.h"
 #include "tileflight/alignment/normals.h"
-#include "tileflight/alignment/registration.h"
-#include "tileflight/alignment/spatial_order.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::alignment {
 
@@ -16,7 +16,7 @@ using geometry::PointCloud;
 using geometry::Sim3;
 using geometry::Vec3;
 
-IcpOptions converging_icp() {
+IcpOptions converging_icp_options() {
   IcpOptions options;
   options.stop = IcpStop::kStep;
   options.accelerate = true;
@@ -46,29 +46,30 @@ void check_start(const Sim3& T, const IcpOptions& options) {
     throw InputError("kernel", "its scale must be above zero, in metres");
 }
 
-bool takes_part(const Vec3& moved, const std::vector<geometry::Box3>& regions) {
+bool is_in_regions(const Vec3& moved, const std::vector<geometry::Box3>& regions) {
   return regions.empty() ||
          std::any_of(regions.begin(), regions.end(), [&](const geometry::Box3& box) { return box.contains(moved); });
 }
 
-/// Indices of the points that take part, in an order that keeps neighbours together.
-std::vector<std::uint32_t> chosen_points(const PointCloud& source, const Sim3& T,
+/// Indices of the points used, in spatial order.
+std::vector<std::uint32_t> select_points(const PointCloud& source, const Sim3& T,
                                          const std::vector<geometry::Box3>& regions) {
   std::vector<std::uint32_t> inside;
   std::vector<Vec3> positions;
   for (std::size_t i = 0; i < source.size(); ++i) {
-    if (!takes_part(T * source.positions[i], regions)) continue;
+    if (!is_in_regions(T * source.positions[i], regions)) continue;
     inside.push_back(static_cast<std::uint32_t>(i));
     positions.push_back(source.positions[i]);
   }
   std::vector<std::uint32_t> ordered;
   ordered.reserve(inside.size());
-  for (const std::uint32_t k : spatial_order(positions)) ordered.push_back(inside[k]);
+  for (const std::uint32_t k : geometry::morton_order(positions, geometry::kCoarseMortonCells))
+    ordered.push_back(inside[k]);
   return ordered;
 }
 
-/// Normals for the generalised method; a point without one counts as a point.
-std::vector<Vec3> normals_of(const PointCloud& source, const std::vector<std::uint32_t>& chosen) {
+/// Normals for the generalised method; a point without a normal is treated as a point.
+std::vector<Vec3> select_normals(const PointCloud& source, const std::vector<std::uint32_t>& chosen) {
   const PointCloud& with = source.normals.empty() ? with_normals(source) : source;
   std::vector<Vec3> normals;
   normals.reserve(chosen.size());
@@ -79,7 +80,7 @@ std::vector<Vec3> normals_of(const PointCloud& source, const std::vector<std::ui
   return normals;
 }
 
-CenteredSource centered(std::vector<Vec3> points, const Sim3& T) {
+CenteredSource center_source(std::vector<Vec3> points, const Sim3& T) {
   CenteredSource source;
   const auto n = static_cast<double>(points.size());
   for (const Vec3& p : points) source.source_center += p / n;
@@ -101,23 +102,21 @@ ScaleRange scale_range(const Sim3& T, const IcpOptions& options) {
   return {center / options.max_scale_change, center * options.max_scale_change};
 }
 
-bool at_bound(double scale, const ScaleRange& range, const IcpOptions& options) {
+bool is_at_scale_bound(double scale, const ScaleRange& range, const IcpOptions& options) {
   constexpr double kClose = 1e-9;
   return options.scale == ScaleMode::kEstimated && options.max_scale_change > 1.0 &&
-         (scale <= range.least * (1.0 + kClose) || scale >= range.most * (1.0 - kClose));
+         (scale <= range.min * (1.0 + kClose) || scale >= range.max * (1.0 - kClose));
 }
 
-std::string with_digits(double value) {
+std::string format_number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g", value);
   return text;
 }
 
-void add_note(AlignmentResult& result, const std::string& text) {
-  result.note += (result.note.empty() ? "" : "; ") + text;
-}
+void add_note(IcpResult& result, const std::string& text) { result.note += (result.note.empty() ? "" : "; ") + text; }
 
-const char* name_of(const IcpOptions& options) {
+const char* method_name(const IcpOptions& options) {
   switch (options.method) {
     case IcpMethod::kPointToPoint:
       return "icp-point-to-point";
@@ -131,60 +130,62 @@ const char* name_of(const IcpOptions& options) {
   return "";
 }
 
-/// Against single planes of a cloud the cost need not fall: a point that changes its partner changes its plane.
+/// Step rule. With the planes of a cloud the cost may rise, since a point that changes its match changes its plane.
 StepRule step_rule(const IcpOptions& options, bool accelerate) {
   if (options.method == IcpMethod::kPointToPlane || options.method == IcpMethod::kGeneralized)
     return {accelerate, 1e-3, 1};
   return {accelerate};
 }
 
-/// After a stop by RMS change: is this really where the iteration ends? Runs on, accelerated, to a stop by step length.
-FixedPointResult check_stop(const Evaluate& evaluate, FixedPointResult stopped, const CenteredSource& source,
-                            const IcpOptions& options, AlignmentResult& result) {
+/// Checks a stop by RMS change: continues, accelerated, until the step length is small.
+FixedPointResult check_stop(const EvaluateFunction& evaluate, FixedPointResult stopped, const CenteredSource& source,
+                            const IcpOptions& options, IcpResult& result) {
   if (options.stop != IcpStop::kRmsChange || !stopped.stopped_by_rule || options.step_m <= 0.0) return stopped;
   constexpr int kMoreIterations = 300;
-  FixedPointResult further = iterate(evaluate, stopped.T, step_rule(options, true),
-                                     {0.0, options.step_m, kMoreIterations}, source.spread, source.length_m);
-  result.left_to_move_m = rms_motion_m(stopped.T, further.T, source.spread);
-  if (result.left_to_move_m <= options.false_stop_m) return stopped;
+  FixedPointResult further =
+      iterate_fixed_point(evaluate, stopped.T, step_rule(options, true), {0.0, options.step_m, kMoreIterations},
+                          source.spread, source.length_m);
+  result.remaining_motion_m = rms_motion_m(stopped.T, further.T, source.spread);
+  if (result.remaining_motion_m <= options.false_stop_m) return stopped;
 
-  const std::string moved = with_digits(result.left_to_move_m) + " m (RMS) farther on after " +
+  const std::string moved = format_number(result.remaining_motion_m) + " m (RMS) farther on after " +
                             std::to_string(further.iterations) + " accelerated iterations";
   add_note(result, "the rule of RMS change stopped falsely after " + std::to_string(stopped.iterations) +
-                       " iterations: going on ends " + moved + (options.go_on ? ", which is the result" : ""));
+                       " iterations: going on ends " + moved +
+                       (options.continue_after_false_stop ? ", which is the result" : ""));
   further.iterations += stopped.iterations;
-  if (options.go_on) return further;
+  if (options.continue_after_false_stop) return further;
   stopped.stopped_by_rule = false;
   return stopped;
 }
 
-void note_convergence(const FixedPointResult& end, const IcpOptions& options, AlignmentResult& result) {
+void note_convergence(const FixedPointResult& end, const IcpOptions& options, IcpResult& result) {
   result.converged = end.stopped_by_rule;
-  if (end.stopped_by_rule || result.left_to_move_m > options.false_stop_m) return;
+  if (end.stopped_by_rule || result.remaining_motion_m > options.false_stop_m) return;
   add_note(result, "not converged after " + std::to_string(end.iterations) +
-                       " iterations, the next step would move the points by " + with_digits(end.last_step_m) +
+                       " iterations, the next step would move the points by " + format_number(end.last_step_m) +
                        " m (RMS)");
 }
 
-void note_fit(const AlignmentResult& found, const CenteredSource& source, const ScaleRange& range,
-              const IcpOptions& options, AlignmentResult& result) {
+void note_fit(const IcpResult& found, const CenteredSource& source, const ScaleRange& range, const IcpOptions& options,
+              IcpResult& result) {
   constexpr std::size_t kFew = 10;
   constexpr double kLowFitness = 0.1;
   if (found.correspondences < kFew) {
     result.converged = false;
     add_note(result, "only " + std::to_string(found.correspondences) + " correspondences");
   } else if (found.fitness < kLowFitness) {
-    add_note(result, "only " + with_digits(100.0 * found.fitness) + " % of " + std::to_string(source.points.size()) +
-                         " points have a correspondence within " + with_digits(options.radius_m) + " m");
+    add_note(result, "only " + format_number(100.0 * found.fitness) + " % of " + std::to_string(source.points.size()) +
+                         " points have a correspondence within " + format_number(options.radius_m) + " m");
   }
-  if (at_bound(found.T_target_source.scale, range, options)) {
+  if (is_at_scale_bound(found.T_target_source.scale, range, options)) {
     result.converged = false;
-    add_note(result, "the scale ended at its bound, " + with_digits(found.T_target_source.scale) + ", whose range is " +
-                         with_digits(range.least) + " to " + with_digits(range.most));
+    add_note(result, "the scale ended at its bound, " + format_number(found.T_target_source.scale) +
+                         ", whose range is " + format_number(range.min) + " to " + format_number(range.max));
   }
 }
 
-void note_constraint(AlignmentResult& result) {
+void note_constraint(IcpResult& result) {
   if (result.constraint.well_constrained) return;
   add_note(result, "ambiguous, ill-constrained: the matched surface hardly holds " +
                        (result.constraint.weakest_motion.empty() ? "any motion" : result.constraint.weakest_motion));
@@ -192,7 +193,7 @@ void note_constraint(AlignmentResult& result) {
 
 /// At most about 4000 of the matches, as planes.
 template <class Matcher, class NormalOf>
-std::vector<MatchedPlane> matched_planes(Registration<Matcher>& registration, const Sim3& T,
+std::vector<MatchedPlane> matched_planes(IcpIteration<Matcher>& registration, const Sim3& T,
                                          const CenteredSource& source, const NormalOf& normal_of) {
   constexpr std::size_t kEnough = 4000;
   std::vector<MatchedPlane> planes;
@@ -203,13 +204,13 @@ std::vector<MatchedPlane> matched_planes(Registration<Matcher>& registration, co
   return planes;
 }
 
-/// How firmly the surface holds the end, and how far noise may have moved it.
-void describe_end(const std::vector<MatchedPlane>& matches, const Sim3& T, const CenteredSource& source,
-                  const IcpOptions& options, AlignmentResult& result) {
+/// Adds the constraint and the uncertainty of the result.
+void add_diagnostics(const std::vector<MatchedPlane>& matches, const Sim3& T, const CenteredSource& source,
+                     const IcpOptions& options, IcpResult& result) {
   const bool with_scale = options.scale == ScaleMode::kEstimated;
-  PlaneSystem planes;
+  PointToPlaneSystem planes;
   for (const MatchedPlane& m : matches) planes.add(m.point, m.point, m.normal, source.length_m);
-  result.constraint = constraint_of(planes, matches.size(), with_scale);
+  result.constraint = analyze_constraint(planes, matches.size(), with_scale);
   UncertaintyOptions uncertainty;
   uncertainty.length_m = source.length_m;
   uncertainty.sampled_share =
@@ -218,48 +219,47 @@ void describe_end(const std::vector<MatchedPlane>& matches, const Sim3& T, const
   PointSpread moved;
   const geometry::Mat3 linear = T.scale * T.rotation.toRotationMatrix();
   moved.second_moment = linear * source.spread.second_moment * linear.transpose();
-  result.uncertainty = uncertainty_of(matches, moved, uncertainty);
+  result.uncertainty = estimate_uncertainty(matches, moved, uncertainty);
 }
 
-/// Few points lead most of the way: an accelerated iteration over an even part of them, to where the rest is worth
-/// asking.
+/// Warm start: an accelerated iteration over an even subset of the points, with a coarser stopping rule.
 template <class Matcher>
-FixedPointResult head_start(Registration<Matcher>& registration, const CenteredSource& source,
+FixedPointResult warm_start(IcpIteration<Matcher>& registration, const CenteredSource& source,
                             const IcpOptions& options) {
   constexpr std::size_t kLeaders = 6000;
   const std::size_t stride = source.points.size() / kLeaders;
   FixedPointResult start;
   start.T = source.start;
   if (!options.accelerate || stride < 2) return start;
-  const Evaluate evaluate = [&](const Sim3& T) { return registration.evaluate(T, stride); };
+  const EvaluateFunction evaluate = [&](const Sim3& T) { return registration.evaluate(T, stride); };
   constexpr double kCoarser = 10.0;
-  return iterate(evaluate, source.start, step_rule(options, true),
-                 {0.0, kCoarser * options.step_m, options.max_iterations}, source.spread, source.length_m);
+  return iterate_fixed_point(evaluate, source.start, step_rule(options, true),
+                             {0.0, kCoarser * options.step_m, options.max_iterations}, source.spread, source.length_m);
 }
 
-/// Everything but the matching.
+/// ICP with a given matcher.
 template <class Matcher, class NormalOf>
-AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, const Sim3& initial,
-                                const IcpOptions& options, const NormalOf& normal_of) {
-  AlignmentResult result;
-  result.method = name_of(options);
+IcpResult run_icp(Matcher& matcher, const CenteredSource& source, const Sim3& initial, const IcpOptions& options,
+                  const NormalOf& normal_of) {
+  IcpResult result;
+  result.method = method_name(options);
   result.points = source.points.size();
   const ScaleRange range = scale_range(initial, options);
-  Registration<Matcher> registration(matcher, source, range,
+  IcpIteration<Matcher> registration(matcher, source, range,
                                      {options.method, options.radius_m, options.kernel, options.kept_share});
-  const Evaluate evaluate = [&](const Sim3& T) { return registration.evaluate(T); };
+  const EvaluateFunction evaluate = [&](const Sim3& T) { return registration.evaluate(T); };
   const bool by_step = options.stop == IcpStop::kStep;
   const StopRule stop{by_step ? 0.0 : options.rms_change_m, by_step ? options.step_m : 0.0, options.max_iterations};
 
-  const FixedPointResult start = head_start(registration, source, options);
-  FixedPointResult end =
-      iterate(evaluate, start.T, step_rule(options, options.accelerate), stop, source.spread, source.length_m);
+  const FixedPointResult start = warm_start(registration, source, options);
+  FixedPointResult end = iterate_fixed_point(evaluate, start.T, step_rule(options, options.accelerate), stop,
+                                             source.spread, source.length_m);
   end.iterations += start.iterations;
   result.T_target_source = initial;
   result.iterations = end.iterations;
   if (end.evaluation.matched == 0) {
     add_note(result,
-             "no correspondence within " + with_digits(options.radius_m) + " m; start closer or widen the radius");
+             "no correspondence within " + format_number(options.radius_m) + " m; start closer or widen the radius");
     return result;
   }
   end = check_stop(evaluate, end, source, options, result);
@@ -268,43 +268,42 @@ AlignmentResult register_points(Matcher& matcher, const CenteredSource& source, 
   result.rmse_m = end.evaluation.rms_m;
   result.correspondences = end.evaluation.matched;
   result.fitness = static_cast<double>(end.evaluation.matched) / static_cast<double>(source.points.size());
-  describe_end(matched_planes(registration, end.T, source, normal_of), end.T, source, options, result);
+  add_diagnostics(matched_planes(registration, end.T, source, normal_of), end.T, source, options, result);
   note_convergence(end, options, result);
-  note_fit(AlignmentResult(result), source, range, options, result);
+  note_fit(IcpResult(result), source, range, options, result);
   note_constraint(result);
   return result;
 }
 
-CenteredSource checked_source(const PointCloud& source, const Sim3& initial, const IcpOptions& options) {
+CenteredSource make_source(const PointCloud& source, const Sim3& initial, const IcpOptions& options) {
   check_points("source cloud", source.positions);
   check_start(initial, options);
-  const std::vector<std::uint32_t> chosen = chosen_points(source, initial, options.regions);
+  const std::vector<std::uint32_t> chosen = select_points(source, initial, options.regions);
   std::vector<Vec3> points;
   points.reserve(chosen.size());
   for (const std::uint32_t i : chosen) points.push_back(source.positions[i]);
-  CenteredSource result = centered(std::move(points), initial);
-  if (options.method == IcpMethod::kGeneralized) result.normals = normals_of(source, chosen);
+  CenteredSource result = center_source(std::move(points), initial);
+  if (options.method == IcpMethod::kGeneralized) result.normals = select_normals(source, chosen);
   return result;
 }
 
-AlignmentResult nothing_in_regions(const Sim3& initial, const IcpOptions& options) {
-  AlignmentResult result;
+IcpResult no_points_result(const Sim3& initial, const IcpOptions& options) {
+  IcpResult result;
   result.T_target_source = initial;
-  result.method = name_of(options);
+  result.method = method_name(options);
   result.note = "no source point lies in the regions";
   return result;
 }
 
 }  // namespace
 
-AlignmentResult icp(const PointCloud& source, const PointCloud& target, const Sim3& initial,
-                    const IcpOptions& options) {
+IcpResult icp(const PointCloud& source, const PointCloud& target, const Sim3& initial, const IcpOptions& options) {
   if (options.method == IcpMethod::kPointToMesh) {
     throw InputError("method", "point-to-mesh needs a mesh as its target, this one is a cloud");
   }
-  const CenteredSource points = checked_source(source, initial, options);
+  const CenteredSource points = make_source(source, initial, options);
   check_points("target cloud", target.positions);
-  if (points.points.empty()) return nothing_in_regions(initial, options);
+  if (points.points.empty()) return no_points_result(initial, options);
 
   const bool planes = options.method == IcpMethod::kPointToPlane || options.method == IcpMethod::kGeneralized;
   const bool needs_normals = planes && target.normals.empty();
@@ -312,24 +311,24 @@ AlignmentResult icp(const PointCloud& source, const PointCloud& target, const Si
                        options.radius_m);
   const geometry::NearestIndex index(target.positions);
   constexpr std::size_t kNeighbors = 32;
-  return register_points(matcher, points, initial, options, [&](const Match& match) {
+  return run_icp(matcher, points, initial, options, [&](const Match& match) {
     return match.normal.isZero()
                ? estimate_normal(target.positions, index, match.point + points.target_center, kNeighbors)
                : match.normal;
   });
 }
 
-AlignmentResult icp(const PointCloud& source, const geometry::TriangleIndex& target,
-                    const geometry::TriangleMesh& target_mesh, const Sim3& initial, const IcpOptions& options) {
-  const CenteredSource points = checked_source(source, initial, options);
+IcpResult icp(const PointCloud& source, const geometry::TriangleIndex& target,
+              const geometry::TriangleMesh& target_mesh, const Sim3& initial, const IcpOptions& options) {
+  const CenteredSource points = make_source(source, initial, options);
   if (target_mesh.triangles.empty()) throw InputError("target mesh", "has no triangles; there is nothing to align to");
-  if (points.points.empty()) return nothing_in_regions(initial, options);
+  if (points.points.empty()) return no_points_result(initial, options);
 
   MeshMatcher matcher(target, target_mesh, points.target_center, points.points.size(), options.radius_m);
   IcpOptions mesh_options = options;
   if (options.method != IcpMethod::kGeneralized) mesh_options.method = IcpMethod::kPointToMesh;
-  return register_points(matcher, points, initial, mesh_options,
-                         [&](const Match& match) { return matcher.triangle_normal(match.triangle); });
+  return run_icp(matcher, points, initial, mesh_options,
+                 [&](const Match& match) { return matcher.triangle_normal(match.triangle); });
 }
 
 }  // namespace tileflight::alignment

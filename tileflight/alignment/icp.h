@@ -19,78 +19,79 @@ enum class IcpMethod {
   kPointToPoint,
   kPointToPlane,
   kPointToMesh,
-  kGeneralized  ///< plane to plane: both sides' normals count (Segal, Haehnel and Thrun, RSS 2009)
+  kGeneralized  ///< plane to plane, with the normals of both clouds (Segal, Haehnel and Thrun, RSS 2009)
 };
 
 enum class IcpStop {
-  kRmsChange,  ///< the paper's: the RMS changes by less than rms_change_m from one iteration to the next
+  kRmsChange,  ///< the paper's rule: the RMS changes by less than rms_change_m from one iteration to the next
   kStep        ///< the next step would move the points by less than step_m
 };
 
 /// Defaults are the paper's settings: radius 1 m, RMS change 1e-5, at most 1500 iterations.
 struct IcpOptions {
   IcpMethod method = IcpMethod::kPointToPoint;
-  double radius_m = 1.0;       ///< correspondences farther apart do not count
-  double rms_change_m = 1e-5;  ///< stop when the RMS changes by less from one iteration to the next
+  double radius_m = 1.0;       ///< largest distance of a correspondence
+  double rms_change_m = 1e-5;  ///< for IcpStop::kRmsChange
   int max_iterations = 1500;
   ScaleMode scale = ScaleMode::kEstimated;
-  double max_scale_change = 1.2;  ///< scale stays within [1/x, x] of the start, so that it cannot collapse
-  double scale_center = 0.0;      ///< the bound is about this scale instead; 0: the start's
+  double max_scale_change = 1.2;  ///< scale is bounded to [1/x, x] times the start's, so that it cannot collapse
+  double scale_center = 0.0;      ///< centre of the scale bound; 0: the start's scale
   std::vector<geometry::Box3>
-      regions{};  ///< source points (after the initial transform) inside any of these take part; none: all
+      regions{};  ///< only source points inside any of these (after the initial transform) are used; none: all
 
-  RobustKernel kernel{};    ///< of the residuals; none is least squares within the radius
-  double kept_share = 1.0;  ///< share of the points, nearest first, that counts in each iteration; the rest is trimmed
+  RobustKernel kernel{};    ///< of the residuals; kNone is least squares within the radius
+  double kept_share = 1.0;  ///< share of the points, nearest first, used in each iteration; the rest is trimmed
                             ///< (Chetverikov et al., ICPR 2002)
 
   IcpStop stop = IcpStop::kRmsChange;
-  double step_m = 1e-4;     ///< of IcpStop::kStep, and of the check of the other rule (RMS over the points)
+  double step_m = 1e-4;     ///< for IcpStop::kStep and for the check of a stop by RMS change (RMS over the points)
   bool accelerate = false;  ///< Anderson acceleration: the same fixed point in a fraction of the iterations
   double false_stop_m =
-      0.01;            ///< a stop by RMS change is false if going on would move the points farther than this (RMS)
-  bool go_on = false;  ///< after a false stop the result is where going on leads, instead of where the rule stopped
+      0.01;  ///< a stop by RMS change is false if further iterations would move the points farther than this (RMS)
+  bool continue_after_false_stop =
+      false;  ///< after a false stop, return the converged result instead of the one at the stop
 };
 
-/// Settings that reach the fixed point, and fast: accelerated, stopped by step length. Same radius and scale bound as
-/// the paper's.
-IcpOptions converging_icp();
+/// Settings that reach the fixed point quickly: accelerated, stopped by step length. Radius and scale bound are the
+/// paper's.
+IcpOptions converging_icp_options();
 
-/// How firmly the matched surface holds the transform.
+/// How well the matched surface constrains the transform.
 struct Constraint {
   std::vector<double>
-      strengths;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
-  geometry::Vec7 weakest = geometry::Vec7::Zero();  ///< motion of the first: translation, rotation about the points'
-                                                    ///< centre, stretch; unit length
-  std::string weakest_motion;    ///< in words, e.g. "scale"; of open motions, all: "rotation about y, scale"
-  bool well_constrained = true;  ///< no strength below 0.003 (a plane has zeros)
+      eigenvalues;  ///< eigenvalues of the mean point-to-plane Hessian, increasing: 6, or 7 with scale; at most about 1
+  geometry::Vec7 weakest_direction = geometry::Vec7::Zero();  ///< eigenvector of the smallest one: translation,
+                                                              ///< rotation about the points' centre, scale; unit length
+  std::string weakest_motion;    ///< in words, e.g. "scale"; lists all unconstrained motions: "rotation about y, scale"
+  bool well_constrained = true;  ///< no eigenvalue below 0.003 (a plane has zeros)
 };
 
-struct AlignmentResult {
+struct IcpResult {
   geometry::Sim3 T_target_source;
-  double rmse_m = 0.0;   ///< of the method's residuals over the correspondences at the end
-  double fitness = 0.0;  ///< share of the source points that take part which have a correspondence
+  double rmse_m = 0.0;   ///< RMS of the method's residuals over the final correspondences
+  double fitness = 0.0;  ///< share of the used source points with a correspondence
   std::size_t correspondences = 0;
   int iterations = 0;
-  bool converged = false;  ///< stop rule met before max_iterations, and checked: no large step is left (see note)
+  bool converged = false;  ///< stopping rule met before max_iterations, and confirmed: no large step remains (see note)
   std::string method;
-  std::string note;  ///< empty, or one line: what is doubtful about this result
+  std::string note;  ///< warning about this result, one line; empty: none
 
-  double left_to_move_m = 0.0;  ///< how far going on after a stop by RMS change moved the points (RMS); 0 if not tried
-  std::size_t points = 0;       ///< source points that took part
-  Constraint constraint;        ///< of the end
-  std::optional<AlignmentUncertainty> uncertainty;  ///< of the end; none where a motion is open
+  double remaining_motion_m = 0.0;  ///< RMS distance by which further iterations after a stop by RMS change moved the
+                                    ///< points; 0 if not tried
+  std::size_t points = 0;           ///< source points used
+  Constraint constraint;            ///< of the end
+  std::optional<AlignmentUncertainty> uncertainty;  ///< of the final transform; none if a motion is unconstrained
 };
 
-/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; no correspondence within
-/// the radius is a result with converged = false and a note. Point-to-plane takes the target's normals, or estimates
-/// them where it has none; generalised ICP does so for the source as well.
-AlignmentResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target,
-                    const geometry::Sim3& initial, const IcpOptions& options = {});
+/// Besl and McKay, IEEE TPAMI 14(2), 1992. Throws InputError for empty or non-finite input; if no correspondence lies
+/// within the radius, the result has converged = false and a note. Point-to-plane uses the target's normals, or
+/// estimates them if there are none; generalised ICP does the same for the source.
+IcpResult icp(const geometry::PointCloud& source, const geometry::PointCloud& target, const geometry::Sim3& initial,
+              const IcpOptions& options = {});
 
-/// Against the triangles themselves: nearest point of the surface, with the point-to-plane step, or, if the method is
-/// kGeneralized, with the triangle's and the source's normals.
-AlignmentResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
-                    const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial,
-                    const IcpOptions& options);
+/// Same against a triangle mesh: nearest points of the surface with the point-to-plane step or, for kGeneralized, with
+/// the triangle's and the source's normals.
+IcpResult icp(const geometry::PointCloud& source, const geometry::TriangleIndex& target,
+              const geometry::TriangleMesh& target_mesh, const geometry::Sim3& initial, const IcpOptions& options);
 
 }  // namespace tileflight::alignment

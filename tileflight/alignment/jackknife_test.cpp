@@ -11,7 +11,7 @@ namespace {
 using geometry::Sim3;
 using geometry::Vec3;
 
-/// Of a mean of n numbers, the delete-one jackknife is s / sqrt(n), exactly.
+/// For a mean of n numbers the delete-one jackknife is exactly s / sqrt(n).
 TEST(Jackknife, OfAMeanItIsTheStandardError) {
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;

@@ -5,7 +5,7 @@
 #include <limits>
 #include <nanoflann.hpp>
 
-#include "tileflight/alignment/spatial_order.h"
+#include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::alignment {
 
@@ -13,7 +13,7 @@ using geometry::Vec3;
 
 namespace {
 
-/// How nanoflann sees the target.
+/// nanoflann's adaptor for the target points.
 struct Points {
   const std::vector<Vec3>* positions;
 
@@ -71,10 +71,10 @@ struct CloudMatcher::Tree {
 
 CloudMatcher::CloudMatcher(const geometry::PointCloud& target, const Vec3& shift, std::size_t source_points,
                            double radius_m)
-    : memory_(source_points), radius_m_(radius_m) {
+    : cache_(source_points), radius_m_(radius_m) {
   target_.reserve(target.size());
   normals_.reserve(target.normals.size());
-  for (const std::uint32_t i : spatial_order(target.positions)) {
+  for (const std::uint32_t i : geometry::morton_order(target.positions, geometry::kCoarseMortonCells)) {
     target_.push_back(target.positions[i] - shift);
     if (!target.normals.empty()) normals_.push_back(target.normals[i].cast<double>().normalized());
   }
@@ -85,8 +85,8 @@ CloudMatcher::~CloudMatcher() = default;
 CloudMatcher::CloudMatcher(CloudMatcher&&) noexcept = default;
 CloudMatcher& CloudMatcher::operator=(CloudMatcher&&) noexcept = default;
 
-void CloudMatcher::search(const Vec3& position, Memory& memory) const {
-  // Looking beyond the radius costs little and tells how far an unmatched point may move before it must be asked for
+void CloudMatcher::search(const Vec3& position, CachedMatch& memory) const {
+  // Searching beyond the radius costs little and shows how far an unmatched point may move before it must be searched
   // again.
   const double reach = 1.5 * radius_m_;
   TwoNearest nearest(reach * reach);
@@ -97,12 +97,12 @@ void CloudMatcher::search(const Vec3& position, Memory& memory) const {
 }
 
 bool CloudMatcher::find(std::size_t i, const Vec3& position, Match& match) {
-  Memory& memory = memory_[i];
+  CachedMatch& memory = cache_[i];
   const double others_m = memory.others_m - (position - memory.position).norm();  // triangle inequality
-  const bool known = memory.nearest != kNobody ? (position - target_[memory.nearest]).norm() < others_m  //
-                                               : others_m > radius_m_;
+  const bool known = memory.nearest != kNoNeighbor ? (position - target_[memory.nearest]).norm() < others_m  //
+                                                   : others_m > radius_m_;
   if (!known) search(position, memory);
-  if (memory.nearest == kNobody) return false;
+  if (memory.nearest == kNoNeighbor) return false;
 
   match.point = target_[memory.nearest];
   match.distance_m = (position - match.point).norm();
@@ -112,16 +112,14 @@ bool CloudMatcher::find(std::size_t i, const Vec3& position, Match& match) {
 
 MeshMatcher::MeshMatcher(const geometry::TriangleIndex& index, const geometry::TriangleMesh& mesh, const Vec3& shift,
                          std::size_t source_points, double radius_m)
-    : index_(&index), mesh_(&mesh), shift_(shift), memory_(source_points), radius_m_(radius_m) {}
+    : index_(&index), mesh_(&mesh), shift_(shift), cache_(source_points), radius_m_(radius_m) {}
 
 bool MeshMatcher::find(std::size_t i, const Vec3& position, Match& match) {
-  Memory& memory = memory_[i];
+  CachedMatch& memory = cache_[i];
   if (!memory.found && memory.empty_m - (position - memory.position).norm() > radius_m_) return false;
 
   double bound = 1.5 * radius_m_;
-  const auto surface_at = [&](const Vec3& p) {
-    bound = std::min(bound, (position - p).norm() * (1.0 + 1e-9) + 1e-12);
-  };
+  const auto surface_at = [&](const Vec3& p) { bound = std::min(bound, (position - p).norm() * (1.0 + 1e-9) + 1e-12); };
   if (memory.found) {
     surface_at(memory.nearest);
   } else if (match.triangle != Match::kNoTriangle) {

@@ -22,7 +22,7 @@ Vec3 estimate_normal(const std::vector<Vec3>& points, const geometry::NearestInd
     covariance += d * d.transpose();
   }
   const Eigen::SelfAdjointEigenSolver<Mat3> eigen(covariance);
-  constexpr double kLine = 1e-9;  // second spread against the largest
+  constexpr double kLine = 1e-9;  // second over largest eigenvalue
   if (!(eigen.eigenvalues()[1] > kLine * eigen.eigenvalues()[2])) return Vec3::Zero();
   return eigen.eigenvectors().col(0);
 }

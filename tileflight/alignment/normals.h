@@ -5,8 +5,8 @@
 
 namespace tileflight::alignment {
 
-/// Direction of least spread of the `neighbors` points nearest to `place` (unit length, sign open); zero where they are
-/// fewer than three or do not spread over a plane. Hoppe et al., SIGGRAPH 1992, section 3.1.
+/// Direction of smallest variance of the `neighbors` points nearest to `place` (unit length, arbitrary sign); zero if
+/// there are fewer than three or they lie on a line. Hoppe et al., SIGGRAPH 1992, section 3.1.
 geometry::Vec3 estimate_normal(const std::vector<geometry::Vec3>& points, const geometry::NearestIndex& index,
                                const geometry::Vec3& place, std::size_t neighbors);
 

@@ -8,7 +8,7 @@
 
 namespace tileflight::alignment {
 
-/// Sum of `part(begin, end)` over fixed chunks of [0, n), computed in parallel and added in order: the same bits for
+/// Sum of `part(begin, end)` over fixed chunks of [0, n), computed in parallel and added in order: bit-identical for
 /// any number of threads.
 template <class Sum, class Part>
 Sum ordered_sum(std::size_t n, const Part& part) {

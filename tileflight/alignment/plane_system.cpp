@@ -17,13 +17,14 @@ Vec7 plane_jacobian(const Vec3& y, const Vec3& normal, double length_m) {
   return jacobian;
 }
 
-void PlaneSystem::add(const Vec3& y, const Vec3& q, const Vec3& normal, double length_m, double weight) {
+void PointToPlaneSystem::add(const Vec3& y, const Vec3& q, const Vec3& normal, double length_m, double weight) {
   const Vec7 jacobian = plane_jacobian(y, normal, length_m);
   hessian.noalias() += (weight * jacobian) * jacobian.transpose();
   gradient += jacobian * (weight * normal.dot(y - q));
 }
 
-void PlaneSystem::add(const Vec3& y, const Vec3& q, const geometry::Mat3& information, double length_m, double weight) {
+void PointToPlaneSystem::add(const Vec3& y, const Vec3& q, const geometry::Mat3& information, double length_m,
+                             double weight) {
   Eigen::Matrix<double, 7, 3> jacobian;
   for (int axis = 0; axis < 3; ++axis) jacobian.col(axis) = plane_jacobian(y, Vec3::Unit(axis), length_m);
   const Eigen::Matrix<double, 7, 3> weighted = weight * jacobian * information;
@@ -31,7 +32,7 @@ void PlaneSystem::add(const Vec3& y, const Vec3& q, const geometry::Mat3& inform
   gradient += weighted * (y - q);
 }
 
-PlaneSystem& PlaneSystem::operator+=(const PlaneSystem& other) {
+PointToPlaneSystem& PointToPlaneSystem::operator+=(const PointToPlaneSystem& other) {
   hessian += other.hessian;
   gradient += other.gradient;
   return *this;
@@ -39,7 +40,7 @@ PlaneSystem& PlaneSystem::operator+=(const PlaneSystem& other) {
 
 namespace {
 
-/// Solves with a trace of damping, so that open directions stay where they are instead of dividing by zero.
+/// Solves with slight damping, so that unconstrained directions do not move.
 template <int N>
 Eigen::Matrix<double, N, 1> damped_solve(const Eigen::Matrix<double, N, N>& a, const Eigen::Matrix<double, N, 1>& b) {
   const double damping = 1e-9 * a.trace() / N;
@@ -47,8 +48,8 @@ Eigen::Matrix<double, N, 1> damped_solve(const Eigen::Matrix<double, N, N>& a, c
   return damped.ldlt().solve(b);
 }
 
-/// The rigid part for a given stretch (in metres, as the unknowns are).
-Vec7 solve_with_stretch(const PlaneSystem& system, double stretch_m) {
+/// Rigid motion for a given stretch (in metres, as the unknowns are).
+Vec7 solve_with_stretch(const PointToPlaneSystem& system, double stretch_m) {
   const Eigen::Matrix<double, 6, 6> rigid = system.hessian.topLeftCorner<6, 6>();
   const Vec6 right = -system.gradient.head<6>() - system.hessian.topRightCorner<6, 1>() * stretch_m;
   Vec7 x;
@@ -58,11 +59,11 @@ Vec7 solve_with_stretch(const PlaneSystem& system, double stretch_m) {
 
 }  // namespace
 
-Sim3 solve(const PlaneSystem& system, const ScaleRange& range, double length_m) {
+Sim3 solve(const PointToPlaneSystem& system, const ScaleRange& range, double length_m) {
   if (!(system.hessian.trace() > 0.0)) return {};
   Vec7 x = damped_solve<7>(system.hessian, -system.gradient);
-  const double least = std::log(range.least) * length_m;
-  const double most = std::log(range.most) * length_m;
+  const double least = std::log(range.min) * length_m;
+  const double most = std::log(range.max) * length_m;
   if (x[6] < least || x[6] > most) x = solve_with_stretch(system, std::clamp(x[6], least, most));
   return {std::exp(x[6] / length_m), geometry::so3_exp(x.segment<3>(3) / length_m), x.head<3>()};
 }

@@ -46,7 +46,7 @@ RotationFit fit_rotation(const Mat3& covariance) {
   return {svd.matrixU() * s.asDiagonal() * svd.matrixV().transpose(), d.dot(s), two_directions};
 }
 
-/// The least rotation that maps the only direction that the covariance knows.
+/// Smallest rotation that maps the single direction of a rank-one covariance.
 Mat3 rotation_of_line(const Mat3& covariance) {
   const Eigen::JacobiSVD<Mat3> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   if (!(svd.singularValues()[0] > 0.0)) return Mat3::Identity();
@@ -66,7 +66,7 @@ SimilarityFit fit_similarity(const PointMoments& m, const ScaleRange& range) {
   if (!fit.well_conditioned) fit.rotation = rotation_of_line(covariance);
 
   const double free_scale = source_variance > 0.0 ? fit.trace_ds / source_variance : 1.0;
-  const double scale = std::clamp(free_scale, range.least, range.most);
+  const double scale = std::clamp(free_scale, range.min, range.max);
   const Vec3 translation = mean_target - scale * (fit.rotation * mean_source);
   const double residual = target_variance - 2.0 * scale * fit.trace_ds + scale * scale * source_variance;
   return {{scale, Eigen::Quaterniond(fit.rotation), translation}, std::max(0.0, residual), fit.well_conditioned};

@@ -18,20 +18,20 @@ struct PointMoments {
   PointMoments& operator+=(const PointMoments& other);
 };
 
-/// Scale of the fit: free, or held within [least, most].
+/// Bounds on the scale of a fit.
 struct ScaleRange {
-  double least = 1.0;
-  double most = 1.0;
+  double min = 1.0;
+  double max = 1.0;
 };
 
 struct SimilarityFit {
   geometry::Sim3 T_target_source;
   double mean_squared_residual = 0.0;
-  bool well_conditioned = true;  ///< the points spread along two directions at least
+  bool well_conditioned = true;  ///< the points spread along at least two directions
 };
 
-/// Minimum of sum w |q - (s R p + t)|^2 over rotations R, translations t and scales s of the range. Umeyama 1991,
-/// equations (40) to (42); the range is exact, since for the best R the cost is a parabola in s.
+/// Minimises sum w |q - (s R p + t)|^2 over rotations R, translations t and scales s in the range. Umeyama 1991,
+/// equations (40) to (42); clamping s is exact, since for the best R the cost is a parabola in s.
 SimilarityFit fit_similarity(const PointMoments& moments, const ScaleRange& range);
 
 }  // namespace tileflight::alignment

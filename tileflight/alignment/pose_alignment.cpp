@@ -2,7 +2,7 @@
 
 #include <Eigen/SVD>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 

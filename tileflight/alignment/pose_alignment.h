@@ -6,11 +6,10 @@
 
 namespace tileflight::alignment {
 
-/// Similarity that carries poses to the poses of the same moments in another frame: the rotation is the chordal mean of
-/// those between the paired orientations (Hartley et al., IJCV 103(3), 2013, section 5.3), scale and translation are
-/// the least squares of the positions for it. A straight path, whose positions leave the turn about it open, determines
-/// it all. Without spread of the positions the scale is 1. Throws InputError for empty lists or lists of different
-/// lengths.
+/// Similarity between paired poses in two frames: the rotation is the chordal mean of the rotations between the paired
+/// orientations (Hartley et al., IJCV 103(3), 2013, section 5.3); scale and translation follow by least squares of the
+/// positions. It is determined even for a straight path, whose positions alone do not determine the rotation about it.
+/// The scale is 1 if all positions coincide. Throws InputError for empty lists or lists of different lengths.
 geometry::Sim3 fit_poses(const std::vector<geometry::SE3>& source, const std::vector<geometry::SE3>& target);
 
 }  // namespace tileflight::alignment

@@ -1,12 +1,13 @@
 #include "tileflight/alignment/pose_alignment.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
 #include "tileflight/alignment/umeyama.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
@@ -14,6 +15,8 @@ namespace {
 using geometry::SE3;
 using geometry::Sim3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 const Sim3 kTrue(40.0, geometry::so3_exp({0.5, -1.0, 0.3}), {10.0, -20.0, 5.0});
 
@@ -53,9 +56,12 @@ TEST(FitPoses, AStraightPathDoesNotLeaveTheTurnAboutItOpen) {
 }
 
 TEST(FitPoses, RefusesUnpairedPosesAndTakesASinglePose) {
-  const auto [source, target] = poses(0.3, 0.0, 0.0);
-  EXPECT_THROW(fit_poses({}, {}), InputError);
-  EXPECT_THROW(fit_poses(source, {target[0]}), InputError);
+  const auto paired = poses(0.3, 0.0, 0.0);
+  const std::vector<SE3>& source = paired.first;
+  const std::vector<SE3>& target = paired.second;
+  EXPECT_THAT([&] { fit_poses({}, {}); }, ThrowsMessage<InputError>(HasSubstr("poses: are none")));
+  EXPECT_THAT([&] { fit_poses(source, {target[0]}); },
+              ThrowsMessage<InputError>(HasSubstr("not as many in one list as in the other")));
   EXPECT_DOUBLE_EQ(fit_poses({source[0]}, {target[0]}).scale, 1.0);
 }
 

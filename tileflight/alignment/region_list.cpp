@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 

@@ -1,8 +1,9 @@
 #include "tileflight/alignment/region_list.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
@@ -10,6 +11,8 @@ namespace {
 using geometry::Box3;
 using geometry::Vec3;
 using nlohmann::json;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 TEST(RegionList, ToJsonAndBack) {
   const RegionList list{{Box3(Vec3(0, 1, 2), Vec3(3, 4, 5.5))}, {Box3(Vec3(-9, 0, 0), Vec3(-8, 1, 1))}, true};
@@ -23,12 +26,20 @@ TEST(RegionList, ToJsonAndBack) {
 }
 
 TEST(RegionList, RefusesWhatIsNone) {
-  for (const char* text :
-       {"[]", "3", R"({"held_out": 1})", R"({"held_out": [1]})", R"({"held_out": [{"center": [1, 2]}]})",
-        R"({"aligned_on": [{"center": [1, 2, 3], "size": [1, 1, 0]}]})",
-        R"({"aligned_on": [{"center": [1, 2, "x"], "size": [1, 1, 1]}]})"}) {
-    EXPECT_THROW(regions_from_json(json::parse(text), "transform.json"), InputError) << text;
-  }
+  const auto expect_refused = [](const char* text, const char* message) {
+    EXPECT_THAT([&] { regions_from_json(json::parse(text), "transform.json"); },
+                ThrowsMessage<InputError>(HasSubstr(message)))
+        << text;
+  };
+  expect_refused("[]", "transform.json: 'regions' must be an object");
+  expect_refused("3", "transform.json: 'regions' must be an object");
+  expect_refused(R"({"held_out": 1})", "'held_out' must be a list of regions");
+  expect_refused(R"({"held_out": [1]})", "a region needs 'center', three numbers");
+  expect_refused(R"({"held_out": [{"center": [1, 2]}]})", "a region needs 'center', three numbers");
+  expect_refused(R"({"aligned_on": [{"center": [1, 2, 3], "size": [1, 1, 0]}]})",
+                 "the size of a region must be positive");
+  expect_refused(R"({"aligned_on": [{"center": [1, 2, "x"], "size": [1, 1, 1]}]})",
+                 "a region needs 'center', three numbers");
 }
 
 }  // namespace

@@ -4,29 +4,29 @@
 
 namespace tileflight::alignment {
 
-enum class Kernel {
+enum class KernelType {
   kNone,          ///< least squares
   kHuber,         ///< quadratic up to the scale, linear beyond (Huber, Annals of Mathematical Statistics 35(1), 1964)
-  kTukey,         ///< nothing beyond the scale counts (Beaton and Tukey's biweight, Technometrics 16(2), 1974)
+  kTukey,         ///< zero weight beyond the scale (Beaton and Tukey's biweight, Technometrics 16(2), 1974)
   kGemanMcClure,  ///< saturates towards the scale's square (Geman and McClure, Bull. Int. Stat. Inst. 52(4), 1987)
 };
 
-/// rho(r) of a robust M-estimator and its weight rho'(r) / (2 r) in iteratively reweighted least squares; rho is near
-/// r^2 for small r, so that costs stay in square metres.
+/// rho(r) of a robust M-estimator and its weight rho'(r) / (2 r) in iteratively reweighted least squares; rho is close
+/// to r^2 for small r, so costs are in square metres.
 struct RobustKernel {
-  Kernel kind = Kernel::kNone;
-  double scale_m = 0.3;  ///< residual at which the kernel bends
+  KernelType kind = KernelType::kNone;
+  double scale_m = 0.3;  ///< scale parameter of the kernel
 
   double weight(double squared_m2) const {
     const double ratio = squared_m2 / (scale_m * scale_m);
     switch (kind) {
-      case Kernel::kNone:
+      case KernelType::kNone:
         return 1.0;
-      case Kernel::kHuber:
+      case KernelType::kHuber:
         return ratio <= 1.0 ? 1.0 : 1.0 / std::sqrt(ratio);
-      case Kernel::kTukey:
+      case KernelType::kTukey:
         return ratio >= 1.0 ? 0.0 : (1.0 - ratio) * (1.0 - ratio);
-      case Kernel::kGemanMcClure:
+      case KernelType::kGemanMcClure:
         return 1.0 / ((1.0 + ratio) * (1.0 + ratio));
     }
     return 1.0;
@@ -36,13 +36,13 @@ struct RobustKernel {
     const double unit_m2 = scale_m * scale_m;
     const double ratio = squared_m2 / unit_m2;
     switch (kind) {
-      case Kernel::kNone:
+      case KernelType::kNone:
         return squared_m2;
-      case Kernel::kHuber:
+      case KernelType::kHuber:
         return ratio <= 1.0 ? squared_m2 : unit_m2 * (2.0 * std::sqrt(ratio) - 1.0);
-      case Kernel::kTukey:
+      case KernelType::kTukey:
         return unit_m2 / 3.0 * (ratio >= 1.0 ? 1.0 : 1.0 - std::pow(1.0 - ratio, 3));
-      case Kernel::kGemanMcClure:
+      case KernelType::kGemanMcClure:
         return squared_m2 / (1.0 + ratio);
     }
     return squared_m2;

@@ -4,8 +4,8 @@
 
 namespace tileflight::alignment {
 
-/// Seven numbers, all in metres, for the similarities near a base one: translation, rotation vector and logarithm of
-/// the scale, the last two times a length (the spread of the points), so that equal numbers move points about equally
+/// Seven coordinates, all in metres, of similarities near a base: translation, rotation vector and logarithm of the
+/// scale, the last two times a length (the spread of the points), so that equal coordinates move points about equally
 /// far.
 class SimilarityChart {
  public:
@@ -19,7 +19,7 @@ class SimilarityChart {
   double length_m_;
 };
 
-/// First and second moments of a point set about the origin: enough to say how far a motion moves it.
+/// First and second moments of a point set about the origin; they determine how far a motion moves it (RMS).
 struct PointSpread {
   geometry::Vec3 mean = geometry::Vec3::Zero();
   geometry::Mat3 second_moment = geometry::Mat3::Zero();  ///< mean of p p^T

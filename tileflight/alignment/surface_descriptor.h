@@ -9,21 +9,21 @@
 
 namespace tileflight::alignment {
 
-/// Points thinned to one mean for each occupied cell of a grid, in the order of the cells.
-std::vector<geometry::Vec3> thinned_to_grid(const std::vector<geometry::Vec3>& points, double cell_m);
+/// Mean of the points in each occupied grid cell, in the order of the cells.
+std::vector<geometry::Vec3> voxel_downsample(const std::vector<geometry::Vec3>& points, double cell_m);
 
 struct DescriptorOptions {
-  double radius_m = 10.0;                 ///< of the neighbourhood that is described
-  std::size_t normal_neighbors = 16;      ///< of each point's normal
-  std::optional<geometry::Vec3> up = {};  ///< unit length; where gravity is known, it is described too
+  double radius_m = 10.0;                 ///< of the described neighbourhood
+  std::size_t normal_neighbors = 16;      ///< neighbours used for each normal
+  std::optional<geometry::Vec3> up = {};  ///< unit direction against gravity, if known; adds histograms relative to it
 };
 
-/// What the surface around each point looks like, one row each: histograms over the neighbours, weighted once more over
-/// the neighbours' own histograms as Fast Point Feature Histograms are (Rusu, Blodow and Beetz, ICRA 2009). Of a pair
-/// of points they count the angles between normals and connecting line without their signs, since a sparse map does not
-/// say which side of it is outside; with gravity also the neighbour's steepness and whether it lies higher or lower.
-/// Rows are zero where a point has fewer than five neighbours with normals. Does not change with rotation (about the
-/// vertical, with gravity) and translation.
-Eigen::MatrixXf surface_descriptors(const std::vector<geometry::Vec3>& points, const DescriptorOptions& options);
+/// Descriptor of the surface around each point, one row per point: histograms over the neighbours, combined with the
+/// neighbours' own histograms as in Fast Point Feature Histograms (Rusu, Blodow and Beetz, ICRA 2009). For each pair of
+/// points they count the unsigned angles between normals and connecting line, since a sparse map has no outside; with
+/// gravity also the neighbour's slope and relative height. Rows are zero for points with fewer than five neighbours
+/// with normals. Invariant to translation and rotation (with gravity: rotation about the vertical).
+Eigen::MatrixXf compute_surface_descriptors(const std::vector<geometry::Vec3>& points,
+                                            const DescriptorOptions& options);
 
 }  // namespace tileflight::alignment

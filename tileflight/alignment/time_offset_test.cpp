@@ -18,7 +18,7 @@ using Motion = std::function<Vec3(double)>;
 constexpr double kOffset_s = 3.217;  ///< the first clock's time minus the second's
 const geometry::Mat3 kTurn = so3_exp({0.4, -1.1, 2.0}).toRotationMatrix();
 
-/// Turns as a drone's: sums of waves that do not repeat within minutes.
+/// Rotation like that of a drone: sums of waves that do not repeat within minutes.
 Vec3 turning(double t) {
   return {0.2 * std::sin(1.9 * t) + 0.1 * std::sin(0.31 * t + 1), 0.15 * std::sin(1.1 * t + 2),
           0.5 * std::sin(0.7 * t) + 0.3 * std::sin(0.43 * t * std::sqrt(5.0))};
@@ -34,7 +34,7 @@ std::vector<TimedVector> sampled(const Motion& motion, double from_s, double to_
   return signal;
 }
 
-/// What the first clock has of a motion, and what the second has, turned and on its own clock.
+/// A motion recorded with the first clock, and rotated with the second clock.
 TimeOffset estimated(const Motion& motion, double sigma, unsigned seed, const TimeOffsetOptions& options = {}) {
   const auto on_second = [&](double t) { return Vec3(kTurn.transpose() * motion(t + kOffset_s)); };
   return estimate_time_offset(sampled(motion, 0, 30, 30, sigma, seed),
@@ -46,7 +46,7 @@ TEST(TimeOffset, IsFoundWithTheTurnBetweenTheFrames) {
   ASSERT_TRUE(offset.determined) << offset.reason;
   EXPECT_NEAR(offset.offset_s, kOffset_s, 0.005);
   EXPECT_LT((offset.R_first_second - kTurn).norm(), 0.02);
-  EXPECT_GT(offset.explained, 0.98);
+  EXPECT_GT(offset.explained_variance, 0.98);
   EXPECT_LT(offset.sigma_s, 0.005);
 }
 

@@ -2,8 +2,9 @@
 
 #include <cmath>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/json_file.h"
 
 namespace tileflight::alignment {
 
@@ -34,7 +35,7 @@ Mat4 matrix_from(const json& rows, const std::string& where) {
   return matrix;
 }
 
-/// The value of a key that may be missing; throws if it is of another type.
+/// Value of an optional key; throws if it has another type.
 template <class T>
 T value_or(const json& object, const char* key, const T& otherwise, const std::string& where) {
   const auto found = object.find(key);
@@ -72,7 +73,7 @@ json to_json(const AlignmentUncertainty& u) {
 
 }  // namespace
 
-json to_json(const AlignmentResult& result) {
+json to_json(const IcpResult& result) {
   return {{"matrix", rows_of(result.T_target_source.matrix())},
           {"scale", result.T_target_source.scale},
           {"rmse", result.rmse_m},
@@ -83,15 +84,15 @@ json to_json(const AlignmentResult& result) {
           {"note", result.note},
           {"points", result.points},
           {"correspondences", result.correspondences},
-          {"left_to_move", result.left_to_move_m},
-          {"constraint_strengths", result.constraint.strengths},
+          {"left_to_move", result.remaining_motion_m},
+          {"constraint_strengths", result.constraint.eigenvalues},
           {"uncertainty", result.uncertainty ? to_json(*result.uncertainty) : json(nullptr)}};
 }
 
-AlignmentResult alignment_from_json(const json& object, const std::string& where) {
+IcpResult alignment_from_json(const json& object, const std::string& where) {
   if (!object.is_object()) throw InputError(where, "must be a JSON object");
   if (!object.contains("matrix")) throw InputError(where, "key 'matrix' is missing");
-  AlignmentResult result;
+  IcpResult result;
   result.T_target_source = similarity_from(matrix_from(object.at("matrix"), where), where);
   const double matrix_scale = result.T_target_source.scale;
   const double scale = value_or(object, "scale", matrix_scale, where);
@@ -107,18 +108,17 @@ AlignmentResult alignment_from_json(const json& object, const std::string& where
   result.note = value_or(object, "note", result.note, where);
   result.points = value_or(object, "points", result.points, where);
   result.correspondences = value_or(object, "correspondences", result.correspondences, where);
-  result.left_to_move_m = value_or(object, "left_to_move", result.left_to_move_m, where);
-  result.constraint.strengths = value_or(object, "constraint_strengths", result.constraint.strengths, where);
+  result.remaining_motion_m = value_or(object, "left_to_move", result.remaining_motion_m, where);
+  result.constraint.eigenvalues = value_or(object, "constraint_strengths", result.constraint.eigenvalues, where);
   return result;
 }
 
-void write_transform(const std::filesystem::path& file, const AlignmentResult& result) {
-  geometry::write_file(file, to_json(result).dump(2) + "\n");
+void write_transform(const std::filesystem::path& file, const IcpResult& result) {
+  base::write_file(file, to_json(result).dump(2) + "\n");
 }
 
-AlignmentResult read_transform(const std::filesystem::path& file) {
-  const json object = json::parse(geometry::read_text(file), nullptr, false);
-  if (object.is_discarded()) throw InputError(file.string(), "is not valid JSON");
+IcpResult read_transform(const std::filesystem::path& file) {
+  const json object = base::read_json(file);
   return alignment_from_json(object, file.string());
 }
 

@@ -8,16 +8,16 @@
 namespace tileflight::alignment {
 
 /// The keys of `transform.json`: matrix (4x4 row-major, map to local, scale included), scale, rmse, fitness,
-/// iterations, converged, method, note; with correspondences, points, how firmly the surface holds the transform, and
-/// its uncertainty (metres, degrees, covariance of metres, radians and log scale; it is not read back).
-nlohmann::json to_json(const AlignmentResult& result);
+/// iterations, converged, method, note; also correspondences, points, the constraint by the surface, and the
+/// uncertainty (metres, degrees, covariance of metres, radians and log scale; not read back).
+nlohmann::json to_json(const IcpResult& result);
 
-/// The inverse of to_json. `matrix` must be there and be a similarity that agrees with `scale`; the other keys may be
-/// missing, so that a file written by hand can give a start. Throws InputError (`where`, key, cause).
-AlignmentResult alignment_from_json(const nlohmann::json& json, const std::string& where);
+/// The inverse of to_json. `matrix` is required and must be a similarity consistent with `scale`; other keys are
+/// optional, so that a hand-written file can serve as a start. Throws InputError (`where`, key, cause).
+IcpResult alignment_from_json(const nlohmann::json& json, const std::string& where);
 
-/// One file, written whole or not at all. Throws InputError.
-void write_transform(const std::filesystem::path& file, const AlignmentResult& result);
-AlignmentResult read_transform(const std::filesystem::path& file);
+/// Writes the file atomically. Throws InputError.
+void write_transform(const std::filesystem::path& file, const IcpResult& result);
+IcpResult read_transform(const std::filesystem::path& file);
 
 }  // namespace tileflight::alignment

@@ -1,16 +1,20 @@
 #include "tileflight/alignment/transform_file.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
 
-AlignmentResult some_result() {
-  AlignmentResult result;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+IcpResult some_result() {
+  IcpResult result;
   result.T_target_source = {4.25, geometry::so3_exp({0.3, -0.2, 1.9}), {348.0, -131.5, 2893.25}};
   result.rmse_m = 0.4321;
   result.fitness = 0.61;
@@ -20,15 +24,15 @@ AlignmentResult some_result() {
   result.converged = true;
   result.method = "icp-point-to-point";
   result.note = "a remark";
-  result.left_to_move_m = 0.002;
-  result.constraint.strengths = {0.1, 0.2};
+  result.remaining_motion_m = 0.002;
+  result.constraint.eigenvalues = {0.1, 0.2};
   return result;
 }
 
 TEST(TransformFile, RoundTrip) {
   const tests::TemporaryFolder folder;
   write_transform(folder / "transform.json", some_result());
-  const AlignmentResult back = read_transform(folder / "transform.json");
+  const IcpResult back = read_transform(folder / "transform.json");
   EXPECT_LT((back.T_target_source.matrix() - some_result().T_target_source.matrix()).norm(), 1e-9);
   EXPECT_EQ(to_json(back).at("rmse"), 0.4321);
   EXPECT_EQ(back.correspondences, 36178u);
@@ -37,7 +41,7 @@ TEST(TransformFile, RoundTrip) {
   EXPECT_TRUE(back.converged);
   EXPECT_EQ(back.method, "icp-point-to-point");
   EXPECT_EQ(back.note, "a remark");
-  EXPECT_EQ(back.constraint.strengths, some_result().constraint.strengths);
+  EXPECT_EQ(back.constraint.eigenvalues, some_result().constraint.eigenvalues);
 }
 
 TEST(TransformFile, MatrixIsRowMajorWithTheScale) {
@@ -75,7 +79,7 @@ TEST(TransformFile, BadFilesAreOneClearLine) {
       "{\"matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]], \"rmse\": \"small\"}",
   };
   for (const char* text : bad) {
-    geometry::write_file(folder / "transform.json", text);
+    base::write_file(folder / "transform.json", text);
     try {
       read_transform(folder / "transform.json");
       ADD_FAILURE() << "accepted: " << text;
@@ -84,7 +88,8 @@ TEST(TransformFile, BadFilesAreOneClearLine) {
       EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos) << e.what();
     }
   }
-  EXPECT_THROW(read_transform(folder / "absent.json"), InputError);
+  EXPECT_THAT([&] { read_transform(folder / "absent.json"); },
+              ThrowsMessage<InputError>(HasSubstr("absent.json: cannot be opened")));
 }
 
 }  // namespace

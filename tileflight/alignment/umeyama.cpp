@@ -7,7 +7,7 @@
 #include <random>
 
 #include "tileflight/alignment/point_moments.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 
@@ -38,13 +38,13 @@ Vec3 mean(const std::vector<Vec3>& points) {
   return sum / static_cast<double>(points.size());
 }
 
-ScaleRange range_of(ScaleMode scale) {
+ScaleRange scale_range(ScaleMode scale) {
   if (scale == ScaleMode::kFixed) return {1.0, 1.0};
   return {0.0, std::numeric_limits<double>::infinity()};
 }
 
-/// The fit in the points' own coordinates from the fit about the two centres.
-Sim3 about_centers(const Sim3& T, const Vec3& source_center, const Vec3& target_center) {
+/// Converts a fit about the two centres to the points' own coordinates.
+Sim3 uncenter(const Sim3& T, const Vec3& source_center, const Vec3& target_center) {
   return {T.scale, T.rotation, target_center + T.translation - T.scale * (T.rotation * source_center)};
 }
 
@@ -61,7 +61,7 @@ std::vector<double> kernel_weights(const Sim3& T, const std::vector<Vec3>& sourc
   return weights;
 }
 
-/// Three different indices below n. The modulo keeps the draw the same with every standard library.
+/// Three different indices below n. Modulo is used because std distributions differ between standard libraries.
 std::array<std::size_t, 3> draw_triple(std::mt19937_64& random, std::size_t n) {
   const std::size_t a = random() % n;
   const std::size_t b = (a + 1 + random() % (n - 1)) % n;
@@ -70,9 +70,9 @@ std::array<std::size_t, 3> draw_triple(std::mt19937_64& random, std::size_t n) {
   return {a, b, c};
 }
 
-/// The triple's similarity of the least robust cost; the plain fit competes too.
+/// Similarity with the smallest robust cost among the sampled triples and the plain least-squares fit.
 Sim3 best_of_triples(const std::vector<Vec3>& source, const std::vector<Vec3>& target, ScaleMode scale,
-                     const RobustOptions& options) {
+                     const RobustUmeyamaOptions& options) {
   std::mt19937_64 random(options.seed);
   Sim3 best = umeyama(source, target, scale).T_target_source;
   double best_cost = robust_cost_m2(best, source, target, options.inlier_m);
@@ -108,9 +108,9 @@ UmeyamaResult weighted_umeyama(const std::vector<Vec3>& source, const std::vecto
   }
   if (!(moments.weight > 0.0)) throw InputError("paired points", "all weights are zero");
 
-  const SimilarityFit fit = fit_similarity(moments, range_of(scale));
+  const SimilarityFit fit = fit_similarity(moments, scale_range(scale));
   UmeyamaResult result;
-  result.T_target_source = about_centers(fit.T_target_source, source_center, target_center);
+  result.T_target_source = uncenter(fit.T_target_source, source_center, target_center);
   result.inliers = inliers;
   result.well_conditioned = fit.well_conditioned;
   double squares = 0.0;
@@ -132,13 +132,13 @@ double robust_cost_m2(const Sim3& T_target_source, const std::vector<Vec3>& sour
 }
 
 UmeyamaResult robust_umeyama(const std::vector<Vec3>& source, const std::vector<Vec3>& target, ScaleMode scale,
-                             const RobustOptions& options) {
+                             const RobustUmeyamaOptions& options) {
   check_pairs(source, target);
   if (!(options.inlier_m > 0.0)) throw InputError("inlier_m", "must be above zero");
 
   Sim3 T = best_of_triples(source, target, scale, options);
   UmeyamaResult result;
-  for (int k = 0; k < std::max(1, options.iterations); ++k) {
+  for (int k = 0; k < std::max(1, options.max_iterations); ++k) {
     result = weighted_umeyama(source, target, kernel_weights(T, source, target, options.inlier_m), scale);
     const double change = (result.T_target_source.matrix() - T.matrix()).norm() / (1.0 + T.matrix().norm());
     T = result.T_target_source;

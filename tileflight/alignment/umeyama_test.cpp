@@ -1,18 +1,21 @@
 #include "tileflight/alignment/umeyama.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 #include <random>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
 namespace {
 
 using geometry::Sim3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 std::vector<Vec3> random_points(std::size_t n, double extent_m, std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -129,13 +132,23 @@ TEST(Umeyama, RefusesBadInput) {
   const auto points = random_points(5, 1.0, 8);
   auto broken = points;
   broken[2].y() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(umeyama({}, {}), InputError);
-  EXPECT_THROW(umeyama({points[0], points[1]}, {points[0], points[1]}), InputError);
-  EXPECT_THROW(umeyama(points, {points[0], points[1], points[2]}), InputError);
-  EXPECT_THROW(umeyama(broken, points), InputError);
-  EXPECT_THROW(umeyama(points, broken), InputError);
-  EXPECT_THROW(weighted_umeyama(points, points, std::vector<double>(5, 0.0)), InputError);
-  EXPECT_THROW(robust_umeyama(points, points, ScaleMode::kFixed, {.inlier_m = 0.0}), InputError);
+  EXPECT_THAT([&] { umeyama({}, {}); }, ThrowsMessage<InputError>(HasSubstr("needs at least 3 pairs, there are 0")));
+  EXPECT_THAT(
+      [&] {
+        umeyama({points[0], points[1]}, {points[0], points[1]});
+      },
+      ThrowsMessage<InputError>(HasSubstr("needs at least 3 pairs, there are 2")));
+  EXPECT_THAT(
+      [&] {
+        umeyama(points, {points[0], points[1], points[2]});
+      },
+      ThrowsMessage<InputError>(HasSubstr("5 in the source, 3 in the target")));
+  EXPECT_THAT([&] { umeyama(broken, points); }, ThrowsMessage<InputError>(HasSubstr("pair 2 is not finite")));
+  EXPECT_THAT([&] { umeyama(points, broken); }, ThrowsMessage<InputError>(HasSubstr("pair 2 is not finite")));
+  EXPECT_THAT([&] { weighted_umeyama(points, points, std::vector<double>(5, 0.0)); },
+              ThrowsMessage<InputError>(HasSubstr("all weights are zero")));
+  EXPECT_THAT([&] { robust_umeyama(points, points, ScaleMode::kFixed, {.inlier_m = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("inlier_m: must be above zero")));
 }
 
 TEST(RobustUmeyama, SurvivesFortyPercentOutliers) {

@@ -19,10 +19,11 @@ namespace {
 
 /// Sums over the matches of J J^T, of g g^T for each match alone, and of g over each cube.
 struct Sums {
-  Eigen::MatrixXd hessian, alone, blocks;
+  Eigen::MatrixXd hessian, per_match, per_block;
 };
 
-Sums sums_of(const std::vector<MatchedPlane>& matches, Eigen::Index unknowns, const UncertaintyOptions& options) {
+Sums accumulate_sums(const std::vector<MatchedPlane>& matches, Eigen::Index unknowns,
+                     const UncertaintyOptions& options) {
   Sums sums{Eigen::MatrixXd::Zero(unknowns, unknowns), Eigen::MatrixXd::Zero(unknowns, unknowns),
             Eigen::MatrixXd::Zero(unknowns, unknowns)};
   std::map<std::array<std::int64_t, 3>, Eigen::VectorXd> gradients;
@@ -30,19 +31,19 @@ Sums sums_of(const std::vector<MatchedPlane>& matches, Eigen::Index unknowns, co
     const Eigen::VectorXd jacobian = plane_jacobian(m.point, m.normal, options.length_m).head(unknowns);
     const Eigen::VectorXd gradient = jacobian * m.residual_m;
     sums.hessian += jacobian * jacobian.transpose();
-    sums.alone += gradient * gradient.transpose();
-    const Vec3 cube = (m.point / options.block_m).array().floor();
+    sums.per_match += gradient * gradient.transpose();
+    const Vec3 cube = (m.point / options.correlation_length_m).array().floor();
     auto& sum = gradients[{static_cast<std::int64_t>(cube.x()), static_cast<std::int64_t>(cube.y()),
                            static_cast<std::int64_t>(cube.z())}];
     if (sum.size() == 0) sum = Eigen::VectorXd::Zero(unknowns);
     sum += gradient;
   }
-  for (const auto& [cube, sum] : gradients) sums.blocks += sum * sum.transpose();
+  for (const auto& [cube, sum] : gradients) sums.per_block += sum * sum.transpose();
   return sums;
 }
 
-/// The part of a symmetric matrix that is not negative.
-Eigen::MatrixXd without_negative(const Eigen::MatrixXd& m) {
+/// Positive semidefinite part of a symmetric matrix.
+Eigen::MatrixXd project_to_psd(const Eigen::MatrixXd& m) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(m);
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
 }
@@ -57,18 +58,19 @@ double mean_squared_motion(const Eigen::Matrix<double, 7, 7>& covariance, const 
 
 }  // namespace
 
-std::optional<AlignmentUncertainty> uncertainty_of(const std::vector<MatchedPlane>& matches, const PointSpread& spread,
-                                                   const UncertaintyOptions& options) {
+std::optional<AlignmentUncertainty> estimate_uncertainty(const std::vector<MatchedPlane>& matches,
+                                                         const PointSpread& spread, const UncertaintyOptions& options) {
   const Eigen::Index unknowns = options.with_scale ? 7 : 6;
   if (matches.size() < static_cast<std::size_t>(2 * unknowns)) return std::nullopt;
-  const Sums sums = sums_of(matches, unknowns, options);
-  constexpr double kOpen = 1e-6;  // share of a motion that no match sees
+  const Sums sums = accumulate_sums(matches, unknowns, options);
+  constexpr double kOpen = 1e-6;  // eigenvalue share below which a motion is unconstrained
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sums.hessian, Eigen::EigenvaluesOnly);
   if (!(eigen.eigenvalues()[0] > kOpen * static_cast<double>(matches.size()))) return std::nullopt;
 
-  // All matches are as many times more as the sample is a share of them: what each adds alone shrinks by that, what
-  // neighbours have in common does not.
-  const Eigen::MatrixXd middle = options.sampled_share * sums.alone + without_negative(sums.blocks - sums.alone);
+  // The fit used 1 / sampled_share times as many matches: the independent part of the scatter shrinks by that factor,
+  // the part common to neighbours does not.
+  const Eigen::MatrixXd middle =
+      options.sampled_share * sums.per_match + project_to_psd(sums.per_block - sums.per_match);
   const Eigen::MatrixXd inverse = sums.hessian.ldlt().solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
   Eigen::Matrix<double, 7, 7> scaled = Eigen::Matrix<double, 7, 7>::Zero();
   scaled.topLeftCorner(unknowns, unknowns) = inverse * middle * inverse;

@@ -24,15 +24,15 @@ double hills_m(double x, double y) { return 4.0 * std::sin(0.21 * x) + 3.0 * std
 struct Repetitions {
   double rms_motion_m = 0.0;  ///< over the repetitions
   double scale_spread = 0.0;
-  double predicted_motion_m = 0.0, predicted_scale = 0.0;  ///< mean of what each says of itself
+  double predicted_motion_m = 0.0, predicted_scale = 0.0;  ///< mean of the predicted values
 
   Repetitions(bool by_squares, std::size_t count) {
     const TriangleMesh mesh = tests::height_field(60, -30.0, 60.0, hills_m);
     const TriangleIndex index(mesh);
-    const std::vector<Vec3> points = even_surface_points(mesh, 1500);
+    const std::vector<Vec3> points = sample_surface_evenly(mesh, 1500);
     std::mt19937_64 random(21);
     std::normal_distribution<double> normal(0.0, 0.05);
-    IcpOptions options = converging_icp();
+    IcpOptions options = converging_icp_options();
     options.method = IcpMethod::kPointToMesh;
     for (std::size_t k = 0; k < count; ++k) {
       std::array<std::array<double, 12>, 12> of_square;
@@ -48,7 +48,7 @@ struct Repetitions {
                                                ? of_square[std::min(i, std::size_t{11})][std::min(j, std::size_t{11})]
                                                : normal(random)));
       }
-      const AlignmentResult result = icp(noisy, index, mesh, Sim3(), options);
+      const IcpResult result = icp(noisy, index, mesh, Sim3(), options);
       double squares = 0.0;
       for (const Vec3& p : points) squares += (result.T_target_source * p - p).squaredNorm();
       const auto n = static_cast<double>(count);
@@ -88,9 +88,9 @@ TEST(AlignmentUncertainty, OfASampleIsThatOfAll) {
   }
   UncertaintyOptions options;
   options.length_m = 35.0;
-  const auto whole = uncertainty_of(all, spread, options);
+  const auto whole = estimate_uncertainty(all, spread, options);
   options.sampled_share = 0.1;
-  const auto sampled = uncertainty_of(some, spread, options);
+  const auto sampled = estimate_uncertainty(some, spread, options);
   ASSERT_TRUE(whole && sampled);
   // Closed form for independent residuals: sigma^2 / (n / 3) for each translation.
   EXPECT_NEAR(whole->translation_sigma_m.x(), 0.1 * std::sqrt(3.0 / 40000.0), 3e-4);
@@ -100,8 +100,8 @@ TEST(AlignmentUncertainty, OfASampleIsThatOfAll) {
 TEST(AlignmentUncertainty, NoneWhereAMotionIsOpen) {
   std::vector<MatchedPlane> plane;
   for (int k = 0; k < 100; ++k) plane.push_back({Vec3(k % 10, k / 10, 0.0), Vec3::UnitZ(), 0.01});
-  EXPECT_FALSE(uncertainty_of(plane, {}, {}));
-  EXPECT_FALSE(uncertainty_of({}, {}, {}));
+  EXPECT_FALSE(estimate_uncertainty(plane, {}, {}));
+  EXPECT_FALSE(estimate_uncertainty({}, {}, {}));
 }
 
 }  // namespace

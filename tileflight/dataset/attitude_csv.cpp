@@ -2,15 +2,15 @@
 
 #include <cmath>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/dataset/number_table.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::dataset {
 namespace {
 
 const std::vector<std::string> kColumns = {"t", "qx", "qy", "qz", "qw", "tilt_sigma_deg", "yaw_sigma_deg"};
 
-CameraAttitude attitude_of(const std::vector<double>& row, const std::string& where) {
+CameraAttitude parse_attitude(const std::vector<double>& row, const std::string& where) {
   for (const double value : row)
     if (!std::isfinite(value)) throw InputError(where, "a number is not finite");
   const Eigen::Quaterniond q(row[4], row[1], row[2], row[3]);
@@ -29,7 +29,7 @@ std::vector<CameraAttitude> read_attitude_csv(const std::filesystem::path& file)
   std::vector<CameraAttitude> attitudes;
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     const std::string where = file.string() + ": row " + std::to_string(i + 1);
-    attitudes.push_back(attitude_of(table.rows[i], where));
+    attitudes.push_back(parse_attitude(table.rows[i], where));
     if (i > 0 && !(attitudes[i].time_s > attitudes[i - 1].time_s))
       throw InputError(where, "the time is not after the one before it");
   }

@@ -5,7 +5,7 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 #include "tileflight/geometry/transform.h"
 
 namespace tileflight::dataset {
@@ -31,7 +31,7 @@ TEST(AttitudeCsv, BrokenFilesAreNamedWithTheirRow) {
   const tests::TemporaryFolder folder;
   const auto file = folder.path() / "attitude.csv";
   const auto refused = [&](const std::string& text) {
-    geometry::write_file(file, text);
+    base::write_file(file, text);
     return tests::refusal_of([&] { read_attitude_csv(file); });
   };
   EXPECT_THAT(refused("a,b\n1,2\n"), HasSubstr("columns"));

@@ -9,8 +9,8 @@
 
 namespace tileflight::dataset {
 
-/// Values in the order of a ROS 2 message, as its middleware lays them out: OMG's Common Data Representation, version
-/// 1, little-endian (CDR_LE). Numbers stand at multiples of their size, counted from behind the four bytes in front.
+/// Serializes values in the order of a ROS 2 message: OMG's Common Data Representation, version 1, little-endian
+/// (CDR_LE). Numbers are aligned to multiples of their size, counted from the end of the four-byte header.
 class CdrWriter {
  public:
   template <class Number>
@@ -33,7 +33,7 @@ class CdrWriter {
   }
   /// An array of fixed length, e.g. float64[9].
   template <class Numbers>
-  CdrWriter& each(const Numbers& numbers) {
+  CdrWriter& array(const Numbers& numbers) {
     for (const auto value : numbers) number(value);
     return *this;
   }

@@ -6,9 +6,9 @@
 #include <optional>
 #include <variant>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::dataset {
 
@@ -16,7 +16,7 @@ namespace {
 
 using geometry::Vec2;
 
-constexpr double kPixelCentre = 0.5;  ///< COLMAP's first pixel has its centre here, ours at 0
+constexpr double kPixelCentre = 0.5;  ///< centre of COLMAP's first pixel; ours is at 0
 
 struct Lens {
   std::string model;
@@ -55,31 +55,31 @@ Lens lens_of(const imaging::Camera& camera) {
 
 void append(std::string& text, double value) {
   text += ' ';
-  geometry::append_number(text, value);
+  base::append_number(text, value);
 }
 
-/// Where points are seen: for each picture its pixels, for each point its (picture, place in that picture's list).
+/// Observations of the points: for each image its pixels, for each point its (image, index in that image's list).
 struct Observations {
   struct Pixel {
     Vec2 at;
     std::size_t point = 0;
   };
-  std::vector<std::vector<Pixel>> of_picture;
-  std::vector<std::vector<std::pair<int, std::size_t>>> of_point;
+  std::vector<std::vector<Pixel>> by_image;
+  std::vector<std::vector<std::pair<int, std::size_t>>> by_point;
 };
 
-Observations observe(const ColmapModel& model) {
+Observations project_points(const ColmapModel& model) {
   Observations all;
-  all.of_picture.resize(model.pictures.size());
-  all.of_point.resize(model.points.size());
+  all.by_image.resize(model.images.size());
+  all.by_point.resize(model.points.size());
   for (std::size_t i = 0; i < model.points.size(); ++i) {
-    for (const int k : model.points[i].pictures) {
-      const auto pixel = model.camera.project(model.pictures[k].T_world_camera.inverse() * model.points[i].position);
+    for (const int k : model.points[i].image_indices) {
+      const auto pixel = model.camera.project(model.images[k].T_world_camera.inverse() * model.points[i].position);
       const bool inside = pixel && pixel->x() >= -0.5 && pixel->y() >= -0.5 &&
                           pixel->x() <= model.camera.width() - 0.5 && pixel->y() <= model.camera.height() - 0.5;
       if (!inside) continue;
-      all.of_point[i].emplace_back(k, all.of_picture[k].size());
-      all.of_picture[k].push_back({*pixel, i});
+      all.by_point[i].emplace_back(k, all.by_image[k].size());
+      all.by_image[k].push_back({*pixel, i});
     }
   }
   return all;
@@ -95,14 +95,14 @@ std::string cameras_text(const imaging::Camera& camera, const Lens& lens) {
 std::string images_text(const ColmapModel& model, const Observations& observations) {
   std::string text =
       "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (world to camera)\n# POINTS2D[] as X Y POINT3D_ID\n";
-  for (std::size_t k = 0; k < model.pictures.size(); ++k) {
-    const geometry::SE3 T_camera_world = model.pictures[k].T_world_camera.inverse();
+  for (std::size_t k = 0; k < model.images.size(); ++k) {
+    const geometry::SE3 T_camera_world = model.images[k].T_world_camera.inverse();
     const Eigen::Quaterniond& q = T_camera_world.rotation;
     text += std::to_string(k + 1);
     for (const double value : {q.w(), q.x(), q.y(), q.z()}) append(text, value);
     for (int i = 0; i < 3; ++i) append(text, T_camera_world.translation[i]);
-    text += " 1 " + model.pictures[k].name + "\n";
-    for (const Observations::Pixel& pixel : observations.of_picture[k]) {
+    text += " 1 " + model.images[k].name + "\n";
+    for (const Observations::Pixel& pixel : observations.by_image[k]) {
       append(text, pixel.at.x() + kPixelCentre);
       append(text, pixel.at.y() + kPixelCentre);
       text += " " + std::to_string(pixel.point + 1);
@@ -119,7 +119,7 @@ std::string points_text(const ColmapModel& model, const Observations& observatio
     for (int k = 0; k < 3; ++k) append(text, model.points[i].position[k]);
     for (const std::uint8_t value : model.points[i].color) text += " " + std::to_string(value);
     text += " -1";
-    for (const auto& [picture, place] : observations.of_point[i])
+    for (const auto& [picture, place] : observations.by_point[i])
       text += " " + std::to_string(picture + 1) + " " + std::to_string(place);
     text += "\n";
   }
@@ -132,10 +132,10 @@ void require_colmap_lens(const imaging::Camera& camera) { lens_of(camera); }
 
 void write_colmap(const std::filesystem::path& folder, const ColmapModel& model) {
   const Lens lens = lens_of(model.camera);
-  const Observations observations = observe(model);
-  geometry::write_file(folder / "cameras.txt", cameras_text(model.camera, lens));
-  geometry::write_file(folder / "images.txt", images_text(model, observations));
-  geometry::write_file(folder / "points3D.txt", points_text(model, observations));
+  const Observations observations = project_points(model);
+  base::write_file(folder / "cameras.txt", cameras_text(model.camera, lens));
+  base::write_file(folder / "images.txt", images_text(model, observations));
+  base::write_file(folder / "points3D.txt", points_text(model, observations));
 }
 
 }  // namespace tileflight::dataset

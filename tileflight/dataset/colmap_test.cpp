@@ -1,12 +1,13 @@
 #include "tileflight/dataset/colmap.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <sstream>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::dataset {
@@ -14,6 +15,8 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 std::vector<std::string> lines_of(const std::filesystem::path& file) {
   std::ifstream stream(file);
@@ -33,15 +36,15 @@ std::vector<double> numbers_of(const std::string& line) {
 ColmapModel small_model(const imaging::Camera& camera) {
   ColmapModel model;
   model.camera = camera;
-  model.pictures = {{"000000.jpg", SE3(geometry::so3_exp({0.1, -0.2, 0.3}), Vec3(1, 2, 3))},
-                    {"000007.jpg", SE3(geometry::so3_exp({0.1, -0.1, 0.2}), Vec3(1.5, 2.1, 3))}};
+  model.images = {{"000000.jpg", SE3(geometry::so3_exp({0.1, -0.2, 0.3}), Vec3(1, 2, 3))},
+                  {"000007.jpg", SE3(geometry::so3_exp({0.1, -0.1, 0.2}), Vec3(1.5, 2.1, 3))}};
   for (const Vec3& direction : {Vec3(0.1, 0.2, 5), Vec3(-0.5, 0.1, 6), Vec3(0, 0, 4)})
-    model.points.push_back({model.pictures[0].T_world_camera * direction, {10, 20, 30}, {0, 1}});
-  model.points.push_back({model.pictures[0].T_world_camera * Vec3(0, 0, -5), {1, 2, 3}, {0}});  // behind
+    model.points.push_back({model.images[0].T_world_camera * direction, {10, 20, 30}, {0, 1}});
+  model.points.push_back({model.images[0].T_world_camera * Vec3(0, 0, -5), {1, 2, 3}, {0}});  // behind
   return model;
 }
 
-/// OpenCV's fisheye as COLMAP documents it, written down again.
+/// OpenCV's fisheye model as documented by COLMAP, implemented independently.
 geometry::Vec2 colmap_fisheye(const std::vector<double>& p, const Vec3& point) {
   const double r = std::hypot(point.x(), point.y()) / point.z(), t = std::atan(r), t2 = t * t;
   const double d = t * (1 + t2 * (p[4] + t2 * (p[5] + t2 * (p[6] + t2 * p[7]))));
@@ -117,9 +120,21 @@ TEST(Colmap, EachLensHasItsNameOrIsRefused) {
   EXPECT_EQ(name_of(imaging::PinholeRadtan{300, 300, 319.5, 239.5, {-0.1, 0, 0, 0}}), "OPENCV");
   EXPECT_EQ(name_of(imaging::KannalaBrandt{300, 300, 319.5, 239.5, {}}), "OPENCV_FISHEYE");
   EXPECT_EQ(name_of(imaging::FovModel{300, 300, 319.5, 239.5, 0.9}), "FOV");
-  EXPECT_THROW(name_of(imaging::DoubleSphere{300, 300, 319.5, 239.5, 0, 0.5}), InputError);
-  EXPECT_THROW(name_of(imaging::Unified{300, 300, 319.5, 239.5, 1, {}}), InputError);
-  EXPECT_THROW(name_of(imaging::ExtendedUnified{300, 300, 319.5, 239.5, 0.5, 1}), InputError);
+  EXPECT_THAT(
+      [&] {
+        name_of(imaging::DoubleSphere{300, 300, 319.5, 239.5, 0, 0.5});
+      },
+      ThrowsMessage<InputError>(HasSubstr("COLMAP has no model for this lens")));
+  EXPECT_THAT(
+      [&] {
+        name_of(imaging::UnifiedModel{300, 300, 319.5, 239.5, 1, {}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("COLMAP has no model for this lens")));
+  EXPECT_THAT(
+      [&] {
+        name_of(imaging::ExtendedUnifiedModel{300, 300, 319.5, 239.5, 0.5, 1});
+      },
+      ThrowsMessage<InputError>(HasSubstr("COLMAP has no model for this lens")));
 }
 
 }  // namespace

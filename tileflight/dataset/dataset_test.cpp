@@ -10,8 +10,8 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/base/files.h"
 #include "tileflight/dataset/test_pictures.h"
-#include "tileflight/geometry/files.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
 
@@ -67,7 +67,7 @@ void write_whole(const fs::path& folder, DatasetWriter::Options options = {}, bo
 std::map<std::string, std::string> contents(const fs::path& folder) {
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(folder))
-    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder)] = geometry::read_text(entry.path());
+    if (entry.is_regular_file()) files[fs::relative(entry.path(), folder)] = base::read_text(entry.path());
   return files;
 }
 
@@ -109,12 +109,12 @@ TEST(Dataset, ReadsWhatItWrote) {
   ASSERT_TRUE(dataset.groundtruth.has_value());
   EXPECT_EQ(dataset.groundtruth->size(), 5U);
   ASSERT_EQ(dataset.gps.size(), 2U);
-  EXPECT_EQ(dataset.gps[1].place.latitude_deg, fixes()[1].place.latitude_deg);
-  EXPECT_EQ(dataset.gps[1].place.height.m, 2885.5);
+  EXPECT_EQ(dataset.gps[1].position.latitude_deg, fixes()[1].position.latitude_deg);
+  EXPECT_EQ(dataset.gps[1].position.height.m, 2885.5);
   EXPECT_EQ(dataset.gps[1].vertical_sigma_m, 0.4);
-  EXPECT_EQ(dataset.about.at("sensor.seed"), "7");
-  EXPECT_EQ(dataset.about.at("sensor.note"), "quotes \" and: colons");
-  EXPECT_EQ(dataset.about.at("source"), "test");
+  EXPECT_EQ(dataset.metadata.at("sensor.seed"), "7");
+  EXPECT_EQ(dataset.metadata.at("sensor.note"), "quotes \" and: colons");
+  EXPECT_EQ(dataset.metadata.at("source"), "test");
   EXPECT_TRUE(dataset.pcalib.empty());
 }
 
@@ -131,7 +131,7 @@ TEST(Dataset, PngAndPhotometricFiles) {
     DatasetWriter writer(folder / "set", calibration(), {.png = true});
     writer.add_frame(0, 1.5, 0.0, moving_picture(kWidth, kHeight, 0));
     imaging::write_vignette(writer.temporary_folder() / "vignette.png", imaging::FloatImage(kWidth, kHeight, 1.0F));
-    geometry::write_file(writer.temporary_folder() / "pcalib.txt", "0 1 2\n");
+    base::write_file(writer.temporary_folder() / "pcalib.txt", "0 1 2\n");
     writer.finish();
   }
   const Dataset dataset = read_dataset(folder / "set");
@@ -155,7 +155,7 @@ TEST(DatasetWriter, NothingIsThereBeforeFinishNorWithoutIt) {
 TEST(DatasetWriter, ExistingFolderIsRefusedAtOnceUnlessReplaced) {
   TemporaryFolder folder;
   write_whole(folder / "set");
-  geometry::write_file(folder / "set/mine.txt", "precious");
+  base::write_file(folder / "set/mine.txt", "precious");
   EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "set", calibration(), {}); }), HasSubstr("exists already"));
   EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "set", calibration(), {.replace = true}); }),
               HasSubstr("holds mine.txt, which tileflight did not write"));
@@ -177,11 +177,11 @@ TEST(DatasetWriter, ExistingFolderIsRefusedAtOnceUnlessReplaced) {
 
 TEST(DatasetWriter, WhatCameMeanwhileIsMovedAside) {
   TemporaryFolder folder;
-  DatasetWriter writer(folder / "set", calibration(), {.build_in = folder / ".set.frames/dataset"});
+  DatasetWriter writer(folder / "set", calibration(), {.build_folder = folder / ".set.frames/dataset"});
   writer.add_frame(0, 0.0, 0.0, moving_picture(kWidth, kHeight, 0));
-  geometry::write_file(folder / "set", "a file has come there");
+  base::write_file(folder / "set", "a file has come there");
   EXPECT_NE(refusal_of([&] { writer.finish(); }), "no error");
-  EXPECT_EQ(geometry::read_text(folder / "set.before"), "a file has come there");
+  EXPECT_EQ(base::read_text(folder / "set.before"), "a file has come there");
   EXPECT_EQ(read_dataset(folder / "set").frames.size(), 1U);
 }
 
@@ -197,7 +197,7 @@ TEST(DatasetWriter, TimesMustIncreaseAndFramesMustBe) {
   EXPECT_TRUE(names(folder.path()).empty());
 }
 
-/// Makes every file that the process writes end at a size, as a full disk does.
+/// Limits the size of every file that the process writes, to simulate a full disk.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) : old_handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -228,13 +228,13 @@ TEST(DatasetWriter, NoSpaceLeavesNothing) {
 
 TEST(DatasetWriter, FolderThatCannotBeMade) {
   TemporaryFolder folder;
-  geometry::write_file(folder / "file", "x");
+  base::write_file(folder / "file", "x");
   EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file/set", calibration(), {}); }), HasSubstr("cannot be made"));
   EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file", calibration(), {.replace = true}); }),
               HasSubstr("not a folder"));
 }
 
-// ---- folders that others made ----
+// ---- folders written by other programs ----
 
 /// A folder in DSO's layout: PNG images named by hand, camera.txt.
 struct DsoFolder {
@@ -242,10 +242,10 @@ struct DsoFolder {
     fs::create_directories(folder / "images");
     for (const char* name : {"a", "b", "c"})
       imaging::write_rgb(folder / "images" / (std::string(name) + ".png"), moving_picture(kWidth, kHeight, name[0]));
-    geometry::write_file(folder / "camera.txt", "Pinhole 50 50 32 24 0\n64 48\ncrop\n64 48\n");
+    base::write_file(folder / "camera.txt", "Pinhole 50 50 32 24 0\n64 48\ncrop\n64 48\n");
     times("a 1.0 2.5\nb 1.5\nc 2.25 3\n");
   }
-  void times(const std::string& text) const { geometry::write_file(folder / "times.txt", text); }
+  void times(const std::string& text) const { base::write_file(folder / "times.txt", text); }
   std::string error() const {
     return refusal_of([&] { read_dataset(folder); });
   }
@@ -310,12 +310,12 @@ TEST(DsoLayout, BadTimesAreOneClearLine) {
 TEST(DsoLayout, BadFoldersAreOneClearLine) {
   TemporaryFolder folder;
   const DsoFolder dso(folder / "set");
-  geometry::write_file(dso.folder / "camera.txt", "Pinhole 50 50 32 24 0\n640 480\n");
+  base::write_file(dso.folder / "camera.txt", "Pinhole 50 50 32 24 0\n640 480\n");
   EXPECT_THAT(dso.error(), AllOf(HasSubstr("640x480"), HasSubstr("64x48")));
   fs::remove(dso.folder / "camera.txt");
   EXPECT_THAT(dso.error(), HasSubstr("no camera calibration"));
-  geometry::write_file(dso.folder / "camera.txt", "Pinhole 50 50 32 24 0\n64 48\n");
-  geometry::write_file(dso.folder / "images/a.png", "broken");
+  base::write_file(dso.folder / "camera.txt", "Pinhole 50 50 32 24 0\n64 48\n");
+  base::write_file(dso.folder / "images/a.png", "broken");
   EXPECT_THAT(dso.error(), HasSubstr("a.png"));
   fs::remove_all(dso.folder / "images");
   EXPECT_THAT(dso.error(), HasSubstr("neither images/"));
@@ -327,21 +327,21 @@ TEST(DsoLayout, BadFoldersAreOneClearLine) {
 TEST(DsoLayout, BadSideFilesAreOneClearLine) {
   TemporaryFolder folder;
   const DsoFolder dso(folder / "set");
-  geometry::write_file(dso.folder / "gps.csv", "t,lat,lon,height,horizontal_sigma,vertical_sigma\n0,91,0,0,1,1\n");
+  base::write_file(dso.folder / "gps.csv", "t,lat,lon,height,horizontal_sigma,vertical_sigma\n0,91,0,0,1,1\n");
   EXPECT_THAT(dso.error(), AllOf(HasSubstr("gps.csv: line 2"), HasSubstr("latitude")));
-  geometry::write_file(dso.folder / "gps.csv", "0,1,0,0,1\n");
+  base::write_file(dso.folder / "gps.csv", "0,1,0,0,1\n");
   EXPECT_THAT(dso.error(), HasSubstr("found 5"));
-  geometry::write_file(dso.folder / "gps.csv", "0,1,0,nan,1,1\n");
+  base::write_file(dso.folder / "gps.csv", "0,1,0,nan,1,1\n");
   EXPECT_THAT(dso.error(), HasSubstr("finite"));
-  geometry::write_file(dso.folder / "gps.csv", "0,1,0,0,1,1\n0,1,0,0,1,1\n");
+  base::write_file(dso.folder / "gps.csv", "0,1,0,0,1,1\n0,1,0,0,1,1\n");
   EXPECT_THAT(dso.error(), HasSubstr("not after"));
-  geometry::write_file(dso.folder / "gps.csv", "0,1,0,0,-1,1\n");
+  base::write_file(dso.folder / "gps.csv", "0,1,0,0,-1,1\n");
   EXPECT_THAT(dso.error(), HasSubstr("negative"));
   fs::remove(dso.folder / "gps.csv");
-  geometry::write_file(dso.folder / "dataset.yaml", "a: [1, 2\n");
+  base::write_file(dso.folder / "dataset.yaml", "a: [1, 2\n");
   EXPECT_THAT(dso.error(), HasSubstr("YAML"));
-  geometry::write_file(dso.folder / "dataset.yaml", "a: {b: 1, c: [x, y]}\n");
-  const auto about = read_dataset(dso.folder).about;
+  base::write_file(dso.folder / "dataset.yaml", "a: {b: 1, c: [x, y]}\n");
+  const auto about = read_dataset(dso.folder).metadata;
   EXPECT_EQ(about.at("a.b"), "1");
   EXPECT_EQ(about.at("a.c.1"), "y");
 }
@@ -351,18 +351,18 @@ TEST(KittiLayout, CalibTimesAndPoses) {
   fs::create_directories(folder / "image_0");
   for (int i = 0; i < 2; ++i)
     imaging::write_rgb(folder / "image_0" / ("00000" + std::to_string(i) + ".png"), moving_picture(kWidth, kHeight, i));
-  geometry::write_file(folder / "calib.txt", "P0: 50 0 31 0 0 51 23 0 0 0 1 0\nP1: 50 0 31 -9 0 51 23 0 0 0 1 0\n");
-  geometry::write_file(folder / "times.txt", "0.0\n1.04e-01\n");
-  geometry::write_file(folder / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n0 0 1 5 0 1 0 6 -1 0 0 7\n");
+  base::write_file(folder / "calib.txt", "P0: 50 0 31 0 0 51 23 0 0 0 1 0\nP1: 50 0 31 -9 0 51 23 0 0 0 1 0\n");
+  base::write_file(folder / "times.txt", "0.0\n1.04e-01\n");
+  base::write_file(folder / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n0 0 1 5 0 1 0 6 -1 0 0 7\n");
   const Dataset dataset = read_dataset(folder.path());
   EXPECT_EQ(dataset.frames[1].time_s, 0.104);
   EXPECT_EQ(*dataset.calibration.camera.project({1, 1, 1}), geometry::Vec2(81, 74));
   EXPECT_EQ(dataset.groundtruth->poses[1].T_local_camera.translation, geometry::Vec3(5, 6, 7));
   EXPECT_LT((dataset.groundtruth->poses[1].T_local_camera * geometry::Vec3(0, 0, 1) - geometry::Vec3(6, 6, 7)).norm(),
             1e-12);
-  geometry::write_file(folder / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+  base::write_file(folder / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
   EXPECT_THAT(refusal_of([&] { read_dataset(folder.path()); }), HasSubstr("1 poses for 2 images"));
-  geometry::write_file(folder / "calib.txt", "P0: 50 0\n");
+  base::write_file(folder / "calib.txt", "P0: 50 0\n");
   EXPECT_THAT(refusal_of([&] { read_dataset(folder.path()); }), HasSubstr("expected 12 numbers"));
 }
 

@@ -1,13 +1,13 @@
 #include <mutex>
 
-#include "tileflight/dataset/about_file.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/base/temporary_path.h"
 #include "tileflight/dataset/dataset.h"
+#include "tileflight/dataset/dataset_metadata.h"
 #include "tileflight/dataset/frame_list.h"
-#include "tileflight/dataset/number_text.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
-#include "tileflight/geometry/temporary_path.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset {
@@ -16,23 +16,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Stamp {
+struct FrameTiming {
   double time_s = 0.0;
   double exposure_ms = 0.0;
 };
 
-geometry::OutputFolder output_of(const fs::path& folder, const DatasetWriter::Options& options) {
+base::OutputFolder output_of(const fs::path& folder, const DatasetWriter::Options& options) {
   return {.folder = folder,
           .command = options.command,
           .replace = options.replace,
           .inputs = options.inputs,
-          .unmarked = unmarked_dataset()};
+          .legacy = unmarked_dataset()};
 }
 
 fs::path make_temporary(const fs::path& target) {
   std::error_code error;
   fs::create_directories(target.parent_path(), error);
-  const fs::path temporary = geometry::temporary_beside(target);
+  const fs::path temporary = base::make_temporary_path(target);
   if (!fs::create_directory(temporary, error)) throw InputError(target.string(), "cannot be made: " + error.message());
   return temporary;
 }
@@ -43,15 +43,15 @@ void make_folder(const fs::path& folder) {
   if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
 }
 
-std::string times_text(const std::map<std::size_t, Stamp>& stamps) {
+std::string times_text(const std::map<std::size_t, FrameTiming>& stamps) {
   std::string text;
   for (const auto& [index, stamp] : stamps)
-    text += frame_id(index) + " " + fixed_text(stamp.time_s) + " " + fixed_text(stamp.exposure_ms) + "\n";
+    text += frame_id(index) + " " + base::fixed_text(stamp.time_s) + " " + base::fixed_text(stamp.exposure_ms) + "\n";
   return text;
 }
 
-void require_increasing(const std::string& folder, const std::map<std::size_t, Stamp>& stamps) {
-  const Stamp* before = nullptr;
+void require_increasing(const std::string& folder, const std::map<std::size_t, FrameTiming>& stamps) {
+  const FrameTiming* before = nullptr;
   for (const auto& [index, stamp] : stamps) {
     if (before != nullptr && !(stamp.time_s > before->time_s))
       throw InputError(folder, "the time of frame " + frame_id(index) + " is not after the one before it");
@@ -61,7 +61,7 @@ void require_increasing(const std::string& folder, const std::map<std::size_t, S
 
 }  // namespace
 
-geometry::UnmarkedFolder unmarked_dataset() {
+base::LegacyFolderPattern unmarked_dataset() {
   return {.key_file = "dataset.yaml",
           .key_text = "tileflight",
           .files = {"images/######.jpg",
@@ -97,42 +97,42 @@ geometry::UnmarkedFolder unmarked_dataset() {
 }
 
 struct DatasetWriter::Impl {
-  geometry::OutputFolder output;
+  base::OutputFolder output;
   fs::path target;  ///< output.folder, resolved
   imaging::Calibration calibration;
   Options options;
-  std::mutex mutex;  // guards what follows
-  std::map<std::size_t, Stamp> stamps;
+  std::mutex mutex;  // guards the members below
+  std::map<std::size_t, FrameTiming> timings;
   std::optional<geometry::Trajectory> groundtruth;
   std::vector<GpsFix> gps;
-  std::map<std::string, std::string> about;
+  std::map<std::string, std::string> metadata;
 
   void write_lists(const fs::path& folder) const {
-    require_increasing(target.string(), stamps);
-    geometry::write_file(folder / "times.txt", times_text(stamps));
+    require_increasing(target.string(), timings);
+    base::write_file(folder / "times.txt", times_text(timings));
     imaging::write_kalibr(folder / "camera.yaml", calibration);
-    if (imaging::has_dso_name(calibration.camera)) imaging::write_dso_camera(folder / "camera.txt", calibration);
+    if (imaging::has_dso_model(calibration.camera)) imaging::write_dso_camera(folder / "camera.txt", calibration);
     if (groundtruth) geometry::write_tum(folder / "groundtruth.txt", *groundtruth);
     if (!gps.empty()) write_gps_csv(folder / "gps.csv", gps);
-    geometry::write_file(folder / "dataset.yaml", about_text(about));
+    base::write_file(folder / "dataset.yaml", format_metadata(metadata));
   }
 };
 
 DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, Options options)
     : impl_(std::make_unique<Impl>()) {
   impl_->output = output_of(folder, options);
-  impl_->target = geometry::resolved_folder(folder);
+  impl_->target = base::resolve_folder(folder);
   impl_->calibration = std::move(calibration);
   impl_->options = std::move(options);
-  geometry::require_writable(impl_->output);
-  temporary_ = impl_->options.build_in.empty() ? make_temporary(impl_->target) : impl_->options.build_in;
+  base::require_writable(impl_->output);
+  temporary_ = impl_->options.build_folder.empty() ? make_temporary(impl_->target) : impl_->options.build_folder;
   make_folder(temporary_ / "images");
 }
 
 DatasetWriter::~DatasetWriter() {
-  if (!impl_->options.build_in.empty()) return;
+  if (!impl_->options.build_folder.empty()) return;
   std::error_code ignored;
-  fs::remove_all(temporary_, ignored);  // renamed away after finish()
+  fs::remove_all(temporary_, ignored);  // does not exist after finish(), which renames it
 }
 
 void DatasetWriter::add_frame(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image) {
@@ -144,14 +144,14 @@ void DatasetWriter::add_frame(std::size_t index, double time_s, double exposure_
 
 void DatasetWriter::add_encoded_frame(std::size_t index, double time_s, double exposure_ms,
                                       std::span<const std::byte> bytes, const std::string& extension) {
-  geometry::write_file(temporary_ / "images" / (frame_id(index) + extension),
-                       {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
-  add_written_frame(index, time_s, exposure_ms);
+  base::write_file(temporary_ / "images" / (frame_id(index) + extension),
+                   {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  add_existing_frame(index, time_s, exposure_ms);
 }
 
-void DatasetWriter::add_written_frame(std::size_t index, double time_s, double exposure_ms) {
+void DatasetWriter::add_existing_frame(std::size_t index, double time_s, double exposure_ms) {
   const std::lock_guard lock(impl_->mutex);
-  impl_->stamps[index] = {time_s, exposure_ms};
+  impl_->timings[index] = {time_s, exposure_ms};
 }
 
 void DatasetWriter::set_groundtruth(geometry::Trajectory trajectory) {
@@ -166,25 +166,25 @@ void DatasetWriter::set_gps(std::vector<GpsFix> fixes) {
 
 void DatasetWriter::describe(const std::string& key, const std::string& value) {
   const std::lock_guard lock(impl_->mutex);
-  impl_->about[key] = value;
+  impl_->metadata[key] = value;
 }
 
 void DatasetWriter::finish() {
   const std::lock_guard lock(impl_->mutex);
-  if (impl_->stamps.empty()) throw InputError(impl_->target.string(), "no frames were written");
+  if (impl_->timings.empty()) throw InputError(impl_->target.string(), "no frames were written");
   impl_->write_lists(temporary_);
   fs::path built = temporary_;
-  if (!impl_->options.build_in.empty()) {
-    // What was there before must never stand where frames are taken up.
-    built = geometry::temporary_beside(impl_->target);
+  if (!impl_->options.build_folder.empty()) {
+    // Old files must never be in a folder that later renders continue.
+    built = base::make_temporary_path(impl_->target);
     std::error_code error;
     fs::rename(temporary_, built, error);
     if (error) throw InputError(impl_->target.string(), "cannot be written: " + error.message());
   }
   try {
-    geometry::put_in_place(built, impl_->output);
+    base::install_folder(built, impl_->output);
   } catch (const InputError&) {
-    // Frames that are kept can be taken up once more.
+    // Stored frames remain available for another attempt.
     std::error_code ignored;
     if (built != temporary_) fs::rename(built, temporary_, ignored);
     throw;

@@ -12,8 +12,8 @@
 
 namespace tileflight::dataset {
 
-/// Encodes frames on the other cores while their source decodes the next. At most a few wait; when they do, the thread
-/// that brings another encodes it itself. The files are the same in any order.
+/// Encodes frames on other cores while the source decodes the next. A few frames may wait; beyond that, the calling
+/// thread encodes the frame itself. The files do not depend on the order.
 class EncodeQueue {
  public:
   explicit EncodeQueue(DatasetWriter& writer) : writer_(writer) {}
@@ -21,7 +21,7 @@ class EncodeQueue {
   EncodeQueue(const EncodeQueue&) = delete;
   EncodeQueue& operator=(const EncodeQueue&) = delete;
 
-  /// Throws what an earlier frame's writing threw.
+  /// Queues a frame. Throws the exception of an earlier frame's writing.
   void add(std::size_t index, double time_s, double exposure_ms, const imaging::RgbImage& image) {
     rethrow();
     if (waiting_.load() >= kMaxWaiting) return writer_.add_frame(index, time_s, exposure_ms, image);
@@ -37,7 +37,7 @@ class EncodeQueue {
     });
   }
 
-  /// Waits for all frames; throws what writing one threw.
+  /// Waits for all frames; throws the exception of a failed one.
   void finish() {
     tasks_.wait();
     rethrow();

@@ -1,16 +1,16 @@
-// EuRoC's ASL layout (Burri et al., IJRR 2016): the layout that euroc_layout.cpp reads.
+// EuRoC's ASL layout (Burri et al., IJRR 2016), as read by euroc_layout.cpp.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <span>
 #include <variant>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/number_table.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
 
 namespace tileflight::dataset::exports {
 
@@ -40,12 +40,12 @@ std::string list_text(const Numbers& numbers) {
   std::string text = "[";
   for (const double number : numbers) {
     if (text.size() > 1) text += ", ";
-    geometry::append_number(text, number);
+    base::append_number(text, number);
   }
   return text + "]";
 }
 
-/// `T_BS`: sensor to body, which is the IMU.
+/// `T_BS`: sensor to body, where the body is the IMU.
 std::string head_text(const std::string& kind, const geometry::SE3& T_BS) {
   const geometry::Mat4 m = T_BS.matrix();
   const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> rows = m;
@@ -55,7 +55,7 @@ std::string head_text(const std::string& kind, const geometry::SE3& T_BS) {
 
 std::string rate_text(double rate_hz) {
   std::string text = "rate_hz: ";
-  geometry::append_number(text, rate_hz);
+  base::append_number(text, rate_hz);
   return text + "\n";
 }
 
@@ -69,18 +69,17 @@ void write_camera(const Dataset& dataset, const fs::path& folder) {
   const Lens lens = lens_of(dataset);
   const imaging::Camera& camera = dataset.calibration.camera;
   fs::create_directories(folder);
-  geometry::write_file(
-      folder / "sensor.yaml",
-      head_text("camera", dataset.calibration.T_cam_imu.inverse()) + rate_text(frame_rate_hz(dataset)) +
-          "resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) +
-          "]\ncamera_model: pinhole\nintrinsics: " + list_text(lens.focal) + "\ndistortion_model: " + lens.distortion +
-          "\ndistortion_coefficients: " + list_text(lens.coefficients) + "\n");
+  base::write_file(folder / "sensor.yaml",
+                   head_text("camera", dataset.calibration.T_cam_imu.inverse()) + rate_text(frame_rate_hz(dataset)) +
+                       "resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) +
+                       "]\ncamera_model: pinhole\nintrinsics: " + list_text(lens.focal) + "\ndistortion_model: " +
+                       lens.distortion + "\ndistortion_coefficients: " + list_text(lens.coefficients) + "\n");
   std::string list = "#timestamp [ns],filename\n";
   for (const Frame& frame : dataset.frames) {
     const std::string name = std::to_string(nanoseconds(frame.time_s));
     list += name + "," + name + ".png\n";
   }
-  geometry::write_file(folder / "data.csv", list);
+  base::write_file(folder / "data.csv", list);
 }
 
 void write_imu(const Dataset& dataset, const fs::path& folder) {
@@ -89,14 +88,14 @@ void write_imu(const Dataset& dataset, const fs::path& folder) {
   std::string text = head_text("imu", {}) + rate_text(imu.update_rate_hz);
   const auto line = [&text](const char* key, double value) {
     text += key;
-    geometry::append_number(text, value);
+    base::append_number(text, value);
     text += '\n';
   };
   line("gyroscope_noise_density: ", imu.gyroscope_noise_density);
   line("gyroscope_random_walk: ", imu.gyroscope_random_walk);
   line("accelerometer_noise_density: ", imu.accelerometer_noise_density);
   line("accelerometer_random_walk: ", imu.accelerometer_random_walk);
-  geometry::write_file(folder / "sensor.yaml", text);
+  base::write_file(folder / "sensor.yaml", text);
   write_imu_csv(folder / "data.csv", read_imu_csv(dataset.folder / "imu.csv"));
 }
 
@@ -106,8 +105,8 @@ std::vector<geometry::StampedPose> body_poses(const Dataset& dataset) {
   return poses;
 }
 
-/// The derivative at pose `at` of the polynomial through the positions around it (Lagrange's, five of them or as many
-/// as there are): sum over j of p_j l_j'(t).
+/// Derivative at pose `at` of the interpolating polynomial through the neighbouring positions (Lagrange, five of them
+/// or as many as there are): sum over j of p_j l_j'(t).
 geometry::Vec3 velocity_at(std::span<const geometry::StampedPose> poses, std::size_t at) {
   constexpr std::size_t kNodes = 5;
   const std::size_t count = std::min(kNodes, poses.size());
@@ -130,7 +129,7 @@ geometry::Vec3 velocity_at(std::span<const geometry::StampedPose> poses, std::si
   return velocity;
 }
 
-/// imu_bias.csv's six numbers at a time, linear between its rows and constant beyond them; zeros without rows.
+/// The six numbers of imu_bias.csv at a time: interpolated linearly, constant beyond the rows; zeros without rows.
 std::array<double, 6> biases_at(const NumberTable& biases, double time_s) {
   std::array<double, 6> values{};
   const auto& rows = biases.rows;
@@ -153,7 +152,7 @@ NumberTable biases_of(const Dataset& dataset) {
   return biases;
 }
 
-/// Poses and velocities of the body, which is the IMU, and its biases where they are known.
+/// Writes poses and velocities of the body, which is the IMU, and its biases if known.
 void write_truth(const Dataset& dataset, const fs::path& folder) {
   fs::create_directories(folder);
   const bool has_biases = fs::is_regular_file(dataset.folder / "imu_bias.csv");
@@ -170,7 +169,7 @@ void write_truth(const Dataset& dataset, const fs::path& folder) {
   const auto add = [&text](const auto& numbers) {
     for (const double number : numbers) {
       text += ',';
-      geometry::append_number(text, number);
+      base::append_number(text, number);
     }
   };
   for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -182,7 +181,7 @@ void write_truth(const Dataset& dataset, const fs::path& folder) {
     if (has_biases) add(biases_at(biases, poses[i].time_s));
     text += '\n';
   }
-  geometry::write_file(folder / "data.csv", text);
+  base::write_file(folder / "data.csv", text);
 }
 
 }  // namespace

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstdint>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 
 namespace tileflight::dataset::layouts {
@@ -25,15 +25,15 @@ fs::path camera_folder(const fs::path& folder) {
 
 std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>& warnings) {
   const fs::path file = camera / "data.csv";
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<Frame> frames;
   std::size_t missing = 0;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line, ", \t");
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
     if (fields.empty() || fields.front().starts_with('#')) continue;
     const std::string where = file.string() + ": line " + std::to_string(number);
-    const auto time_ns = geometry::parse_number<std::int64_t>(fields.front());
+    const auto time_ns = base::parse_number<std::int64_t>(fields.front());
     if (!time_ns || fields.size() != 2) throw InputError(where, "expected \"time_in_nanoseconds,file\"");
     const fs::path image = camera / "data" / fs::path(fields[1]).filename();
     if (fs::is_regular_file(image))
@@ -49,11 +49,11 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
   return frames;
 }
 
-/// EuRoC's name of a lens to Kalibr's.
+/// Converts EuRoC's name of a lens model to Kalibr's.
 std::string distortion_name(const std::string& name) {
   if (name == "radial-tangential" || name == "radtan") return "radtan";
   if (name == "equidistant") return "equidistant";
-  return name;  // refused by its name where it is checked
+  return name;  // rejected by name when the calibration is checked
 }
 
 geometry::SE3 read_T_cam_imu(const YAML::Node& T_BS, const fs::path& file) {
@@ -67,8 +67,8 @@ geometry::SE3 read_T_cam_imu(const YAML::Node& T_BS, const fs::path& file) {
 }
 
 imaging::Calibration read_sensor(const fs::path& file) {
-  std::string text = geometry::read_text(file);
-  // "%YAML:1.0" is OpenCV's own first line; YAML wants "%YAML 1.0".
+  std::string text = base::read_text(file);
+  // "%YAML:1.0" is OpenCV's own first line; YAML requires "%YAML 1.0".
   if (text.starts_with("%YAML:")) text.replace(0, std::min(text.find('\n'), text.size()), "");
   try {
     const YAML::Node node = YAML::Load(text);
@@ -78,8 +78,8 @@ imaging::Calibration read_sensor(const fs::path& file) {
     if (resolution.size() != 2) throw InputError(file.string(), "resolution must be width and height");
     imaging::Calibration calibration;
     calibration.camera =
-        imaging::checked_camera(file.string(), {distortion_name(node["distortion_model"].as<std::string>()), intrinsics,
-                                                coefficients, resolution[0], resolution[1]});
+        imaging::make_camera(file.string(), {distortion_name(node["distortion_model"].as<std::string>()), intrinsics,
+                                             coefficients, resolution[0], resolution[1]});
     if (node["T_BS"]) calibration.T_cam_imu = read_T_cam_imu(node["T_BS"], file);
     return calibration;
   } catch (const YAML::Exception& error) {
@@ -90,29 +90,30 @@ imaging::Calibration read_sensor(const fs::path& file) {
   }
 }
 
-/// The camera that was chosen. A file that says nothing of the body leaves T_BS to the layout's own, where that is.
-imaging::Calibration chosen(const CameraChoice& camera, const fs::path& sensor_file, Dataset& dataset) {
-  imaging::Calibration calibration = chosen_camera(camera, dataset);
+/// Reads the chosen camera. If its file has no IMU extrinsics, the layout's T_BS is used if present.
+imaging::Calibration read_chosen_calibration(const CameraChoice& camera, const fs::path& sensor_file,
+                                             Dataset& dataset) {
+  imaging::Calibration calibration = read_chosen_camera(camera, dataset);
   const bool says_nothing = calibration.T_cam_imu.matrix().isIdentity(0.0);
   if (says_nothing && fs::is_regular_file(sensor_file)) calibration.T_cam_imu = read_sensor(sensor_file).T_cam_imu;
   return calibration;
 }
 
-/// state_groundtruth_estimate0/data.csv beside the camera's folder: time, position and quaternion (w first) of the
-/// body, which is the IMU; further columns are not needed.
+/// Reads state_groundtruth_estimate0/data.csv beside the camera's folder: time, position and quaternion (w first) of
+/// the body, which is the IMU; further columns are ignored.
 std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geometry::SE3& T_cam_imu) {
   if (!fs::is_regular_file(file)) return std::nullopt;
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   geometry::Trajectory trajectory;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line, ", \t");
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
     if (fields.empty() || fields.front().starts_with('#')) continue;
     const std::string where = file.string() + ": line " + std::to_string(number);
-    const auto time_ns = geometry::parse_number<std::int64_t>(fields.front());
+    const auto time_ns = base::parse_number<std::int64_t>(fields.front());
     if (!time_ns || fields.size() < 8) throw InputError(where, "expected a time in nanoseconds and 7 numbers");
     Eigen::Matrix<double, 7, 1> v;
-    for (int i = 0; i < 7; ++i) v[i] = geometry::parse_number<double>(fields[i + 1]).value_or(NAN);
+    for (int i = 0; i < 7; ++i) v[i] = base::parse_number<double>(fields[i + 1]).value_or(NAN);
     if (!v.allFinite() || v.tail<4>().norm() < 0.5) throw InputError(where, "is not a position and a unit quaternion");
     const geometry::SE3 T_local_body(Eigen::Quaterniond(v[3], v[4], v[5], v[6]), v.head<3>());
     trajectory.poses.push_back({1e-9 * static_cast<double>(*time_ns), T_local_body * T_cam_imu.inverse()});
@@ -131,8 +132,9 @@ Dataset read_euroc(const fs::path& folder, const CameraChoice& camera_choice) {
   dataset.folder = folder;
   const fs::path camera = camera_folder(folder);
   dataset.frames = read_frames(camera, dataset.warnings);
-  dataset.calibration = camera_choice.calibration.empty() ? read_sensor(camera / "sensor.yaml")
-                                                          : chosen(camera_choice, camera / "sensor.yaml", dataset);
+  dataset.calibration = camera_choice.calibration.empty()
+                            ? read_sensor(camera / "sensor.yaml")
+                            : read_chosen_calibration(camera_choice, camera / "sensor.yaml", dataset);
   dataset.groundtruth =
       read_truth(camera.parent_path() / "state_groundtruth_estimate0" / "data.csv", dataset.calibration.T_cam_imu);
   return dataset;

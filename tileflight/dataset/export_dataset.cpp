@@ -2,10 +2,10 @@
 
 #include <cmath>
 
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/known_keys.h"
+#include "tileflight/base/output_folder.h"
 #include "tileflight/dataset/exports.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/known_keys.h"
-#include "tileflight/geometry/output_folder.h"
 
 namespace tileflight::dataset {
 
@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 struct Layout {
   std::string name;
-  exports::Writer write;
+  exports::LayoutWriter write;
 };
 
 const std::vector<Layout>& layouts() {
@@ -43,18 +43,18 @@ ExportResult export_dataset(const Dataset& dataset, const std::string& layout, c
   for (const Layout& known : layouts()) {
     if (known.name != layout) continue;
     ExportResult result{dataset.frames.size(), {}};
-    // Others' tools write the same layouts: only the marker tells ours.
-    const geometry::OutputFolder output{
-        .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs), .unmarked = {}};
-    geometry::write_folder(output,
-                           [&](const fs::path& temporary) { known.write(dataset, temporary, result.notes, progress); });
+    // Other tools write the same layouts: only the marker identifies ours.
+    const base::OutputFolder output{
+        .folder = folder, .command = "export", .replace = replace, .inputs = std::move(inputs), .legacy = {}};
+    base::write_folder(output,
+                       [&](const fs::path& temporary) { known.write(dataset, temporary, result.notes, progress); });
     return result;
   }
   throw InputError("layout '" + layout + "'",
-                   "is not known; did you mean '" + geometry::nearest_key(layout, export_layouts()) + "'?");
+                   "is not known; did you mean '" + base::nearest_key(layout, export_layouts()) + "'?");
 }
 
-std::vector<geometry::SE3> poses_of_frames(const Dataset& dataset) {
+std::vector<geometry::SE3> find_frame_poses(const Dataset& dataset) {
   constexpr double kSameTime_s = 1e-4;
   if (!dataset.groundtruth)
     throw InputError(dataset.folder.string(), "has no groundtruth.txt, which this layout needs");

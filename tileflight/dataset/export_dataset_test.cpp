@@ -8,12 +8,12 @@
 #include <sstream>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/lidar_files.h"
 #include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/test_pictures.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset {
@@ -87,10 +87,10 @@ TEST_F(Export, EurocIsReadBack) {
               1e-12);
   }
   EXPECT_EQ(read_imu_csv(folder_ / "euroc/mav0/imu0/data.csv").at(0).specific_force_m_s2, Vec3(4, 5, 6));
-  const std::string imu = geometry::read_text(folder_ / "euroc/mav0/imu0/sensor.yaml");
+  const std::string imu = base::read_text(folder_ / "euroc/mav0/imu0/sensor.yaml");
   EXPECT_THAT(imu, HasSubstr("rate_hz: 250\n"));
   EXPECT_THAT(imu, HasSubstr("gyroscope_noise_density: 0.003\n"));
-  EXPECT_THAT(geometry::read_text(folder_ / "euroc/mav0/cam0/sensor.yaml"), HasSubstr("rate_hz: 20\n"));
+  EXPECT_THAT(base::read_text(folder_ / "euroc/mav0/cam0/sensor.yaml"), HasSubstr("rate_hz: 20\n"));
 }
 
 /// A dataset of `frames` frames with this truth and these files beside it.
@@ -118,7 +118,7 @@ TEST_F(Export, EurocHasTheBodysVelocityAndBiases) {
   calibration.T_cam_imu = kCamImu;
   geometry::Trajectory truth;
   for (int i = 0; i < 12; ++i) {
-    const double t = 7.0 + 0.05 * i + (i % 3 == 0 ? 0.004 : 0.0);  // not quite even
+    const double t = 7.0 + 0.05 * i + (i % 3 == 0 ? 0.004 : 0.0);  // not quite uniform
     truth.poses.push_back({t, camera_at(t)});
   }
   const Dataset dataset = with_path(folder_ / "circle", calibration, truth, {}, [](const fs::path& out) {
@@ -143,7 +143,7 @@ TEST_F(Export, EurocHasTheBodysVelocityAndBiases) {
     EXPECT_NEAR(row[11], t, 1e-9);
     EXPECT_NEAR(row[16], -2 * t, 1e-9);
   }
-  EXPECT_EQ(read_dataset(folder_ / "euroc").groundtruth->size(), 12U);  // the reader passes over what it has no use for
+  EXPECT_EQ(read_dataset(folder_ / "euroc").groundtruth->size(), 12U);  // the reader ignores the other columns
 }
 
 // Points of the world seen by a lidar that turns and moves; whatever its scans are corrected for, KITTI's files put the
@@ -182,7 +182,7 @@ TEST_F(Export, KittiHasScansAtTheFramesTimes) {
         with_path(folder_ / ("of-" + motion), calibration, truth, {{"sensors.lidar.motion", motion}}, add_scans);
     const fs::path out = folder_ / ("kitti-" + motion);
     const ExportResult result = export_dataset(dataset, "kitti", out, false);
-    const std::string calib = geometry::read_text(out / "calib.txt");
+    const std::string calib = base::read_text(out / "calib.txt");
     std::istringstream numbers(calib.substr(calib.find("Tr: ") + 4));
     geometry::Mat4 T_cam_velo = geometry::Mat4::Identity();
     for (int i = 0; i < 12; ++i) numbers >> T_cam_velo(i / 4, i % 4);
@@ -230,7 +230,7 @@ TEST_F(Export, ColmapHasThePosesAndTheLens) {
   EXPECT_EQ(result.frames, 4U);
   const fs::path model = folder_ / "colmap/sparse/0";
   expect_same_lens(imaging::read_calibration(model / "cameras.txt").camera, fisheye());
-  EXPECT_THAT(geometry::read_text(model / "images.txt"), HasSubstr(" 1 000003.png\n"));
+  EXPECT_THAT(base::read_text(model / "images.txt"), HasSubstr(" 1 000003.png\n"));
   EXPECT_TRUE(fs::is_regular_file(model / "points3D.txt"));
   EXPECT_EQ(imaging::read_rgb(folder_ / "colmap/images/000003.png").pixels, tests::moving_picture(64, 48, 3).pixels);
 }

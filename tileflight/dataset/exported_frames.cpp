@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <mutex>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/dataset/exports.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset::exports {
@@ -14,9 +14,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Calls `write` for each frame, several at once.
-void each_frame(const Dataset& dataset, const fs::path& folder, const Progress& progress,
-                const std::function<void(std::size_t index)>& write) {
+/// Calls `write` for each frame, in parallel.
+void for_each_frame(const Dataset& dataset, const fs::path& folder, const Progress& progress,
+                    const std::function<void(std::size_t index)>& write) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
@@ -31,27 +31,28 @@ void each_frame(const Dataset& dataset, const fs::path& folder, const Progress& 
 }
 
 void copy_bytes(const fs::path& from, const fs::path& to) {
-  const std::vector<std::byte> bytes = geometry::read_bytes(from);
-  geometry::write_file(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  const std::vector<std::byte> bytes = base::read_bytes(from);
+  base::write_file(to, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 }  // namespace
 
-std::string numbered(std::size_t index) {
+std::string frame_stem(std::size_t index) {
   char text[32];
   std::snprintf(text, sizeof text, "%06zu", index);
   return text;
 }
 
-void copy_frames(const Dataset& dataset, const fs::path& folder, const NameOf& stem_of, const Progress& progress) {
-  each_frame(dataset, folder, progress, [&](std::size_t i) {
+void copy_frames(const Dataset& dataset, const fs::path& folder, const FrameNamer& stem_of, const Progress& progress) {
+  for_each_frame(dataset, folder, progress, [&](std::size_t i) {
     const fs::path& image = dataset.frames[i].image;
     copy_bytes(image, folder / (stem_of(i) + image.extension().string()));
   });
 }
 
-void write_png_frames(const Dataset& dataset, const fs::path& folder, const NameOf& stem_of, const Progress& progress) {
-  each_frame(dataset, folder, progress, [&](std::size_t i) {
+void write_png_frames(const Dataset& dataset, const fs::path& folder, const FrameNamer& stem_of,
+                      const Progress& progress) {
+  for_each_frame(dataset, folder, progress, [&](std::size_t i) {
     const fs::path& image = dataset.frames[i].image;
     const fs::path target = folder / (stem_of(i) + ".png");
     if (image.extension() == ".png")

@@ -5,15 +5,15 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/base/progress.h"
 #include "tileflight/dataset/dataset.h"
-#include "tileflight/geometry/progress.h"
 
-/// One writer for each layout that export_dataset knows: fills an empty folder. `notes` takes what the layout has no
-/// place for. All throw InputError.
+/// One writer per layout of export_dataset; each fills an empty folder. `notes` receives the data that the layout
+/// cannot store. All throw InputError.
 namespace tileflight::dataset::exports {
 
-using Writer = std::function<void(const Dataset& dataset, const std::filesystem::path& folder,
-                                  std::vector<std::string>& notes, const Progress& progress)>;
+using LayoutWriter = std::function<void(const Dataset& dataset, const std::filesystem::path& folder,
+                                        std::vector<std::string>& notes, const Progress& progress)>;
 
 void write_tum_mono(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
                     const Progress& progress);
@@ -24,17 +24,17 @@ void write_kitti(const Dataset& dataset, const std::filesystem::path& folder, st
 void write_colmap_folder(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
                          const Progress& progress);
 
-/// A file name for each frame.
-using NameOf = std::function<std::string(std::size_t index)>;
+/// Returns the file name of a frame.
+using FrameNamer = std::function<std::string(std::size_t index)>;
 
-/// Frames' files as they are, under other names (without the ending) in `folder`, which is made.
-void copy_frames(const Dataset& dataset, const std::filesystem::path& folder, const NameOf& stem_of,
+/// Copies the frames' files under other names (without extension) into `folder`, which is created.
+void copy_frames(const Dataset& dataset, const std::filesystem::path& folder, const FrameNamer& stem_of,
                  const Progress& progress);
-/// The same as PNG, encoded anew where they are not.
-void write_png_frames(const Dataset& dataset, const std::filesystem::path& folder, const NameOf& stem_of,
+/// As copy_frames(), but writes PNG; other formats are re-encoded.
+void write_png_frames(const Dataset& dataset, const std::filesystem::path& folder, const FrameNamer& stem_of,
                       const Progress& progress);
 
 /// "000042"
-std::string numbered(std::size_t index);
+std::string frame_stem(std::size_t index);
 
 }  // namespace tileflight::dataset::exports

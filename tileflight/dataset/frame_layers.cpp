@@ -2,8 +2,8 @@
 
 #include <system_error>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/dataset/frame_list.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/exr_channels.h"
 #include "tileflight/imaging/image_files.h"
 

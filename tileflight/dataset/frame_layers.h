@@ -8,7 +8,7 @@
 
 namespace tileflight::dataset {
 
-/// What a dataset holds of a frame beside its picture, each in a folder of its own. Null: not this one.
+/// A frame's data besides its image, each layer in its own folder. Null: no such layer.
 struct FrameLayers {
   const imaging::FloatImage* depth_m = nullptr;                   ///< depth/000000.exr, channel Z
   const imaging::FloatImage* range_m = nullptr;                   ///< range/000000.exr, channel Y
@@ -17,8 +17,8 @@ struct FrameLayers {
   const imaging::GrayImage* visibility = nullptr;                 ///< visibility/000000.png
 };
 
-/// Writes a frame's layers into a dataset's folder; folders are made where they are not there. Frames may be written
-/// from several threads. Throws InputError.
+/// Writes a frame's layers into a dataset's folder; missing folders are created. Safe to call from several threads.
+/// Throws InputError.
 void write_frame_layers(const std::filesystem::path& dataset_folder, std::size_t index, const FrameLayers& layers);
 
 }  // namespace tileflight::dataset

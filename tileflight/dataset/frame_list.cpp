@@ -7,9 +7,9 @@
 #include <optional>
 #include <string_view>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::dataset {
 
@@ -32,8 +32,8 @@ struct TimesLine {
   double exposure_ms = 0.0;
 };
 
-double number_in(const std::string& where, std::string_view field, const char* what) {
-  const auto value = geometry::parse_number<double>(field);
+double parse_finite(const std::string& where, std::string_view field, const char* what) {
+  const auto value = base::parse_number<double>(field);
   if (!value || !std::isfinite(*value))
     throw InputError(where, std::string(what) + " \"" + std::string(field) + "\" is not a finite number");
   return *value;
@@ -44,32 +44,32 @@ TimesLine parse_line(const std::string& where, int number, const std::vector<std
   line.number = number;
   if (fields.size() > 3) throw InputError(where, "expected \"id seconds [exposure_ms]\" or bare seconds");
   if (fields.size() > 1) line.id = fields[0];
-  line.time_s = number_in(where, fields[fields.size() > 1 ? 1 : 0], "time");
-  if (fields.size() == 3) line.exposure_ms = number_in(where, fields[2], "exposure");
+  line.time_s = parse_finite(where, fields[fields.size() > 1 ? 1 : 0], "time");
+  if (fields.size() == 3) line.exposure_ms = parse_finite(where, fields[2], "exposure");
   if (line.exposure_ms < 0.0) throw InputError(where, "the exposure is negative");
   return line;
 }
 
-std::string place(const fs::path& file, int line) { return file.string() + ": line " + std::to_string(line); }
+std::string line_location(const fs::path& file, int line) { return file.string() + ": line " + std::to_string(line); }
 
 std::vector<TimesLine> read_times(const fs::path& file) {
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<TimesLine> lines;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line);
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line);
     if (fields.empty() || fields.front().starts_with('#')) continue;
-    lines.push_back(parse_line(place(file, number), number, fields));
+    lines.push_back(parse_line(line_location(file, number), number, fields));
     if (lines.back().id.empty() != lines.front().id.empty())
-      throw InputError(place(file, number), "some lines have a frame's name and some have not");
+      throw InputError(line_location(file, number), "some lines have a frame's name and some have not");
   }
   if (lines.empty()) throw InputError(file.string(), "has no times");
   return lines;
 }
 
-/// Bare seconds belong to the images in order.
-std::vector<Frame> matched_by_order(const std::vector<fs::path>& images, const std::vector<TimesLine>& lines,
-                                    const fs::path& file) {
+/// Assigns bare seconds to the images in order.
+std::vector<Frame> match_by_order(const std::vector<fs::path>& images, const std::vector<TimesLine>& lines,
+                                  const fs::path& file) {
   if (images.size() != lines.size())
     throw InputError(file.string(), "has " + std::to_string(lines.size()) + " times for " +
                                         std::to_string(images.size()) +
@@ -80,15 +80,15 @@ std::vector<Frame> matched_by_order(const std::vector<fs::path>& images, const s
   return frames;
 }
 
-std::vector<Frame> matched_by_name(const std::vector<fs::path>& images, const std::vector<TimesLine>& lines,
-                                   const fs::path& file, std::vector<std::string>& warnings) {
+std::vector<Frame> match_by_name(const std::vector<fs::path>& images, const std::vector<TimesLine>& lines,
+                                 const fs::path& file, std::vector<std::string>& warnings) {
   std::map<std::string, fs::path> by_name;
   for (const fs::path& image : images) by_name.emplace(image.stem().string(), image);
   std::vector<Frame> frames;
   for (const TimesLine& line : lines) {
     const auto image = by_name.find(line.id);
     if (image == by_name.end())
-      throw InputError(place(file, line.number),
+      throw InputError(line_location(file, line.number),
                        "frame \"" + line.id + "\" has no image in " + images.front().parent_path().string());
     frames.push_back({line.id, image->second, line.time_s, line.exposure_ms});
   }
@@ -116,16 +116,16 @@ std::vector<fs::path> list_images(const fs::path& folder) {
   return images;
 }
 
-std::vector<Frame> frames_with_times(const std::vector<fs::path>& images, const fs::path& times_file,
+std::vector<Frame> read_timed_frames(const std::vector<fs::path>& images, const fs::path& times_file,
                                      std::vector<std::string>& warnings) {
   const std::vector<TimesLine> lines = read_times(times_file);
-  std::vector<Frame> frames = lines.front().id.empty() ? matched_by_order(images, lines, times_file)
-                                                       : matched_by_name(images, lines, times_file, warnings);
+  std::vector<Frame> frames = lines.front().id.empty() ? match_by_order(images, lines, times_file)
+                                                       : match_by_name(images, lines, times_file, warnings);
   require_increasing_times(frames, times_file);
   return frames;
 }
 
-std::vector<Frame> frames_at_rate(const std::vector<fs::path>& images, double period_s) {
+std::vector<Frame> make_uniform_frames(const std::vector<fs::path>& images, double period_s) {
   std::vector<Frame> frames;
   for (const fs::path& image : images)
     frames.push_back({image.stem().string(), image, static_cast<double>(frames.size()) * period_s, 0.0});

@@ -2,11 +2,11 @@
 #include <cmath>
 #include <string_view>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/dataset.h"
-#include "tileflight/dataset/number_text.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
 
 namespace tileflight::dataset {
 
@@ -21,7 +21,7 @@ GpsFix parse_fix(const std::string& where, const std::vector<std::string_view>& 
                      "expected 6 numbers (" + std::string(kHeader) + "), found " + std::to_string(fields.size()));
   std::array<double, kColumns> v{};
   for (std::size_t i = 0; i < kColumns; ++i) {
-    const auto value = geometry::parse_number<double>(fields[i]);
+    const auto value = base::parse_number<double>(fields[i]);
     if (!value || !std::isfinite(*value))
       throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
     v[i] = *value;
@@ -31,16 +31,16 @@ GpsFix parse_fix(const std::string& where, const std::vector<std::string_view>& 
   return {v[0], {v[1], v[2], {v[3]}}, v[4], v[5]};
 }
 
-bool is_header(std::string_view field) { return field.starts_with('#') || !geometry::parse_number<double>(field); }
+bool is_header(std::string_view field) { return field.starts_with('#') || !base::parse_number<double>(field); }
 
 }  // namespace
 
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<GpsFix> fixes;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line, ", \t");
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
     if (fields.empty() || (number == 1 && is_header(fields.front())) || fields.front().starts_with('#')) continue;
     const std::string where = file.string() + ": line " + std::to_string(number);
     fixes.push_back(parse_fix(where, fields));
@@ -53,11 +53,11 @@ std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file) {
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes) {
   std::string text = std::string(kHeader) + "\n";
   for (const GpsFix& fix : fixes) {
-    text += fixed_text(fix.time_s) + "," + fixed_text(fix.place.latitude_deg) + "," +
-            fixed_text(fix.place.longitude_deg) + "," + fixed_text(fix.place.height.m) + "," +
-            fixed_text(fix.horizontal_sigma_m) + "," + fixed_text(fix.vertical_sigma_m) + "\n";
+    text += base::fixed_text(fix.time_s) + "," + base::fixed_text(fix.position.latitude_deg) + "," +
+            base::fixed_text(fix.position.longitude_deg) + "," + base::fixed_text(fix.position.height.m) + "," +
+            base::fixed_text(fix.horizontal_sigma_m) + "," + base::fixed_text(fix.vertical_sigma_m) + "\n";
   }
-  geometry::write_file(file, text);
+  base::write_file(file, text);
 }
 
 }  // namespace tileflight::dataset

@@ -5,10 +5,10 @@
 #include <string>
 #include <string_view>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
-#include "tileflight/geometry/yaml_section.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
+#include "tileflight/base/yaml_section.h"
 
 namespace tileflight::dataset {
 
@@ -22,11 +22,11 @@ constexpr std::size_t kValues = 6;
 ImuReading parse_reading(const std::string& where, const std::vector<std::string_view>& fields) {
   if (fields.size() != kValues + 1)
     throw InputError(where, "expected a time and 6 numbers, found " + std::to_string(fields.size()) + " fields");
-  const auto time_ns = geometry::parse_number<std::int64_t>(fields[0]);
+  const auto time_ns = base::parse_number<std::int64_t>(fields[0]);
   if (!time_ns) throw InputError(where, "\"" + std::string(fields[0]) + "\" is not a time in whole nanoseconds");
   std::array<double, kValues> v{};
   for (std::size_t i = 0; i < kValues; ++i) {
-    const auto value = geometry::parse_number<double>(fields[i + 1]);
+    const auto value = base::parse_number<double>(fields[i + 1]);
     if (!value || !std::isfinite(*value))
       throw InputError(where, "\"" + std::string(fields[i + 1]) + "\" is not a finite number");
     v[i] = *value;
@@ -34,7 +34,7 @@ ImuReading parse_reading(const std::string& where, const std::vector<std::string
   return {1e-9 * static_cast<double>(*time_ns), {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
-double required(geometry::YamlSection& section, const std::string& key) {
+double required(base::YamlSection& section, const std::string& key) {
   const std::optional<double> value = section.number(key);
   if (!value) throw section.error(key, "is missing");
   if (*value < 0.0) throw section.error(key, "must not be negative");
@@ -44,11 +44,11 @@ double required(geometry::YamlSection& section, const std::string& key) {
 }  // namespace
 
 std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<ImuReading> readings;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line, ", \t");
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
     if (fields.empty() || fields.front().starts_with('#')) continue;
     const std::string where = file.string() + ": line " + std::to_string(number);
     readings.push_back(parse_reading(where, fields));
@@ -61,20 +61,20 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
 void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings) {
   std::string text = std::string(kHeader) + "\n";
   for (const ImuReading& reading : readings) {
-    geometry::append_number(text, static_cast<std::int64_t>(std::llround(1e9 * reading.time_s)));
+    base::append_number(text, static_cast<std::int64_t>(std::llround(1e9 * reading.time_s)));
     for (const geometry::Vec3& vector : {reading.angular_rate_rad_s, reading.specific_force_m_s2}) {
       for (int axis = 0; axis < 3; ++axis) {
         text += ',';
-        geometry::append_number(text, vector[axis]);
+        base::append_number(text, vector[axis]);
       }
     }
     text += '\n';
   }
-  geometry::write_file(file, text);
+  base::write_file(file, text);
 }
 
 ImuCalibration read_imu_yaml(const std::filesystem::path& file) {
-  geometry::YamlSection section = geometry::YamlSection::load(file);
+  base::YamlSection section = base::YamlSection::load(file);
   ImuCalibration calibration;
   calibration.update_rate_hz = required(section, "update_rate");
   calibration.accelerometer_noise_density = required(section, "accelerometer_noise_density");
@@ -88,7 +88,7 @@ void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& cal
   std::string text = "rostopic: /imu0\n";
   const auto line = [&text](const std::string& key, double value) {
     text += key + ": ";
-    geometry::append_number(text, value);
+    base::append_number(text, value);
     text += '\n';
   };
   line("update_rate", calibration.update_rate_hz);
@@ -96,7 +96,7 @@ void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& cal
   line("accelerometer_random_walk", calibration.accelerometer_random_walk);
   line("gyroscope_noise_density", calibration.gyroscope_noise_density);
   line("gyroscope_random_walk", calibration.gyroscope_random_walk);
-  geometry::write_file(file, text);
+  base::write_file(file, text);
 }
 
 }  // namespace tileflight::dataset

@@ -7,14 +7,14 @@
 
 namespace tileflight::dataset {
 
-/// A line of imu.csv: what an inertial measurement unit reads, in its own axes.
+/// A line of imu.csv: an inertial measurement unit's reading, in its own axes.
 struct ImuReading {
   double time_s = 0.0;
   geometry::Vec3 angular_rate_rad_s = geometry::Vec3::Zero();
   geometry::Vec3 specific_force_m_s2 = geometry::Vec3::Zero();  ///< at rest: gravity upwards
 };
 
-/// What estimators want to know of the unit, under Kalibr's names.
+/// IMU noise parameters for estimators, under Kalibr's names.
 struct ImuCalibration {
   double update_rate_hz = 200.0;
   double accelerometer_noise_density = 0.0;  ///< m/s^2/sqrt(Hz)
@@ -23,12 +23,12 @@ struct ImuCalibration {
   double gyroscope_random_walk = 0.0;        ///< rad/s^2/sqrt(Hz)
 };
 
-/// imu.csv, the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. Reading
+/// imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. Reading
 /// throws InputError (file, line, cause): malformed or non-finite numbers, times that do not increase.
 std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file);
 void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings);
 
-/// imu.yaml as Kalibr reads it. Reading throws InputError for missing or negative numbers.
+/// imu.yaml in Kalibr's format. Reading throws InputError for missing or negative numbers.
 ImuCalibration read_imu_yaml(const std::filesystem::path& file);
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration);
 

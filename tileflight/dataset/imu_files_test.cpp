@@ -6,8 +6,8 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -59,7 +59,7 @@ TEST_F(ImuFiles, DamageIsNamedWithItsLine) {
 
 TEST_F(ImuFiles, TheCalibrationIsKalibrs) {
   write_imu_yaml(folder_ / "imu.yaml", {400.0, 2e-3, 3e-3, 1.7e-4, 1.9e-5});
-  EXPECT_THAT(geometry::read_text(folder_ / "imu.yaml"), HasSubstr("update_rate: 400\n"));
+  EXPECT_THAT(base::read_text(folder_ / "imu.yaml"), HasSubstr("update_rate: 400\n"));
   const ImuCalibration read = read_imu_yaml(folder_ / "imu.yaml");
   EXPECT_EQ(read.update_rate_hz, 400.0);
   EXPECT_EQ(read.accelerometer_noise_density, 2e-3);

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <mutex>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/dataset/encode_queue.h"
-#include "tileflight/dataset/fitted_calibration.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/number_table.h"
-#include "tileflight/dataset/number_text.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/dataset/scaled_calibration.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset {
@@ -22,16 +22,16 @@ namespace fs = std::filesystem;
 
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-struct Span_s {
+struct TimeSpan {
   double first = 0.0, last = 0.0;
 };
 
-std::string seconds(double time_s) { return rounded_text(time_s, 2) + " s"; }
+std::string format_seconds(double time_s) { return base::rounded_text(time_s, 2) + " s"; }
 
-/// The times' range of things within the span, with one more on each side so that values at its ends can be
+/// Range of items whose times are within the span, plus one on each side so that values at its ends can be
 /// interpolated.
 template <class Thing, class TimeOf>
-std::vector<Thing> within(const std::vector<Thing>& things, const Span_s& span, const TimeOf& time_of) {
+std::vector<Thing> crop_to_span(const std::vector<Thing>& things, const TimeSpan& span, const TimeOf& time_of) {
   std::vector<Thing> kept;
   for (std::size_t i = 0; i < things.size(); ++i) {
     const bool next_is_inside = i + 1 < things.size() && time_of(things[i + 1]) > span.first;
@@ -44,70 +44,71 @@ std::vector<Thing> within(const std::vector<Thing>& things, const Span_s& span, 
   return kept;
 }
 
-/// Throws unless a stretch of things and the frames have a moment in common.
-void require_overlap(const std::string& what, const Span_s& things, const Span_s& frames) {
+/// Throws InputError unless the time spans of the items and the frames overlap.
+void require_overlap(const std::string& what, const TimeSpan& things, const TimeSpan& frames) {
   if (things.first <= frames.last && things.last >= frames.first) return;
-  throw InputError(what, "covers " + seconds(things.first) + " to " + seconds(things.last) + ", the frames " +
-                             seconds(frames.first) + " to " + seconds(frames.last) +
+  throw InputError(what, "covers " + format_seconds(things.first) + " to " + format_seconds(things.last) +
+                             ", the frames " + format_seconds(frames.first) + " to " + format_seconds(frames.last) +
                              ": they have no moment in common, check the time offset");
 }
 
-void add_gps(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames, IngestResult& result) {
+void add_gps(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames, IngestResult& result) {
   if (options.gps.empty()) return;
   std::vector<GpsFix> fixes = options.gps;
   for (GpsFix& fix : fixes) fix.time_s += options.gps_time_offset_s;
   require_overlap("telemetry", {fixes.front().time_s, fixes.back().time_s}, frames);
-  fixes = within(fixes, frames, [](const GpsFix& fix) { return fix.time_s; });
+  fixes = crop_to_span(fixes, frames, [](const GpsFix& fix) { return fix.time_s; });
   result.gps_fixes = fixes.size();
   writer.set_gps(std::move(fixes));
 }
 
-/// attitude.csv, where the log has attitudes during the frames.
-void add_attitudes(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames) {
+/// Writes attitude.csv if the log has attitudes during the frames.
+void add_attitudes(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames) {
   std::vector<CameraAttitude> attitudes = options.attitudes;
   for (CameraAttitude& attitude : attitudes) attitude.time_s += options.gps_time_offset_s;
-  attitudes = within(attitudes, frames, [](const CameraAttitude& a) { return a.time_s; });
+  attitudes = crop_to_span(attitudes, frames, [](const CameraAttitude& a) { return a.time_s; });
   if (!attitudes.empty()) write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
 }
 
-/// range.csv, where the log has ranges during the frames.
-void add_ranges(DatasetWriter& writer, const IngestOptions& options, const Span_s& frames) {
-  std::vector<GroundRange> ranges = options.ranges;
-  for (GroundRange& range : ranges) range.time_s += options.gps_time_offset_s;
+/// Writes range.csv if the log has ranges during the frames.
+void add_ranges(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames) {
+  std::vector<RangeReading> ranges = options.ranges;
+  for (RangeReading& range : ranges) range.time_s += options.gps_time_offset_s;
   NumberTable table{{"t [s]", "range [m]"}, {}};
-  for (const GroundRange& range : within(ranges, frames, [](const GroundRange& r) { return r.time_s; }))
+  for (const RangeReading& range : crop_to_span(ranges, frames, [](const RangeReading& r) { return r.time_s; }))
     table.rows.push_back({range.time_s, range.range_m});
   if (!table.rows.empty()) write_number_table(writer.temporary_folder() / "range.csv", table);
 }
 
 void add_groundtruth(DatasetWriter& writer, const geometry::Trajectory& all, const std::string& name,
-                     const Span_s& frames, IngestResult& result) {
+                     const TimeSpan& frames, IngestResult& result) {
   if (all.empty()) return;
   require_overlap(name, {all.poses.front().time_s, all.poses.back().time_s}, frames);
   geometry::Trajectory trajectory;
-  trajectory.poses = within(all.poses, frames, [](const geometry::StampedPose& pose) { return pose.time_s; });
+  trajectory.poses = crop_to_span(all.poses, frames, [](const geometry::StampedPose& pose) { return pose.time_s; });
   result.groundtruth_poses = trajectory.size();
   writer.set_groundtruth(std::move(trajectory));
 }
 
-void describe(DatasetWriter& writer, const IngestOptions& options, const FittedCalibration& fitted) {
+void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted) {
   writer.describe("source", options.video_or_images.filename().string());
   writer.describe("calibration.file", options.calibration.filename().string());
   if (!options.camera_id.empty()) writer.describe("calibration.camera", options.camera_id);
   if (!fitted.scaled_from.empty()) writer.describe("calibration.scaled_from", fitted.scaled_from);
-  writer.describe("excerpt.from_s", fixed_text(options.excerpt.from_s));
-  if (options.excerpt.to_s) writer.describe("excerpt.to_s", fixed_text(*options.excerpt.to_s));
+  writer.describe("excerpt.from_s", base::fixed_text(options.excerpt.from_s));
+  if (options.excerpt.to_s) writer.describe("excerpt.to_s", base::fixed_text(*options.excerpt.to_s));
   writer.describe("excerpt.every", std::to_string(options.excerpt.every));
-  if (!options.gps.empty()) writer.describe("gps_time_offset_s", fixed_text(options.gps_time_offset_s));
+  if (!options.gps.empty()) writer.describe("gps_time_offset_s", base::fixed_text(options.gps_time_offset_s));
   for (const auto& [key, value] : options.description) writer.describe(key, value);
 }
 
-/// Nothing may be missing at the end of the excerpt: frames lie `period_s` apart and the video ends at `end_s`.
-void require_reaches(const IngestOptions& options, double end_s, double period_s) {
+/// Throws InputError if frames are missing at the end of the excerpt: frames are `period_s` apart and the video ends at
+/// `end_s`.
+void require_covers_excerpt(const IngestOptions& options, double end_s, double period_s) {
   if (!options.excerpt.to_s || end_s >= *options.excerpt.to_s - 0.5 * period_s) return;
-  throw InputError(
-      options.video_or_images.string(),
-      "ends at " + seconds(end_s) + ", before the end of the excerpt at " + seconds(*options.excerpt.to_s));
+  throw InputError(options.video_or_images.string(), "ends at " + format_seconds(end_s) +
+                                                         ", before the end of the excerpt at " +
+                                                         format_seconds(*options.excerpt.to_s));
 }
 
 DatasetWriter::Options writer_options(const IngestOptions& options) {
@@ -124,12 +125,12 @@ DatasetWriter::Options writer_options(const IngestOptions& options) {
 void ingest_video(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
                   const Progress& progress, IngestResult& result) {
   const VideoInfo info = probe_video(options.video_or_images);
-  const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultPeriod_s;
-  if (info.duration_s > 0.0) require_reaches(options, info.duration_s, period_s);
+  const double period_s = info.frames_per_second > 0.0 ? 1.0 / info.frames_per_second : kDefaultFramePeriod_s;
+  if (info.duration_s > 0.0) require_covers_excerpt(options, info.duration_s, period_s);
   result.width = info.width;
   result.height = info.height;
-  const FittedCalibration fitted =
-      calibration_for(options.calibration, options.camera_id, info.width, info.height, result.notes);
+  const ScaledCalibration fitted =
+      read_scaled_calibration(options.calibration, options.camera_id, info.width, info.height, result.notes);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
 
   const double end_s = options.excerpt.to_s.value_or(info.duration_s);
@@ -146,10 +147,10 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   };
   read_video(options.video_or_images, options.excerpt, on_frame);
   queue.finish();
-  // The container's own length may be wrong; the frames are not.
-  require_reaches(options, result.last_time_s + period_s * options.excerpt.every, period_s);
+  // The container's duration may be wrong, so the frames decide.
+  require_covers_excerpt(options, result.last_time_s + period_s * options.excerpt.every, period_s);
 
-  const Span_s frames{result.first_time_s, result.last_time_s};
+  const TimeSpan frames{result.first_time_s, result.last_time_s};
   add_gps(writer, options, frames, result);
   add_attitudes(writer, options, frames);
   add_ranges(writer, options, frames);
@@ -158,7 +159,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   writer.finish();
 }
 
-/// Images in the order of their times.
+/// Images in time order.
 std::vector<Frame> timed_frames(const std::vector<fs::path>& images, const std::map<std::string, ImageTime>& times,
                                 std::vector<std::string>& notes) {
   std::vector<Frame> frames;
@@ -180,21 +181,21 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
   const std::vector<fs::path> images = list_images(folder);
   for (const fs::path& times :
        {folder / "times.txt", fs::absolute(folder).lexically_normal().parent_path() / "times.txt"})
-    if (fs::is_regular_file(times)) return frames_with_times(images, times, notes);
+    if (fs::is_regular_file(times)) return read_timed_frames(images, times, notes);
   if (!options.image_times.empty()) return timed_frames(images, options.image_times, notes);
   if (!(options.image_rate_hz > 0.0)) throw InputError(given.string(), "the frame rate of the images must be above 0");
   notes.push_back(given.string() + ": no times.txt, so the images are taken to be " +
-                  rounded_text(options.image_rate_hz, 3) + " a second");
-  return frames_at_rate(images, 1.0 / options.image_rate_hz);
+                  base::rounded_text(options.image_rate_hz, 3) + " a second");
+  return make_uniform_frames(images, 1.0 / options.image_rate_hz);
 }
 
-std::vector<Frame> excerpt_of(const std::vector<Frame>& frames, const IngestOptions& options) {
+std::vector<Frame> select_excerpt(const std::vector<Frame>& frames, const IngestOptions& options) {
   const VideoExcerpt& excerpt = options.excerpt;
   if (excerpt.every < 1)
     throw InputError(options.video_or_images.string(), "the step of the excerpt must be 1 or more frames");
   const double period_s =
       frames.size() > 1 ? (frames.back().time_s - frames.front().time_s) / static_cast<double>(frames.size() - 1) : 0.0;
-  require_reaches(options, frames.back().time_s + period_s, period_s);
+  require_covers_excerpt(options, frames.back().time_s + period_s, period_s);
   std::vector<Frame> inside;
   for (const Frame& frame : frames)
     if (frame.time_s >= excerpt.from_s && (!excerpt.to_s || frame.time_s < *excerpt.to_s)) inside.push_back(frame);
@@ -204,10 +205,10 @@ std::vector<Frame> excerpt_of(const std::vector<Frame>& frames, const IngestOpti
   return kept;
 }
 
-/// Copies a JPEG or PNG as it is (after decoding it once, which finds damage and its size); other kinds are encoded
-/// anew.
+/// Copies a JPEG or PNG file (after decoding it once to detect damage and to get its size); other formats are
+/// re-encoded.
 void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int width, int height) {
-  const std::vector<std::byte> bytes = geometry::read_bytes(frame.image);
+  const std::vector<std::byte> bytes = base::read_bytes(frame.image);
   const imaging::RgbImage image = imaging::decode_rgb(bytes, frame.image.string());
   if (image.width != width || image.height != height)
     throw InputError(frame.image.string(), "has " + size_text(image.width, image.height) + " pixels, the first image " +
@@ -221,15 +222,15 @@ void add_image(DatasetWriter& writer, std::size_t index, const Frame& frame, int
 
 void ingest_images(const IngestOptions& options, const fs::path& folder, const geometry::Trajectory& groundtruth,
                    const Progress& progress, IngestResult& result) {
-  const std::vector<Frame> frames = excerpt_of(image_frames(options, result.notes), options);
+  const std::vector<Frame> frames = select_excerpt(image_frames(options, result.notes), options);
   const imaging::RgbImage first = imaging::read_rgb(frames.front().image);
   result.width = first.width;
   result.height = first.height;
   result.frames = frames.size();
   result.first_time_s = frames.front().time_s;
   result.last_time_s = frames.back().time_s;
-  const FittedCalibration fitted =
-      calibration_for(options.calibration, options.camera_id, first.width, first.height, result.notes);
+  const ScaledCalibration fitted =
+      read_scaled_calibration(options.calibration, options.camera_id, first.width, first.height, result.notes);
   DatasetWriter writer(folder, fitted.calibration, writer_options(options));
   std::mutex mutex;
   std::int64_t done = 0;
@@ -238,7 +239,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
     const std::lock_guard lock(mutex);
     report_progress(progress, ++done, static_cast<std::int64_t>(frames.size()), "copying images");
   });
-  const Span_s span{result.first_time_s, result.last_time_s};
+  const TimeSpan span{result.first_time_s, result.last_time_s};
   add_gps(writer, options, span, result);
   add_attitudes(writer, options, span);
   add_ranges(writer, options, span);

@@ -6,9 +6,9 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/base/files.h"
 #include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/test_pictures.h"
-#include "tileflight/geometry/files.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset {
@@ -72,10 +72,10 @@ TEST_F(IngestTest, VideoBecomesADataset) {
   EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[31].image), moving_picture(kWidth, kHeight, 31)), 30.0);
   ASSERT_EQ(dataset.gps.size(), 20U);
   EXPECT_NEAR(dataset.gps[3].time_s, 0.3, 1e-12);  // on the video's clock
-  EXPECT_EQ(dataset.gps[3].place.height.m, 2883.0);
+  EXPECT_EQ(dataset.gps[3].position.height.m, 2883.0);
   EXPECT_EQ(dataset.groundtruth->size(), 60U);
-  EXPECT_EQ(dataset.about.at("source"), "flight.mp4");
-  EXPECT_EQ(dataset.about.at("place"), "test");
+  EXPECT_EQ(dataset.metadata.at("source"), "flight.mp4");
+  EXPECT_EQ(dataset.metadata.at("place"), "test");
 }
 
 TEST_F(IngestTest, ExcerptKeepsTheVideosClock) {
@@ -104,8 +104,7 @@ TEST_F(IngestTest, SameBytesForAnyNumberOfThreads) {
   for (const auto& entry : fs::recursive_directory_iterator(folder / "a")) {
     if (!entry.is_regular_file()) continue;
     ++files;
-    EXPECT_EQ(geometry::read_bytes(entry.path()),
-              geometry::read_bytes(folder / "b" / fs::relative(entry.path(), folder / "a")))
+    EXPECT_EQ(base::read_bytes(entry.path()), base::read_bytes(folder / "b" / fs::relative(entry.path(), folder / "a")))
         << entry.path();
   }
   EXPECT_EQ(files, 60U + 7U);
@@ -147,7 +146,7 @@ TEST_F(IngestTest, CalibrationsOfOtherFormsAreScaledOrRefusedToo) {
   // Half the size: half the focal length, and the middle of the picture stays its middle.
   for (const auto& [name, content] : files(2 * kWidth, 2 * kHeight)) {
     options.calibration = folder / name;
-    geometry::write_file(options.calibration, content);
+    base::write_file(options.calibration, content);
     const IngestResult result = ingest(options, folder / "set");
     EXPECT_THAT(result.notes, ElementsAre(AllOf(HasSubstr(name), HasSubstr("192x128"), HasSubstr("scaled"))));
     const Dataset dataset = read_dataset(folder / "set");
@@ -155,13 +154,13 @@ TEST_F(IngestTest, CalibrationsOfOtherFormsAreScaledOrRefusedToo) {
     ASSERT_TRUE(pixel);
     EXPECT_NEAR(pixel->x(), 80 * 0.3 * (1 - 0.1 * 0.09 + 0.02 * 0.09 * 0.09) + 47.5, 1e-9) << name;
     EXPECT_NEAR(pixel->y(), 31.5, 1e-9) << name;
-    EXPECT_EQ(dataset.about.at("calibration.file"), name);
-    EXPECT_EQ(dataset.about.at("calibration.scaled_from"), "192x128");
+    EXPECT_EQ(dataset.metadata.at("calibration.file"), name);
+    EXPECT_EQ(dataset.metadata.at("calibration.scaled_from"), "192x128");
     fs::remove_all(folder / "set");
   }
   for (const auto& [name, content] : files(kWidth, kWidth)) {
     options.calibration = folder / name;
-    geometry::write_file(options.calibration, content);
+    base::write_file(options.calibration, content);
     EXPECT_THAT(error(), AllOf(HasSubstr("96x96"), HasSubstr("96x64"), HasSubstr(name), HasSubstr("aspect")));
   }
 }
@@ -179,20 +178,20 @@ TEST_F(IngestTest, RangesOfTheLogAreOnTheVideosClock) {
 
 TEST_F(IngestTest, ACameraOfSeveralIsNamed) {
   options.calibration = folder / "cameras.txt";
-  geometry::write_file(options.calibration, "1 PINHOLE 96 64 80 80 48 32\n4 PINHOLE 192 128 180 180 96 64\n");
+  base::write_file(options.calibration, "1 PINHOLE 96 64 80 80 48 32\n4 PINHOLE 192 128 180 180 96 64\n");
   EXPECT_THAT(error(), HasSubstr("holds 2 cameras (1, 4): say which one took the pictures (--camera-id)"));
   options.camera_id = "4";
   ingest(options, folder / "set");
   const Dataset dataset = read_dataset(folder / "set");
   EXPECT_EQ(std::get<imaging::PinholeRadtan>(dataset.calibration.camera.model()).fx, 90.0);  // scaled
-  EXPECT_EQ(dataset.about.at("calibration.camera"), "4");
+  EXPECT_EQ(dataset.metadata.at("calibration.camera"), "4");
 }
 
 TEST_F(IngestTest, TelemetryAndTruthWithoutOverlap) {
   options.gps_time_offset_s = 100.0;
   EXPECT_THAT(error(), AllOf(HasSubstr("telemetry"), HasSubstr("no moment in common")));
   options.gps_time_offset_s = -0.5;
-  geometry::write_file(options.groundtruth, "1000 0 0 0 0 0 0 1\n1001 0 0 0 0 0 0 1\n");
+  base::write_file(options.groundtruth, "1000 0 0 0 0 0 0 1\n1001 0 0 0 0 0 0 1\n");
   EXPECT_THAT(error(), AllOf(HasSubstr("poses.txt"), HasSubstr("no moment in common")));
 }
 
@@ -211,8 +210,8 @@ TEST_F(IngestTest, WhatIsNotThereOrBrokenIsNamed) {
   options.calibration = folder / "camera.yaml";
   options.video_or_images = folder / "none.mp4";
   EXPECT_THAT(error(), HasSubstr("none.mp4"));
-  const std::string whole = geometry::read_text(folder / "flight.mp4");
-  geometry::write_file(folder / "cut.mp4", whole.substr(0, whole.size() / 2));
+  const std::string whole = base::read_text(folder / "flight.mp4");
+  base::write_file(folder / "cut.mp4", whole.substr(0, whole.size() / 2));
   options.video_or_images = folder / "cut.mp4";
   EXPECT_THAT(error(), HasSubstr("cut.mp4"));
   options.video_or_images = folder / "flight.mp4";
@@ -231,7 +230,7 @@ TEST_F(IngestTest, ImagesAreCopiedAsTheyAre) {
   fs::create_directory(folder / "photos");
   for (int i = 0; i < 4; ++i)
     imaging::write_rgb(folder / ("photos/p" + std::to_string(i) + ".jpg"), moving_picture(kWidth, kHeight, i), 80);
-  geometry::write_file(folder / "times.txt", "p0 0.1 4\np1 0.2 4\np2 0.3 4\np3 0.4 4\n");
+  base::write_file(folder / "times.txt", "p0 0.1 4\np1 0.2 4\np2 0.3 4\np3 0.4 4\n");
   options.video_or_images = folder / "photos";
   options.excerpt = {0.15, {}, 2};
   const IngestResult result = ingest(options, folder / "set");
@@ -239,7 +238,7 @@ TEST_F(IngestTest, ImagesAreCopiedAsTheyAre) {
   const Dataset dataset = read_dataset(folder / "set");
   EXPECT_EQ(dataset.frames[1].time_s, 0.4);
   EXPECT_EQ(dataset.frames[1].exposure_ms, 4.0);
-  EXPECT_EQ(geometry::read_bytes(dataset.frames[1].image), geometry::read_bytes(folder / "photos/p3.jpg"));
+  EXPECT_EQ(base::read_bytes(dataset.frames[1].image), base::read_bytes(folder / "photos/p3.jpg"));
 }
 
 TEST_F(IngestTest, ImagesWithoutTimes) {
@@ -257,7 +256,7 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
 
   imaging::write_rgb(folder / "photos/p2.png", moving_picture(kWidth, kHeight / 2, 2));
   EXPECT_THAT(error(), AllOf(HasSubstr("p2.png"), HasSubstr("96x32")));
-  geometry::write_file(folder / "photos/p2.png", "broken");
+  base::write_file(folder / "photos/p2.png", "broken");
   EXPECT_THAT(error(), HasSubstr("p2.png"));
 }
 
@@ -276,7 +275,7 @@ TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(dataset.frames[i].time_s, times_s[i]);
     EXPECT_EQ(dataset.frames[i].exposure_ms, exposures_ms[i]);
-    EXPECT_TRUE(geometry::read_bytes(dataset.frames[i].image) == geometry::read_bytes(folder / "photos" / photos[i]));
+    EXPECT_TRUE(base::read_bytes(dataset.frames[i].image) == base::read_bytes(folder / "photos" / photos[i]));
   }
 }
 
@@ -293,6 +292,7 @@ TEST(Ingest, Machangara) {
   EXPECT_EQ(result.width, 1008);
   const Dataset dataset = read_dataset(folder / "set");
   EXPECT_NEAR(dataset.calibration.camera.horizontal_fov_deg(), 155.0, 0.05);
+  ASSERT_EQ(dataset.frames.size(), 20U);
   for (const Frame& frame : dataset.frames)
     EXPECT_TRUE(geometry::interpolate(*dataset.groundtruth, frame.time_s).has_value());
 }

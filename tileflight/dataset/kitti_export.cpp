@@ -1,13 +1,13 @@
-// KITTI odometry (Geiger, Lenz, Urtasun, CVPR 2012): the layout that kitti_layout.cpp reads.
+// KITTI odometry (Geiger, Lenz, Urtasun, CVPR 2012), as read by kitti_layout.cpp.
 #include <variant>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/export_dataset.h"
 #include "tileflight/dataset/exports.h"
-#include "tileflight/dataset/number_text.h"
 #include "tileflight/dataset/velodyne_export.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
 
 namespace tileflight::dataset::exports {
 
@@ -22,7 +22,7 @@ std::string row_text(const Matrix34& matrix) {
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 4; ++column) {
       if (!text.empty()) text += ' ';
-      geometry::append_number(text, matrix(row, column));
+      base::append_number(text, matrix(row, column));
     }
   }
   return text;
@@ -36,7 +36,7 @@ imaging::PinholeRadtan require_pinhole(const Dataset& dataset) {
   return *pinhole;
 }
 
-/// Four cameras in one place: there is but one.
+/// Four identical projection matrices, since there is only one camera.
 std::string calib_text(const imaging::PinholeRadtan& pinhole) {
   Matrix34 projection = Matrix34::Zero();
   projection(0, 0) = pinhole.fx;
@@ -49,7 +49,7 @@ std::string calib_text(const imaging::PinholeRadtan& pinhole) {
   return text;
 }
 
-/// Of each camera in the first one's frame.
+/// Camera poses in the first camera's frame.
 std::string poses_text(const std::vector<geometry::SE3>& T_local_camera) {
   const geometry::SE3 T_first_local = T_local_camera.front().inverse();
   std::string text;
@@ -64,13 +64,14 @@ void write_kitti(const Dataset& dataset, const fs::path& folder, std::vector<std
   std::string calib = calib_text(require_pinhole(dataset));
   if (const auto T_cam_velo = write_velodyne(dataset, folder, notes))
     calib += "Tr: " + row_text(T_cam_velo->matrix().topRows<3>()) + "\n";
-  geometry::write_file(folder / "calib.txt", calib);
+  base::write_file(folder / "calib.txt", calib);
   std::string times;
-  for (const Frame& frame : dataset.frames) times += fixed_text(frame.time_s - dataset.frames.front().time_s) + "\n";
-  geometry::write_file(folder / "times.txt", times);
-  if (dataset.groundtruth) geometry::write_file(folder / "poses.txt", poses_text(poses_of_frames(dataset)));
+  for (const Frame& frame : dataset.frames)
+    times += base::fixed_text(frame.time_s - dataset.frames.front().time_s) + "\n";
+  base::write_file(folder / "times.txt", times);
+  if (dataset.groundtruth) base::write_file(folder / "poses.txt", poses_text(find_frame_poses(dataset)));
   if (dataset.frames.front().time_s != 0.0) notes.push_back("times begin with the first frame, as KITTI's do");
-  write_png_frames(dataset, folder / "image_0", numbered, progress);
+  write_png_frames(dataset, folder / "image_0", frame_stem, progress);
 }
 
 }  // namespace tileflight::dataset::exports

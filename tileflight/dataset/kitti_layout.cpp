@@ -4,11 +4,11 @@
 #include <array>
 #include <cmath>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset::layouts {
@@ -26,18 +26,18 @@ fs::path image_folder(const fs::path& folder) {
 
 /// Lines of 12 numbers, each with or without a label ("P0:").
 std::vector<Row12> read_rows(const fs::path& file) {
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<Row12> rows;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    std::vector<std::string_view> fields = geometry::split_fields(*line);
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    std::vector<std::string_view> fields = base::split_fields(*line);
     if (!fields.empty() && fields.front().ends_with(':')) fields.erase(fields.begin());
     if (fields.empty()) continue;
     const std::string where = file.string() + ": line " + std::to_string(number);
     if (fields.size() != 12) throw InputError(where, "expected 12 numbers, found " + std::to_string(fields.size()));
     Row12 row{};
     for (std::size_t i = 0; i < row.size(); ++i) {
-      const auto value = geometry::parse_number<double>(fields[i]);
+      const auto value = base::parse_number<double>(fields[i]);
       if (!value || !std::isfinite(*value))
         throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
       row[i] = *value;
@@ -51,7 +51,7 @@ std::vector<Row12> read_rows(const fs::path& file) {
 imaging::Calibration read_calib(const fs::path& file, const fs::path& first_image) {
   const Row12 p0 = read_rows(file).front();
   if (!(p0[0] > 0.0 && p0[5] > 0.0)) throw InputError(file.string(), "the focal lengths of P0 must be above 0");
-  const imaging::GrayImage image = imaging::read_gray(first_image);  // the file does not name the image's size
+  const imaging::GrayImage image = imaging::read_gray(first_image);  // calib.txt has no image size
   imaging::Calibration calibration;
   calibration.camera =
       imaging::Camera(imaging::PinholeRadtan{p0[0], p0[5], p0[2], p0[6], {}}, image.width, image.height);
@@ -80,14 +80,14 @@ Dataset read_kitti(const fs::path& folder, const CameraChoice& camera) {
   dataset.folder = folder;
   const std::vector<fs::path> images = list_images(image_folder(folder));
   if (fs::is_regular_file(folder / "times.txt")) {
-    dataset.frames = frames_with_times(images, folder / "times.txt", dataset.warnings);
+    dataset.frames = read_timed_frames(images, folder / "times.txt", dataset.warnings);
   } else {
     constexpr double kKittiPeriod_s = 0.1;
-    dataset.frames = frames_at_rate(images, kKittiPeriod_s);
+    dataset.frames = make_uniform_frames(images, kKittiPeriod_s);
     dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 0.1 s apart");
   }
-  dataset.calibration =
-      camera.calibration.empty() ? read_calib(folder / "calib.txt", images.front()) : chosen_camera(camera, dataset);
+  dataset.calibration = camera.calibration.empty() ? read_calib(folder / "calib.txt", images.front())
+                                                   : read_chosen_camera(camera, dataset);
   if (fs::is_regular_file(folder / "poses.txt")) dataset.groundtruth = read_poses(folder / "poses.txt", dataset.frames);
   return dataset;
 }

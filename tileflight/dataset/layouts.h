@@ -5,9 +5,9 @@
 /// One reader for each layout of a folder that read_dataset knows. All throw InputError (file, line, cause).
 namespace tileflight::dataset::layouts {
 
-/// The camera that was chosen (there is one), for images of the size of the first frame's, which is known; what was put
-/// up with goes to the dataset's warnings.
-imaging::Calibration chosen_camera(const CameraChoice& camera, Dataset& dataset);
+/// Reads the chosen camera (`camera.calibration` is not empty) for images of the size of the dataset's first frame.
+/// Tolerated problems are added to the dataset's warnings.
+imaging::Calibration read_chosen_camera(const CameraChoice& camera, Dataset& dataset);
 
 /// images/, the contract's layout and DSO's.
 Dataset read_images_folder(const std::filesystem::path& folder, const CameraChoice& camera);

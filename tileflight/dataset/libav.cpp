@@ -8,8 +8,8 @@ std::string error_text(int code) {
   return text;
 }
 
-std::string url_of(const std::filesystem::path& file) { return "file:" + file.string(); }
+std::string file_url(const std::filesystem::path& file) { return "file:" + file.string(); }
 
-void silence() { av_log_set_level(AV_LOG_QUIET); }
+void disable_logging() { av_log_set_level(AV_LOG_QUIET); }
 
 }  // namespace tileflight::dataset::libav

@@ -10,7 +10,7 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
-/// What the video reader and writer share of libav*: owners of its objects, and its error texts.
+/// Shared by the video reader and writer: owners of libav* objects, and error texts.
 namespace tileflight::dataset::libav {
 
 struct Deleter {
@@ -23,14 +23,13 @@ struct Deleter {
 template <class T>
 using Owner = std::unique_ptr<T, Deleter>;
 
-/// "End of file" of an AVERROR code.
+/// The text of an AVERROR code, e.g. "End of file".
 std::string error_text(int code);
 
-/// A local file's name as libav* wants it, so that names such as "http:x" or "concat:a" are files too.
-std::string url_of(const std::filesystem::path& file);
+/// A local file's name as a libav* URL, so that names such as "http:x" or "concat:a" are treated as files.
+std::string file_url(const std::filesystem::path& file);
 
-/// libav* writes to stderr by itself, and only a setting of the whole process keeps it quiet; errors are returned
-/// anyway.
-void silence();
+/// Disables libav*'s own logging to stderr, which is a process-wide setting; errors are returned anyway.
+void disable_logging();
 
 }  // namespace tileflight::dataset::libav

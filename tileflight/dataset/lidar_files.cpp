@@ -5,9 +5,9 @@
 #include <cstring>
 #include <string>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::dataset {
 
@@ -40,7 +40,7 @@ std::vector<ScanPoint> read_ply(const std::filesystem::path& file) {
 }
 
 std::vector<ScanPoint> read_bin(const std::filesystem::path& file) {
-  const std::vector<std::byte> bytes = geometry::read_bytes(file);
+  const std::vector<std::byte> bytes = base::read_bytes(file);
   constexpr std::size_t kPointBytes = 4 * sizeof(float);
   if (bytes.size() % kPointBytes != 0)
     throw InputError(file.string(), "is not a whole number of points of four floats (x, y, z, intensity)");
@@ -65,13 +65,13 @@ void write_scan_ply(const std::filesystem::path& file, const std::vector<ScanPoi
     append_bytes(bytes, point.time_s);
     append_bytes(bytes, point.ring);
   }
-  geometry::write_file(file, bytes);
+  base::write_file(file, bytes);
 }
 
 void write_scan_bin(const std::filesystem::path& file, const std::vector<ScanPoint>& points) {
   std::string bytes;
   for (const ScanPoint& point : points) append_position(bytes, point);
-  geometry::write_file(file, bytes);
+  base::write_file(file, bytes);
 }
 
 std::vector<ScanPoint> read_scan(const std::filesystem::path& file) {

@@ -13,7 +13,7 @@ struct ScanPoint {
   Eigen::Vector3f position = Eigen::Vector3f::Zero();  ///< metres
   float intensity = 0.0F;                              ///< 0 to 1
   float time_s = 0.0F;                                 ///< after the scan's start
-  std::uint16_t ring = 0;                              ///< channel or row; 0 where there is none
+  std::uint16_t ring = 0;                              ///< channel or row; 0 if there is none
 };
 
 /// Binary little-endian PLY with x, y, z, intensity, time (float) and ring (ushort).
@@ -22,7 +22,8 @@ void write_scan_ply(const std::filesystem::path& file, const std::vector<ScanPoi
 /// KITTI's velodyne/*.bin: x, y, z, intensity as little-endian floats, without times and rings.
 void write_scan_bin(const std::filesystem::path& file, const std::vector<ScanPoint>& points);
 
-/// By the file's ending, .ply or .bin; a PLY file needs only x, y and z. Throws InputError (file, cause).
+/// Reads a scan by the file's extension, .ply or .bin; a PLY file needs only x, y and z. Throws InputError (file,
+/// cause).
 std::vector<ScanPoint> read_scan(const std::filesystem::path& file);
 
 }  // namespace tileflight::dataset

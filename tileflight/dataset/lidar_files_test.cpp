@@ -7,7 +7,7 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -17,7 +17,7 @@ using testing::HasSubstr;
 const std::vector<ScanPoint> kPoints{{{1.5F, -2.25F, 1e-3F}, 0.75F, 0.0F, 3},
                                      {{-100.0F, 3.0F, 8.0F}, 0.1F, 0.099F, 63}};
 
-// The cloud reader that everything else uses knows nothing of this writer.
+// Checked with the project's general point cloud reader, which is independent of this writer.
 TEST(LidarFiles, APlyScanComesBackWhole) {
   const tests::TemporaryFolder folder;
   write_scan_ply(folder / "a.ply", kPoints);
@@ -36,7 +36,7 @@ TEST(LidarFiles, APlyScanComesBackWhole) {
 TEST(LidarFiles, ABinScanIsKittisFourFloatsAPoint) {
   const tests::TemporaryFolder folder;
   write_scan_bin(folder / "a.bin", kPoints);
-  const std::string bytes = geometry::read_text(folder / "a.bin");
+  const std::string bytes = base::read_text(folder / "a.bin");
   ASSERT_EQ(bytes.size(), 32U);
   float values[8];
   std::memcpy(values, bytes.data(), 32);

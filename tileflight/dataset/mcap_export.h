@@ -5,20 +5,20 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/base/progress.h"
 #include "tileflight/dataset/dataset.h"
-#include "tileflight/geometry/progress.h"
 
 namespace tileflight::dataset {
 
+/// Result of export_mcap().
 struct McapResult {
   std::size_t messages = 0;
   std::vector<std::string> topics;
 };
 
-/// A dataset as one MCAP file of ROS 2 messages in the order of their times: /camera/image/compressed,
-/// /camera/camera_info, /tf (map to camera, imu and lidar, where the truth is known) and what there is of /imu, /gnss,
-/// /barometer, /magnetometer, /range and /lidar. Throws InputError (file, cause), also for an existing file unless
-/// `replace`.
+/// Writes a dataset as one MCAP file of ROS 2 messages in time order: /camera/image/compressed, /camera/camera_info,
+/// /tf (map to camera, IMU and lidar, if the true poses are known) and, if present, /imu, /gnss, /barometer,
+/// /magnetometer, /range and /lidar. Throws InputError (file, cause), also for an existing file unless `replace`.
 McapResult export_mcap(const Dataset& dataset, const std::filesystem::path& file, bool replace,
                        const Progress& progress = {});
 

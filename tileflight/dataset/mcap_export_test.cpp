@@ -7,14 +7,14 @@
 #include <map>
 
 #include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/lidar_files.h"
 #include "tileflight/dataset/mcap_writer.h"
 #include "tileflight/dataset/number_table.h"
 #include "tileflight/dataset/ros_messages.h"
 #include "tileflight/dataset/test_pictures.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 using geometry::Vec3;
 using testing::HasSubstr;
 
-/// Reads numbers and texts off the front of bytes, as the specification lays them out.
+/// Reads numbers and strings from the front of a byte string, in the layout of the specification.
 class Bytes {
  public:
   explicit Bytes(std::string_view bytes) : rest_(bytes) {}
@@ -138,7 +138,7 @@ TEST(McapWriter, MessagesComeBackInTheirChunks) {
     EXPECT_FALSE(fs::exists(folder / "a.mcap"));
     writer.finish();
   }
-  const std::string file = geometry::read_text(folder / "a.mcap");
+  const std::string file = base::read_text(folder / "a.mcap");
   const std::vector<Message> messages = messages_of(file);
   ASSERT_EQ(messages.size(), 10U);
   EXPECT_EQ(messages[8].bytes, large);
@@ -156,7 +156,7 @@ TEST(RosMessages, DefinitionsHoldAllTheirParts) {
     EXPECT_THAT(schema.text, HasSubstr(part));
 }
 
-// By hand after the rules of CDR: header 4; sec, nanosec 8; "imu" 4 + 4; then doubles from byte 16 on.
+// Computed by hand from the rules of CDR: header 4; sec, nanosec 8; "imu" 4 + 4; then doubles from byte 16 on.
 TEST(RosMessages, NumbersStandWhereCdrHasThem) {
   const std::string bytes = ros::imu({1500000000, "imu"}, {1.5, Vec3(1, 2, 3), Vec3(4, 5, 6)});
   const auto double_at = [&](std::size_t at) {
@@ -167,7 +167,7 @@ TEST(RosMessages, NumbersStandWhereCdrHasThem) {
   EXPECT_EQ(bytes.substr(0, 4), std::string("\0\1\0\0", 4));
   EXPECT_EQ(bytes[4], 1);
   EXPECT_EQ(double_at(16 + 24), 1.0);            // the orientation's w
-  EXPECT_EQ(double_at(16 + 32), -1.0);           // there is none
+  EXPECT_EQ(double_at(16 + 32), -1.0);           // orientation unknown
   EXPECT_EQ(double_at(16 + 32 + 72), 1.0);       // angular velocity
   EXPECT_EQ(double_at(16 + 32 + 72 + 96), 4.0);  // acceleration
   EXPECT_EQ(bytes.size(), 4 + 16 + 32 + 3 * 72 + 48U);
@@ -195,7 +195,7 @@ TEST(McapExport, ADatasetBecomesOneFileInTheOrderOfTime) {
   writer.finish();
 
   const McapResult result = export_mcap(read_dataset(folder / "data"), folder / "flight.mcap", false);
-  const std::string file = geometry::read_text(folder / "flight.mcap");
+  const std::string file = base::read_text(folder / "flight.mcap");
   const std::vector<Message> messages = messages_of(file);
   EXPECT_EQ(messages.size(), result.messages);
   EXPECT_EQ(result.messages, 3U + 3U + 9U + 1U + 2U + 1U + 3U);
@@ -208,7 +208,7 @@ TEST(McapExport, ADatasetBecomesOneFileInTheOrderOfTime) {
   EXPECT_EQ(counts["/lidar"], 3);
   const auto image = std::find_if(messages.begin(), messages.end(),
                                   [](const Message& m) { return m.topic == "/camera/image/compressed"; });
-  EXPECT_THAT(std::string(image->bytes), HasSubstr(geometry::read_text(folder / "data/images/000000.jpg")));
+  EXPECT_THAT(std::string(image->bytes), HasSubstr(base::read_text(folder / "data/images/000000.jpg")));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Names and numbers of records are those of https://mcap.dev/spec; all numbers are little-endian.
+// Record names and opcodes are those of https://mcap.dev/spec; all numbers are little-endian.
 #include "tileflight/dataset/mcap_writer.h"
 
 #include <zlib.h>
@@ -10,8 +10,8 @@
 #include <map>
 #include <vector>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/temporary_path.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/temporary_path.h"
 
 namespace tileflight::dataset {
 
@@ -24,7 +24,7 @@ static_assert(std::endian::native == std::endian::little);
 constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
 constexpr std::size_t kChunkBytes = std::size_t{4} << 20;
 
-enum class Op : std::uint8_t {
+enum class Opcode : std::uint8_t {
   kHeader = 0x01,
   kFooter = 0x02,
   kSchema = 0x03,
@@ -38,25 +38,25 @@ enum class Op : std::uint8_t {
   kDataEnd = 0x0F,
 };
 
-/// The content of a record, field by field.
-class Fields {
+/// Builds the content of a record, field by field.
+class RecordBuilder {
  public:
   template <class Number>
-  Fields& number(Number value) {
+  RecordBuilder& number(Number value) {
     bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
     return *this;
   }
-  Fields& text(std::string_view value) {
+  RecordBuilder& text(std::string_view value) {
     number(static_cast<std::uint32_t>(value.size()));
     return raw(value);
   }
-  Fields& raw(std::string_view value) {
+  RecordBuilder& raw(std::string_view value) {
     bytes_.append(value);
     return *this;
   }
   /// A map or an array: its length in bytes, then its entries.
   template <class First, class Second, class Entries>
-  Fields& pairs(const Entries& entries) {
+  RecordBuilder& pairs(const Entries& entries) {
     number(static_cast<std::uint32_t>(entries.size() * (sizeof(First) + sizeof(Second))));
     for (const auto& [first, second] : entries) number<First>(first).template number<Second>(second);
     return *this;
@@ -67,18 +67,18 @@ class Fields {
   std::string bytes_;
 };
 
-std::string record(Op op, std::string_view content) {
-  Fields head;
+std::string make_record(Opcode op, std::string_view content) {
+  RecordBuilder head;
   head.number(op).number(static_cast<std::uint64_t>(content.size()));
   return head.bytes() + std::string(content);
 }
-std::string record(Op op, const Fields& content) { return record(op, content.bytes()); }
+std::string make_record(Opcode op, const RecordBuilder& content) { return make_record(op, content.bytes()); }
 
 std::uint32_t checksum(std::uint32_t before, std::string_view bytes) {
   return static_cast<std::uint32_t>(crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
-struct Span {
+struct TimeRange {
   std::uint64_t first = std::numeric_limits<std::uint64_t>::max(), last = 0;
 
   void add(std::uint64_t time) {
@@ -97,13 +97,13 @@ struct McapWriter::Impl {
   bool finished = false;
 
   std::map<std::string, std::uint16_t> schema_ids;
-  std::string schemas, channels;  ///< their records, for the summary
+  std::string schemas, channels;  ///< their records, repeated in the summary
   std::uint32_t channel_count = 0;
   std::map<std::uint16_t, std::uint64_t> message_counts;
-  Span times;
+  TimeRange times;
 
   std::string chunk;
-  Span chunk_times;
+  TimeRange chunk_times;
   std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>> chunk_index;  ///< time, offset
   std::string chunk_indexes;
   std::uint32_t chunk_count = 0;
@@ -114,25 +114,26 @@ struct McapWriter::Impl {
     written += bytes.size();
   }
 
-  /// The chunk, then an index for each of its channels; their places go into the summary.
+  /// Writes the chunk and an index for each of its channels; their offsets go into the summary.
   void flush() {
     if (chunk.empty()) return;
     const std::uint64_t chunk_start = written;
-    Fields fields;
+    RecordBuilder fields;
     fields.number(chunk_times.begin()).number(chunk_times.last).number(static_cast<std::uint64_t>(chunk.size()));
     fields.number(checksum(0, chunk)).text("").number(static_cast<std::uint64_t>(chunk.size())).raw(chunk);
-    put(record(Op::kChunk, fields));
+    put(make_record(Opcode::kChunk, fields));
     const std::uint64_t chunk_length = written - chunk_start, indexes_start = written;
     std::map<std::uint16_t, std::uint64_t> offsets;
     for (const auto& [channel, entries] : chunk_index) {
       offsets[channel] = written;
-      put(record(Op::kMessageIndex, Fields().number(channel).pairs<std::uint64_t, std::uint64_t>(entries)));
+      put(make_record(Opcode::kMessageIndex,
+                      RecordBuilder().number(channel).pairs<std::uint64_t, std::uint64_t>(entries)));
     }
-    Fields index;
+    RecordBuilder index;
     index.number(chunk_times.begin()).number(chunk_times.last).number(chunk_start).number(chunk_length);
     index.pairs<std::uint16_t, std::uint64_t>(offsets).number(written - indexes_start).text("");
     index.number(static_cast<std::uint64_t>(chunk.size())).number(static_cast<std::uint64_t>(chunk.size()));
-    chunk_indexes += record(Op::kChunkIndex, index);
+    chunk_indexes += make_record(Opcode::kChunkIndex, index);
     ++chunk_count;
     chunk.clear();
     chunk_times = {};
@@ -142,34 +143,35 @@ struct McapWriter::Impl {
   std::string statistics() const {
     std::uint64_t messages = 0;
     for (const auto& [channel, count] : message_counts) messages += count;
-    Fields fields;
+    RecordBuilder fields;
     fields.number(messages).number(static_cast<std::uint16_t>(schema_ids.size())).number(channel_count);
     fields.number(std::uint32_t{0}).number(std::uint32_t{0}).number(chunk_count);
     fields.number(times.begin()).number(times.last).pairs<std::uint16_t, std::uint64_t>(message_counts);
-    return record(Op::kStatistics, fields);
+    return make_record(Opcode::kStatistics, fields);
   }
 
-  /// Groups of records and where each of them begins; the checksum runs up to the footer's own.
+  /// Writes groups of records and their offsets; the checksum covers everything up to the footer's own.
   void put_summary() {
     const std::uint64_t summary_start = written;
     std::string summary, offsets;
-    for (const auto& [op, group] : {std::pair{Op::kSchema, schemas},
-                                    {Op::kChannel, channels},
-                                    {Op::kStatistics, statistics()},
-                                    {Op::kChunkIndex, chunk_indexes}}) {
+    for (const auto& [op, group] : {std::pair{Opcode::kSchema, schemas},
+                                    {Opcode::kChannel, channels},
+                                    {Opcode::kStatistics, statistics()},
+                                    {Opcode::kChunkIndex, chunk_indexes}}) {
       if (group.empty()) continue;
-      offsets += record(
-          Op::kSummaryOffset,
-          Fields().number(op).number(summary_start + summary.size()).number(static_cast<std::uint64_t>(group.size())));
+      offsets += make_record(Opcode::kSummaryOffset, RecordBuilder()
+                                                         .number(op)
+                                                         .number(summary_start + summary.size())
+                                                         .number(static_cast<std::uint64_t>(group.size())));
       summary += group;
     }
     const std::uint64_t offsets_start = summary_start + summary.size();
     constexpr std::uint64_t kFooterBytes = 8 + 8 + 4;
-    Fields footer;
-    footer.number(Op::kFooter).number(kFooterBytes).number(summary_start).number(offsets_start);
+    RecordBuilder footer;
+    footer.number(Opcode::kFooter).number(kFooterBytes).number(summary_start).number(offsets_start);
     summary += offsets + footer.bytes();
     put(summary);
-    put(Fields().number(checksum(0, summary)).bytes());
+    put(RecordBuilder().number(checksum(0, summary)).bytes());
   }
 };
 
@@ -179,10 +181,10 @@ McapWriter::McapWriter(fs::path file, const std::string& profile, bool replace) 
   impl_->target = fs::absolute(file).lexically_normal();
   std::error_code ignored;
   fs::create_directories(impl_->target.parent_path(), ignored);
-  impl_->temporary = geometry::temporary_beside(impl_->target);
+  impl_->temporary = base::make_temporary_path(impl_->target);
   impl_->stream.open(impl_->temporary, std::ios::binary);
   impl_->put(kMagic);
-  impl_->put(record(Op::kHeader, Fields().text(profile).text("tileflight")));
+  impl_->put(make_record(Opcode::kHeader, RecordBuilder().text(profile).text("tileflight")));
 }
 
 McapWriter::~McapWriter() {
@@ -192,18 +194,21 @@ McapWriter::~McapWriter() {
 
 std::uint16_t McapWriter::add_channel(const std::string& topic, const std::string& message_encoding,
                                       const Schema& schema) {
-  const auto next_schema = static_cast<std::uint16_t>(impl_->schema_ids.size() + 1);  // 0 would be "without schema"
+  const auto next_schema = static_cast<std::uint16_t>(impl_->schema_ids.size() + 1);  // 0 means "without schema"
   const auto [known, is_new] = impl_->schema_ids.emplace(schema.name, next_schema);
   std::string records;
   if (is_new) {
-    records =
-        record(Op::kSchema, Fields().number(next_schema).text(schema.name).text(schema.encoding).text(schema.text));
+    records = make_record(
+        Opcode::kSchema, RecordBuilder().number(next_schema).text(schema.name).text(schema.encoding).text(schema.text));
     impl_->schemas += records;
   }
   const auto channel = static_cast<std::uint16_t>(impl_->channel_count++);
-  const std::string declared = record(
-      Op::kChannel,
-      Fields().number(channel).number(known->second).text(topic).text(message_encoding).number(std::uint32_t{0}));
+  const std::string declared = make_record(Opcode::kChannel, RecordBuilder()
+                                                                 .number(channel)
+                                                                 .number(known->second)
+                                                                 .text(topic)
+                                                                 .text(message_encoding)
+                                                                 .number(std::uint32_t{0}));
   impl_->channels += declared;
   impl_->chunk += records + declared;
   return channel;
@@ -214,7 +219,8 @@ void McapWriter::add_message(std::uint16_t channel, std::int64_t time_ns, std::s
   const auto time = static_cast<std::uint64_t>(std::max<std::int64_t>(0, time_ns));
   const auto sequence = static_cast<std::uint32_t>(impl_->message_counts[channel]++);
   impl_->chunk_index[channel].emplace_back(time, impl_->chunk.size());
-  impl_->chunk += record(Op::kMessage, Fields().number(channel).number(sequence).number(time).number(time).raw(bytes));
+  impl_->chunk += make_record(Opcode::kMessage,
+                              RecordBuilder().number(channel).number(sequence).number(time).number(time).raw(bytes));
   impl_->times.add(time);
   impl_->chunk_times.add(time);
   if (impl_->chunk.size() >= kChunkBytes) impl_->flush();
@@ -222,7 +228,8 @@ void McapWriter::add_message(std::uint16_t channel, std::int64_t time_ns, std::s
 
 void McapWriter::finish() {
   impl_->flush();
-  impl_->put(record(Op::kDataEnd, Fields().number(std::uint32_t{0})));  // 0: no checksum over the whole data section
+  impl_->put(make_record(Opcode::kDataEnd,
+                         RecordBuilder().number(std::uint32_t{0})));  // 0: no checksum over the whole data section
   impl_->put_summary();
   impl_->put(kMagic);
   impl_->stream.close();

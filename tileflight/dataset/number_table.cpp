@@ -3,10 +3,10 @@
 #include <cassert>
 #include <string_view>
 
-#include "tileflight/dataset/number_text.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::dataset {
 
@@ -19,7 +19,7 @@ std::vector<double> parse_row(const std::string& where, const std::vector<std::s
                                 std::to_string(columns) + " columns");
   std::vector<double> row;
   for (const std::string_view field : fields) {
-    const auto value = geometry::parse_number<double>(field);
+    const auto value = base::parse_number<double>(field);
     if (!value) throw InputError(where, "\"" + std::string(field) + "\" is not a number");
     row.push_back(*value);
   }
@@ -29,11 +29,11 @@ std::vector<double> parse_row(const std::string& where, const std::vector<std::s
 }  // namespace
 
 NumberTable read_number_table(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file);
+  const std::string text = base::read_text(file);
   std::string_view rest = text;
   NumberTable table;
-  for (int number = 1; const auto line = geometry::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = geometry::split_fields(*line, ",");
+  for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    const std::vector<std::string_view> fields = base::split_fields(*line, ",");
     if (fields.empty()) continue;
     if (table.columns.empty())
       table.columns.assign(fields.begin(), fields.end());
@@ -50,10 +50,10 @@ void write_number_table(const std::filesystem::path& file, const NumberTable& ta
   text += '\n';
   for (const std::vector<double>& row : table.rows) {
     assert(row.size() == table.columns.size());
-    for (std::size_t i = 0; i < row.size(); ++i) text += (i == 0 ? "" : ",") + fixed_text(row[i]);
+    for (std::size_t i = 0; i < row.size(); ++i) text += (i == 0 ? "" : ",") + base::fixed_text(row[i]);
     text += '\n';
   }
-  geometry::write_file(file, text);
+  base::write_file(file, text);
 }
 
 }  // namespace tileflight::dataset

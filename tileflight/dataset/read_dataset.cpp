@@ -1,10 +1,10 @@
 #include <filesystem>
 
-#include "tileflight/dataset/about_file.h"
-#include "tileflight/dataset/fitted_calibration.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/dataset/dataset_metadata.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/dataset/scaled_calibration.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::dataset {
@@ -44,9 +44,10 @@ imaging::Calibration read_camera(const fs::path& folder) {
 
 namespace layouts {
 
-imaging::Calibration chosen_camera(const CameraChoice& camera, Dataset& dataset) {
+imaging::Calibration read_chosen_camera(const CameraChoice& camera, Dataset& dataset) {
   const imaging::GrayImage image = imaging::read_gray(dataset.frames.front().image);
-  return calibration_for(camera.calibration, camera.camera_id, image.width, image.height, dataset.warnings).calibration;
+  return read_scaled_calibration(camera.calibration, camera.camera_id, image.width, image.height, dataset.warnings)
+      .calibration;
 }
 
 Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
@@ -56,18 +57,18 @@ Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
   const std::vector<fs::path> images = list_images(folder / "images");
   const fs::path times = folder / "times.txt";
   if (fs::is_regular_file(times)) {
-    dataset.frames = frames_with_times(images, times, dataset.warnings);
+    dataset.frames = read_timed_frames(images, times, dataset.warnings);
   } else {
-    dataset.frames = frames_at_rate(images, kDefaultPeriod_s);
+    dataset.frames = make_uniform_frames(images, kDefaultFramePeriod_s);
     dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 1/30 s apart");
   }
-  if (!camera.calibration.empty()) dataset.calibration = chosen_camera(camera, dataset);
+  if (!camera.calibration.empty()) dataset.calibration = read_chosen_camera(camera, dataset);
   dataset.pcalib = first_file(folder, {"pcalib.txt"});
   dataset.vignette = first_file(folder, {"vignette.png"});
   if (const fs::path file = first_file(folder, {"groundtruth.txt"}); !file.empty())
     dataset.groundtruth = geometry::read_tum(file);
   if (const fs::path file = first_file(folder, {"gps.csv"}); !file.empty()) dataset.gps = read_gps_csv(file);
-  if (const fs::path file = first_file(folder, {"dataset.yaml"}); !file.empty()) dataset.about = read_about(file);
+  if (const fs::path file = first_file(folder, {"dataset.yaml"}); !file.empty()) dataset.metadata = read_metadata(file);
   return dataset;
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 struct Definition {
   std::string fields;
-  std::vector<std::string> parts;  ///< messages that it is made of, theirs too
+  std::vector<std::string> dependencies;  ///< nested message types, including theirs
 };
 
 const std::map<std::string, Definition>& definitions() {
@@ -65,19 +65,19 @@ const std::map<std::string, Definition>& definitions() {
   return kDefinitions;
 }
 
-/// Each part once, those of parts too.
-void collect(const std::string& name, std::vector<std::string>& parts) {
-  for (const std::string& part : definitions().at(name).parts) {
+/// Collects each nested type once, recursively.
+void collect_dependencies(const std::string& name, std::vector<std::string>& parts) {
+  for (const std::string& part : definitions().at(name).dependencies) {
     if (std::find(parts.begin(), parts.end(), part) != parts.end()) continue;
     parts.push_back(part);
-    collect(part, parts);
+    collect_dependencies(part, parts);
   }
 }
 
 constexpr std::array<double, 9> kUnknownCovariance{};  ///< all zeros
 constexpr std::array<double, 9> kNoEstimate{-1.0, 0, 0, 0, 0, 0, 0, 0, 0};
 
-CdrWriter begun(const Head& head) {
+CdrWriter begin_message(const Header& head) {
   constexpr std::int64_t kSecond_ns = 1000000000;
   CdrWriter writer;
   writer.number(static_cast<std::int32_t>(head.time_ns / kSecond_ns));
@@ -111,63 +111,63 @@ McapWriter::Schema schema(const std::string& name) {
   const std::size_t slash = name.find('/');
   const std::string short_name = name.substr(0, slash) + name.substr(name.rfind('/'));
   std::vector<std::string> parts;
-  collect(short_name, parts);
+  collect_dependencies(short_name, parts);
   std::string text = definitions().at(short_name).fields;
   for (const std::string& part : parts)
     text += std::string(80, '=') + "\nMSG: " + part + "\n" + definitions().at(part).fields;
   return {name, "ros2msg", text};
 }
 
-std::string compressed_image(const Head& head, std::string_view format, std::string_view file_bytes) {
-  return begun(head).text(format).blob(file_bytes).bytes();
+std::string compressed_image(const Header& head, std::string_view format, std::string_view file_bytes) {
+  return begin_message(head).text(format).blob(file_bytes).bytes();
 }
 
-std::string camera_info(const Head& head, const imaging::Camera& camera) {
+std::string camera_info(const Header& head, const imaging::Camera& camera) {
   const auto [fx, fy, cx, cy] = std::visit(
       [](const auto& m) {
         return std::array{m.fx, m.fy, m.cx, m.cy};
       },
       camera.model());
   const Lens lens = lens_of(camera.model());
-  CdrWriter writer = begun(head);
+  CdrWriter writer = begin_message(head);
   writer.number(static_cast<std::uint32_t>(camera.height())).number(static_cast<std::uint32_t>(camera.width()));
-  writer.text(lens.name).number(static_cast<std::uint32_t>(lens.coefficients.size())).each(lens.coefficients);
-  writer.each(std::array{fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0});
-  writer.each(std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0});
-  writer.each(std::array{fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0});
-  writer.each(std::array<std::uint32_t, 6>{}).number(std::uint8_t{0});
+  writer.text(lens.name).number(static_cast<std::uint32_t>(lens.coefficients.size())).array(lens.coefficients);
+  writer.array(std::array{fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0});
+  writer.array(std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0});
+  writer.array(std::array{fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0});
+  writer.array(std::array<std::uint32_t, 6>{}).number(std::uint8_t{0});
   return writer.bytes();
 }
 
-std::string transform(const Head& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child) {
+std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child) {
   constexpr std::int64_t kSecond_ns = 1000000000;
   CdrWriter writer;
-  writer.number(std::uint32_t{1});  // of transforms
+  writer.number(std::uint32_t{1});  // number of transforms
   writer.number(static_cast<std::int32_t>(head.time_ns / kSecond_ns));
   writer.number(static_cast<std::uint32_t>(head.time_ns % kSecond_ns)).text(head.frame_id).text(child_frame_id);
   put(writer, T_frame_child.translation);
   const Eigen::Quaterniond& q = T_frame_child.rotation;
-  return writer.each(std::array{q.x(), q.y(), q.z(), q.w()}).bytes();
+  return writer.array(std::array{q.x(), q.y(), q.z(), q.w()}).bytes();
 }
 
-std::string imu(const Head& head, const ImuReading& reading) {
-  CdrWriter writer = begun(head);
-  writer.each(std::array{0.0, 0.0, 0.0, 1.0}).each(kNoEstimate);
-  put(writer, reading.angular_rate_rad_s).each(kUnknownCovariance);
-  return put(writer, reading.specific_force_m_s2).each(kUnknownCovariance).bytes();
+std::string imu(const Header& head, const ImuReading& reading) {
+  CdrWriter writer = begin_message(head);
+  writer.array(std::array{0.0, 0.0, 0.0, 1.0}).array(kNoEstimate);
+  put(writer, reading.angular_rate_rad_s).array(kUnknownCovariance);
+  return put(writer, reading.specific_force_m_s2).array(kUnknownCovariance).bytes();
 }
 
-std::string nav_sat_fix(const Head& head, const GpsFix& fix) {
+std::string nav_sat_fix(const Header& head, const GpsFix& fix) {
   constexpr std::uint8_t kDiagonalKnown = 2;
   const double level = fix.horizontal_sigma_m * fix.horizontal_sigma_m;
-  CdrWriter writer = begun(head);
-  writer.number(std::int8_t{0}).number(std::uint16_t{1});  // a fix, of GPS
-  writer.each(std::array{fix.place.latitude_deg, fix.place.longitude_deg, fix.place.height.m});
-  writer.each(std::array{level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, fix.vertical_sigma_m * fix.vertical_sigma_m});
+  CdrWriter writer = begin_message(head);
+  writer.number(std::int8_t{0}).number(std::uint16_t{1});  // STATUS_FIX, SERVICE_GPS
+  writer.array(std::array{fix.position.latitude_deg, fix.position.longitude_deg, fix.position.height.m});
+  writer.array(std::array{level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, fix.vertical_sigma_m * fix.vertical_sigma_m});
   return writer.number(kDiagonalKnown).bytes();
 }
 
-std::string point_cloud(const Head& head, const std::vector<ScanPoint>& points) {
+std::string point_cloud(const Header& head, const std::vector<ScanPoint>& points) {
   constexpr std::uint8_t kFloat32 = 7, kUint16 = 4;
   constexpr std::uint32_t kStep = 22;
   struct Field {
@@ -175,7 +175,7 @@ std::string point_cloud(const Head& head, const std::vector<ScanPoint>& points) 
     std::uint32_t offset;
     std::uint8_t type;
   };
-  CdrWriter writer = begun(head);
+  CdrWriter writer = begin_message(head);
   const auto count = static_cast<std::uint32_t>(points.size());
   writer.number(std::uint32_t{1}).number(count).number(std::uint32_t{6});
   for (const Field& field : {Field{"x", 0, kFloat32},
@@ -197,20 +197,20 @@ std::string point_cloud(const Head& head, const std::vector<ScanPoint>& points) 
   return writer.number(std::uint8_t{1}).bytes();
 }
 
-std::string fluid_pressure(const Head& head, double pressure_pa) {
-  return begun(head).number(pressure_pa).number(0.0).bytes();
+std::string fluid_pressure(const Header& head, double pressure_pa) {
+  return begin_message(head).number(pressure_pa).number(0.0).bytes();
 }
 
-std::string magnetic_field(const Head& head, const geometry::Vec3& field_ut) {
-  CdrWriter writer = begun(head);
-  return put(writer, 1e-6 * field_ut).each(kUnknownCovariance).bytes();
+std::string magnetic_field(const Header& head, const geometry::Vec3& field_ut) {
+  CdrWriter writer = begin_message(head);
+  return put(writer, 1e-6 * field_ut).array(kUnknownCovariance).bytes();
 }
 
-std::string range(const Head& head, double range_m) {
+std::string range(const Header& head, double range_m) {
   constexpr std::uint8_t kInfrared = 1;
-  return begun(head)
+  return begin_message(head)
       .number(kInfrared)
-      .each(std::array{0.0F, 0.0F, std::numeric_limits<float>::infinity()})
+      .array(std::array{0.0F, 0.0F, std::numeric_limits<float>::infinity()})
       .number(static_cast<float>(range_m))
       .bytes();
 }

@@ -10,36 +10,36 @@
 #include "tileflight/dataset/lidar_files.h"
 #include "tileflight/dataset/mcap_writer.h"
 
-/// ROS 2 messages (common_interfaces, Humble), encoded as its middleware does, with their definitions: what Foxglove
-/// and ROS 2's own tools show without further ado.
+/// ROS 2 messages (common_interfaces, Humble), encoded as by its middleware, with their definitions, so that Foxglove
+/// and ROS 2's own tools can show them without further files.
 namespace tileflight::dataset::ros {
 
-/// The definition of a message and of all that it is made of. Throws std::out_of_range for a name that is not here.
+/// The definition of a message and of all nested types. Throws std::out_of_range for an unknown name.
 McapWriter::Schema schema(const std::string& name);
 
-/// When and in which frame.
-struct Head {
+/// Time stamp and coordinate frame.
+struct Header {
   std::int64_t time_ns = 0;
   std::string frame_id;
 };
 
 /// sensor_msgs/msg/CompressedImage; `format` is "jpeg" or "png".
-std::string compressed_image(const Head& head, std::string_view format, std::string_view file_bytes);
+std::string compressed_image(const Header& head, std::string_view format, std::string_view file_bytes);
 /// sensor_msgs/msg/CameraInfo: plumb_bob, equidistant, or no name (and a pinhole's K) for other lenses.
-std::string camera_info(const Head& head, const imaging::Camera& camera);
+std::string camera_info(const Header& head, const imaging::Camera& camera);
 /// tf2_msgs/msg/TFMessage with one transform.
-std::string transform(const Head& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child);
+std::string transform(const Header& head, const std::string& child_frame_id, const geometry::SE3& T_frame_child);
 /// sensor_msgs/msg/Imu without orientation.
-std::string imu(const Head& head, const ImuReading& reading);
-/// sensor_msgs/msg/NavSatFix; the altitude is above the ellipsoid, as that message has it.
-std::string nav_sat_fix(const Head& head, const GpsFix& fix);
+std::string imu(const Header& head, const ImuReading& reading);
+/// sensor_msgs/msg/NavSatFix; altitude above the ellipsoid, as that message defines it.
+std::string nav_sat_fix(const Header& head, const GpsFix& fix);
 /// sensor_msgs/msg/PointCloud2 with x, y, z, intensity, time (seconds after the stamp) and ring.
-std::string point_cloud(const Head& head, const std::vector<ScanPoint>& points);
+std::string point_cloud(const Header& head, const std::vector<ScanPoint>& points);
 /// sensor_msgs/msg/FluidPressure, pascals.
-std::string fluid_pressure(const Head& head, double pressure_pa);
+std::string fluid_pressure(const Header& head, double pressure_pa);
 /// sensor_msgs/msg/MagneticField; given in microtesla, written in tesla.
-std::string magnetic_field(const Head& head, const geometry::Vec3& field_ut);
+std::string magnetic_field(const Header& head, const geometry::Vec3& field_ut);
 /// sensor_msgs/msg/Range
-std::string range(const Head& head, double range_m);
+std::string range(const Header& head, double range_m);
 
 }  // namespace tileflight::dataset::ros

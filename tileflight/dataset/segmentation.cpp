@@ -8,14 +8,15 @@
 #include <unordered_map>
 #include <utility>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
-// While frames come, ids are not known yet: an object that sorts before all others may be seen in the last one. Until
-// then a frame is a file of the objects that are seen in it and of runs of equal ones, which is small, and is coloured
-// in at the end. Nothing is kept in memory, so that frames may come from several processes and at several times.
+// While frames are added, ids are not known yet: an object that sorts before all others may appear in the last frame.
+// Until then each frame is stored as a small file with its visible objects and run-length encoded labels, and its image
+// is written at the end. Nothing is kept in memory, so frames may come from several processes and at different times.
 namespace tileflight::dataset {
 namespace {
 
@@ -24,19 +25,19 @@ namespace fs = std::filesystem;
 constexpr std::size_t kLargestId = std::numeric_limits<std::uint16_t>::max();
 
 struct Run {
-  std::uint32_t number = 0;  ///< 0: nothing, else 1 + index into the objects of its frame
+  std::uint32_t label = 0;  ///< 0: no object, else 1 + index into the objects of its frame
   std::uint32_t pixels = 0;
 };
 
-/// A frame, as its file holds it.
-struct LabelledFrame {
+/// Content of a frame's file.
+struct RunLengthFrame {
   int width = 0, height = 0;
-  std::vector<SegmentedObject> objects;  ///< that are seen, in the order in which they are
-  std::vector<Run> runs;                 ///< row by row; their numbers are 1 + index into `objects`
+  std::vector<SegmentedObject> objects;  ///< objects visible in the frame, in order of appearance
+  std::vector<Run> runs;                 ///< row by row; labels are 1 + index into `objects`
 };
 
-LabelledFrame labelled(const imaging::Image<std::uint32_t>& labels, std::span<const SegmentedObject> objects) {
-  LabelledFrame frame{labels.width, labels.height, {}, {}};
+RunLengthFrame encode_runs(const imaging::Image<std::uint32_t>& labels, std::span<const SegmentedObject> objects) {
+  RunLengthFrame frame{labels.width, labels.height, {}, {}};
   std::unordered_map<std::uint32_t, std::uint32_t> number_of{{0, 0}};
   const std::uint32_t* before = nullptr;
   for (const std::uint32_t& label : labels.pixels) {
@@ -62,7 +63,7 @@ void append_text(std::string& bytes, const std::string& text) {
   bytes += text;
 }
 
-std::string to_bytes(const LabelledFrame& frame) {
+std::string to_bytes(const RunLengthFrame& frame) {
   std::string bytes;
   append(bytes, frame.width);
   append(bytes, frame.height);
@@ -78,19 +79,19 @@ std::string to_bytes(const LabelledFrame& frame) {
   return bytes;
 }
 
-/// What to_bytes wrote; a file that ends too early is an InputError.
+/// Reads the output of to_bytes; a truncated file is an InputError.
 class FrameReader {
  public:
-  explicit FrameReader(const fs::path& file) : file_(file), bytes_(geometry::read_text(file)) {}
+  explicit FrameReader(const fs::path& file) : file_(file), bytes_(base::read_text(file)) {}
 
-  LabelledFrame read() {
-    LabelledFrame frame = read_head();
+  RunLengthFrame read() {
+    RunLengthFrame frame = read_head();
     while (at_ < bytes_.size()) frame.runs.push_back(take<Run>());
     return frame;
   }
-  /// Without the runs.
-  LabelledFrame read_head() {
-    LabelledFrame frame;
+  /// Reads everything except the runs.
+  RunLengthFrame read_head() {
+    RunLengthFrame frame;
     frame.width = take<int>();
     frame.height = take<int>();
     const auto count = take<std::uint32_t>();
@@ -136,15 +137,7 @@ void make_folder(const fs::path& folder) {
   if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
 }
 
-/// RFC 4180: quoted where it must be.
-std::string csv_field(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + "\"";
-}
-
-imaging::GrayImage infrared_of(const imaging::Gray16Image& ids) {
+imaging::GrayImage to_infrared(const imaging::Gray16Image& ids) {
   imaging::GrayImage grey(ids.width, ids.height);
   std::transform(ids.pixels.begin(), ids.pixels.end(), grey.pixels.begin(),
                  [](std::uint16_t id) { return static_cast<std::uint8_t>(id == 0 ? 0 : (id - 1) % 255 + 1); });
@@ -152,38 +145,38 @@ imaging::GrayImage infrared_of(const imaging::Gray16Image& ids) {
 }
 
 void write_png(const fs::path& file, const std::vector<std::byte>& bytes) {
-  geometry::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  base::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 }  // namespace
 
 SegmentationWriter::SegmentationWriter(fs::path dataset_folder, const SegmentationOptions& options)
     : folder_(std::move(dataset_folder)),
-      runs_(options.runs.empty() ? folder_ / "segmentation.runs" : options.runs),
+      runs_folder_(options.runs_folder.empty() ? folder_ / "segmentation.runs" : options.runs_folder),
       options_(options) {
   if (options.segmentation) make_folder(folder_ / "segmentation");
   if (options.infrared) make_folder(folder_ / "infrared");
-  make_folder(runs_);
+  make_folder(runs_folder_);
 }
 
 void SegmentationWriter::add(std::size_t index, const imaging::Image<std::uint32_t>& labels,
                              std::span<const SegmentedObject> objects) const {
-  geometry::write_file(runs_ / frame_id(index), to_bytes(labelled(labels, objects)));
+  base::write_file(runs_folder_ / frame_id(index), to_bytes(encode_runs(labels, objects)));
 }
 
-std::vector<std::string> SegmentationWriter::frames() const {
+std::vector<std::string> SegmentationWriter::list_frames() const {
   std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(runs_)) {
+  for (const auto& entry : fs::directory_iterator(runs_folder_)) {
     const std::string name = entry.path().filename().string();
-    if (!name.starts_with(".")) names.push_back(name);  // else: what a killed process left of a file
+    if (!name.starts_with(".")) names.push_back(name);  // else: a partial file of a killed process
   }
   return names;
 }
 
-SegmentationWriter::Ids SegmentationWriter::ids_of(const std::vector<std::string>& frames) const {
+SegmentationWriter::Ids SegmentationWriter::assign_ids(const std::vector<std::string>& frames) const {
   Ids ids;
   for (const std::string& frame : frames) {
-    for (const SegmentedObject& object : FrameReader(runs_ / frame).read_head().objects) ids.emplace(object, 0);
+    for (const SegmentedObject& object : FrameReader(runs_folder_ / frame).read_head().objects) ids.emplace(object, 0);
   }
   if (ids.size() > kLargestId) {
     throw InputError("segmentation", std::to_string(ids.size()) +
@@ -196,38 +189,38 @@ SegmentationWriter::Ids SegmentationWriter::ids_of(const std::vector<std::string
 }
 
 void SegmentationWriter::write_frame(const std::string& name, const Ids& ids) const {
-  const LabelledFrame frame = FrameReader(runs_ / name).read();
+  const RunLengthFrame frame = FrameReader(runs_folder_ / name).read();
   std::vector<std::uint16_t> id_of{0};
   for (const SegmentedObject& object : frame.objects) id_of.push_back(ids.at(object));
   imaging::Gray16Image image(frame.width, frame.height);
   auto pixel = image.pixels.begin();
   for (const Run& run : frame.runs) {
-    if (run.number >= id_of.size() || run.pixels > image.pixels.end() - pixel)
-      throw InputError((runs_ / name).string(), "is damaged; render the frames anew");
-    pixel = std::fill_n(pixel, run.pixels, id_of[run.number]);
+    if (run.label >= id_of.size() || run.pixels > image.pixels.end() - pixel)
+      throw InputError((runs_folder_ / name).string(), "is damaged; render the frames anew");
+    pixel = std::fill_n(pixel, run.pixels, id_of[run.label]);
   }
   const std::string file = name + ".png";
   if (options_.segmentation) write_png(folder_ / "segmentation" / file, imaging::encode_png(image));
-  if (options_.infrared) write_png(folder_ / "infrared" / file, imaging::encode_png(infrared_of(image)));
+  if (options_.infrared) write_png(folder_ / "infrared" / file, imaging::encode_png(to_infrared(image)));
 }
 
 void SegmentationWriter::write_table(const Ids& ids) const {
   std::string text = "id,tile,mesh,feature,name\n";
   for (const auto& [object, id] : ids) {
-    text += std::to_string(id) + "," + csv_field(object.tile) + "," + std::to_string(object.mesh) + "," +
-            (object.feature ? std::to_string(*object.feature) : "") + "," + csv_field(object.name) + "\n";
+    text += std::to_string(id) + "," + base::csv_field(object.tile) + "," + std::to_string(object.mesh) + "," +
+            (object.feature ? std::to_string(*object.feature) : "") + "," + base::csv_field(object.name) + "\n";
   }
-  geometry::write_file(folder_ / "segmentation.csv", text);
+  base::write_file(folder_ / "segmentation.csv", text);
 }
 
 void SegmentationWriter::finish() const {
-  const std::vector<std::string> names = frames();
-  const Ids ids = ids_of(names);
+  const std::vector<std::string> names = list_frames();
+  const Ids ids = assign_ids(names);
   tbb::parallel_for(std::size_t{0}, names.size(), [&](std::size_t i) { write_frame(names[i], ids); });
   write_table(ids);
-  if (!options_.runs.empty()) return;
+  if (!options_.runs_folder.empty()) return;
   std::error_code ignored;
-  fs::remove_all(runs_, ignored);
+  fs::remove_all(runs_folder_, ignored);
 }
 
 }  // namespace tileflight::dataset

@@ -5,8 +5,8 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
 #include "tileflight/dataset/frame_layers.h"
-#include "tileflight/geometry/files.h"
 #include "tileflight/imaging/exr_channels.h"
 #include "tileflight/imaging/image_files.h"
 
@@ -34,7 +34,7 @@ const SegmentedObject kNeverSeen{.tile = "0"};
 TEST(Segmentation, IdsAreThoseOfTheSortedObjectsThatAreSeen) {
   const TemporaryFolder folder;
   SegmentationWriter writer(folder.path(), {.segmentation = true, .infrared = true});
-  // Two parts of a flight, which number their objects each in their own way.
+  // Two parts of a flight that number their objects differently.
   writer.add(1, labels({1, 1, 0, 2, 2, 1}), std::vector{kMill, kHall});
   writer.add(0, labels({3, 3, 3, 3, 2, 0}), std::vector{kNeverSeen, kMill, kMeadow});
   writer.finish();
@@ -42,7 +42,7 @@ TEST(Segmentation, IdsAreThoseOfTheSortedObjectsThatAreSeen) {
   EXPECT_EQ(imaging::read_gray16(folder / "segmentation/000001.png").pixels, (Ids{3, 3, 0, 2, 2, 3}));
   EXPECT_EQ(imaging::read_gray16(folder / "segmentation/000000.png").pixels, (Ids{1, 1, 1, 1, 3, 0}));
   EXPECT_EQ(imaging::read_gray(folder / "infrared/000001.png").pixels, (std::vector<std::uint8_t>{3, 3, 0, 2, 2, 3}));
-  EXPECT_EQ(geometry::read_text(folder / "segmentation.csv"),
+  EXPECT_EQ(base::read_text(folder / "segmentation.csv"),
             "id,tile,mesh,feature,name\n1,a,0,,\n2,b,0,9,Hall\n3,b,0,10,\"Mill, \"\"old\"\"\"\n");
   EXPECT_FALSE(fs::exists(folder / "segmentation.runs"));
 }
@@ -53,7 +53,7 @@ TEST(Segmentation, FramesOfSeveralWritersAreNumberedTogether) {
   const std::vector<SegmentedObject> of_a{kMill, kHall}, of_b{kNeverSeen, kMill, kMeadow};
   const SegmentationOptions both{.segmentation = true, .infrared = true};
   SegmentationWriter(apart.path(), both).add(1, a, of_a);  // a process that ended, and one that goes on
-  geometry::write_file(apart / "segmentation.runs/.000002.4000000-0.tmp", "of a process that was killed");
+  base::write_file(apart / "segmentation.runs/.000002.4000000-0.tmp", "of a process that was killed");
   const SegmentationWriter second(apart.path(), both);
   second.add(0, b, of_b);
   second.finish();
@@ -63,13 +63,13 @@ TEST(Segmentation, FramesOfSeveralWritersAreNumberedTogether) {
   one.finish();
   for (const char* file :
        {"segmentation/000000.png", "segmentation/000001.png", "infrared/000001.png", "segmentation.csv"})
-    EXPECT_EQ(geometry::read_text(apart / file), geometry::read_text(together / file)) << file;
+    EXPECT_EQ(base::read_text(apart / file), base::read_text(together / file)) << file;
   EXPECT_FALSE(fs::exists(apart / "segmentation/.000002.4000000-0.tmp.png"));
 }
 
 TEST(Segmentation, FramesThatAreKeptElsewhereStayThere) {
   const TemporaryFolder folder, kept;
-  const SegmentationOptions options{.runs = kept / "runs"};
+  const SegmentationOptions options{.runs_folder = kept / "runs"};
   SegmentationWriter(folder.path(), options).add(0, labels({1, 1, 0, 2, 2, 1}), std::vector{kMill, kHall});
   for (int attempt = 0; attempt < 2; ++attempt) {  // the first one may have been stopped just before its end
     SegmentationWriter(folder.path(), options).finish();
@@ -83,9 +83,9 @@ TEST(Segmentation, AFileThatIsCutShortIsSaid) {
   const TemporaryFolder folder;
   const SegmentationWriter writer(folder.path(), {});
   writer.add(0, labels({1, 1, 0, 2, 2, 1}), std::vector{kMill, kHall});
-  const std::string whole = geometry::read_text(folder / "segmentation.runs/000000");
+  const std::string whole = base::read_text(folder / "segmentation.runs/000000");
   for (const std::size_t size : {std::size_t{3}, std::size_t{20}, whole.size() - 1}) {
-    geometry::write_file(folder / "segmentation.runs/000000", whole.substr(0, size));
+    base::write_file(folder / "segmentation.runs/000000", whole.substr(0, size));
     EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("ends too early")) << size;
   }
 }

@@ -11,7 +11,7 @@
 
 namespace tileflight::dataset::tests {
 
-/// A smooth pattern that moves with `frame`, so that each frame tells which one it is.
+/// A smooth pattern that moves with `frame`, so that a decoded image identifies its frame.
 inline imaging::RgbImage moving_picture(int width, int height, int frame) {
   imaging::RgbImage image(width, height);
   for (int y = 0; y < height; ++y)

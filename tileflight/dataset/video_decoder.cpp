@@ -10,8 +10,8 @@ extern "C" {
 #include <libavutil/display.h>
 }
 
-#include "tileflight/dataset/number_text.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 
 namespace tileflight::dataset {
 
@@ -19,8 +19,8 @@ using libav::error_text;
 
 namespace {
 
-/// Things that libavformat opens as "video" and that are none.
-bool is_no_video(const AVFormatContext& format) {
+/// Formats that libavformat opens as "video" although they are not.
+bool is_not_video(const AVFormatContext& format) {
   const std::string_view name = format.iformat->name;
   return name == "image2" || name == "tty" || name.ends_with("_pipe");
 }
@@ -33,7 +33,7 @@ int thread_count() {
 
 VideoDecoder::VideoDecoder(const std::filesystem::path& file)
     : file_(file), frame_(av_frame_alloc()), packet_(av_packet_alloc()) {
-  libav::silence();
+  libav::disable_logging();
   try {
     open();
   } catch (...) {
@@ -48,7 +48,7 @@ void VideoDecoder::open() {
   if (!std::filesystem::is_regular_file(file_)) throw InputError(file_.string(), "there is no such video file");
   AVDictionary* options = nullptr;
   av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist must not reach the network
-  const int opened = avformat_open_input(&format_, libav::url_of(file_).c_str(), nullptr, &options);
+  const int opened = avformat_open_input(&format_, libav::file_url(file_).c_str(), nullptr, &options);
   av_dict_free(&options);
   if (opened < 0)
     throw InputError(file_.string(),
@@ -64,7 +64,7 @@ void VideoDecoder::open_decoder() {
   const int stream = av_find_best_stream(format_, AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
   if (stream == AVERROR_DECODER_NOT_FOUND)
     throw InputError(file_.string(), "its video codec is not known: re-encode it as H.264");
-  if (stream < 0 || is_no_video(*format_)) throw InputError(file_.string(), "holds no video");
+  if (stream < 0 || is_not_video(*format_)) throw InputError(file_.string(), "holds no video");
   stream_ = format_->streams[stream];
   for (unsigned i = 0; i < format_->nb_streams && has_full_index(); ++i)
     if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
@@ -98,31 +98,31 @@ VideoInfo VideoDecoder::info() const {
     info.duration_s = static_cast<double>(stream_->duration) * av_q2d(stream_->time_base);
   else if (format_->duration != AV_NOPTS_VALUE)
     info.duration_s = static_cast<double>(format_->duration) / AV_TIME_BASE;
-  info.frames_declared = stream_->nb_frames;
+  info.declared_frames = stream_->nb_frames;
   return info;
 }
 
-/// MP4 and MOV list every packet before the first is read; other containers' indices grow or have key frames only.
+/// MP4 and MOV list every packet at the start; other containers' indices grow while reading or hold key frames only.
 bool VideoDecoder::has_full_index() const {
   const std::string_view name = format_->iformat->name;
   return name.find("mp4") != std::string_view::npos && stream_->nb_frames > 0 &&
          avformat_index_get_entries_count(stream_) > 0;
 }
 
-/// Whether packets that the container announces were not there: by its index, else by its count or length.
+/// Whether packets announced by the container are missing: by its index, else by its frame count or duration.
 bool VideoDecoder::is_incomplete() const {
   if (has_full_index()) {
     const AVIndexEntry* last = avformat_index_get_entry(stream_, avformat_index_get_entries_count(stream_) - 1);
     return last_timestamp_ < last->timestamp;
   }
   if (packets_ < stream_->nb_frames) return true;
-  constexpr double kTolerance_s = 0.25;  // lengths in headers are rounded, and the last frame's own is often unknown
+  constexpr double kTolerance_s = 0.25;  // durations in headers are rounded, and the last frame's is often unknown
   const bool guessed =
       format_->duration == AV_NOPTS_VALUE || format_->duration_estimation_method == AVFMT_DURATION_FROM_BITRATE;
   return !guessed && end_s_ < static_cast<double>(format_->duration) / AV_TIME_BASE - kTolerance_s;
 }
 
-/// Keeps the end of the latest packet of any stream, seconds after the file's start.
+/// Updates the end of the latest packet of any stream, seconds after the file's start.
 void VideoDecoder::note_time(const AVPacket& packet) {
   if (packet.pts == AV_NOPTS_VALUE) return;
   const double start_s =
@@ -139,8 +139,8 @@ void VideoDecoder::note_end(int code) {
   avcodec_send_packet(codec_.get(), nullptr);
 }
 
-/// Gives the decoder the next packet, or tells it that there are no more.
-void VideoDecoder::feed() {
+/// Sends the next packet to the decoder, or signals the end.
+void VideoDecoder::send_next_packet() {
   for (;;) {
     av_packet_unref(packet_.get());
     const int read = av_read_frame(format_, packet_.get());
@@ -148,7 +148,7 @@ void VideoDecoder::feed() {
     packet_->time_base = format_->streams[packet_->stream_index]->time_base;
     note_time(*packet_);
     if (packet_->stream_index != stream_->index) continue;
-    if ((packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {  // the file ends within it
+    if ((packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {  // the file is truncated within the packet
       note_end(AVERROR_EOF);
       fault_ = "ends early";
       return;
@@ -177,28 +177,28 @@ const AVFrame* VideoDecoder::next() {
   while (!drained_) {
     const int received = avcodec_receive_frame(codec_.get(), frame_.get());
     if (received == AVERROR(EAGAIN)) {
-      feed();
+      send_next_packet();
       continue;
     }
     if (received == AVERROR_EOF) {
       drained_ = true;
       break;
     }
-    if (received < 0) throw InputError(file_.string(), "is damaged " + place_text() + ": " + error_text(received));
+    if (received < 0) throw InputError(file_.string(), "is damaged " + position_text() + ": " + error_text(received));
     const double time = time_of(*frame_);
     if (!(time > time_s_) && frames_ > 0)
-      throw InputError(file_.string(), "two frames have the same time " + place_text());
+      throw InputError(file_.string(), "two frames have the same time " + position_text());
     time_s_ = time;
     ++frames_;
     return frame_.get();
   }
   if (fault_.empty()) return nullptr;
-  throw InputError(file_.string(), fault_ + " " + place_text());
+  throw InputError(file_.string(), fault_ + " " + position_text());
 }
 
-std::string VideoDecoder::place_text() const {
-  const std::string time = "after " + rounded_text(std::max(time_s_, 0.0), 2) + " s";
-  if (searched_ || stream_->nb_frames == 0) return time;
+std::string VideoDecoder::position_text() const {
+  const std::string time = "after " + base::rounded_text(std::max(time_s_, 0.0), 2) + " s";
+  if (has_seeked_ || stream_->nb_frames == 0) return time;
   return time + ", frame " + std::to_string(frames_) + " of " + std::to_string(stream_->nb_frames);
 }
 
@@ -220,10 +220,10 @@ void VideoDecoder::restart_at(std::int64_t timestamp) {
 
 void VideoDecoder::seek_before(double time_s) {
   if (!has_full_index() || !first_timestamp_) return;
-  constexpr double kMargin_s = 1.0;  // the index is by decoding time, frames are displayed later
+  constexpr double kMargin_s = 1.0;  // the index uses decoding times; frames are displayed later
   const auto wanted = static_cast<std::int64_t>((time_s - kMargin_s) / av_q2d(stream_->time_base));
   if (wanted <= 0) return;
-  searched_ = true;
+  has_seeked_ = true;
   restart_at(*first_timestamp_ + wanted);
 }
 

@@ -1,7 +1,7 @@
-#include "tileflight/dataset/number_text.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/dataset/video.h"
 #include "tileflight/dataset/video_decoder.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::dataset {
 
@@ -9,25 +9,25 @@ namespace {
 
 using imaging::RgbImage;
 
-void check(const VideoExcerpt& excerpt, const std::string& file) {
+void check_excerpt(const VideoExcerpt& excerpt, const std::string& file) {
   if (!(excerpt.from_s >= 0.0)) throw InputError(file, "the excerpt must start at 0 s or later");
   if (excerpt.to_s && !(*excerpt.to_s > excerpt.from_s)) throw InputError(file, "the excerpt must end after its start");
   if (excerpt.every < 1) throw InputError(file, "the step of the excerpt must be 1 or more frames");
 }
 
-RgbImage turned_once_clockwise(const RgbImage& image) {
+RgbImage rotate_quarter_clockwise(const RgbImage& image) {
   RgbImage out(image.height, image.width);
   for (int y = 0; y < image.height; ++y)
     for (int x = 0; x < image.width; ++x) out(image.height - 1 - y, x) = image(x, y);
   return out;
 }
 
-RgbImage turned_clockwise(RgbImage image, int quarter_turns) {
-  for (int i = 0; i < quarter_turns; ++i) image = turned_once_clockwise(image);
+RgbImage rotate_clockwise(RgbImage image, int quarter_turns) {
+  for (int i = 0; i < quarter_turns; ++i) image = rotate_quarter_clockwise(image);
   return image;
 }
 
-/// YUV of any layout to RGB, by the matrix and range that the frame names (BT.601, limited, where it names none).
+/// Converts YUV of any layout to RGB, by the frame's matrix and range (default: BT.601, limited).
 class RgbConverter {
  public:
   RgbImage convert(const AVFrame& frame, const std::string& file) {
@@ -81,7 +81,7 @@ VideoInfo probe_video(const std::filesystem::path& file) { return VideoDecoder(f
 
 void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
                 const std::function<bool(std::int64_t, double, const RgbImage&)>& on_frame) {
-  check(excerpt, file.string());
+  check_excerpt(excerpt, file.string());
   VideoDecoder decoder(file);
   RgbConverter converter;
   std::int64_t in_excerpt = 0;
@@ -89,15 +89,15 @@ void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
   for (; frame != nullptr; frame = decoder.next(), ++in_excerpt) {
     if (excerpt.to_s && decoder.time_s() >= *excerpt.to_s) break;
     if (decoder.is_damaged())
-      throw InputError(file.string(), "is damaged at " + rounded_text(decoder.time_s(), 2) + " s");
+      throw InputError(file.string(), "is damaged at " + base::rounded_text(decoder.time_s(), 2) + " s");
     if (in_excerpt % excerpt.every != 0) continue;
-    const RgbImage image = turned_clockwise(converter.convert(*frame, file.string()), decoder.quarter_turns());
+    const RgbImage image = rotate_clockwise(converter.convert(*frame, file.string()), decoder.quarter_turns());
     if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return;
   }
   if (in_excerpt > 0) return;
-  throw InputError(file.string(), "holds no frame from " + rounded_text(excerpt.from_s, 2) + " s" +
-                                      (excerpt.to_s ? " to " + rounded_text(*excerpt.to_s, 2) + " s" : "") +
-                                      "; it is " + rounded_text(decoder.info().duration_s, 2) + " s long");
+  throw InputError(file.string(), "holds no frame from " + base::rounded_text(excerpt.from_s, 2) + " s" +
+                                      (excerpt.to_s ? " to " + base::rounded_text(*excerpt.to_s, 2) + " s" : "") +
+                                      "; it is " + base::rounded_text(decoder.info().duration_s, 2) + " s long");
 }
 
 }  // namespace tileflight::dataset

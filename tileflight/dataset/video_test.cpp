@@ -9,9 +9,9 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
+#include "tileflight/base/files.h"
 #include "tileflight/dataset/libav.h"
 #include "tileflight/dataset/test_pictures.h"
-#include "tileflight/geometry/files.h"
 
 namespace tileflight::dataset {
 namespace {
@@ -62,7 +62,7 @@ int number_of(const imaging::RgbImage& image, int frames) {
   return best;
 }
 
-/// Copies packets into another container (by the file's ending) with other times.
+/// Remuxes packets into another container (by the file's extension) with other times.
 template <class NewTime>
 void remux(const fs::path& from, const fs::path& to, const char* movflags, const NewTime& new_time) {
   AVFormatContext* in = nullptr;
@@ -101,8 +101,8 @@ void keep_times(const fs::path& from, const fs::path& to, const char* movflags =
 }
 
 void truncate_copy(const fs::path& from, const fs::path& to, double share) {
-  const std::string whole = geometry::read_text(from);
-  geometry::write_file(to, whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
+  const std::string whole = base::read_text(from);
+  base::write_file(to, whole.substr(0, static_cast<std::size_t>(share * static_cast<double>(whole.size()))));
 }
 
 TEST(Video, RoundTripKeepsFramesCountsAndTimes) {
@@ -121,7 +121,7 @@ TEST(Video, RoundTripKeepsFramesCountsAndTimes) {
   EXPECT_EQ(info.height, kHeight);
   EXPECT_NEAR(info.frames_per_second, 25.0, 1e-9);
   EXPECT_NEAR(info.duration_s, 40 / 25.0, 1e-6);
-  EXPECT_EQ(info.frames_declared, 40);
+  EXPECT_EQ(info.declared_frames, 40);
 }
 
 TEST(Video, ColoursSurvive) {
@@ -136,7 +136,7 @@ TEST(Video, ColoursSurvive) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(frames.images[i](16, 16)[c], colours[i][c], 4) << i << " " << c;
 }
 
-/// With grain that no encoder can foresee.
+/// Adds noise that no encoder can predict.
 imaging::RgbImage grainy_picture(int width, int height, int frame) {
   imaging::RgbImage image = moving_picture(width, height, frame);
   std::uint32_t state = 12345U + static_cast<std::uint32_t>(frame);
@@ -172,7 +172,7 @@ TEST(Video, SameFramesSameBytes) {
   write_video(folder / "a.mp4", 12);
   const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
   write_video(folder / "b.mp4", 12);
-  EXPECT_EQ(geometry::read_bytes(folder / "a.mp4"), geometry::read_bytes(folder / "b.mp4"));
+  EXPECT_EQ(base::read_bytes(folder / "a.mp4"), base::read_bytes(folder / "b.mp4"));
   EXPECT_EQ(read_all(folder / "a.mp4").images.back().pixels, read_all(folder / "b.mp4").images.back().pixels);
 }
 
@@ -184,7 +184,7 @@ TEST(Video, SameBytesWhateverLayInTheMemory) {
     for (int i = 0; i < 11; ++i) writer.add(grainy_picture(320, 240, i));
     writer.finish();
     mallopt(M_PERTURB, 0);
-    return geometry::read_bytes(folder / "a.mp4");
+    return base::read_bytes(folder / "a.mp4");
   };
   const auto reference = bytes_on(0);
   for (const int filling : {1, 85, 170}) EXPECT_TRUE(bytes_on(filling) == reference) << filling;
@@ -241,7 +241,7 @@ TEST(Video, VariableFrameRateComesFromTheFilesTimes) {
 
 /// Sets the display matrix in an MP4's track header (ISO/IEC 14496-12, 8.3.2).
 void set_rotation(const fs::path& file, const std::array<std::int32_t, 4>& abcd) {
-  std::string bytes = geometry::read_text(file);
+  std::string bytes = base::read_text(file);
   const std::size_t matrix = bytes.find("tkhd") + 4 + 40;
   const auto put = [&](std::size_t at, std::int32_t value) {
     for (int i = 0; i < 4; ++i)
@@ -251,7 +251,7 @@ void set_rotation(const fs::path& file, const std::array<std::int32_t, 4>& abcd)
   put(4, abcd[1] * 65536);
   put(12, abcd[2] * 65536);
   put(16, abcd[3] * 65536);
-  geometry::write_file(file, bytes);
+  base::write_file(file, bytes);
 }
 
 TEST(Video, RotationFlags) {
@@ -297,7 +297,7 @@ TEST(Video, ThatEndsEarlyIsAnErrorWithTheTime) {
   EXPECT_GT(frames, 30);
   EXPECT_LT(frames, 80);
   EXPECT_THAT(message, HasSubstr("frame " + std::to_string(frames) + " of 90"));
-  // What the excerpt needs is all there.
+  // The excerpt is complete.
   EXPECT_EQ(read_all(folder / "cut.mp4", {0.0, 0.5, 1}).images.size(), 15U);
   EXPECT_EQ(read_all(folder / "cut.mp4", {0.0, last_s, 1}).images.size(), static_cast<std::size_t>(frames - 1));
 }
@@ -319,17 +319,17 @@ TEST(Video, CutOffsOfEachKindAreErrors) {
 TEST(Video, DamageIsAnError) {
   TemporaryFolder folder;
   write_video(folder / "a.mp4", 60);
-  std::string bytes = geometry::read_text(folder / "a.mp4");
+  std::string bytes = base::read_text(folder / "a.mp4");
   const std::size_t data = bytes.find("mdat");
   for (std::size_t i = data + 600; i < data + 900 && i < bytes.size(); ++i) bytes[i] = static_cast<char>(i * 37);
-  geometry::write_file(folder / "bad.mp4", bytes);
+  base::write_file(folder / "bad.mp4", bytes);
   EXPECT_THAT(refusal_of([&] { read_all(folder / "bad.mp4"); }), AllOf(HasSubstr("bad.mp4"), HasSubstr("damaged")));
 }
 
 TEST(Video, OtherFilesAreNotVideos) {
   TemporaryFolder folder;
   const auto error = [&](const std::string& name, const std::string& content) {
-    geometry::write_file(folder / name, content);
+    base::write_file(folder / name, content);
     return refusal_of([&] { probe_video(folder / name); });
   };
   EXPECT_THAT(error("a.mp4", "this is no video at all"), HasSubstr("a.mp4"));
@@ -383,7 +383,7 @@ TEST(VideoWriter, NothingIsLeftWithoutFinish) {
               HasSubstr("cannot be written"));
 }
 
-/// While it lives, files of this process cannot grow beyond a size, as on a full disk.
+/// While alive, limits the size of files written by this process, to simulate a full disk.
 class SmallFilesOnly {
  public:
   explicit SmallFilesOnly(rlim_t bytes) : handler_(::signal(SIGXFSZ, SIG_IGN)) {
@@ -417,7 +417,7 @@ TEST(Video, Machangara) {
   EXPECT_EQ(info.height, 566);
   EXPECT_NEAR(info.frames_per_second, 30.0, 1e-6);
   EXPECT_NEAR(info.duration_s, 20.0, 1e-3);
-  EXPECT_EQ(info.frames_declared, 600);
+  EXPECT_EQ(info.declared_frames, 600);
   int frames = 0;
   double last_s = -1.0;
   read_video(file, {18.0, {}, 10}, [&](std::int64_t index, double time_s, const imaging::RgbImage& image) {

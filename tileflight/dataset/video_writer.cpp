@@ -5,10 +5,10 @@ extern "C" {
 #include <libavutil/opt.h>
 }
 
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/temporary_path.h"
 #include "tileflight/dataset/libav.h"
 #include "tileflight/dataset/video.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/temporary_path.h"
 
 namespace tileflight::dataset {
 
@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Frame rate as a fraction: whole and half rates and those of NTSC (30000/1001) are exact.
+/// Frame rate as a fraction: exact for integer and half rates and those of NTSC (30000/1001).
 AVRational rate_of(double frames_per_second) { return av_d2q(frames_per_second, 100000); }
 
 const AVCodec* find_encoder() {
@@ -43,7 +43,7 @@ struct VideoWriter::Impl {
       avformat_free_context(format);
     }
     std::error_code ignored;
-    fs::remove(temporary, ignored);  // renamed away after finish()
+    fs::remove(temporary, ignored);  // does not exist after finish(), which renames it
   }
 
   void require(int code, const char* what) const {
@@ -51,7 +51,7 @@ struct VideoWriter::Impl {
   }
 
   void open_encoder(int width, int height, const VideoOptions& options);
-  void set_rate(AVCodecID id, const VideoRate& rate);
+  void set_compression(AVCodecID id, const VideoCompression& rate);
   void open_file();
   void make_scaler();
   void encode(const AVFrame* image);
@@ -74,15 +74,15 @@ void VideoWriter::Impl::open_encoder(int width, int height, const VideoOptions& 
   codec->color_primaries = AVCOL_PRI_BT709;
   codec->color_trc = AVCOL_TRC_BT709;
   codec->flags |= AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_BITEXACT;
-  set_rate(encoder->id, options.rate);
+  set_compression(encoder->id, options.compression);
   require(avcodec_open2(codec.get(), encoder, nullptr), "the video encoder does not start");
 }
 
-void VideoWriter::Impl::set_rate(AVCodecID id, const VideoRate& rate) {
+void VideoWriter::Impl::set_compression(AVCodecID id, const VideoCompression& rate) {
   if (id == AV_CODEC_ID_H264) {
     av_opt_set(codec->priv_data, "preset", "veryfast", 0);
-    // Else x264 takes other ways on other processors, and its AVX-512 ones (of rate control by macroblock tree) depend
-    // on what lay in the memory before.
+    // Otherwise x264 uses different code on different processors, and its AVX-512 code (of macroblock-tree rate
+    // control) depends on uninitialized memory.
     av_opt_set(codec->priv_data, "x264-params", "cpu-independent=1", 0);
   }
   if (rate.megabits_per_s > 0.0) {
@@ -103,7 +103,7 @@ void VideoWriter::Impl::open_file() {
   stream->time_base = codec->time_base;
   stream->avg_frame_rate = codec->framerate;
   avcodec_parameters_from_context(stream->codecpar, codec.get());
-  require(avio_open(&format->pb, libav::url_of(temporary).c_str(), AVIO_FLAG_WRITE), "cannot be written");
+  require(avio_open(&format->pb, libav::file_url(temporary).c_str(), AVIO_FLAG_WRITE), "cannot be written");
   require(avformat_write_header(format, nullptr), "cannot be written");
 }
 
@@ -120,7 +120,7 @@ void VideoWriter::Impl::make_scaler() {
                            0, 1 << 16, 1 << 16);
 }
 
-/// Encodes a frame, or what the encoder still holds (nullptr), into the file.
+/// Encodes a frame, or flushes the encoder (nullptr), into the file.
 void VideoWriter::Impl::encode(const AVFrame* image) {
   require(avcodec_send_frame(codec.get(), image), "a frame cannot be encoded");
   for (;;) {
@@ -137,17 +137,18 @@ void VideoWriter::Impl::encode(const AVFrame* image) {
 
 VideoWriter::VideoWriter(const fs::path& file, int width, int height, const VideoOptions& options)
     : impl_(std::make_unique<Impl>()) {
-  libav::silence();
+  libav::disable_logging();
   impl_->file = file;
   if (width <= 0 || height <= 0 || width % 2 != 0 || height % 2 != 0)
     throw InputError(file.string(), "a video's width and height must be even, not " + std::to_string(width) + "x" +
                                         std::to_string(height));
   if (!(options.frames_per_second > 0.0 && options.frames_per_second <= 1000.0))
     throw InputError(file.string(), "the frame rate must be above 0 and at most 1000 frames a second");
-  if (options.rate.crf < 0 || options.rate.crf > 51) throw InputError(file.string(), "crf must be from 0 to 51");
-  if (!(options.rate.megabits_per_s >= 0.0 && options.rate.megabits_per_s <= 1000.0))
+  if (options.compression.crf < 0 || options.compression.crf > 51)
+    throw InputError(file.string(), "crf must be from 0 to 51");
+  if (!(options.compression.megabits_per_s >= 0.0 && options.compression.megabits_per_s <= 1000.0))
     throw InputError(file.string(), "the bit rate must be from 0 to 1000 Mbit/s");
-  impl_->temporary = geometry::temporary_beside(file);
+  impl_->temporary = base::make_temporary_path(file);
   impl_->open_encoder(width, height, options);
   impl_->open_file();
   impl_->make_scaler();

@@ -1,4 +1,4 @@
-// What becomes of maps, surfaces and trajectories that are of no use: one clear line or a defined value.
+// Unusable maps, surfaces and trajectories give an error of one line or a defined value.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ TriangleMesh triangle() {
   return mesh;
 }
 
-Score score_of(const PointCloud& map, const TriangleMesh& mesh) {
+MapEvaluation score_of(const PointCloud& map, const TriangleMesh& mesh) {
   const PointCloud centers = cloud_of({{0.5, 0.5, 0.5}, {1.5, 0.5, 0.5}}), samples = cloud_of({{1, 1, 0}, {2, 2, 0}});
   return evaluate(map, {&centers, &samples, &mesh, &samples, nullptr, nullptr});
 }
@@ -53,7 +53,7 @@ TEST(BadInput, EmptyMapAndNaNAreOneLine) {
 }
 
 TEST(BadInput, OnePointHasADistanceAndNoSpread) {
-  const Score score = score_of(cloud_of({{1, 1, 0.25}}), triangle());
+  const MapEvaluation score = score_of(cloud_of({{1, 1, 0.25}}), triangle());
   EXPECT_EQ(score.metrics.map.correspondences, 1u);
   EXPECT_TRUE(std::isnan(score.metrics.map.distances.std));
   EXPECT_DOUBLE_EQ(score.metrics.surface->distances.median, 0.25);
@@ -62,7 +62,7 @@ TEST(BadInput, OnePointHasADistanceAndNoSpread) {
 }
 
 TEST(BadInput, OnlyOutliersAreAScoreOfNothing) {
-  const Score score = score_of(cloud_of({{500, 0, 0}, {0, 800, 0}, {0, 0, -1e7}}), triangle());
+  const MapEvaluation score = score_of(cloud_of({{500, 0, 0}, {0, 800, 0}, {0, 0, -1e7}}), triangle());
   EXPECT_EQ(score.metrics.map.correspondences, 0u);
   EXPECT_TRUE(std::isnan(score.metrics.map.distances.mean));
   EXPECT_EQ(score.metrics.surface->accuracy.at(1.0), 0.0);
@@ -74,7 +74,7 @@ TEST(BadInput, OnlyOutliersAreAScoreOfNothing) {
 TEST(BadInput, TrianglesWithoutAreaAreSegmentsAndPoints) {
   TriangleMesh flat = triangle();
   flat.triangles = {{0, 0, 0}, {1, 1, 0}};
-  const Score score = score_of(cloud_of({{4, 3, 0}, {12, 0, 0}}), flat);
+  const MapEvaluation score = score_of(cloud_of({{4, 3, 0}, {12, 0, 0}}), flat);
   EXPECT_DOUBLE_EQ(score.errors.surface_m[0], 3.0);
   EXPECT_DOUBLE_EQ(score.errors.surface_m[1], 2.0);
   TriangleMesh none = triangle();
@@ -110,10 +110,11 @@ TEST(BadInput, NoOverlapIsAComparisonThatDecidesNothing) {
     kept.points = 60;
     return kept;
   };
-  const Comparison c = compare(run_at(0), run_at(1e5));
+  const DistanceComparison c = compare_distances(run_at(0), run_at(1e5));
   EXPECT_EQ(c.mean_difference_m, 0.0);
   EXPECT_TRUE(std::isfinite(c.mean_difference_ci95[0])) << "two places are two samples";
-  EXPECT_THAT(tests::refusal_of([&] { compare({}, run_at(0)); }), HasSubstr("no map point within the cut-off"));
+  EXPECT_THAT(tests::refusal_of([&] { compare_distances({}, run_at(0)); }),
+              HasSubstr("no map point within the cut-off"));
 }
 
 TEST(BadInput, TenMillionPointsAreScored) {

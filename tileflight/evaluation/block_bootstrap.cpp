@@ -8,31 +8,31 @@
 #include <limits>
 #include <map>
 
-#include "tileflight/evaluation/split_mix.h"
+#include "tileflight/base/random_numbers.h"
 
 namespace tileflight::evaluation {
 
 namespace {
 
-using Place = std::array<std::int64_t, 3>;
+using CellIndex = std::array<std::int64_t, 3>;
 
-Place place_of(const geometry::Vec3& p, double block_m) {
-  Place place{};
+CellIndex cell_index(const geometry::Vec3& p, double block_m) {
+  CellIndex place{};
   for (int axis = 0; axis < 3; ++axis)
     place[static_cast<std::size_t>(axis)] = static_cast<std::int64_t>(std::floor(p[axis] / block_m));
   return place;
 }
 
-double difference_of_means(const Block& total) {
+double difference_of_means(const BlockSums& total) {
   if (total.count[0] == 0.0 || total.count[1] == 0.0) return std::numeric_limits<double>::quiet_NaN();
   return total.sum[0] / total.count[0] - total.sum[1] / total.count[1];
 }
 
-double one_resample(const std::vector<Block>& blocks, std::uint64_t seed) {
-  SplitMix64 random(seed);
-  Block total;
+double one_resample(const std::vector<BlockSums>& blocks, std::uint64_t seed) {
+  base::SplitMix64 random(seed);
+  BlockSums total;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const Block& drawn = blocks[random.below(blocks.size())];
+    const BlockSums& drawn = blocks[random.below(blocks.size())];
     for (std::size_t run = 0; run < 2; ++run) {
       total.sum[run] += drawn.sum[run];
       total.count[run] += drawn.count[run];
@@ -43,25 +43,26 @@ double one_resample(const std::vector<Block>& blocks, std::uint64_t seed) {
 
 }  // namespace
 
-std::vector<Block> blocks_of(const KeptDistances& simulated, const KeptDistances& real, double block_m) {
-  std::map<Place, Block> by_place;
+std::vector<BlockSums> sum_by_block(const KeptDistances& simulated, const KeptDistances& real, double block_m) {
+  std::map<CellIndex, BlockSums> by_place;
   std::size_t run = 0;
   for (const KeptDistances* kept : {&simulated, &real}) {
     for (std::size_t i = 0; i < kept->distances.size(); ++i) {
-      Block& block = by_place[place_of(kept->positions[i], block_m)];
+      BlockSums& block = by_place[cell_index(kept->positions[i], block_m)];
       block.sum[run] += kept->distances[i];
       block.count[run] += 1.0;
     }
     ++run;
   }
-  std::vector<Block> blocks;
+  std::vector<BlockSums> blocks;
   for (const auto& [place, block] : by_place) blocks.push_back(block);
   return blocks;
 }
 
-std::vector<double> resampled_differences(const std::vector<Block>& blocks, int resamples, std::uint64_t seed) {
+std::vector<double> bootstrap_mean_differences(const std::vector<BlockSums>& blocks, int resamples,
+                                               std::uint64_t seed) {
   std::vector<double> differences(static_cast<std::size_t>(std::max(0, resamples)));
-  SplitMix64 seeds(seed);
+  base::SplitMix64 seeds(seed);
   std::vector<std::uint64_t> start(differences.size());
   for (std::uint64_t& s : start) s = seeds.next();
   tbb::parallel_for(std::size_t{0}, differences.size(),

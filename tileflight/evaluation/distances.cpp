@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/evaluation/spatial_walk.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/order_statistics.h"
+#include "tileflight/evaluation/nearest_distances.h"
 #include "tileflight/geometry/nearest.h"
 
 namespace tileflight::evaluation {
@@ -28,13 +29,13 @@ double share_within(const std::vector<double>& distances, double threshold_m) {
 
 double harmonic_mean(double a, double b) { return a + b > 0.0 ? 2.0 * a * b / (a + b) : 0.0; }
 
-std::vector<double> up_to(const std::vector<double>& distances, double cutoff_m) {
+std::vector<double> truncate_at(const std::vector<double>& distances, double cutoff_m) {
   std::vector<double> kept;
   std::copy_if(distances.begin(), distances.end(), std::back_inserter(kept), [&](double d) { return d <= cutoff_m; });
   return kept;
 }
 
-/// Bins from 0 to the cut-off; the cut-off itself falls into the last.
+/// Histogram from 0 to the cut-off; the cut-off itself belongs to the last bin.
 Histogram histogram_of(const std::vector<double>& kept, double cutoff_m, int bins) {
   Histogram histogram;
   for (int k = 0; k <= bins; ++k) histogram.edges.push_back(cutoff_m * k / bins);
@@ -46,16 +47,9 @@ Histogram histogram_of(const std::vector<double>& kept, double cutoff_m, int bin
   return histogram;
 }
 
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return 0.5 * (*std::max_element(values.begin(), middle) + *middle);
-}
-
 }  // namespace
 
-DistanceStatistics statistics_of(std::vector<double> distances) {
+DistanceStatistics compute_statistics(std::vector<double> distances) {
   DistanceStatistics result;
   result.count = distances.size();
   if (distances.empty()) return result;
@@ -69,14 +63,14 @@ DistanceStatistics statistics_of(std::vector<double> distances) {
   result.rmse = std::sqrt(squares / n);
   for (const double d : distances) deviations += (d - result.mean) * (d - result.mean);
   if (distances.size() > 1) result.std = std::sqrt(deviations / (n - 1.0));
-  result.median = median_of(distances);
+  result.median = base::median(distances);
   return result;
 }
 
-Percentiles percentiles_of(std::vector<double> distances) {
+Percentiles compute_percentiles(std::vector<double> distances) {
   Percentiles result;
   if (distances.empty()) return result;
-  auto first = distances.begin();  // what lies before is in its place already
+  auto first = distances.begin();  // elements before it are already in order
   for (const int percent : {25, 50, 75, 90, 95, 99}) {
     const std::size_t hundredths = (distances.size() - 1) * static_cast<std::size_t>(percent);
     const auto below = distances.begin() + static_cast<std::ptrdiff_t>(hundredths / 100);
@@ -95,7 +89,8 @@ CumulativeCurve cumulative_curve(const std::vector<double>& distances) {
   for (int k = 0; k <= kPerDecade * kDecades; ++k)
     curve.thresholds_m.push_back(0.01 * std::pow(10.0, static_cast<double>(k) / kPerDecade));
   if (distances.empty()) return curve;
-  std::vector<std::size_t> first_within(curve.thresholds_m.size() + 1, 0);  // how many have this as their least one
+  std::vector<std::size_t> first_within(curve.thresholds_m.size() + 1, 0);  // number of distances with this as their
+                                                                            // smallest threshold
   for (const double d : distances) {
     const auto least = std::lower_bound(curve.thresholds_m.begin(), curve.thresholds_m.end(), d);
     ++first_within[static_cast<std::size_t>(least - curve.thresholds_m.begin())];
@@ -117,7 +112,7 @@ std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& 
 std::vector<double> cloud_distances(const PointCloud& points, const geometry::NearestIndex& targets, const char* what,
                                     double radius_m) {
   check(points, what);
-  return distances_along_walk(points.positions, radius_m, [&](const Vec3& p, double within_m) -> std::optional<double> {
+  return nearest_distances(points.positions, radius_m, [&](const Vec3& p, double within_m) -> std::optional<double> {
     const auto nearest = targets.nearest(p, within_m);
     return nearest ? std::optional(nearest->distance_m) : std::nullopt;
   });
@@ -126,14 +121,14 @@ std::vector<double> cloud_distances(const PointCloud& points, const geometry::Ne
 std::vector<double> surface_distances(const PointCloud& points, const geometry::TriangleIndex& surface) {
   check(points, "map");
   constexpr double kAnywhere = std::numeric_limits<double>::infinity();
-  return distances_along_walk(points.positions, kAnywhere,
-                              [&](const Vec3& p, double within_m) -> std::optional<double> {
-                                const auto nearest = surface.nearest(p, within_m);
-                                return nearest ? std::optional(nearest->distance_m) : std::nullopt;
-                              });
+  return nearest_distances(points.positions, kAnywhere, [&](const Vec3& p, double within_m) -> std::optional<double> {
+    const auto nearest = surface.nearest(p, within_m);
+    return nearest ? std::optional(nearest->distance_m) : std::nullopt;
+  });
 }
 
-KeptDistances keep(const std::vector<Vec3>& positions, const std::vector<double>& distances, double cutoff_m) {
+KeptDistances keep_within_cutoff(const std::vector<Vec3>& positions, const std::vector<double>& distances,
+                                 double cutoff_m) {
   KeptDistances kept;
   kept.points = distances.size();
   for (std::size_t i = 0; i < distances.size(); ++i) {
@@ -144,8 +139,8 @@ KeptDistances keep(const std::vector<Vec3>& positions, const std::vector<double>
   return kept;
 }
 
-DistanceStatistics floor_of(const std::vector<double>& distances, double cutoff_m) {
-  return statistics_of(up_to(distances, cutoff_m));
+DistanceStatistics compute_quantization_floor(const std::vector<double>& distances, double cutoff_m) {
+  return compute_statistics(truncate_at(distances, cutoff_m));
 }
 
 MapMetrics score_map(const std::vector<double>& distances, const DistanceStatistics& floor,
@@ -153,12 +148,12 @@ MapMetrics score_map(const std::vector<double>& distances, const DistanceStatist
   if (!(options.cutoff_m > 0.0) || !std::isfinite(options.cutoff_m))
     throw InputError("cut-off", "must be above zero, in metres");
   if (options.bins < 1) throw InputError("bins", "must be at least 1");
-  const std::vector<double> kept = up_to(distances, options.cutoff_m);
+  const std::vector<double> kept = truncate_at(distances, options.cutoff_m);
   MapMetrics result;
   result.points = distances.size();
   result.correspondences = kept.size();
-  result.distances = statistics_of(kept);
-  result.percentiles = percentiles_of(kept);
+  result.distances = compute_statistics(kept);
+  result.percentiles = compute_percentiles(kept);
   result.histogram = histogram_of(kept, options.cutoff_m, options.bins);
   result.cutoff_m = options.cutoff_m;
   result.quantization_floor = floor;
@@ -168,8 +163,8 @@ MapMetrics score_map(const std::vector<double>& distances, const DistanceStatist
 SurfaceMetrics score_surface(const std::vector<double>& distances, const std::vector<double>& sample_distances,
                              const std::vector<double>& thresholds_m) {
   SurfaceMetrics result;
-  result.distances = statistics_of(distances);
-  result.percentiles = percentiles_of(distances);
+  result.distances = compute_statistics(distances);
+  result.percentiles = compute_percentiles(distances);
   result.cumulative = cumulative_curve(distances);
   for (const double t : thresholds_m) {
     if (!(t > 0.0) || !std::isfinite(t)) throw InputError("threshold", "must be above zero, in metres");
@@ -189,7 +184,7 @@ MapMetrics evaluate_map(const PointCloud& aligned_map, const PointCloud& voxel_c
   std::vector<double> floor;
   if (!surface_samples.empty())
     floor = cloud_distances(surface_samples, voxel_centers, "surface samples", "voxel centres");
-  return score_map(distances, floor_of(floor, options.cutoff_m), options);
+  return score_map(distances, compute_quantization_floor(floor, options.cutoff_m), options);
 }
 
 SurfaceMetrics evaluate_surface(const PointCloud& aligned_map, const geometry::TriangleMesh& surface,
@@ -205,7 +200,8 @@ SurfaceMetrics evaluate_surface(const PointCloud& aligned_map, const geometry::T
 }
 
 KeptDistances kept_distances(const PointCloud& aligned_map, const PointCloud& voxel_centers, double cutoff_m) {
-  return keep(aligned_map.positions, cloud_distances(aligned_map, voxel_centers, "map", "voxel centres"), cutoff_m);
+  return keep_within_cutoff(aligned_map.positions, cloud_distances(aligned_map, voxel_centers, "map", "voxel centres"),
+                            cutoff_m);
 }
 
 }  // namespace tileflight::evaluation

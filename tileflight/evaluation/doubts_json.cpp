@@ -1,7 +1,7 @@
 #include "tileflight/evaluation/doubts_json.h"
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/json_reader.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 

@@ -10,23 +10,23 @@ using nlohmann::json;
 
 namespace {
 
-std::optional<double> if_known(double value) {
+std::optional<double> finite_or_none(double value) {
   return std::isfinite(value) ? std::optional<double>(value) : std::nullopt;
 }
 
-BudgetPart tiles_part(const std::optional<double>& geometric_error_m) {
-  BudgetPart part{geometric_error_m, "stated", "largest geometric error of the tiles that were used, by the tileset"};
+ErrorSource tiles_part(const std::optional<double>& geometric_error_m) {
+  ErrorSource part{geometric_error_m, "stated", "largest geometric error of the tiles that were used, by the tileset"};
   if (geometric_error_m && *geometric_error_m == 0.0)
-    part.how += "; 0 is its finest level and says nothing of how far that is from the place itself";
+    part.explanation += "; 0 is its finest level and says nothing of how far that is from the place itself";
   return part;
 }
 
-BudgetPart alignment_part(const std::optional<double>& sigma_m) {
+ErrorSource alignment_part(const std::optional<double>& sigma_m) {
   if (!sigma_m) return {std::nullopt, "estimated", "the transform has no uncertainty; it is part of the remainder"};
   return {sigma_m, "estimated", "how far the map's points may have been moved, by the transform's own uncertainty"};
 }
 
-BudgetPart path_part(const std::optional<double>& to_true_poses_m) {
+ErrorSource path_part(const std::optional<double>& to_true_poses_m) {
   if (!to_true_poses_m) return {std::nullopt, "bound", "not known without true poses"};
   return {to_true_poses_m, "bound",
           "how far the map's points lie from where the true poses put them: alignment and drift together"};
@@ -43,34 +43,35 @@ void add_total(const std::vector<double>& surface_m, ErrorBudget& budget) {
   if (within > 0.0) budget.total_m = std::sqrt(squares / within);
 }
 
-/// The alignment may be less certain than the total is large; then nothing is known to be left for the odometry.
-BudgetPart odometry_part(const std::optional<double>& total_m, const std::optional<double>& alignment_m) {
+/// If the alignment's uncertainty exceeds the total, no remainder for the odometry can be determined.
+ErrorSource odometry_part(const std::optional<double>& total_m, const std::optional<double>& alignment_m) {
   const char* how = "what the total has beyond the alignment, as squares; tiles' errors and what was built since, too";
   if (!total_m) return {std::nullopt, "remainder", "no map point is near the surface"};
   const double taken_m = alignment_m.value_or(0.0);
   return {std::sqrt(std::max(0.0, *total_m * *total_m - taken_m * taken_m)), "remainder", how};
 }
 
-json to_json(const BudgetPart& part) {
-  return {{"metres", part.metres ? json(*part.metres) : json(nullptr)}, {"kind", part.kind}, {"how", part.how}};
+json to_json(const ErrorSource& part) {
+  return {
+      {"metres", part.value_m ? json(*part.value_m) : json(nullptr)}, {"kind", part.kind}, {"how", part.explanation}};
 }
 
-BudgetPart read_part(JsonReader reader) {
-  BudgetPart part{if_known(reader.number("metres")), reader.text("kind"), reader.text("how")};
+ErrorSource read_part(JsonReader reader) {
+  ErrorSource part{finite_or_none(reader.number("metres")), reader.text("kind"), reader.text("how")};
   reader.expect_all_read();
   return part;
 }
 
 }  // namespace
 
-ErrorBudget error_budget(const BudgetInputs& inputs) {
+ErrorBudget error_budget(const ErrorBudgetInputs& inputs) {
   ErrorBudget budget;
   budget.within_m = inputs.within_m;
-  budget.voxel = {if_known(inputs.floor_rmse_m), "measured",
+  budget.voxel = {finite_or_none(inputs.floor_rmse_m), "measured",
                   "RMS distance of points on the true surface to the voxel centres; not in distances to the surface"};
   budget.tiles = tiles_part(inputs.geometric_error_m);
   budget.alignment = alignment_part(inputs.alignment_sigma_m);
-  budget.path = path_part(inputs.to_true_poses_m);
+  budget.path = path_part(inputs.rms_to_true_poses_m);
   add_total(inputs.surface_m, budget);
   budget.odometry = odometry_part(budget.total_m, inputs.alignment_sigma_m);
   budget.not_separated = {
@@ -100,7 +101,7 @@ ErrorBudget error_budget_from_json(const json& object, const std::string& where)
   b.alignment = read_part(reader.object("alignment"));
   b.path = read_part(reader.object("path"));
   b.odometry = read_part(reader.object("odometry"));
-  b.total_m = if_known(reader.number("total"));
+  b.total_m = finite_or_none(reader.number("total"));
   b.within_m = reader.number("within");
   b.share_within = reader.number("share_within");
   b.not_separated = reader.texts("not_separated");

@@ -10,36 +10,37 @@
 namespace tileflight::evaluation {
 
 /// One source of a map's error.
-struct BudgetPart {
-  std::optional<double> metres;  ///< none: not known
-  std::string kind;  ///< "measured", "estimated", "bound" (at most that), "stated" (by who made the data), "remainder"
-  std::string how;   ///< in words
+struct ErrorSource {
+  std::optional<double> value_m;  ///< none: unknown
+  std::string kind;  ///< "measured", "estimated", "bound" (upper bound), "stated" (by the data's producer), "remainder"
+  std::string explanation;  ///< explanation in words
 };
 
-/// Where a map's error comes from, as far as it can be told; RMS where not said otherwise. What belongs to the truth
-/// (voxels, tiles) is apart from what belongs to the map (alignment, odometry).
+/// Sources of a map's error, as far as they can be separated; RMS unless stated otherwise. Sources in the ground truth
+/// (voxels, tiles) are listed separately from those in the map (alignment, odometry).
 struct ErrorBudget {
-  BudgetPart voxel, tiles, alignment, path, odometry;
-  double within_m = 0;            ///< distances to the surface up to this make the total
-  double share_within = 0;        ///< of the map points over the truth
+  ErrorSource voxel, tiles, alignment, path, odometry;
+  double within_m = 0;            ///< the total includes distances to the surface up to this
+  double share_within = 0;        ///< share of the map points over the region with ground truth
   std::optional<double> total_m;  ///< RMS of those distances
   std::vector<std::string> not_separated;
 };
 
-/// What the budget is made from.
-struct BudgetInputs {
-  double floor_rmse_m = std::numeric_limits<double>::quiet_NaN();  ///< of a perfect map, to voxel centres
-  std::optional<double> geometric_error_m;                         ///< the tiles' own, largest of those loaded
-  std::optional<double> alignment_sigma_m;  ///< how far noise may have moved the points (transform.json), RMS
-  /// RMS distance between the map's points as they were aligned and as the true poses would have put them.
-  std::optional<double> to_true_poses_m;
+/// Inputs of the error budget.
+struct ErrorBudgetInputs {
+  double floor_rmse_m = std::numeric_limits<double>::quiet_NaN();  ///< RMS distance of a perfect map to the voxel
+                                                                   ///< centres
+  std::optional<double> geometric_error_m;                         ///< largest geometricError of the loaded tiles
+  std::optional<double> alignment_sigma_m;  ///< RMS displacement of the points by alignment noise (transform.json)
+  /// RMS distance between the aligned map points and the same points placed by the true poses.
+  std::optional<double> rms_to_true_poses_m;
   std::vector<double> surface_m;  ///< distances of the map's points to the surface
   double within_m = 1.0;
 };
 
-/// path: against the true poses, which bounds the alignment from above, since the odometry's own drift is in it.
-/// odometry: what is left of the total's square beyond the alignment, never below zero.
-ErrorBudget error_budget(const BudgetInputs& inputs);
+/// Computes the budget. path: from the true poses; an upper bound of the alignment error, since it includes the
+/// odometry's drift. odometry: total squared minus alignment squared, not below zero.
+ErrorBudget error_budget(const ErrorBudgetInputs& inputs);
 
 /// {voxel, tiles, alignment, path, odometry, each {metres | null, kind, how}; total, within, share_within,
 /// not_separated}.

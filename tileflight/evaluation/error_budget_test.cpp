@@ -10,11 +10,11 @@
 namespace tileflight::evaluation {
 namespace {
 
-BudgetInputs some_inputs() {
+ErrorBudgetInputs some_inputs() {
   return {.floor_rmse_m = 0.5,
           .geometric_error_m = 2.0,
           .alignment_sigma_m = 0.3,
-          .to_true_poses_m = 0.7,
+          .rms_to_true_poses_m = 0.7,
           .surface_m = {0.5, 0.5, 0.5, 7.0},
           .within_m = 1.0};
 }
@@ -23,35 +23,35 @@ TEST(ErrorBudget, SquaresAddUp) {
   const ErrorBudget b = error_budget(some_inputs());
   EXPECT_DOUBLE_EQ(*b.total_m, 0.5) << "7 m is no error of the map's points near the surface";
   EXPECT_DOUBLE_EQ(b.share_within, 0.75);
-  EXPECT_NEAR(*b.odometry.metres, 0.4, 1e-12);
-  EXPECT_DOUBLE_EQ(*b.voxel.metres, 0.5);
-  EXPECT_DOUBLE_EQ(*b.tiles.metres, 2.0);
-  EXPECT_DOUBLE_EQ(*b.alignment.metres, 0.3);
-  EXPECT_DOUBLE_EQ(*b.path.metres, 0.7);
+  EXPECT_NEAR(*b.odometry.value_m, 0.4, 1e-12);
+  EXPECT_DOUBLE_EQ(*b.voxel.value_m, 0.5);
+  EXPECT_DOUBLE_EQ(*b.tiles.value_m, 2.0);
+  EXPECT_DOUBLE_EQ(*b.alignment.value_m, 0.3);
+  EXPECT_DOUBLE_EQ(*b.path.value_m, 0.7);
 }
 
 TEST(ErrorBudget, WhatIsNotKnownIsNull) {
-  BudgetInputs inputs = some_inputs();
+  ErrorBudgetInputs inputs = some_inputs();
   inputs.alignment_sigma_m.reset();
-  inputs.to_true_poses_m.reset();
+  inputs.rms_to_true_poses_m.reset();
   inputs.floor_rmse_m = std::numeric_limits<double>::quiet_NaN();
   inputs.geometric_error_m.reset();
   const ErrorBudget b = error_budget(inputs);
-  EXPECT_FALSE(b.alignment.metres);
-  EXPECT_FALSE(b.path.metres);
-  EXPECT_FALSE(b.voxel.metres);
-  EXPECT_FALSE(b.tiles.metres);
-  EXPECT_DOUBLE_EQ(*b.odometry.metres, 0.5) << "all of it is left";
+  EXPECT_FALSE(b.alignment.value_m);
+  EXPECT_FALSE(b.path.value_m);
+  EXPECT_FALSE(b.voxel.value_m);
+  EXPECT_FALSE(b.tiles.value_m);
+  EXPECT_DOUBLE_EQ(*b.odometry.value_m, 0.5) << "all of it is left";
   EXPECT_EQ(b.not_separated.size(), 3u);
   inputs.surface_m = {5.0};
-  EXPECT_FALSE(error_budget(inputs).odometry.metres);
+  EXPECT_FALSE(error_budget(inputs).odometry.value_m);
   EXPECT_EQ(error_budget(inputs).share_within, 0.0);
 }
 
 TEST(ErrorBudget, AnAlignmentLessCertainThanTheTotalLeavesNothing) {
-  BudgetInputs inputs = some_inputs();
+  ErrorBudgetInputs inputs = some_inputs();
   inputs.alignment_sigma_m = 0.8;
-  EXPECT_EQ(*error_budget(inputs).odometry.metres, 0.0);
+  EXPECT_EQ(*error_budget(inputs).odometry.value_m, 0.0);
 }
 
 TEST(ErrorBudget, RoundTripAndComplaints) {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/distances.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -12,29 +12,29 @@ using geometry::PointCloud;
 
 namespace {
 
-bool given(const PointCloud* cloud) { return cloud && !cloud->empty(); }
+bool has_points(const PointCloud* cloud) { return cloud && !cloud->empty(); }
 
-DistanceStatistics floor_against(const ScoreInputs& against, double cutoff_m) {
+DistanceStatistics floor_against(const EvaluationInputs& against, double cutoff_m) {
   if (against.floor) return *against.floor;
-  if (!given(against.surface_samples)) return {};
-  return floor_of(cloud_distances(*against.surface_samples, *against.voxel_centers, "surface samples", "voxel centres"),
-                  cutoff_m);
+  if (!has_points(against.surface_samples)) return {};
+  return compute_quantization_floor(
+      cloud_distances(*against.surface_samples, *against.voxel_centers, "surface samples", "voxel centres"), cutoff_m);
 }
 
-std::vector<double> sample_distances(const PointCloud& aligned_map, const ScoreInputs& against,
-                                     const ScoreOptions& options) {
-  if (!given(against.seen_samples) || options.thresholds_m.empty()) return {};
+std::vector<double> sample_distances(const PointCloud& aligned_map, const EvaluationInputs& against,
+                                     const EvaluationOptions& options) {
+  if (!has_points(against.seen_samples) || options.thresholds_m.empty()) return {};
   const double farthest = *std::max_element(options.thresholds_m.begin(), options.thresholds_m.end());
   return cloud_distances(*against.seen_samples, aligned_map, "surface samples", "map", farthest);
 }
 
 }  // namespace
 
-Score evaluate(PointCloud given_map, const ScoreInputs& against, const ScoreOptions& options,
-               const Progress& progress) {
+MapEvaluation evaluate(PointCloud given_map, const EvaluationInputs& against, const EvaluationOptions& options,
+                       const Progress& progress) {
   if (!against.voxel_centers) throw InputError("ground truth", "has no voxel centres");
   constexpr std::int64_t kParts = 4;
-  Score score;
+  MapEvaluation score;
   score.errors.aligned_map = std::move(given_map);
   const PointCloud& aligned_map = score.errors.aligned_map;
   report_progress(progress, 0, kParts, "distances to voxel centres");

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/known_keys.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/known_keys.h"
 
 namespace tileflight::evaluation {
 
@@ -86,7 +86,7 @@ std::vector<std::string> JsonReader::keys() const {
 void JsonReader::expect_all_read() const {
   for (const std::string& key : keys()) {
     if (std::find(asked_.begin(), asked_.end(), key) != asked_.end()) continue;
-    fail(key, "is unknown, did you mean '" + geometry::nearest_key(key, asked_) + "'?");
+    fail(key, "is unknown, did you mean '" + base::nearest_key(key, asked_) + "'?");
   }
 }
 

@@ -6,11 +6,11 @@
 
 namespace tileflight::evaluation {
 
-/// Reads the keys of one JSON object and complains in one line (where, key, cause) about what is missing, unknown or of
-/// the wrong type.
+/// Reads the keys of one JSON object; missing, unknown or mistyped keys throw an InputError of one line (where, key,
+/// cause).
 class JsonReader {
  public:
-  /// `where`: the file; `path`: the keys that lead here, for messages. Throws InputError when `object` is none.
+  /// `where`: the file; `path`: parent keys, for messages. Throws InputError if `object` is not a JSON object.
   JsonReader(const nlohmann::json& object, std::string where, std::string path);
 
   /// Null reads as NaN.
@@ -22,14 +22,14 @@ class JsonReader {
   std::vector<std::string> texts(const std::string& key);
   const nlohmann::json& value(const std::string& key);
   JsonReader object(const std::string& key);
-  /// Whether the key is there; for those that older files lack.
+  /// Whether the key is present; for keys that older files lack.
   bool has(const std::string& key);
 
   std::vector<std::string> keys() const;
   std::string name(const std::string& key) const;
   [[noreturn]] void fail(const std::string& key, const std::string& cause) const;
 
-  /// Throws InputError when a key was not asked for, naming the known key that is spelled most like it.
+  /// Throws InputError if the object has a key that was not read, with the most similar known key as a suggestion.
   void expect_all_read() const;
 
  private:

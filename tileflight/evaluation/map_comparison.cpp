@@ -6,12 +6,12 @@
 #include <iterator>
 #include <utility>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/evaluation/path_comparison.h"
-#include "tileflight/evaluation/place_blocks.h"
 #include "tileflight/evaluation/repeated_runs.h"
+#include "tileflight/evaluation/spatial_blocks.h"
 #include "tileflight/evaluation/student_t.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -19,9 +19,9 @@ using nlohmann::json;
 
 namespace {
 
-constexpr double kNaN = Measured::kNaN;
-/// Fewer say too little of their own spread.
-constexpr double kFewestBlocks = 8.0;
+constexpr double kNaN = ComparedMetric::kNaN;
+/// Smallest number of effective blocks; with fewer their variance is unreliable. Chosen by hand.
+constexpr double kMinBlocks = 8.0;
 
 /// "within_0.1".
 std::string key_of(const char* what, double threshold_m) {
@@ -30,13 +30,14 @@ std::string key_of(const char* what, double threshold_m) {
   return std::string(what) + "_" + std::string(text, end);
 }
 
-/// A number of one map, exact from all its points, and from the sums of drawn blocks (`map`: 0 simulated, 1 real).
-struct Number {
-  Measured measured;  ///< name, scale, margins
+/// Definition of a metric: exact from all points of a map, and from sums over drawn blocks (`map`: 0 simulated, 1
+/// real).
+struct MetricDefinition {
+  ComparedMetric measured;  ///< name, scale, margins
   std::function<double(const ScoredMap& map, const ScoredMap& other)> exact;
   std::function<double(const Eigen::RowVectorXd& sums, Eigen::Index map)> drawn;
-  /// Where it is a fact of this place: by how much more the simulated map has of it than the real, in each block.
-  std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)> fact{};
+  /// For metrics specific to this place: simulated minus real, in each block.
+  std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)> exchange_differences{};
 };
 
 double share_within(const std::vector<double>& distances, double threshold_m) {
@@ -57,15 +58,15 @@ double rms_within(const std::vector<double>& distances, double cutoff_m) {
 
 // ------------------------------------------------------------------------------------------------- sums over blocks
 
-/// Bins of distances, evenly by their logarithm, for medians of drawn blocks. Bin 0 is below the first edge, the last
-/// above the last edge.
+/// Histogram of distances with logarithmic bins, for medians over drawn blocks. Bin 0 is below the first edge, the last
+/// bin above the last edge.
 class MedianBins {
  public:
   static constexpr Eigen::Index kBins = 512;
 
-  /// Where the distances of both maps are, but for a few at either end.
+  /// Bins cover the distances of both maps except a few at either end.
   explicit MedianBins(const std::vector<double>& a, const std::vector<double>& b) {
-    const Percentiles pa = percentiles_of(a), pb = percentiles_of(b);
+    const Percentiles pa = compute_percentiles(a), pb = compute_percentiles(b);
     const double high = std::max({pa.at(95), pb.at(95), 1e-9});
     low_ = std::log(std::max(0.02 * std::min(pa.at(25), pb.at(25)), 1e-6 * high));
     step_ = (std::log(high) - low_) / static_cast<double>(kBins - 2);
@@ -76,7 +77,7 @@ class MedianBins {
     return 1 + static_cast<Eigen::Index>(std::clamp(std::floor(at), -1.0, static_cast<double>(kBins - 2)));
   }
 
-  /// Linear within its bin.
+  /// Median, linearly interpolated within its bin.
   double median(const Eigen::Ref<const Eigen::RowVectorXd>& counts) const {
     const double half = 0.5 * counts.sum();
     double before = 0.0;
@@ -92,14 +93,14 @@ class MedianBins {
   }
 
  private:
-  double low_ = 0.0, step_ = 1.0;  ///< of the logarithms
+  double low_ = 0.0, step_ = 1.0;  ///< in logarithms
 };
 
-/// Columns of a block of the surface part, one set after the other for each map.
+/// Columns of a block for the surface metrics, one set per map.
 enum SurfaceColumn : Eigen::Index { kPoints, kWithin, kKept, kSquares, kFirstBin };
 constexpr Eigen::Index kSurfaceColumns = kFirstBin + MedianBins::kBins;
 
-Eigen::MatrixXd surface_sums(const std::array<const ScoredMap*, 2>& maps, const BlockNumbers& numbers,
+Eigen::MatrixXd surface_sums(const std::array<const ScoredMap*, 2>& maps, const BlockAssignment& numbers,
                              const MedianBins& bins, const MapComparisonOptions& options) {
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(numbers.block_of.size()), 2 * kSurfaceColumns);
   for (std::size_t map = 0; map < 2; ++map) {
@@ -119,41 +120,41 @@ Eigen::MatrixXd surface_sums(const std::array<const ScoredMap*, 2>& maps, const 
   return sums;
 }
 
-std::vector<Number> surface_numbers(const MedianBins& bins, const MapComparisonOptions& o) {
+std::vector<MetricDefinition> surface_numbers(const MedianBins& bins, const MapComparisonOptions& o) {
   const auto at = [](SurfaceColumn column) {
     return [column](const Eigen::RowVectorXd& s, Eigen::Index map) { return s[map * kSurfaceColumns + column]; };
   };
   const auto points = at(kPoints), within = at(kWithin), kept = at(kKept), squares = at(kSquares);
-  const auto measured = [](std::string name, Scale scale, double margin) {
-    return Measured{.name = "surface." + std::move(name), .scale = scale, .margin = margin};
+  const auto measured = [](std::string name, MarginScale scale, double margin) {
+    return ComparedMetric{.name = "surface." + std::move(name), .scale = scale, .margin = margin};
   };
-  return {{measured("median", Scale::kRatio, o.ratio_margin),
-           [](const ScoredMap& m, const ScoredMap&) { return statistics_of(m.surface.distances).median; },
+  return {{measured("median", MarginScale::kRatio, o.ratio_margin),
+           [](const ScoredMap& m, const ScoredMap&) { return compute_statistics(m.surface.distances).median; },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
              return bins.median(s.segment(map * kSurfaceColumns + kFirstBin, MedianBins::kBins));
            }},
-          {measured("rms", Scale::kRatio, o.ratio_margin),
+          {measured("rms", MarginScale::kRatio, o.ratio_margin),
            [=](const ScoredMap& m, const ScoredMap&) { return rms_within(m.surface.distances, o.cutoff_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return std::sqrt(squares(s, map) / kept(s, map)); }},
-          {measured(key_of("within", o.accuracy_within_m), Scale::kDifference, o.share_margin),
+          {measured(key_of("within", o.accuracy_within_m), MarginScale::kDifference, o.share_margin),
            [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.surface.distances, o.accuracy_within_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return within(s, map) / points(s, map); }},
-          {measured(key_of("beyond", o.cutoff_m), Scale::kDifference, o.share_margin),
+          {measured(key_of("beyond", o.cutoff_m), MarginScale::kDifference, o.share_margin),
            [=](const ScoredMap& m, const ScoredMap&) { return 1.0 - share_within(m.surface.distances, o.cutoff_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return 1.0 - kept(s, map) / points(s, map); }}};
 }
 
-/// Columns for each map: all its samples, those with a point within each threshold, then of those that both saw those
-/// that tell what a map lacks, and of them those that this one lacks.
+/// Columns per map: number of samples, of those with a point within each threshold, of informative shared samples, and
+/// of those that this map lacks.
 struct SeenColumns {
   Eigen::Index thresholds = 0;
 
   Eigen::Index each() const { return 3 + thresholds; }
-  Eigen::Index telling() const { return 1 + thresholds; }
-  Eigen::Index lacks() const { return 2 + thresholds; }
+  Eigen::Index informative() const { return 1 + thresholds; }
+  Eigen::Index lacking() const { return 2 + thresholds; }
 };
 
-Eigen::MatrixXd seen_sums(const std::array<const ScoredMap*, 2>& maps, const BlockNumbers& numbers,
+Eigen::MatrixXd seen_sums(const std::array<const ScoredMap*, 2>& maps, const BlockAssignment& numbers,
                           const std::vector<double>& thresholds_m, const MissingParts& missing) {
   const SeenColumns columns{static_cast<Eigen::Index>(thresholds_m.size())};
   Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(numbers.block_of.size()), 2 * columns.each());
@@ -167,10 +168,10 @@ Eigen::MatrixXd seen_sums(const std::array<const ScoredMap*, 2>& maps, const Blo
         if (distances[i] <= thresholds_m[t]) sums(row, first + 1 + static_cast<Eigen::Index>(t)) += 1.0;
       }
     }
-    for (std::size_t k = 0; k < missing.common.size(); ++k) {
-      const Eigen::Index row = numbers.quarter_of[0][missing.common[k].first];
-      sums(row, first + columns.telling()) += missing.telling[k];
-      sums(row, first + columns.lacks()) += missing.lacks[map][k];
+    for (std::size_t k = 0; k < missing.shared_samples.size(); ++k) {
+      const Eigen::Index row = numbers.quarter_of[0][missing.shared_samples[k].first];
+      sums(row, first + columns.informative()) += missing.informative[k];
+      sums(row, first + columns.lacking()) += missing.lacking[map][k];
     }
   }
   return sums;
@@ -180,17 +181,17 @@ MissingParts missing_of(const ScoredMap& map, const ScoredMap& other, const MapC
   return missing_parts(map.surface, map.seen, other.surface, other.seen, {.cutoff_m = o.cutoff_m});
 }
 
-std::vector<Number> completeness_numbers(const MapComparisonOptions& o) {
+std::vector<MetricDefinition> completeness_numbers(const MapComparisonOptions& o) {
   const SeenColumns columns{static_cast<Eigen::Index>(o.completeness_within_m.size())};
-  std::vector<Number> numbers;
+  std::vector<MetricDefinition> numbers;
   for (std::size_t t = 0; t < o.completeness_within_m.size(); ++t) {
     const double within_m = o.completeness_within_m[t];
     const auto column = static_cast<Eigen::Index>(1 + t);
     numbers.push_back(
         {{.name = "completeness." + key_of("within", within_m),
-          .scale = Scale::kRatio,
+          .scale = MarginScale::kRatio,
           .margin = o.completeness_margin,
-          .decides = t + 1 == o.completeness_within_m.size()},
+          .is_decisive = t + 1 == o.completeness_within_m.size()},
          [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.seen.map_distance_m, within_m); },
          [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
            return s[map * columns.each() + column] / s[map * columns.each()];
@@ -199,11 +200,11 @@ std::vector<Number> completeness_numbers(const MapComparisonOptions& o) {
   return numbers;
 }
 
-/// `first`: of the first runs, simulated and real, which are compared most.
-Number lacking_number(const MapComparisonOptions& o, const std::array<const ScoredMap*, 2>& maps,
-                      const MissingParts& first) {
+/// `first`: missing parts of the first runs, which are needed most often.
+MetricDefinition lacking_number(const MapComparisonOptions& o, const std::array<const ScoredMap*, 2>& maps,
+                                const MissingParts& first) {
   const SeenColumns columns{static_cast<Eigen::Index>(o.completeness_within_m.size())};
-  return {{.name = "completeness.lacking", .scale = Scale::kDifference, .margin = o.lacking_margin},
+  return {{.name = "completeness.lacking", .scale = MarginScale::kDifference, .margin = o.lacking_margin},
           [=, &first](const ScoredMap& m, const ScoredMap& other) {
             if (&m == maps[0] && &other == maps[1]) return first.lacking_share(0);
             if (&m == maps[1] && &other == maps[0]) return first.lacking_share(1);
@@ -211,18 +212,18 @@ Number lacking_number(const MapComparisonOptions& o, const std::array<const Scor
           },
           [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
             const Eigen::Index start = map * columns.each();
-            return s[start + columns.lacks()] / s[start + columns.telling()];
+            return s[start + columns.lacking()] / s[start + columns.informative()];
           },
           [=](const Eigen::MatrixXd& blocks) -> Eigen::VectorXd {
-            return blocks.col(columns.lacks()) - blocks.col(columns.each() + columns.lacks());
+            return blocks.col(columns.lacking()) - blocks.col(columns.each() + columns.lacking());
           }};
 }
 
 // --------------------------------------------------------------------------------------------------------- judging
 
-Measured by_blocks(const Number& number, const std::array<const ScoredMap*, 2>& maps,
-                   const std::optional<PlaceBootstrap>& bootstrap) {
-  Measured m = number.measured;
+ComparedMetric compare_by_blocks(const MetricDefinition& number, const std::array<const ScoredMap*, 2>& maps,
+                                 const std::optional<BlockBootstrap>& bootstrap) {
+  ComparedMetric m = number.measured;
   m.simulated = number.exact(*maps[0], *maps[1]);
   m.real = number.exact(*maps[1], *maps[0]);
   Estimate difference{.value = m.simulated - m.real}, log_ratio{.value = std::log(m.simulated / m.real)};
@@ -234,13 +235,13 @@ Measured by_blocks(const Number& number, const std::array<const ScoredMap*, 2>& 
         bootstrap->standard_error([&](const Eigen::RowVectorXd& s) { return std::log(drawn(s, 0) / drawn(s, 1)); });
     difference.degrees_of_freedom = log_ratio.degrees_of_freedom = bootstrap->degrees_of_freedom();
   }
-  judge(difference, log_ratio, m);
-  if (bootstrap && number.fact && std::isfinite(m.difference))
-    m.p_within = std::abs(m.difference) > m.margin ? bootstrap->exchange_p(number.fact) : 1.0;
+  judge_equivalence(difference, log_ratio, m);
+  if (bootstrap && number.exchange_differences && std::isfinite(m.difference))
+    m.p_within = std::abs(m.difference) > m.margin ? bootstrap->exchange_p(number.exchange_differences) : 1.0;
   return m;
 }
 
-/// Welch's, as an estimate. Runs that all gave the same differ by what they differ by, without an error.
+/// Welch's difference as an Estimate. If all runs are equal, the standard error is zero.
 Estimate estimate_of(const RunDifference& d) {
   if (!d.has_interval()) return {d.difference, 0.0, 1.0};
   const double half = 0.5 * (d.ci95[1] - d.ci95[0]);
@@ -252,58 +253,62 @@ std::vector<double> logarithms(std::vector<double> values) {
   return values;
 }
 
-/// `simulated`, `real`: the number in each run.
-Measured by_runs(Measured m, const std::vector<double>& simulated, const std::vector<double>& real) {
-  const RunDifference difference = difference_of_runs(simulated, real),
-                      log_ratio = difference_of_runs(logarithms(simulated), logarithms(real));
+/// `simulated`, `real`: value in each run.
+ComparedMetric compare_by_runs(ComparedMetric m, const std::vector<double>& simulated,
+                               const std::vector<double>& real) {
+  const RunDifference difference = welch_difference(simulated, real),
+                      log_ratio = welch_difference(logarithms(simulated), logarithms(real));
   m.simulated = difference.a.mean;
   m.real = difference.b.mean;
-  m.unit = "runs";
-  judge(estimate_of(difference), estimate_of(log_ratio), m);
+  m.sampling_unit = "runs";
+  judge_equivalence(estimate_of(difference), estimate_of(log_ratio), m);
   return m;
 }
 
-/// The number in each run, against the others' first run.
-std::vector<double> over_runs(const std::vector<ScoredMap>& runs, const std::vector<ScoredMap>& others,
-                              const std::function<double(const ScoredMap&, const ScoredMap&)>& exact) {
+/// Value in each run, against the first run of the other flight.
+std::vector<double> values_by_run(const std::vector<ScoredMap>& runs, const std::vector<ScoredMap>& others,
+                                  const std::function<double(const ScoredMap&, const ScoredMap&)>& exact) {
   std::vector<double> values;
   for (const ScoredMap& run : runs) values.push_back(exact(run, others.front()));
   return values;
 }
 
 bool runs_differ(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real) {
-  const auto rms = [](const ScoredMap& m, const ScoredMap&) { return statistics_of(m.surface.distances).rmse; };
-  return difference_of_runs(over_runs(simulated, real, rms), over_runs(real, simulated, rms)).has_interval();
+  const auto rms = [](const ScoredMap& m, const ScoredMap&) { return compute_statistics(m.surface.distances).rmse; };
+  return welch_difference(values_by_run(simulated, real, rms), values_by_run(real, simulated, rms)).has_interval();
 }
 
-/// Blocks of one part, and draws of them where there are enough.
+/// Blocks of one part, and bootstrap draws if there are enough.
 struct Part {
-  std::optional<BlocksUsed> used;
-  std::optional<PlaceBootstrap> bootstrap;
+  std::optional<BlockSummary> used;
+  std::optional<BlockBootstrap> bootstrap;
 };
 
 template <class Sums>
 Part part_of(const std::vector<geometry::Vec3>& a, const std::vector<geometry::Vec3>& b,
              const MapComparisonOptions& options, const Sums& sums) {
   Part part;
-  const std::optional<PlaceBlocks> blocks = place_blocks(a, b, options.wanted_blocks);
+  const std::optional<BlockGrid> blocks = choose_block_grid(a, b, options.min_effective_blocks);
   if (!blocks) return part;
-  const BlockNumbers numbers = block_numbers(*blocks, a, b);
-  part.used = BlocksUsed{blocks->edge_m, blocks->effective, numbers.blocks, numbers.alone};
-  if (blocks->effective >= kFewestBlocks)
+  const BlockAssignment numbers = assign_blocks(*blocks, a, b);
+  part.used = BlockSummary{blocks->edge_m, blocks->effective, numbers.blocks, numbers.exclusive};
+  if (blocks->effective >= kMinBlocks)
     part.bootstrap.emplace(*blocks, numbers, sums(numbers), options.resamples, options.seed);
   return part;
 }
 
-/// The path's part, where both paths are known.
-std::optional<Measured> path_of(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real,
-                                bool of_runs, const MapComparisonOptions& o) {
-  Measured m{.name = "path.ate", .scale = Scale::kRatio, .margin = o.path_ratio_margin, .or_within = o.path_margin_m};
+/// The path metric, if both path errors are known.
+std::optional<ComparedMetric> path_of(const std::vector<ScoredMap>& simulated, const std::vector<ScoredMap>& real,
+                                      bool of_runs, const MapComparisonOptions& o) {
+  ComparedMetric m{.name = "path.ate",
+                   .scale = MarginScale::kRatio,
+                   .margin = o.path_ratio_margin,
+                   .absolute_margin = o.path_margin_m};
   const auto ate = [](const ScoredMap& map, const ScoredMap&) { return map.ate_rmse_m.value_or(kNaN); };
-  const std::vector<double> s = over_runs(simulated, real, ate), r = over_runs(real, simulated, ate);
+  const std::vector<double> s = values_by_run(simulated, real, ate), r = values_by_run(real, simulated, ate);
   if (!std::isfinite(s.front()) || !std::isfinite(r.front())) return std::nullopt;
-  if (of_runs) return by_runs(m, s, r);
-  judge_one_path_each(s.front(), r.front(), m);
+  if (of_runs) return compare_by_runs(m, s, r);
+  judge_single_paths(s.front(), r.front(), m);
   return m;
 }
 
@@ -334,51 +339,51 @@ MapComparison compare_maps(const std::vector<ScoredMap>& simulated, const std::v
   const std::array<const ScoredMap*, 2> first{&simulated.front(), &real.front()};
   const bool of_runs = runs_differ(simulated, real);
   MapComparison result;
-  const auto add = [&](const std::vector<Number>& numbers, const Part& part) {
-    for (const Number& n : numbers)
-      result.measures.push_back(
-          of_runs ? by_runs(n.measured, over_runs(simulated, real, n.exact), over_runs(real, simulated, n.exact))
-                  : by_blocks(n, first, part.bootstrap));
+  const auto add = [&](const std::vector<MetricDefinition>& numbers, const Part& part) {
+    for (const MetricDefinition& n : numbers)
+      result.metrics.push_back(of_runs ? compare_by_runs(n.measured, values_by_run(simulated, real, n.exact),
+                                                         values_by_run(real, simulated, n.exact))
+                                       : compare_by_blocks(n, first, part.bootstrap));
   };
 
   const MedianBins bins(first[0]->surface.distances, first[1]->surface.distances);
   const Part surface =
       part_of(first[0]->surface.positions, first[1]->surface.positions, options,
-              [&](const BlockNumbers& numbers) { return surface_sums(first, numbers, bins, options); });
+              [&](const BlockAssignment& numbers) { return surface_sums(first, numbers, bins, options); });
   add(surface_numbers(bins, options), surface);
   result.surface_blocks = surface.used;
 
   if (!first[0]->seen.positions.empty() && !first[1]->seen.positions.empty()) {
     result.missing = missing_of(*first[0], *first[1], options);
     const Part seen =
-        part_of(first[0]->seen.positions, first[1]->seen.positions, options, [&](const BlockNumbers& numbers) {
+        part_of(first[0]->seen.positions, first[1]->seen.positions, options, [&](const BlockAssignment& numbers) {
           return seen_sums(first, numbers, options.completeness_within_m, *result.missing);
         });
-    std::vector<Number> numbers = completeness_numbers(options);
+    std::vector<MetricDefinition> numbers = completeness_numbers(options);
     numbers.push_back(lacking_number(options, first, *result.missing));
     add(numbers, seen);
     result.completeness_blocks = seen.used;
   }
-  if (const auto path = path_of(simulated, real, of_runs, options)) result.measures.push_back(*path);
-  result.verdict = verdict_on(result.measures);
+  if (const auto path = path_of(simulated, real, of_runs, options)) result.metrics.push_back(*path);
+  result.verdict = decide_verdict(result.metrics);
   return result;
 }
 
-json to_json(const BlocksUsed& b) {
+json to_json(const BlockSummary& b) {
   return {{"edge", b.edge_m},
           {"count", b.blocks},
           {"effective", b.effective},
-          {"simulated_only", b.alone[0]},
-          {"real_only", b.alone[1]}};
+          {"simulated_only", b.exclusive[0]},
+          {"real_only", b.exclusive[1]}};
 }
 
-json to_json(const Comparison& published, const std::optional<MapComparison>& maps, const Doubts& doubts) {
+json to_json(const DistanceComparison& published, const std::optional<MapComparison>& maps, const Doubts& doubts) {
   json object = to_json(published);
   for (const char* part : {"surface", "completeness", "path", "missing_parts"}) object[part] = nullptr;
   const Verdict verdict = maps ? maps->verdict : Verdict{published.verdict, {"mean_difference"}, {}};
   object["verdict"] = verdict.word;
-  object["verdict_on"] = verdict.on;
-  object["verdict_because"] = verdict.because;
+  object["verdict_on"] = verdict.decisive_metrics;
+  object["verdict_because"] = verdict.reasons;
   Doubts forbidding;
   std::ranges::copy_if(doubts, std::back_inserter(forbidding), forbids_verdict);
   if (!forbidding.empty()) {
@@ -387,7 +392,7 @@ json to_json(const Comparison& published, const std::optional<MapComparison>& ma
     object["verdict_withheld_by"] = to_json(forbidding);
   }
   if (!maps) return object;
-  for (const Measured& m : maps->measures) {
+  for (const ComparedMetric& m : maps->metrics) {
     const std::size_t dot = m.name.find('.');
     object[m.name.substr(0, dot)][m.name.substr(dot + 1)] = to_json(m);
   }

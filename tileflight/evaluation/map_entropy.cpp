@@ -7,9 +7,9 @@
 #include <numbers>
 #include <vector>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/json_reader.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/spatial_order.h"
+#include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::evaluation {
 
@@ -19,7 +19,7 @@ using geometry::Vec3;
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-/// Least eigenvalue over the largest below which rounding, not spread, makes the volume.
+/// Smallest over largest eigenvalue below which the volume is due to rounding.
 constexpr double kFlat = 1e-12;
 
 Mat3 covariance(const std::vector<Vec3>& points, const std::vector<geometry::Neighbor>& of) {
@@ -34,7 +34,7 @@ Mat3 covariance(const std::vector<Vec3>& points, const std::vector<geometry::Nei
   return sum / static_cast<double>(of.size() - 1);
 }
 
-/// NaN where the points lie in a plane.
+/// Entropy of a covariance; NaN if the points are coplanar.
 double entropy_of(const Mat3& S) {
   const Eigen::SelfAdjointEigenSolver<Mat3> solver(S, Eigen::EigenvaluesOnly);
   const Vec3 spread = solver.eigenvalues();
@@ -51,48 +51,48 @@ void check(const geometry::PointCloud& map, const MapEntropyOptions& options) {
   }
 }
 
-/// Every so many of a list, `count` in all.
-std::vector<std::uint32_t> thinned(const std::vector<std::uint32_t>& list, std::size_t count) {
+/// `count` evenly spaced elements of a list.
+std::vector<std::uint32_t> subsample(const std::vector<std::uint32_t>& list, std::size_t count) {
   if (count >= list.size()) return list;
   std::vector<std::uint32_t> result(count);
   for (std::size_t k = 0; k < count; ++k) result[k] = list[k * list.size() / count];
   return result;
 }
 
-/// Those that are asked: so many that their neighbours together are about as many as the options allow, counted at a
-/// few of them.
-std::vector<std::uint32_t> asked_points(const std::vector<Vec3>& points, const geometry::NearestIndex& index,
-                                        const MapEntropyOptions& options) {
+/// Indices of the sampled points: as many as the limit on the total number of neighbours allows, estimated from a few
+/// probes.
+std::vector<std::uint32_t> sample_points(const std::vector<Vec3>& points, const geometry::NearestIndex& index,
+                                         const MapEntropyOptions& options) {
   constexpr std::size_t kProbes = 256, kLeast = 1000;
-  std::vector<std::uint32_t> asked = geometry::evenly_chosen(points, options.most_points);
-  const std::vector<std::uint32_t> probes = thinned(asked, kProbes);
+  std::vector<std::uint32_t> asked = geometry::sample_evenly(points, options.max_points);
+  const std::vector<std::uint32_t> probes = subsample(asked, kProbes);
   double neighbors = 0.0;
   for (const std::uint32_t i : probes)
     neighbors += static_cast<double>(index.within(points[i], options.radius_m).size());
-  const double each = neighbors / static_cast<double>(probes.size());  // each is at least its own neighbour
-  const std::size_t most = std::max(kLeast, static_cast<std::size_t>(options.most_neighbors / each));
-  return asked.size() == points.size() ? geometry::evenly_chosen(points, most) : thinned(asked, most);
+  const double each = neighbors / static_cast<double>(probes.size());  // each point is at least its own neighbour
+  const std::size_t most = std::max(kLeast, static_cast<std::size_t>(options.max_total_neighbors / each));
+  return asked.size() == points.size() ? geometry::sample_evenly(points, most) : subsample(asked, most);
 }
 
-/// Mean and standard error of what was judged.
+/// Sets mean and standard error from the evaluated entropies.
 void add_mean(const std::vector<double>& entropies, MapEntropy& result) {
   double sum = 0.0, squares = 0.0;
   for (const double h : entropies) {
     if (std::isnan(h)) continue;
     sum += h;
-    ++result.judged;
+    ++result.evaluated;
   }
-  if (result.judged == 0) return;
-  const auto n = static_cast<double>(result.judged);
+  if (result.evaluated == 0) return;
+  const auto n = static_cast<double>(result.evaluated);
   result.mean = sum / n;
-  if (result.asked == result.points) {
+  if (result.sampled == result.points) {
     result.standard_error = 0.0;
     return;
   }
   for (const double h : entropies) {
     if (!std::isnan(h)) squares += (h - result.mean) * (h - result.mean);
   }
-  if (result.judged > 1) result.standard_error = std::sqrt(squares / (n - 1.0) / n);
+  if (result.evaluated > 1) result.standard_error = std::sqrt(squares / (n - 1.0) / n);
 }
 
 }  // namespace
@@ -100,14 +100,14 @@ void add_mean(const std::vector<double>& entropies, MapEntropy& result) {
 MapEntropy map_entropy(const geometry::PointCloud& map, const geometry::NearestIndex& index,
                        const MapEntropyOptions& options) {
   check(map, options);
-  const std::vector<std::uint32_t> asked = asked_points(map.positions, index, options);
+  const std::vector<std::uint32_t> asked = sample_points(map.positions, index, options);
   std::vector<double> entropies(asked.size(), kNaN);
   tbb::parallel_for(std::size_t{0}, asked.size(), [&](std::size_t k) {
     const auto neighbors = index.within(map.positions[asked[k]], options.radius_m);
-    if (neighbors.size() >= std::max<std::size_t>(4, options.least_neighbors))
+    if (neighbors.size() >= std::max<std::size_t>(4, options.min_neighbors))
       entropies[k] = entropy_of(covariance(map.positions, neighbors));
   });
-  MapEntropy result{.radius_m = options.radius_m, .points = map.size(), .asked = asked.size()};
+  MapEntropy result{.radius_m = options.radius_m, .points = map.size(), .sampled = asked.size()};
   add_mean(entropies, result);
   return result;
 }
@@ -122,8 +122,8 @@ MapEntropy map_entropy_from_json(const nlohmann::json& object, const std::string
   MapEntropy e;
   e.radius_m = reader.number("radius");
   e.points = reader.count("points");
-  e.asked = reader.has("asked") ? reader.count("asked") : e.points;  // older files asked all
-  e.judged = reader.count("judged");
+  e.sampled = reader.has("asked") ? reader.count("asked") : e.points;  // older files used all points
+  e.evaluated = reader.count("judged");
   reader.number("share_judged");  // follows from the counts
   e.mean = reader.number("mean");
   if (reader.has("standard_error")) e.standard_error = reader.number("standard_error");
@@ -132,11 +132,11 @@ MapEntropy map_entropy_from_json(const nlohmann::json& object, const std::string
 }
 
 nlohmann::json to_json(const MapEntropy& e) {
-  const double share = e.asked > 0 ? static_cast<double>(e.judged) / static_cast<double>(e.asked) : 0.0;
+  const double share = e.sampled > 0 ? static_cast<double>(e.evaluated) / static_cast<double>(e.sampled) : 0.0;
   return {{"radius", e.radius_m},
           {"points", e.points},
-          {"asked", e.asked},
-          {"judged", e.judged},
+          {"asked", e.sampled},
+          {"judged", e.evaluated},
           {"share_judged", share},
           {"mean", e.mean},
           {"standard_error", e.standard_error}};

@@ -10,33 +10,36 @@
 
 namespace tileflight::evaluation {
 
-/// How sharp a map is, judged without any truth: mean map entropy. Lower is sharper. Comparable only between maps of
-/// one scale and one radius; outliers that are alone have no neighbours and are not judged, so the share belongs to it.
+/// Sharpness of a map without ground truth: mean map entropy; lower is sharper. Comparable only between maps of the
+/// same scale with the same radius. Isolated outliers have no neighbours and are not evaluated, so the share evaluated
+/// must be considered with it.
 struct MapEntropy {
   double radius_m = 0;
   std::size_t points = 0;                                  ///< of the map
-  std::size_t asked = 0;                                   ///< of them: all, or an even choice of a large map's
-  std::size_t judged = 0;                                  ///< of those asked, with enough neighbours, not in one plane
-  double mean = std::numeric_limits<double>::quiet_NaN();  ///< natural logarithm of metres cubed
-  /// Of the mean, from not having asked all points; 0 where all were asked.
+  std::size_t sampled = 0;                                 ///< of them: all, or an even subsample of a large map
+  std::size_t evaluated = 0;                               ///< of the sampled ones: with enough neighbours that are not
+                                                           ///< coplanar
+  double mean = std::numeric_limits<double>::quiet_NaN();  ///< mean entropy, natural logarithm of cubic metres
+  /// Standard error of the mean due to subsampling; 0 if all points were used.
   double standard_error = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct MapEntropyOptions {
   double radius_m = 2.0;
-  std::size_t least_neighbors = 5;    ///< within the radius, the point itself included
-  std::size_t most_points = 200'000;  ///< that are asked; their neighbours are all of the map's points
-  double most_neighbors = 1e8;        ///< of all points that are asked together, about; fewer are asked of a dense map
+  std::size_t min_neighbors = 5;     ///< within the radius, the point itself included
+  std::size_t max_points = 200'000;  ///< maximum points evaluated; neighbours come from all points of the map
+  double max_total_neighbors = 1e8;  ///< approximate limit on the total number of neighbours; a dense map is sampled
+                                     ///< less
 };
 
 /// Mean over the points of h = 1/2 ln |2 pi e S|, the entropy of a normal distribution with the covariance S of the
 /// points within the radius (divisor n - 1): Razlaw, Droeschel, Holz and Behnke, "Evaluation of registration methods
-/// for sparse 3D laser scans", ECMR 2015, (1) and (2). Of a large map evenly chosen points are asked
-/// (geometry::evenly_chosen): the mean estimates that over all points, and says with which standard error. Throws
-/// InputError: empty, not finite, a radius that is not above zero.
+/// for sparse 3D laser scans", ECMR 2015, (1) and (2). Large maps are subsampled evenly (geometry::sample_evenly), and
+/// the standard error of the mean is given. Throws InputError for an empty or non-finite map and for a radius that is
+/// not positive.
 MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const MapEntropyOptions& options = {});
 
-/// The same with an index of the map's positions that is there already.
+/// Same with an existing index of the map's positions.
 MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const geometry::NearestIndex& index,
                        const MapEntropyOptions& options = {});
 

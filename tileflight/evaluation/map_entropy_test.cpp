@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/map_entropy.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -8,7 +9,7 @@
 #include <numbers>
 #include <random>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
@@ -16,6 +17,8 @@ namespace {
 using geometry::Mat3;
 using geometry::PointCloud;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 const double kLog2PiE = std::log(2.0 * std::numbers::pi * std::numbers::e);
 
@@ -35,7 +38,7 @@ TEST(MapEntropy, OfANormalDistributionIsTheTextbooks) {
   for (int k = 0; k < 1500; ++k)
     cloud.positions.push_back({0.5 * normal(random), 0.2 * normal(random), 0.1 * normal(random)});
   const MapEntropy e = map_entropy(cloud, {.radius_m = 1e3});  // every point sees all of them
-  EXPECT_EQ(e.judged, 1500u);
+  EXPECT_EQ(e.evaluated, 1500u);
   EXPECT_NEAR(e.mean, 1.5 * kLog2PiE + std::log(0.5 * 0.2 * 0.1), 0.1);
 }
 
@@ -56,8 +59,8 @@ TEST(MapEntropy, AgreesWithBruteForce) {
     ++judged;
   }
   const MapEntropy e = map_entropy(cloud);
-  EXPECT_EQ(e.judged, judged);
-  EXPECT_LT(e.judged, e.points) << "some have too few neighbours";
+  EXPECT_EQ(e.evaluated, judged);
+  EXPECT_LT(e.evaluated, e.points) << "some have too few neighbours";
   EXPECT_NEAR(e.mean, sum / static_cast<double>(judged), 1e-9);
 }
 
@@ -70,35 +73,35 @@ TEST(MapEntropy, ThickerIsMoreAndScaleAddsItsLogarithm) {
 }
 
 TEST(MapEntropy, AnEvenChoiceGivesTheMeanOfAllWithinItsStandardError) {
-  // Two sheets, one of which is thicker and denser: a choice that is not even would be off.
+  // Two sheets, one of which is thicker and denser: an uneven subsample would be biased.
   PointCloud cloud = slab(0.05, 20000);
   for (const Vec3& p : slab(0.4, 40000).positions) cloud.positions.push_back(p + Vec3(30.0, 0.0, 0.0));
-  const MapEntropy all = map_entropy(cloud, {.most_neighbors = 1e12});
-  EXPECT_EQ(all.asked, 60000u);
+  const MapEntropy all = map_entropy(cloud, {.max_total_neighbors = 1e12});
+  EXPECT_EQ(all.sampled, 60000u);
   EXPECT_EQ(all.standard_error, 0.0);
   for (const std::size_t most : {500u, 2000u, 8000u}) {
-    const MapEntropy some = map_entropy(cloud, {.most_points = most, .most_neighbors = 1e12});
-    EXPECT_EQ(some.asked, most);
+    const MapEntropy some = map_entropy(cloud, {.max_points = most, .max_total_neighbors = 1e12});
+    EXPECT_EQ(some.sampled, most);
     EXPECT_EQ(some.points, 60000u);
     EXPECT_NEAR(some.mean, all.mean, 3.0 * some.standard_error) << most;
     EXPECT_GT(some.standard_error, 0.0);
   }
-  const MapEntropy dense = map_entropy(cloud, {.most_neighbors = 1e6});
-  EXPECT_LT(dense.asked, 4000u);
+  const MapEntropy dense = map_entropy(cloud, {.max_total_neighbors = 1e6});
+  EXPECT_LT(dense.sampled, 4000u);
   EXPECT_NEAR(dense.mean, all.mean, 3.0 * dense.standard_error);
 }
 
 TEST(MapEntropy, WhatCannotBeJudgedIsCountedNotScored) {
   PointCloud flat, one;
   for (int k = 0; k < 100; ++k) flat.positions.push_back({0.1 * (k % 10), 0.1 * (k / 10), 5.0});
-  EXPECT_EQ(map_entropy(flat).judged, 0u);
+  EXPECT_EQ(map_entropy(flat).evaluated, 0u);
   one.positions = {{1, 2, 3}};
   const MapEntropy e = map_entropy(one);
   EXPECT_EQ(e.points, 1u);
   EXPECT_TRUE(std::isnan(e.mean));
   EXPECT_EQ(to_json(e).at("share_judged"), 0.0);
   one.positions.assign(50, Vec3(1, 2, 3));
-  EXPECT_EQ(map_entropy(one).judged, 0u) << "all in one place";
+  EXPECT_EQ(map_entropy(one).evaluated, 0u) << "all in one place";
 }
 
 TEST(MapEntropy, SameBitsForAnyNumberOfThreads) {
@@ -112,11 +115,12 @@ TEST(MapEntropy, SameBitsForAnyNumberOfThreads) {
 }
 
 TEST(MapEntropy, RefusesBadInput) {
-  EXPECT_THROW(map_entropy({}), InputError);
-  EXPECT_THROW(map_entropy(slab(0.1), {.radius_m = 0.0}), InputError);
+  EXPECT_THAT([&] { map_entropy({}); }, ThrowsMessage<InputError>(HasSubstr("map: has no points")));
+  EXPECT_THAT([&] { map_entropy(slab(0.1), {.radius_m = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("radius of the map's entropy: must be above zero")));
   PointCloud broken = slab(0.1);
   broken.positions[7].y() = std::nan("");
-  EXPECT_THROW(map_entropy(broken), InputError);
+  EXPECT_THAT([&] { map_entropy(broken); }, ThrowsMessage<InputError>(HasSubstr("map: a point is not finite")));
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <cstdio>
 #include <optional>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/block_bootstrap.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -14,10 +14,10 @@ using nlohmann::json;
 
 namespace {
 
-/// A number of metrics.json in the tables.
+/// A number of metrics.json that is shown in the tables.
 struct Column {
   const char* key;    ///< in CSV and JSON, with its unit
-  const char* title;  ///< in LaTeX; null: not there
+  const char* title;  ///< in LaTeX; null: not shown
   json::json_pointer where;
   int digits;
 };
@@ -81,11 +81,11 @@ std::string tex_text(const std::string& text) {
 }
 
 std::array<double, 2> simultaneous_interval(const ComparedMap& a, const ComparedMap& b, std::size_t pairs,
-                                            const ComparisonOptions& options) {
-  const std::vector<Block> blocks = blocks_of(a.runs.front(), b.runs.front(), options.block_m);
+                                            const DistanceComparisonOptions& options) {
+  const std::vector<BlockSums> blocks = sum_by_block(a.runs.front(), b.runs.front(), options.block_m);
   std::array<double, 2> interval{std::nan(""), std::nan("")};
   if (blocks.size() < 2) return interval;
-  const std::vector<double> differences = resampled_differences(blocks, options.resamples, options.seed);
+  const std::vector<double> differences = bootstrap_mean_differences(blocks, options.resamples, options.seed);
   if (differences.empty()) return interval;
   const double outside = 0.025 / static_cast<double>(pairs);
   return {quantile(differences, outside), quantile(differences, 1.0 - outside)};
@@ -128,27 +128,27 @@ std::string pairs_tex(const std::vector<ComparedMap>& maps, const std::vector<Co
   return text + "\\bottomrule\n\\end{tabular}\n";
 }
 
-/// Of all pairs, in their order.
-std::vector<std::string> measure_names(const std::vector<ComparedPair>& pairs) {
+/// Names of the metrics of all pairs, in order.
+std::vector<std::string> metric_names(const std::vector<ComparedPair>& pairs) {
   std::vector<std::string> names;
   for (const ComparedPair& pair : pairs) {
     if (!pair.maps) continue;
-    for (const Measured& m : pair.maps->measures)
+    for (const ComparedMetric& m : pair.maps->metrics)
       if (std::find(names.begin(), names.end(), m.name) == names.end()) names.push_back(m.name);
   }
   return names;
 }
 
-/// Nullptr where the pair has none of the name.
-const Measured* measure(const ComparedPair& pair, const std::string& name) {
+/// Metric by name; nullptr if the pair has none.
+const ComparedMetric* find_metric(const ComparedPair& pair, const std::string& name) {
   if (!pair.maps) return nullptr;
-  const auto found = std::ranges::find(pair.maps->measures, name, &Measured::name);
-  return found == pair.maps->measures.end() ? nullptr : &*found;
+  const auto found = std::ranges::find(pair.maps->metrics, name, &ComparedMetric::name);
+  return found == pair.maps->metrics.end() ? nullptr : &*found;
 }
 
-/// Of the ratio or of the difference, whichever is judged.
-const std::array<double, 2>& judged_ci95(const Measured& m) {
-  return m.scale == Scale::kRatio ? m.ratio_ci95 : m.difference_ci95;
+/// Interval of the ratio or of the difference, whichever is judged.
+const std::array<double, 2>& judged_ci95(const ComparedMetric& m) {
+  return m.scale == MarginScale::kRatio ? m.ratio_ci95 : m.difference_ci95;
 }
 
 std::string overall_verdict(const ComparedPair& pair) {
@@ -169,14 +169,14 @@ Doubts doubts_of_both(const ComparedMap& first, const ComparedMap& second) {
   return doubts;
 }
 
-std::string measures_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
+std::string metrics_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
   std::string text =
       "\\begin{tabular}{lllrrrl}\n\\toprule\nFirst & Second & Measure & first & second & 95\\,\\% interval & Verdict "
       "\\\\\n\\midrule\n";
   for (const ComparedPair& pair : pairs) {
     if (!pair.maps) continue;
-    for (const Measured& m : pair.maps->measures) {
-      const bool by_ratio = m.scale == Scale::kRatio;
+    for (const ComparedMetric& m : pair.maps->metrics) {
+      const bool by_ratio = m.scale == MarginScale::kRatio;
       text += tex_text(maps[pair.first].name) + " & " + tex_text(maps[pair.second].name) + " & " + tex_text(m.name) +
               " & " + cell(m.simulated, 4, "--") + " & " + cell(m.real, 4, "--") + " & " +
               (by_ratio ? "$\\times$ " : "") + interval_tex(judged_ci95(m)) + " & " + m.verdict + " \\\\\n";
@@ -187,8 +187,9 @@ std::string measures_tex(const std::vector<ComparedMap>& maps, const std::vector
 
 }  // namespace
 
-std::vector<ComparedPair> compare_all(const std::vector<ComparedMap>& maps, const ComparisonOptions& options,
-                                      const MapComparisonOptions& map_options) {
+std::vector<ComparedPair> compare_all_pairs(const std::vector<ComparedMap>& maps,
+                                            const DistanceComparisonOptions& options,
+                                            const MapComparisonOptions& map_options) {
   if (maps.size() < 2) throw InputError("comparison", "needs at least two maps");
   std::vector<ComparedPair> pairs;
   const std::size_t count = maps.size() * (maps.size() - 1) / 2;
@@ -241,21 +242,21 @@ std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<Co
   std::string text =
       "first,second,unit,mean_difference_m,ci95_low_m,ci95_high_m,simultaneous_low_m,simultaneous_high_m,ks_statistic,"
       "wasserstein_m,equivalent_within_m,mean_difference_verdict";
-  const std::vector<std::string> names = measure_names(pairs);
+  const std::vector<std::string> names = metric_names(pairs);
   for (const std::string& name : names) {
     for (const char* what : {"_first", "_second", "_low", "_high", "_verdict"}) text += "," + csv_text(name + what);
   }
   text += ",verdict\r\n";
   for (const ComparedPair& pair : pairs) {
-    const Comparison& c = pair.comparison;
-    text += csv_text(maps[pair.first].name) + "," + csv_text(maps[pair.second].name) + "," + c.unit;
+    const DistanceComparison& c = pair.comparison;
+    text += csv_text(maps[pair.first].name) + "," + csv_text(maps[pair.second].name) + "," + c.sampling_unit;
     for (const double value :
          {c.mean_difference_m, c.mean_difference_ci95[0], c.mean_difference_ci95[1], pair.simultaneous_ci95[0],
           pair.simultaneous_ci95[1], c.ks_statistic, c.wasserstein_m, c.equivalent_within_m.value_or(std::nan(""))})
       text += "," + cell(value, 6, "");
     text += "," + c.verdict;
     for (const std::string& name : names) {
-      const Measured* m = measure(pair, name);
+      const ComparedMetric* m = find_metric(pair, name);
       for (const double value : m ? std::vector{m->simulated, m->real, judged_ci95(*m)[0], judged_ci95(*m)[1]}
                                   : std::vector(4, std::nan("")))
         text += "," + cell(value, 6, "");
@@ -267,7 +268,7 @@ std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<Co
 }
 
 std::string tables_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
-  return maps_tex(maps) + "\n" + pairs_tex(maps, pairs) + "\n" + measures_tex(maps, pairs);
+  return maps_tex(maps) + "\n" + pairs_tex(maps, pairs) + "\n" + metrics_tex(maps, pairs);
 }
 
 }  // namespace tileflight::evaluation

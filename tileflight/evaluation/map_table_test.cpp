@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <random>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/distances.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// Errors of 300 points along a road, about a mean.
 ComparedMap some_map(const std::string& name, double mean_m, std::uint64_t seed) {
@@ -39,18 +40,18 @@ int lines_of(const std::string& text) { return static_cast<int>(std::ranges::cou
 
 TEST(MapTable, EveryPairIsComparedAsTwoMapsAre) {
   const auto maps = three_maps();
-  const auto pairs = compare_all(maps);
+  const auto pairs = compare_all_pairs(maps);
   ASSERT_EQ(pairs.size(), 3u);
   EXPECT_EQ(pairs[1].first, 0u);
   EXPECT_EQ(pairs[1].second, 2u);
-  EXPECT_EQ(to_json(pairs[1].comparison), to_json(compare(maps[0].runs[0], maps[2].runs[0])));
+  EXPECT_EQ(to_json(pairs[1].comparison), to_json(compare_distances(maps[0].runs[0], maps[2].runs[0])));
   EXPECT_EQ(pairs[0].comparison.verdict, "equivalent");
   EXPECT_EQ(pairs[1].comparison.verdict, "different");
   for (const ComparedPair& pair : pairs) {
     EXPECT_LT(pair.simultaneous_ci95[0], pair.comparison.mean_difference_ci95[0]) << "of three pairs together";
     EXPECT_GT(pair.simultaneous_ci95[1], pair.comparison.mean_difference_ci95[1]);
   }
-  const auto alone = compare_all({maps[0], maps[1]});
+  const auto alone = compare_all_pairs({maps[0], maps[1]});
   EXPECT_EQ(alone[0].simultaneous_ci95, alone[0].comparison.mean_difference_ci95) << "one pair needs no correction";
 }
 
@@ -60,7 +61,7 @@ TEST(MapTable, ADoubtOfEitherMapWithholdsTheVerdict) {
                             {"coarse", "truth", "likely", "refine"}};
   maps[0].metrics.doubts = {{"coarse", "truth", "likely", "refine"}};
   maps[2].metrics.doubts = {{"few keyframes", "alignment", "possible", "fly farther"}};
-  const auto pairs = compare_all(maps);
+  const auto pairs = compare_all_pairs(maps);
   const nlohmann::json object = to_json(maps, pairs);
   const nlohmann::json& first = object["pairs"][0];
   EXPECT_EQ(first["verdict"], "withheld");
@@ -69,7 +70,7 @@ TEST(MapTable, ADoubtOfEitherMapWithholdsTheVerdict) {
   EXPECT_EQ(first["verdict_withheld_by"][1]["where"], maps[1].name + "/odometry");
   EXPECT_THAT(pairs_csv(maps, pairs), HasSubstr(",withheld\r\n"));
   for (ComparedMap& map : maps) std::erase_if(map.metrics.doubts, forbids_verdict);
-  EXPECT_EQ(to_json(maps, compare_all(maps))["pairs"][1]["verdict"], "different")
+  EXPECT_EQ(to_json(maps, compare_all_pairs(maps))["pairs"][1]["verdict"], "different")
       << "what is only possible stands beside";
 }
 
@@ -79,7 +80,7 @@ TEST(MapTable, SimultaneousIntervalsHoldTogetherAsOftenAsTheySay) {
     bool hold = true;
     const std::vector<ComparedMap> maps{some_map("a", 0.5, 4 * k), some_map("b", 0.5, 4 * k + 1),
                                         some_map("c", 0.5, 4 * k + 2), some_map("d", 0.5, 4 * k + 3)};
-    for (const ComparedPair& pair : compare_all(maps, {.resamples = 1000, .seed = k}))
+    for (const ComparedPair& pair : compare_all_pairs(maps, {.resamples = 1000, .seed = k}))
       hold = hold && pair.simultaneous_ci95[0] <= 0.0 && 0.0 <= pair.simultaneous_ci95[1];
     all_hold += hold;
   }
@@ -88,7 +89,7 @@ TEST(MapTable, SimultaneousIntervalsHoldTogetherAsOftenAsTheySay) {
 
 TEST(MapTable, CsvHasALineEachAndQuotesNames) {
   const auto maps = three_maps();
-  const std::string csv = maps_csv(maps), pairs = pairs_csv(maps, compare_all(maps));
+  const std::string csv = maps_csv(maps), pairs = pairs_csv(maps, compare_all_pairs(maps));
   EXPECT_EQ(lines_of(csv), 4);
   EXPECT_EQ(lines_of(pairs), 4);
   EXPECT_THAT(csv, HasSubstr("\r\n\"b, \"\"second\"\"\",1,400,300,0.750000,"));
@@ -100,7 +101,7 @@ TEST(MapTable, CsvHasALineEachAndQuotesNames) {
 
 TEST(MapTable, LatexIsTwoTabularsWithNamesEscaped) {
   const auto maps = three_maps();
-  const std::string tex = tables_tex(maps, compare_all(maps));
+  const std::string tex = tables_tex(maps, compare_all_pairs(maps));
   EXPECT_THAT(tex, HasSubstr("out/a\\_1 & 400 & 0.750 & 0.5"));
   EXPECT_THAT(tex, HasSubstr(" & -- "));
   EXPECT_THAT(tex, HasSubstr(" & different \\\\"));
@@ -112,7 +113,7 @@ TEST(MapTable, LatexIsTwoTabularsWithNamesEscaped) {
 
 TEST(MapTable, JsonHasMapsAndPairs) {
   const auto maps = three_maps();
-  const auto json = to_json(maps, compare_all(maps));
+  const auto json = to_json(maps, compare_all_pairs(maps));
   EXPECT_EQ(json.at("maps").size(), 3u);
   EXPECT_EQ(json.at("maps")[2].at("name"), "c");
   EXPECT_TRUE(json.at("maps")[2].at("surface_median_m").is_null());
@@ -121,9 +122,14 @@ TEST(MapTable, JsonHasMapsAndPairs) {
 }
 
 TEST(MapTable, RefusesBadInput) {
-  EXPECT_THROW(compare_all({}), InputError);
-  EXPECT_THROW(compare_all({some_map("a", 0.5, 1)}), InputError);
-  EXPECT_THROW(compare_all({some_map("a", 0.5, 1), ComparedMap{"empty", {}, {KeptDistances{}}}}), InputError);
+  EXPECT_THAT([&] { compare_all_pairs({}); }, ThrowsMessage<InputError>(HasSubstr("needs at least two maps")));
+  EXPECT_THAT([&] { compare_all_pairs({some_map("a", 0.5, 1)}); },
+              ThrowsMessage<InputError>(HasSubstr("needs at least two maps")));
+  EXPECT_THAT(
+      [&] {
+        compare_all_pairs({some_map("a", 0.5, 1), ComparedMap{"empty", {}, {KeptDistances{}}}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("real run: has no map point within the cut-off")));
 }
 
 }  // namespace

@@ -4,12 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/json_file.h"
 #include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/evaluation/json_reader.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -31,7 +32,7 @@ DistanceStatistics read_statistics(JsonReader& reader, std::size_t count) {
   return s;
 }
 
-/// Empty in a file that was written before there were any.
+/// Empty for older files without percentiles.
 Percentiles read_percentiles(JsonReader& parent) {
   Percentiles percentiles;
   if (!parent.has("percentiles")) return percentiles;
@@ -70,7 +71,7 @@ MapMetrics read_map(JsonReader reader) {
   m.histogram = read_histogram(reader.object("histogram"));
   m.cutoff_m = reader.number("cutoff");
   m.quantization_floor = read_floor(reader.object("quantization_floor"));
-  reader.number("share_kept");  // follows from the counts, as the next does
+  reader.number("share_kept");  // redundant with the counts, as is the next key
   if (reader.has("cumulative")) reader.numbers("cumulative");
   if (reader.text("truth") != "voxel-centres") reader.fail("truth", "must be \"voxel-centres\"");
   reader.expect_all_read();
@@ -88,7 +89,7 @@ std::map<double, double> read_shares(JsonReader reader) {
   return shares;
 }
 
-/// Empty in a file that was written before there was one.
+/// Empty for older files without a curve.
 CumulativeCurve read_cumulative(JsonReader& parent) {
   if (!parent.has("cumulative")) return {};
   JsonReader reader = parent.object("cumulative");
@@ -126,7 +127,7 @@ RelativePoseError read_relative_error(JsonReader reader) {
 
 PathDrift read_drift(JsonReader reader) {
   PathDrift d;
-  d.stretch_m = reader.number("stretch_m");
+  d.segment_length_m = reader.number("stretch_m");
   d.subpaths = reader.count("subpaths");
   d.translation_percent = reader.number("translation_percent");
   d.rotation_deg_per_m = reader.number("rotation_deg_per_m");
@@ -136,9 +137,9 @@ PathDrift read_drift(JsonReader reader) {
 
 ScaleDrift read_scale_drift(JsonReader reader) {
   ScaleDrift d;
-  d.stretch_m = reader.number("stretch_m");
-  d.stretches = reader.count("stretches");
-  d.largest = reader.number("largest");
+  d.segment_length_m = reader.number("stretch_m");
+  d.segments = reader.count("stretches");
+  d.max_deviation = reader.number("largest");
   d.rms = reader.number("rms");
   reader.expect_all_read();
   return d;
@@ -154,7 +155,7 @@ std::optional<TrajectoryMetrics> read_trajectory(JsonReader& parent, const std::
   m.path_length_m = reader.number("path_length");
   m.scale = reader.number("scale");
   m.poses = reader.count("poses");
-  if (reader.has("drift")) m.drift = read_drift(reader.object("drift"));  // older files have neither
+  if (reader.has("drift")) m.drift = read_drift(reader.object("drift"));  // older files lack both
   if (reader.has("scale_drift")) m.scale_drift = read_scale_drift(reader.object("scale_drift"));
   const json& list = reader.value("rpe");
   if (!list.is_array()) reader.fail("rpe", "must be a list");
@@ -163,7 +164,7 @@ std::optional<TrajectoryMetrics> read_trajectory(JsonReader& parent, const std::
   return m;
 }
 
-/// The nearest float that lies on the same side of the cut-off.
+/// Nearest float on the same side of the cut-off.
 float on_same_side(double distance_m, double cutoff_m) {
   float rounded = static_cast<float>(distance_m);
   if (distance_m <= cutoff_m && static_cast<double>(rounded) > cutoff_m) rounded = std::nextafter(rounded, 0.0f);
@@ -186,7 +187,7 @@ std::vector<double> scalar_of(const geometry::PointCloud& cloud, const char* nam
   return {found->second.begin(), found->second.end()};
 }
 
-/// The points with truth under them, `count` in all; nullopt where the file does not say which they are.
+/// Points over the region with ground truth, `count` in all; nullopt if the file does not mark them.
 std::optional<KeptDistances> over_region(const geometry::PointCloud& cloud, const std::vector<double>& distances,
                                          std::size_t count) {
   const auto over = cloud.scalars.find(kRegionScalar);
@@ -223,7 +224,7 @@ Metrics metrics_from_json(const json& object, const std::string& where) {
   if (is_given(reader, "error_budget"))
     metrics.error_budget = error_budget_from_json(reader.value("error_budget"), where);
   if (reader.has("regions")) metrics.regions = read_region_scores(reader.object("regions"), where);
-  if (reader.has("doubts")) metrics.doubts = doubts_from_json(reader.value("doubts"), where);  // older files have none
+  if (reader.has("doubts")) metrics.doubts = doubts_from_json(reader.value("doubts"), where);  // absent in older files
   reader.expect_all_read();
   return metrics;
 }
@@ -242,18 +243,17 @@ void write_metrics(const std::filesystem::path& metrics_json, const Metrics& met
     for (std::size_t i = 0; i < errors.over_region.size(); ++i) over[i] = errors.over_region[i] ? 1.0f : 0.0f;
   }
   geometry::write_cloud(errors_file(metrics_json), cloud);
-  geometry::write_file(metrics_json, to_json(metrics).dump(2) + "\n");
+  base::write_file(metrics_json, to_json(metrics).dump(2) + "\n");
 }
 
 MetricsFile read_metrics(const std::filesystem::path& metrics_json) {
-  const json object = json::parse(geometry::read_text(metrics_json), nullptr, false);
-  if (object.is_discarded()) throw InputError(metrics_json.string(), "is not valid JSON");
+  const json object = base::read_json(metrics_json);
   MetricsFile result;
   result.metrics = metrics_from_json(object, metrics_json.string());
   const std::filesystem::path file = errors_file(metrics_json);
   const geometry::PointCloud cloud = geometry::read_cloud(file);
   const MapMetrics& map = result.metrics.map;
-  result.voxel = keep(cloud.positions, scalar_of(cloud, kVoxelScalar, file), map.cutoff_m);
+  result.voxel = keep_within_cutoff(cloud.positions, scalar_of(cloud, kVoxelScalar, file), map.cutoff_m);
   if (result.voxel.points != map.points || result.voxel.distances.size() != map.correspondences) {
     throw InputError(file.string(), "is of another run than " + metrics_json.string() + ": " +
                                         std::to_string(result.voxel.distances.size()) + " correspondences instead of " +

@@ -4,23 +4,23 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tileflight/base/doubt.h"
 #include "tileflight/evaluation/error_budget.h"
 #include "tileflight/evaluation/map_entropy.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/region_scores.h"
-#include "tileflight/geometry/doubt.h"
 
 namespace tileflight::evaluation {
 
-/// All that a scored map has in `metrics.json`.
+/// Contents of `metrics.json`.
 struct Metrics {
   MapMetrics map;
   std::optional<SurfaceMetrics> surface;
-  std::optional<TrajectoryMetrics> trajectory;  ///< null where there is no true trajectory
+  std::optional<TrajectoryMetrics> trajectory;  ///< null if there is no true trajectory
   std::optional<MapEntropy> entropy;
   std::optional<ErrorBudget> error_budget;
-  std::optional<RegionScores> regions;  ///< where the alignment had regions; else the key is not there
-  Doubts doubts;                        ///< what may make the scores wrong
+  std::optional<RegionScores> regions;  ///< if the alignment had regions; else the key is absent
+  Doubts doubts;                        ///< warnings about possible errors in the scores
 };
 
 nlohmann::json to_json(const Metrics& metrics);
@@ -28,32 +28,33 @@ nlohmann::json to_json(const Metrics& metrics);
 /// The inverse. Throws InputError (`where`, key, cause) for a key that is missing, unknown or of the wrong type.
 Metrics metrics_from_json(const nlohmann::json& json, const std::string& where);
 
-/// Aligned map with each point's distances, metres; `surface_m` may be empty, and `over_region` where all are over it.
+/// Aligned map with the distances of each point, metres. `surface_m` may be empty, and so may `over_region` if all
+/// points are over it.
 struct PointErrors {
   geometry::PointCloud aligned_map;
   std::vector<double> voxel_m, surface_m;
-  std::vector<bool> over_region{};  ///< whether there is truth to measure the point's surface distance against
+  std::vector<bool> over_region{};  ///< per point: whether there is ground truth for its surface distance
 };
 
-/// Writes `metrics.json` and beside it `errors.ply`: the aligned map with the scalars `voxel_distance`,
-/// `surface_distance` and `over_region` (1 or 0). Floats of the scalars stay on the distance's side of the cut-off, so
-/// that reading gives the same correspondences. Throws InputError.
+/// Writes `metrics.json` and, in the same folder, `errors.ply`: the aligned map with the scalars `voxel_distance`,
+/// `surface_distance` and `over_region` (1 or 0). Distances rounded to float stay on the same side of the cut-off, so
+/// that reading them gives the same correspondences. Throws InputError.
 void write_metrics(const std::filesystem::path& metrics_json, const Metrics& metrics, PointErrors errors);
 
-/// What is needed to compare a run with another.
+/// Data needed to compare a run with another.
 struct MetricsFile {
   Metrics metrics;
   KeptDistances voxel;  ///< within the cut-off
-  /// Over the region, nothing cut off. None where there is no surface, and in older files that do not say what lies
-  /// over the region.
+  /// Distances to the surface over the region, without cut-off. None if there is no surface, and for older files
+  /// without `over_region`.
   std::optional<KeptDistances> surface;
 };
 
-/// Reads both. Throws InputError: broken JSON, keys as above, errors.ply missing, without its scalars, or of another
-/// run (its correspondences are not those of metrics.json).
+/// Reads both files. Throws InputError for invalid JSON or keys, and if errors.ply is missing, lacks its scalars, or
+/// belongs to another run (its correspondences differ from those of metrics.json).
 MetricsFile read_metrics(const std::filesystem::path& metrics_json);
 
-/// Where the errors of a metrics file lie.
+/// Path of errors.ply for a metrics file.
 std::filesystem::path errors_file(const std::filesystem::path& metrics_json);
 
 }  // namespace tileflight::evaluation

@@ -10,10 +10,10 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
 #include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/files.h"
 
 namespace tileflight::evaluation {
 namespace {
@@ -43,7 +43,7 @@ geometry::Trajectory walk() {
   return trajectory;
 }
 
-Score some_score() {
+MapEvaluation some_score() {
   geometry::TriangleMesh mesh;
   mesh.vertices = {{0, 0, 4}, {9, 0, 4}, {0, 9, 5}};
   mesh.triangles = {{0, 1, 2}};
@@ -53,7 +53,7 @@ Score some_score() {
   for (std::size_t k = 0; k < estimate.size(); k += 2) estimate.poses[k].T_local_camera.translation.z() += 0.05;
   PointCloud map = scattered(500, 3);
   map.positions.push_back(centers.positions[0] + Vec3(0, 0, 1.0));  // at the cut-off, but for another centre
-  Score score = evaluate(map, {&centers, &samples, &mesh, &samples, &estimate, &truth});
+  MapEvaluation score = evaluate(map, {&centers, &samples, &mesh, &samples, &estimate, &truth});
   map.normals.assign(map.size(), Eigen::Vector3f::UnitZ());
   score.metrics.surface->normals = normal_consistency(map, mesh, geometry::TriangleIndex(mesh), 1.0, 0);
   score.metrics.entropy = map_entropy(map);
@@ -66,10 +66,10 @@ class MetricsFiles : public ::testing::Test {
  protected:
   tests::TemporaryFolder folder_;
   std::filesystem::path file_ = folder_ / "metrics.json";
-  Score score_ = some_score();
+  MapEvaluation score_ = some_score();
 
-  void write(const json& object) { geometry::write_file(file_, object.dump()); }
-  json written() { return json::parse(geometry::read_text(file_)); }
+  void write(const json& object) { base::write_file(file_, object.dump()); }
+  json written() { return json::parse(base::read_text(file_)); }
 
   std::string complaint() {
     return tests::refusal_of([&] { read_metrics(file_); });
@@ -82,9 +82,9 @@ TEST_F(MetricsFiles, RoundTrip) {
   EXPECT_EQ(to_json(back.metrics).dump(), to_json(score_.metrics).dump());
   EXPECT_EQ(back.voxel.distances.size(), score_.metrics.map.correspondences);
   EXPECT_EQ(back.voxel.points, score_.metrics.map.points);
-  EXPECT_NEAR(statistics_of(back.voxel.distances).mean, score_.metrics.map.distances.mean, 1e-7);
+  EXPECT_NEAR(compute_statistics(back.voxel.distances).mean, score_.metrics.map.distances.mean, 1e-7);
   ASSERT_TRUE(back.surface);
-  EXPECT_NEAR(statistics_of(back.surface->distances).mean, score_.metrics.surface->distances.mean, 1e-6);
+  EXPECT_NEAR(compute_statistics(back.surface->distances).mean, score_.metrics.surface->distances.mean, 1e-6);
   EXPECT_EQ(back.voxel.positions.size(), back.voxel.distances.size());
 }
 
@@ -164,6 +164,7 @@ TEST_F(MetricsFiles, EveryMissingKeyIsNamed) {
   write_metrics(file_, score_.metrics, score_.errors);
   const json whole = written();
   for (const char* section : {"map", "surface", "trajectory"}) {
+    ASSERT_FALSE(whole.at(section).empty()) << section;
     for (const auto& item : whole.at(section).items()) {
       if (kNotInOlderFiles.contains(std::string(section) + "." + item.key())) continue;
       json without = whole;
@@ -225,12 +226,12 @@ TEST_F(MetricsFiles, UnknownAndWrongKeysAreNamed) {
 
 TEST_F(MetricsFiles, BrokenJsonAndMissingFilesAreClear) {
   write_metrics(file_, score_.metrics, score_.errors);
-  const std::string whole = geometry::read_text(file_);
-  geometry::write_file(file_, whole.substr(0, whole.size() / 2));
+  const std::string whole = base::read_text(file_);
+  base::write_file(file_, whole.substr(0, whole.size() / 2));
   EXPECT_NE(complaint().find("not valid JSON"), std::string::npos);
-  geometry::write_file(file_, "[]");
+  base::write_file(file_, "[]");
   EXPECT_NE(complaint().find("object"), std::string::npos);
-  geometry::write_file(file_, whole);
+  base::write_file(file_, whole);
   std::filesystem::remove(folder_ / "errors.ply");
   EXPECT_NE(complaint().find("errors.ply"), std::string::npos);
   geometry::write_cloud(folder_ / "errors.ply", scattered(10, 4));

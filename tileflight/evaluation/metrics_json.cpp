@@ -27,7 +27,7 @@ json by_percentage(const Percentiles& percentiles) {
   return object;
 }
 
-/// Of all points, at the histogram's edges; the last is the share kept.
+/// Cumulative share of all points at the histogram's edges; the last is the share kept.
 std::vector<double> cumulative(const MapMetrics& m) {
   std::vector<double> shares{0.0};
   std::size_t within = 0;
@@ -76,14 +76,14 @@ json to_json(const SurfaceMetrics& m) {
 }
 
 json to_json(const PathDrift& d) {
-  return {{"stretch_m", d.stretch_m},
+  return {{"stretch_m", d.segment_length_m},
           {"subpaths", d.subpaths},
           {"translation_percent", d.translation_percent},
           {"rotation_deg_per_m", d.rotation_deg_per_m}};
 }
 
 json to_json(const ScaleDrift& d) {
-  return {{"stretch_m", d.stretch_m}, {"stretches", d.stretches}, {"largest", d.largest}, {"rms", d.rms}};
+  return {{"stretch_m", d.segment_length_m}, {"stretches", d.segments}, {"largest", d.max_deviation}, {"rms", d.rms}};
 }
 
 json to_json(const TrajectoryMetrics& m) {
@@ -112,7 +112,7 @@ json to_json(const MeanDifference& d) {
           {"equivalent_within_m", d.equivalent_within_m ? json(*d.equivalent_within_m) : json(nullptr)}};
 }
 
-json to_json(const Comparison& c) {
+json to_json(const DistanceComparison& c) {
   return {{"mean_difference", c.mean_difference_m},
           {"std_difference", c.std_difference_m},
           {"points_ratio", c.points_ratio},
@@ -124,7 +124,7 @@ json to_json(const Comparison& c) {
           {"equivalent_within_m", c.equivalent_within_m ? json(*c.equivalent_within_m) : json(nullptr)},
           {"blocks", c.blocks},
           {"share_kept", {{"simulated", c.share_kept[0]}, {"real", c.share_kept[1]}}},
-          {"unit", c.unit},
+          {"unit", c.sampling_unit},
           {"runs", {{"simulated", c.runs[0]}, {"real", c.runs[1]}}},
           {"within_run", c.within_run ? to_json(*c.within_run) : json(nullptr)}};
 }

@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/metrics.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -9,10 +10,10 @@
 #include <numeric>
 #include <random>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/evaluate.h"
-#include "tileflight/evaluation/paper.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/evaluation/published_results.h"
 
 namespace tileflight::evaluation {
 namespace {
@@ -20,6 +21,8 @@ namespace {
 using geometry::PointCloud;
 using geometry::TriangleMesh;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
@@ -32,30 +35,33 @@ PointCloud cloud_of(std::vector<Vec3> positions) {
 // ------------------------------------------------------------------------------------------------ statistics
 
 TEST(DistanceStatistics, ClosedForm) {
-  const auto s = statistics_of({4.0, 1.0, 3.0, 2.0});
+  const auto s = compute_statistics({4.0, 1.0, 3.0, 2.0});
   EXPECT_EQ(s.count, 4u);
   EXPECT_DOUBLE_EQ(s.mean, 2.5);
   EXPECT_DOUBLE_EQ(s.std, std::sqrt(5.0 / 3.0)) << "divisor n - 1";
   EXPECT_DOUBLE_EQ(s.median, 2.5);
   EXPECT_DOUBLE_EQ(s.rmse, std::sqrt(7.5));
-  EXPECT_DOUBLE_EQ(statistics_of({5.0, 1.0, 2.0}).median, 2.0);
+  EXPECT_DOUBLE_EQ(compute_statistics({5.0, 1.0, 2.0}).median, 2.0);
 }
 
 TEST(DistanceStatistics, TooFewAreNotANumber) {
-  EXPECT_TRUE(std::isnan(statistics_of({}).mean));
-  EXPECT_DOUBLE_EQ(statistics_of({0.7}).mean, 0.7);
-  EXPECT_TRUE(std::isnan(statistics_of({0.7}).std));
+  EXPECT_TRUE(std::isnan(compute_statistics({}).mean));
+  EXPECT_DOUBLE_EQ(compute_statistics({0.7}).mean, 0.7);
+  EXPECT_TRUE(std::isnan(compute_statistics({0.7}).std));
 }
 
 TEST(Percentiles, ClosedForm) {
   std::vector<double> shuffled;
   for (int k = 0; k <= 200; ++k) shuffled.push_back((k * 77) % 201);  // 0 to 200 in some order
-  EXPECT_EQ(percentiles_of(shuffled), (Percentiles{{25, 50}, {50, 100}, {75, 150}, {90, 180}, {95, 190}, {99, 198}}));
-  const Percentiles two = percentiles_of({3.0, 2.0});
+  EXPECT_EQ(compute_percentiles(shuffled),
+            (Percentiles{{25, 50}, {50, 100}, {75, 150}, {90, 180}, {95, 190}, {99, 198}}));
+  const Percentiles two = compute_percentiles({3.0, 2.0});
   EXPECT_DOUBLE_EQ(two.at(25), 2.25) << "linear between neighbours";
   EXPECT_DOUBLE_EQ(two.at(99), 2.99);
-  for (const auto& [percent, value] : percentiles_of({0.7})) EXPECT_EQ(value, 0.7) << percent;
-  EXPECT_TRUE(percentiles_of({}).empty());
+  const Percentiles one = compute_percentiles({0.7});
+  ASSERT_EQ(one.size(), 6U);
+  for (const auto& [percent, value] : one) EXPECT_EQ(value, 0.7) << percent;
+  EXPECT_TRUE(compute_percentiles({}).empty());
 }
 
 TEST(Percentiles, AreThoseOfTheSortedDistances) {
@@ -64,7 +70,7 @@ TEST(Percentiles, AreThoseOfTheSortedDistances) {
   for (std::size_t n = 2; n < 130; ++n) {
     std::vector<double> distances(n);
     for (double& d : distances) d = std::round(20.0 * distance(random)) / 20.0;  // many are equal
-    const Percentiles found = percentiles_of(distances);
+    const Percentiles found = compute_percentiles(distances);
     std::sort(distances.begin(), distances.end());
     EXPECT_EQ(found.size(), 6u);
     for (const auto& [percent, value] : found) {
@@ -73,7 +79,7 @@ TEST(Percentiles, AreThoseOfTheSortedDistances) {
       const double between = std::lerp(distances[below], distances[below + 1], rank - static_cast<double>(below));
       EXPECT_NEAR(value, between, 1e-12) << percent << " % of " << n;
     }
-    EXPECT_DOUBLE_EQ(found.at(50), statistics_of(distances).median);
+    EXPECT_DOUBLE_EQ(found.at(50), compute_statistics(distances).median);
   }
 }
 
@@ -210,7 +216,7 @@ TEST_P(SimulatedTable, IsReproduced) {
     kept.insert(kept.end(), one.distances.begin(), one.distances.end());
     points += one.points;
   }
-  const auto s = statistics_of(kept);
+  const auto s = compute_statistics(kept);
   if (GetParam().sigma_m < 0.2) {
     EXPECT_NEAR(s.mean, GetParam().mean, 0.008) << "where corners do not matter the values must be the table's";
     EXPECT_NEAR(s.std, GetParam().std, 0.005);
@@ -306,9 +312,9 @@ TEST(SurfaceMetrics, AgreesWithBruteForce) {
     brute.push_back(least);
   }
   const auto m = evaluate_surface(map, mesh, {});
-  EXPECT_NEAR(m.distances.mean, statistics_of(brute).mean, 1e-12);
-  EXPECT_NEAR(m.distances.median, statistics_of(brute).median, 1e-12);
-  EXPECT_NEAR(m.distances.std, statistics_of(brute).std, 1e-12);
+  EXPECT_NEAR(m.distances.mean, compute_statistics(brute).mean, 1e-12);
+  EXPECT_NEAR(m.distances.median, compute_statistics(brute).median, 1e-12);
+  EXPECT_NEAR(m.distances.std, compute_statistics(brute).std, 1e-12);
 }
 
 // ------------------------------------------------------------------------------------------------ all at once
@@ -316,7 +322,7 @@ TEST(SurfaceMetrics, AgreesWithBruteForce) {
 TEST(Evaluate, GivesWhatThePartsGive) {
   const PointCloud map = grid(8.0, 0.3, 0.2), centers = grid(8.0, 1.0, 0.5), samples = grid(8.0, 0.2, 0.0);
   const TriangleMesh surface = square(8.0);
-  const Score score = evaluate(map, {&centers, &samples, &surface, &samples, nullptr, nullptr});
+  const MapEvaluation score = evaluate(map, {&centers, &samples, &surface, &samples, nullptr, nullptr});
   EXPECT_EQ(to_json(score.metrics.map), to_json(evaluate_map(map, centers, samples)));
   EXPECT_EQ(to_json(*score.metrics.surface), to_json(evaluate_surface(map, surface, samples)));
   EXPECT_FALSE(score.metrics.trajectory);
@@ -340,23 +346,34 @@ TEST(Evaluate, SameBitsForAnyNumberOfThreads) {
 TEST(Evaluate, RefusesBadInput) {
   const PointCloud cloud = grid(4.0, 1.0, 0.0);
   const PointCloud broken = cloud_of({{0, 0, 0}, {0, kNaN, 0}});
-  EXPECT_THROW(evaluate_map({}, cloud, cloud), InputError);
-  EXPECT_THROW(evaluate_map(cloud, {}, cloud), InputError);
-  EXPECT_THROW(evaluate_map(broken, cloud, cloud), InputError);
-  EXPECT_THROW(evaluate_map(cloud, broken, cloud), InputError);
-  EXPECT_THROW(evaluate_map(cloud, cloud, broken), InputError);
-  EXPECT_THROW(evaluate_map(cloud, cloud, cloud, {.cutoff_m = 0.0}), InputError);
-  EXPECT_THROW(evaluate_map(cloud, cloud, cloud, {.cutoff_m = kNaN}), InputError);
-  EXPECT_THROW(evaluate_map(cloud, cloud, cloud, {.bins = 0}), InputError);
-  EXPECT_THROW(evaluate_surface({}, square(1.0), cloud), InputError);
-  EXPECT_THROW(evaluate_surface(cloud, {}, cloud), InputError);
-  EXPECT_THROW(evaluate_surface(cloud, square(1.0), broken), InputError);
-  EXPECT_THROW(evaluate_surface(cloud, square(1.0), cloud, {0.0}), InputError);
-  EXPECT_THROW(evaluate(cloud, {}), InputError);
+  EXPECT_THAT([&] { evaluate_map({}, cloud, cloud); }, ThrowsMessage<InputError>(HasSubstr("map: has no points")));
+  EXPECT_THAT([&] { evaluate_map(cloud, {}, cloud); },
+              ThrowsMessage<InputError>(HasSubstr("voxel centres: has no points")));
+  EXPECT_THAT([&] { evaluate_map(broken, cloud, cloud); },
+              ThrowsMessage<InputError>(HasSubstr("map: point 1 is not finite")));
+  EXPECT_THAT([&] { evaluate_map(cloud, broken, cloud); },
+              ThrowsMessage<InputError>(HasSubstr("voxel centres: point 1 is not finite")));
+  EXPECT_THAT([&] { evaluate_map(cloud, cloud, broken); },
+              ThrowsMessage<InputError>(HasSubstr("surface samples: point 1 is not finite")));
+  EXPECT_THAT([&] { evaluate_map(cloud, cloud, cloud, {.cutoff_m = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("cut-off: must be above zero")));
+  EXPECT_THAT([&] { evaluate_map(cloud, cloud, cloud, {.cutoff_m = kNaN}); },
+              ThrowsMessage<InputError>(HasSubstr("cut-off: must be above zero")));
+  EXPECT_THAT([&] { evaluate_map(cloud, cloud, cloud, {.bins = 0}); },
+              ThrowsMessage<InputError>(HasSubstr("bins: must be at least 1")));
+  EXPECT_THAT([&] { evaluate_surface({}, square(1.0), cloud); },
+              ThrowsMessage<InputError>(HasSubstr("map: has no points")));
+  EXPECT_THAT([&] { evaluate_surface(cloud, {}, cloud); },
+              ThrowsMessage<InputError>(HasSubstr("surface: has no triangles")));
+  EXPECT_THAT([&] { evaluate_surface(cloud, square(1.0), broken); },
+              ThrowsMessage<InputError>(HasSubstr("surface samples: point 1 is not finite")));
+  EXPECT_THAT([&] { evaluate_surface(cloud, square(1.0), cloud, {0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("threshold: must be above zero")));
+  EXPECT_THAT([&] { evaluate(cloud, {}); }, ThrowsMessage<InputError>(HasSubstr("ground truth: has no voxel centres")));
 }
 
 TEST(Paper, TableHasTheKeysOfOurs) {
-  const auto table = paper_table();
+  const auto table = published_table();
   EXPECT_EQ(table.at("simulated").at("correspondences"), 36178);
   EXPECT_EQ(table.at("real").at("points"), 71918);
   EXPECT_EQ(table.at("real").at("resolution"), nlohmann::json({2688, 1512}));

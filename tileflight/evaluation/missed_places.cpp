@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <map>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -12,15 +12,15 @@ using geometry::Vec3;
 
 namespace {
 
-using Place = std::array<std::int64_t, 3>;
+using CellIndex = std::array<std::int64_t, 3>;
 
-Place place_of(const Vec3& p, double edge_m) {
+CellIndex cell_index(const Vec3& p, double edge_m) {
   const Vec3 cell = (p / edge_m).array().floor();
   return {static_cast<std::int64_t>(cell.x()), static_cast<std::int64_t>(cell.y()),
           static_cast<std::int64_t>(cell.z())};
 }
 
-Vec3 center_of(const Place& place, double edge_m) {
+Vec3 center_of(const CellIndex& place, double edge_m) {
   const Vec3 corner(static_cast<double>(place[0]), static_cast<double>(place[1]), static_cast<double>(place[2]));
   return edge_m * (corner + Vec3::Constant(0.5));
 }
@@ -37,15 +37,15 @@ void check(const MissedPlacesOptions& options) {
   if (!(options.block_m >= options.cell_m)) throw InputError("block of the bootstrap", "must be at least a cell");
 }
 
-/// Cells that either camera saw.
-std::map<Place, PlaceCell> all_cells(const SeenSurface& simulated, const SeenSurface& real,
-                                     const MissedPlacesOptions& options) {
-  std::map<Place, PlaceCell> cells;
+/// Cells seen by either camera.
+std::map<CellIndex, SurfaceCell> all_cells(const SeenSurface& simulated, const SeenSurface& real,
+                                           const MissedPlacesOptions& options) {
+  std::map<CellIndex, SurfaceCell> cells;
   std::size_t flight = 0;
   for (const SeenSurface* surface : {&simulated, &real}) {
     for (std::size_t i = 0; i < surface->positions.size(); ++i) {
-      const Place place = place_of(surface->positions[i], options.cell_m);
-      PlaceCell& cell = cells[place];
+      const CellIndex place = cell_index(surface->positions[i], options.cell_m);
+      SurfaceCell& cell = cells[place];
       cell.center = center_of(place, options.cell_m);
       ++cell.seen[flight];
       cell.mapped[flight] += surface->map_distance_m[i] <= options.within_m;
@@ -55,15 +55,15 @@ std::map<Place, PlaceCell> all_cells(const SeenSurface& simulated, const SeenSur
   return cells;
 }
 
-std::vector<Agreement> by_block(const std::vector<PlaceCell>& cells, double block_m) {
-  std::map<Place, Agreement> blocks;
-  for (const PlaceCell& cell : cells) blocks[place_of(cell.center, block_m)].add(cell.missed(0), cell.missed(1));
-  std::vector<Agreement> list;
+std::vector<ContingencyTable> by_block(const std::vector<SurfaceCell>& cells, double block_m) {
+  std::map<CellIndex, ContingencyTable> blocks;
+  for (const SurfaceCell& cell : cells) blocks[cell_index(cell.center, block_m)].add(cell.missed(0), cell.missed(1));
+  std::vector<ContingencyTable> list;
   for (const auto& [place, block] : blocks) list.push_back(block);
   return list;
 }
 
-const char* who_missed(const PlaceCell& cell) {
+const char* who_missed(const SurfaceCell& cell) {
   if (cell.missed(0)) return cell.missed(1) ? "both" : "simulated";
   return cell.missed(1) ? "real" : "none";
 }
@@ -97,9 +97,9 @@ nlohmann::json to_json(const MissedPlaces& places) {
           {"phi_ci95", places.phi_ci95}};
 }
 
-std::string places_csv(const MissedPlaces& places) {
+std::string missed_places_csv(const MissedPlaces& places) {
   std::string text = "x,y,z,seen_simulated,mapped_simulated,seen_real,mapped_real,missed\n";
-  for (const PlaceCell& cell : places.cells) {
+  for (const SurfaceCell& cell : places.cells) {
     char line[200];
     std::snprintf(line, sizeof line, "%.3f,%.3f,%.3f,%zu,%zu,%zu,%zu,%s\n", cell.center.x(), cell.center.y(),
                   cell.center.z(), cell.seen[0], cell.mapped[0], cell.seen[1], cell.mapped[1], who_missed(cell));

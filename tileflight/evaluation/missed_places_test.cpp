@@ -1,32 +1,35 @@
 #include "tileflight/evaluation/missed_places.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <random>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
 
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 // ------------------------------------------------------------------------------------------------ agreement
 
 TEST(Agreement, PhiInClosedForm) {
-  EXPECT_DOUBLE_EQ((Agreement{10, 0, 0, 5}.phi()), 1.0);
-  EXPECT_DOUBLE_EQ((Agreement{0, 3, 7, 0}.phi()), -1.0);
-  EXPECT_DOUBLE_EQ((Agreement{6, 2, 3, 1}.phi()), 0.0) << "independent";
-  EXPECT_DOUBLE_EQ((Agreement{4, 1, 2, 3}.phi()), (12.0 - 2.0) / std::sqrt(5.0 * 5.0 * 6.0 * 4.0));
-  EXPECT_TRUE(std::isnan((Agreement{0, 0, 3, 5}.phi()))) << "simulation lost nothing";
-  EXPECT_TRUE(std::isnan(Agreement{}.phi()));
+  EXPECT_DOUBLE_EQ((ContingencyTable{10, 0, 0, 5}.phi()), 1.0);
+  EXPECT_DOUBLE_EQ((ContingencyTable{0, 3, 7, 0}.phi()), -1.0);
+  EXPECT_DOUBLE_EQ((ContingencyTable{6, 2, 3, 1}.phi()), 0.0) << "independent";
+  EXPECT_DOUBLE_EQ((ContingencyTable{4, 1, 2, 3}.phi()), (12.0 - 2.0) / std::sqrt(5.0 * 5.0 * 6.0 * 4.0));
+  EXPECT_TRUE(std::isnan((ContingencyTable{0, 0, 3, 5}.phi()))) << "simulation lost nothing";
+  EXPECT_TRUE(std::isnan(ContingencyTable{}.phi()));
 }
 
 TEST(Agreement, PhiIsPearsonsCorrelation) {
   std::mt19937_64 random(1);
-  Agreement table;
+  ContingencyTable table;
   double n = 0, sa = 0, sb = 0, sab = 0;
   for (int k = 0; k < 500; ++k) {
     const bool a = random() % 3 == 0, b = random() % 2 == 0 ? a : random() % 5 == 0;
@@ -38,15 +41,15 @@ TEST(Agreement, PhiIsPearsonsCorrelation) {
   }
   const double expected = (sab / n - sa / n * sb / n) / std::sqrt(sa / n * (1 - sa / n) * sb / n * (1 - sb / n));
   EXPECT_NEAR(table.phi(), expected, 1e-12);
-  EXPECT_EQ(table.questions(), 500u);
+  EXPECT_EQ(table.total(), 500u);
 }
 
 TEST(Agreement, SharesAreOfWhatHappened) {
-  const auto json = to_json(Agreement{3, 1, 2, 10});
+  const auto json = to_json(ContingencyTable{3, 1, 2, 10});
   EXPECT_DOUBLE_EQ(json.at("predicted"), 0.6);
   EXPECT_DOUBLE_EQ(json.at("false_alarms"), 0.25);
-  EXPECT_TRUE(to_json(Agreement{0, 0, 0, 9}).at("predicted").is_null());
-  EXPECT_NE(to_json(Agreement{0, 0, 0, 9}).dump().find("\"phi\":null"), std::string::npos);
+  EXPECT_TRUE(to_json(ContingencyTable{0, 0, 0, 9}).at("predicted").is_null());
+  EXPECT_NE(to_json(ContingencyTable{0, 0, 0, 9}).dump().find("\"phi\":null"), std::string::npos);
 }
 
 // Answers are signs of normal variables that share one part in a block; their correlation r gives phi = 2/pi asin r
@@ -57,8 +60,8 @@ TEST(Agreement, IntervalCoversTheTruthAsOftenAsItSays) {
   const double truth = 2.0 / std::acos(-1.0) * std::asin(0.5);
   int covered = 0;
   for (std::uint64_t k = 0; k < 1000; ++k) {
-    std::vector<Agreement> blocks(80);
-    for (Agreement& block : blocks) {
+    std::vector<ContingencyTable> blocks(80);
+    for (ContingencyTable& block : blocks) {
       const double shared = normal(random);
       for (int cell = 0; cell < 8; ++cell) block.add(shared + normal(random) > 0, shared + normal(random) > 0);
     }
@@ -71,8 +74,8 @@ TEST(Agreement, IntervalCoversTheTruthAsOftenAsItSays) {
 
 TEST(Agreement, TooLittleHasNoInterval) {
   EXPECT_TRUE(std::isnan(phi_interval({}, 100, 1)[0]));
-  EXPECT_TRUE(std::isnan(phi_interval({Agreement{1, 1, 1, 1}}, 100, 1)[0]));
-  EXPECT_TRUE(std::isnan(phi_interval({Agreement{1, 1, 1, 1}, Agreement{0, 0, 0, 9}}, 100, 1)[0]));
+  EXPECT_TRUE(std::isnan(phi_interval({ContingencyTable{1, 1, 1, 1}}, 100, 1)[0]));
+  EXPECT_TRUE(std::isnan(phi_interval({ContingencyTable{1, 1, 1, 1}, ContingencyTable{0, 0, 0, 9}}, 100, 1)[0]));
 }
 
 // ------------------------------------------------------------------------------------------------ places
@@ -115,7 +118,7 @@ TEST(MissedPlaces, HalfOfTheSamplesMakeACellMapped) {
 }
 
 TEST(MissedPlaces, CsvHasALineACell) {
-  const std::string csv = places_csv(missed_places(row(-1, 3, 1), row(-1, 3, 0)));
+  const std::string csv = missed_places_csv(missed_places(row(-1, 3, 1), row(-1, 3, 0)));
   EXPECT_EQ(std::ranges::count(csv, '\n'), 5);
   EXPECT_NE(csv.find("\n-1.000,1.000,1.000,2,0,2,0,both\n1.000,1.000,1.000,2,0,2,2,simulated\n3.000"),
             std::string::npos)
@@ -126,13 +129,19 @@ TEST(MissedPlaces, NothingInCommonIsADefinedResult) {
   const MissedPlaces places = missed_places(row(0, 3, 0), row(10, 12, 0));
   EXPECT_TRUE(places.cells.empty());
   EXPECT_TRUE(std::isnan(places.missed.phi()));
-  EXPECT_EQ(missed_places({}, {}).missed.questions(), 0u);
+  EXPECT_EQ(missed_places({}, {}).missed.total(), 0u);
 }
 
 TEST(MissedPlaces, RefusesBadInput) {
-  EXPECT_THROW(missed_places({{Vec3::Zero()}, {}}, {}), InputError);
-  EXPECT_THROW(missed_places({}, {}, {.cell_m = 0.0}), InputError);
-  EXPECT_THROW(missed_places({}, {}, {.cell_m = 3.0, .block_m = 2.0}), InputError);
+  EXPECT_THAT(
+      [&] {
+        missed_places({{Vec3::Zero()}, {}}, {});
+      },
+      ThrowsMessage<InputError>(HasSubstr("has not one distance for each sample")));
+  EXPECT_THAT([&] { missed_places({}, {}, {.cell_m = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("cells of the map of agreement: must be above zero")));
+  EXPECT_THAT([&] { missed_places({}, {}, {.cell_m = 3.0, .block_m = 2.0}); },
+              ThrowsMessage<InputError>(HasSubstr("block of the bootstrap: must be at least a cell")));
 }
 
 }  // namespace

@@ -12,9 +12,9 @@
 #include <unordered_set>
 #include <utility>
 
-#include "tileflight/evaluation/split_mix.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/evaluation/student_t.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/nearest.h"
 
 namespace tileflight::evaluation {
@@ -23,8 +23,8 @@ using geometry::Vec3;
 
 namespace {
 
-/// More of either say nothing more: every so many are taken.
-std::size_t step_through(std::size_t count) {
+/// Step for subsampling points or samples; more of them add no information.
+std::size_t thinning_step(std::size_t count) {
   constexpr std::size_t kMost = 1000000;
   return 1 + count / kMost;
 }
@@ -35,7 +35,7 @@ using CommonSamples = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
 
 std::uint64_t hash_of(const Vec3& p) {
   std::uint64_t hash = 0;
-  for (const double coordinate : p) hash = SplitMix64(hash ^ std::bit_cast<std::uint64_t>(coordinate)).next();
+  for (const double coordinate : p) hash = base::SplitMix64(hash ^ std::bit_cast<std::uint64_t>(coordinate)).next();
   return hash;
 }
 
@@ -46,7 +46,8 @@ std::vector<std::pair<std::uint64_t, std::uint32_t>> hashed(const std::vector<Ve
   return keys;
 }
 
-/// In the order of their hashes, which exchanged maps leave as it is; thinned without a pattern where there are many.
+/// In the order of their hashes, which does not change if the maps are exchanged, and gives an unpatterned subsample of
+/// large sets.
 CommonSamples common_samples(const SeenSurface& a, const SeenSurface& b) {
   const auto of_a = hashed(a.positions), of_b = hashed(b.positions);
   CommonSamples common;
@@ -57,20 +58,20 @@ CommonSamples common_samples(const SeenSurface& a, const SeenSurface& b) {
     i += hash_a <= hash_b ? 1 : 0;
     j += hash_b <= hash_a ? 1 : 0;
   }
-  const std::size_t step = step_through(common.size());
+  const std::size_t step = thinning_step(common.size());
   CommonSamples thinned;
   for (std::size_t k = 0; k < common.size(); k += step) thinned.push_back(common[k]);
   return thinned;
 }
 
-/// Map points, simulated and real.
+/// Numbers of map points, simulated and real.
 struct Counts {
   std::array<std::uint32_t, 2> points{};
 
   std::uint32_t total() const { return points[0] + points[1]; }
 };
 
-/// The samples, and how many points of each map are nearest to each.
+/// The shared samples, with the number of points of each map assigned to each.
 struct Surface {
   std::vector<Vec3> samples;
   geometry::NearestIndex index;
@@ -80,7 +81,7 @@ struct Surface {
 };
 
 void count_points(const KeptDistances& map, std::size_t number, double cutoff_m, Surface& surface) {
-  const std::size_t step = step_through(map.positions.size());
+  const std::size_t step = thinning_step(map.positions.size());
   const std::size_t taken = (map.positions.size() + step - 1) / step;
   tbb::parallel_for(std::size_t{0}, taken, [&](std::size_t k) {
     const std::size_t i = k * step;
@@ -92,18 +93,19 @@ void count_points(const KeptDistances& map, std::size_t number, double cutoff_m,
 
 // --------------------------------------------------------------------------------------------------------- balls
 
-/// Balls of one size around samples, with what is in them, and what to expect there.
+/// Balls of one size around samples, with their counts and the expected shares.
 struct Balls {
-  double edge_m = 0;
+  double diameter_m = 0;
   std::vector<std::uint32_t> centers;
   std::vector<Counts> counts;
-  double share = 0.0, correlation = 0.0;  ///< the simulated map's of all points; of choices within a ball
+  double share = 0.0, correlation = 0.0;  ///< the simulated map's share of all points; intraclass correlation within a
+                                          ///< ball
 
-  /// Of n points: as many independent ones.
+  /// Effective number of independent points among n.
   double effective(double n) const { return n / (1.0 + (n - 1.0) * correlation); }
 };
 
-/// The first sample of each cell of a lattice.
+/// First sample of each cell of a grid.
 std::vector<std::uint32_t> centers_apart(const std::vector<Vec3>& samples, double apart_m) {
   std::unordered_set<std::uint64_t> taken;
   std::vector<std::uint32_t> centers;
@@ -115,16 +117,17 @@ std::vector<std::uint32_t> centers_apart(const std::vector<Vec3>& samples, doubl
 }
 
 template <class Visit>
-void in_ball(const Surface& surface, const Balls& balls, std::size_t ball, const Visit& visit) {
-  for (const auto& near : surface.index.within(surface.samples[balls.centers[ball]], 0.5 * balls.edge_m))
+void for_each_in_ball(const Surface& surface, const Balls& balls, std::size_t ball, const Visit& visit) {
+  for (const auto& near : surface.index.within(surface.samples[balls.centers[ball]], 0.5 * balls.diameter_m))
     visit(near.index);
 }
 
-/// Such that the median ball deviates as far as its independent points would. Of balls with points enough.
+/// Intraclass correlation at which the median ball deviates as far as its effective number of points implies; over
+/// balls with enough points.
 double correlation_of(const Balls& balls) {
   constexpr double kEnough = 10.0, kMedianOfChiSquare = 0.4549364;
   const double p = balls.share;
-  std::vector<std::pair<double, double>> deviations;  // points, squared deviation in units of the binomial's
+  std::vector<std::pair<double, double>> deviations;  // points, squared deviation over the binomial variance
   for (const Counts& counts : balls.counts) {
     const double n = counts.total();
     if (n < kEnough) continue;
@@ -150,10 +153,10 @@ double correlation_of(const Balls& balls) {
 }
 
 Balls balls_of(const Surface& surface, double edge_m) {
-  Balls balls{.edge_m = edge_m, .centers = centers_apart(surface.samples, 0.25 * edge_m)};
+  Balls balls{.diameter_m = edge_m, .centers = centers_apart(surface.samples, 0.25 * edge_m)};
   balls.counts.resize(balls.centers.size());
   tbb::parallel_for(std::size_t{0}, balls.centers.size(), [&](std::size_t k) {
-    in_ball(surface, balls, k, [&](std::size_t sample) {
+    for_each_in_ball(surface, balls, k, [&](std::size_t sample) {
       for (std::size_t map = 0; map < 2; ++map) balls.counts[k].points[map] += surface.counts[sample].points[map];
     });
   });
@@ -166,16 +169,16 @@ Balls balls_of(const Surface& surface, double edge_m) {
   return balls;
 }
 
-/// Of so few points or fewer of n, each with the probability; counts need not be whole.
+/// Probability of at most `few` successes among n; counts need not be integers.
 double binomial_tail(double few, double n, double probability) {
   return few >= n ? 1.0 : incomplete_beta(1.0 - probability, n - few, few + 1.0);
 }
 
 bool overlap(const MissingPart& a, const MissingPart& b) {
-  return (a.center - b.center).norm() < 0.5 * (a.edge_m + b.edge_m);
+  return (a.center - b.center).norm() < 0.5 * (a.diameter_m + b.diameter_m);
 }
 
-/// Probability of so few points of a map in a ball.
+/// Probability of at most the observed number of points of a map in a ball.
 double p_of(const Balls& balls, const Counts& counts, std::size_t map) {
   const double n = balls.effective(counts.total()), share = map == 0 ? balls.share : 1.0 - balls.share;
   return binomial_tail(counts.points[map] * n / counts.total(), n, share);
@@ -183,10 +186,11 @@ double p_of(const Balls& balls, const Counts& counts, std::size_t map) {
 
 bool hardly_any(const Balls& balls, const Counts& counts, std::size_t map, const MissingPartsOptions& options) {
   const double share = map == 0 ? balls.share : 1.0 - balls.share;
-  return counts.points[map] <= options.hardly * counts.total() * share;
+  return counts.points[map] <= options.max_relative_count * counts.total() * share;
 }
 
-/// Marks what the balls tell of and what a map lacks. A ball tells if none of the rarer map's points would be too few.
+/// Marks the informative samples and those that a map lacks. A ball is informative if zero points of the sparser map
+/// would be significant.
 void mark(const Surface& surface, const Balls& balls, const MissingPartsOptions& options, MissingParts& result) {
   const auto set = [](std::vector<std::uint8_t>& flags, std::size_t sample) {
     std::atomic_ref(flags[sample]).store(1, std::memory_order_relaxed);
@@ -194,20 +198,21 @@ void mark(const Surface& surface, const Balls& balls, const MissingPartsOptions&
   tbb::parallel_for(std::size_t{0}, balls.centers.size(), [&](std::size_t k) {
     const Counts& counts = balls.counts[k];
     const double rarer = std::min(balls.share, 1.0 - balls.share);
-    if (counts.total() == 0 || !(binomial_tail(0.0, balls.effective(counts.total()), rarer) <= options.level_of_one))
+    if (counts.total() == 0 ||
+        !(binomial_tail(0.0, balls.effective(counts.total()), rarer) <= options.significance_per_ball))
       return;
     std::array<bool, 2> lacks{};
     for (std::size_t map = 0; map < 2; ++map)
-      lacks[map] = hardly_any(balls, counts, map, options) && p_of(balls, counts, map) <= options.level_of_one;
-    in_ball(surface, balls, k, [&](std::size_t sample) {
-      set(result.telling, sample);
+      lacks[map] = hardly_any(balls, counts, map, options) && p_of(balls, counts, map) <= options.significance_per_ball;
+    for_each_in_ball(surface, balls, k, [&](std::size_t sample) {
+      set(result.informative, sample);
       for (std::size_t map = 0; map < 2; ++map)
-        if (lacks[map]) set(result.lacks[map], sample);
+        if (lacks[map]) set(result.lacking[map], sample);
     });
   });
 }
 
-/// Balls that one of the maps lacks, for sure.
+/// Appends the balls that one of the maps significantly lacks.
 void find_parts(const Surface& surface, const Balls& balls, double tests, const MissingPartsOptions& options,
                 std::vector<MissingPart>& found) {
   for (std::size_t k = 0; k < balls.centers.size(); ++k) {
@@ -215,17 +220,18 @@ void find_parts(const Surface& surface, const Balls& balls, double tests, const 
     for (std::size_t map = 0; map < 2; ++map) {
       if (counts.total() == 0 || !hardly_any(balls, counts, map, options)) continue;
       const double p = tests * p_of(balls, counts, map);
-      if (!(p <= options.level)) continue;
-      found.push_back({surface.samples[balls.centers[k]], balls.edge_m, {counts.points[0], counts.points[1]}, map, p});
+      if (!(p <= options.significance_level)) continue;
+      found.push_back(
+          {surface.samples[balls.centers[k]], balls.diameter_m, {counts.points[0], counts.points[1]}, map, p});
     }
   }
 }
 
-/// The surest first, without those that overlap one before.
-std::vector<MissingPart> apart(std::vector<MissingPart> found, std::size_t most) {
+/// Most significant first, without balls that overlap an earlier one.
+std::vector<MissingPart> remove_overlapping(std::vector<MissingPart> found, std::size_t most) {
   std::sort(found.begin(), found.end(), [](const MissingPart& a, const MissingPart& b) {
     const auto key = [](const MissingPart& m) {
-      return std::tuple(m.p, m.edge_m, m.center.x(), m.center.y(), m.center.z(), m.lacks);
+      return std::tuple(m.p, m.diameter_m, m.center.x(), m.center.y(), m.center.z(), m.lacking_map);
     };
     return key(a) < key(b);
   });
@@ -239,7 +245,7 @@ std::vector<MissingPart> apart(std::vector<MissingPart> found, std::size_t most)
 }
 
 void check(const MissingPartsOptions& options) {
-  for (const double edge_m : options.edges_m) {
+  for (const double edge_m : options.diameters_m) {
     if (!(edge_m > 0.0) || !std::isfinite(edge_m)) throw InputError("balls", "must have a width above zero, in metres");
   }
 }
@@ -250,25 +256,25 @@ double MissingParts::lacking_share(std::size_t map) const {
   const auto sum = [](const std::vector<std::uint8_t>& flags) {
     return std::accumulate(flags.begin(), flags.end(), 0.0);
   };
-  return sum(lacks[map]) / sum(telling);
+  return sum(lacking[map]) / sum(informative);
 }
 
 MissingParts missing_parts(const KeptDistances& simulated, const SeenSurface& seen_by_simulated,
                            const KeptDistances& real, const SeenSurface& seen_by_real,
                            const MissingPartsOptions& options) {
   check(options);
-  MissingParts result{.options = options, .common = common_samples(seen_by_simulated, seen_by_real)};
-  result.telling.assign(result.common.size(), 0);
-  result.lacks.fill(result.telling);
-  if (result.common.empty()) return result;
+  MissingParts result{.options = options, .shared_samples = common_samples(seen_by_simulated, seen_by_real)};
+  result.informative.assign(result.shared_samples.size(), 0);
+  result.lacking.fill(result.informative);
+  if (result.shared_samples.empty()) return result;
   std::vector<Vec3> samples;
-  for (const auto& [in_simulated, in_real] : result.common)
+  for (const auto& [in_simulated, in_real] : result.shared_samples)
     samples.push_back(seen_by_simulated.positions[in_simulated]);
   Surface surface(std::move(samples));
   count_points(simulated, 0, options.cutoff_m, surface);
   count_points(real, 1, options.cutoff_m, surface);
   std::vector<Balls> sizes;
-  for (const double edge_m : options.edges_m) {
+  for (const double edge_m : options.diameters_m) {
     sizes.push_back(balls_of(surface, edge_m));
     result.balls += sizes.back().centers.size();
   }
@@ -280,7 +286,7 @@ MissingParts missing_parts(const KeptDistances& simulated, const SeenSurface& se
     mark(surface, balls, options, result);
     find_parts(surface, balls, 2.0 * static_cast<double>(result.balls), options, found);
   }
-  result.parts = apart(std::move(found), options.most);
+  result.parts = remove_overlapping(std::move(found), options.max_parts);
   return result;
 }
 
@@ -288,9 +294,9 @@ nlohmann::json to_json(const MissingParts& missing) {
   nlohmann::json parts = nlohmann::json::array();
   for (const MissingPart& part : missing.parts) {
     parts.push_back({{"center", {part.center.x(), part.center.y(), part.center.z()}},
-                     {"edge", part.edge_m},
+                     {"edge", part.diameter_m},
                      {"points", {{"simulated", part.points[0]}, {"real", part.points[1]}}},
-                     {"lacks", part.lacks == 0 ? "simulated" : "real"},
+                     {"lacks", part.lacking_map == 0 ? "simulated" : "real"},
                      {"p", part.p}});
   }
   return {{"balls", missing.balls}, {"correlation", missing.correlation}, {"parts", parts}};

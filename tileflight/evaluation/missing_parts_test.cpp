@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/missing_parts.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -8,13 +9,15 @@
 #include <random>
 
 #include "tests/synthetic_maps.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/student_t.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
 
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// Points on a floor of 60 m x 60 m, `density` a square metre, but for a square of the edge around (20, 30).
 KeptDistances floor_without(double edge_m, double density, std::uint64_t seed) {
@@ -54,12 +57,12 @@ TEST(MissingParts, AHoleIsFoundWhereItIs) {
   const SeenSurface seen = seen_floor();
   const auto found = missing_parts(floor_without(0, 3, 1), seen, floor_without(5.0, 3, 2), seen);
   ASSERT_FALSE(found.parts.empty());
-  EXPECT_EQ(found.parts[0].lacks, 1u);
+  EXPECT_EQ(found.parts[0].lacking_map, 1u);
   EXPECT_LT((found.parts[0].center - Vec3(20, 30, 0.3)).head<2>().norm(), 2.0);
   EXPECT_EQ(found.parts[0].points[1], 0u);
   EXPECT_LT(found.parts[0].p, 1e-3);
   const auto other = missing_parts(floor_without(5.0, 3, 2), seen, floor_without(0, 3, 1), seen);
-  EXPECT_EQ(other.parts[0].lacks, 0u);
+  EXPECT_EQ(other.parts[0].lacking_map, 0u);
   EXPECT_NEAR(other.parts[0].p, found.parts[0].p, 1e-9 * found.parts[0].p);
 }
 
@@ -70,14 +73,15 @@ TEST(MissingParts, AShareOfTheSurfaceIsLackingWhereAHoleIs) {
     const auto found = missing_parts(floor_without(0, 6, 1), seen, floor_without(edge_m, 6, 2), seen);
     EXPECT_NEAR(found.lacking_share(1), hole, 0.1 * hole + 0.001) << edge_m;
     EXPECT_LT(found.lacking_share(0), 0.002);
-    EXPECT_GT(std::accumulate(found.telling.begin(), found.telling.end(), 0.0), 0.99 * 14400.0);
+    EXPECT_GT(std::accumulate(found.informative.begin(), found.informative.end(), 0.0), 0.99 * 14400.0);
   }
   const auto thin = missing_parts(floor_without(0, 0.05, 1), seen, floor_without(10.0, 0.05, 2), seen);
-  EXPECT_LT(std::accumulate(thin.telling.begin(), thin.telling.end(), 0.0), 0.3 * 14400.0) << "too few points to say";
+  EXPECT_LT(std::accumulate(thin.informative.begin(), thin.informative.end(), 0.0), 0.3 * 14400.0)
+      << "too few points to say";
 }
 
 TEST(MissingParts, ErrorsOfThePointsAreNoHoles) {
-  // The one map's floor lies 0.2 m above the other's, as errors that are alike between neighbours leave it.
+  // One map's floor lies 0.2 m above the other's, as from correlated errors.
   const SeenSurface seen = seen_floor();
   KeptDistances above = floor_without(0, 3, 2);
   for (Vec3& p : above.positions) p.z() += 0.2;
@@ -122,8 +126,7 @@ TEST(MissingParts, MapsThatDifferEverywhereHideASmallOne) {
   for (const MissingPart& part : found.parts) EXPECT_GT(part.points[0], 15u) << "only what is gross";
 }
 
-/// Some 25 points a square metre: in most of these walls a ball fits into the hole that holds 30 points of the whole
-/// map.
+/// Some 25 points a square metre: in most of these walls the hole contains a ball with 30 points of the complete map.
 TEST(MissingParts, FivePercentOfAWallIsFoundWhereTheMapIsDenseEnough) {
   int found = 0, alarms = 0;
   constexpr std::uint64_t kPlaces = 6;
@@ -148,7 +151,8 @@ TEST(MissingParts, SameForAnyNumberOfThreads) {
   const std::string first = to_json(missing_parts(a, seen, b, seen)).dump();
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   EXPECT_EQ(to_json(missing_parts(a, seen, b, seen)).dump(), first);
-  EXPECT_THROW(missing_parts(a, seen, b, seen, {.edges_m = {0.0}}), InputError);
+  EXPECT_THAT([&] { missing_parts(a, seen, b, seen, {.diameters_m = {0.0}}); },
+              ThrowsMessage<InputError>(HasSubstr("balls: must have a width above zero")));
 }
 
 }  // namespace

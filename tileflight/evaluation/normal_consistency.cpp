@@ -18,7 +18,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 const double kCos30 = std::sqrt(3.0) / 2.0;
 
-/// Not a unit vector; zero for a triangle without area.
+/// Normal of a triangle, not normalised; zero for a triangle without area.
 Vec3 direction_of(const geometry::TriangleMesh& mesh, std::size_t triangle) {
   const auto& [a, b, c] = mesh.triangles[triangle];
   return (mesh.vertices[b] - mesh.vertices[a]).cross(mesh.vertices[c] - mesh.vertices[a]);
@@ -39,25 +39,25 @@ NormalConsistency normal_consistency(const geometry::PointCloud& map, const geom
     if (const auto nearest = index.nearest(map.positions[i], within_m))
       cosines[i] = abs_cos(map.normals[i].cast<double>(), direction_of(surface, nearest->triangle));
   });
-  NormalConsistency result{.points = map.size(), .asked = map.size(), .within_m = within_m, .neighbors = neighbors};
+  NormalConsistency result{.points = map.size(), .sampled = map.size(), .within_m = within_m, .neighbors = neighbors};
   double sum = 0.0, close = 0.0;
   for (const double cosine : cosines) {
     if (std::isnan(cosine)) continue;
     sum += cosine;
     close += cosine >= kCos30 ? 1.0 : 0.0;
-    ++result.judged;
+    ++result.evaluated;
   }
-  if (result.judged == 0) return result;
-  result.mean_abs_cos = sum / static_cast<double>(result.judged);
-  result.share_within_30_deg = close / static_cast<double>(result.judged);
+  if (result.evaluated == 0) return result;
+  result.mean_abs_cos = sum / static_cast<double>(result.evaluated);
+  result.share_within_30_deg = close / static_cast<double>(result.evaluated);
   return result;
 }
 
 nlohmann::json to_json(const NormalConsistency& n) {
-  const double share = n.asked > 0 ? static_cast<double>(n.judged) / static_cast<double>(n.asked) : 0.0;
+  const double share = n.sampled > 0 ? static_cast<double>(n.evaluated) / static_cast<double>(n.sampled) : 0.0;
   return {{"points", n.points},
-          {"asked", n.asked},
-          {"judged", n.judged},
+          {"asked", n.sampled},
+          {"judged", n.evaluated},
           {"share_judged", share},
           {"within", n.within_m},
           {"neighbors", n.neighbors},
@@ -69,8 +69,8 @@ NormalConsistency normals_from_json(const nlohmann::json& object, const std::str
   JsonReader reader(object, where, "surface.normals");
   NormalConsistency n;
   n.points = reader.count("points");
-  n.asked = reader.has("asked") ? reader.count("asked") : n.points;  // older files asked all
-  n.judged = reader.count("judged");
+  n.sampled = reader.has("asked") ? reader.count("asked") : n.points;  // older files used all points
+  n.evaluated = reader.count("judged");
   reader.number("share_judged");  // follows from the counts
   n.within_m = reader.number("within");
   n.neighbors = reader.count("neighbors");

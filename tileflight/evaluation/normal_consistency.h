@@ -10,21 +10,22 @@
 
 namespace tileflight::evaluation {
 
-/// Whether a map's surface faces the way the true one does. Normals that mean nothing come to a mean |cos| of 1/2 and a
-/// share of 1 - cos 30 = 0.134.
+/// Agreement of a map's normals with those of the true surface. Random normals give a mean |cos| of 1/2 and a share of
+/// 1 - cos 30 deg = 0.134.
 struct NormalConsistency {
   std::size_t points = 0;     ///< of the map
-  std::size_t asked = 0;      ///< of them: all, or an even choice of a large map's
-  std::size_t judged = 0;     ///< of those asked, with a normal, and within `within_m` of the surface
-  double within_m = 0;        ///< farther points' nearest triangle says little of them
-  std::size_t neighbors = 0;  ///< that the normals were estimated from; 0: the map's own
+  std::size_t sampled = 0;    ///< of them: all, or an even subsample of a large map
+  std::size_t evaluated = 0;  ///< of the sampled ones: with a normal, within `within_m` of the surface
+  double within_m = 0;        ///< largest distance to the surface; for farther points the nearest triangle is not
+                              ///< meaningful
+  std::size_t neighbors = 0;  ///< number of neighbours used to estimate the normals; 0: the map's own normals
   double mean_abs_cos = std::numeric_limits<double>::quiet_NaN();
   double share_within_30_deg = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Angle between each point's normal and that of the nearest triangle, either side. A zero normal is none, and a
-/// triangle without area has none. `asked` must have normals: all points of the map, or evenly chosen ones of a large
-/// one, whose size is then to be noted as `points`. `neighbors` is only noted.
+/// Unsigned angle between each point's normal and that of the nearest triangle. Zero normals and triangles without area
+/// are skipped. `asked` must have normals; it holds all points of the map, or an even subsample, in which case the
+/// caller sets `points` to the map's size. `neighbors` is only recorded in the result.
 NormalConsistency normal_consistency(const geometry::PointCloud& asked, const geometry::TriangleMesh& surface,
                                      const geometry::TriangleIndex& index, double within_m, std::size_t neighbors);
 

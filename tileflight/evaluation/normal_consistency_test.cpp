@@ -40,7 +40,7 @@ TEST(NormalConsistency, ClosedForm) {
     const double angle = degrees * std::acos(-1.0) / 180.0;
     const auto found =
         consistency(above_square(50, [&] { return Vec3(std::sin(angle), 0, std::cos(angle)); }), square(10.0));
-    EXPECT_EQ(found.judged, 50u);
+    EXPECT_EQ(found.evaluated, 50u);
     EXPECT_NEAR(found.mean_abs_cos, std::abs(std::cos(angle)), 1e-6) << degrees;
     EXPECT_EQ(found.share_within_30_deg, degrees < 30.0 || degrees > 150.0 ? 1.0 : 0.0) << "either side: " << degrees;
   }
@@ -66,7 +66,7 @@ TEST(NormalConsistency, WhatHasNoNormalOrIsFarAwayIsNotJudged) {
   mesh.triangles = {mesh.triangles[2], mesh.triangles[0], mesh.triangles[1]};
   const auto found = consistency(cloud, mesh);
   EXPECT_EQ(found.points, 10u);
-  EXPECT_EQ(found.judged, 7u);
+  EXPECT_EQ(found.evaluated, 7u);
   EXPECT_DOUBLE_EQ(found.mean_abs_cos, 1.0);
   EXPECT_NEAR(to_json(found).at("share_judged").get<double>(), 0.7, 1e-12);
   const auto none = consistency(above_square(5, [] { return Vec3(0, 0, 0); }), square(10.0));

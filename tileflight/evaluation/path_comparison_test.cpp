@@ -14,22 +14,22 @@ namespace {
 
 using geometry::Vec3;
 
-Measured judged(double simulated_m, double real_m) {
-  Measured m{.name = "path.ate", .scale = Scale::kRatio, .margin = 1.25, .or_within = 0.1};
-  judge_one_path_each(simulated_m, real_m, m);
+ComparedMetric judged(double simulated_m, double real_m) {
+  ComparedMetric m{.name = "path.ate", .scale = MarginScale::kRatio, .margin = 1.25, .absolute_margin = 0.1};
+  judge_single_paths(simulated_m, real_m, m);
   return m;
 }
 
 TEST(PathComparison, IntervalsAreFishersAndHoldTheValue) {
-  const Measured m = judged(0.3, 0.2);
+  const ComparedMetric m = judged(0.3, 0.2);
   EXPECT_NEAR(m.ratio, 1.5, 1e-12);
   EXPECT_NEAR(m.ratio_ci95[1], 1.5 * std::sqrt(39.0), 1e-9) << "F(2, 2) at 0.975 is 39";
   EXPECT_NEAR(m.ratio_ci95[0], 1.5 / std::sqrt(39.0), 1e-9);
   EXPECT_LT(m.difference_ci95[0], 0.1);
   EXPECT_GT(m.difference_ci95[1], 0.1);
-  const Measured other = judged(0.2, 0.3);
+  const ComparedMetric other = judged(0.2, 0.3);
   EXPECT_NEAR(other.difference_ci95[0], -m.difference_ci95[1], 1e-12);
-  EXPECT_EQ(m.unit, "one path");
+  EXPECT_EQ(m.sampling_unit, "one path");
 }
 
 TEST(PathComparison, TestsFollowTheIntervals) {
@@ -40,7 +40,7 @@ TEST(PathComparison, TestsFollowTheIntervals) {
   EXPECT_GT(judged(1.0, 0.3).p_within, 0.05);
   EXPECT_EQ(judged(0.05, 0.001).p_within, 1.0);
   for (const double ratio : {1.5, 5.0, 9.0, 15.0, 40.0}) {
-    const Measured m = judged(10.0 * ratio, 10.0);  // the difference is far beyond 0.1 m; the ratio decides
+    const ComparedMetric m = judged(10.0 * ratio, 10.0);  // the difference is far beyond 0.1 m; the ratio decides
     EXPECT_EQ(m.p_within <= 0.05, m.ratio_ci95[0] >= 1.25 && m.difference_ci95[0] >= 0.1) << ratio;
   }
 }
@@ -52,13 +52,13 @@ TEST(PathComparison, WithoutAnErrorThereIsNothingToSay) {
 
 // ---------------------------------------------------------------------------------- paths that drift, and what is said
 
-/// Three values, each a normal one.
+/// Three independent standard normal values.
 Vec3 normal_vector(std::mt19937_64& random) {
   std::normal_distribution<double> normal(0.0, 1.0);
   return {normal(random), normal(random), normal(random)};
 }
 
-/// A path whose steps' direction, length and end each do a random walk.
+/// A path with random-walk drift of direction, scale and position.
 geometry::Trajectory drifted(const geometry::Trajectory& truth, double turn_rad, double scale, double step_m,
                              std::mt19937_64& random) {
   geometry::Trajectory path = truth;
@@ -106,7 +106,7 @@ TEST(PathComparison, IntervalsHoldTheRatioOfDriftsAtLeastAsOftenAsTheySay) {
                                      truth, TrajectoryAlignment::kSim3)
               .ate_rmse_m;
         };
-        const Measured m = judged(ate_m(2.0), ate_m(1.0));  // the true ratio is 2
+        const ComparedMetric m = judged(ate_m(2.0), ate_m(1.0));  // the true ratio is 2
         held += m.ratio_ci95[0] <= 2.0 && 2.0 <= m.ratio_ci95[1];
       }
       EXPECT_GE(held, 188) << d.turn_rad << " " << d.scale << " " << d.step_m;

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numeric>
 
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/evaluation/block_bootstrap.h"
-#include "tileflight/evaluation/split_mix.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -14,14 +14,14 @@ namespace {
 
 using Indices = std::vector<std::size_t>;
 
-constexpr std::size_t kMostForAllPermutations = 9;
-constexpr std::size_t kLeastForBootstrap = 8;
-constexpr std::size_t kLeastForInterval = 5;
+constexpr std::size_t kMaxForAllPermutations = 9;
+constexpr std::size_t kMinForBootstrap = 8;
+constexpr std::size_t kMinForInterval = 5;
 constexpr double kNormal975 = 1.959963984540054;
 
 int sign(double v) { return (v > 0.0) - (v < 0.0); }
 
-/// Pairs in the same order less pairs in the other one; `of_a` and `of_b` choose the values.
+/// Number of concordant minus discordant pairs; `of_a` and `of_b` select the values.
 std::int64_t concordance(const std::vector<double>& a, const Indices& of_a, const std::vector<double>& b,
                          const Indices& of_b) {
   std::int64_t sum = 0;
@@ -31,7 +31,7 @@ std::int64_t concordance(const std::vector<double>& a, const Indices& of_a, cons
   return sum;
 }
 
-/// Pairs that differ.
+/// Number of pairs with different values.
 double untied_pairs(const std::vector<double>& values, const Indices& of) {
   return static_cast<double>(concordance(values, of, values, of));
 }
@@ -48,11 +48,11 @@ Indices first_n(std::size_t n) {
   return indices;
 }
 
-void shuffle(Indices& indices, SplitMix64& random) {
+void shuffle(Indices& indices, base::SplitMix64& random) {
   for (std::size_t i = indices.size(); i > 1; --i) std::swap(indices[i - 1], indices[random.below(i)]);
 }
 
-/// Share of all permutations whose order agrees (or disagrees) at least as much.
+/// Share of all permutations with at least the observed absolute concordance.
 double exact_p_value(const std::vector<double>& a, const std::vector<double>& b) {
   const Indices items = first_n(a.size());
   const std::int64_t found = std::abs(concordance(a, items, b, items));
@@ -69,9 +69,9 @@ double random_p_value(const std::vector<double>& a, const std::vector<double>& b
   constexpr std::size_t kPermutations = 9999;
   const Indices items = first_n(a.size());
   const std::int64_t found = std::abs(concordance(a, items, b, items));
-  SplitMix64 random(seed);
+  base::SplitMix64 random(seed);
   Indices permuted = items;
-  std::size_t as_far = 1;  // the order that was found is one of them
+  std::size_t as_far = 1;  // includes the observed order
   for (std::size_t k = 0; k < kPermutations; ++k) {
     shuffle(permuted, random);
     as_far += std::abs(concordance(a, items, b, permuted)) >= found;
@@ -79,10 +79,10 @@ double random_p_value(const std::vector<double>& a, const std::vector<double>& b
   return static_cast<double>(as_far) / static_cast<double>(kPermutations + 1);
 }
 
-/// NaN where all resamples agree.
+/// NaN if all resamples agree.
 std::array<double, 2> bootstrap_interval(const std::vector<double>& a, const std::vector<double>& b, int resamples,
                                          std::uint64_t seed) {
-  SplitMix64 random(seed);
+  base::SplitMix64 random(seed);
   std::vector<double> taus;
   for (int k = 0; k < resamples; ++k) {
     Indices drawn(a.size());
@@ -113,8 +113,8 @@ void check(const std::vector<double>& values) {
 TauInterval tau_interval(const std::vector<double>& a, const std::vector<double>& b, int resamples,
                          std::uint64_t seed) {
   const double tau = kendall_tau_b(a, b);
-  if (std::isnan(tau) || a.size() < kLeastForInterval) return {};
-  if (a.size() >= kLeastForBootstrap) {
+  if (std::isnan(tau) || a.size() < kMinForInterval) return {};
+  if (a.size() >= kMinForBootstrap) {
     const std::array<double, 2> ci95 = bootstrap_interval(a, b, resamples, seed);
     if (!std::isnan(ci95[0])) return {ci95, "bootstrap"};
   }
@@ -135,7 +135,7 @@ RankCorrelation rank_correlation(const std::vector<double>& a, const std::vector
   result.tau_b = kendall_tau_b(a, b);
   if (std::isnan(result.tau_b)) return result;
   result.interval = tau_interval(a, b, resamples, seed);
-  result.exact = result.items <= kMostForAllPermutations;
+  result.exact = result.items <= kMaxForAllPermutations;
   result.p_value = result.exact ? exact_p_value(a, b) : random_p_value(a, b, seed);
   return result;
 }

@@ -10,33 +10,32 @@
 
 namespace tileflight::evaluation {
 
-/// Kendall's tau-b (Biometrika 33, 1945): how far two lists of values put the same items into the same order, 1 to -1,
-/// corrected for ties. NaN where one of the lists has no two different values.
+/// Kendall's tau-b (Biometrika 33, 1945): agreement of the orders of two lists of values for the same items, -1 to 1,
+/// corrected for ties. NaN if one of the lists is constant.
 double kendall_tau_b(const std::vector<double>& a, const std::vector<double>& b);
 
-/// 95 % interval of tau-b, where the items are a sample of such items.
+/// 95 % interval of tau-b, with the items as a random sample.
 struct TauInterval {
   std::array<double, 2> ci95{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
   std::string method = "none";  ///< or "bootstrap", "fieller"
 };
 
-/// From 8 items on the percentile bootstrap's over items; from 5 to 7 (too few for a bootstrap), and where all
-/// resamples agree, that of Fieller, Hartley and Pearson (Biometrika 44, 1957: Fisher's z of tau with variance 0.437 /
-/// (n - 4)), widened by one discordant pair, since tau takes few values there: it covers more often than it says. None
-/// below 5.
+/// From 8 items on, the percentile bootstrap over items; from 5 to 7 (too few for a bootstrap), and if all resamples
+/// agree, the interval of Fieller, Hartley and Pearson (Biometrika 44, 1957: Fisher's z of tau with variance 0.437 / (n
+/// - 4)), widened by one discordant pair because tau takes few values there; its coverage exceeds 95 %. None below 5
+/// items.
 TauInterval tau_interval(const std::vector<double>& a, const std::vector<double>& b, int resamples, std::uint64_t seed);
 
 struct RankCorrelation {
   std::size_t items = 0;
   double tau_b = std::numeric_limits<double>::quiet_NaN();
   TauInterval interval;
-  double p_value = std::numeric_limits<double>::quiet_NaN();  ///< two-sided, of no relation between the two orders
-  bool exact = false;                                         ///< by all permutations, not by random ones
+  double p_value = std::numeric_limits<double>::quiet_NaN();  ///< two-sided, for independent orders
+  bool exact = false;                                         ///< over all permutations instead of random ones
 };
 
-/// tau-b with its interval and a permutation test, by all permutations up to 9 items, else by random ones (Phipson and
-/// Smyth 2010). Deterministic. Throws InputError: not one value of each list for each item, or values that are not
-/// finite.
+/// tau-b with its interval and a permutation test, over all permutations up to 9 items, else over random ones (Phipson
+/// and Smyth 2010). Deterministic. Throws InputError for lists of different lengths or non-finite values.
 RankCorrelation rank_correlation(const std::vector<double>& a, const std::vector<double>& b, int resamples = 2000,
                                  std::uint64_t seed = 1);
 

@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/rank_correlation.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,12 +8,14 @@
 #include <numeric>
 #include <random>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
 
 using Values = std::vector<double>;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 TEST(Kendall, ClosedForm) {
   EXPECT_DOUBLE_EQ(kendall_tau_b({1, 2, 3, 4}, {10, 20, 30, 40}), 1.0);
@@ -39,7 +42,7 @@ TEST(Kendall, VarianceOverAllPermutations) {
 }
 
 TEST(RankCorrelation, ExactPValues) {
-  // Of the 24 orders of four items, the same one and its reverse agree as far.
+  // Of the 24 orders of four items, the identical one and its reverse are equally extreme.
   EXPECT_NEAR(rank_correlation({1, 2, 3, 4}, {1, 2, 3, 4}).p_value, 2.0 / 24.0, 1e-15);
   EXPECT_TRUE(rank_correlation({1, 2, 3, 4}, {1, 2, 3, 4}).exact);
   // Printed tables of Kendall's test: n = 5, S = 8 is reached by 5 of 120 orders on each side.
@@ -82,8 +85,16 @@ TEST(RankCorrelation, SameSeedSameIntervalAndOrderReversedIsNegated) {
 }
 
 TEST(RankCorrelation, RefusesBadInput) {
-  EXPECT_THROW(rank_correlation({1, 2}, {1, 2, 3}), InputError);
-  EXPECT_THROW(rank_correlation({1, 2, std::nan("")}, {1, 2, 3}), InputError);
+  EXPECT_THAT(
+      [&] {
+        rank_correlation({1, 2}, {1, 2, 3});
+      },
+      ThrowsMessage<InputError>(HasSubstr("the two lists have not the same items")));
+  EXPECT_THAT(
+      [&] {
+        rank_correlation({1, 2, std::nan("")}, {1, 2, 3});
+      },
+      ThrowsMessage<InputError>(HasSubstr("a score is not a number")));
 }
 
 struct Population {
@@ -91,7 +102,7 @@ struct Population {
   double correlation;
 };
 
-/// Of 1000 samples of a bivariate normal, whose tau is 2/pi asin(rho), how many intervals hold it.
+/// Of 1000 samples of a bivariate normal, whose tau is 2/pi asin(rho), the number of intervals that contain it.
 int covered(const Population& population) {
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal(0.0, 1.0);

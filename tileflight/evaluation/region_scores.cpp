@@ -14,7 +14,7 @@ bool inside(const std::vector<Box3>& boxes, const Vec3& p) {
   return std::ranges::any_of(boxes, [&](const Box3& box) { return box.contains(p); });
 }
 
-/// Statistics over the points that `takes` names.
+/// Statistics over the points for which `takes` is true.
 template <class Takes>
 DistanceStatistics score_of(const std::vector<Vec3>& points, const std::vector<double>& distances_m,
                             const Takes& takes) {
@@ -22,7 +22,7 @@ DistanceStatistics score_of(const std::vector<Vec3>& points, const std::vector<d
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (takes(points[i])) taken.push_back(distances_m[i]);
   }
-  return statistics_of(std::move(taken));
+  return compute_statistics(std::move(taken));
 }
 
 json statistics(const DistanceStatistics& s) {

@@ -9,21 +9,22 @@
 
 namespace tileflight::evaluation {
 
-/// Distances to the exact surface of the map points in one box, nothing cut off but by the box.
+/// Statistics of the distances to the exact surface for the map points in one box, without cut-off.
 struct RegionScore {
   geometry::Box3 box;
-  bool held_out = false;  ///< not aligned on
+  bool held_out = false;  ///< not used for alignment
   DistanceStatistics distances;
 };
 
-/// By region, and over all of each kind: what was aligned on scores itself, what was held out does not.
+/// Scores by region and over all regions of each kind. Regions used for alignment score their own fit; held-out regions
+/// are independent.
 struct RegionScores {
   std::vector<RegionScore> each;
   DistanceStatistics aligned_on, held_out;
 };
 
-/// `distances_m`: of each point, as surface_distances() gives them; a point that lies in several boxes counts in each,
-/// and once over all. A point inside of an aligned-on box is not held out.
+/// `distances_m`: of each point, from surface_distances(). A point in several boxes counts in each, and once in the
+/// overall statistics. A point inside an aligned-on box is not held out.
 RegionScores score_regions(const std::vector<geometry::Vec3>& points, const std::vector<double>& distances_m,
                            const std::vector<geometry::Box3>& aligned_on, const std::vector<geometry::Box3>& held_out);
 

@@ -1,16 +1,19 @@
 #include "tileflight/evaluation/region_scores.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
 
 using geometry::Box3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 const Box3 kLeft(Vec3(0, 0, 0), Vec3(10, 10, 10)), kRight(Vec3(8, 0, 0), Vec3(20, 10, 10)),
     kEmpty(Vec3(90, 0, 0), Vec3(95, 5, 5));
@@ -46,9 +49,11 @@ TEST(RegionScores, JsonAndBack) {
 TEST(RegionScores, BrokenOnesAreRefused) {
   nlohmann::json broken = to_json(score_regions(kPoints, kDistances_m, {kLeft}, {}));
   broken["each"][0]["use"] = "both";
-  EXPECT_THROW(read_region_scores(JsonReader(broken, "metrics.json", ""), "metrics.json"), InputError);
+  EXPECT_THAT([&] { read_region_scores(JsonReader(broken, "metrics.json", ""), "metrics.json"); },
+              ThrowsMessage<InputError>(HasSubstr("key 'each.0.use' must be")));
   broken["each"] = 3;
-  EXPECT_THROW(read_region_scores(JsonReader(broken, "metrics.json", ""), "metrics.json"), InputError);
+  EXPECT_THAT([&] { read_region_scores(JsonReader(broken, "metrics.json", ""), "metrics.json"); },
+              ThrowsMessage<InputError>(HasSubstr("key 'each' must be a list of regions")));
 }
 
 }  // namespace

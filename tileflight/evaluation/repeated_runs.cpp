@@ -9,7 +9,9 @@ namespace tileflight::evaluation {
 
 namespace {
 
-std::array<double, 2> around(double middle, double half_width) { return {middle - half_width, middle + half_width}; }
+std::array<double, 2> symmetric_interval(double middle, double half_width) {
+  return {middle - half_width, middle + half_width};
+}
 
 double mean_of(const std::vector<double>& values) {
   double sum = 0.0;
@@ -17,7 +19,7 @@ double mean_of(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-/// Divisor n - 1; exactly zero where all are the same, whatever the mean's rounding.
+/// Standard deviation with divisor n - 1; exactly zero if all values are equal, regardless of rounding in the mean.
 double deviation_of(const std::vector<double>& values, double mean) {
   const auto [least, most] = std::ranges::minmax(values);
   if (least == most) return 0.0;
@@ -37,38 +39,38 @@ double welch_degrees(const RunSpread& a, const RunSpread& b) {
 
 }  // namespace
 
-RunSpread spread_of_runs(const std::vector<double>& values) {
+RunSpread compute_run_spread(const std::vector<double>& values) {
   std::vector<double> known;
   std::ranges::copy_if(values, std::back_inserter(known), [](double v) { return std::isfinite(v); });
   RunSpread spread;
   spread.runs = known.size();
   if (known.empty()) return spread;
   spread.mean = mean_of(known);
-  spread.smallest = std::ranges::min(known);
-  spread.largest = std::ranges::max(known);
+  spread.min = std::ranges::min(known);
+  spread.max = std::ranges::max(known);
   if (known.size() < 2) return spread;
   spread.std = deviation_of(known, spread.mean);
   if (spread.std > 0.0) {
     const double t = student_t_quantile(0.975, static_cast<double>(spread.runs - 1));
-    spread.ci95 = around(spread.mean, t * std::sqrt(error_squared(spread)));
+    spread.ci95 = symmetric_interval(spread.mean, t * std::sqrt(error_squared(spread)));
   }
   return spread;
 }
 
 bool RunDifference::has_interval() const { return std::isfinite(ci95[0]) && std::isfinite(ci95[1]); }
 
-RunDifference difference_of_runs(const std::vector<double>& a, const std::vector<double>& b) {
-  RunDifference result{.a = spread_of_runs(a), .b = spread_of_runs(b)};
+RunDifference welch_difference(const std::vector<double>& a, const std::vector<double>& b) {
+  RunDifference result{.a = compute_run_spread(a), .b = compute_run_spread(b)};
   result.difference = result.a.mean - result.b.mean;
   const double error = std::sqrt(error_squared(result.a) + error_squared(result.b));
   if (result.a.runs < 2 || result.b.runs < 2 || !(error > 0.0)) return result;
   result.degrees_of_freedom = welch_degrees(result.a, result.b);
-  result.ci95 = around(result.difference, error * student_t_quantile(0.975, result.degrees_of_freedom));
-  result.ci90 = around(result.difference, error * student_t_quantile(0.95, result.degrees_of_freedom));
+  result.ci95 = symmetric_interval(result.difference, error * student_t_quantile(0.975, result.degrees_of_freedom));
+  result.ci90 = symmetric_interval(result.difference, error * student_t_quantile(0.95, result.degrees_of_freedom));
   return result;
 }
 
-nlohmann::json spread_of_numbers(const std::vector<nlohmann::json>& objects) {
+nlohmann::json compute_json_spread(const std::vector<nlohmann::json>& objects) {
   using nlohmann::json;
   json tree = json::object();
   if (objects.empty() || !objects.front().is_object()) return tree;
@@ -76,21 +78,21 @@ nlohmann::json spread_of_numbers(const std::vector<nlohmann::json>& objects) {
     std::vector<json> values;
     for (const json& object : objects) values.push_back(object.is_object() ? object.value(key, json()) : json());
     if (first.is_object()) {
-      if (json below = spread_of_numbers(values); !below.empty()) tree[key] = std::move(below);
+      if (json below = compute_json_spread(values); !below.empty()) tree[key] = std::move(below);
     } else if (first.is_number()) {
       std::vector<double> numbers;
       for (const json& value : values) {
         if (value.is_number()) numbers.push_back(value.get<double>());
       }
-      tree[key] = to_json(spread_of_runs(numbers));
+      tree[key] = to_json(compute_run_spread(numbers));
     }
   }
   return tree;
 }
 
 nlohmann::json to_json(const RunSpread& spread) {
-  return {{"n", spread.runs},       {"mean", spread.mean},   {"std", spread.std},
-          {"min", spread.smallest}, {"max", spread.largest}, {"ci95", spread.ci95}};
+  return {{"n", spread.runs},  {"mean", spread.mean}, {"std", spread.std},
+          {"min", spread.min}, {"max", spread.max},   {"ci95", spread.ci95}};
 }
 
 }  // namespace tileflight::evaluation

@@ -8,19 +8,18 @@
 
 namespace tileflight::evaluation {
 
-/// What a number came to over repeated runs.
+/// Statistics of a number over repeated runs.
 struct RunSpread {
   std::size_t runs = 0;
   double mean = std::numeric_limits<double>::quiet_NaN();
   double std = std::numeric_limits<double>::quiet_NaN();  ///< divisor n - 1
-  double smallest = std::numeric_limits<double>::quiet_NaN(), largest = std::numeric_limits<double>::quiet_NaN();
-  /// Of the mean, by Student's t; NaN for fewer than two runs, and where all gave the same (they were not different
-  /// runs).
+  double min = std::numeric_limits<double>::quiet_NaN(), max = std::numeric_limits<double>::quiet_NaN();
+  /// Of the mean, by Student's t; NaN for fewer than two runs, and if all values are equal (not independent runs).
   std::array<double, 2> ci95{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
 };
 
-/// Values that are not finite (a run without that number) are left out.
-RunSpread spread_of_runs(const std::vector<double>& values);
+/// Non-finite values (a run without that number) are skipped.
+RunSpread compute_run_spread(const std::vector<double>& values);
 
 /// Difference of the means of two sets of runs, by Welch's t (Biometrika 34, 1947; degrees of freedom after
 /// Satterthwaite 1946).
@@ -31,18 +30,18 @@ struct RunDifference {
   std::array<double, 2> ci95{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
   std::array<double, 2> ci90{std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
 
-  /// Whether both sides had two runs or more, and some of them differed.
+  /// Whether both sides have at least two runs and some of them differ.
   bool has_interval() const;
 };
 
-RunDifference difference_of_runs(const std::vector<double>& a, const std::vector<double>& b);
+RunDifference welch_difference(const std::vector<double>& a, const std::vector<double>& b);
 
 /// {n, mean, std, min, max, ci95}.
 nlohmann::json to_json(const RunSpread& spread);
 
-/// The spread of every number that repeated runs have in one place of their JSON objects: a tree like the first one's,
-/// with the spread in each number's place. Lists and text are left out; a number that is null or missing in a run is
-/// not counted in its `n`.
-nlohmann::json spread_of_numbers(const std::vector<nlohmann::json>& objects);
+/// Spread of every number in the JSON objects of repeated runs: an object with the structure of the first one, with
+/// each number replaced by its spread. Lists and strings are omitted; a number that is null or missing in a run is not
+/// counted in `n`.
+nlohmann::json compute_json_spread(const std::vector<nlohmann::json>& objects);
 
 }  // namespace tileflight::evaluation

@@ -51,30 +51,30 @@ TEST(StudentT, QuantilesAreThoseOfTheTables) {
 // ------------------------------------------------------------------------------------------------ spread
 
 TEST(RunSpread, ClosedForm) {
-  const RunSpread s = spread_of_runs({1.0, 2.0, 4.0, 5.0});
+  const RunSpread s = compute_run_spread({1.0, 2.0, 4.0, 5.0});
   EXPECT_EQ(s.runs, 4u);
   EXPECT_DOUBLE_EQ(s.mean, 3.0);
   EXPECT_DOUBLE_EQ(s.std, std::sqrt(10.0 / 3.0));
-  EXPECT_DOUBLE_EQ(s.smallest, 1.0);
-  EXPECT_DOUBLE_EQ(s.largest, 5.0);
+  EXPECT_DOUBLE_EQ(s.min, 1.0);
+  EXPECT_DOUBLE_EQ(s.max, 5.0);
   EXPECT_NEAR(s.ci95[1] - s.mean, 3.182446 * s.std / 2.0, 1e-5);
   EXPECT_NEAR(s.mean - s.ci95[0], s.ci95[1] - s.mean, 1e-12);
 }
 
 TEST(RunSpread, RunsThatDoNotDifferAreNoSample) {
   for (const auto& values : {std::vector<double>{}, {0.3}, {0.1, 0.1, 0.1}}) {
-    const RunSpread s = spread_of_runs(values);
+    const RunSpread s = compute_run_spread(values);
     EXPECT_EQ(s.runs, values.size());
     EXPECT_TRUE(std::isnan(s.ci95[0]) && std::isnan(s.ci95[1]));
   }
-  EXPECT_EQ(spread_of_runs({0.1, 0.1, 0.1}).std, 0.0);
-  EXPECT_EQ(spread_of_runs({0.3, std::numeric_limits<double>::quiet_NaN()}).runs, 1u) << "a run without the number";
-  EXPECT_NE(to_json(spread_of_runs({0.3})).dump().find("\"ci95\":[null,null]"), std::string::npos);
+  EXPECT_EQ(compute_run_spread({0.1, 0.1, 0.1}).std, 0.0);
+  EXPECT_EQ(compute_run_spread({0.3, std::numeric_limits<double>::quiet_NaN()}).runs, 1u) << "a run without the number";
+  EXPECT_NE(to_json(compute_run_spread({0.3})).dump().find("\"ci95\":[null,null]"), std::string::npos);
 }
 
 TEST(RunDifference, EqualSpreadsAndNumbersAreTheTextbookCase) {
   // Equal n and equal variances: Welch's degrees of freedom are 2n - 2, as for the pooled test.
-  const RunDifference d = difference_of_runs({1, 2, 3, 4, 5}, {11, 12, 13, 14, 15});
+  const RunDifference d = welch_difference({1, 2, 3, 4, 5}, {11, 12, 13, 14, 15});
   EXPECT_DOUBLE_EQ(d.difference, -10.0);
   EXPECT_NEAR(d.degrees_of_freedom, 8.0, 1e-12);
   EXPECT_NEAR(d.ci95[1] + 10.0, 2.306004 * std::sqrt(2.5 / 5 + 2.5 / 5), 1e-5);
@@ -82,12 +82,12 @@ TEST(RunDifference, EqualSpreadsAndNumbersAreTheTextbookCase) {
 }
 
 TEST(RunDifference, OneSideThatNeverChangesLeavesTheOthersDegrees) {
-  const RunDifference d = difference_of_runs({1, 2, 4}, {3, 3, 3, 3});
+  const RunDifference d = welch_difference({1, 2, 4}, {3, 3, 3, 3});
   EXPECT_TRUE(d.has_interval());
   EXPECT_NEAR(d.degrees_of_freedom, 2.0, 1e-12);
-  EXPECT_FALSE(difference_of_runs({1, 1}, {2, 2}).has_interval());
-  EXPECT_FALSE(difference_of_runs({1}, {2, 3}).has_interval());
-  EXPECT_FALSE(difference_of_runs({}, {}).has_interval());
+  EXPECT_FALSE(welch_difference({1, 1}, {2, 2}).has_interval());
+  EXPECT_FALSE(welch_difference({1}, {2, 3}).has_interval());
+  EXPECT_FALSE(welch_difference({}, {}).has_interval());
 }
 
 TEST(RunSpread, OfEveryNumberOfSeveralObjects) {
@@ -96,17 +96,17 @@ TEST(RunSpread, OfEveryNumberOfSeveralObjects) {
       json::parse(R"({"map": {"mean": 1.0, "points": 10, "edges": [1, 2], "truth": "v"}, "x": 5})"),
       json::parse(R"({"map": {"mean": 3.0, "points": 12, "edges": [1, 2], "truth": "v"}, "x": null})"),
       json::parse(R"({"map": {"mean": 2.0, "points": 20, "edges": [1, 2], "truth": "v"}})")};
-  const json tree = spread_of_numbers(runs);
+  const json tree = compute_json_spread(runs);
   EXPECT_EQ(tree["map"].size(), 2u) << "no lists, no text: " << tree;
-  EXPECT_EQ(tree["map"]["mean"], to_json(spread_of_runs({1.0, 3.0, 2.0})));
+  EXPECT_EQ(tree["map"]["mean"], to_json(compute_run_spread({1.0, 3.0, 2.0})));
   EXPECT_EQ(tree["map"]["points"]["mean"], 14.0);
   EXPECT_EQ(tree["x"]["n"], 1);
-  EXPECT_TRUE(spread_of_numbers({}).empty());
+  EXPECT_TRUE(compute_json_spread({}).empty());
 }
 
 // ------------------------------------------------------------------------------------------------ coverage
 
-/// Of 1000 experiments how many intervals hold the truth.
+/// Number of intervals that contain the truth, of 1000 experiments.
 template <class Interval>
 int covered(double truth, const Interval& interval) {
   int count = 0;
@@ -124,7 +124,7 @@ TEST(RunSpread, IntervalCoversTheMeanAsOftenAsItSays) {
     const int held = covered(0.55, [&] {
       std::vector<double> values;
       for (int k = 0; k < runs; ++k) values.push_back(value(random));
-      return spread_of_runs(values).ci95;
+      return compute_run_spread(values).ci95;
     });
     EXPECT_GE(held, 930) << runs;
     EXPECT_LE(held, 970) << runs;
@@ -139,7 +139,7 @@ TEST(RunDifference, IntervalCoversTheDifferenceAsOftenAsItSays) {
       std::vector<double> a, b;
       for (int k = 0; k < a_runs; ++k) a.push_back(simulated(random));
       for (int k = 0; k < b_runs; ++k) b.push_back(real(random));
-      return difference_of_runs(a, b).ci95;
+      return welch_difference(a, b).ci95;
     });
     EXPECT_GE(held, 930) << n_simulated << " and " << n_real;
     EXPECT_LE(held, 970) << n_simulated << " and " << n_real;

@@ -30,11 +30,11 @@ TEST(TrajectoryDrift, StretchesFitThePath) {
                                         {190.0, 10.0},
                                         {4.6, 0.2},
                                         {0.0, 0.0}}) {
-    EXPECT_NEAR(stretch_m(path_m), stretch, 1e-12) << path_m;
+    EXPECT_NEAR(choose_segment_length_m(path_m), stretch, 1e-12) << path_m;
   }
 }
 
-// A constant turn of w a metre bends a straight path of d metres to an arc: (sin wd, 1 - cos wd) / w.
+// A constant rotation of w per metre bends a straight path of d metres to an arc: (sin wd, 1 - cos wd) / w.
 TEST(TrajectoryDrift, ConstantYawDriftHasAClosedForm) {
   const double w = 0.02 * kDegree;
   const Trajectory truth = straight(400, 0.5);
@@ -49,22 +49,22 @@ TEST(TrajectoryDrift, ConstantYawDriftHasAClosedForm) {
     sum += starts * std::hypot(std::sin(w * d) / w - d, (1.0 - std::cos(w * d)) / w) / d;
     count += starts;
   }
-  const PathDrift drift = path_drift(estimate, truth);
-  EXPECT_EQ(drift.stretch_m, 20.0);
+  const PathDrift drift = compute_path_drift(estimate, truth);
+  EXPECT_EQ(drift.segment_length_m, 20.0);
   EXPECT_EQ(drift.subpaths, static_cast<std::size_t>(count));
   EXPECT_NEAR(drift.rotation_deg_per_m, 0.02, 1e-9);
   EXPECT_NEAR(drift.translation_percent, 100.0 * sum / count, 1e-9);
-  EXPECT_LT(scale_drift(estimate, truth).largest, 1e-6) << "a turn is none of scale";
+  EXPECT_LT(compute_scale_drift(estimate, truth).max_deviation, 1e-6) << "a turn is none of scale";
 }
 
 TEST(TrajectoryDrift, OnePercentTooLongIsOnePercent) {
-  const PathDrift drift = path_drift(straight(300, 1.01), straight(300, 1.0));
+  const PathDrift drift = compute_path_drift(straight(300, 1.01), straight(300, 1.0));
   EXPECT_NEAR(drift.translation_percent, 1.0, 1e-9);
   EXPECT_NEAR(drift.rotation_deg_per_m, 0.0, 1e-9);
 }
 
-// Steps that grow by 1 + a s (s: middle of the step on the true path) make stretches that are too long by 1 + a times
-// their middle.
+// Steps that grow by 1 + a s (s: middle of the step on the true path) make segments too long by 1 + a times their
+// midpoint.
 TEST(TrajectoryDrift, LinearScaleDriftHasAClosedForm) {
   const double a = 5e-4;
   const Trajectory truth = straight(200, 1.0);
@@ -75,18 +75,18 @@ TEST(TrajectoryDrift, LinearScaleDriftHasAClosedForm) {
   }
   double squares = 0.0;
   for (int k = 0; k < 10; ++k) squares += std::pow(1.0 / (1.0 + a * (20.0 * k + 10.0)) - 1.0, 2);
-  const ScaleDrift drift = scale_drift(estimate, truth);
-  EXPECT_EQ(drift.stretch_m, 20.0);
-  EXPECT_EQ(drift.stretches, 10u);
-  EXPECT_NEAR(drift.largest, 1.0 - 1.0 / (1.0 + a * 190.0), 1e-12);
+  const ScaleDrift drift = compute_scale_drift(estimate, truth);
+  EXPECT_EQ(drift.segment_length_m, 20.0);
+  EXPECT_EQ(drift.segments, 10u);
+  EXPECT_NEAR(drift.max_deviation, 1.0 - 1.0 / (1.0 + a * 190.0), 1e-12);
   EXPECT_NEAR(drift.rms, std::sqrt(squares / 10.0), 1e-12);
 }
 
 TEST(TrajectoryDrift, OfAPathWithoutLengthIsNotANumber) {
   const Trajectory still = straight(5, 0.0);
-  EXPECT_EQ(path_drift(still, still).subpaths, 0u);
-  EXPECT_TRUE(std::isnan(path_drift(still, still).translation_percent));
-  EXPECT_TRUE(std::isnan(scale_drift(still, still).rms));
+  EXPECT_EQ(compute_path_drift(still, still).subpaths, 0u);
+  EXPECT_TRUE(std::isnan(compute_path_drift(still, still).translation_percent));
+  EXPECT_TRUE(std::isnan(compute_scale_drift(still, still).rms));
 }
 
 }  // namespace

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/trajectory_drift.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 
@@ -17,7 +17,7 @@ namespace {
 constexpr double kSameTime_s = 0.01;
 constexpr double kRadian_deg = 57.295779513082320877;
 
-/// Poses that share a time, estimate beside truth.
+/// Poses of estimate and truth at common times.
 struct PairedPoses {
   Trajectory estimate, truth;
 };
@@ -50,8 +50,8 @@ Eigen::Matrix3Xd positions(const Trajectory& trajectory) {
   return result;
 }
 
-/// Umeyama 1991, as Eigen has it.
-Sim3 alignment_of(const PairedPoses& poses, TrajectoryAlignment kind) {
+/// Umeyama 1991, by Eigen.
+Sim3 align_umeyama(const PairedPoses& poses, TrajectoryAlignment kind) {
   if (kind == TrajectoryAlignment::kNone) return {};
   const Eigen::Matrix4d T =
       Eigen::umeyama(positions(poses.estimate), positions(poses.truth), kind == TrajectoryAlignment::kSim3);
@@ -66,7 +66,7 @@ double distance_m(const geometry::StampedPose& a, const geometry::StampedPose& b
   return (a.T_local_camera.translation - b.T_local_camera.translation).norm();
 }
 
-/// Poses at which the path since the last of them (or the start) has reached the length.
+/// Indices of poses at which the path since the previous milestone (or the start) has reached the length.
 std::vector<std::size_t> milestones(const Trajectory& trajectory, double length_m) {
   std::vector<std::size_t> result;
   double path_m = 0.0;
@@ -110,7 +110,7 @@ TrajectoryMetrics evaluate_trajectory(const Trajectory& estimate, const Trajecto
   PairedPoses poses = paired(estimate, truth);
   check_finite(poses.estimate, "estimated trajectory");
   check_finite(poses.truth, "true trajectory");
-  const Sim3 T_truth_estimate = alignment_of(poses, alignment);
+  const Sim3 T_truth_estimate = align_umeyama(poses, alignment);
   poses.estimate = geometry::transformed(T_truth_estimate, poses.estimate);
 
   TrajectoryMetrics result;
@@ -127,8 +127,8 @@ TrajectoryMetrics evaluate_trajectory(const Trajectory& estimate, const Trajecto
   result.ate_rmse_m = std::sqrt(squares / static_cast<double>(result.poses));
   result.ate_mean_m = sum / static_cast<double>(result.poses);
   for (const double delta_m : rpe_deltas_m) result.rpe.push_back(relative_error(poses, delta_m));
-  result.drift = path_drift(poses.estimate, poses.truth);
-  result.scale_drift = scale_drift(poses.estimate, poses.truth);
+  result.drift = compute_path_drift(poses.estimate, poses.truth);
+  result.scale_drift = compute_scale_drift(poses.estimate, poses.truth);
   return result;
 }
 

@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -5,8 +6,8 @@
 #include <random>
 
 #include "tests/test_data.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/metrics.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::evaluation {
 namespace {
@@ -15,6 +16,8 @@ using geometry::SE3;
 using geometry::Sim3;
 using geometry::Trajectory;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// A winding flight of about 190 m.
 Trajectory winding() {
@@ -62,7 +65,7 @@ TEST(TrajectoryMetrics, ConstantOffsetIsTheErrorWithoutAlignment) {
   EXPECT_LT(m.rpe[0].translation_rmse_m, 1e-9) << "relative motion is the same";
 }
 
-// Straight flight of 1 m steps whose estimate is 1 % too long and turns by 0.1 degree a metre: every stretch of d
+// Straight flight of 1 m steps whose estimate is 1 % too long and turns by 0.1 degree a metre: every segment of d
 // metres has the same error.
 TEST(TrajectoryMetrics, RelativeErrorClosedForm) {
   const double degree = std::acos(-1.0) / 180.0;
@@ -93,17 +96,25 @@ TEST(TrajectoryMetrics, PosesArePairedByTime) {
 TEST(TrajectoryMetrics, RefusesBadInput) {
   Trajectory later = winding();
   for (auto& pose : later.poses) pose.time_s += 1000.0;
-  EXPECT_THROW(evaluate_trajectory(later, winding(), TrajectoryAlignment::kSim3), InputError) << "no time in common";
-  EXPECT_THROW(evaluate_trajectory({}, winding(), TrajectoryAlignment::kSim3), InputError);
-  EXPECT_THROW(evaluate_trajectory(winding(), {}, TrajectoryAlignment::kSim3), InputError);
-  EXPECT_THROW(evaluate_trajectory(winding(), winding(), TrajectoryAlignment::kSim3, {0.0}), InputError);
+  EXPECT_THAT([&] { evaluate_trajectory(later, winding(), TrajectoryAlignment::kSim3); },
+              ThrowsMessage<InputError>(HasSubstr("only 0 of its poses share a time with the truth")))
+      << "no time in common";
+  EXPECT_THAT([&] { evaluate_trajectory({}, winding(), TrajectoryAlignment::kSim3); },
+              ThrowsMessage<InputError>(HasSubstr("only 0 of its poses share a time with the truth")));
+  EXPECT_THAT([&] { evaluate_trajectory(winding(), {}, TrajectoryAlignment::kSim3); },
+              ThrowsMessage<InputError>(HasSubstr("only 0 of its poses share a time with the truth")));
+  EXPECT_THAT([&] { evaluate_trajectory(winding(), winding(), TrajectoryAlignment::kSim3, {0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("RPE: the path length must be above zero")));
   Trajectory broken = winding();
   broken.poses[5].T_local_camera.translation.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(evaluate_trajectory(broken, winding(), TrajectoryAlignment::kSim3), InputError);
-  EXPECT_THROW(evaluate_trajectory(broken, winding(), TrajectoryAlignment::kNone), InputError);
+  EXPECT_THAT([&] { evaluate_trajectory(broken, winding(), TrajectoryAlignment::kSim3); },
+              ThrowsMessage<InputError>(HasSubstr("estimated trajectory: a position is not finite")));
+  EXPECT_THAT([&] { evaluate_trajectory(broken, winding(), TrajectoryAlignment::kNone); },
+              ThrowsMessage<InputError>(HasSubstr("estimated trajectory: a position is not finite")));
   Trajectory still = winding();
   for (auto& pose : still.poses) pose.T_local_camera.translation.setZero();
-  EXPECT_THROW(evaluate_trajectory(still, winding(), TrajectoryAlignment::kSim3), InputError);
+  EXPECT_THAT([&] { evaluate_trajectory(still, winding(), TrajectoryAlignment::kSim3); },
+              ThrowsMessage<InputError>(HasSubstr("trajectory: does not move")));
 }
 
 // ------------------------------------------------------------------------------------------------ real trajectories

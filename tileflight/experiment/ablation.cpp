@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <sstream>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/experiment/run_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -13,7 +13,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Columns and where results.json has them.
+/// Columns and their JSON pointers in results.json.
 const std::vector<std::pair<const char*, json::json_pointer>>& columns() {
   static const std::vector<std::pair<const char*, json::json_pointer>> kColumns{
       {"frames", json::json_pointer("/simulated/frames")},
@@ -28,7 +28,7 @@ const std::vector<std::pair<const char*, json::json_pointer>>& columns() {
   return kColumns;
 }
 
-json line_of(const std::string& name, const json& results) {
+json variant_row(const std::string& name, const json& results) {
   json line{{"name", name}, {"failed", nullptr}};
   for (const auto& [key, where] : columns()) line[key] = results.contains(where) ? results.at(where) : json(nullptr);
   const json::json_pointer length("/simulated/trajectory/path_length");
@@ -38,13 +38,13 @@ json line_of(const std::string& name, const json& results) {
   return line;
 }
 
-json failed_line(const std::string& name, const std::string& why) {
-  json line = line_of(name, json::object());
+json failed_row(const std::string& name, const std::string& why) {
+  json line = variant_row(name, json::object());
   line["failed"] = why;
   return line;
 }
 
-std::string csv_of(const json& lines) {
+std::string to_csv(const json& lines) {
   std::ostringstream text;
   text << "name";
   for (const auto& column : columns()) text << ',' << column.first;
@@ -58,8 +58,8 @@ std::string csv_of(const json& lines) {
   return text.str();
 }
 
-/// Removes the results of variants that are not asked for any more.
-void forget_others(const std::vector<Variant>& variants, const fs::path& folder) {
+/// Removes the results of variants that are no longer requested.
+void remove_stale_variants(const std::vector<Variant>& variants, const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();
@@ -69,23 +69,23 @@ void forget_others(const std::vector<Variant>& variants, const fs::path& folder)
 
 }  // namespace
 
-json fly_variants(const std::vector<Variant>& variants, const json& results, const fs::path& run,
-                  const VariantRun& fly) {
-  forget_others(variants, run / "variants");
+json run_variants(const std::vector<Variant>& variants, const json& results, const fs::path& run,
+                  const VariantRunner& fly) {
+  remove_stale_variants(variants, run / "variants");
   json lines = json::array();
-  lines.push_back(line_of("as it is", results));
+  lines.push_back(variant_row("as it is", results));
   for (const Variant& variant : variants) {
     const fs::path folder = run / "variants" / variant.name;
     fs::create_directories(folder.parent_path());
     try {
-      lines.push_back(line_of(variant.name, fly(variant, folder)));
+      lines.push_back(variant_row(variant.name, fly(variant, folder)));
     } catch (const InputError& error) {
-      // A camera so bad that no map comes of it is an answer too; anything before odometry is a mistake.
+      // A camera too poor for any map is a valid result; a failure before odometry is an error.
       if (!fs::exists(folder / "stages/simulated-odometry.json")) throw;
-      lines.push_back(failed_line(variant.name, error.what()));
+      lines.push_back(failed_row(variant.name, error.what()));
     }
   }
-  geometry::write_file(run / "ablation.csv", csv_of(lines));
+  base::write_file(run / "ablation.csv", to_csv(lines));
   return lines;
 }
 

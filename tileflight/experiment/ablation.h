@@ -9,15 +9,15 @@
 
 namespace tileflight::experiment {
 
-/// Flies an experiment's variants: runs an experiment into a folder and returns its results.json.
-using VariantRun = std::function<nlohmann::json(const Variant& variant, const std::filesystem::path& folder)>;
+/// Runs the experiment of a variant into a folder and returns its results.json.
+using VariantRunner = std::function<nlohmann::json(const Variant& variant, const std::filesystem::path& folder)>;
 
-/// What each variant costs: a list that begins with the simulated flight as it is (`results` of the run itself), then a
-/// variant each, flown in RUN/variants/NAME: name, frames, frames_tracked, keyframes, points, correspondences, mean_m,
-/// std_m (the paper's numbers), median_to_surface_m, ate_rmse_m, ate_share (of the path), and `failed` (why; the others
-/// are null) where odometry found no map. What is not known is null. Also written as RUN/ablation.csv. Variants of an
-/// earlier run that are not asked for any more are removed.
-nlohmann::json fly_variants(const std::vector<Variant>& variants, const nlohmann::json& results,
-                            const std::filesystem::path& run, const VariantRun& fly);
+/// Runs an ablation: flies each variant in RUN/variants/NAME. Returns a list that starts with the unchanged simulated
+/// flight (`results` of the run itself), then one entry per variant: name, frames, frames_tracked, keyframes, points,
+/// correspondences, mean_m, std_m (the paper's numbers), median_to_surface_m, ate_rmse_m, ate_share (of the path
+/// length), and `failed` (the cause; the others are null) if odometry found no map. Unknown values are null. Also
+/// writes RUN/ablation.csv. Variants of an earlier run that are no longer requested are removed.
+nlohmann::json run_variants(const std::vector<Variant>& variants, const nlohmann::json& results,
+                            const std::filesystem::path& run, const VariantRunner& fly);
 
 }  // namespace tileflight::experiment

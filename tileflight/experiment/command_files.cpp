@@ -11,9 +11,9 @@ namespace tileflight::experiment {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr std::string_view kBetweenWords = " \t\n;|&<>()";
+constexpr std::string_view kWordSeparators = " \t\n;|&<>()";
 
-/// The words of a command as a shell parts them, without their quotes (POSIX shell, "Quoting", "Token Recognition").
+/// Splits a command into words like a shell and removes quotes (POSIX shell, "Quoting", "Token Recognition").
 std::vector<std::string> shell_words(const std::string& command) {
   std::vector<std::string> words(1);
   char quote = '\0';
@@ -29,7 +29,7 @@ std::vector<std::string> shell_words(const std::string& command) {
       }
     } else if (c == '\'' || c == '"') {
       quote = c;
-    } else if (kBetweenWords.find(c) != std::string_view::npos) {
+    } else if (kWordSeparators.find(c) != std::string_view::npos) {
       if (!words.back().empty()) words.emplace_back();
     } else {
       words.back() += c;
@@ -43,8 +43,8 @@ bool is_file(const fs::path& path) {
   return fs::is_regular_file(path, error);
 }
 
-/// Empty: there is none.
-fs::path program_of_path(const std::string& name) {
+/// Empty if there is none.
+fs::path find_program(const std::string& name) {
   const char* path = std::getenv("PATH");
   if (path == nullptr || name.find('/') != std::string::npos) return {};
   std::istringstream folders(path);
@@ -59,12 +59,12 @@ fs::path file_of(const std::string& word, const fs::path& folder) {
   if (word.empty()) return {};
   const char* home = std::getenv("HOME");
   const fs::path named = word.starts_with("~/") && home != nullptr ? fs::path(home) / word.substr(2) : folder / word;
-  return is_file(named) ? named.lexically_normal() : program_of_path(word);
+  return is_file(named) ? named.lexically_normal() : find_program(word);
 }
 
 }  // namespace
 
-std::vector<fs::path> command_files(const std::string& command, const fs::path& folder) {
+std::vector<fs::path> find_command_files(const std::string& command, const fs::path& folder) {
   std::vector<fs::path> files;
   const auto add = [&](const std::string& word) {
     const fs::path file = file_of(word, folder);

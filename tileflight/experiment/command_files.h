@@ -6,9 +6,9 @@
 
 namespace tileflight::experiment {
 
-/// The files that the words of a shell command name, each once, in their order: by their whole path, relative to
-/// `folder` (where the command runs), or as programs of PATH. Also behind a '=', as in `--config=slam.yaml`. Files that
-/// those files name in turn are not looked for.
-std::vector<std::filesystem::path> command_files(const std::string& command, const std::filesystem::path& folder);
+/// The files named by the words of a shell command, each once, in order: by their path, relative to `folder` (the
+/// command's working directory), or as programs in PATH. Also after a '=', as in `--config=slam.yaml`. Files named
+/// inside those files are not searched for.
+std::vector<std::filesystem::path> find_command_files(const std::string& command, const std::filesystem::path& folder);
 
 }  // namespace tileflight::experiment

@@ -29,7 +29,7 @@ class CommandFiles : public ::testing::Test {
 
   std::vector<std::string> of(const std::string& command) const {
     std::vector<std::string> names;
-    for (const fs::path& file : command_files(command, folder_ / "here"))
+    for (const fs::path& file : find_command_files(command, folder_ / "here"))
       names.push_back(file.lexically_relative(folder_.path()).string());
     return names;
   }

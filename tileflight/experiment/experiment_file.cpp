@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
+#include "tileflight/base/yaml_section.h"
 #include "tileflight/experiment/command_files.h"
-#include "tileflight/experiment/settings.h"
-#include "tileflight/geometry/yaml_section.h"
+#include "tileflight/experiment/stage_options.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -18,30 +18,30 @@ geometry::Geodetic geodetic(const YamlSection& section, const std::string& key, 
   if (std::abs(numbers[0]) > 90.0 || std::abs(numbers[1]) > 360.0) {
     throw section.error(key, "must be latitude, longitude in degrees (and height in metres)");
   }
-  // A height that is not given is the middle of the tileset's own (tiles/load.h).
+  // A missing height defaults to the centre of the tileset (tiles/load.h).
   const double height_m = numbers.size() > 2 ? numbers[2] : std::numeric_limits<double>::quiet_NaN();
   return {numbers[0], numbers[1], geometry::EllipsoidalHeight{height_m}};
 }
 
 geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers[0], numbers[1], numbers[2]}; }
 
-/// A tileset is named as SOURCE is on the command line; a path is relative to the file.
-std::string source_text(YamlSection& section, const std::string& key) {
+/// A tileset named as SOURCE on the command line; a path is relative to the file.
+std::string read_source(YamlSection& section, const std::string& key) {
   const std::optional<std::string> text = section.text(key);
   if (!text) return "";
   const bool is_path = text->find(':') == std::string::npos && *text != "google";
   return is_path ? (section.file().parent_path() / *text).lexically_normal().string() : *text;
 }
 
-double positive(YamlSection& section, const std::string& key, double otherwise) {
+double read_positive(YamlSection& section, const std::string& key, double otherwise) {
   const double value = section.number(key).value_or(otherwise);
   if (value <= 0) throw section.error(key, "must be positive");
   return value;
 }
 
-Place read_place(YamlSection section) {
-  Place place;
-  place.source = source_text(section, "source");
+SiteConfig read_place(YamlSection section) {
+  SiteConfig place;
+  place.source = read_source(section, "source");
   if (place.source.empty()) throw section.error("source", "is missing: the tileset, e.g. `source: tiles/tileset.json`");
   if (const auto v = section.numbers("center", 2, 3)) place.center = geodetic(section, "center", *v);
   if (const auto v = section.numbers("center_local", 3, 3)) place.center_local = vec3(*v);
@@ -51,21 +51,21 @@ Place read_place(YamlSection section) {
   place.terms_accepted = section.boolean("terms_accepted").value_or(false);
   place.view_margin_m = section.number("view_margin").value_or(place.view_margin_m);
   if (place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
-  place.texture_scale = positive(section, "texture_scale", place.texture_scale);
+  place.texture_scale = read_positive(section, "texture_scale", place.texture_scale);
   if (place.error_m < 0) throw section.error("error", "must not be negative");
   if (place.center && place.center_local) throw section.error("center_local", "does not go together with 'center'");
   if ((place.center || place.center_local) != place.size.has_value()) {
     throw section.error("size", "goes together with 'center' or 'center_local'");
   }
-  section.finish();
+  section.require_all_keys_used();
   return place;
 }
 
-Truth read_truth(YamlSection section) {
-  Truth truth;
-  truth.voxel_m = positive(section, "voxel", truth.voxel_m);
-  truth.samples_per_m2 = positive(section, "samples_per_m2", truth.samples_per_m2);
-  section.finish();
+TruthConfig read_truth(YamlSection section) {
+  TruthConfig truth;
+  truth.voxel_m = read_positive(section, "voxel", truth.voxel_m);
+  truth.samples_per_m2 = read_positive(section, "samples_per_m2", truth.samples_per_m2);
+  section.require_all_keys_used();
   return truth;
 }
 
@@ -80,7 +80,7 @@ fs::path optional_path(YamlSection& section, const std::string& key) {
   return section.has(key) ? required_path(section, key) : fs::path();
 }
 
-void read_resolution(YamlSection& section, RenderFlight& render) {
+void read_resolution(YamlSection& section, survey::RenderedFlightConfig& render) {
   const auto v = section.numbers("resolution", 2, 2);
   if (!v) return;
   render.width = static_cast<int>((*v)[0]);
@@ -88,8 +88,8 @@ void read_resolution(YamlSection& section, RenderFlight& render) {
   if (*render.width < 16 || *render.height < 16) throw section.error("resolution", "must be at least 16 x 16");
 }
 
-RenderFlight read_render(YamlSection section) {
-  RenderFlight render;
+survey::RenderedFlightConfig read_render(YamlSection section) {
+  survey::RenderedFlightConfig render;
   render.follows_real = section.choice("follow", {"real"}).has_value();
   if (!render.follows_real) render.flight = required_path(section, "flight");
   if (render.follows_real && section.has("flight")) throw section.error("flight", "does not go together with 'follow'");
@@ -97,32 +97,33 @@ RenderFlight read_render(YamlSection section) {
     throw section.error("smooth", "is of a flight that follows another");
   render.smoothing = flight::read_smoothing(section, render.smoothing);
   render.camera = optional_path(section, "camera");
-  render.source = source_text(section, "source");
+  render.source = read_source(section, "source");
   read_resolution(section, render);
   render.samples_per_pixel = section.integer("samples_per_pixel").value_or(render.samples_per_pixel);
   render.max_frames = section.integer("max_frames");
   if (render.max_frames && *render.max_frames < 2) throw section.error("max_frames", "must be at least 2");
   if (const auto words = section.text("outputs")) {
-    render.outputs = parse_outputs(*words, [&](const std::string& what) { return section.error("outputs", what); });
+    render.outputs =
+        survey::parse_outputs(*words, [&](const std::string& what) { return section.error("outputs", what); });
   }
   if (auto degrade = section.section("degrade")) read_degrade(*degrade, render);
-  section.finish();
+  section.require_all_keys_used();
   return render;
 }
 
-/// What a section says, but for some of its keys.
+/// The content of a section without some of its keys.
 std::string meaning_without(const YamlSection& section, const std::vector<std::string>& left_out) {
   std::vector<std::string> keys = section.keys();
   std::ranges::sort(keys);
   std::string text;
   for (const std::string& key : keys) {
-    if (std::ranges::find(left_out, key) == left_out.end()) text += key + ": " + section.meaning(key) + "\n";
+    if (std::ranges::find(left_out, key) == left_out.end()) text += key + ": " + section.canonical_value(key) + "\n";
   }
   return text;
 }
 
-Variant read_variant(YamlSection section, const RenderFlight& flight) {
-  Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .text = {}};
+Variant read_variant(YamlSection section, const survey::RenderedFlightConfig& flight) {
+  Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .yaml_text = {}};
   const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
   if (variant.name.empty() || !std::ranges::all_of(variant.name, is_plain))
     throw section.error("name", "must be there, of letters, digits, '-' and '_': it names a folder");
@@ -133,17 +134,17 @@ Variant read_variant(YamlSection section, const RenderFlight& flight) {
   if (section.has("camera")) variant.render.camera = required_path(section, "camera");
   read_resolution(section, variant.render);
   variant.render.samples_per_pixel = section.integer("samples_per_pixel").value_or(flight.samples_per_pixel);
-  if (section.has("texture_scale")) variant.texture_scale = positive(section, "texture_scale", 1.0);
+  if (section.has("texture_scale")) variant.texture_scale = read_positive(section, "texture_scale", 1.0);
   if (auto degrade = section.section("degrade")) {
     variant.render.video.reset();
     read_degrade(*degrade, variant.render);
   }
-  section.finish();
-  variant.text = meaning_without(section, {"name"});
+  section.require_all_keys_used();
+  variant.yaml_text = meaning_without(section, {"name"});
   return variant;
 }
 
-std::vector<Variant> read_variants(YamlSection& root, const std::optional<Flight>& simulated) {
+std::vector<Variant> read_variants(YamlSection& root, const std::optional<FlightConfig>& simulated) {
   std::vector<Variant> variants;
   for (YamlSection& section : root.sections("variants")) {
     if (!simulated || !simulated->render) throw root.error("variants", "are of a 'simulated' flight that is rendered");
@@ -155,8 +156,8 @@ std::vector<Variant> read_variants(YamlSection& root, const std::optional<Flight
   return variants;
 }
 
-IngestFlight read_ingest(YamlSection section) {
-  IngestFlight ingest;
+survey::IngestedFlightConfig read_ingest(YamlSection section) {
+  survey::IngestedFlightConfig ingest;
   ingest.video = required_path(section, "video");
   ingest.camera = required_path(section, "camera");
   ingest.camera_id = section.text("camera_id").value_or("");
@@ -164,98 +165,98 @@ IngestFlight read_ingest(YamlSection section) {
   ingest.groundtruth = optional_path(section, "groundtruth");
   ingest.telemetry_height = section.choice("telemetry_height", {"ellipsoid", "sea-level", "takeoff"}).value_or("");
   ingest.takeoff_height_m = section.number("takeoff_height");
-  ingest.finds_telemetry_offset = section.text("telemetry_offset") == "auto";
-  if (!ingest.finds_telemetry_offset) ingest.telemetry_offset_s = section.number("telemetry_offset");
+  ingest.estimates_telemetry_offset = section.text("telemetry_offset") == "auto";
+  if (!ingest.estimates_telemetry_offset) ingest.telemetry_offset_s = section.number("telemetry_offset");
   ingest.from_s = section.number("from").value_or(0.0);
   ingest.to_s = section.number("to");
   ingest.every = section.integer("every").value_or(1);
   ingest.fps = section.number("fps");
-  if (ingest.finds_telemetry_offset && ingest.telemetry.empty())
+  if (ingest.estimates_telemetry_offset && ingest.telemetry.empty())
     throw section.error("telemetry_offset", "is of a flight log; name it with 'telemetry'");
   if (ingest.every < 1) throw section.error("every", "must be at least 1");
   if (ingest.to_s && *ingest.to_s <= ingest.from_s) throw section.error("to", "must be later than 'from'");
-  section.finish();
+  section.require_all_keys_used();
   return ingest;
 }
 
-Flight read_flight(YamlSection section, const std::string& default_kind) {
-  Flight flight;
+FlightConfig read_flight(YamlSection section, const std::string& default_kind) {
+  FlightConfig flight;
   flight.kind = section.choice("kind", {"simulated", "video", "surrogate"}).value_or(default_kind);
   if (auto render = section.section("render")) flight.render = read_render(*render);
   if (auto ingest = section.section("ingest")) flight.ingest = read_ingest(*ingest);
-  section.finish();
+  section.require_all_keys_used();
   if (flight.render.has_value() == flight.ingest.has_value()) {
     throw section.error("", "needs either 'render' or 'ingest'");
   }
-  // A picture that was made from tiles is never called real (science.md: a surrogate is called a surrogate).
+  // Images rendered from tiles are never called real: the flight must be called a surrogate.
   if (flight.render && flight.kind == "video") throw section.error("kind", "cannot be 'video' for a rendered flight");
   return flight;
 }
 
-void read_repetition(YamlSection& section, Odometry& odometry) {
+void read_repetition(YamlSection& section, OdometryConfig& odometry) {
   constexpr int kMostRuns = 100;
   odometry.runs = section.integer("runs").value_or(odometry.runs);
   if (odometry.runs < 1 || odometry.runs > kMostRuns) throw section.error("runs", "must be 1 to 100");
-  odometry.later = section.integer("later").value_or(odometry.later);
-  if (odometry.later < 0) throw section.error("later", "must not be negative");
+  odometry.start_offset_frames = section.integer("later").value_or(odometry.start_offset_frames);
+  if (odometry.start_offset_frames < 0) throw section.error("later", "must not be negative");
   odometry.backwards = section.boolean("backwards").value_or(odometry.backwards);
   if (odometry.backwards && !odometry.command.empty())
     throw section.error("backwards", "is for our own odometry; an outside command plays the frames as it likes");
 }
 
-Odometry read_odometry(YamlSection section) {
-  Odometry odometry;
+OdometryConfig read_odometry(YamlSection section) {
+  OdometryConfig odometry;
   odometry.command = section.text("command").value_or("");
   odometry.options = read_odometry_options(section);
-  odometry.extras.mask = optional_path(section, "mask");
-  odometry.extras.rectify_fov_deg = section.number("rectify_fov");
-  if (const auto& fov_deg = odometry.extras.rectify_fov_deg; fov_deg && !(*fov_deg > 0.0 && *fov_deg < 180.0))
+  odometry.track_options.mask = optional_path(section, "mask");
+  odometry.track_options.rectify_fov_deg = section.number("rectify_fov");
+  if (const auto& fov_deg = odometry.track_options.rectify_fov_deg; fov_deg && !(*fov_deg > 0.0 && *fov_deg < 180.0))
     throw section.error("rectify_fov", "must be above 0 and below 180 degrees: the pictures become a pinhole's");
-  odometry.extras.colmap = section.boolean("colmap").value_or(false);
+  odometry.track_options.colmap = section.boolean("colmap").value_or(false);
   odometry.debug_pictures = section.boolean("debug_pictures").value_or(false);
   read_repetition(section, odometry);
-  section.finish();
+  section.require_all_keys_used();
   return odometry;
 }
 
-double ratio_margin(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = positive(section, key, otherwise);
+double read_ratio_margin(YamlSection& section, const std::string& key, double otherwise) {
+  const double value = read_positive(section, key, otherwise);
   if (!(value > 1.0)) throw section.error(key, "must be above 1: up to this ratio, and its inverse, is the same");
   return value;
 }
 
-EvaluationSettings read_evaluation(YamlSection section) {
-  EvaluationSettings settings;
-  settings.cutoff_m = positive(section, "cutoff", settings.cutoff_m);
+scoring::EvaluationSettings read_evaluation(YamlSection section) {
+  scoring::EvaluationSettings settings;
+  settings.cutoff_m = read_positive(section, "cutoff", settings.cutoff_m);
   if (const auto v = section.numbers("thresholds", 1, 16)) settings.thresholds_m = *v;
-  settings.equivalence_margin_m = positive(section, "equivalence_margin", settings.equivalence_margin_m);
-  settings.ratio_margin = ratio_margin(section, "ratio_margin", settings.ratio_margin);
-  settings.share_margin = positive(section, "share_margin", settings.share_margin);
-  settings.completeness_margin = ratio_margin(section, "completeness_margin", settings.completeness_margin);
-  settings.lacking_margin = positive(section, "lacking_margin", settings.lacking_margin);
-  settings.path_margin_m = positive(section, "path_margin", settings.path_margin_m);
+  settings.equivalence_margin_m = read_positive(section, "equivalence_margin", settings.equivalence_margin_m);
+  settings.ratio_margin = read_ratio_margin(section, "ratio_margin", settings.ratio_margin);
+  settings.share_margin = read_positive(section, "share_margin", settings.share_margin);
+  settings.completeness_margin = read_ratio_margin(section, "completeness_margin", settings.completeness_margin);
+  settings.lacking_margin = read_positive(section, "lacking_margin", settings.lacking_margin);
+  settings.path_margin_m = read_positive(section, "path_margin", settings.path_margin_m);
   settings.completeness_samples_per_m2 =
-      positive(section, "completeness_samples_per_m2", settings.completeness_samples_per_m2);
-  settings.entropy_radius_m = positive(section, "entropy_radius", settings.entropy_radius_m);
-  settings.agreement_cell_m = positive(section, "agreement_cell", settings.agreement_cell_m);
-  section.finish();
+      read_positive(section, "completeness_samples_per_m2", settings.completeness_samples_per_m2);
+  settings.entropy_radius_m = read_positive(section, "entropy_radius", settings.entropy_radius_m);
+  settings.agreement_cell_m = read_positive(section, "agreement_cell", settings.agreement_cell_m);
+  section.require_all_keys_used();
   return settings;
 }
 
 }  // namespace
 
-void read_degrade(YamlSection& section, RenderFlight& flight) {
+void read_degrade(YamlSection& section, survey::RenderedFlightConfig& flight) {
   const std::optional<int> crf = section.integer("video_crf");
   const std::optional<double> megabits = section.number("video_bitrate");
   if (crf && megabits) throw section.error("video_bitrate", "does not go together with 'video_crf'");
   if (megabits && *megabits <= 0.0) throw section.error("video_bitrate", "must be positive (Mbit/s)");
-  if (crf) flight.video = dataset::VideoRate{.crf = *crf};
-  if (megabits) flight.video = dataset::VideoRate{.megabits_per_s = *megabits};
+  if (crf) flight.video = dataset::VideoCompression{.crf = *crf};
+  if (megabits) flight.video = dataset::VideoCompression{.megabits_per_s = *megabits};
   flight.degrade = read_image_formation(section);
 }
 
-std::vector<fs::path> files_of_command(const Experiment& experiment) {
-  return command_files(experiment.odometry.command, fs::absolute(experiment.file).parent_path());
+std::vector<fs::path> command_input_files(const Experiment& experiment) {
+  return find_command_files(experiment.odometry.command, fs::absolute(experiment.file).parent_path());
 }
 
 Experiment read_experiment(const fs::path& file) {
@@ -273,11 +274,11 @@ Experiment read_experiment(const fs::path& file) {
   if (auto flight = root.section("real")) experiment.real = read_flight(*flight, "video");
   experiment.variants = read_variants(root, experiment.simulated);
   if (auto odometry = root.section("odometry")) experiment.odometry = read_odometry(*odometry);
-  if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment(*alignment);
+  if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment_options(*alignment);
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
-  root.finish();
-  for (const std::string& key : root.keys()) experiment.sections[key] = root.meaning(key);
-  // How many runs there are does not change any of them.
+  root.require_all_keys_used();
+  for (const std::string& key : root.keys()) experiment.sections[key] = root.canonical_value(key);
+  // The number of runs does not affect the individual runs.
   if (const auto odometry = root.section("odometry"))
     experiment.sections["odometry"] = meaning_without(*odometry, {"runs", "later", "backwards"});
   if (experiment.real && experiment.real->render && experiment.real->render->follows_real)

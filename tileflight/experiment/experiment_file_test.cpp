@@ -6,7 +6,7 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -17,15 +17,15 @@ class ExperimentFile : public testing::Test {
  protected:
   ExperimentFile() {
     for (const char* file : {"tileset.json", "film.mp4", "camera.yaml", "log.srt"})
-      geometry::write_file(folder_ / file, "");
+      base::write_file(folder_ / file, "");
   }
   Experiment read(const std::string& render, const std::string& ingest) const {
     const auto file = folder_ / "experiment.yaml";
-    geometry::write_file(file, "place:\n  source: tileset.json\nsimulated:\n  render: {follow: real" + render +
-                                   "}\nreal:\n  ingest: {video: film.mp4, camera: camera.yaml" + ingest + "}\n");
+    base::write_file(file, "place:\n  source: tileset.json\nsimulated:\n  render: {follow: real" + render +
+                               "}\nreal:\n  ingest: {video: film.mp4, camera: camera.yaml" + ingest + "}\n");
     return read_experiment(file);
   }
-  IngestFlight ingest(const std::string& keys) const { return *read("", keys).real->ingest; }
+  survey::IngestedFlightConfig ingest(const std::string& keys) const { return *read("", keys).real->ingest; }
   std::string fault(const std::string& render, const std::string& keys) const {
     return tests::refusal_of([&] { read(render, keys); });
   }
@@ -34,14 +34,14 @@ class ExperimentFile : public testing::Test {
 };
 
 TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
-  const IngestFlight absent = ingest(", telemetry: log.srt");
-  EXPECT_FALSE(absent.finds_telemetry_offset);
+  const survey::IngestedFlightConfig absent = ingest(", telemetry: log.srt");
+  EXPECT_FALSE(absent.estimates_telemetry_offset);
   EXPECT_EQ(absent.telemetry_offset_s, std::nullopt);
-  const IngestFlight given = ingest(", telemetry: log.srt, telemetry_offset: -1.25");
-  EXPECT_FALSE(given.finds_telemetry_offset);
+  const survey::IngestedFlightConfig given = ingest(", telemetry: log.srt, telemetry_offset: -1.25");
+  EXPECT_FALSE(given.estimates_telemetry_offset);
   EXPECT_EQ(given.telemetry_offset_s, -1.25);
-  const IngestFlight found = ingest(", telemetry: log.srt, telemetry_offset: auto");
-  EXPECT_TRUE(found.finds_telemetry_offset);
+  const survey::IngestedFlightConfig found = ingest(", telemetry: log.srt, telemetry_offset: auto");
+  EXPECT_TRUE(found.estimates_telemetry_offset);
   EXPECT_EQ(found.telemetry_offset_s, std::nullopt);
   EXPECT_THAT(fault("", ", telemetry_offset: auto"), HasSubstr("is of a flight log; name it with 'telemetry'"));
   EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));

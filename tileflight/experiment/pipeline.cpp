@@ -2,15 +2,15 @@
 
 #include <algorithm>
 
-#include "tileflight/flight/flight_plan.h"
-#include "tileflight/flight/telemetry_file.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/imaging/camera.h"
-#include "tileflight/tiles/open_source.h"
-#include "tileflight/tiles/url_secrets.h"
-#include "tileflight/tiling/stadium.h"
+#include "tileflight/stadium/stadium.h"
+#include "tileflight/transport/open_source.h"
+#include "tileflight/transport/url_secrets.h"
+#include "tileflight/vehicle/flight_plan.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -22,11 +22,12 @@ constexpr std::string_view kStadiumPrefix = "stadium:";
 
 bool is_stadium(const std::string& source) { return source.starts_with(kStadiumPrefix); }
 
-/// What a flight file says and the files that it names: lens, sensors, poses.
+/// Content of a flight file and of the files that it names: lens, sensors, poses.
 json flight_inputs(const fs::path& flight_file) {
-  const flight::FlightPlan plan = flight::read_flight_plan(flight_file);
-  json inputs{{"plan", FileHashes::of_meaning(flight_file)}, {"camera", FileHashes::of_meaning(plan.camera)}};
-  if (!plan.sensors_file.empty()) inputs["sensors"] = FileHashes::of_meaning(plan.sensors_file);
+  const vehicle::FlightPlan plan = vehicle::read_flight_plan(flight_file);
+  json inputs{{"plan", FileHashCache::hash_yaml_content(flight_file)},
+              {"camera", FileHashCache::hash_yaml_content(plan.camera)}};
+  if (!plan.sensors_file.empty()) inputs["sensors"] = FileHashCache::hash_yaml_content(plan.sensors_file);
   if (!plan.poses) return inputs;
   std::string numbers;
   for (const geometry::StampedPose& pose : plan.poses->poses) {
@@ -34,14 +35,14 @@ json flight_inputs(const fs::path& flight_file) {
     numbers.append(reinterpret_cast<const char*>(pose.T_local_camera.translation.data()), 3 * sizeof(double));
     numbers.append(reinterpret_cast<const char*>(pose.T_local_camera.rotation.coeffs().data()), 4 * sizeof(double));
   }
-  inputs["poses"] = geometry::sha256_hex(numbers);
+  inputs["poses"] = base::sha256_hex(numbers);
   return inputs;
 }
 
-/// When the filmed flight began, where its log knows the date.
-std::optional<double> start_utc_s(const std::optional<Flight>& real) {
+/// Start time of the filmed flight, if its log knows the date.
+std::optional<double> start_utc_s(const std::optional<FlightConfig>& real) {
   if (!real || !real->ingest || real->ingest->telemetry.empty()) return std::nullopt;
-  const flight::Telemetry log = flight::read_telemetry(real->ingest->telemetry);
+  const flight_logs::Telemetry log = flight_logs::read_telemetry(real->ingest->telemetry);
   if (!log.zero_utc_s || log.fixes.empty()) return std::nullopt;
   return *log.zero_utc_s + log.fixes.front().time_s;
 }
@@ -68,13 +69,13 @@ bool Pipeline::uses_built_in_place() const {
   return uses;
 }
 
-Experiment Pipeline::variant_of(const Variant& variant) const {
+Experiment Pipeline::make_variant(const Variant& variant) const {
   Experiment changed = experiment_;
   changed.name = experiment_.name + "/" + variant.name;
   changed.simulated->render = variant.render;
   changed.real.reset();
   changed.variants.clear();
-  changed.sections["simulated"] += "\n" + variant.text;
+  changed.sections["simulated"] += "\n" + variant.yaml_text;
   if (changed.simulated->render->follows_real) {
     changed.simulated->render->follows_real = false;
     changed.simulated->render->flight = folder_ / "simulated/flight/flight.yaml";
@@ -83,23 +84,23 @@ Experiment Pipeline::variant_of(const Variant& variant) const {
     changed.place.texture_scale = *variant.texture_scale;
     return changed;
   }
-  changed.place.source = resolved(changed.place.source);  // the built-in place is built once
-  changed.simulated->render->source = resolved(changed.simulated->render->source);
+  changed.place.source = resolve_source(changed.place.source);  // the built-in place is built only once
+  changed.simulated->render->source = resolve_source(changed.simulated->render->source);
   return changed;
 }
 
 std::vector<OdometryRun> Pipeline::runs(const FlightStages& flight) const {
-  const Odometry& settings = experiment_.odometry;
+  const OdometryConfig& settings = experiment_.odometry;
   std::vector<OdometryRun> runs;
   for (const bool backwards : {false, true}) {
     if (backwards && !settings.backwards) continue;
     for (int k = 0; k < settings.runs; ++k) {
       OdometryRun run{.name = flight.name, .folder = flight.folder, .options = settings.options, .frames = {}};
-      run.options.start.seed += static_cast<std::uint32_t>(k);
-      run.frames.from = static_cast<std::size_t>(k) * static_cast<std::size_t>(settings.later);
+      run.options.initialization.seed += static_cast<std::uint32_t>(k);
+      run.frames.from = static_cast<std::size_t>(k) * static_cast<std::size_t>(settings.start_offset_frames);
       run.frames.reverse = backwards;
-      run.repeats = !runs.empty();
-      if (run.repeats) {
+      run.is_repeat = !runs.empty();
+      if (run.is_repeat) {
         const std::string own = "runs/" + std::to_string(k + 1) + (backwards ? "-backwards" : "");
         run.name += "/" + own;
         run.folder /= own;
@@ -110,7 +111,7 @@ std::vector<OdometryRun> Pipeline::runs(const FlightStages& flight) const {
   return runs;
 }
 
-std::vector<OdometryRun> Pipeline::runs_of(const std::string& flight) const {
+std::vector<OdometryRun> Pipeline::find_runs(const std::string& flight) const {
   const auto found = std::ranges::find(flights_, flight, &FlightStages::name);
   return found == flights_.end() ? std::vector<OdometryRun>{} : runs(*found);
 }
@@ -125,19 +126,19 @@ std::vector<std::string> Pipeline::odometry_products(const OdometryRun& run) con
   return products;
 }
 
-void Pipeline::make_place(const Progress& progress) const {
-  const geometry::OutputFolder output{.folder = folder_ / "place",
-                                      .command = "scene",
-                                      .replace = true,
-                                      .inputs = {},
-                                      .unmarked = tiling::unmarked_stadium()};
-  geometry::write_folder(output, [&](const fs::path& temporary) {
-    tiling::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale},
-                          progress);
+void Pipeline::build_place(const Progress& progress) const {
+  const base::OutputFolder output{.folder = folder_ / "place",
+                                  .command = "scene",
+                                  .replace = true,
+                                  .inputs = {},
+                                  .legacy = stadium::legacy_stadium_folder()};
+  base::write_folder(output, [&](const fs::path& temporary) {
+    stadium::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale},
+                           progress);
   });
 }
 
-std::string Pipeline::resolved(const std::string& source) const {
+std::string Pipeline::resolve_source(const std::string& source) const {
   if (!is_stadium(source)) return source;
   const std::string model = source.substr(kStadiumPrefix.size());
   if (model != "twin" && model != "world") {
@@ -149,29 +150,30 @@ std::string Pipeline::resolved(const std::string& source) const {
 
 std::string Pipeline::source_fingerprint(const std::string& source) const {
   if (is_stadium(source)) return cache_.key("place");
-  // Of a source from the network only the name is known without asking for everything again.
-  if (tiles::is_network_source(source)) return tiles::shown_source(source);
-  const fs::path files = tiles::files_of_source(source);
+  // For a network source only the name is hashed; comparing its content would require downloading everything again.
+  if (transport::is_network_source(source)) return transport::redact_source(source);
+  const fs::path files = transport::local_path_of_source(source);
   if (files.empty()) throw InputError(source, "no such file or folder");
-  return cache_.content_of(files);
+  return cache_.content_hash(files);
 }
 
-tiles::SourceOptions Pipeline::source_options() const {
-  tiles::SourceOptions options = experiment_.source_options;
+transport::SourceOptions Pipeline::source_options() const {
+  transport::SourceOptions options = experiment_.source_options;
   options.terms_accepted = options.terms_accepted || experiment_.place.terms_accepted;
   return options;
 }
 
-std::string Pipeline::section(const std::string& name) const {
+std::string Pipeline::section_hash(const std::string& name) const {
   const auto found = experiment_.sections.find(name);
   if (found == experiment_.sections.end() || found->second.empty()) return "";
-  // It is kept beside the results, and variables that are filled in may be secret. Another key opens the same tiles.
-  return geometry::sha256_hex(tiles::scrubbed(found->second, tiles::secrets_of(experiment_.place.source)));
+  // Hashed, since it is stored beside the results and substituted variables may be secret. Another key opens the same
+  // tiles.
+  return base::sha256_hex(transport::mask_secrets(found->second, transport::find_secrets(experiment_.place.source)));
 }
 
-ExtractSettings Pipeline::extract_settings() const {
-  const Place& place = experiment_.place;
-  return {.source = resolved(place.source),
+place::ExtractSettings Pipeline::extract_settings() const {
+  const SiteConfig& place = experiment_.place;
+  return {.source = resolve_source(place.source),
           .load = {.center = place.center,
                    .center_local = place.center_local,
                    .size = place.size,
@@ -182,26 +184,26 @@ ExtractSettings Pipeline::extract_settings() const {
           .samples_per_m2 = experiment_.truth.samples_per_m2};
 }
 
-/// The cameras see more of the place than is scored: the region grown on every side, in the truth's own frame.
-RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
-  RenderFlight render = *flight.flight.render;
+/// The cameras see more of the place than is scored: the region is grown on every side, in the truth's frame.
+survey::RenderSettings Pipeline::render_settings(const FlightStages& flight) const {
+  survey::RenderedFlightConfig render = *flight.flight.render;
   if (render.follows_real) {
     render.flight = flight.folder / "flight/flight.yaml";
     const double line_delay_s = imaging::read_calibration(flight.folder / "flight/camera.yaml").line_delay_s;
-    if (!render.degrade && line_delay_s != 0.0) render.degrade = sensors::ImageFormation{.line_delay_s = line_delay_s};
+    if (!render.degrade && line_delay_s != 0.0) render.degrade = render::ImageFormation{.line_delay_s = line_delay_s};
   }
   if (render.follows_real && render.degrade && render.degrade->light && !render.degrade->light->utc_s)
     render.degrade->light->utc_s = start_utc_s(experiment_.real);
-  const json truth = read_extract_json(folder_ / "truth");
+  const json truth = place::read_extract_json(folder_ / "truth");
   const std::vector<double> center = truth.at("region").at("center");
   const std::vector<double> size = truth.at("region").at("size");
   const double margin = 2 * experiment_.place.view_margin_m;
   const geometry::Vec3 middle(center[0], center[1], center[2]), half(size[0] / 2, size[1] / 2, size[2] / 2);
-  return {.source = resolved(render.source.empty() ? experiment_.place.source : render.source),
+  return {.source = resolve_source(render.source.empty() ? experiment_.place.source : render.source),
           .load = {.center_local = middle,
                    .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
                    .error_m = experiment_.place.error_m,
-                   .origin = origin_of(truth),
+                   .origin = place::origin_from_json(truth),
                    .source = source_options()},
           .flight = render,
           .seed = experiment_.seed,
@@ -215,26 +217,26 @@ json Pipeline::place_inputs() const {
 }
 
 json Pipeline::truth_inputs() const {
-  return {{"place", section("place")},
-          {"truth", section("truth")},
+  return {{"place", section_hash("place")},
+          {"truth", section_hash("truth")},
           {"tiles", source_fingerprint(experiment_.place.source)}};
 }
 
 json Pipeline::dataset_inputs(const FlightStages& f) const {
-  json inputs{{"settings", section(f.name)}, {"seed", experiment_.seed}, {"truth", cache_.key("truth")}};
+  json inputs{{"settings", section_hash(f.name)}, {"seed", experiment_.seed}, {"truth", cache_.key("truth")}};
   if (f.flight.render) {
     const std::string& own = f.flight.render->source;
     inputs["tiles"] = source_fingerprint(own.empty() ? experiment_.place.source : own);
-    if (!f.flight.render->camera.empty()) inputs["camera"] = FileHashes::of_meaning(f.flight.render->camera);
+    if (!f.flight.render->camera.empty()) inputs["camera"] = FileHashCache::hash_yaml_content(f.flight.render->camera);
     inputs["flight"] =
         f.flight.render->follows_real ? json(cache_.key(f.name + "/flight")) : flight_inputs(f.flight.render->flight);
   }
   if (f.flight.ingest) {
-    const IngestFlight& ingest = *f.flight.ingest;
+    const survey::IngestedFlightConfig& ingest = *f.flight.ingest;
     for (const fs::path& file : {ingest.video, ingest.telemetry, ingest.groundtruth}) {
-      inputs["files"].push_back(file.empty() ? json() : json(cache_.content_of(file)));
+      inputs["files"].push_back(file.empty() ? json() : json(cache_.content_hash(file)));
     }
-    inputs["camera"] = FileHashes::of_meaning(ingest.camera);
+    inputs["camera"] = FileHashCache::hash_yaml_content(ingest.camera);
   }
   return inputs;
 }
@@ -252,49 +254,51 @@ json Pipeline::reproduction_inputs() const {
 }
 
 json Pipeline::odometry_inputs(const FlightStages& f, const OdometryRun& run) const {
-  json inputs{{"dataset", cache_.key(f.name + "/dataset")}, {"odometry", section("odometry")}};
-  if (run.repeats) {
-    inputs["run"] = {{"seed", run.options.start.seed}, {"from", run.frames.from}, {"backwards", run.frames.reverse}};
+  json inputs{{"dataset", cache_.key(f.name + "/dataset")}, {"odometry", section_hash("odometry")}};
+  if (run.is_repeat) {
+    inputs["run"] = {
+        {"seed", run.options.initialization.seed}, {"from", run.frames.from}, {"backwards", run.frames.reverse}};
   }
-  if (const fs::path& mask = experiment_.odometry.extras.mask; !mask.empty()) inputs["mask"] = cache_.content_of(mask);
-  for (const fs::path& file : files_of_command(experiment_)) inputs["command"].push_back(cache_.content_of(file));
+  if (const fs::path& mask = experiment_.odometry.track_options.mask; !mask.empty())
+    inputs["mask"] = cache_.content_hash(mask);
+  for (const fs::path& file : command_input_files(experiment_)) inputs["command"].push_back(cache_.content_hash(file));
   return inputs;
 }
 
 json Pipeline::alignment_inputs(const FlightStages& flight, const OdometryRun& run) const {
   json inputs{{"odometry", cache_.key(run.name + "/odometry")},
               {"truth", cache_.key("truth")},
-              {"alignment", section("alignment")}};
+              {"alignment", section_hash("alignment")}};
   if (experiment_.alignment.start == alignment::AlignmentStart::kGiven) {
     const geometry::Mat4 start = experiment_.alignment.given_start.matrix();
     inputs["start"] = std::vector<double>(start.data(), start.data() + start.size());
   }
   if (!experiment_.alignment.find_regions) return inputs;
   for (const FlightStages& other : flights_) {
-    if (other.name != flight.name && cache_.has(other.name + "/odometry"))
+    if (other.name != flight.name && cache_.is_done(other.name + "/odometry"))
       inputs["others"].push_back(cache_.key(other.name + "/odometry"));
   }
   return inputs;
 }
 
-std::vector<MapInputs> Pipeline::maps_of_others(const FlightStages& flight) const {
-  std::vector<MapInputs> others;
+std::vector<scoring::MapInputs> Pipeline::other_flights_maps(const FlightStages& flight) const {
+  std::vector<scoring::MapInputs> others;
   for (const FlightStages& other : flights_) {
-    if (other.name != flight.name && cache_.has(other.name + "/odometry"))
-      others.push_back(map_inputs(other.folder / "odometry", other.folder / "dataset"));
+    if (other.name != flight.name && cache_.is_done(other.name + "/odometry"))
+      others.push_back(scoring::find_map_inputs(other.folder / "odometry", other.folder / "dataset"));
   }
   return others;
 }
 
 json Pipeline::evaluation_inputs(const OdometryRun& run) const {
-  return {{"alignment", cache_.key(run.name + "/alignment")}, {"evaluation", section("evaluation")}};
+  return {{"alignment", cache_.key(run.name + "/alignment")}, {"evaluation", section_hash("evaluation")}};
 }
 
 json Pipeline::comparison_inputs() const {
-  json inputs{{"evaluation", section("evaluation")}, {"seed", experiment_.seed}};
+  json inputs{{"evaluation", section_hash("evaluation")}, {"seed", experiment_.seed}};
   for (const FlightStages& f : flights_) {
     for (const OdometryRun& run : runs(f)) {
-      if (cache_.has(run.name + "/evaluation")) inputs[f.name].push_back(cache_.key(run.name + "/evaluation"));
+      if (cache_.is_done(run.name + "/evaluation")) inputs[f.name].push_back(cache_.key(run.name + "/evaluation"));
     }
   }
   return inputs;
@@ -303,7 +307,7 @@ json Pipeline::comparison_inputs() const {
 json Pipeline::failure_inputs() const {
   return {{"simulated", cache_.key("simulated/evaluation")},
           {"real", cache_.key("real/evaluation")},
-          {"evaluation", section("evaluation")},
+          {"evaluation", section_hash("evaluation")},
           {"seed", experiment_.seed}};
 }
 

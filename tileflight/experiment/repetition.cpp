@@ -4,10 +4,11 @@
 #include <set>
 #include <string>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/json_file.h"
 #include "tileflight/evaluation/repeated_runs.h"
 #include "tileflight/experiment/run_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -19,51 +20,45 @@ fs::path failure_file(const OdometryRun& run) { return run.folder / "failed.txt"
 
 bool has_failed(const OdometryRun& run) { return fs::exists(failure_file(run)); }
 
-json read_json(const fs::path& file) {
-  json value = json::parse(geometry::read_text(file), nullptr, false);
-  if (value.is_discarded()) throw InputError(file.string(), "not valid JSON");
-  return value;
-}
-
-json at_or_null(const json& object, const char* place) {
+json value_or_null(const json& object, const char* place) {
   const json::json_pointer pointer(place);
   return object.contains(pointer) ? object.at(pointer) : json(nullptr);
 }
 
 /// "1" for the first run, "2", "1-backwards".
-std::string short_name(const OdometryRun& run) { return run.repeats ? run.folder.filename().string() : "1"; }
+std::string run_label(const OdometryRun& run) { return run.is_repeat ? run.folder.filename().string() : "1"; }
 
-json line_of(const OdometryRun& run, const StageCache& cache) {
+json run_row(const OdometryRun& run, const StageCache& cache) {
   const bool failed = has_failed(run);
-  // What an earlier run of the program left from other inputs is none of this one.
-  const bool has_odometry = cache.has(run.name + "/odometry");
-  const json odometry = has_odometry ? read_json(run.folder / "odometry/odometry.json") : json::object();
-  const json metrics = failed ? json::object() : read_json(run.folder / "metrics.json");
-  return {{"name", short_name(run)},
-          {"seed", run.options.start.seed},
+  // Results of an earlier call with other inputs do not belong to this run.
+  const bool has_odometry = cache.is_done(run.name + "/odometry");
+  const json odometry = has_odometry ? base::read_json(run.folder / "odometry/odometry.json") : json::object();
+  const json metrics = failed ? json::object() : base::read_json(run.folder / "metrics.json");
+  return {{"name", run_label(run)},
+          {"seed", run.options.initialization.seed},
           {"from", run.frames.from},
           {"backwards", run.frames.reverse},
-          {"failed", failed ? json(geometry::read_text(failure_file(run))) : json(nullptr)},
-          {"frames_tracked", at_or_null(odometry, "/frames_tracked")},
-          {"lost", at_or_null(odometry, "/lost")},
-          {"points", at_or_null(metrics, "/map/points")},
-          {"mean", at_or_null(metrics, "/map/mean")},
-          {"surface_median", at_or_null(metrics, "/surface/median")},
-          {"ate_rmse", at_or_null(metrics, "/trajectory/ate_rmse")}};
+          {"failed", failed ? json(base::read_text(failure_file(run))) : json(nullptr)},
+          {"frames_tracked", value_or_null(odometry, "/frames_tracked")},
+          {"lost", value_or_null(odometry, "/lost")},
+          {"points", value_or_null(metrics, "/map/points")},
+          {"mean", value_or_null(metrics, "/map/mean")},
+          {"surface_median", value_or_null(metrics, "/surface/median")},
+          {"ate_rmse", value_or_null(metrics, "/trajectory/ate_rmse")}};
 }
 
 std::size_t distinct_maps(const std::vector<OdometryRun>& runs) {
   std::set<std::string> maps;
   for (const OdometryRun& run : runs) {
-    if (!has_failed(run)) maps.insert(geometry::sha256_hex_of_file(run.folder / "odometry/map.ply"));
+    if (!has_failed(run)) maps.insert(base::sha256_hex_of_file(run.folder / "odometry/map.ply"));
   }
   return maps.size();
 }
 
 }  // namespace
 
-void attempt(const OdometryRun& run, const std::function<void()>& stages) {
-  if (!run.repeats) {
+void run_repetition(const OdometryRun& run, const std::function<void()>& stages) {
+  if (!run.is_repeat) {
     stages();
     return;
   }
@@ -72,17 +67,17 @@ void attempt(const OdometryRun& run, const std::function<void()>& stages) {
   try {
     stages();
   } catch (const InputError& error) {
-    geometry::write_file(failure_file(run), error.what());
+    base::write_file(failure_file(run), error.what());
   }
 }
 
-void require_map(const OdometryRun& run, const fs::path& dataset) {
-  const json about = read_json(run.folder / "odometry/odometry.json");
+void require_tracked_frames(const OdometryRun& run, const fs::path& dataset) {
+  const json about = base::read_json(run.folder / "odometry/odometry.json");
   if (about.value("frames_tracked", json()) == 0)
     throw InputError(dataset.string(), about.value("lost_reason", "no frame was tracked"));
 }
 
-void forget_other_runs(const fs::path& flight, const std::vector<OdometryRun>& runs) {
+void remove_stale_runs(const fs::path& flight, const std::vector<OdometryRun>& runs) {
   if (!fs::is_directory(flight / "runs")) return;
   for (const fs::directory_entry& entry : fs::directory_iterator(flight / "runs")) {
     if (std::ranges::none_of(runs, [&](const OdometryRun& run) { return run.folder == entry.path(); }))
@@ -90,7 +85,7 @@ void forget_other_runs(const fs::path& flight, const std::vector<OdometryRun>& r
   }
 }
 
-std::vector<fs::path> scored(const std::vector<OdometryRun>& runs) {
+std::vector<fs::path> scored_metrics_files(const std::vector<OdometryRun>& runs) {
   std::vector<fs::path> files;
   for (const OdometryRun& run : runs) {
     if (!has_failed(run)) files.push_back(run.folder / "metrics.json");
@@ -101,14 +96,14 @@ std::vector<fs::path> scored(const std::vector<OdometryRun>& runs) {
 nlohmann::json describe_runs(const std::vector<OdometryRun>& runs, const StageCache& cache) {
   if (runs.size() < 2) return nullptr;
   json list = json::array();
-  for (const OdometryRun& run : runs) list.push_back(line_of(run, cache));
+  for (const OdometryRun& run : runs) list.push_back(run_row(run, cache));
   std::vector<json> metrics;
-  for (const fs::path& file : scored(runs)) metrics.push_back(read_json(file));
+  for (const fs::path& file : scored_metrics_files(runs)) metrics.push_back(base::read_json(file));
   return {{"n", runs.size()},
           {"failed", runs.size() - metrics.size()},
           {"distinct", distinct_maps(runs)},
           {"list", list},
-          {"spread", evaluation::spread_of_numbers(metrics)}};
+          {"spread", evaluation::compute_json_spread(metrics)}};
 }
 
 }  // namespace tileflight::experiment

@@ -9,24 +9,24 @@
 
 namespace tileflight::experiment {
 
-// A flight that is tracked more than once (`odometry: {runs: N}`). The first run counts as the flight's result and must
-// not fail; a further one may, and then that is a result too.
+// Flights that are tracked several times (`odometry: {runs: N}`). The first run is the flight's result and must
+// succeed; the failure of a further run is recorded as a result.
 
-/// Does the stages of one run. An InputError of a further run is noted in its folder instead of thrown.
-void attempt(const OdometryRun& run, const std::function<void()>& stages);
+/// Executes the stages of one run. An InputError in a further run is recorded in its folder instead of thrown.
+void run_repetition(const OdometryRun& run, const std::function<void()>& stages);
 
-/// Throws InputError when the odometry of a run tracked no frame.
-void require_map(const OdometryRun& run, const std::filesystem::path& dataset);
+/// Throws InputError if the odometry of a run tracked no frame.
+void require_tracked_frames(const OdometryRun& run, const std::filesystem::path& dataset);
 
-/// Removes the results of further runs that are not asked for any more.
-void forget_other_runs(const std::filesystem::path& flight, const std::vector<OdometryRun>& runs);
+/// Removes the results of further runs that are no longer requested.
+void remove_stale_runs(const std::filesystem::path& flight, const std::vector<OdometryRun>& runs);
 
-/// metrics.json of the runs that did not fail, the first run's in front.
-std::vector<std::filesystem::path> scored(const std::vector<OdometryRun>& runs);
+/// metrics.json of the successful runs, the first run first.
+std::vector<std::filesystem::path> scored_metrics_files(const std::vector<OdometryRun>& runs);
 
-/// {n, failed, distinct (different maps), list [{name, seed, from, backwards, failed (why, or null), frames_tracked,
-/// lost, points, mean, surface_median, ate_rmse}], spread (evaluation::spread_of_numbers over metrics.json)}; null for
-/// a single run.
+/// Returns {n, failed, distinct (different maps), list [{name, seed, from, backwards, failed (cause, or null),
+/// frames_tracked, lost, points, mean, surface_median, ate_rmse}], spread (evaluation::compute_json_spread over
+/// metrics.json)}; null for a single run.
 nlohmann::json describe_runs(const std::vector<OdometryRun>& runs, const StageCache& cache);
 
 }  // namespace tileflight::experiment

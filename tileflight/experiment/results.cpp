@@ -1,14 +1,15 @@
 #include "tileflight/experiment/results.h"
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/json_file.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/doubts_json.h"
-#include "tileflight/evaluation/paper.h"
-#include "tileflight/experiment/doubts.h"
-#include "tileflight/experiment/extract.h"
+#include "tileflight/evaluation/published_results.h"
 #include "tileflight/experiment/repetition.h"
-#include "tileflight/experiment/version.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/place/version.h"
+#include "tileflight/scoring/doubts.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -16,13 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-json read_json(const fs::path& file) {
-  json value = json::parse(geometry::read_text(file), nullptr, false);
-  if (value.is_discarded()) throw InputError(file.string(), "not valid JSON");
-  return value;
-}
-
-/// What was filmed: how many pictures, how wide, how large, how often.
+/// Describes the dataset: number of frames, field of view, resolution, frame rate, duration.
 json describe_dataset(const fs::path& folder) {
   const dataset::Dataset data = dataset::read_dataset(folder);
   const imaging::Camera& camera = data.calibration.camera;
@@ -35,13 +30,13 @@ json describe_dataset(const fs::path& folder) {
           {"duration_s", duration_s}};
 }
 
-json describe_flight(const Flight& flight, const fs::path& folder, const std::vector<OdometryRun>& runs,
+json describe_flight(const FlightConfig& flight, const fs::path& folder, const std::vector<OdometryRun>& runs,
                      const StageCache& cache) {
-  json result = read_json(folder / "metrics.json");
+  json result = base::read_json(folder / "metrics.json");
   result.update(describe_dataset(folder / "dataset"));
   result["kind"] = flight.kind;
-  result["odometry"] = read_json(folder / "odometry/odometry.json");
-  result["alignment"] = read_json(folder / "transform.json");
+  result["odometry"] = base::read_json(folder / "odometry/odometry.json");
+  result["alignment"] = base::read_json(folder / "transform.json");
   result["runs"] = describe_runs(runs, cache);
   return result;
 }
@@ -49,18 +44,18 @@ json describe_flight(const Flight& flight, const fs::path& folder, const std::ve
 json describe_inputs(const Experiment& experiment, const StageCache& cache) {
   json inputs = json::array();
   for (const fs::path& file : input_files(experiment)) {
-    inputs.push_back({{"path", file.string()}, {"sha256", cache.content_of(file)}});
+    inputs.push_back({{"path", file.string()}, {"sha256", cache.content_hash(file)}});
   }
   return inputs;
 }
 
-/// Of all flights' scores, each under its flight's name; of the truth once.
+/// Doubts of all flights' scores, each under its flight's name; those about the truth once.
 Doubts all_doubts(const Pipeline& pipeline, const fs::path& run) {
-  Doubts doubts = doubts_of_truth(read_extract_json(run / "truth"));
+  Doubts doubts = scoring::truth_doubts(place::read_extract_json(run / "truth"));
   for (const FlightStages& f : pipeline.flights()) {
-    Doubts own = doubts_in(f.folder / "metrics.json");
+    Doubts own = scoring::read_doubts(f.folder / "metrics.json");
     std::erase_if(own, [](const Doubt& doubt) { return doubt.where == "truth"; });
-    append(doubts, of_flight(std::move(own), f.name));
+    scoring::append_distinct(doubts, scoring::prefix_with_flight(std::move(own), f.name));
   }
   return doubts;
 }
@@ -73,8 +68,8 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
     if (!file.empty() && fs::exists(file)) files.push_back(file);
   };
   add(experiment.place.source);
-  add(experiment.odometry.extras.mask);
-  for (const fs::path& file : files_of_command(experiment)) add(file);
+  add(experiment.odometry.track_options.mask);
+  for (const fs::path& file : command_input_files(experiment)) add(file);
   for (const auto* flight : {&experiment.simulated, &experiment.real}) {
     if (!flight->has_value()) continue;
     if ((*flight)->render) {
@@ -93,18 +88,19 @@ std::vector<fs::path> input_files(const Experiment& experiment) {
 
 nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pipeline, const StageCache& cache) {
   const fs::path& run = cache.run_folder();
-  const json truth = read_extract_json(run / "truth");
-  json results{{"name", experiment.name}, {"paper", evaluation::paper_table()}, {"truth", truth}};
+  const json truth = place::read_extract_json(run / "truth");
+  json results{{"name", experiment.name}, {"paper", evaluation::published_table()}, {"truth", truth}};
   for (const FlightStages& f : pipeline.flights())
     results[f.name] = describe_flight(f.flight, f.folder, pipeline.runs(f), cache);
-  results["comparison"] = experiment.simulated && experiment.real ? read_json(run / "comparison.json") : json(nullptr);
-  results["failure"] = experiment.simulated && experiment.real ? read_json(run / "failure.json") : json(nullptr);
+  results["comparison"] =
+      experiment.simulated && experiment.real ? base::read_json(run / "comparison.json") : json(nullptr);
+  results["failure"] = experiment.simulated && experiment.real ? base::read_json(run / "failure.json") : json(nullptr);
   const bool follows =
       experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
-  results["reproduction"] = follows ? read_json(run / "reproduction.json") : json(nullptr);
+  results["reproduction"] = follows ? base::read_json(run / "reproduction.json") : json(nullptr);
   results["doubts"] = evaluation::to_json(all_doubts(pipeline, run));
-  results["provenance"] = {{"version", version()},
-                           {"commit", commit()},
+  results["provenance"] = {{"version", place::version()},
+                           {"commit", place::commit()},
                            {"seed", experiment.seed},
                            {"command", "tileflight run " + experiment.file.string() + " --out " + run.string()},
                            {"inputs", describe_inputs(experiment, cache)},

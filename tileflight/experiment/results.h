@@ -11,10 +11,10 @@
 
 namespace tileflight::experiment {
 
-/// results.json of a run folder (keys: contract), gathered from what its stages left there.
+/// Builds results.json of a run folder (keys: see the contract) from the results of its stages.
 nlohmann::json collect_results(const Experiment& experiment, const Pipeline& pipeline, const StageCache& cache);
 
-/// Files that a run was made from.
+/// The input files of an experiment.
 std::vector<std::filesystem::path> input_files(const Experiment& experiment);
 
 }  // namespace tileflight::experiment

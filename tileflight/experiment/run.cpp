@@ -2,25 +2,26 @@
 
 #include <algorithm>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
 #include "tileflight/experiment/ablation.h"
-#include "tileflight/experiment/compare_maps.h"
-#include "tileflight/experiment/evaluate.h"
-#include "tileflight/experiment/extract.h"
-#include "tileflight/experiment/failure.h"
-#include "tileflight/experiment/fly.h"
-#include "tileflight/experiment/follow.h"
 #include "tileflight/experiment/pipeline.h"
 #include "tileflight/experiment/repetition.h"
-#include "tileflight/experiment/reproduction.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/experiment/run_folder.h"
-#include "tileflight/experiment/score.h"
 #include "tileflight/experiment/stage_cache.h"
-#include "tileflight/experiment/track.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/place/version.h"
 #include "tileflight/report/report.h"
+#include "tileflight/scoring/align_stage.h"
+#include "tileflight/scoring/compare_maps.h"
+#include "tileflight/scoring/evaluate.h"
+#include "tileflight/scoring/failure_prediction.h"
+#include "tileflight/survey/followed_flight.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/survey/reproduction.h"
+#include "tileflight/survey/track.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -28,81 +29,84 @@ using nlohmann::json;
 
 namespace {
 
-/// Odometry over a flight's dataset, our own or the experiment's command.
-void find_map(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run, const Progress& progress) {
-  const Odometry& settings = experiment.odometry;
+/// Runs odometry on a flight's dataset: the built-in one or the experiment's command.
+void run_odometry_stage(const Experiment& experiment, const fs::path& dataset, const OdometryRun& run,
+                        const Progress& progress) {
+  const OdometryConfig& settings = experiment.odometry;
   fs::create_directories(run.folder);
   const fs::path pictures = run.folder / "keyframe_pictures";
-  if (!settings.debug_pictures && fs::exists(pictures)) geometry::remove_output(pictures);
+  if (!settings.debug_pictures && fs::exists(pictures)) base::remove_output(pictures);
   if (!settings.command.empty()) {
-    track_with_command(dataset, run.folder / "odometry", true, settings.command,
-                       fs::absolute(experiment.file).parent_path());
+    survey::track_with_command(dataset, run.folder / "odometry", true, settings.command,
+                               fs::absolute(experiment.file).parent_path());
     return;
   }
-  TrackExtras extras = settings.extras;
+  survey::TrackOptions extras = settings.track_options;
   if (settings.debug_pictures) extras.debug_pictures = pictures;
-  if (run.repeats) extras.second_opinion = false;  // a further run is in the direction that it is for
-  track(dataset, run.folder / "odometry", true, run.options, run.frames, progress, extras);
+  if (run.is_repeat) extras.check_reversed = false;  // a repeated run already has a fixed direction
+  survey::track(dataset, run.folder / "odometry", true, run.options, run.frames, progress, extras);
 }
 
-/// The stages of a flight, each done when it has to be: what it is made from, what it leaves, and the call that does
-/// it.
-class FlightWork {
+/// Runs the stages of a flight if necessary, each with its inputs, its products and the function that executes it.
+class FlightStageRunner {
  public:
-  FlightWork(const Experiment& experiment, const Pipeline& pipeline, StageCache& cache, const Progress& progress)
-      : e_(experiment), p_(pipeline), cache_(cache), folder_(cache.run_folder()), progress_(progress) {}
+  FlightStageRunner(const Experiment& experiment, const Pipeline& pipeline, StageCache& cache, const Progress& progress)
+      : experiment_(experiment), pipeline_(pipeline), cache_(cache), folder_(cache.run_folder()), progress_(progress) {}
 
-  void film(const FlightStages& f) const {
+  void make_dataset(const FlightStages& f) const {
     if (f.flight.render && f.flight.render->follows_real) {
-      cache_.once(f.name + "/flight", p_.followed_inputs(), {f.name + "/flight"},
-                  [&] { write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight"); });
+      cache_.run_stage(f.name + "/flight", pipeline_.followed_inputs(), {f.name + "/flight"}, [&] {
+        survey::write_followed_flight(folder_ / "real", f.flight.render->smoothing, f.folder / "flight");
+      });
     }
-    cache_.once(f.name + "/dataset", p_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
-      if (f.flight.render) render_dataset(p_.render_settings(f), f.folder / "dataset", true, progress_);
-      if (f.flight.ingest) ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", true, progress_);
+    cache_.run_stage(f.name + "/dataset", pipeline_.dataset_inputs(f), {f.name + "/dataset"}, [&] {
+      if (f.flight.render) survey::render_dataset(pipeline_.render_settings(f), f.folder / "dataset", true, progress_);
+      if (f.flight.ingest)
+        survey::ingest_dataset(*f.flight.ingest, folder_ / "truth", f.folder / "dataset", true, progress_);
     });
   }
 
   void track(const FlightStages& f) const {
-    forget_other_runs(f.folder, p_.runs(f));
-    for (const OdometryRun& r : p_.runs(f)) {
-      attempt(r, [&] {
-        cache_.once(r.name + "/odometry", p_.odometry_inputs(f, r), p_.odometry_products(r),
-                    [&] { find_map(e_, f.folder / "dataset", r, progress_); });
-        require_map(r, f.folder / "dataset");
+    remove_stale_runs(f.folder, pipeline_.runs(f));
+    for (const OdometryRun& r : pipeline_.runs(f)) {
+      run_repetition(r, [&] {
+        cache_.run_stage(r.name + "/odometry", pipeline_.odometry_inputs(f, r), pipeline_.odometry_products(r),
+                         [&] { run_odometry_stage(experiment_, f.folder / "dataset", r, progress_); });
+        require_tracked_frames(r, f.folder / "dataset");
       });
     }
   }
 
   void align_and_score(const FlightStages& f) const {
-    for (const OdometryRun& r : p_.runs(f)) {
-      if (!cache_.has(r.name + "/odometry")) continue;  // a further run that failed
-      attempt(r, [&] {
-        require_map(r, f.folder / "dataset");
-        MapInputs map = map_inputs(r.folder / "odometry", f.folder / "dataset");
-        map.others = p_.maps_of_others(f);
+    for (const OdometryRun& r : pipeline_.runs(f)) {
+      if (!cache_.is_done(r.name + "/odometry")) continue;  // a repeated run that failed
+      run_repetition(r, [&] {
+        require_tracked_frames(r, f.folder / "dataset");
+        scoring::MapInputs map = scoring::find_map_inputs(r.folder / "odometry", f.folder / "dataset");
+        map.others = pipeline_.other_flights_maps(f);
         const fs::path transform = r.folder / "transform.json";
-        cache_.once(r.name + "/alignment", p_.alignment_inputs(f, r), {r.name + "/transform.json"},
-                    [&] { align(map, folder_ / "truth", e_.alignment, transform, progress_); });
-        cache_.once(r.name + "/evaluation", p_.evaluation_inputs(r), p_.evaluation_products(r), [&] {
-          evaluate(map, folder_ / "truth", transform, e_.evaluation, r.folder / "metrics.json", progress_);
+        cache_.run_stage(r.name + "/alignment", pipeline_.alignment_inputs(f, r), {r.name + "/transform.json"},
+                         [&] { scoring::align(map, folder_ / "truth", experiment_.alignment, transform, progress_); });
+        cache_.run_stage(r.name + "/evaluation", pipeline_.evaluation_inputs(r), pipeline_.evaluation_products(r), [&] {
+          scoring::evaluate(map, folder_ / "truth", transform, experiment_.evaluation, r.folder / "metrics.json",
+                            progress_);
         });
       });
     }
   }
 
  private:
-  const Experiment& e_;
-  const Pipeline& p_;
+  const Experiment& experiment_;
+  const Pipeline& pipeline_;
   StageCache& cache_;
   fs::path folder_;
   const Progress& progress_;
 };
 
-/// Hears a variant's stages by its name.
-StageListener listener_of(const Variant& variant, const StageListener& listener) {
+/// Prefixes a variant's stages with its name.
+StageListener prefix_listener(const Variant& variant, const StageListener& listener) {
   if (!listener) return {};
-  return [&variant, &listener](StageNews news) {
+  return [&variant, &listener](StageEvent news) {
     news.stage = "variants/" + variant.name + "/" + news.stage;
     listener(news);
   };
@@ -110,50 +114,51 @@ StageListener listener_of(const Variant& variant, const StageListener& listener)
 
 }  // namespace
 
-// The pipeline. A stage is skipped when its inputs (the settings, the files' contents, the keys of the stages before
-// it) are those that it was done with.
+// The pipeline. A stage is skipped if its inputs (settings, file contents, keys of earlier stages) are unchanged.
 nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress, const RunOptions& options) {
   const RunFolder own(folder);
-  if (options.again) forget_stages(folder);
-  StageCache cache(folder, program_fingerprint(), own.file_hashes(), options.listener);
+  if (options.rerun_all) invalidate_stages(folder);
+  StageCache cache(folder, place::program_fingerprint(), own.hash_cache_file(), options.listener);
   const Pipeline p(e, folder, cache);
 
-  if (p.uses_built_in_place()) cache.once("place", p.place_inputs(), {"place"}, [&] { p.make_place(progress); });
-  cache.once("truth", p.truth_inputs(), {"truth"},
-             [&] { extract(p.extract_settings(), folder / "truth", true, progress); });
+  if (p.uses_built_in_place()) cache.run_stage("place", p.place_inputs(), {"place"}, [&] { p.build_place(progress); });
+  cache.run_stage("truth", p.truth_inputs(), {"truth"},
+                  [&] { place::extract(p.extract_settings(), folder / "truth", true, progress); });
 
-  const FlightWork flight(e, p, cache, progress);
+  const FlightStageRunner flight(e, p, cache, progress);
   const bool follows = p.simulated_follows_real();
   for (const FlightStages& f : p.flights()) {
-    flight.film(f);
+    flight.make_dataset(f);
     flight.track(f);
-    if (follows) flight.align_and_score(f);  // the flight that follows needs to know where
+    if (follows) flight.align_and_score(f);  // the following flight needs the pose of the followed one
   }
-  // Regions to align on want the points of both.
+  // Choosing regions for the alignment requires the points of both flights.
   if (!follows) std::ranges::for_each(p.flights(), [&](const FlightStages& f) { flight.align_and_score(f); });
   if (follows) {
-    cache.once("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
-               [&] { measure_reproduction(folder, progress); });
+    cache.run_stage("reproduction", p.reproduction_inputs(), {"reproduction.json", "reproduction.csv"},
+                    [&] { survey::measure_reproduction(folder, progress); });
   }
   if (e.simulated && e.real) {
-    cache.once("comparison", p.comparison_inputs(), {"comparison.json"}, [&] {
-      const json c = compare(scored(p.runs_of("simulated")), scored(p.runs_of("real")), e.evaluation, e.seed);
-      geometry::write_file(folder / "comparison.json", c.dump(2) + "\n");
+    cache.run_stage("comparison", p.comparison_inputs(), {"comparison.json"}, [&] {
+      const json c = scoring::compare_flights(scored_metrics_files(p.find_runs("simulated")),
+                                              scored_metrics_files(p.find_runs("real")), e.evaluation, e.seed);
+      base::write_file(folder / "comparison.json", c.dump(2) + "\n");
     });
-    cache.once("failure", p.failure_inputs(), {"failure.json"},
-               [&] { predict_failure(folder, e.evaluation, follows, e.seed); });
+    cache.run_stage("failure", p.failure_inputs(), {"failure.json"},
+                    [&] { scoring::predict_failure(folder, e.evaluation, follows, e.seed); });
   }
   json results = collect_results(e, p, cache);
   if (!e.variants.empty()) {
     results["ablation"] =
-        fly_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& its_folder) {
-          return run(p.variant_of(variant), its_folder, progress, {.listener = listener_of(variant, options.listener)});
+        run_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& its_folder) {
+          return run(p.make_variant(variant), its_folder, progress,
+                     {.listener = prefix_listener(variant, options.listener)});
         });
   }
-  geometry::write_file(folder / "results.json", results.dump(2) + "\n");
-  cache.once("report", {{"results", geometry::sha256_hex(results.dump())}},
-             {"report.html", "report.json", "tables/key-figures.csv", "tables/key-figures.tex"},
-             [&] { report::write_report(folder); });
+  base::write_file(folder / "results.json", results.dump(2) + "\n");
+  cache.run_stage("report", {{"results", base::sha256_hex(results.dump())}},
+                  {"report.html", "report.json", "tables/key-figures.csv", "tables/key-figures.tex"},
+                  [&] { report::write_report(folder); });
   return results;
 }
 

@@ -3,20 +3,21 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "tileflight/base/progress.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/stage_cache.h"
-#include "tileflight/geometry/progress.h"
 
 namespace tileflight::experiment {
 
+/// Options of run().
 struct RunOptions {
-  bool again = false;      ///< do all stages again; what an earlier run left stays until it is replaced
-  StageListener listener;  ///< told of each stage
+  bool rerun_all = false;  ///< execute all stages again; earlier results are kept until they are replaced
+  StageListener listener;  ///< notified of each stage
 };
 
-/// The whole way that data takes, into `folder`: results.json (returned) and report.html. Stages that were done with
-/// the same inputs are not done again; an interrupted run goes on, and takes up the frames that it has rendered. Throws
-/// InputError, also for a folder that holds something else or that another process works in.
+/// Executes the complete experiment in `folder`: results.json (returned) and report.html. Stages whose inputs have not
+/// changed are skipped; an interrupted run continues and reuses its rendered frames. Throws InputError, also if the
+/// folder holds something else or is in use by another process.
 nlohmann::json run(const Experiment& experiment, const std::filesystem::path& folder, const Progress& progress = {},
                    const RunOptions& options = {});
 

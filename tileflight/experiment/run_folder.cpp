@@ -13,19 +13,20 @@
 #include <system_error>
 #include <vector>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/folder_marker.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/output_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/folder_marker.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kLock = ".lock";
-constexpr std::uintmax_t kMostLockBytes = 4096;
+constexpr std::uintmax_t kMaxLockBytes = 4096;
 
-/// What runs leave beside the folders that have a marker of their own; "FOLDER/" in front: in folders of that name.
+/// Files written by runs besides folders with their own marker; a prefix "FOLDER/" restricts them to folders of that
+/// name.
 constexpr std::array kRunFiles{".lock",           ".file-hashes",      ".tileflight",       "stages/*.json",
                                "results.json",    "report.html",       "report.json",       "figures/*.svg",
                                "figures/*.csv",   "tables/*.csv",      "tables/*.tex",      "transform.json",
@@ -38,8 +39,8 @@ std::string host_name() {
   return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
 }
 
-/// "tileflight run a.yaml --out out" of a process of this machine; empty where it cannot be read.
-std::string command_of(const std::string& process) {
+/// "tileflight run a.yaml --out out" of a local process; empty if it cannot be read.
+std::string read_command_line(const std::string& process) {
   std::ifstream file("/proc/" + process + "/cmdline", std::ios::binary);
   std::ostringstream text;
   text << file.rdbuf();
@@ -50,38 +51,38 @@ std::string command_of(const std::string& process) {
   return command;
 }
 
-/// "process 4711 (tileflight run a.yaml --out out)", as the lock's file says.
-std::string owner(const fs::path& lock) {
-  std::istringstream text(geometry::read_text(lock, kMostLockBytes));
+/// "process 4711 (tileflight run a.yaml --out out)", as stored in the lock file.
+std::string read_owner(const fs::path& lock) {
+  std::istringstream text(base::read_text(lock, kMaxLockBytes));
   std::string process, host;
   if (!(text >> process >> host)) return "another process";
   if (host != host_name()) return "process " + process + " of " + host;
-  const std::string command = command_of(process);
+  const std::string command = read_command_line(process);
   return "process " + process + (command.empty() ? "" : " (" + command + ")");
 }
 
-/// Writes who has the lock.
-void sign(int lock) {
+/// Stores the owner of the lock.
+void write_owner(int lock) {
   const std::string text = std::to_string(::getpid()) + " " + host_name() + "\n";
-  if (::ftruncate(lock, 0) != 0 || ::pwrite(lock, text.data(), text.size(), 0) < 0) return;  // then it has no name
+  if (::ftruncate(lock, 0) != 0 || ::pwrite(lock, text.data(), text.size(), 0) < 0) return;  // the owner is unknown
 }
 
-int locked(const fs::path& folder) {
+int lock_folder(const fs::path& folder) {
   const fs::path file = folder / kLock;
   const int lock = ::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
   if (lock < 0) throw InputError(file.string(), "cannot be written: " + std::system_category().message(errno));
   if (::flock(lock, LOCK_EX | LOCK_NB) == 0) {
-    sign(lock);
+    write_owner(lock);
     return lock;
   }
   const bool is_busy = errno == EWOULDBLOCK;
   ::close(lock);
   if (!is_busy) return -1;
   throw InputError(folder.string(),
-                   owner(file) + " works in it; wait until that has ended, or name another folder for --out");
+                   read_owner(file) + " works in it; wait until that has ended, or name another folder for --out");
 }
 
-/// Runs of earlier versions had no marker.
+/// Runs of earlier versions have no marker.
 bool has_stage_records(const fs::path& folder) {
   const fs::path stages = folder / "stages";
   return fs::is_directory(stages) &&
@@ -90,20 +91,20 @@ bool has_stage_records(const fs::path& folder) {
 }
 
 bool is_run(const fs::path& folder) {
-  const auto marker = geometry::read_folder_marker(folder);
+  const auto marker = base::read_folder_marker(folder);
   return marker ? marker->command == "run" : has_stage_records(folder);
 }
 
-bool holds_nothing(const fs::path& folder) {
+bool is_unused(const fs::path& folder) {
   return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(),
                      [](const fs::directory_entry& entry) { return entry.path().filename() == kLock; });
 }
 
-/// Says that the folder is a run's. It names no files: stages come and go, each with a marker of its own.
-void mark(const fs::path& folder) {
-  if (geometry::read_folder_marker(folder)) return;
-  geometry::write_file(folder / geometry::kFolderMarker,
-                       "tileflight run\n# Stages of this run; those whose inputs change are written again.\n");
+/// Marks the folder as a run's. It lists no files: stages come and go, each with its own marker.
+void write_marker(const fs::path& folder) {
+  if (base::read_folder_marker(folder)) return;
+  base::write_file(folder / base::kFolderMarker,
+                   "tileflight run\n# Stages of this run; those whose inputs change are written again.\n");
 }
 
 void make_folder(const fs::path& folder) {
@@ -116,19 +117,19 @@ bool is_run_file(const fs::path& file) {
   const std::string name = file.filename().string();
   const std::string with_folder = file.parent_path().filename().string() + "/" + name;
   return std::any_of(kRunFiles.begin(), kRunFiles.end(), [&](std::string_view pattern) {
-    return geometry::matches(pattern.find('/') == std::string_view::npos ? name : with_folder, pattern);
+    return base::matches_pattern(pattern.find('/') == std::string_view::npos ? name : with_folder, pattern);
   });
 }
 
-bool holds_kept_frames(const fs::path& folder) {
+bool is_frame_store(const fs::path& folder) {
   const std::string name = folder.filename().string();
   return name.starts_with('.') && name.ends_with(".frames");
 }
 
-/// A folder of a stage, as that has left it.
+/// Whether a folder was written by a stage and holds no other files.
 bool is_stage_folder(const fs::path& folder) {
-  const auto marker = geometry::read_folder_marker(folder);
-  return marker && marker->command != "run" && !geometry::foreign_file(folder);
+  const auto marker = base::read_folder_marker(folder);
+  return marker && marker->command != "run" && !base::find_foreign_file(folder);
 }
 
 }  // namespace
@@ -136,21 +137,21 @@ bool is_stage_folder(const fs::path& folder) {
 void check_run_folder(const fs::path& folder) {
   if (!fs::exists(folder)) return;
   if (!fs::is_directory(folder)) throw InputError(folder.string(), "is a file; --out must name a folder");
-  if (is_run(folder) || holds_nothing(folder)) return;
+  if (is_run(folder) || is_unused(folder)) return;
   throw InputError(folder.string(), "holds something else than an earlier run; choose another folder for --out");
 }
 
 RunFolder::RunFolder(fs::path folder) : path_(std::move(folder)) {
   check_run_folder(path_);
   make_folder(path_);
-  lock_ = locked(path_);
-  mark(path_);
+  lock_ = lock_folder(path_);
+  write_marker(path_);
   make_folder(path_ / "stages");
 }
 
 RunFolder::~RunFolder() {
   if (lock_ < 0) return;
-  [[maybe_unused]] const int ignored = ::ftruncate(lock_, 0);  // if its name stays, the lock does not
+  [[maybe_unused]] const int ignored = ::ftruncate(lock_, 0);  // harmless on failure: the lock itself is released
   ::close(lock_);
 }
 
@@ -163,13 +164,13 @@ void remove_results(const fs::path& part) {
     const fs::path& path = entry.path();
     if (!fs::is_directory(entry.symlink_status(error))) {
       if (is_run_file(path)) fs::remove(path, error);
-    } else if (holds_kept_frames(path) || is_stage_folder(path)) {
+    } else if (is_frame_store(path) || is_stage_folder(path)) {
       fs::remove_all(path, error);
-    } else if (!geometry::read_folder_marker(path) || is_run(path)) {
+    } else if (!base::read_folder_marker(path) || is_run(path)) {
       remove_results(path);
     }
   }
-  fs::remove(part, error);  // where it is empty
+  fs::remove(part, error);  // only if it is empty
 }
 
 }  // namespace tileflight::experiment

@@ -5,33 +5,33 @@
 
 namespace tileflight::experiment {
 
-/// The folder of a run, this process's alone as long as this lives: the kernel ends the lock with the process, however
-/// that ends.
-///   DIR/.tileflight    says that it is a run's
-///   DIR/.lock          locked by the process that works in it, and names it
-///   DIR/.file-hashes   FileHashes
+/// A run's folder, locked exclusively by this process for the lifetime of the object; the kernel releases the lock when
+/// the process ends, even in a crash.
+///   DIR/.tileflight    marks it as a run folder
+///   DIR/.lock          locked by the process that uses it, and contains its id
+///   DIR/.file-hashes   FileHashCache
 class RunFolder {
  public:
-  /// Makes it, or takes an earlier run's. Throws InputError where it is a file or holds something else, and where
-  /// another process works in it, which is named.
+  /// Creates the folder or opens an earlier run's. Throws InputError if it is a file or holds something else, and if
+  /// another process, which is named, uses it.
   explicit RunFolder(std::filesystem::path folder);
   ~RunFolder();
   RunFolder(const RunFolder&) = delete;
   RunFolder& operator=(const RunFolder&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path file_hashes() const { return path_ / ".file-hashes"; }
+  std::filesystem::path hash_cache_file() const { return path_ / ".file-hashes"; }
 
  private:
   std::filesystem::path path_;
-  int lock_ = -1;  ///< file descriptor; -1: the file system has no locks
+  int lock_ = -1;  ///< file descriptor; -1: the file system does not support locks
 };
 
-/// Throws InputError when `folder` is there and holds something else than an earlier run.
+/// Throws InputError if `folder` exists and holds anything but an earlier run.
 void check_run_folder(const std::filesystem::path& folder);
 
-/// Removes what runs have left below a part of a run folder (a further run of odometry, a variant), and folders that
-/// are empty then. What they did not write stays where it is.
+/// Removes a run's results below a part of its folder (a further odometry run, a variant), and folders that are then
+/// empty. Other files are kept.
 void remove_results(const std::filesystem::path& part);
 
 }  // namespace tileflight::experiment

@@ -10,8 +10,8 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/output_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/output_folder.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -42,8 +42,8 @@ TEST(RunFolder, IsNoOtherFolder) {
   EXPECT_FALSE(fs::exists(folder / "mine/.lock"));
   make_file(folder / "opera/stages/plan.png");
   EXPECT_THAT(refusal_of([&] { RunFolder(folder / "opera"); }), HasSubstr("holds something else"));
-  geometry::write_folder(geometry::OutputFolder{.folder = folder / "dataset", .command = "render"},
-                         [](const fs::path& t) { make_file(t / "stages/a.json"); });
+  base::write_folder(base::OutputFolder{.folder = folder / "dataset", .command = "render"},
+                     [](const fs::path& t) { make_file(t / "stages/a.json"); });
   EXPECT_THAT(refusal_of([&] { RunFolder(folder / "dataset"); }), HasSubstr("holds something else"));
   // One of a version without markers, and one whose process was killed at once.
   make_file(folder / "earlier/stages/truth.json");
@@ -79,8 +79,8 @@ TEST(RemoveResults, LeavesWhatRunsDidNotWrite) {
   const tests::TemporaryFolder folder;
   const fs::path part = folder / "2";
   const auto write_stage = [](const fs::path& to) {
-    geometry::write_folder(geometry::OutputFolder{.folder = to, .command = "odometry"},
-                           [](const fs::path& t) { make_file(t / "map.ply"); });
+    base::write_folder(base::OutputFolder{.folder = to, .command = "odometry"},
+                       [](const fs::path& t) { make_file(t / "map.ply"); });
   };
   const auto write_all = [&] {
     { const RunFolder variant(part); }

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -15,8 +15,6 @@ bool all_exist(const fs::path& folder, const std::vector<std::string>& products)
 }
 
 }  // namespace
-
-std::string program_fingerprint() { return geometry::sha256_hex_of_file("/proc/self/exe"); }
 
 StageCache::StageCache(fs::path run_folder, std::string program, fs::path hashes, StageListener listener)
     : run_folder_(std::move(run_folder)),
@@ -37,34 +35,34 @@ fs::path StageCache::record_file(const std::string& name) const {
 nlohmann::json StageCache::read_record(const std::string& name) const {
   const fs::path file = record_file(name);
   if (!fs::exists(file)) return nullptr;
-  // A record that cannot be read is as good as none: the stage is done again.
-  return nlohmann::json::parse(geometry::read_text(file), nullptr, false);
+  // An unreadable record counts as missing: the stage runs again.
+  return nlohmann::json::parse(base::read_text(file), nullptr, false);
 }
 
-void StageCache::tell(const std::string& stage, StageNews::What what, double seconds) const {
+void StageCache::notify(const std::string& stage, StageEvent::Kind what, double seconds) const {
   if (listener_) listener_({stage, what, seconds});
 }
 
-bool StageCache::once(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
-                      const std::function<void()>& work) {
-  hashes_.save();  // of the inputs; the work may take hours
-  const std::string key = geometry::sha256_hex(program_ + "\n" + inputs.dump());
+bool StageCache::run_stage(const std::string& name, const nlohmann::json& inputs,
+                           const std::vector<std::string>& products, const std::function<void()>& work) {
+  hashes_.save();  // saved before the work, which may take hours
+  const std::string key = base::sha256_hex(program_ + "\n" + inputs.dump());
   const nlohmann::json record = read_record(name);
   if (record.is_object() && record.value("key", nlohmann::json()) == key && all_exist(run_folder_, products)) {
     done_[name] = record;
-    tell(name, StageNews::What::kUnchanged);
+    notify(name, StageEvent::Kind::kUnchanged);
     return false;
   }
   std::error_code ignored;
   fs::remove(record_file(name), ignored);
 
-  tell(name, StageNews::What::kBegins);
+  notify(name, StageEvent::Kind::kBegins);
   const auto start = std::chrono::steady_clock::now();
   work();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   done_[name] = {{"key", key}, {"seconds", seconds}, {"inputs", inputs}, {"products", products}};
-  geometry::write_file(record_file(name), done_[name].dump(2) + "\n");
-  tell(name, StageNews::What::kDone, seconds);
+  base::write_file(record_file(name), done_[name].dump(2) + "\n");
+  notify(name, StageEvent::Kind::kDone, seconds);
   return true;
 }
 
@@ -76,11 +74,11 @@ std::map<std::string, double> StageCache::seconds() const {
   return result;
 }
 
-std::string StageCache::content_of(const fs::path& file_or_folder) const {
-  return hashes_.of(file_or_folder, {run_folder_});
+std::string StageCache::content_hash(const fs::path& file_or_folder) const {
+  return hashes_.hash(file_or_folder, {run_folder_});
 }
 
-void forget_stages(const fs::path& run_folder) {
+void invalidate_stages(const fs::path& run_folder) {
   std::error_code error;
   const auto entries_of = [&error](const fs::path& folder) {
     std::vector<fs::path> entries;
@@ -91,7 +89,7 @@ void forget_stages(const fs::path& run_folder) {
   for (const fs::path& record : entries_of(run_folder / "stages")) {
     if (record.extension() == ".json") fs::remove(record, error);
   }
-  for (const fs::path& variant : entries_of(run_folder / "variants")) forget_stages(variant);
+  for (const fs::path& variant : entries_of(run_folder / "variants")) invalidate_stages(variant);
 }
 
 }  // namespace tileflight::experiment

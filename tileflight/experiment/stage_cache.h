@@ -7,63 +7,59 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/experiment/file_hashes.h"
+#include "tileflight/experiment/file_hash_cache.h"
 
 namespace tileflight::experiment {
 
-/// Told of a run's stages as they begin and end.
-struct StageNews {
-  enum class What { kBegins, kDone, kUnchanged };
+/// Start or end of a stage.
+struct StageEvent {
+  enum class Kind { kBegins, kDone, kUnchanged };
   std::string stage;  ///< "simulated/dataset"
-  What what = What::kBegins;
-  double seconds = 0.0;  ///< that it took, where it is done
+  Kind kind = Kind::kBegins;
+  double seconds = 0.0;  ///< duration, if it is done
 };
-using StageListener = std::function<void(const StageNews&)>;
+using StageListener = std::function<void(const StageEvent&)>;
 
-/// Does the stages of one run folder at most once for the same inputs. A stage's record (key of its inputs, seconds,
-/// products) stands in DIR/stages/NAME.json and is written after its products are whole, so an interrupted run goes on
-/// where it was. Inputs are told apart by their content, never by times of files.
+/// Executes the stages of a run folder at most once for the same inputs. A stage's record (key of its inputs, seconds,
+/// products) is DIR/stages/NAME.json and is written after its products are complete, so an interrupted run continues
+/// where it stopped. Inputs are compared by content, never by file times.
 class StageCache {
  public:
-  /// `program`: what identifies the code that makes the results; it is part of every key. `hashes`: where those of
-  /// files are kept between runs; empty: nowhere.
+  /// `program`: identifies the code that computes the results; it is part of every key. `hashes`: file for cached file
+  /// hashes; empty: none.
   StageCache(std::filesystem::path run_folder, std::string program, std::filesystem::path hashes = {},
              StageListener listener = {});
 
-  /// Runs `work` unless a record with the same inputs is there and all `products` (relative to the run folder) still
-  /// exist. Work replaces products that are there from other inputs; until then, and where it fails, they stay.
-  /// Returns whether `work` ran.
-  bool once(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
-            const std::function<void()>& work);
+  /// Runs `work` unless a record with the same inputs and all `products` (relative to the run folder) exist. Products
+  /// from other inputs are replaced by the work; they are kept until then, and if it fails. Returns whether `work` ran.
+  bool run_stage(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
+                 const std::function<void()>& work);
 
-  /// Whether a stage was done by this run of the program or is there from an earlier one that it asked for.
-  bool has(const std::string& name) const { return done_.contains(name); }
-  /// SHA-256 that a stage was last done with; what depends on the stage takes it as an input.
+  /// Whether the stage is up to date in this run: executed, or found unchanged.
+  bool is_done(const std::string& name) const { return done_.contains(name); }
+  /// Key (SHA-256) of a stage's inputs; dependent stages use it as an input.
   std::string key(const std::string& name) const;
-  /// Wall seconds that each stage took when it was done.
+  /// Duration of each stage when it was executed, wall-clock seconds.
   std::map<std::string, double> seconds() const;
 
-  /// Of the content of a file or folder, the run folder left out (file_hashes.h). Throws InputError.
-  std::string content_of(const std::filesystem::path& file_or_folder) const;
+  /// Hash of a file's or folder's content, without the run folder (file_hash_cache.h). Throws InputError.
+  std::string content_hash(const std::filesystem::path& file_or_folder) const;
 
   const std::filesystem::path& run_folder() const { return run_folder_; }
 
  private:
   std::filesystem::path record_file(const std::string& name) const;
   nlohmann::json read_record(const std::string& name) const;
-  void tell(const std::string& stage, StageNews::What what, double seconds = 0.0) const;
+  void notify(const std::string& stage, StageEvent::Kind what, double seconds = 0.0) const;
 
   std::filesystem::path run_folder_;
   std::string program_;
-  FileHashes hashes_;
+  FileHashCache hashes_;
   StageListener listener_;
   std::map<std::string, nlohmann::json> done_;
 };
 
-/// Makes an earlier run's stages, and those of its variants, be done again. Their products stay until then.
-void forget_stages(const std::filesystem::path& run_folder);
-
-/// SHA-256 of the running program's own file.
-std::string program_fingerprint();
+/// Marks the stages of an earlier run and of its variants as outdated. Their products are kept until they are replaced.
+void invalidate_stages(const std::filesystem::path& run_folder);
 
 }  // namespace tileflight::experiment

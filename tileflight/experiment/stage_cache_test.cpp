@@ -6,8 +6,8 @@
 #include <fstream>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::experiment {
 namespace {
@@ -19,18 +19,18 @@ using ::testing::ElementsAre;
 class Stages : public ::testing::Test {
  protected:
   StageCache cache(const std::string& program = "program") {
-    return {folder_ / "run", program, {}, [this](const StageNews& news) {
-              news_.push_back(news.stage + (news.what == StageNews::What::kBegins ? " begins"
-                                            : news.what == StageNews::What::kDone ? " done"
-                                                                                  : " unchanged"));
+    return {folder_ / "run", program, {}, [this](const StageEvent& news) {
+              news_.push_back(news.stage + (news.kind == StageEvent::Kind::kBegins ? " begins"
+                                            : news.kind == StageEvent::Kind::kDone ? " done"
+                                                                                   : " unchanged"));
             }};
   }
   /// Does a stage that leaves one file, "made of INPUT".
   bool once(StageCache& in, const std::string& input, const std::string& name = "a/b") {
-    return in.once(name, {{"input", input}}, {"product"},
-                   [&] { geometry::write_file(folder_ / "run/product", "made of " + input); });
+    return in.run_stage(name, {{"input", input}}, {"product"},
+                        [&] { base::write_file(folder_ / "run/product", "made of " + input); });
   }
-  std::string product() const { return geometry::read_text(folder_ / "run/product"); }
+  std::string product() const { return base::read_text(folder_ / "run/product"); }
 
   tests::TemporaryFolder folder_;
   std::vector<std::string> news_;
@@ -39,15 +39,15 @@ class Stages : public ::testing::Test {
 TEST_F(Stages, AreDoneOnceForTheSameInputs) {
   {
     StageCache first = cache();
-    EXPECT_FALSE(first.has("a/b"));
+    EXPECT_FALSE(first.is_done("a/b"));
     EXPECT_TRUE(once(first, "x"));
-    EXPECT_TRUE(first.has("a/b"));
+    EXPECT_TRUE(first.is_done("a/b"));
     EXPECT_EQ(first.seconds().count("a/b"), 1U);
   }
   StageCache second = cache();
-  EXPECT_FALSE(second.has("a/b")) << "until it is asked for";
+  EXPECT_FALSE(second.is_done("a/b")) << "until it is asked for";
   EXPECT_FALSE(once(second, "x"));
-  EXPECT_TRUE(second.has("a/b"));
+  EXPECT_TRUE(second.is_done("a/b"));
   EXPECT_THAT(news_, ElementsAre("a/b begins", "a/b done", "a/b unchanged"));
 }
 
@@ -70,7 +70,7 @@ TEST_F(Stages, AreDoneAgainForOthersForAnotherProgramAndForLostProducts) {
 TEST_F(Stages, ThatFailAreNotDoneAndLeaveWhatWasThere) {
   StageCache stages = cache();
   once(stages, "x");
-  EXPECT_THROW(stages.once("a/b", {{"input", "y"}}, {"product"}, [] { throw InputError("disk", "is full"); }),
+  EXPECT_THROW(stages.run_stage("a/b", {{"input", "y"}}, {"product"}, [] { throw InputError("disk", "is full"); }),
                InputError);
   EXPECT_EQ(product(), "made of x");
   StageCache next = cache();
@@ -91,27 +91,27 @@ TEST_F(Stages, AreForgottenWithThoseOfVariantsAndTheirProductsStay) {
   StageCache stages = cache();
   once(stages, "x");
   StageCache variant(folder_ / "run/variants/v", "program");
-  variant.once("c", {}, {}, [] {});
+  variant.run_stage("c", {}, {}, [] {});
   std::ofstream(folder_ / "run/stages/notes.txt") << "mine";
-  forget_stages(folder_ / "run");
+  invalidate_stages(folder_ / "run");
   EXPECT_EQ(product(), "made of x");
   EXPECT_TRUE(fs::exists(folder_ / "run/stages/notes.txt"));
   StageCache next = cache();
   EXPECT_TRUE(once(next, "x"));
-  EXPECT_TRUE(StageCache(folder_ / "run/variants/v", "program").once("c", {}, {}, [] {}));
+  EXPECT_TRUE(StageCache(folder_ / "run/variants/v", "program").run_stage("c", {}, {}, [] {}));
 }
 
 TEST_F(Stages, ContentDecides) {
   StageCache stages = cache();
   std::ofstream(folder_ / "input") << "one";
-  const std::string before = stages.content_of(folder_ / "input");
+  const std::string before = stages.content_hash(folder_ / "input");
   fs::last_write_time(folder_ / "input", fs::file_time_type::clock::now() - std::chrono::hours(1));
-  EXPECT_EQ(stages.content_of(folder_ / "input"), before);
+  EXPECT_EQ(stages.content_hash(folder_ / "input"), before);
   std::ofstream(folder_ / "input") << "two";
-  EXPECT_NE(stages.content_of(folder_ / "input"), before);
-  const std::string all = stages.content_of(folder_.path());
+  EXPECT_NE(stages.content_hash(folder_ / "input"), before);
+  const std::string all = stages.content_hash(folder_.path());
   std::ofstream(folder_ / "run/results.json") << "a result";
-  EXPECT_EQ(stages.content_of(folder_.path()), all) << "the run folder is no input of its own";
+  EXPECT_EQ(stages.content_hash(folder_.path()), all) << "the run folder is no input of its own";
 }
 
 }  // namespace

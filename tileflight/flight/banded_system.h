@@ -7,8 +7,8 @@
 
 namespace tileflight::flight {
 
-/// Symmetric positive definite equations A x = b whose blocks of B by B numbers are zero further than three blocks from
-/// the diagonal, as those of cubic B-splines are; R right-hand sides. Only blocks on and above the diagonal are kept.
+/// Symmetric positive definite linear system A x = b of B by B blocks with R right-hand sides. Blocks more than three
+/// off the diagonal are zero, as for cubic B-splines. Only blocks on and above the diagonal are stored.
 template <int B, int R>
 class BandedSystem {
  public:
@@ -18,7 +18,7 @@ class BandedSystem {
   explicit BandedSystem(std::size_t blocks) : rows_(blocks, filled_row()), right_(blocks, Right::Zero()) {}
 
   std::size_t size() const { return rows_.size(); }
-  /// Adds to the block in row i, column i + k; k from 0 to 3.
+  /// Adds to the block in row i, column i + k, with k from 0 to 3.
   void add(std::size_t i, std::size_t k, const Block& block) { rows_[i][k] += block; }
   const Block& diagonal(std::size_t i) const { return rows_[i][0]; }
   void add_right(std::size_t i, const Right& right) { right_[i] += right; }

@@ -8,8 +8,8 @@
 
 namespace tileflight::flight {
 
-/// Natural cubic spline through points in D dimensions: passes through every one, twice continuously differentiable,
-/// second derivative zero at both ends. de Boor, A Practical Guide to Splines, chapter IV.
+/// Natural cubic spline in D dimensions: interpolates every point, is twice continuously differentiable, and its second
+/// derivative is zero at both ends. de Boor, A Practical Guide to Splines, chapter IV.
 template <int D>
 class CubicSpline {
  public:
@@ -17,7 +17,7 @@ class CubicSpline {
 
   CubicSpline() = default;
 
-  /// `knots` strictly increase; at least two, as many as `values`.
+  /// `knots` are strictly increasing, at least two, and as many as `values`.
   CubicSpline(std::vector<double> knots, std::vector<Vector> values)
       : knots_(std::move(knots)), values_(std::move(values)) {
     assert(knots_.size() >= 2 && knots_.size() == values_.size());
@@ -29,28 +29,28 @@ class CubicSpline {
   const std::vector<double>& knots() const { return knots_; }
 
   Vector value(double u) const {
-    const Place p = place(u);
+    const KnotSpan p = find_span(u);
     return p.a * values_[p.i] + p.b * values_[p.i + 1] +
            p.h * p.h / 6.0 * ((p.a * p.a * p.a - p.a) * second_[p.i] + (p.b * p.b * p.b - p.b) * second_[p.i + 1]);
   }
   Vector first_derivative(double u) const {
-    const Place p = place(u);
+    const KnotSpan p = find_span(u);
     return (values_[p.i + 1] - values_[p.i]) / p.h +
            p.h / 6.0 * ((3.0 * p.b * p.b - 1.0) * second_[p.i + 1] - (3.0 * p.a * p.a - 1.0) * second_[p.i]);
   }
   Vector second_derivative(double u) const {
-    const Place p = place(u);
+    const KnotSpan p = find_span(u);
     return p.a * second_[p.i] + p.b * second_[p.i + 1];
   }
 
  private:
-  /// Segment i, its length h, and the weights of its ends at u. Outside the knots u is clamped.
-  struct Place {
+  /// Segment i, its length h, and the weights a and b of its ends at u. u is clamped to the knots.
+  struct KnotSpan {
     std::size_t i;
     double h, a, b;
   };
 
-  Place place(double u) const {
+  KnotSpan find_span(double u) const {
     const double inside = std::clamp(u, start(), end());
     const auto above = std::upper_bound(knots_.begin() + 1, knots_.end() - 1, inside);
     const auto i = static_cast<std::size_t>(above - knots_.begin()) - 1;
@@ -59,8 +59,8 @@ class CubicSpline {
     return {i, h, 1.0 - b, b};
   }
 
-  /// h[i-1] m[i-1] + 2 (h[i-1] + h[i]) m[i] + h[i] m[i+1] = 6 (slope[i] - slope[i-1]), m = 0 at the ends; Thomas's
-  /// algorithm.
+  /// Solves h[i-1] m[i-1] + 2 (h[i-1] + h[i]) m[i] + h[i] m[i+1] = 6 (slope[i] - slope[i-1]) with m = 0 at both ends by
+  /// Thomas's algorithm.
   void solve_second_derivatives() {
     const std::size_t n = knots_.size();
     second_.assign(n, Vector::Zero());

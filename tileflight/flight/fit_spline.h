@@ -7,13 +7,13 @@
 
 namespace tileflight::flight {
 
-/// The spline that is nearest to the points at their times by least squares (banded normal equations: de Boor, chapter
-/// XIV). Where there is no point for several knots, control points lie so that they bend least. `times_s` strictly
-/// increase, as many as points; sums are in order, so that results do not depend on threads.
+/// Least-squares fit of a spline to positions at their times (banded normal equations: de Boor, chapter XIV). Across
+/// knots without data, control points minimize bending. `times_s` is strictly increasing and has as many entries as
+/// `positions_m`. Sums are formed in a fixed order, so the result does not depend on the number of threads.
 BSpline<3> fit_positions(std::span<const double> times_s, std::span<const geometry::Vec3> positions_m,
                          const UniformKnots& knots);
 
-/// The same for rotations, by the angles of what is left; Gauss–Newton from the given rotations.
+/// Least-squares fit of a rotation spline: Gauss–Newton on the residual angles, starting from the given rotations.
 RotationSpline fit_rotations(std::span<const double> times_s, std::span<const Eigen::Quaterniond> rotations,
                              const UniformKnots& knots);
 

@@ -26,25 +26,26 @@ Vec3 turned_by(const Eigen::Vector4d& a, const Eigen::Vector4d& b) {
   return (Eigen::Quaterniond(a.data()).conjugate() * Eigen::Quaterniond(b.data())).vec();
 }
 
-/// A value that depends on u, and its derivatives.
-struct Changing {
+/// A function of u: its value and its derivatives.
+struct ValueWithDerivatives {
   double value = 0.0, first = 0.0, second = 0.0;
 };
 
-/// Heading (clockwise from north) of a direction; its own value is not needed.
-Changing heading_of(const MovingPoint& d) {
-  const Vec3 &p = d.position, &v = d.first, &a = d.second;
+/// Derivatives of a direction's heading (clockwise from north); the value itself is not needed.
+ValueWithDerivatives heading_of(const MovingPoint& d) {
+  const Vec3 &p = d.position, &v = d.first_derivative, &a = d.second_derivative;
   const double across = p.head<2>().squaredNorm(), across_rate = 2.0 * p.head<2>().dot(v.head<2>());
   const double area = v.x() * p.y() - p.x() * v.y(), area_rate = a.x() * p.y() - p.x() * a.y();
   return {0.0, area / across, area_rate / across - area * across_rate / (across * across)};
 }
 
-/// Elevation above the horizon of a direction; its own value is not needed.
-Changing elevation_of(const MovingPoint& d) {
-  const Vec3 &p = d.position, &v = d.first, &a = d.second;
-  const Changing flat = [&] {
+/// Derivatives of a direction's elevation above the horizon; the value itself is not needed.
+ValueWithDerivatives elevation_of(const MovingPoint& d) {
+  const Vec3 &p = d.position, &v = d.first_derivative, &a = d.second_derivative;
+  const ValueWithDerivatives flat = [&] {
     const double length = p.head<2>().norm(), rate = p.head<2>().dot(v.head<2>()) / length;
-    return Changing{length, rate, (v.head<2>().squaredNorm() + p.head<2>().dot(a.head<2>()) - rate * rate) / length};
+    return ValueWithDerivatives{length, rate,
+                                (v.head<2>().squaredNorm() + p.head<2>().dot(a.head<2>()) - rate * rate) / length};
   }();
   const double squared = p.squaredNorm(), squared_rate = 2.0 * p.dot(v);
   const double area = v.z() * flat.value - p.z() * flat.first, area_rate = a.z() * flat.value - p.z() * flat.second;
@@ -53,7 +54,7 @@ Changing elevation_of(const MovingPoint& d) {
 
 }  // namespace
 
-Eigen::Quaterniond looking_along(const Vec3& to_target, double roll_deg) {
+Eigen::Quaterniond orientation_looking_along(const Vec3& to_target, double roll_deg) {
   const Vec3 forward = to_target.normalized();
   return Eigen::Quaterniond(rolled(forward, forward.cross(Vec3::UnitZ()).normalized(), roll_deg));
 }
@@ -70,9 +71,9 @@ Eigen::Quaterniond BlendedOrientation::at(double u) const {
   return Eigen::Quaterniond(q.data()).normalized();
 }
 
-/// With q of any length, rate = 2 vec(q* q') / |q|^2 (the scalar part of q* q' is what changes the length); its
-/// derivative has no term in q'* q', whose vector part is zero.
-Turning BlendedOrientation::turning(double u) const {
+/// For q of any length, rate = 2 vec(q* q') / |q|^2 (the scalar part of q* q' only changes the length); its derivative
+/// has no term in q'* q', whose vector part is zero.
+AngularMotion BlendedOrientation::angular_motion(double u) const {
   const Eigen::Vector4d q = quaternion.value(u), dq = quaternion.first_derivative(u);
   const double squared = q.squaredNorm();
   const Vec3 rate = 2.0 / squared * turned_by(q, dq);
@@ -81,17 +82,17 @@ Turning BlendedOrientation::turning(double u) const {
 
 Eigen::Quaterniond TargetOrientation::at(double u, const Vec3& position) const {
   const Eigen::Vector4d value = target_and_roll.value(u);
-  return looking_along(value.head<3>() - position, value[3]);
+  return orientation_looking_along(value.head<3>() - position, value[3]);
 }
 
-/// The camera turns by its heading about the vertical, by its elevation about the level axis to its right, and by its
-/// roll about its own axis; the latter two are carried along by those before them.
-Turning TargetOrientation::turning(double u, const MovingPoint& camera) const {
+/// The camera rotates by its heading about the vertical, by its elevation about the level axis to its right, and by its
+/// roll about its own axis; each axis is rotated by the preceding angles.
+AngularMotion TargetOrientation::angular_motion(double u, const MovingPoint& camera) const {
   const Eigen::Vector4d target = target_and_roll.value(u), first = target_and_roll.first_derivative(u),
                         second = target_and_roll.second_derivative(u);
-  const MovingPoint d{target.head<3>() - camera.position, first.head<3>() - camera.first,
-                      second.head<3>() - camera.second};
-  const Changing heading = heading_of(d), elevation = elevation_of(d);
+  const MovingPoint d{target.head<3>() - camera.position, first.head<3>() - camera.first_derivative,
+                      second.head<3>() - camera.second_derivative};
+  const ValueWithDerivatives heading = heading_of(d), elevation = elevation_of(d);
   const Vec3 forward = d.position.normalized(), right = forward.cross(Vec3::UnitZ()).normalized();
   const Vec3 by_heading = -heading.first * Vec3::UnitZ(), by_elevation = elevation.first * right;
   const Vec3 by_roll = first[3] * kRadiansPerDegree * forward;

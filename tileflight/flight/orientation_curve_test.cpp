@@ -28,7 +28,7 @@ std::vector<Waypoint> mission(unsigned seed, bool with_targets) {
   return waypoints;
 }
 
-/// The rotation from t - h to t + h, in camera axes, by the poses alone.
+/// The rotation from t - h to t + h, in camera axes, from the poses only.
 Vec3 angular_velocity_by_poses(const Path& path, double t, double h) {
   return geometry::so3_log(path.pose(t - h).rotation.conjugate() * path.pose(t + h).rotation) / (2 * h);
 }
@@ -66,13 +66,13 @@ TEST(OrientationCurve, SoAreThoseOfAPathThroughPoses) {
   EXPECT_EQ(path.angular_acceleration(99.0).norm(), 0.0);
 }
 
-// Round the centre at one height, looking at it: a turn about the vertical alone, to the left (-z) at v / r.
+// Circling the centre at constant height, looking at it: rotation about the vertical only, to the left (-z) at v / r.
 TEST(OrientationCurve, CirclingATargetIsATurnAboutTheVertical) {
   geometry::Trajectory trajectory;
   for (int i = 0; i <= 200; ++i) {
     const double t = 0.1 * i, angle = 0.2 * t;
     const Vec3 position(30 * std::cos(angle), 30 * std::sin(angle), 0);
-    trajectory.poses.push_back({t, {looking_along(-position, 0.0), position}});
+    trajectory.poses.push_back({t, {orientation_looking_along(-position, 0.0), position}});
   }
   const Path path = path_through_poses(trajectory);
   EXPECT_LT((path.angular_velocity(10.0) - Vec3(0, -0.2, 0)).norm(), 1e-5);

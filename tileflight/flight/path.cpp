@@ -6,10 +6,10 @@
 #include <string>
 #include <variant>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/flight/cubic_spline.h"
 #include "tileflight/flight/orientation_curve.h"
 #include "tileflight/flight/speed_plan.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
@@ -19,13 +19,13 @@ using geometry::SE3;
 using geometry::Vec3;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
-/// Grid cells between two waypoints, over which speeds are planned.
+/// Grid cells between two waypoints for speed planning.
 constexpr int kCellsPerSegment = 64;
-/// What lies between the grid's samples can be a little worse than they are.
+/// Between the grid's samples the bounds may be slightly exceeded.
 constexpr double kSamplingMargin = 1.01;
-/// A look_at nearer to the vertical than this has no heading that means anything.
-constexpr double kLeastAngleFromVerticalRad = 1.0 * kRadiansPerDegree;
-constexpr double kLeastDistance_m = 1e-3;
+/// Closer to the vertical than this, the direction to a look_at has no well-defined heading.
+constexpr double kMinAngleFromVertical_rad = 1.0 * kRadiansPerDegree;
+constexpr double kMinDistance_m = 1e-3;
 
 /// A curve of camera poses over a parameter u.
 struct Curve {
@@ -37,10 +37,10 @@ struct Curve {
     return std::get<TargetOrientation>(orientation).at(u, position.value(u));
   }
   SE3 pose(double u) const { return {rotation(u), position.value(u)}; }
-  Turning turning(double u) const {
-    if (const auto* blended = std::get_if<BlendedOrientation>(&orientation)) return blended->turning(u);
+  AngularMotion angular_motion(double u) const {
+    if (const auto* blended = std::get_if<BlendedOrientation>(&orientation)) return blended->angular_motion(u);
     return std::get<TargetOrientation>(orientation)
-        .turning(u, {position.value(u), position.first_derivative(u), position.second_derivative(u)});
+        .angular_motion(u, {position.value(u), position.first_derivative(u), position.second_derivative(u)});
   }
 };
 
@@ -51,8 +51,8 @@ double angle_from_vertical_rad(const Vec3& direction) {
 }
 
 void check_look_at(const Vec3& to_target, const std::string& where) {
-  if (to_target.norm() < kLeastDistance_m) throw InputError(where, "look_at is where the camera is; move one of them");
-  if (angle_from_vertical_rad(to_target) < kLeastAngleFromVerticalRad) {
+  if (to_target.norm() < kMinDistance_m) throw InputError(where, "look_at is where the camera is; move one of them");
+  if (angle_from_vertical_rad(to_target) < kMinAngleFromVertical_rad) {
     throw InputError(
         where,
         "look_at is straight above or below the camera, which leaves its heading open; give yaw_deg and pitch_deg");
@@ -66,7 +66,7 @@ void check(const std::vector<Waypoint>& waypoints) {
     const double sum = w.position.sum() + w.yaw_deg + w.pitch_deg + w.roll_deg + (w.look_at ? w.look_at->sum() : 0.0);
     if (!std::isfinite(sum)) throw InputError(name_of(i), "a number is not finite");
     if (w.look_at) check_look_at(*w.look_at - w.position, name_of(i));
-    if (i > 0 && (w.position - waypoints[i - 1].position).norm() < kLeastDistance_m) {
+    if (i > 0 && (w.position - waypoints[i - 1].position).norm() < kMinDistance_m) {
       throw InputError(name_of(i), "is at the same place as " + name_of(i - 1) + "; leave one of them out");
     }
   }
@@ -79,8 +79,9 @@ void check(const SpeedLimits& limits) {
   if (!positive(limits.yaw_rate_deg_s)) throw InputError("yaw_rate_deg_s", "must be more than 0");
 }
 
-/// Quaternions in the half-space of the one before: q and -q are one rotation, and the shorter way is wanted.
-std::vector<Eigen::Vector4d> on_one_side(const std::vector<Eigen::Quaterniond>& rotations) {
+/// Flips signs so that consecutive quaternions lie in one half-space: q and -q are the same rotation, and the shorter
+/// way is wanted.
+std::vector<Eigen::Vector4d> align_quaternion_signs(const std::vector<Eigen::Quaterniond>& rotations) {
   std::vector<Eigen::Vector4d> result;
   for (const Eigen::Quaterniond& rotation : rotations) {
     const Eigen::Vector4d q = rotation.normalized().coeffs();
@@ -90,7 +91,7 @@ std::vector<Eigen::Vector4d> on_one_side(const std::vector<Eigen::Quaterniond>& 
 }
 
 Eigen::Quaterniond orientation_at(const Waypoint& w) {
-  return w.look_at ? looking_along(*w.look_at - w.position, w.roll_deg)
+  return w.look_at ? orientation_looking_along(*w.look_at - w.position, w.roll_deg)
                    : camera_orientation(w.yaw_deg, w.pitch_deg, w.roll_deg);
 }
 
@@ -110,7 +111,7 @@ OrientationCurve orientation_along(const std::vector<Waypoint>& waypoints, const
     if (w.look_at) targets.push_back((Eigen::Vector4d() << *w.look_at, w.roll_deg).finished());
   }
   if (targets.size() == waypoints.size()) return TargetOrientation{CubicSpline<4>(knots, targets)};
-  return BlendedOrientation{CubicSpline<4>(knots, on_one_side(rotations))};
+  return BlendedOrientation{CubicSpline<4>(knots, align_quaternion_signs(rotations))};
 }
 
 Curve curve_through(const std::vector<Waypoint>& waypoints) {
@@ -130,7 +131,7 @@ std::vector<double> grid_over(const std::vector<double>& knots) {
   return grid;
 }
 
-/// A moving target must not pass straight below or above the camera on the way either.
+/// Throws InputError if a moving target passes straight below or above the camera between waypoints.
 void check_targets(const Curve& curve, const std::vector<double>& grid) {
   const auto* target = std::get_if<TargetOrientation>(&curve.orientation);
   if (target == nullptr) return;
@@ -161,10 +162,10 @@ CurveBounds bounds_of(const Curve& curve, const std::vector<double>& grid) {
 
 namespace {
 
-/// A curve, flown as a plan says.
+/// A curve with the time law of a speed plan.
 struct CurveMotion {
   Curve curve;
-  std::optional<SpeedPlan> plan;  ///< none: the curve's parameter is the time
+  std::optional<SpeedPlan> plan;  ///< nullopt: the curve's parameter is the time
 
   Progression at(double time_s) const {
     if (plan) return plan->at(time_s);
@@ -184,14 +185,14 @@ struct CurveMotion {
     return curve.position.second_derivative(p.u) * (p.rate * p.rate) +
            curve.position.first_derivative(p.u) * p.acceleration;
   }
-  Turning turning(double time_s) const {
+  AngularMotion angular_motion(double time_s) const {
     const Progression p = at(time_s);
-    const Turning turning = curve.turning(p.u);
+    const AngularMotion turning = curve.angular_motion(p.u);
     return {turning.rate * p.rate, turning.acceleration * (p.rate * p.rate) + turning.rate * p.acceleration};
   }
 };
 
-/// B-splines over time; the camera stands still before and behind them.
+/// B-splines over time; the camera is at rest before their start and after their end.
 struct SplineMotion {
   BSpline<3> position;
   RotationSpline rotation;
@@ -206,7 +207,9 @@ struct SplineMotion {
   Vec3 acceleration(double time_s) const {
     return is_inside(time_s) ? position.second_derivative(time_s) : Vec3(Vec3::Zero());
   }
-  Turning turning(double time_s) const { return is_inside(time_s) ? rotation.turning(time_s) : Turning{}; }
+  AngularMotion angular_motion(double time_s) const {
+    return is_inside(time_s) ? rotation.angular_motion(time_s) : AngularMotion{};
+  }
 };
 
 }  // namespace
@@ -238,10 +241,10 @@ Vec3 Path::acceleration(double time_s) const {
   return motion_->ask([&](const auto& motion) { return motion.acceleration(time_s); });
 }
 Vec3 Path::angular_velocity(double time_s) const {
-  return motion_->ask([&](const auto& motion) { return motion.turning(time_s).rate; });
+  return motion_->ask([&](const auto& motion) { return motion.angular_motion(time_s).rate; });
 }
 Vec3 Path::angular_acceleration(double time_s) const {
-  return motion_->ask([&](const auto& motion) { return motion.turning(time_s).acceleration; });
+  return motion_->ask([&](const auto& motion) { return motion.angular_motion(time_s).acceleration; });
 }
 
 Path path_through_waypoints(const std::vector<Waypoint>& waypoints, const SpeedLimits& limits) {
@@ -265,11 +268,12 @@ Path path_through_poses(const geometry::Trajectory& trajectory) {
     positions.push_back(pose.T_local_camera.translation);
     rotations.push_back(pose.T_local_camera.rotation);
   }
-  Curve curve{CubicSpline<3>(times, positions), BlendedOrientation{CubicSpline<4>(times, on_one_side(rotations))}};
+  Curve curve{CubicSpline<3>(times, positions),
+              BlendedOrientation{CubicSpline<4>(times, align_quaternion_signs(rotations))}};
   return Path(std::make_shared<const Path::Motion>(Path::Motion{CurveMotion{std::move(curve), std::nullopt}}));
 }
 
-Path path_along(BSpline<3> position, RotationSpline rotation) {
+Path path_along_splines(BSpline<3> position, RotationSpline rotation) {
   return Path(
       std::make_shared<const Path::Motion>(Path::Motion{SplineMotion{std::move(position), std::move(rotation)}}));
 }

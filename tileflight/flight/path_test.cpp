@@ -8,15 +8,17 @@
 #include <random>
 
 #include "tests/refusal.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/flight/cubic_spline.h"
 #include "tileflight/flight/speed_plan.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 
@@ -280,7 +282,9 @@ TEST(PosePath, DoesNotDependOnTheFrame) {
   }
 }
 
-TEST(PosePath, NeedsTwoPoses) { EXPECT_THROW(path_through_poses({}), InputError); }
+TEST(PosePath, NeedsTwoPoses) {
+  EXPECT_THAT([&] { path_through_poses({}); }, ThrowsMessage<InputError>(HasSubstr("a path needs at least two poses")));
+}
 
 }  // namespace
 }  // namespace tileflight::flight

@@ -10,7 +10,7 @@ using geometry::so3_log;
 using geometry::Vec3;
 using geometry::Vec6;
 
-/// From control point j of a segment to the next.
+/// Rotation vector from control point j of a segment to the next.
 Vec3 step(const RotationSpline& spline, std::size_t segment, std::size_t j) {
   return so3_log(spline.controls[segment + j].conjugate() * spline.controls[segment + j + 1]);
 }
@@ -23,7 +23,8 @@ Vec6 twist(const Vec3& translation, const Vec3& omega_rad) {
 
 }  // namespace
 
-/// The left Jacobian at -w, column by column: it is what the exponential of a twist makes of its translation.
+/// The right Jacobian at w is the left Jacobian at -w, computed column by column: the exponential of a twist applies it
+/// to the translation.
 Mat3 right_jacobian(const Vec3& omega_rad) {
   Mat3 jacobian;
   for (int i = 0; i < 3; ++i) jacobian.col(i) = SE3::exp(twist(Vec3::Unit(i), -omega_rad)).translation;
@@ -38,19 +39,19 @@ Mat3 right_jacobian_inverse(const Vec3& omega_rad) {
 }
 
 Eigen::Quaterniond RotationSpline::at(double time_s) const {
-  const auto [segment, u] = knots.place(time_s);
-  const Weights3 weights = cumulative(basis(u));
+  const auto [segment, u] = knots.find_span(time_s);
+  const Weights3 weights = cumulative_weights(basis(u));
   Eigen::Quaterniond rotation = controls[segment];
   for (std::size_t j = 0; j < 3; ++j) rotation = rotation * so3_exp(weights[j] * step(*this, segment, j));
   return rotation.normalized();
 }
 
-Turning RotationSpline::turning(double time_s) const {
-  const auto [segment, u] = knots.place(time_s);
-  const Weights3 weights = cumulative(basis(u)), first = cumulative(basis_first(u)),
-                 second = cumulative(basis_second(u));
+AngularMotion RotationSpline::angular_motion(double time_s) const {
+  const auto [segment, u] = knots.find_span(time_s);
+  const Weights3 weights = cumulative_weights(basis(u)), first = cumulative_weights(basis_derivative(u)),
+                 second = cumulative_weights(basis_second_derivative(u));
   const double per_s = 1.0 / knots.spacing_s;
-  Turning turning;
+  AngularMotion turning;
   for (std::size_t j = 0; j < 3; ++j) {
     const Vec3 d = step(*this, segment, j);
     const Eigen::Quaterniond back = so3_exp(-weights[j] * d);
@@ -62,23 +63,23 @@ Turning RotationSpline::turning(double time_s) const {
   return turning;
 }
 
-/// A control point that turns changes the step before it and the step behind it; what a step's end turns by is carried
-/// through the steps behind.
+/// A rotated control point changes the steps before and after it; the rotation of a step's end is transformed by the
+/// steps that follow.
 RotationSpline::Sensitivity RotationSpline::sensitivity(double time_s) const {
-  const auto [segment, u] = knots.place(time_s);
-  const Weights3 weights = cumulative(basis(u));
+  const auto [segment, u] = knots.find_span(time_s);
+  const Weights3 weights = cumulative_weights(basis(u));
   Sensitivity result{segment, Eigen::Quaterniond::Identity(), {}};
-  result.by_control.fill(Mat3::Zero());
-  Eigen::Quaterniond behind = Eigen::Quaterniond::Identity();  // of the steps behind step j
+  result.control_jacobians.fill(Mat3::Zero());
+  Eigen::Quaterniond behind = Eigen::Quaterniond::Identity();  // product of the steps after step j
   for (std::size_t j = 3; j-- > 0;) {
     const Vec3 d = step(*this, segment, j);
     const Mat3 by_step = behind.conjugate().toRotationMatrix() * right_jacobian(weights[j] * d) * weights[j];
     const Mat3 inverse = right_jacobian_inverse(d);
-    result.by_control[j + 1] += by_step * inverse;
-    result.by_control[j] -= by_step * inverse.transpose();
+    result.control_jacobians[j + 1] += by_step * inverse;
+    result.control_jacobians[j] -= by_step * inverse.transpose();
     behind = so3_exp(weights[j] * d) * behind;
   }
-  result.by_control[0] += behind.conjugate().toRotationMatrix();
+  result.control_jacobians[0] += behind.conjugate().toRotationMatrix();
   result.rotation = (controls[segment] * behind).normalized();
   return result;
 }

@@ -9,22 +9,22 @@
 namespace tileflight::flight {
 
 /// Cumulative uniform cubic B-spline of rotations (Kim, Kim, Shin 1995): R(t) = R_i exp(λ1 d1) exp(λ2 d2) exp(λ3 d3)
-/// with dj = log(R_(i+j-1)' R_(i+j)). Twice continuously differentiable; a turn at a constant rate is one of its
-/// curves.
+/// with dj = log(R_(i+j-1)' R_(i+j)). Twice continuously differentiable; reproduces rotation at a constant rate
+/// exactly.
 struct RotationSpline {
   UniformKnots knots;
-  std::vector<Eigen::Quaterniond> controls;  ///< knots.controls(); neighbours turn by less than pi
+  std::vector<Eigen::Quaterniond> controls;  ///< size: knots.control_count(); neighbours differ by less than pi
 
   Eigen::Quaterniond at(double time_s) const;
-  /// By time, in the turned frame. Sommer et al. 2020, (38) to (41).
-  Turning turning(double time_s) const;
+  /// Derivatives by time, in the rotated frame. Sommer et al. 2020, (38) to (41).
+  AngularMotion angular_motion(double time_s) const;
 
-  /// How the rotation turns, in the turned frame, when each of the segment's control points turns a little in its own:
-  /// the rotation at the time and a matrix for each of the four.
+  /// Rotation at a time, and the Jacobians of a small rotation of it (in the rotated frame) by small rotations of the
+  /// segment's four control points (each in its own frame).
   struct Sensitivity {
     std::size_t segment;
     Eigen::Quaterniond rotation;
-    std::array<geometry::Mat3, 4> by_control;
+    std::array<geometry::Mat3, 4> control_jacobians;
   };
   Sensitivity sensitivity(double time_s) const;
 };

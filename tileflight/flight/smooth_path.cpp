@@ -5,18 +5,18 @@
 #include <limits>
 #include <optional>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/flight/fit_spline.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
 
 using geometry::Vec3;
 
-/// Each candidate's knots lie so much further apart than those before.
+/// Ratio of the knot spacings of successive candidates.
 constexpr double kSpacingStep = 1.4142135623730951;
-/// A fit needs fewer control points than poses for what is left to tell anything.
-constexpr double kMostControlsPerPose = 0.8;
+/// A fit needs fewer control points than poses, otherwise its residual is meaningless.
+constexpr double kMaxControlsPerPose = 0.8;
 
 UniformKnots knots_over(std::span<const double> times_s, double spacing_s) {
   const double duration_s = times_s.back() - times_s.front();
@@ -24,12 +24,12 @@ UniformKnots knots_over(std::span<const double> times_s, double spacing_s) {
   return {times_s.front(), duration_s / segments, static_cast<std::size_t>(segments)};
 }
 
-/// From many control points to few.
+/// Candidate knots, from many control points to few.
 std::vector<UniformKnots> candidates(std::span<const double> times_s) {
   const auto poses = static_cast<double>(times_s.size());
   const double duration_s = times_s.back() - times_s.front();
   std::vector<UniformKnots> result;
-  for (double segments = std::max(1.0, std::floor(kMostControlsPerPose * poses) - 3.0); segments >= 1.0;
+  for (double segments = std::max(1.0, std::floor(kMaxControlsPerPose * poses) - 3.0); segments >= 1.0;
        segments /= kSpacingStep) {
     const UniformKnots knots = knots_over(times_s, duration_s / segments);
     if (result.empty() || knots.segments < result.back().segments) result.push_back(knots);
@@ -37,27 +37,28 @@ std::vector<UniformKnots> candidates(std::span<const double> times_s) {
   return result;
 }
 
-/// `sum`: of the squares of what is left, over all three axes.
-SplineFit judged(const UniformKnots& knots, double sum, std::size_t poses) {
-  const auto n = static_cast<double>(poses), p = static_cast<double>(knots.controls());
+/// `sum`: sum of squared residuals over all three axes.
+SplineFit evaluate_fit(const UniformKnots& knots, double sum, std::size_t poses) {
+  const auto n = static_cast<double>(poses), p = static_cast<double>(knots.control_count());
   const double freedom = std::max(n - p, 1.0);
-  return {knots.spacing_s, knots.controls(), std::sqrt(sum / (3.0 * n)), std::sqrt(sum / (3.0 * freedom))};
+  return {knots.spacing_s, knots.control_count(), std::sqrt(sum / (3.0 * n)), std::sqrt(sum / (3.0 * freedom))};
 }
 
 /// n RSS / (n - p)^2 (Craven and Wahba 1979); the trace of a least-squares fit's hat matrix is the number p of its
 /// parameters.
 double cross_validation(const SplineFit& fit, std::size_t poses) {
-  const auto n = static_cast<double>(poses), p = static_cast<double>(fit.controls);
+  const auto n = static_cast<double>(poses), p = static_cast<double>(fit.control_count);
   return fit.sigma * fit.sigma * n / std::max(n - p, 1.0);
 }
 
-/// The spline over the knots that the options want. `make(knots)` fits, `sum_left(spline)` adds up what is left.
+/// Selects the knots by the options and fits the spline. `make(knots)` fits; `sum_left(spline)` returns the sum of
+/// squared residuals.
 template <class Spline, class Make, class SumLeft>
-std::pair<Spline, SplineFit> fitted(std::span<const double> times_s, const std::optional<double>& spacing_s,
-                                    const std::optional<double>& sigma, const Make& make, const SumLeft& sum_left) {
+std::pair<Spline, SplineFit> fit_spline(std::span<const double> times_s, const std::optional<double>& spacing_s,
+                                        const std::optional<double>& sigma, const Make& make, const SumLeft& sum_left) {
   const auto fit = [&](const UniformKnots& knots) {
     Spline spline = make(knots);
-    const SplineFit judgement = judged(knots, sum_left(spline), times_s.size());
+    const SplineFit judgement = evaluate_fit(knots, sum_left(spline), times_s.size());
     return std::pair(std::move(spline), judgement);
   };
   if (spacing_s) return fit(knots_over(times_s, *spacing_s));
@@ -65,7 +66,8 @@ std::pair<Spline, SplineFit> fitted(std::span<const double> times_s, const std::
   double least = std::numeric_limits<double>::infinity();
   for (const UniformKnots& knots : candidates(times_s)) {
     auto candidate = fit(knots);
-    // With known noise the fewest control points that leave no more than it (Morozov's discrepancy principle).
+    // If the noise is known: the fewest control points whose residual does not exceed it (Morozov's discrepancy
+    // principle).
     const double score = sigma ? (candidate.second.sigma <= *sigma ? -knots.spacing_s : candidate.second.sigma)
                                : cross_validation(candidate.second, times_s.size());
     if (score >= least) continue;
@@ -80,9 +82,9 @@ void check(const std::optional<double>& value, const std::string& name) {
 }
 
 void check(std::size_t poses, const SmoothingOptions& options) {
-  if (poses < kLeastPosesToSmooth) {
+  if (poses < kMinPosesToSmooth) {
     throw InputError("trajectory", "has " + std::to_string(poses) + " poses, and smoothing needs at least " +
-                                       std::to_string(kLeastPosesToSmooth) + "; fly through them (smooth: none)");
+                                       std::to_string(kMinPosesToSmooth) + "; fly through them (smooth: none)");
   }
   check(options.knot_spacing_s, "knot_spacing_s");
   check(options.position_sigma_m, "position_sigma_m");
@@ -99,7 +101,7 @@ std::pair<RotationSpline, SplineFit> smooth_rotations(std::span<const double> ti
       sum += geometry::so3_log(rotations[i].conjugate() * spline.at(times_s[i])).squaredNorm();
     return sum;
   };
-  return fitted<RotationSpline>(times_s, options.knot_spacing_s, options.rotation_sigma_rad, make, sum_left);
+  return fit_spline<RotationSpline>(times_s, options.knot_spacing_s, options.rotation_sigma_rad, make, sum_left);
 }
 
 }  // namespace
@@ -114,7 +116,8 @@ SmoothPositions smooth_positions(std::span<const double> times_s, std::span<cons
     for (std::size_t i = 0; i < times_s.size(); ++i) sum += (spline.value(times_s[i]) - positions_m[i]).squaredNorm();
     return sum;
   };
-  auto [spline, fit] = fitted<BSpline<3>>(times_s, options.knot_spacing_s, options.position_sigma_m, make, sum_left);
+  auto [spline, fit] =
+      fit_spline<BSpline<3>>(times_s, options.knot_spacing_s, options.position_sigma_m, make, sum_left);
   return {std::move(spline), fit};
 }
 
@@ -129,7 +132,7 @@ SmoothPath smooth_path(const geometry::Trajectory& trajectory, const SmoothingOp
   }
   SmoothPositions positions = smooth_positions(times_s, positions_m, options);
   auto [rotation, rotation_fit] = smooth_rotations(times_s, rotations, options);
-  return {path_along(std::move(positions.spline), std::move(rotation)), positions.fit, rotation_fit};
+  return {path_along_splines(std::move(positions.spline), std::move(rotation)), positions.fit, rotation_fit};
 }
 
 }  // namespace tileflight::flight

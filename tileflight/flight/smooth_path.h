@@ -9,29 +9,30 @@
 
 namespace tileflight::flight {
 
-/// What a fitted spline is made of, and how far it is from what it was fitted to.
+/// Properties of a fitted spline and its residuals.
 struct SplineFit {
   double knot_spacing_s = 0.0;
-  std::size_t controls = 0;
-  double rms = 0.0;    ///< of what is left, on an axis: metres or radians
-  double sigma = 0.0;  ///< the noise that this tells of: the same with the degrees of freedom as divisor
+  std::size_t control_count = 0;
+  double rms = 0.0;    ///< residual per axis: metres or radians
+  double sigma = 0.0;  ///< estimated noise: residual per axis with the degrees of freedom as divisor
 };
 
+/// A smoothed path and the fits that it consists of.
 struct SmoothPath {
   Path path;
   SplineFit position, rotation;
 };
 
 /// Fewer poses than this are not smoothed.
-inline constexpr std::size_t kLeastPosesToSmooth = 8;
+inline constexpr std::size_t kMinPosesToSmooth = 8;
 
-/// The path nearest to poses by least squares: a cubic B-spline of positions and a cumulative one of rotations, each
-/// over evenly spaced knots. Velocity, acceleration and turning rates are the splines' own derivatives. It begins and
-/// ends with the poses. Throws InputError: fewer than kLeastPosesToSmooth poses, a spacing or noise that is not above
-/// 0.
+/// Least-squares fit to poses: a cubic B-spline of positions and a cumulative one of rotations, each over evenly spaced
+/// knots. Velocity, acceleration and angular rates are the splines' derivatives. The path starts and ends at the times
+/// of the first and last pose. Throws InputError: fewer than kMinPosesToSmooth poses, a knot spacing or noise that is
+/// not positive.
 SmoothPath smooth_path(const geometry::Trajectory& trajectory, const SmoothingOptions& options = {});
 
-/// Positions at times (strictly increasing, at least kLeastPosesToSmooth), smoothed in the same way.
+/// Positions at times (strictly increasing, at least kMinPosesToSmooth), smoothed in the same way.
 struct SmoothPositions {
   BSpline<3> spline;
   SplineFit fit;

@@ -8,8 +8,8 @@
 #include <random>
 
 #include "tests/refusal.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/flight/fit_spline.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::flight {
 namespace {
@@ -50,7 +50,7 @@ Trajectory noisy(Trajectory trajectory, double sigma_m, double sigma_rad) {
   return trajectory;
 }
 
-/// Root mean square of a distance over a path's inside.
+/// RMS of a distance over the interior of a path.
 double rms(const Path& path, const std::function<double(double)>& distance) {
   double sum = 0;
   int count = 0;
@@ -82,7 +82,7 @@ RotationSpline random_rotations(const UniformKnots& knots, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> number(-0.5, 0.5);
   RotationSpline spline{knots, {Eigen::Quaterniond(0.1, 0.7, -0.5, 0.2).normalized()}};
-  while (spline.controls.size() < knots.controls())
+  while (spline.controls.size() < knots.control_count())
     spline.controls.push_back(spline.controls.back() * so3_exp({number(random), number(random), number(random)}));
   return spline;
 }
@@ -90,13 +90,13 @@ RotationSpline random_rotations(const UniformKnots& knots, unsigned seed) {
 BSpline<3> random_positions(const UniformKnots& knots, unsigned seed) {
   std::srand(seed);
   BSpline<3> spline{knots, {}};
-  while (spline.controls.size() < knots.controls()) spline.controls.push_back(20 * Vec3::Random());
+  while (spline.controls.size() < knots.control_count()) spline.controls.push_back(20 * Vec3::Random());
   return spline;
 }
 
 TEST(BSpline, WeightsAreAShareOfOneAndLinearMotionIsKept) {
   for (const double u : {0.0, 0.3, 0.5, 1.0}) {
-    const Weights4 b = basis(u), first = basis_first(u), second = basis_second(u);
+    const Weights4 b = basis(u), first = basis_derivative(u), second = basis_second_derivative(u);
     EXPECT_NEAR(b[0] + b[1] + b[2] + b[3], 1, 1e-15);
     EXPECT_NEAR(b[1] + 2 * b[2] + 3 * b[3], 1 + u, 1e-15);
     EXPECT_NEAR(first[0] + first[1] + first[2] + first[3], 0, 1e-15);
@@ -105,7 +105,7 @@ TEST(BSpline, WeightsAreAShareOfOneAndLinearMotionIsKept) {
 }
 
 TEST(BSpline, DerivativesAreThoseOfFiniteDifferences) {
-  const Path path = path_along(random_positions({2, 0.5, 6}, 3), random_rotations({2, 0.5, 6}, 4));
+  const Path path = path_along_splines(random_positions({2, 0.5, 6}, 3), random_rotations({2, 0.5, 6}, 4));
   EXPECT_EQ(path.start_s(), 2);
   EXPECT_EQ(path.end_s(), 5);
   const double h = 1e-5;
@@ -120,7 +120,7 @@ TEST(BSpline, DerivativesAreThoseOfFiniteDifferences) {
 }
 
 TEST(BSpline, TwiceContinuousAcrossKnots) {
-  const Path path = path_along(random_positions({0, 0.25, 8}, 5), random_rotations({0, 0.25, 8}, 6));
+  const Path path = path_along_splines(random_positions({0, 0.25, 8}, 5), random_rotations({0, 0.25, 8}, 6));
   for (double knot = 0.25; knot < 2; knot += 0.25) {
     const double before = knot - 1e-9, behind = knot + 1e-9;
     EXPECT_LT((path.acceleration(before) - path.acceleration(behind)).norm(), 1e-3);
@@ -141,7 +141,7 @@ TEST(RotationSpline, SensitivityIsThatOfFiniteDifferences) {
         changed.controls[at.segment + k] = changed.controls[at.segment + k] * so3_exp(angle * Vec3::Unit(axis));
         return so3_log(at.rotation.conjugate() * changed.at(1.3));
       };
-      EXPECT_LT(((turned(h) - turned(-h)) / (2 * h) - at.by_control[k].col(axis)).norm(), 1e-8) << k << axis;
+      EXPECT_LT(((turned(h) - turned(-h)) / (2 * h) - at.control_jacobians[k].col(axis)).norm(), 1e-8) << k << axis;
     }
   }
 }
@@ -149,12 +149,12 @@ TEST(RotationSpline, SensitivityIsThatOfFiniteDifferences) {
 TEST(RotationSpline, ATurnAtAConstantRateIsExact) {
   const Vec3 rate(0.3, -0.2, 0.9);
   RotationSpline spline{{0, 0.5, 10}, {}};
-  for (std::size_t i = 0; i < spline.knots.controls(); ++i)
-    spline.controls.push_back(so3_exp(rate * spline.knots.time_of(i)));
+  for (std::size_t i = 0; i < spline.knots.control_count(); ++i)
+    spline.controls.push_back(so3_exp(rate * spline.knots.control_time_s(i)));
   for (double t = 0; t <= 5; t += 0.11) {
     EXPECT_LT(spline.at(t).angularDistance(so3_exp(rate * t)), 1e-12);
-    EXPECT_LT((spline.turning(t).rate - rate).norm(), 1e-12);
-    EXPECT_LT(spline.turning(t).acceleration.norm(), 1e-12);
+    EXPECT_LT((spline.angular_motion(t).rate - rate).norm(), 1e-12);
+    EXPECT_LT(spline.angular_motion(t).acceleration.norm(), 1e-12);
   }
 }
 
@@ -172,7 +172,7 @@ TEST(FitSpline, WhatLiesInTheSplinesSpaceIsFoundAgain) {
   }
   const BSpline<3> fitted = fit_positions(times, points, knots);
   const RotationSpline fitted_turns = fit_rotations(times, turns, knots);
-  for (std::size_t i = 0; i < knots.controls(); ++i) {
+  for (std::size_t i = 0; i < knots.control_count(); ++i) {
     EXPECT_LT((fitted.controls[i] - positions.controls[i]).norm(), 1e-7) << i;
     EXPECT_LT(fitted_turns.controls[i].angularDistance(rotations.controls[i]), 1e-8) << i;
   }
@@ -190,7 +190,7 @@ TEST(FitSpline, PositionsAreTheLeastSquaresOnes) {
     const geometry::StampedPose& pose = poses.poses[static_cast<std::size_t>(row)];
     times.push_back(pose.time_s - 5);
     points.push_back(pose.T_local_camera.translation);
-    const auto [segment, u] = knots.place(times.back());
+    const auto [segment, u] = knots.find_span(times.back());
     for (int k = 0; k < 4; ++k) A(row, static_cast<Eigen::Index>(segment) + k) = basis(u)[static_cast<std::size_t>(k)];
     b.row(row) = points.back().transpose();
   }
@@ -213,7 +213,7 @@ TEST(SmoothPath, NoiseIsReducedAndTold) {
   EXPECT_LT(rate_error_rad_s(smooth.path, smooth_flight), 0.02 * rate_error_rad_s(through, smooth_flight));
 }
 
-/// Of the spacings a factor of 1.4 apart none is much better than the one that cross validation takes.
+/// Among spacings a factor of 1.4 apart, none is much better than the one chosen by cross validation.
 TEST(SmoothPath, CrossValidationChoosesNearTheBestSpacing) {
   const Trajectory poses = noisy(sampled(smooth_flight, 20, 30), 0.1, 0.5 * kDegree);
   const SmoothPath chosen = smooth_path(poses);
@@ -241,7 +241,7 @@ TEST(SmoothPath, KnownNoiseLeavesNoMoreThanIt) {
   EXPECT_LE(fit.rotation.sigma, 3 * kDegree);
   EXPECT_GE(fit.position.knot_spacing_s, smooth_path(poses).position.knot_spacing_s);
   const SmoothPath tight = smooth_path(poses, {.position_sigma_m = 1e-6, .rotation_sigma_rad = 1e-6});
-  EXPECT_TRUE(tight.path.pose(6).translation.allFinite());  // none leaves so little
+  EXPECT_TRUE(tight.path.pose(6).translation.allFinite());  // no spacing reaches so small a residual
 }
 
 TEST(SmoothPath, GapsAreBridged) {

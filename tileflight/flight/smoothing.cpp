@@ -3,17 +3,17 @@
 #include <iomanip>
 #include <sstream>
 
-#include "tileflight/flight/log_text.h"
+#include "tileflight/base/text_parsing.h"
 
 namespace tileflight::flight {
 
-std::optional<SmoothingOptions> read_smoothing(geometry::YamlSection& section,
+std::optional<SmoothingOptions> read_smoothing(base::YamlSection& section,
                                                const std::optional<SmoothingOptions>& otherwise) {
   const std::optional<std::string> text = section.text("smooth");
   if (!text) return otherwise;
   if (*text == "none") return std::nullopt;
   if (*text == "auto") return SmoothingOptions{};
-  const std::optional<double> spacing_s = whole_number_text(*text);
+  const std::optional<double> spacing_s = base::parse_finite_number(*text);
   if (!spacing_s || *spacing_s <= 0.0)
     throw section.error("smooth", "must be 'auto', 'none' or the seconds between two knots");
   return SmoothingOptions{.knot_spacing_s = spacing_s};

@@ -9,11 +9,11 @@
 namespace tileflight::flight {
 namespace {
 
-/// Of the acceleration limit, how much the curve's bend may use at most; what is left speeds up and slows down.
+/// Largest share of the acceleration limit used by the curve's curvature; the rest is for speeding up and braking.
 constexpr double kBendShare = 0.7;
 
-/// For each cell the largest value among the cells that are at most `reach` of u away.
-std::vector<double> largest_within(const std::vector<double>& u, const std::vector<double>& values, double reach) {
+/// For each cell the largest value among the cells within `reach` of u.
+std::vector<double> sliding_window_max(const std::vector<double>& u, const std::vector<double>& values, double reach) {
   std::vector<double> result(values.size());
   std::deque<std::size_t> candidates;  // indices whose values decrease
   std::size_t next = 0;
@@ -54,17 +54,17 @@ std::vector<double> plan_squared_rates(const CurveBounds& bounds, const MotionLi
   return squared;
 }
 
-/// A curve that turns back on itself has |r'| = 0 there, which would allow any rate: bounded by a thousandth of its
-/// largest.
-CurveBounds with_floor(CurveBounds bounds) {
+/// Limits |r'| from below by a thousandth of its maximum: where a curve reverses, |r'| = 0 would allow any rate.
+CurveBounds clamp_first_derivative(CurveBounds bounds) {
   const double floor = 1e-3 * *std::max_element(bounds.first_m.begin(), bounds.first_m.end());
   for (double& value : bounds.first_m) value = std::max(value, floor);
   return bounds;
 }
 
-CurveBounds widened(const CurveBounds& bounds, double reach) {
-  return {bounds.u, largest_within(bounds.u, bounds.first_m, reach), largest_within(bounds.u, bounds.second_m, reach),
-          largest_within(bounds.u, bounds.rotation_rad, reach)};
+CurveBounds dilate_bounds(const CurveBounds& bounds, double reach) {
+  return {bounds.u, sliding_window_max(bounds.u, bounds.first_m, reach),
+          sliding_window_max(bounds.u, bounds.second_m, reach),
+          sliding_window_max(bounds.u, bounds.rotation_rad, reach)};
 }
 
 }  // namespace
@@ -72,10 +72,10 @@ CurveBounds widened(const CurveBounds& bounds, double reach) {
 SpeedPlan::SpeedPlan(const CurveBounds& bounds, const MotionLimits& limits, double smoothing_s)
     : smoothing_s_(smoothing_s) {
   assert(bounds.u.size() >= 2 && bounds.first_m.size() + 1 == bounds.u.size());
-  const CurveBounds floored = with_floor(bounds);
+  const CurveBounds floored = clamp_first_derivative(bounds);
   const std::vector<double> unaveraged = plan_squared_rates(floored, limits);
   const double reach = smoothing_s * std::sqrt(*std::max_element(unaveraged.begin(), unaveraged.end()));
-  const std::vector<double> squared = plan_squared_rates(widened(floored, reach), limits);
+  const std::vector<double> squared = plan_squared_rates(dilate_bounds(floored, reach), limits);
   nodes_.push_back({0.0, bounds.u[0], 0.0, 0.0});
   for (std::size_t k = 1; k < squared.size(); ++k) {
     const Node& last = nodes_.back();
@@ -89,7 +89,7 @@ SpeedPlan::SpeedPlan(const CurveBounds& bounds, const MotionLimits& limits, doub
 
 double SpeedPlan::duration_s() const { return nodes_.back().time_s + smoothing_s_; }
 
-Progression SpeedPlan::planned(double time_s) const {
+Progression SpeedPlan::at_unsmoothed(double time_s) const {
   if (time_s <= 0.0) return {nodes_.front().u, 0.0, 0.0};
   if (time_s >= nodes_.back().time_s) return {nodes_.back().u, 0.0, 0.0};
   const auto above = std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, time_s,
@@ -111,7 +111,7 @@ double SpeedPlan::integral(double time_s) const {
 
 Progression SpeedPlan::at(double time_s) const {
   const double end = std::clamp(time_s, 0.0, duration_s()), begin = end - smoothing_s_;
-  const Progression a = planned(begin), b = planned(end);
+  const Progression a = at_unsmoothed(begin), b = at_unsmoothed(end);
   return {(integral(end) - integral(begin)) / smoothing_s_, (b.u - a.u) / smoothing_s_,
           (b.rate - a.rate) / smoothing_s_};
 }

@@ -5,7 +5,7 @@
 #include <set>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -88,7 +88,7 @@ void CloudColumns::set_packed_color(std::size_t point, std::uint32_t argb) {
 PointCloud CloudColumns::take_valid() {
   std::vector<bool> valid(cloud_.size());
   for (std::size_t i = 0; i < cloud_.size(); ++i) valid[i] = cloud_.positions[i].allFinite();
-  cloud_ = filtered(cloud_, valid);
+  cloud_ = filter_points(cloud_, valid);
   return take();
 }
 

@@ -8,21 +8,21 @@
 
 namespace tileflight::geometry {
 
-/// How a column's numbers become a colour's 0 to 255.
+/// Range of the file's colour values that is mapped to 0..255.
 enum class ColorRange { kByte, kShort, kUnit };
 
-/// A named column of a point file, before its values are known.
+/// A named column of a point file, as declared in its header.
 struct CloudColumn {
   std::string name;
-  ColorRange color_range = ColorRange::kByte;  ///< of the file's number type: bytes, 16-bit numbers, or floats 0 to 1
+  ColorRange color_range = ColorRange::kByte;  ///< by the file's number type: bytes, 16-bit numbers, or floats 0 to 1
 };
 
-/// Sorts the columns of a point file into the arrays of a cloud by the names that PLY and PCD files use: x y z, nx ny
-/// nz or normal_x normal_y normal_z, red green blue (also r g b, diffuse_red …), rgb and rgba (packed 0xAARRGGBB); all
+/// Assigns the columns of a point file to the arrays of a cloud by the names used in PLY and PCD files: x y z, nx ny nz
+/// or normal_x normal_y normal_z, red green blue (also r g b, diffuse_red …), rgb and rgba (packed 0xAARRGGBB); all
 /// others become scalars.
 class CloudColumns {
  public:
-  /// Throws InputError when x, y or z is missing or a name comes twice. `where` stands in front of messages.
+  /// Throws InputError if x, y or z is missing or a name occurs twice. `where` prefixes error messages.
   CloudColumns(const std::vector<CloudColumn>& columns, std::size_t points, std::string where);
 
   void set(std::size_t column, std::size_t point, double value) {
@@ -48,10 +48,10 @@ class CloudColumns {
     }
   }
 
-  /// The cloud; throws InputError when a position or normal is not finite.
+  /// The cloud; throws InputError if a position or normal is not finite.
   PointCloud take();
 
-  /// The same without the points whose position is not finite.
+  /// The cloud without the points whose position is not finite.
   PointCloud take_valid();
 
  private:

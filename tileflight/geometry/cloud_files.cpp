@@ -6,18 +6,18 @@
 #include <cctype>
 #include <cmath>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/geometry/cloud_columns.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/pcd.h"
 #include "tileflight/geometry/ply.h"
-#include "tileflight/geometry/text_fields.h"
 
 namespace tileflight::geometry {
 namespace {
 
-/// Clouds of some hundred million points are still read.
-constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 36;
+/// Limit of file size; clouds of several hundred million points are accepted.
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
 
 /// ".ply" of "map.PLY".
 std::string ending_of(const std::filesystem::path& file) {
@@ -61,10 +61,10 @@ PointCloud parse_ply_cloud(std::string_view bytes, const std::string& file) {
   return cloud.take();
 }
 
-/// Names of the columns of XYZ text: those of a comment "# x y z …" if the first line is one, else x y z column_4
+/// Names of the columns of XYZ text: those of a comment "# x y z …" on the first line, otherwise x y z column_4
 /// column_5 ….
 std::vector<CloudColumn> xyz_columns(std::string_view first_comment, std::size_t count) {
-  std::vector<std::string_view> names = split_fields(first_comment);
+  std::vector<std::string_view> names = base::split_fields(first_comment);
   const bool named =
       names.size() == count && names.size() >= 3 && names[0] == "x" && names[1] == "y" && names[2] == "z";
   std::vector<CloudColumn> columns;
@@ -77,8 +77,8 @@ std::vector<CloudColumn> xyz_columns(std::string_view first_comment, std::size_t
 
 std::vector<double> parse_xyz_line(std::string_view line, const std::string& where) {
   std::vector<double> values;
-  for (const std::string_view field : split_fields(line, " \t,;")) {
-    const auto value = parse_number<double>(field);
+  for (const std::string_view field : base::split_fields(line, " \t,;")) {
+    const auto value = base::parse_number<double>(field);
     if (!value) throw InputError(where, "'" + std::string(field.substr(0, 40)) + "' is not a number");
     values.push_back(*value);
   }
@@ -89,7 +89,7 @@ PointCloud parse_xyz(std::string_view text, const std::string& file) {
   std::string_view first_comment;
   std::vector<std::vector<double>> rows;
   std::size_t line_number = 0;
-  while (const auto line = take_line(text)) {
+  while (const auto line = base::take_line(text)) {
     ++line_number;
     std::string_view content = *line;
     content.remove_prefix(std::min(content.find_first_not_of(" \t"), content.size()));
@@ -114,12 +114,11 @@ void append_value(std::string& text, Number value, CloudEncoding encoding) {
     text.append(reinterpret_cast<const char*>(&value), sizeof(value));
     return;
   }
-  append_number(text, value);
+  base::append_number(text, value);
   text += ' ';
 }
 
-/// One row for each point from `first` to before `last`: position, normal, colour, scalars, as far as the cloud has
-/// them.
+/// One row for each point in [first, last): position, normal, colour, scalars, as far as the cloud has them.
 std::string point_rows(const PointCloud& cloud, CloudEncoding encoding, std::size_t first, std::size_t last) {
   std::string text;
   text.reserve((last - first) * 48);
@@ -137,14 +136,14 @@ std::string point_rows(const PointCloud& cloud, CloudEncoding encoding, std::siz
   return text;
 }
 
-/// Header and rows, some thousand of them in memory at a time.
+/// Writes header and rows, holding some thousand rows in memory at a time.
 void write_rows(const std::filesystem::path& file, const std::string& header, const PointCloud& cloud,
                 CloudEncoding encoding) {
   constexpr std::size_t kRowsAtOnce = 65536;
   std::string part = header;
   std::size_t done = 0;
   bool begun = false;
-  write_file_in_parts(file, [&]() -> std::string_view {
+  base::write_file_in_parts(file, [&]() -> std::string_view {
     if (begun) {
       const std::size_t last = std::min(done + kRowsAtOnce, cloud.size());
       part = point_rows(cloud, encoding, done, last);
@@ -197,7 +196,7 @@ PointCloud read_cloud(const std::filesystem::path& file) {
   if (!std::filesystem::exists(file, error))
     throw InputError(file.string(), "cannot be opened: No such file or directory");
   if (ending != ".ply" && ending != ".pcd" && ending != ".xyz") throw unknown_ending(file);
-  const std::string bytes = read_text(file, kMostBytes);
+  const std::string bytes = base::read_text(file, kMaxBytes);
   if (ending == ".ply") return parse_ply_cloud(bytes, file.string());
   if (ending == ".pcd") return parse_pcd(bytes, file.string());
   return parse_xyz(bytes, file.string());
@@ -208,11 +207,12 @@ void write_cloud(const std::filesystem::path& file, const PointCloud& cloud, Clo
   if (ending == ".ply") return write_rows(file, ply_header(cloud, encoding), cloud, encoding);
   if (ending == ".xyz") return write_rows(file, xyz_header(cloud), cloud, CloudEncoding::kAscii);
   if (ending != ".pcd") throw unknown_ending(file);
-  write_file(file, pcd_text(cloud, encoding == CloudEncoding::kAscii ? PcdEncoding::kAscii : PcdEncoding::kBinary));
+  base::write_file(file,
+                   encode_pcd(cloud, encoding == CloudEncoding::kAscii ? PcdEncoding::kAscii : PcdEncoding::kBinary));
 }
 
 TriangleMesh read_ply_mesh(const std::filesystem::path& file) {
-  const std::string bytes = read_text(file, kMostBytes);
+  const std::string bytes = base::read_text(file, kMaxBytes);
   const PlyHeader header = parse_ply_header(bytes, file.string());
   TriangleMesh mesh;
   mesh.vertices = parse_ply_cloud(bytes, file.string()).positions;
@@ -245,7 +245,7 @@ void write_ply_mesh(const std::filesystem::path& file, const TriangleMesh& mesh)
     append_value(text, std::uint8_t{3}, CloudEncoding::kBinary);
     for (const std::uint32_t corner : t) append_value(text, corner, CloudEncoding::kBinary);
   }
-  write_file(file, text);
+  base::write_file(file, text);
 }
 
 }  // namespace tileflight::geometry

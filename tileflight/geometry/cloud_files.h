@@ -9,17 +9,17 @@ namespace tileflight::geometry {
 
 enum class CloudEncoding { kAscii, kBinary };
 
-/// Reads PLY (ascii, binary little and big endian), PCD (ascii, binary, binary_compressed) or XYZ text, by the
-/// file's ending. Unknown properties become scalars. Throws InputError (file, line or byte, cause) on anything
-/// malformed, truncated or not finite; counts in headers are checked against the file's size before allocation.
+/// Reads PLY (ascii, binary little and big endian), PCD (ascii, binary, binary_compressed) or XYZ text, chosen by the
+/// file extension. Unknown properties become scalars. Throws InputError (file, line or byte, cause) for malformed,
+/// truncated or non-finite data; counts in headers are checked against the file's size before allocation.
 PointCloud read_cloud(const std::filesystem::path& file);
 
-/// Writes .ply, .pcd or .xyz by the file's ending. Positions are written as double in PLY (so that a cloud far
-/// from the origin keeps its millimetres) and float in PCD.
+/// Writes .ply, .pcd or .xyz, chosen by the file extension. Positions are doubles in PLY (to keep millimetres far from
+/// the origin) and floats in PCD.
 void write_cloud(const std::filesystem::path& file, const PointCloud& cloud,
                  CloudEncoding encoding = CloudEncoding::kBinary);
 
-/// Triangles of a PLY file with faces (polygons become fans); throws InputError where there are none.
+/// Reads the triangles of a PLY file (polygons are split into fans); throws InputError if it has no faces.
 TriangleMesh read_ply_mesh(const std::filesystem::path& file);
 void write_ply_mesh(const std::filesystem::path& file, const TriangleMesh& mesh);
 

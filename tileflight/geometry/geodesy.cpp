@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -61,7 +61,7 @@ EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longi
   check_latitude_longitude(latitude_deg, longitude_deg);
   if (!std::isfinite(height.m)) throw InputError("height above sea level", "is not finite");
   const std::unique_ptr<PJ_CONTEXT, ProjDeleter> context(proj_context_create());
-  // A stage prints nothing; what goes wrong is in the result.
+  // A stage prints nothing; errors are reported in the result.
   proj_log_func(context.get(), nullptr, [](void*, int, const char*) {});
   proj_context_set_enable_network(context.get(), 0);
   // The multiplier 1 adds the grid's undulation to the height (PROJ manual, vgridshift).
@@ -70,7 +70,7 @@ EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longi
   const PJ_COORD in = proj_coord(longitude_deg * kRadPerDeg, latitude_deg * kRadPerDeg, height.m, 0.0);
   const PJ_COORD out = add_undulation ? proj_trans(add_undulation.get(), PJ_FWD, in)
                                       : proj_coord(HUGE_VAL, HUGE_VAL, HUGE_VAL, HUGE_VAL);
-  // The grid covers the whole Earth: where it gives no value, it is not there.
+  // The grid covers the whole Earth: if there is no value, the grid is not installed.
   if (!std::isfinite(out.xyz.z)) {
     throw InputError("geoid grid egm96_15.gtx",
                      "is not installed, so heights above sea level cannot be used: install the package proj-data or "
@@ -81,7 +81,7 @@ EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longi
 
 OrthometricHeight orthometric_from_ellipsoidal(const Geodetic& place) {
   if (!std::isfinite(place.height.m)) throw InputError("height above the ellipsoid", "is not finite");
-  // The undulation is a function of latitude and longitude alone.
+  // The undulation depends only on latitude and longitude.
   const double undulation_m = ellipsoidal_from_orthometric(place.latitude_deg, place.longitude_deg, {0.0}).m;
   return {place.height.m - undulation_m};
 }
@@ -90,7 +90,7 @@ LocalFrame::LocalFrame(const Geodetic& origin)
     : origin_(origin), T_ecef_local_(make_T_ecef_local(origin)), T_local_ecef_(T_ecef_local_.inverse()) {}
 
 Vec3 LocalFrame::local_from_geodetic(const Geodetic& place) const {
-  // The difference first: a rotation of Earth-sized numbers would lose the last digits.
+  // Subtract first: rotating Earth-sized coordinates would lose precision.
   return T_local_ecef_.rotation * (ecef_from_geodetic(place) - T_ecef_local_.translation);
 }
 

@@ -9,12 +9,12 @@ struct EllipsoidalHeight {
   double m = 0.0;
 };
 
-/// Height above mean sea level (the EGM96 geoid), metres. A type of its own, so that the two are never mixed.
+/// Height above mean sea level (the EGM96 geoid), metres. A separate type, so that the two cannot be mixed up.
 struct OrthometricHeight {
   double m = 0.0;
 };
 
-/// A place on WGS84. Degrees only here and in files that people write.
+/// A position on WGS84. Degrees are used only here and in files edited by people.
 struct Geodetic {
   double latitude_deg = 0.0;
   double longitude_deg = 0.0;
@@ -25,12 +25,12 @@ struct Geodetic {
 Vec3 ecef_from_geodetic(const Geodetic& place);
 Geodetic geodetic_from_ecef(const Vec3& ecef_m);
 
-/// Adds the geoid undulation at that place (PROJ, EGM96). Throws InputError when the geoid grid is not installed.
+/// Adds the geoid undulation at the given position (PROJ, EGM96). Throws InputError if the geoid grid is not installed.
 EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longitude_deg, OrthometricHeight height);
-/// The other way: takes the undulation away. Throws as the above.
+/// Subtracts the geoid undulation; the inverse. Throws the same errors.
 OrthometricHeight orthometric_from_ellipsoidal(const Geodetic& place);
 
-/// Right-handed east-north-up frame that touches the ellipsoid's normal at `origin`.
+/// Right-handed east-north-up frame at `origin`; up is the ellipsoid's normal.
 class LocalFrame {
  public:
   explicit LocalFrame(const Geodetic& origin);

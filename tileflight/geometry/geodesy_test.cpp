@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -54,11 +54,16 @@ TEST(Ecef, RoundTripOverTheGlobe) {
 }
 
 TEST(Ecef, RefusesImpossiblePlaces) {
-  EXPECT_THROW(ecef_from_geodetic(place(90.1, 0, 0)), InputError);
-  EXPECT_THROW(ecef_from_geodetic(place(0, 361, 0)), InputError);
-  EXPECT_THROW(ecef_from_geodetic(place(std::nan(""), 0, 0)), InputError);
-  EXPECT_THROW(geodetic_from_ecef(Vec3(0, std::nan(""), 0)), InputError);
-  EXPECT_THROW(LocalFrame(place(0, 0, std::nan(""))), InputError);
+  EXPECT_THAT([&] { ecef_from_geodetic(place(90.1, 0, 0)); },
+              ThrowsMessage<InputError>(HasSubstr("a latitude lies between -90 and 90")));
+  EXPECT_THAT([&] { ecef_from_geodetic(place(0, 361, 0)); },
+              ThrowsMessage<InputError>(HasSubstr("a longitude lies between -180 and 180")));
+  EXPECT_THAT([&] { ecef_from_geodetic(place(std::nan(""), 0, 0)); },
+              ThrowsMessage<InputError>(HasSubstr("is not finite")));
+  EXPECT_THAT([&] { geodetic_from_ecef(Vec3(0, std::nan(""), 0)); },
+              ThrowsMessage<InputError>(HasSubstr("earth-centred position: is not finite")));
+  EXPECT_THAT([&] { LocalFrame(place(0, 0, std::nan(""))); },
+              ThrowsMessage<InputError>(HasSubstr("origin: the height is not finite")));
 }
 
 TEST(LocalFrame, AxesAreEastNorthUp) {
@@ -84,7 +89,7 @@ TEST(LocalFrame, IsRigidAndRoundTripsToTheMicrometre) {
 }
 
 TEST(Geoid, KnownUndulations) {
-  // EGM96 at four places, from the model's published table (WW15MGH.GRD nodes).
+  // EGM96 at four positions, from the model's published table (WW15MGH.GRD nodes).
   EXPECT_NEAR(ellipsoidal_from_orthometric(0.0, 0.0, {0.0}).m, 17.16, 0.02);
   EXPECT_NEAR(ellipsoidal_from_orthometric(90.0, 0.0, {0.0}).m, 13.61, 0.02);
   EXPECT_NEAR(ellipsoidal_from_orthometric(-90.0, 0.0, {0.0}).m, -29.53, 0.02);
@@ -92,8 +97,10 @@ TEST(Geoid, KnownUndulations) {
 }
 
 TEST(Geoid, BadInputIsRefused) {
-  EXPECT_THROW(ellipsoidal_from_orthometric(100.0, 0.0, {0.0}), InputError);
-  EXPECT_THROW(ellipsoidal_from_orthometric(0.0, 0.0, {std::nan("")}), InputError);
+  EXPECT_THAT([&] { ellipsoidal_from_orthometric(100.0, 0.0, {0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("a latitude lies between -90 and 90")));
+  EXPECT_THAT([&] { ellipsoidal_from_orthometric(0.0, 0.0, {std::nan("")}); },
+              ThrowsMessage<InputError>(HasSubstr("height above sea level: is not finite")));
 }
 
 TEST(Geoid, HeightsAboveSeaLevelGoThereAndBack) {
@@ -101,7 +108,11 @@ TEST(Geoid, HeightsAboveSeaLevelGoThereAndBack) {
     const EllipsoidalHeight height = ellipsoidal_from_orthometric(lat, lon, {123.4});
     EXPECT_NEAR(orthometric_from_ellipsoidal({lat, lon, height}).m, 123.4, 1e-9);
   }
-  EXPECT_THROW(orthometric_from_ellipsoidal({0.0, 0.0, {std::nan("")}}), InputError);
+  EXPECT_THAT(
+      [&] {
+        orthometric_from_ellipsoidal({0.0, 0.0, {std::nan("")}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("height above the ellipsoid: is not finite")));
 }
 
 TEST(Geoid, AMissingGridIsRefusedNeverTakenAsZero) {

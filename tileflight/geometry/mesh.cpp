@@ -5,7 +5,7 @@
 namespace tileflight::geometry {
 namespace {
 
-/// Nearest point of the segment from a to b; the point a when they are one.
+/// Nearest point of the segment from a to b; the point a if they coincide.
 Vec3 closest_point_on_segment(const Vec3& p, const Vec3& a, const Vec3& b) {
   const Vec3 ab = b - a;
   const double length2 = ab.squaredNorm();
@@ -13,7 +13,7 @@ Vec3 closest_point_on_segment(const Vec3& p, const Vec3& a, const Vec3& b) {
   return a + std::clamp((p - a).dot(ab) / length2, 0.0, 1.0) * ab;
 }
 
-/// For a triangle without area: the nearest point of its three sides.
+/// For a degenerate triangle: the nearest point of its three sides.
 Vec3 closest_point_on_sides(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   Vec3 best = closest_point_on_segment(p, a, b);
   for (const Vec3& candidate : {closest_point_on_segment(p, b, c), closest_point_on_segment(p, c, a)}) {
@@ -59,7 +59,7 @@ Vec3 closest_point_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, cons
   const double vb = d5 * d2 - d1 * d6;
   const double vc = d1 * d4 - d3 * d2;
   const double area = va + vb + vc;  // |ab x ac|^2
-  // Rounding decides the region of a triangle that is (nearly) without area: its sides are all that it has.
+  // For a (nearly) degenerate triangle rounding would decide the region, so its sides are used.
   if (!(area > 1e-12 * ab.squaredNorm() * ac.squaredNorm())) return closest_point_on_sides(p, a, b, c);
   if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return a + d1 / (d1 - d3) * ab;
   if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return a + d2 / (d2 - d6) * ac;

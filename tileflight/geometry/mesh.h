@@ -11,10 +11,10 @@ namespace tileflight::geometry {
 
 using Box3 = Eigen::AlignedBox3d;
 
-/// Indices of a triangle's corners, counter-clockwise seen from outside.
+/// Vertex indices of a triangle, counter-clockwise seen from outside.
 using Triangle = std::array<std::uint32_t, 3>;
 
-/// Triangles without appearance. Vertices in metres, in whatever local frame the owner says.
+/// Triangles without appearance. Vertices in metres, in a local frame defined by the owner.
 struct TriangleMesh {
   std::vector<Vec3> vertices;
   std::vector<Triangle> triangles;
@@ -23,8 +23,8 @@ struct TriangleMesh {
 Box3 bounds(const TriangleMesh& mesh);
 double surface_area_m2(const TriangleMesh& mesh);
 
-/// Nearest point of triangle (a, b, c) to p. Ericson, Real-Time Collision Detection, section 5.1.5. A triangle
-/// of zero area is treated as the segment or point that it is.
+/// Point of triangle (a, b, c) nearest to p. Ericson, Real-Time Collision Detection, section 5.1.5. A triangle of zero
+/// area is treated as a segment or point.
 Vec3 closest_point_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c);
 
 }  // namespace tileflight::geometry

@@ -17,7 +17,7 @@ TEST(Mesh, BoundsAndArea) {
   EXPECT_EQ(surface_area_m2({}), 0.0);
 }
 
-/// Distance by trying a fine grid of barycentric weights: an upper bound that is tight to the grid's step.
+/// Distance by sampling a fine grid of barycentric weights: an upper bound, accurate to the grid's step.
 double sampled_distance(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   constexpr int kSteps = 200;
   double best = INFINITY;

@@ -5,17 +5,17 @@
 #include <nanoflann.hpp>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/spatial_order.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::geometry {
 namespace {
 
-/// The points as nanoflann wants to see them, in an order in which neighbours lie together: the tree is built in half
-/// the time, and what a search looks at is in the cache.
+/// The points in the form required by nanoflann, sorted so that neighbours are adjacent in memory: building the tree
+/// takes half the time, and searches are cache friendly.
 struct PointsAdaptor {
   std::vector<Vec3> points;
-  std::vector<std::uint32_t> number;  ///< of each point among those given
+  std::vector<std::uint32_t> number;  ///< for each point, its index in the input
 
   std::size_t kdtree_get_point_count() const { return points.size(); }
   double kdtree_get_pt(std::size_t index, std::size_t axis) const { return points[index][static_cast<int>(axis)]; }
@@ -28,18 +28,18 @@ struct PointsAdaptor {
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointsAdaptor>, PointsAdaptor,
                                                    3, std::uint32_t>;
 
-/// Squared distance, then index: the order of neighbours that does not depend on the tree.
+/// Squared distance, then index: an order of neighbours that does not depend on the tree.
 using Candidate = std::pair<double, std::uint32_t>;
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-/// Distance up to which the tree must still look, a little above `distance2`: points equally far have to be seen so
-/// that the lowest index can win, and the tree's own bounds carry rounding errors. The exact test is ours.
+/// Search radius of the tree, slightly above `distance2`: equally distant points must be visited so that the lowest
+/// index can win, and the tree's own bounds carry rounding errors. The exact test is done here.
 double search_bound(double distance2) { return distance2 * (1.0 + 1e-9) + std::numeric_limits<double>::min(); }
 
 /// nanoflann result set: the best candidate.
-class BestOne {
+class NearestResultSet {
  public:
-  BestOne(const PointsAdaptor& points, double radius2) : number_(points.number), best_(radius2, kNone) {}
+  NearestResultSet(const PointsAdaptor& points, double radius2) : number_(points.number), best_(radius2, kNone) {}
   bool full() const { return true; }
   double worstDist() const { return search_bound(best_.first); }
   bool addPoint(double distance2, std::uint32_t place) {
@@ -55,9 +55,9 @@ class BestOne {
 };
 
 /// nanoflann result set: the `count` best candidates, as a heap with the worst on top.
-class BestMany {
+class KnnResultSet {
  public:
-  BestMany(const PointsAdaptor& points, std::size_t count) : number_(points.number), count_(count) {
+  KnnResultSet(const PointsAdaptor& points, std::size_t count) : number_(points.number), count_(count) {
     heap_.reserve(count + 1);
   }
   bool full() const { return heap_.size() == count_; }
@@ -84,9 +84,9 @@ class BestMany {
 };
 
 /// nanoflann result set: every candidate within a radius.
-class AllWithin {
+class RadiusResultSet {
  public:
-  AllWithin(const PointsAdaptor& points, double radius2) : number_(points.number), radius2_(radius2) {}
+  RadiusResultSet(const PointsAdaptor& points, double radius2) : number_(points.number), radius2_(radius2) {}
   bool full() const { return true; }
   double worstDist() const { return search_bound(radius2_); }
   bool addPoint(double distance2, std::uint32_t place) {
@@ -114,7 +114,7 @@ PointsAdaptor in_order(const std::vector<Vec3>& points) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!points[i].allFinite()) throw InputError("point " + std::to_string(i), "a coordinate is not finite");
   }
-  PointsAdaptor result{{}, spatial_order(points)};
+  PointsAdaptor result{{}, morton_order(points)};
   result.points.reserve(points.size());
   for (const std::uint32_t i : result.number) result.points.push_back(points[i]);
   return result;
@@ -140,7 +140,7 @@ std::size_t NearestIndex::size() const { return tree_->points.points.size(); }
 
 std::optional<Neighbor> NearestIndex::nearest(const Vec3& query, double radius_m) const {
   if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return std::nullopt;
-  BestOne best(tree_->points, radius_m * radius_m);
+  NearestResultSet best(tree_->points, radius_m * radius_m);
   tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
   if (!best.found()) return std::nullopt;
   return Neighbor{best.best().second, std::sqrt(best.best().first)};
@@ -149,14 +149,14 @@ std::optional<Neighbor> NearestIndex::nearest(const Vec3& query, double radius_m
 std::vector<Neighbor> NearestIndex::nearest_k(const Vec3& query, std::size_t count) const {
   count = std::min(count, size());
   if (count == 0 || !query.allFinite()) return {};
-  BestMany best(tree_->points, count);
+  KnnResultSet best(tree_->points, count);
   tree_->index.findNeighbors(best, query.data(), nanoflann::SearchParams());
   return sorted_neighbors(best.candidates());
 }
 
 std::vector<Neighbor> NearestIndex::within(const Vec3& query, double radius_m) const {
   if (size() == 0 || !query.allFinite() || !(radius_m >= 0.0)) return {};
-  AllWithin all(tree_->points, radius_m * radius_m);
+  RadiusResultSet all(tree_->points, radius_m * radius_m);
   tree_->index.findNeighbors(all, query.data(), nanoflann::SearchParams());
   return sorted_neighbors(all.candidates());
 }

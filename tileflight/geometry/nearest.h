@@ -15,8 +15,8 @@ struct Neighbor {
   double distance_m = 0.0;
 };
 
-/// Exact nearest neighbours among fixed points (k-d tree, nanoflann). Queries are const and may run in parallel.
-/// Copies the points. Equal distances: the lowest index wins, so that answers do not depend on the tree.
+/// Exact nearest neighbours among fixed points (k-d tree, nanoflann). Copies the points. Queries are const and may run
+/// in parallel. On equal distances the lowest index wins, so that results do not depend on the tree.
 class NearestIndex {
  public:
   explicit NearestIndex(const std::vector<Vec3>& points);

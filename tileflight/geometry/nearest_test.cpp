@@ -1,5 +1,6 @@
 #include "tileflight/geometry/nearest.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
@@ -7,10 +8,13 @@
 #include <cmath>
 #include <random>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 std::vector<Vec3> random_points(std::size_t count, unsigned seed, double size_m = 10.0) {
   std::mt19937 random(seed);
@@ -28,7 +32,7 @@ std::vector<Vec3> lattice(int side) {
   return points;
 }
 
-/// All points, nearest first, the lower index first of equals.
+/// All points, nearest first; on ties the lower index first.
 std::vector<Neighbor> brute_force(const std::vector<Vec3>& points, const Vec3& query) {
   std::vector<Neighbor> all;
   for (std::size_t i = 0; i < points.size(); ++i) all.push_back({i, (points[i] - query).norm()});
@@ -96,7 +100,11 @@ TEST(NearestIndex, EmptyAndNotFinite) {
   const NearestIndex index({Vec3::Zero()});
   EXPECT_FALSE(index.nearest(Vec3(std::nan(""), 0, 0)));
   EXPECT_FALSE(index.nearest(Vec3::Zero(), -1.0));
-  EXPECT_THROW(NearestIndex({Vec3::Zero(), Vec3(0, INFINITY, 0)}), InputError);
+  EXPECT_THAT(
+      [&] {
+        NearestIndex({Vec3::Zero(), Vec3(0, INFINITY, 0)});
+      },
+      ThrowsMessage<InputError>(HasSubstr("point 1: a coordinate is not finite")));
 }
 
 TEST(NearestIndex, MovesAndAnswersInParallel) {

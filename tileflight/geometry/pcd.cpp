@@ -6,10 +6,10 @@
 #include <cstring>
 #include <optional>
 
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/lzf.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/geometry/cloud_columns.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/lzf.h"
-#include "tileflight/geometry/text_fields.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -18,14 +18,14 @@ struct PcdField {
   std::string name;
   std::size_t size = 4;   ///< bytes of one number
   char type = 'F';        ///< I, U or F
-  std::size_t count = 1;  ///< numbers a point
+  std::size_t count = 1;  ///< numbers per point
 };
 
 struct PcdHeader {
   std::vector<PcdField> fields;
   std::uint64_t width = 0, height = 1, points = 0;
   PcdEncoding encoding = PcdEncoding::kAscii;
-  std::size_t size_bytes = 0;  ///< up to and with the DATA line
+  std::size_t size_bytes = 0;  ///< up to and including the DATA line
 
   std::size_t point_bytes() const {
     std::size_t bytes = 0;
@@ -36,7 +36,7 @@ struct PcdHeader {
 
 template <typename Number>
 Number parse_or_throw(std::string_view field, const std::string& where) {
-  const auto value = parse_number<Number>(field);
+  const auto value = base::parse_number<Number>(field);
   if (!value) throw InputError(where, "'" + std::string(field.substr(0, 40)) + "' is not the number that belongs here");
   return *value;
 }
@@ -55,7 +55,7 @@ void set_each(std::vector<PcdField>& fields, std::vector<std::string_view> value
   for (std::size_t i = 0; i < fields.size(); ++i) set(fields[i], values[i]);
 }
 
-/// Takes one line of the header in. `values`: what follows the key.
+/// Applies one line of the header. `values`: the fields after the key.
 void apply_header_line(PcdHeader& header, std::string_view key, const std::vector<std::string_view>& values,
                        const std::string& where) {
   const auto number = [&] { return parse_or_throw<std::uint64_t>(values.empty() ? "" : values[0], where); };
@@ -98,8 +98,8 @@ void check_header(const PcdHeader& header, std::size_t body_bytes, const std::st
     throw InputError(file, "POINTS is not WIDTH times HEIGHT");
   }
   std::uint64_t most_bytes = body_bytes;
-  if (header.encoding == PcdEncoding::kAscii) most_bytes += 1;              // the last line needs no end
-  if (header.encoding == PcdEncoding::kBinaryCompressed) most_bytes *= 88;  // LZF shrinks no further
+  if (header.encoding == PcdEncoding::kAscii) most_bytes += 1;              // the last line may lack its line end
+  if (header.encoding == PcdEncoding::kBinaryCompressed) most_bytes *= 88;  // maximum compression ratio of LZF
   if (header.points > most_bytes / std::max<std::uint64_t>(least_bytes, 1)) {
     throw InputError(file, "POINTS " + std::to_string(header.points) +
                                " is more than fit into the file: it is truncated or damaged");
@@ -110,9 +110,9 @@ PcdHeader parse_header(std::string_view bytes, const std::string& file) {
   PcdHeader header;
   std::string_view rest = bytes;
   for (int line_number = 1;; ++line_number) {
-    const auto line = take_line(rest);
+    const auto line = base::take_line(rest);
     if (!line) throw InputError(file, "the PCD header has no DATA line: not a PCD file, or truncated");
-    auto fields = split_fields(*line);
+    auto fields = base::split_fields(*line);
     if (fields.empty() || fields[0].starts_with('#')) continue;
     const std::string_view key = fields[0];
     fields.erase(fields.begin());
@@ -134,7 +134,7 @@ double number_at(const char* bytes) {
 }
 
 double binary_number(const PcdField& f, const char* bytes) {
-  // A packed colour's bits may be declared as a float.
+  // The bits of a packed colour may be declared as a float.
   if (is_packed_color(f)) return number_at<std::uint32_t>(bytes);
   if (f.type == 'F') return f.size == 4 ? number_at<float>(bytes) : number_at<double>(bytes);
   const bool is_signed = f.type == 'I';
@@ -151,17 +151,17 @@ double binary_number(const PcdField& f, const char* bytes) {
 }
 
 std::optional<double> text_number(const PcdField& f, std::string_view text) {
-  if (!is_packed_color(f)) return parse_number<double>(text);
-  if (f.type != 'F') return parse_number<std::uint32_t>(text);
-  const auto packed = parse_number<float>(text);
+  if (!is_packed_color(f)) return base::parse_number<double>(text);
+  if (f.type != 'F') return base::parse_number<std::uint32_t>(text);
+  const auto packed = base::parse_number<float>(text);
   if (!packed) return std::nullopt;
   return std::bit_cast<std::uint32_t>(*packed);
 }
 
-/// Where each field's first number goes among the cloud's columns: those with several numbers are left out.
+/// The cloud column of each field; fields with several numbers are skipped.
 struct Columns {
   std::vector<CloudColumn> columns;
-  std::vector<int> column_of_field;  ///< -1: left out
+  std::vector<int> column_of_field;  ///< -1: skipped
 };
 
 Columns columns_of(const PcdHeader& header) {
@@ -178,10 +178,10 @@ Columns columns_of(const PcdHeader& header) {
 void read_ascii(std::string_view body, const PcdHeader& header, const Columns& columns, const std::string& file,
                 CloudColumns& cloud) {
   for (std::uint64_t point = 0; point < header.points; ++point) {
-    std::string_view line = take_line(body).value_or("");
+    std::string_view line = base::take_line(body).value_or("");
     for (std::size_t f = 0; f < header.fields.size(); ++f) {
       for (std::size_t k = 0; k < header.fields[f].count; ++k) {
-        const auto value = text_number(header.fields[f], take_field(line));
+        const auto value = text_number(header.fields[f], base::take_field(line));
         if (!value) {
           throw InputError(file, "point " + std::to_string(point) + " of " + std::to_string(header.points) +
                                      ": the file ends or the value of '" + header.fields[f].name + "' is malformed");
@@ -193,7 +193,7 @@ void read_ascii(std::string_view body, const PcdHeader& header, const Columns& c
   }
 }
 
-/// Binary data. Point after point, or (compressed) field after field.
+/// Reads binary data, stored point by point or (compressed) field by field.
 void read_binary(std::string_view body, const PcdHeader& header, bool field_after_field, const Columns& columns,
                  CloudColumns& cloud) {
   const std::size_t point_bytes = header.point_bytes();
@@ -219,7 +219,7 @@ std::string expanded_body(std::string_view body, const PcdHeader& header, const 
   if (sizes[1] != header.points * header.point_bytes()) {
     throw InputError(file, "the compressed data holds another number of bytes than the header promises");
   }
-  auto expanded = lzf_expanded(body.substr(sizeof(sizes), sizes[0]), sizes[1]);
+  auto expanded = base::lzf_decompress(body.substr(sizeof(sizes), sizes[0]), sizes[1]);
   if (!expanded) throw InputError(file, "the compressed data is damaged");
   return *std::move(expanded);
 }
@@ -272,9 +272,9 @@ std::string ascii_body(const FloatColumns& columns, std::size_t points) {
   for (std::size_t i = 0; i < points; ++i) {
     for (const auto& [name, values] : columns) {
       if (name == "rgb") {
-        append_number(text, std::bit_cast<std::uint32_t>(values[i]));
+        base::append_number(text, std::bit_cast<std::uint32_t>(values[i]));
       } else {
-        append_number(text, values[i]);
+        base::append_number(text, values[i]);
       }
       text += ' ';
     }
@@ -297,7 +297,7 @@ std::string compressed_body(const FloatColumns& columns) {
   for (const auto& column : columns) {
     for (const float value : column.second) append_bytes(expanded, value);
   }
-  const std::string compressed = lzf_compressed(expanded);
+  const std::string compressed = base::lzf_compress(expanded);
   std::string bytes;
   append_bytes(bytes, static_cast<std::uint32_t>(compressed.size()));
   append_bytes(bytes, static_cast<std::uint32_t>(expanded.size()));
@@ -309,7 +309,7 @@ std::string compressed_body(const FloatColumns& columns) {
 PointCloud parse_pcd(std::string_view bytes, const std::string& file) {
   const PcdHeader header = parse_header(bytes, file);
   const std::string_view body = bytes.substr(header.size_bytes);
-  // Expanded before memory is taken for the points: only then is their number known to be honest.
+  // Decompressed before memory is allocated for the points: only then is their number verified.
   const bool compressed = header.encoding == PcdEncoding::kBinaryCompressed;
   const std::string expanded = compressed ? expanded_body(body, header, file) : std::string();
   const Columns columns = columns_of(header);
@@ -322,7 +322,7 @@ PointCloud parse_pcd(std::string_view bytes, const std::string& file) {
   return header.height > 1 ? cloud.take_valid() : cloud.take();
 }
 
-std::string pcd_text(const PointCloud& cloud, PcdEncoding encoding) {
+std::string encode_pcd(const PointCloud& cloud, PcdEncoding encoding) {
   const FloatColumns columns = float_columns(cloud);
   const std::string header = header_text(cloud, columns, encoding);
   switch (encoding) {

@@ -7,13 +7,13 @@
 
 namespace tileflight::geometry {
 
-/// The content of a PCD file (Point Cloud Library, versions .5 to .7; ascii, binary, binary_compressed) as a cloud. Of
-/// an organised cloud (HEIGHT above 1) the invalid points, which PCD marks with NaN, are left out. `file` is for
-/// messages. Throws InputError.
+/// Parses a PCD file (Point Cloud Library, versions .5 to .7; ascii, binary, binary_compressed). Invalid points of an
+/// organised cloud (HEIGHT above 1), which PCD marks with NaN, are left out. `file` is used in messages. Throws
+/// InputError.
 PointCloud parse_pcd(std::string_view bytes, const std::string& file);
 
-/// A cloud as PCD version 0.7. Positions, normals and scalars are floats, colours a packed "rgb".
+/// Encodes a cloud as PCD version 0.7. Positions, normals and scalars are floats, colours a packed "rgb".
 enum class PcdEncoding { kAscii, kBinary, kBinaryCompressed };
-std::string pcd_text(const PointCloud& cloud, PcdEncoding encoding);
+std::string encode_pcd(const PointCloud& cloud, PcdEncoding encoding);
 
 }  // namespace tileflight::geometry

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <optional>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -96,7 +96,7 @@ PlyFormat parse_format(const std::vector<std::string_view>& fields, const std::s
 }
 
 PlyElement parse_element(const std::vector<std::string_view>& fields, const std::string& where) {
-  const auto count = fields.size() == 3 ? parse_number<std::uint64_t>(fields[2]) : std::nullopt;
+  const auto count = fields.size() == 3 ? base::parse_number<std::uint64_t>(fields[2]) : std::nullopt;
   if (!count) throw InputError(where, "expected 'element NAME COUNT'");
   return {std::string(fields[1]), *count, {}};
 }
@@ -109,7 +109,7 @@ PlyProperty parse_property(const std::vector<std::string_view>& fields, const st
   return {std::string(fields[2]), parse_type(fields[1], where), false, PlyType::kUint8};
 }
 
-/// Fewest bytes that a row of this element takes.
+/// Minimum size in bytes of a row of this element.
 std::uint64_t least_row_bytes(const PlyElement& element, PlyFormat format) {
   if (format == PlyFormat::kAscii) return 2 * element.properties.size();  // a digit and a separator each
   std::uint64_t bytes = 0;
@@ -117,31 +117,31 @@ std::uint64_t least_row_bytes(const PlyElement& element, PlyFormat format) {
   return bytes;
 }
 
-/// Numbers of the body one after the other, in either encoding.
+/// Reads the numbers of the body in order, in either encoding.
 class BodyReader {
  public:
   BodyReader(std::string_view body, PlyFormat format) : rest_(body), format_(format) {}
 
-  /// nullopt when the body ends, or (ascii) when the row ends or the field is no number.
+  /// nullopt at the end of the body or (ascii) at the end of the row or if the field is not a number.
   std::optional<double> next(PlyType type) {
-    if (format_ == PlyFormat::kAscii) return parse_number<double>(take_field(row_));
+    if (format_ == PlyFormat::kAscii) return base::parse_number<double>(base::take_field(row_));
     if (rest_.size() < size_of(type)) return std::nullopt;
     const double value = binary_number(rest_.data(), type, format_ == PlyFormat::kBigEndian);
     rest_.remove_prefix(size_of(type));
     return value;
   }
 
-  /// An ascii row is a line; blank lines between are passed over.
+  /// An ascii row is a line; blank lines are skipped.
   void begin_row() {
     if (format_ != PlyFormat::kAscii) return;
     do {
-      row_ = take_line(rest_).value_or("");
+      row_ = base::take_line(rest_).value_or("");
     } while (row_.find_first_not_of(" \t") == std::string_view::npos && !rest_.empty());
   }
 
-  bool row_has_more() { return format_ == PlyFormat::kAscii && !take_field(row_).empty(); }
+  bool row_has_more() { return format_ == PlyFormat::kAscii && !base::take_field(row_).empty(); }
 
-  /// Upper bound for the numbers that are left in this row.
+  /// Upper bound of the numbers left in this row.
   std::uint64_t bytes_left() const { return format_ == PlyFormat::kAscii ? row_.size() : rest_.size(); }
 
  private:
@@ -193,13 +193,14 @@ const PlyElement* PlyHeader::find(std::string_view element) const {
 PlyHeader parse_ply_header(std::string_view bytes, const std::string& file) {
   PlyHeader header;
   std::string_view rest = bytes;
-  if (take_line(rest).value_or("") != "ply") throw InputError(file, "is not a PLY file: it does not start with 'ply'");
+  if (base::take_line(rest).value_or("") != "ply")
+    throw InputError(file, "is not a PLY file: it does not start with 'ply'");
   bool format_known = false;
   for (int line_number = 2;; ++line_number) {
     const std::string where = file + ", line " + std::to_string(line_number);
-    const auto line = take_line(rest);
+    const auto line = base::take_line(rest);
     if (!line) throw InputError(file, "the PLY header has no end_header: the file is truncated");
-    const auto fields = split_fields(*line);
+    const auto fields = base::split_fields(*line);
     if (fields.empty() || fields[0] == "comment" || fields[0] == "obj_info") continue;
     if (fields[0] == "end_header") break;
     if (fields[0] == "format") {
@@ -221,7 +222,7 @@ PlyHeader parse_ply_header(std::string_view bytes, const std::string& file) {
 void check_ply_sizes(std::string_view bytes, const PlyHeader& header, const std::string& file) {
   const std::uint64_t body_bytes = bytes.size() - header.size_bytes;
   for (const PlyElement& element : header.elements) {
-    // One byte to spare: the last line of an ascii file needs no end.
+    // One extra byte: the last line of an ascii file may lack its line end.
     const std::uint64_t row = std::max<std::uint64_t>(least_row_bytes(element, header.format), 1);
     if (element.count > (body_bytes + 1) / row) {
       throw InputError(file, "the header promises " + std::to_string(element.count) + " of element '" + element.name +
@@ -259,10 +260,10 @@ std::optional<PlyRows> PlyRows::find(std::string_view bytes, const PlyHeader& he
     if (has_list(e)) return std::nullopt;
     PlyRows rows;
     for (const PlyProperty& p : e.properties) {
-      rows.places_.push_back({rows.row_bytes_, p.type});
+      rows.properties_.push_back({rows.row_bytes_, p.type});
       rows.row_bytes_ += size_of(p.type);
     }
-    // The counts were compared with the file's size, so that this does not overflow.
+    // The counts were checked against the file's size, so this does not overflow.
     if (rows.row_bytes_ * e.count > bytes.size() - at)
       throw InputError(file, "the file ends within element '" + e.name + "'");
     rows.first_ = bytes.data() + at;
@@ -275,7 +276,7 @@ std::optional<PlyRows> PlyRows::find(std::string_view bytes, const PlyHeader& he
 }
 
 double PlyRows::value(std::uint64_t row, std::size_t property) const {
-  const Place& place = places_[property];
+  const PropertyOffset& place = properties_[property];
   return binary_number(first_ + row * row_bytes_ + place.offset, place.type, swap_);
 }
 

@@ -10,14 +10,14 @@
 
 namespace tileflight::geometry {
 
-/// Number types of the PLY format (Turk 1994), under either of their names.
+/// Number types of the PLY format (Turk 1994); each has two spellings in files.
 enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
 
 struct PlyProperty {
   std::string name;
   PlyType type = PlyType::kFloat32;
   bool is_list = false;
-  PlyType count_type = PlyType::kUint8;  ///< of a list's length
+  PlyType count_type = PlyType::kUint8;  ///< type of a list's length
 };
 
 struct PlyElement {
@@ -31,32 +31,31 @@ enum class PlyFormat { kAscii, kLittleEndian, kBigEndian };
 struct PlyHeader {
   PlyFormat format = PlyFormat::kAscii;
   std::vector<PlyElement> elements;
-  std::size_t size_bytes = 0;  ///< up to and with the line "end_header"
+  std::size_t size_bytes = 0;  ///< up to and including the line "end_header"
 
-  /// nullptr if there is none.
+  /// nullptr if there is no such element.
   const PlyElement* find(std::string_view element) const;
 };
 
-/// Reads the header at the front of `bytes`; `file` is for messages. Throws InputError (file, line, cause).
+/// Parses the header at the front of `bytes`; `file` is used in messages. Throws InputError (file, line, cause).
 PlyHeader parse_ply_header(std::string_view bytes, const std::string& file);
 
-/// Checks that the counts in the header can be in a file of this size, before memory is taken for them. Throws
-/// InputError.
+/// Checks that the counts in the header fit into a file of this size, before memory is allocated. Throws InputError.
 void check_ply_sizes(std::string_view bytes, const PlyHeader& header, const std::string& file);
 
-/// Called for each value of a wanted element: row, property, its numbers (one, or a list's).
+/// Called for each value of the visited element: row, property, its numbers (one, or those of a list).
 using PlyVisitor = std::function<void(std::uint64_t row, std::size_t property, const std::vector<double>& values)>;
 
-/// Reads all values of `element` in order. Values of elements before it are skipped. Throws InputError (file, element,
-/// row, cause).
+/// Reads all values of `element` in order; elements before it are skipped. Throws InputError (file, element, row,
+/// cause).
 void visit_ply_element(std::string_view bytes, const PlyHeader& header, std::string_view element,
                        const std::string& file, const PlyVisitor& visit);
 
-/// The rows of a binary element whose values lie at fixed places: any of them is read at once, by any thread.
+/// Random access to the rows of a binary element whose values lie at fixed offsets; safe from any thread.
 class PlyRows {
  public:
-  /// Nullopt where values have no fixed places: text, a list in the element or before it. Checks that the rows are in
-  /// the file; throws InputError (file, cause).
+  /// nullopt if the values have no fixed offsets: text format, or a list in the element or before it. Checks that the
+  /// rows lie inside the file; throws InputError (file, cause).
   static std::optional<PlyRows> find(std::string_view bytes, const PlyHeader& header, std::string_view element,
                                      const std::string& file);
 
@@ -64,7 +63,7 @@ class PlyRows {
   double value(std::uint64_t row, std::size_t property) const;
 
  private:
-  struct Place {
+  struct PropertyOffset {
     std::size_t offset = 0;
     PlyType type = PlyType::kFloat32;
   };
@@ -72,8 +71,8 @@ class PlyRows {
   const char* first_ = nullptr;
   std::uint64_t count_ = 0;
   std::size_t row_bytes_ = 0;
-  bool swap_ = false;          ///< big endian
-  std::vector<Place> places_;  ///< of each property
+  bool swap_ = false;                       ///< file is big endian
+  std::vector<PropertyOffset> properties_;  ///< one for each property
 };
 
 }  // namespace tileflight::geometry

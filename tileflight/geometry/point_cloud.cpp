@@ -25,7 +25,7 @@ PointCloud transformed(const Sim3& T_target_source, PointCloud cloud) {
   return result;
 }
 
-PointCloud filtered(const PointCloud& cloud, const std::vector<bool>& keep) {
+PointCloud filter_points(const PointCloud& cloud, const std::vector<bool>& keep) {
   assert(keep.size() == cloud.size());
   PointCloud result{kept(cloud.positions, keep), kept(cloud.normals, keep), kept(cloud.colors, keep), {}};
   for (const auto& [name, values] : cloud.scalars) result.scalars[name] = kept(values, keep);

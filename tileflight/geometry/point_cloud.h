@@ -10,7 +10,7 @@
 
 namespace tileflight::geometry {
 
-/// Points with what is known of them. Every array that is not empty has as many entries as `positions`.
+/// Points with optional attributes. Every non-empty array has as many entries as `positions`.
 struct PointCloud {
   std::vector<Vec3> positions;                        ///< metres
   std::vector<Eigen::Vector3f> normals;               ///< unit length
@@ -21,10 +21,10 @@ struct PointCloud {
   bool empty() const { return positions.empty(); }
 };
 
-/// The cloud moved by a similarity: positions by all of it, normals by its rotation.
+/// Applies a similarity to a cloud: in full to positions, rotation only to normals.
 PointCloud transformed(const Sim3& T_target_source, PointCloud cloud);
 
-/// Points whose index is kept by `keep` (same size as the cloud), with all their values.
-PointCloud filtered(const PointCloud& cloud, const std::vector<bool>& keep);
+/// The points whose entry in `keep` is true (same size as the cloud), with all their attributes.
+PointCloud filter_points(const PointCloud& cloud, const std::vector<bool>& keep);
 
 }  // namespace tileflight::geometry

@@ -12,7 +12,7 @@ using Eigen::AlignedBox2d;
 using Eigen::Vector2d;
 
 constexpr double kSlack_m = 1e-6;
-constexpr std::size_t kMostBands = 4096;
+constexpr std::size_t kMaxBands = 4096;
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
@@ -23,7 +23,7 @@ double distance_to_segment(const Vector2d& point, const Vector2d& a, const Vecto
   return (point - a - t * along).norm();
 }
 
-/// Whether two segments cross or come within the slack.
+/// Whether two segments intersect or come within the tolerance.
 bool segments_meet(const Vector2d& a, const Vector2d& b, const Vector2d& c, const Vector2d& d) {
   const bool c_d_part = (cross(b - a, c - a) > 0) != (cross(b - a, d - a) > 0);
   const bool a_b_part = (cross(d - c, a - c) > 0) != (cross(d - c, b - c) > 0);
@@ -32,7 +32,7 @@ bool segments_meet(const Vector2d& a, const Vector2d& b, const Vector2d& c, cons
                    distance_to_segment(d, a, b)}) <= kSlack_m;
 }
 
-/// A point on the border counts as outside here; whoever asks tries the border by itself.
+/// A point on the border counts as outside here; callers test the border separately.
 bool inside_convex(std::span<const Vector2d> convex, const Vector2d& point) {
   if (convex.size() < 3) return false;
   bool left = true;
@@ -47,8 +47,8 @@ bool inside_convex(std::span<const Vector2d> convex, const Vector2d& point) {
   return left != right;
 }
 
-/// The part of a convex polygon where `sign` * z <= `sign` * `limit` (Sutherland and Hodgman).
-std::vector<Vec3> below(const std::vector<Vec3>& polygon, double sign, double limit) {
+/// Clips a convex polygon to `sign` * z <= `sign` * `limit` (Sutherland and Hodgman).
+std::vector<Vec3> clip_half_space(const std::vector<Vec3>& polygon, double sign, double limit) {
   std::vector<Vec3> out;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
     const Vec3& a = polygon[i];
@@ -73,7 +73,7 @@ PolygonArea::PolygonArea(std::vector<Ring> rings) : rings_(std::move(rings)) {
       edges_.push_back({ring[i], ring[(i + 1) % ring.size()]});
     }
   }
-  bands_.resize(std::clamp<std::size_t>(edges_.size() / 2, 1, kMostBands));
+  bands_.resize(std::clamp<std::size_t>(edges_.size() / 2, 1, kMaxBands));
   for (std::uint32_t i = 0; i < edges_.size(); ++i) {
     const auto [low, high] = std::minmax(edges_[i].from.y(), edges_[i].to.y());
     for (std::size_t band = band_of(low); band <= band_of(high); ++band) bands_[band].push_back(i);
@@ -105,7 +105,7 @@ bool PolygonArea::contains(const Vector2d& point) const {
   return inside;
 }
 
-bool PolygonArea::meets(std::span<const Vector2d> convex) const {
+bool PolygonArea::intersects(std::span<const Vector2d> convex) const {
   AlignedBox2d reach;
   for (const Vector2d& corner : convex) reach.extend(corner);
   reach.min().array() -= kSlack_m;
@@ -142,12 +142,12 @@ Box3 bounds(const Prism& prism) {
   return {Vec3(flat.min().x(), flat.min().y(), prism.bottom_m), Vec3(flat.max().x(), flat.max().y(), prism.top_m)};
 }
 
-bool meets(const Prism& prism, const std::array<Vec3, 3>& triangle) {
+bool intersects(const Prism& prism, const std::array<Vec3, 3>& triangle) {
   const std::vector<Vec3> between =
-      below(below({triangle.begin(), triangle.end()}, 1, prism.top_m), -1, prism.bottom_m);
+      clip_half_space(clip_half_space({triangle.begin(), triangle.end()}, 1, prism.top_m), -1, prism.bottom_m);
   std::vector<Vector2d> shadow(between.size());
   std::transform(between.begin(), between.end(), shadow.begin(), [](const Vec3& p) { return p.head<2>(); });
-  return prism.base.meets(shadow);
+  return prism.base.intersects(shadow);
 }
 
 }  // namespace tileflight::geometry

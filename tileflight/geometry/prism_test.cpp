@@ -16,7 +16,7 @@ class Random {
   double in(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
   Vector2d point(double reach) { return {in(-reach, reach), in(-reach, reach)}; }
 
-  /// A star about a middle: corners at growing angles, so that it does not cross itself.
+  /// A star around a centre: corners at increasing angles, so that it does not cross itself.
   Ring star(const Vector2d& middle, double least_m, double most_m, int corners) {
     Ring ring;
     for (int i = 0; i < corners; ++i) {
@@ -30,7 +30,7 @@ class Random {
   std::mt19937 engine_{3};
 };
 
-/// How often a ring goes round a point, by the angles under which its edges are seen.
+/// Winding number of rings around a point, by the angles subtended by their edges.
 bool inside_by_angles(const std::vector<Ring>& rings, const Vector2d& point) {
   int turns = 0;
   for (const Ring& ring : rings) {
@@ -51,7 +51,7 @@ std::vector<Ring> archipelago(Random& random, int corners) {
           random.star({25, 3}, 2, 9, corners)};
 }
 
-TEST(PolygonArea, holds_the_points_that_its_rings_go_round) {
+TEST(PolygonArea, HoldsThePointsThatItsRingsGoRound) {
   Random random;
   for (const int corners : {6, 40, 3000}) {
     const PolygonArea area(archipelago(random, corners));
@@ -81,8 +81,8 @@ bool any_sample(const std::array<Vec3, 3>& t, const Inside& inside) {
   return false;
 }
 
-/// What sampling finds must be found. What is found must be near to what a somewhat larger prism's samples find.
-TEST(Prism, meets_the_triangles_that_have_points_in_it) {
+/// Intersections found by sampling must be found. Those found must be confirmed by samples of a slightly larger prism.
+TEST(Prism, MeetsTheTrianglesThatHavePointsInIt) {
   Random random;
   int met = 0;
   for (int i = 0; i < 1500; ++i) {
@@ -92,7 +92,7 @@ TEST(Prism, meets_the_triangles_that_have_points_in_it) {
     std::array<Vec3, 3> triangle;
     for (Vec3& corner : triangle)
       corner = middle + Vec3(random.in(-size, size), random.in(-size, size), random.in(-2, 2));
-    const bool answer = meets(prism, triangle);
+    const bool answer = intersects(prism, triangle);
     const bool found = any_sample(triangle, [&](const Vec3& p) { return contains(prism, p); });
     const double step = size / 10;
     const bool nearly = any_sample(triangle, [&](const Vec3& p) {
@@ -106,14 +106,14 @@ TEST(Prism, meets_the_triangles_that_have_points_in_it) {
   EXPECT_LT(met, 1300);
 }
 
-TEST(Prism, walls_lines_and_points) {
+TEST(Prism, WallsLinesAndPoints) {
   const Prism prism{PolygonArea({{{0, 0}, {10, 0}, {10, 10}, {0, 10}}, {{2, 2}, {8, 2}, {8, 8}, {2, 8}}}), 0, 5};
-  EXPECT_TRUE(meets(prism, {Vec3(1, -3, 1), Vec3(1, 30, 1), Vec3(1, 3, 9)}));         // a wall across
-  EXPECT_FALSE(meets(prism, {Vec3(3, 3, 1), Vec3(7, 3, 1), Vec3(5, 3, 4)}));          // a wall in the hole
-  EXPECT_FALSE(meets(prism, {Vec3(1, 1, 6), Vec3(9, 1, 6), Vec3(1, 9, 6)}));          // above
-  EXPECT_TRUE(meets(prism, {Vec3(1, 1, 9), Vec3(1, 1, 9), Vec3(1, 1, 4)}));           // a line that comes down
-  EXPECT_TRUE(meets(prism, {Vec3(-1, 5, 1), Vec3(0, 5, 1), Vec3(-1, 6, 1)}));         // touches
-  EXPECT_TRUE(meets(prism, {Vec3(-90, -90, 1), Vec3(90, -90, 1), Vec3(0, 190, 1)}));  // holds all of it
+  EXPECT_TRUE(intersects(prism, {Vec3(1, -3, 1), Vec3(1, 30, 1), Vec3(1, 3, 9)}));         // a wall across
+  EXPECT_FALSE(intersects(prism, {Vec3(3, 3, 1), Vec3(7, 3, 1), Vec3(5, 3, 4)}));          // a wall in the hole
+  EXPECT_FALSE(intersects(prism, {Vec3(1, 1, 6), Vec3(9, 1, 6), Vec3(1, 9, 6)}));          // above
+  EXPECT_TRUE(intersects(prism, {Vec3(1, 1, 9), Vec3(1, 1, 9), Vec3(1, 1, 4)}));           // a line that comes down
+  EXPECT_TRUE(intersects(prism, {Vec3(-1, 5, 1), Vec3(0, 5, 1), Vec3(-1, 6, 1)}));         // touches
+  EXPECT_TRUE(intersects(prism, {Vec3(-90, -90, 1), Vec3(90, -90, 1), Vec3(0, 190, 1)}));  // holds all of it
   EXPECT_EQ(bounds(prism).max(), Vec3(10, 10, 5));
   EXPECT_FALSE(PolygonArea({{{0, 0}, {1, 1}}}).contains({0.5, 0.5}));
 }

@@ -4,23 +4,23 @@
 #include <cmath>
 #include <string>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::geometry {
 namespace {
 
-/// One line of TUM text, eight numbers. `where`: file and line.
+/// Parses one line of TUM text, eight numbers. `where`: file and line.
 StampedPose parse_pose(std::string_view line, const std::string& where) {
-  const auto fields = split_fields(line);
+  const auto fields = base::split_fields(line);
   if (fields.size() != 8) {
     throw InputError(where, "expected 8 numbers (timestamp tx ty tz qx qy qz qw), found " +
                                 std::to_string(fields.size()) + " fields");
   }
   std::array<double, 8> v{};
   for (std::size_t i = 0; i < v.size(); ++i) {
-    const auto value = parse_number<double>(fields[i]);
+    const auto value = base::parse_number<double>(fields[i]);
     if (!value || !std::isfinite(*value)) {
       throw InputError(where, "'" + std::string(fields[i]) + "' is not a finite number");
     }
@@ -31,7 +31,7 @@ StampedPose parse_pose(std::string_view line, const std::string& where) {
   return {v[0], SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
-/// Index of the pose nearest in time, the earlier of two equally near. `trajectory` is not empty.
+/// Index of the pose nearest in time, the earlier one on ties. `trajectory` must not be empty.
 std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
   const auto& poses = trajectory.poses;
   const auto after = std::lower_bound(poses.begin(), poses.end(), time_s,
@@ -47,13 +47,13 @@ std::size_t nearest_in_time(const Trajectory& trajectory, double time_s) {
 }  // namespace
 
 Trajectory read_tum(const std::filesystem::path& file) {
-  const std::string text = read_text(file);
+  const std::string text = base::read_text(file);
   Trajectory trajectory;
   std::size_t line_number = 0;
-  for (std::string_view rest = text; const auto line = take_line(rest);) {
+  for (std::string_view rest = text; const auto line = base::take_line(rest);) {
     ++line_number;
     std::string_view content = *line;
-    const std::string_view first = take_field(content);
+    const std::string_view first = base::take_field(content);
     if (first.empty() || first.starts_with('#')) continue;
     const std::string where = file.string() + ", line " + std::to_string(line_number);
     const StampedPose pose = parse_pose(*line, where);
@@ -71,14 +71,14 @@ void write_tum(const std::filesystem::path& file, const Trajectory& trajectory) 
   for (const StampedPose& pose : trajectory.poses) {
     const Vec3& t = pose.T_local_camera.translation;
     const Eigen::Quaterniond& q = pose.T_local_camera.rotation;
-    append_number(text, pose.time_s);
+    base::append_number(text, pose.time_s);
     for (const double value : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) {
       text += ' ';
-      append_number(text, value);
+      base::append_number(text, value);
     }
     text += '\n';
   }
-  write_file(file, text);
+  base::write_file(file, text);
 }
 
 double path_length_m(const Trajectory& trajectory) {
@@ -111,7 +111,7 @@ std::vector<std::pair<std::size_t, std::size_t>> associate(const Trajectory& a, 
   for (std::size_t i = 0; i < a.size(); ++i) {
     const double time_s = a.poses[i].time_s;
     const std::size_t j = nearest_in_time(b, time_s);
-    // Mutually nearest, so that no index is taken twice.
+    // Only mutual nearest neighbours, so that no index is used twice.
     const bool mutual = nearest_in_time(a, b.poses[j].time_s) == i;
     if (mutual && std::abs(b.poses[j].time_s - time_s) <= max_difference_s) pairs.emplace_back(i, j);
   }

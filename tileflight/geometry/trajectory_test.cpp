@@ -8,8 +8,8 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -29,7 +29,7 @@ Trajectory spiral(int poses, double first_s = 0.0, double step_s = 0.1) {
 
 Trajectory read_lines(const std::string& text) {
   const tests::TemporaryFolder folder;
-  write_file(folder / "t.txt", text);
+  base::write_file(folder / "t.txt", text);
   return read_tum(folder / "t.txt");
 }
 
@@ -150,7 +150,7 @@ TEST(Transformed, ByASimilarityAndBack) {
 
 TEST(Tum, ReadsFilesOfOtherPrograms) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "trajectories/evo");
-  // Counts of lines that are no comments.
+  // Numbers of lines that are not comments.
   EXPECT_EQ(read_tum(folder / "freiburg1_xyz-groundtruth.txt").size(), 3000U);
   EXPECT_EQ(read_tum(folder / "freiburg1_xyz-rgbdslam.txt").size(), 788U);
   const Trajectory truth = read_tum(folder / "fr2_desk_groundtruth.txt");

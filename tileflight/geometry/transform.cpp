@@ -2,12 +2,12 @@
 
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
 
-/// Below this angle the Taylor series of the coefficients are exact to double precision.
+/// Below this angle the Taylor series of the coefficients are accurate to double precision.
 constexpr double kSmallAngle_rad = 1e-4;
 
 /// The left Jacobian of SO(3), Barfoot (2017) equation (7.37): translation of exp(twist) = V * first part of the twist.
@@ -22,7 +22,8 @@ Mat3 left_jacobian(const Vec3& omega_rad) {
   return Mat3::Identity() + a * w + b * w * w;
 }
 
-/// Its inverse, Barfoot equation (7.38); the cotangent of half the angle is finite up to a turn of 2 pi.
+/// Inverse of left_jacobian(), Barfoot equation (7.38); the cotangent of half the angle is finite for angles below 2
+/// pi.
 Mat3 left_jacobian_inverse(const Vec3& omega_rad) {
   const double angle = omega_rad.norm();
   const double half = 0.5 * angle;
@@ -57,7 +58,7 @@ Eigen::Quaterniond so3_exp(const Vec3& omega_rad) {
 }
 
 Vec3 so3_log(const Eigen::Quaterniond& rotation) {
-  // q and -q are one rotation; the one with a positive real part turns by at most pi.
+  // q and -q are the same rotation; the one with a non-negative real part has an angle of at most pi.
   const double sign = rotation.w() < 0.0 ? -1.0 : 1.0;
   const Vec3 v = sign * rotation.vec();
   const double w = sign * rotation.w();

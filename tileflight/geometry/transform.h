@@ -15,7 +15,7 @@ using Vec7 = Eigen::Matrix<double, 7, 1>;
 /// The matrix [v]x with [v]x w = v x w.
 Mat3 skew(const Vec3& v);
 
-/// Rotation vector (axis times angle, radians) to unit quaternion, and back (angle in [0, pi]).
+/// Rotation vector (axis times angle, radians) to unit quaternion, and the inverse (angle in [0, pi]).
 Eigen::Quaterniond so3_exp(const Vec3& omega_rad);
 Vec3 so3_log(const Eigen::Quaterniond& rotation);
 
@@ -36,8 +36,8 @@ struct SE3 {
   }
   Mat4 matrix() const;
 
-  /// Exponential of a twist (translation part first, rotation part last), and its inverse.
-  /// Barfoot, State Estimation for Robotics, section 7.1.
+  /// Exponential of a twist (translation first, rotation last), and its inverse. Barfoot, State Estimation for
+  /// Robotics, section 7.1.
   static SE3 exp(const Vec6& twist);
   Vec6 log() const;
 };
@@ -62,10 +62,11 @@ struct Sim3 {
   }
   Mat4 matrix() const;
 
-  /// A pose of frame b moved to frame a: position by the similarity, orientation by its rotation.
+  /// Transforms a pose from frame b to frame a: the similarity applies to the position, its rotation to the
+  /// orientation.
   SE3 operator*(const SE3& T_b_c) const { return {rotation * T_b_c.rotation, *this * T_b_c.translation}; }
 
-  /// From a 4x4 with uniform scale; throws InputError when it is not a similarity.
+  /// From a 4x4 matrix with uniform scale; throws InputError if it is not a similarity.
   static Sim3 from_matrix(const Mat4& m);
 };
 

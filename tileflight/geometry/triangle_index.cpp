@@ -1,11 +1,10 @@
-// Nearest point on a mesh: a tree of boxes with four children a node.
+// Nearest point on a mesh: a bounding volume hierarchy with four children per node.
 //
-// Every node holds its children's boxes as floats relative to `anchor`, four abreast, so that one vector operation
-// bounds the distance to all four. The boxes are rounded outwards and widened by more than the rounding of a query to
-// float, so the bound is never above the true distance: floats decide only which triangles are looked at, doubles
-// decide which is nearest, also four abreast. The tree is split at the median triangle, so the shape of every subtree
-// follows from its number of triangles alone: each part knows its place in the arrays beforehand, and the parts are
-// built in parallel.
+// Every node stores its children's boxes as floats relative to `anchor`, so that one SIMD operation bounds the distance
+// to all four. The boxes are rounded outwards and enlarged by more than the rounding error of a query in float, so the
+// bound never exceeds the true distance: floats only select the triangles to visit, doubles decide which is nearest,
+// also four at a time. The tree is split at the median triangle, so the shape of every subtree depends only on its
+// number of triangles: each part's position in the arrays is known in advance, and the parts are built in parallel.
 #include "tileflight/geometry/triangle_index.h"
 
 #include <tbb/parallel_for.h>
@@ -19,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/triangle_pack.h"
 
 namespace tileflight::geometry {
@@ -30,10 +29,10 @@ using Float4 = Eigen::Array4f;
 constexpr std::size_t kLeafTriangles = TrianglePack::kSize;
 constexpr std::size_t kSerialBelow = 8192;
 
-/// Coordinates beyond this, metres, would overflow the squares of floats.
+/// Larger coordinates, metres, would overflow when squared as floats.
 constexpr double kFarthest_m = 1e15;
 
-/// What rounding to float and the few operations after it can take away from a squared distance, with room to spare.
+/// Bound on the relative loss of a squared distance by rounding to float and the operations after it, with margin.
 constexpr float kBoundShrink = 1.0F - 1e-5F;
 
 struct alignas(64) Node {
@@ -42,7 +41,7 @@ struct alignas(64) Node {
   std::array<bool, 4> is_leaf{};
 };
 
-/// A triangle while the tree is built.
+/// A triangle during construction.
 struct Item {
   std::array<float, 3> center;
   std::uint32_t triangle;
@@ -58,14 +57,14 @@ struct FloatBox {
   }
 };
 
-/// The sizes of the four parts that a range of `count` triangles is cut into; a part may be empty.
+/// Sizes of the four parts into which a range of `count` triangles is split; a part may be empty.
 std::array<std::size_t, 4> quarters(std::size_t count) {
   const std::size_t left = count / 2;
   const std::size_t right = count - left;
   return {left / 2, left - left / 2, right / 2, right - right / 2};
 }
 
-/// What a subtree consists of, or where its parts lie.
+/// Number of nodes and leaves of a subtree, or the position of its parts in the arrays.
 struct TreeSize {
   std::size_t nodes = 0;
   std::size_t leaves = 0;
@@ -77,7 +76,7 @@ struct TreeSize {
   }
 };
 
-/// The sizes of subtrees over all numbers of triangles that occur.
+/// Sizes of subtrees for all occurring numbers of triangles.
 class TreeSizes {
  public:
   explicit TreeSizes(std::size_t triangles) { compute(triangles); }
@@ -100,7 +99,7 @@ class TreeSizes {
   std::map<std::size_t, TreeSize> sizes_;
 };
 
-/// Puts the smaller `left` items along the longest axis of the centres in front.
+/// Moves the `left` items with the smallest centres along the longest axis to the front.
 void split(std::span<Item> items, std::size_t left) {
   std::array<float, 3> low = items[0].center;
   std::array<float, 3> high = items[0].center;
@@ -121,7 +120,7 @@ void split(std::span<Item> items, std::size_t left) {
                    });
 }
 
-/// The next float towards `direction` of a double.
+/// Rounds a double to a float towards `direction`.
 float rounded_towards(double value, float direction) { return std::nextafter(static_cast<float>(value), direction); }
 
 }  // namespace
@@ -139,7 +138,7 @@ struct TriangleIndex::Tree {
   Float4 distance2_bounds(const Node& node, const Eigen::Array3f& query) const;
 
   Vec3 anchor_ = Vec3::Zero();
-  float slack_ = 0.0F;  ///< by which boxes are widened, metres
+  float slack_ = 0.0F;  ///< enlargement of the boxes, metres
   std::vector<Node> nodes_;
   std::vector<TrianglePack> leaves_;
 };
@@ -170,7 +169,7 @@ std::vector<Item> TriangleIndex::Tree::items_of(const TriangleMesh& mesh) const 
   return items;
 }
 
-/// `place`: the number of the node and of its first leaf.
+/// `place`: index of the subtree's root node and of its first leaf.
 FloatBox TriangleIndex::Tree::build(std::span<Item> items, const TreeSize& place, const TriangleMesh& mesh,
                                     const TreeSizes& sizes) {
   const auto counts = quarters(items.size());
@@ -240,7 +239,7 @@ FloatBox TriangleIndex::Tree::box_of(const Vec3& a, const Vec3& b, const Vec3& c
   return box;
 }
 
-/// Never above the squared distance of the query to any triangle of the child, for each child.
+/// For each child, a lower bound of the squared distance from the query to its triangles.
 Float4 TriangleIndex::Tree::distance2_bounds(const Node& node, const Eigen::Array3f& query) const {
   Float4 sum = Float4::Zero();
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -257,7 +256,7 @@ std::optional<SurfacePoint> TriangleIndex::Tree::nearest(const Vec3& query, doub
     std::int32_t child;
     bool is_leaf;
   };
-  // Three entries stay behind on each level; 32-bit triangle numbers give at most 16 levels.
+  // At most three entries remain on each level; 32-bit triangle numbers give at most 16 levels.
   std::array<Entry, 64> stack;
   std::size_t size = 0;
   if (!nodes_.empty()) stack[size++] = {0.0F, 0, false};
@@ -280,7 +279,7 @@ std::optional<SurfacePoint> TriangleIndex::Tree::nearest(const Vec3& query, doub
     for (std::size_t k = 0; k < 4; ++k) {
       const float bound = bounds2[static_cast<int>(k)];
       if (node.child[k] < 0 || static_cast<double>(bound) > best.distance2) continue;
-      // Inserted so that the nearest lies on top.
+      // Inserted in order, so that the nearest is on top.
       std::size_t at = size++;
       for (; at > bottom && stack[at - 1].bound < bound; --at) stack[at] = stack[at - 1];
       stack[at] = {bound, node.child[k], node.is_leaf[k]};

@@ -14,8 +14,8 @@ struct SurfacePoint {
   std::size_t triangle = 0;
 };
 
-/// Exact nearest point on a triangle mesh (bounding volume hierarchy, double precision). Copies what it needs of the
-/// mesh. Queries are const and may run in parallel. Equal distances: the lowest triangle wins.
+/// Exact nearest point on a triangle mesh (bounding volume hierarchy, double precision). Copies the data it needs.
+/// Queries are const and may run in parallel. On equal distances the lowest triangle index wins.
 class TriangleIndex {
  public:
   explicit TriangleIndex(const TriangleMesh& mesh);

@@ -1,5 +1,6 @@
 #include "tileflight/geometry/triangle_index.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -7,10 +8,13 @@
 #include <random>
 
 #include "tests/height_field.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 TriangleMesh random_mesh(int triangles, unsigned seed, double size_m, const Vec3& offset) {
   std::mt19937 random(seed);
@@ -119,8 +123,16 @@ TEST(TriangleIndex, RadiusIsInclusiveAndNothingIsNothing) {
 }
 
 TEST(TriangleIndex, RefusesVerticesThatAreNotFinite) {
-  EXPECT_THROW(TriangleIndex(TriangleMesh{{{0, 0, 0}, {1, std::nan(""), 0}, {0, 1, 0}}, {{0, 1, 2}}}), InputError);
-  EXPECT_THROW(TriangleIndex(TriangleMesh{{{0, 0, 0}, {1, INFINITY, 0}, {0, 1, 0}}, {{0, 1, 2}}}), InputError);
+  EXPECT_THAT(
+      [&] {
+        TriangleIndex(TriangleMesh{{{0, 0, 0}, {1, std::nan(""), 0}, {0, 1, 0}}, {{0, 1, 2}}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("mesh: a vertex is not finite")));
+  EXPECT_THAT(
+      [&] {
+        TriangleIndex(TriangleMesh{{{0, 0, 0}, {1, INFINITY, 0}, {0, 1, 0}}, {{0, 1, 2}}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("mesh: a vertex is not finite")));
 }
 
 TEST(TriangleIndex, SameAnswersForAnyNumberOfThreads) {

@@ -3,64 +3,65 @@
 #include <algorithm>
 #include <cstring>
 
-#include "tileflight/geometry/wide_vectors.h"
+#include "tileflight/base/wide_vectors.h"
 
 namespace tileflight::geometry {
 namespace {
 
-using Four = double __attribute__((vector_size(32)));
-using FourYes = long long __attribute__((vector_size(32)));  ///< -1: yes, 0: no
+using Double4 = double __attribute__((vector_size(32)));
+using Mask4 = long long __attribute__((vector_size(32)));  ///< -1: true, 0: false
 
-struct FourVectors {
-  Four x, y, z;
+struct Vec3x4 {
+  Double4 x, y, z;
 };
 
-// Results are written through references: a vector as a result has no calling convention that all processors share.
+// Results are written through references: returning a vector has no calling convention common to all processors.
 
-TILEFLIGHT_LANE_INLINE void load(const std::array<std::array<double, 4>, 3>& from, FourVectors& to) {
-  std::memcpy(&to.x, from[0].data(), sizeof(Four));
-  std::memcpy(&to.y, from[1].data(), sizeof(Four));
-  std::memcpy(&to.z, from[2].data(), sizeof(Four));
+TILEFLIGHT_LANE_INLINE void load(const std::array<std::array<double, 4>, 3>& from, Vec3x4& to) {
+  std::memcpy(&to.x, from[0].data(), sizeof(Double4));
+  std::memcpy(&to.y, from[1].data(), sizeof(Double4));
+  std::memcpy(&to.z, from[2].data(), sizeof(Double4));
 }
 
-TILEFLIGHT_LANE_INLINE void subtract(const FourVectors& a, const FourVectors& b, FourVectors& result) {
+TILEFLIGHT_LANE_INLINE void subtract(const Vec3x4& a, const Vec3x4& b, Vec3x4& result) {
   result = {a.x - b.x, a.y - b.y, a.z - b.z};
 }
 
-/// In the order in which Eigen adds.
-TILEFLIGHT_LANE_INLINE void dot(const FourVectors& a, const FourVectors& b, Four& result) {
+/// Sums in the same order as Eigen.
+TILEFLIGHT_LANE_INLINE void dot(const Vec3x4& a, const Vec3x4& b, Double4& result) {
   result = (a.x * b.x + a.y * b.y) + a.z * b.z;
 }
 
-TILEFLIGHT_LANE_INLINE void choose(const FourYes& yes, const FourVectors& v, FourVectors& result) {
+TILEFLIGHT_LANE_INLINE void blend(const Mask4& yes, const Vec3x4& v, Vec3x4& result) {
   result.x = yes ? v.x : result.x;
   result.y = yes ? v.y : result.y;
   result.z = yes ? v.z : result.z;
 }
 
-struct FourNearest {
+struct NearestPoints4 {
   std::array<double, 4> x, y, z, distance2;
-  std::array<long long, 4> thin;  ///< not 0: (nearly) without area, the point is not to be used
+  std::array<long long, 4> thin;  ///< nonzero: (nearly) degenerate, the result must not be used
 };
 
-/// closest_point_on_triangle (mesh.h) for four: all regions are worked out, and the first whose condition holds counts.
+/// closest_point_on_triangle (mesh.h) for four triangles: all regions are evaluated, and the first whose condition
+/// holds is selected.
 TILEFLIGHT_WIDE_VECTORS void nearest_of_four(const std::array<std::array<double, 4>, 3>& corner_a,
                                              const std::array<std::array<double, 4>, 3>& corner_b,
                                              const std::array<std::array<double, 4>, 3>& corner_c, const double* query,
-                                             FourNearest& out) {
-  FourVectors a, b, c, ab, ac, bc, ap, bp, cp;
+                                             NearestPoints4& out) {
+  Vec3x4 a, b, c, ab, ac, bc, ap, bp, cp;
   load(corner_a, a);
   load(corner_b, b);
   load(corner_c, c);
-  const Four zero{};
-  const FourVectors p{zero + query[0], zero + query[1], zero + query[2]};
+  const Double4 zero{};
+  const Vec3x4 p{zero + query[0], zero + query[1], zero + query[2]};
   subtract(b, a, ab);
   subtract(c, a, ac);
   subtract(c, b, bc);
   subtract(p, a, ap);
   subtract(p, b, bp);
   subtract(p, c, cp);
-  Four d1, d2, d3, d4, d5, d6, ab2, ac2;
+  Double4 d1, d2, d3, d4, d5, d6, ab2, ac2;
   dot(ab, ap, d1);
   dot(ac, ap, d2);
   dot(ab, bp, d3);
@@ -69,51 +70,51 @@ TILEFLIGHT_WIDE_VECTORS void nearest_of_four(const std::array<std::array<double,
   dot(ac, cp, d6);
   dot(ab, ab, ab2);
   dot(ac, ac, ac2);
-  const Four va = d3 * d6 - d5 * d4;
-  const Four vb = d5 * d2 - d1 * d6;
-  const Four vc = d1 * d4 - d3 * d2;
-  const Four area = va + vb + vc;
+  const Double4 va = d3 * d6 - d5 * d4;
+  const Double4 vb = d5 * d2 - d1 * d6;
+  const Double4 vc = d1 * d4 - d3 * d2;
+  const Double4 area = va + vb + vc;
 
-  // base + share * side + share_c * ac, from the last region to the first, so that the first that holds is what stays.
-  FourVectors base = a, side = ab;
-  Four numerator = vb, denominator = area;
-  const FourYes on_bc = (va <= zero) & (d4 >= d3) & (d5 >= d6);
-  choose(on_bc, b, base);
-  choose(on_bc, bc, side);
+  // base + share * side + share_c * ac, from the last region to the first, so that the first that applies is kept.
+  Vec3x4 base = a, side = ab;
+  Double4 numerator = vb, denominator = area;
+  const Mask4 on_bc = (va <= zero) & (d4 >= d3) & (d5 >= d6);
+  blend(on_bc, b, base);
+  blend(on_bc, bc, side);
   numerator = on_bc ? d4 - d3 : numerator;
   denominator = on_bc ? (d4 - d3) + (d5 - d6) : denominator;
-  const FourYes on_ac = (vb <= zero) & (d2 >= zero) & (d6 <= zero);
-  choose(on_ac, a, base);
-  choose(on_ac, ac, side);
+  const Mask4 on_ac = (vb <= zero) & (d2 >= zero) & (d6 <= zero);
+  blend(on_ac, a, base);
+  blend(on_ac, ac, side);
   numerator = on_ac ? d2 : numerator;
   denominator = on_ac ? d2 - d6 : denominator;
-  const FourYes on_ab = (vc <= zero) & (d1 >= zero) & (d3 <= zero);
-  choose(on_ab, a, base);
-  choose(on_ab, ab, side);
+  const Mask4 on_ab = (vc <= zero) & (d1 >= zero) & (d3 <= zero);
+  blend(on_ab, a, base);
+  blend(on_ab, ab, side);
   numerator = on_ab ? d1 : numerator;
   denominator = on_ab ? d1 - d3 : denominator;
-  const Four share = numerator / denominator;
-  const Four share_c = (on_bc | on_ac | on_ab) ? zero : vc / area;
-  FourVectors nearest{base.x + share * side.x + share_c * ac.x, base.y + share * side.y + share_c * ac.y,
-                      base.z + share * side.z + share_c * ac.z};
-  FourYes thin = (area > 1e-12 * ab2 * ac2) ? FourYes{} : FourYes{} - 1;
-  const FourYes at_c = (d6 >= zero) & (d5 <= d6);
-  const FourYes at_b = (d3 >= zero) & (d4 <= d3);
-  const FourYes at_a = (d1 <= zero) & (d2 <= zero);
-  choose(at_c, c, nearest);
-  choose(at_b, b, nearest);
-  choose(at_a, a, nearest);
+  const Double4 share = numerator / denominator;
+  const Double4 share_c = (on_bc | on_ac | on_ab) ? zero : vc / area;
+  Vec3x4 nearest{base.x + share * side.x + share_c * ac.x, base.y + share * side.y + share_c * ac.y,
+                 base.z + share * side.z + share_c * ac.z};
+  Mask4 thin = (area > 1e-12 * ab2 * ac2) ? Mask4{} : Mask4{} - 1;
+  const Mask4 at_c = (d6 >= zero) & (d5 <= d6);
+  const Mask4 at_b = (d3 >= zero) & (d4 <= d3);
+  const Mask4 at_a = (d1 <= zero) & (d2 <= zero);
+  blend(at_c, c, nearest);
+  blend(at_b, b, nearest);
+  blend(at_a, a, nearest);
   thin &= ~(at_a | at_b | at_c);
 
-  FourVectors away;
+  Vec3x4 away;
   subtract(nearest, p, away);
-  Four distance2;
+  Double4 distance2;
   dot(away, away, distance2);
-  std::memcpy(out.x.data(), &nearest.x, sizeof(Four));
-  std::memcpy(out.y.data(), &nearest.y, sizeof(Four));
-  std::memcpy(out.z.data(), &nearest.z, sizeof(Four));
-  std::memcpy(out.distance2.data(), &distance2, sizeof(Four));
-  std::memcpy(out.thin.data(), &thin, sizeof(FourYes));
+  std::memcpy(out.x.data(), &nearest.x, sizeof(Double4));
+  std::memcpy(out.y.data(), &nearest.y, sizeof(Double4));
+  std::memcpy(out.z.data(), &nearest.z, sizeof(Double4));
+  std::memcpy(out.distance2.data(), &distance2, sizeof(Double4));
+  std::memcpy(out.thin.data(), &thin, sizeof(Mask4));
 }
 
 }  // namespace
@@ -137,7 +138,7 @@ Vec3 TrianglePack::corner(std::size_t which, std::size_t place) const {
 }
 
 TrianglePack::Nearest TrianglePack::nearest(const Vec3& query) const {
-  FourNearest four;
+  NearestPoints4 four;
   nearest_of_four(a_, b_, c_, query.data(), four);
   Nearest best;
   for (std::size_t i = 0; i < kSize; ++i) {

@@ -8,22 +8,22 @@
 
 namespace tileflight::geometry {
 
-/// Up to four triangles whose nearest points are found abreast. Places that are left hold the last triangle again.
+/// Up to four triangles that are queried in parallel (SIMD). Unused places repeat the last triangle.
 class TrianglePack {
  public:
   static constexpr std::size_t kSize = 4;
 
   TrianglePack() = default;
-  /// `chosen`: one to four indices of triangles of the mesh.
+  /// `chosen`: indices of one to four triangles of the mesh.
   TrianglePack(const TriangleMesh& mesh, std::span<const std::uint32_t> chosen);
 
-  /// The point of the nearest triangle that is nearest to the query, to the bit what closest_point_on_triangle gives.
+  /// Nearest point over the triangles; bit-identical to closest_point_on_triangle.
   struct Nearest {
     double distance2 = 0.0;  ///< square metres
     std::uint32_t triangle = 0;
     Vec3 position = Vec3::Zero();
   };
-  /// Equal distances: the lowest triangle wins.
+  /// On equal distances the lowest triangle index wins.
   Nearest nearest(const Vec3& query) const;
 
   Vec3 corner(std::size_t which, std::size_t place) const;

@@ -9,7 +9,7 @@
 namespace tileflight::geometry {
 namespace {
 
-/// Four triangles about the origin, all of one kind.
+/// Four triangles around the origin, all of one kind.
 TriangleMesh four_triangles(std::mt19937& random, const std::function<Vec3(int corner)>& corner) {
   TriangleMesh mesh;
   std::normal_distribution<double> place(0.0, 1.0);
@@ -33,7 +33,7 @@ TrianglePack::Nearest one_by_one(const TriangleMesh& mesh, const std::vector<std
   return best;
 }
 
-/// To the bit: what lies nearest must not depend on how triangles are packed.
+/// Bit-identical: the nearest point must not depend on how triangles are packed.
 void expect_one_by_one(const TriangleMesh& mesh, std::mt19937& random) {
   std::uniform_real_distribution<double> place(-3.0, 3.0);
   for (const std::vector<std::uint32_t>& chosen : {std::vector<std::uint32_t>{2}, {3, 1}, {0, 2, 1}, {3, 0, 1, 2}}) {

@@ -5,16 +5,15 @@
 #include <string>
 #include <string_view>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::geometry {
 namespace {
 
-/// Cells along a side up to which a grid is padded to a cube, as binvox's specification asks ("should all be equal"):
-/// readers disagree on what the numbers after `dim` mean where they differ. Above it the padding would cost more than
-/// it brings.
+/// Largest side, in cells, up to which a grid is padded to a cube, as binvox's specification requires ("should all be
+/// equal"): readers disagree on the meaning of unequal numbers after `dim`. Above it, padding would be too expensive.
 constexpr std::int64_t kLongestCube = 1024;
 
 constexpr int kLongestRun = 255;
@@ -77,7 +76,7 @@ std::vector<Number> numbers_after_key(const std::vector<std::string_view>& field
                                       const std::string& where) {
   std::vector<Number> numbers;
   for (std::size_t i = 1; i < fields.size(); ++i) {
-    if (const auto number = parse_number<Number>(fields[i])) numbers.push_back(*number);
+    if (const auto number = base::parse_number<Number>(fields[i])) numbers.push_back(*number);
   }
   if (numbers.size() != count || fields.size() != count + 1) {
     throw InputError(where, "expected " + std::to_string(count) + " numbers after '" + std::string(fields[0]) + "'");
@@ -95,7 +94,7 @@ BinvoxDims parse_dims(const std::vector<std::string_view>& fields, const std::st
   return dims;
 }
 
-/// Takes in one line between the first and "data".
+/// Applies one line between the first and "data".
 void apply_header_line(BinvoxHeader& header, const std::vector<std::string_view>& fields, const std::string& where) {
   if (fields[0] == "dim") {
     header.dims = parse_dims(fields, where);
@@ -112,14 +111,14 @@ void apply_header_line(BinvoxHeader& header, const std::vector<std::string_view>
 BinvoxHeader parse_header(std::string_view bytes, const std::string& file) {
   BinvoxHeader header;
   std::string_view rest = bytes;
-  const auto first = split_fields(take_line(rest).value_or(""));
+  const auto first = base::split_fields(base::take_line(rest).value_or(""));
   if (first.size() != 2 || first[0] != "#binvox" || first[1] != "1") {
     throw InputError(file, "is not a binvox file of version 1: it does not start with '#binvox 1'");
   }
   for (int line_number = 2;; ++line_number) {
-    const auto line = take_line(rest);
+    const auto line = base::take_line(rest);
     if (!line) throw InputError(file, "the binvox header has no line 'data': the file is truncated");
-    const auto fields = split_fields(*line);
+    const auto fields = base::split_fields(*line);
     if (fields.empty()) continue;
     if (fields[0] == "data") break;
     apply_header_line(header, fields, file + ", line " + std::to_string(line_number));
@@ -165,13 +164,13 @@ std::vector<Cell> parse_runs(std::string_view bytes, const BinvoxHeader& header,
 }  // namespace
 
 Vec3 center_by_equation(const VoxelGrid& grid, const Cell& cell) {
-  // Equation (1): ((i + 0.5) / d, (j + 0.5) / d, (k + 0.5) / d), d the cells of the longest side.
+  // Equation (1): ((i + 0.5) / d, (j + 0.5) / d, (k + 0.5) / d), where d is the number of cells along the longest side.
   const double d = *std::max_element(grid.dims.begin(), grid.dims.end());
   const Vec3 normalised = (Vec3(cell.x, cell.y, cell.z) + Vec3::Constant(0.5)) / d;
   return normalised * (d * grid.edge_m) + grid.origin;
 }
 
-PointCloud centers(const VoxelGrid& grid) {
+PointCloud cell_centers(const VoxelGrid& grid) {
   PointCloud cloud;
   cloud.positions.reserve(grid.occupied.size());
   for (const Cell& c : grid.occupied) cloud.positions.push_back(center_by_equation(grid, c));
@@ -185,23 +184,23 @@ void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid) {
   text += "\ntranslate";
   for (const double value : grid.origin) {
     text += ' ';
-    append_number(text, value);
+    base::append_number(text, value);
   }
   text += "\nscale ";
-  append_number(text, grid.edge_m * static_cast<double>(std::max({dims.x, dims.y, dims.z})));
-  write_file(file, text + "\ndata\n" + runs_of(grid, dims));
+  base::append_number(text, grid.edge_m * static_cast<double>(std::max({dims.x, dims.y, dims.z})));
+  base::write_file(file, text + "\ndata\n" + runs_of(grid, dims));
 }
 
 VoxelGrid read_binvox(const std::filesystem::path& file) {
-  const std::string bytes = read_text(file);
+  const std::string bytes = base::read_text(file);
   const BinvoxHeader header = parse_header(bytes, file.string());
   VoxelGrid grid = frame_of(header);
   grid.occupied = parse_runs(bytes, header, file.string());
   return grid;
 }
 
-VoxelGrid read_binvox_frame(const std::filesystem::path& file) {
-  return frame_of(parse_header(read_text(file), file.string()));
+VoxelGrid read_binvox_header(const std::filesystem::path& file) {
+  return frame_of(parse_header(base::read_text(file), file.string()));
 }
 
 }  // namespace tileflight::geometry

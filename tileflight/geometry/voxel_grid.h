@@ -15,7 +15,7 @@ struct Cell {
   friend auto operator<=>(const Cell&, const Cell&) = default;
 };
 
-/// A regular grid of cubes and which of them are occupied. Sparse: memory follows the occupied cells.
+/// A sparse regular grid of cubic cells: memory is proportional to the number of occupied cells.
 /// Cell (x, y, z) covers origin + edge * [x, x+1) x [y, y+1) x [z, z+1).
 struct VoxelGrid {
   Vec3 origin = Vec3::Zero();          ///< minimum corner, metres, local frame
@@ -26,23 +26,23 @@ struct VoxelGrid {
   Vec3 center(const Cell& c) const { return origin + edge_m * (Vec3(c.x, c.y, c.z) + Vec3::Constant(0.5)); }
 };
 
-/// Cell centres by the paper's equation (1), ((i+0.5)/d, (j+0.5)/d, (k+0.5)/d), then scaled by d * edge and moved
-/// by the origin; in the order of `occupied`.
-PointCloud centers(const VoxelGrid& grid);
+/// Cell centres by the paper's equation (1), ((i+0.5)/d, (j+0.5)/d, (k+0.5)/d), then scaled by d * edge and shifted by
+/// the origin; in the order of `occupied`.
+PointCloud cell_centers(const VoxelGrid& grid);
 
-/// One of them, to the bit.
+/// One cell's centre, bit-identical to that of cell_centers().
 Vec3 center_by_equation(const VoxelGrid& grid, const Cell& cell);
 
-/// binvox version 1 (P. Min): the numbers after `dim` in the order of the data, which is first axis (east) slowest,
-/// then up, then north fastest; `translate` is the minimum corner, `scale` the longest side in metres. The
-/// specification wants equal sides, and readers disagree on what the numbers mean where they differ: a grid whose
-/// longest side has at most 1024 cells is padded with empty cells to a cube, so `dims` may grow on the way through a
-/// file. Larger grids are written as they are. Reading takes any sides, accepts zero-length runs (AirSim writes them),
-/// checks run totals against the header and throws InputError (file, byte, cause).
+/// binvox version 1 (P. Min): the numbers after `dim` follow the order of the data: first axis (east) slowest, then up,
+/// then north fastest; `translate` is the minimum corner, `scale` the longest side in metres. The specification
+/// requires equal sides, and readers disagree on unequal ones: a grid whose longest side has at most 1024 cells is
+/// padded with empty cells to a cube, so `dims` may grow in a round trip. Larger grids are written unpadded. Reading
+/// takes any sides, accepts zero-length runs (AirSim writes them), checks run totals against the header and throws
+/// InputError (file, byte, cause).
 void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid);
 VoxelGrid read_binvox(const std::filesystem::path& file);
 
-/// The grid of a binvox file without its cells: origin, edge and dims. Quick for any size.
-VoxelGrid read_binvox_frame(const std::filesystem::path& file);
+/// Reads only origin, edge and dims of a binvox file, not its cells. Fast for any size.
+VoxelGrid read_binvox_header(const std::filesystem::path& file);
 
 }  // namespace tileflight::geometry

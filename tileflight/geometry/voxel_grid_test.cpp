@@ -8,8 +8,8 @@
 #include <sstream>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -25,7 +25,7 @@ VoxelGrid random_grid(const std::array<std::int32_t, 3>& dims, int cells) {
   return {Vec3(222.8, -256.4, 2869), 0.25, dims, {occupied.begin(), occupied.end()}};
 }
 
-/// What a reader written from the format's page alone finds: "y runs fastest, then z, then x", all sides equal.
+/// Reader written only from the format's specification: "y runs fastest, then z, then x", all sides equal.
 struct PlainBinvox {
   long side[3];
   double translate[3], scale;
@@ -33,7 +33,7 @@ struct PlainBinvox {
 };
 
 PlainBinvox read_plainly(const std::filesystem::path& file) {
-  std::istringstream in(read_text(file));
+  std::istringstream in(base::read_text(file));
   PlainBinvox grid{};
   std::string word;
   in >> word >> word >> word >> grid.side[0] >> grid.side[1] >> grid.side[2];
@@ -74,8 +74,8 @@ TEST(Binvox, RoundTrip) {
     const VoxelGrid read = read_binvox(folder / "v.binvox");
     EXPECT_EQ(read.occupied, grid.occupied);
     EXPECT_EQ(read.origin, grid.origin);
-    EXPECT_EQ(read_binvox_frame(folder / "v.binvox").dims, read.dims);
-    EXPECT_TRUE(read_binvox_frame(folder / "v.binvox").occupied.empty());
+    EXPECT_EQ(read_binvox_header(folder / "v.binvox").dims, read.dims);
+    EXPECT_TRUE(read_binvox_header(folder / "v.binvox").occupied.empty());
     EXPECT_DOUBLE_EQ(read.edge_m, grid.edge_m);
     for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_GE(read.dims[axis], dims[axis]);
   }
@@ -95,7 +95,7 @@ const std::string kHead = "#binvox 1\ndim 2 2 2\ntranslate 0 0 0\nscale 2\ndata\
 
 VoxelGrid read_bytes_as_grid(const std::string& bytes) {
   const tests::TemporaryFolder folder;
-  write_file(folder / "v.binvox", bytes);
+  base::write_file(folder / "v.binvox", bytes);
   return read_binvox(folder / "v.binvox");
 }
 
@@ -143,12 +143,12 @@ TEST(Binvox, FullDiskIsAnError) {
 
 TEST(Centers, AreTheMiddlesOfTheCells) {
   const VoxelGrid grid = random_grid({40, 30, 20}, 100);
-  const PointCloud cloud = centers(grid);
+  const PointCloud cloud = cell_centers(grid);
   ASSERT_EQ(cloud.size(), grid.occupied.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     EXPECT_LT((cloud.positions[i] - grid.center(grid.occupied[i])).norm(), 1e-9);
   }
-  EXPECT_EQ(centers({Vec3(1, 2, 3), 2.0, {1, 1, 1}, {{0, 0, 0}}}).positions[0], Vec3(2, 3, 4));
+  EXPECT_EQ(cell_centers({Vec3(1, 2, 3), 2.0, {1, 1, 1}, {{0, 0, 0}}}).positions[0], Vec3(2, 3, 4));
 }
 
 }  // namespace

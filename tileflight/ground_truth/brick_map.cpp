@@ -12,7 +12,8 @@ namespace {
 constexpr std::size_t kFirstSlots = 1024;
 constexpr std::uint64_t kAxisMask = (std::uint64_t{1} << 21) - 1;
 
-/// Fibonacci hashing (Knuth, The Art of Computer Programming 3, section 6.4): the product's upper bits are well mixed.
+/// Fibonacci hashing (Knuth, The Art of Computer Programming 3, section 6.4): the upper bits of the product are well
+/// mixed.
 std::size_t slot_of(std::uint64_t key, std::size_t slots) {
   return static_cast<std::size_t>((key * 0x9E3779B97F4A7C15U) >> (64 - std::countr_zero(slots)));
 }
@@ -21,13 +22,13 @@ std::int32_t axis_of(std::uint64_t key, int shift) { return static_cast<std::int
 
 using KeyedBrick = std::pair<std::uint64_t, const BrickMap::Brick*>;
 
-/// Sorted bricks with one x: [first, last).
+/// A range of sorted bricks with the same x: [first, last).
 struct Slab {
   std::size_t first, last;
-  std::array<std::size_t, 8> plane_start{};  ///< where each x plane's cells go in the output
+  std::array<std::size_t, 8> plane_start{};  ///< output position of the cells of each x plane
 };
 
-std::vector<Slab> slabs_of(const std::vector<KeyedBrick>& bricks) {
+std::vector<Slab> group_into_slabs(const std::vector<KeyedBrick>& bricks) {
   std::vector<Slab> slabs;
   for (std::size_t i = 0; i < bricks.size(); ++i) {
     if (i == 0 || bricks[i].first >> 42 != bricks[i - 1].first >> 42) slabs.push_back({i, i});
@@ -36,7 +37,7 @@ std::vector<Slab> slabs_of(const std::vector<KeyedBrick>& bricks) {
   return slabs;
 }
 
-/// Sets where every plane starts; returns the number of all cells.
+/// Computes the start of every plane; returns the number of all cells.
 std::size_t place_planes(const std::vector<KeyedBrick>& bricks, std::vector<Slab>& slabs) {
   std::size_t cells = 0;
   for (Slab& slab : slabs) {
@@ -56,12 +57,12 @@ geometry::Cell* write_row(unsigned row, std::int32_t x, std::int32_t y, std::int
   return out;
 }
 
-/// Writes one x plane of a slab: rows of equal y go along z through all bricks above each other.
+/// Writes one x plane of a slab: rows of equal y run along z through all stacked bricks.
 void write_plane(const std::vector<KeyedBrick>& bricks, const Slab& slab, std::size_t x, geometry::Cell* out) {
   const std::int32_t cell_x = axis_of(bricks[slab.first].first, 42) * 8 + static_cast<std::int32_t>(x);
   for (std::size_t i = slab.first; i < slab.last;) {
     std::size_t end = i;
-    std::uint64_t rows = 0;  // which of the eight rows of y have cells
+    std::uint64_t rows = 0;  // mask of the eight rows of y that have cells
     for (; end < slab.last && bricks[end].first >> 21 == bricks[i].first >> 21; ++end)
       rows |= bricks[end].second->plane[x];
     const std::int32_t first_y = axis_of(bricks[i].first, 21) * 8;
@@ -99,8 +100,8 @@ std::uint32_t BrickMap::find_or_add(std::uint64_t key) {
 }
 
 const BrickMap::Brick* BrickMap::find(const geometry::Cell& cell) const {
-  if (std::min({cell.x, cell.y, cell.z}) < 0 || std::max({cell.x, cell.y, cell.z}) >= kMostCellsPerAxis) return nullptr;
-  const std::uint64_t key = key_of(cell.x >> 3, cell.y >> 3, cell.z >> 3);
+  if (std::min({cell.x, cell.y, cell.z}) < 0 || std::max({cell.x, cell.y, cell.z}) >= kMaxCellsPerAxis) return nullptr;
+  const std::uint64_t key = brick_key(cell.x >> 3, cell.y >> 3, cell.z >> 3);
   for (std::size_t slot = slot_of(key, slots_.size()); slots_[slot] != 0; slot = (slot + 1) & (slots_.size() - 1)) {
     if (keys_[slots_[slot] - 1] == key) return &bricks_[slots_[slot] - 1];
   }
@@ -128,7 +129,7 @@ std::vector<geometry::Cell> BrickMap::sorted_cells() const {
   bricks.reserve(bricks_.size());
   for (std::size_t i = 0; i < bricks_.size(); ++i) bricks.emplace_back(keys_[i], &bricks_[i]);
   tbb::parallel_sort(bricks.begin(), bricks.end());
-  std::vector<Slab> slabs = slabs_of(bricks);
+  std::vector<Slab> slabs = group_into_slabs(bricks);
   std::vector<geometry::Cell> cells(place_planes(bricks, slabs));
   tbb::parallel_for(std::size_t{0}, slabs.size() * 8, [&](std::size_t i) {
     const Slab& slab = slabs[i / 8];

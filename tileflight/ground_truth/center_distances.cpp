@@ -7,7 +7,7 @@
 #include <limits>
 #include <optional>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/nearest.h"
 #include "tileflight/ground_truth/brick_map.h"
 
@@ -21,8 +21,8 @@ using geometry::VoxelGrid;
 constexpr double kUnknown = -1.0;
 
 Cell cell_of(const VoxelGrid& grid, const Vec3& p) {
-  // Far outside is outside: what no integer holds may not be converted.
-  const Vec3 at = ((p - grid.origin) / grid.edge_m).array().floor().max(-8.0).min(BrickMap::kMostCellsPerAxis + 8.0);
+  // Clamped, since converting a number that no integer can hold is undefined.
+  const Vec3 at = ((p - grid.origin) / grid.edge_m).array().floor().max(-8.0).min(BrickMap::kMaxCellsPerAxis + 8.0);
   return {static_cast<std::int32_t>(at.x()), static_cast<std::int32_t>(at.y()), static_cast<std::int32_t>(at.z())};
 }
 
@@ -31,12 +31,12 @@ double distance_m(const VoxelGrid& grid, const Cell& cell, const Vec3& p) {
   return std::sqrt(d.x() * d.x() + d.y() * d.y() + d.z() * d.z());
 }
 
-/// Looks around the cells of points that come one after the other, mostly within one brick.
+/// Searches the cells around points that arrive in sequence and mostly lie within one brick.
 class CellFinder {
  public:
   CellFinder(const VoxelGrid& grid, const BrickMap& cells) : grid_(grid), cells_(cells) {}
 
-  /// kUnknown where neither the point's own cell nor one around it settles it.
+  /// kUnknown if neither the point's own cell nor its neighbours decide it.
   double distance_m(const Vec3& p) {
     const Cell own = cell_of(grid_, p);
     if (contains(own)) return ground_truth::distance_m(grid_, own, p);
@@ -45,7 +45,7 @@ class CellFinder {
       const Cell near{own.x + i % 3 - 1, own.y + i / 3 % 3 - 1, own.z + i / 9 - 1};
       if (contains(near)) least_m = std::min(least_m, ground_truth::distance_m(grid_, near, p));
     }
-    // Centres of all other cells are a cell and a half away, at least along one axis.
+    // The centres of all other cells are at least one and a half cells away along some axis.
     constexpr double kSafe = 1.5 - 1e-6;
     return least_m < kSafe * grid_.edge_m ? least_m : kUnknown;
   }
@@ -57,12 +57,12 @@ class CellFinder {
       last_ = brick;
       found_ = cells_.find(cell);
     }
-    return found_ != nullptr && BrickMap::holds(*found_, cell);
+    return found_ != nullptr && BrickMap::brick_contains(*found_, cell);
   }
 
   const VoxelGrid& grid_;
   const BrickMap& cells_;
-  Cell last_{std::numeric_limits<std::int32_t>::min(), 0, 0};  ///< no brick's
+  Cell last_{std::numeric_limits<std::int32_t>::min(), 0, 0};  ///< a cell of no brick
   const BrickMap::Brick* found_ = nullptr;
 };
 
@@ -80,7 +80,7 @@ std::vector<double> center_distances(const std::vector<Vec3>& points, const Voxe
   std::optional<geometry::NearestIndex> all;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (distances[i] != kUnknown) continue;
-    if (!all) all.emplace(geometry::centers(grid).positions);
+    if (!all) all.emplace(geometry::cell_centers(grid).positions);
     distances[i] = all->nearest(points[i])->distance_m;
   }
   return distances;

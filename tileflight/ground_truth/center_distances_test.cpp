@@ -1,11 +1,12 @@
 #include "tileflight/ground_truth/center_distances.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <random>
 #include <set>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/nearest.h"
 
 namespace tileflight::ground_truth {
@@ -13,8 +14,10 @@ namespace {
 
 using geometry::Vec3;
 using geometry::VoxelGrid;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-/// Cells at random; some are alone, some together.
+/// Random cells; some isolated, some adjacent.
 VoxelGrid some_grid(std::uint64_t seed) {
   std::mt19937_64 random(seed);
   VoxelGrid grid{.origin = {-3.7, 12.4, 100.1}, .edge_m = 0.7, .dims = {40, 30, 20}};
@@ -31,7 +34,7 @@ VoxelGrid some_grid(std::uint64_t seed) {
 
 TEST(CenterDistances, AreThoseOfASearchAmongAllCentres) {
   const VoxelGrid grid = some_grid(1);
-  const geometry::NearestIndex index(geometry::centers(grid).positions);
+  const geometry::NearestIndex index(geometry::cell_centers(grid).positions);
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> along(-0.3, 1.3);
   std::vector<Vec3> points;
@@ -52,18 +55,23 @@ TEST(CenterDistances, AreThoseOfASearchAmongAllCentres) {
 
 TEST(CenterDistances, InTheOwnCellTheyAreEqualToTheBit) {
   const VoxelGrid grid = some_grid(3);
-  const geometry::NearestIndex index(geometry::centers(grid).positions);
+  const geometry::NearestIndex index(geometry::cell_centers(grid).positions);
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> along(-0.49, 0.49);
   std::vector<Vec3> points;
   for (const geometry::Cell& c : grid.occupied)
     points.push_back(grid.center(c) + 0.7 * Vec3(along(random), along(random), along(random)));
   const std::vector<double> distances = center_distances(points, grid);
+  ASSERT_EQ(distances.size(), points.size());
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(distances[i], index.nearest(points[i])->distance_m);
 }
 
 TEST(CenterDistances, NoCellIsRefused) {
-  EXPECT_THROW(center_distances({Vec3(0, 0, 0)}, VoxelGrid{.dims = {1, 1, 1}}), InputError);
+  EXPECT_THAT(
+      [&] {
+        center_distances({Vec3(0, 0, 0)}, VoxelGrid{.dims = {1, 1, 1}});
+      },
+      ThrowsMessage<InputError>(HasSubstr("voxels: none is occupied")));
   EXPECT_TRUE(center_distances({}, some_grid(5)).empty());
 }
 

@@ -11,8 +11,8 @@
 #include <sstream>
 #include <string>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::ground_truth {
@@ -47,8 +47,8 @@ int gltf_wrap(imaging::Wrap wrap) {
 
 using EncodedImages = std::map<const imaging::RgbImage*, std::vector<std::byte>>;
 
-/// Every texture once, as JPEG; in parallel, since this takes longest.
-EncodedImages encoded_textures(const std::vector<TexturedMesh>& meshes, const Progress& progress) {
+/// Encodes every texture once, as JPEG; in parallel, since this takes longest.
+EncodedImages encode_textures(const std::vector<TexturedMesh>& meshes, const Progress& progress) {
   EncodedImages encoded;
   for (const TexturedMesh& m : meshes) {
     if (m.texture && !m.texture->empty() && !m.uv.empty()) encoded[m.texture.get()];
@@ -76,7 +76,7 @@ class GlbBuilder {
     model_.nodes.emplace_back();
     model_.nodes[0].name = "local frame: x east, y north, z up";
     const Mat4 turn = T_gltf_local();
-    model_.nodes[0].matrix.assign(turn.data(), turn.data() + 16);  // column-major, as glTF wants it
+    model_.nodes[0].matrix.assign(turn.data(), turn.data() + 16);  // column-major, as glTF requires
     model_.scenes.emplace_back();
     model_.scenes[0].nodes.push_back(0);
     model_.defaultScene = 0;
@@ -110,7 +110,7 @@ class GlbBuilder {
  private:
   int add_view(std::span<const std::byte> bytes, int target) {
     auto& data = model_.buffers[0].data;
-    data.resize((data.size() + 3) / 4 * 4);  // accessors are aligned to their numbers
+    data.resize((data.size() + 3) / 4 * 4);  // accessors are aligned to the size of their numbers
     tinygltf::BufferView view;
     view.buffer = 0;
     view.byteOffset = data.size();
@@ -215,7 +215,7 @@ Mat4 local_matrix(const tinygltf::Node& node) {
   return T.matrix();
 }
 
-/// Takes the triangles out of a glTF model. Every index and range in it is checked.
+/// Extracts the triangles of a glTF model. Every index and range is checked.
 class GlbReader {
  public:
   GlbReader(const tinygltf::Model& model, std::string file) : model_(model), file_(std::move(file)) {}
@@ -253,13 +253,13 @@ class GlbReader {
     }
     const auto base = static_cast<std::uint32_t>(mesh_.vertices.size());
     const auto positions =
-        values_of<Eigen::Vector3f>(position->second, TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3);
+        read_accessor<Eigen::Vector3f>(position->second, TINYGLTF_COMPONENT_TYPE_FLOAT, TINYGLTF_TYPE_VEC3);
     for (const Eigen::Vector3f& p : positions) {
       mesh_.vertices.push_back((T_local_node * p.cast<double>().homogeneous()).head<3>());
       if (!mesh_.vertices.back().allFinite()) throw InputError(file_, "a position is not finite");
     }
     const auto corners =
-        values_of<std::uint32_t>(primitive.indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR);
+        read_accessor<std::uint32_t>(primitive.indices, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR);
     for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
       const geometry::Triangle t{corners[i], corners[i + 1], corners[i + 2]};
       for (const std::uint32_t corner : t) {
@@ -270,7 +270,7 @@ class GlbReader {
   }
 
   template <typename T>
-  std::vector<T> values_of(int index, int component_type, int type) const {
+  std::vector<T> read_accessor(int index, int component_type, int type) const {
     const tinygltf::Accessor& accessor = at(model_.accessors, static_cast<std::size_t>(index), "accessor");
     if (accessor.componentType != component_type || accessor.type != type) {
       throw InputError(file_, "its positions or indices have another type than tileflight writes");
@@ -292,19 +292,19 @@ class GlbReader {
   TriangleMesh mesh_;
 };
 
-/// Keeps tinygltf from decoding the textures, which nobody asks for here.
+/// Prevents tinygltf from decoding the textures, which are not needed.
 bool leave_image(tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*, int, void*) {
   return true;
 }
 
-/// One line of what tinygltf says.
+/// The first line of tinygltf's message.
 std::string one_line(const std::string& text) { return text.substr(0, text.find('\n')); }
 
 }  // namespace
 
 void write_mesh_glb(const std::filesystem::path& file, const std::vector<TexturedMesh>& meshes, bool textures,
                     const Progress& progress) {
-  const EncodedImages images = textures ? encoded_textures(meshes, progress) : EncodedImages();
+  const EncodedImages images = textures ? encode_textures(meshes, progress) : EncodedImages();
   GlbBuilder builder(images);
   for (const TexturedMesh& m : meshes) builder.add(m);
   if (builder.buffer_bytes() > 0xf0000000U) {
@@ -315,11 +315,11 @@ void write_mesh_glb(const std::filesystem::path& file, const std::vector<Texture
   std::ostringstream stream;
   tinygltf::TinyGLTF writer;
   writer.WriteGltfSceneToStream(&builder.model(), stream, false, true);
-  geometry::write_file(file, std::move(stream).str());
+  base::write_file(file, std::move(stream).str());
 }
 
 TriangleMesh read_mesh_glb(const std::filesystem::path& file) {
-  const std::string bytes = geometry::read_text(file);
+  const std::string bytes = base::read_text(file);
   if (bytes.size() > 0xffffffffU) throw InputError(file.string(), "is larger than a GLB file can be");
   tinygltf::TinyGLTF loader;
   loader.SetImageLoader(leave_image, nullptr);

@@ -6,27 +6,28 @@
 #include <sstream>
 #include <string>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::ground_truth {
 namespace {
 
-/// OctoMap's key of its coordinate zero, and so the number of cells on either side.
+/// OctoMap's key of coordinate zero, which is also the number of cells on either side of it.
 constexpr std::int32_t kZeroKey = 32768;
 
 octomap::key_type key_of(std::int32_t index) { return static_cast<octomap::key_type>(kZeroKey + index); }
 
-/// The text before the data. OctoMap checks the first line; its own writer prints to the console.
+/// The text before the data, which OctoMap checks only in its first line. Written here because OctoMap's own writer
+/// prints to the console.
 std::string header(const octomap::OcTree& tree, const geometry::Vec3& origin) {
   std::string text = "# Octomap OcTree binary file\n# coordinates are relative to the local position";
   for (const double value : origin) {
     text += ' ';
-    geometry::append_number(text, value);
+    base::append_number(text, value);
   }
   text += "\nid OcTree\nsize " + std::to_string(tree.size()) + "\nres ";
-  geometry::append_number(text, tree.getResolution());
+  base::append_number(text, tree.getResolution());
   return text + "\ndata\n";
 }
 
@@ -45,7 +46,7 @@ void write_octree(const std::filesystem::path& file, const geometry::VoxelGrid& 
   tree.prune();
   std::ostringstream stream;
   if (tree.getRoot() != nullptr) tree.writeBinaryNode(stream, tree.getRoot());
-  geometry::write_file(file, header(tree, grid.origin) + std::move(stream).str());
+  base::write_file(file, header(tree, grid.origin) + std::move(stream).str());
 }
 
 }  // namespace tileflight::ground_truth

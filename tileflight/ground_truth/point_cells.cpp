@@ -36,7 +36,7 @@ geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clou
   return out;
 }
 
-void occupy(const geometry::PointCloud& points, VoxelGrid& grid) {
+void mark_occupied(const geometry::PointCloud& points, VoxelGrid& grid) {
   for (const Vec3& point : points.positions) {
     if (const std::optional<Cell> cell = cell_of(point, grid)) grid.occupied.push_back(*cell);
   }

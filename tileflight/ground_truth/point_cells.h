@@ -8,12 +8,12 @@
 
 namespace tileflight::ground_truth {
 
-/// The points of all clouds that lie in the closed box, in their order, with their normals (zero where a cloud has
-/// none).
+/// The points of all clouds that lie in the closed box, in input order, with their normals (zero for clouds without
+/// normals).
 geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box);
 
-/// Occupies the cells that hold a point as well. A point on the border of two cells belongs to the upper one, one on
-/// the grid's own upper border to the last; points outside of the grid are passed over.
-void occupy(const geometry::PointCloud& points, geometry::VoxelGrid& grid);
+/// Also occupies the cells that contain a point. A point on the border of two cells belongs to the upper one, a point
+/// on the grid's upper border to the last; points outside the grid are ignored.
+void mark_occupied(const geometry::PointCloud& points, geometry::VoxelGrid& grid);
 
 }  // namespace tileflight::ground_truth

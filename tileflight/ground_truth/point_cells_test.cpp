@@ -21,7 +21,7 @@ VoxelGrid grid() {
   return out;
 }
 
-TEST(PointCells, a_point_lies_in_the_cell_whose_interval_holds_it) {
+TEST(PointCells, APointLiesInTheCellWhoseIntervalHoldsIt) {
   VoxelGrid g = grid();
   g.occupied = {{0, 0, 0}};
   PointCloud cloud;
@@ -29,19 +29,19 @@ TEST(PointCells, a_point_lies_in_the_cell_whose_interval_holds_it) {
                      Vec3(0, 11.5, 1.5),                           // the last corner: the last cell
                      Vec3(0.01, 10, 0.5),    Vec3(-2, 9.99, 0.5),  // outside
                      Vec3(-1.2, 10.7, 1.01), Vec3(-1.1, 10.8, 1.02)};
-  occupy(cloud, g);
+  mark_occupied(cloud, g);
   EXPECT_THAT(g.occupied, ::testing::ElementsAre(Cell{0, 0, 0}, Cell{1, 0, 0}, Cell{1, 1, 1}, Cell{3, 2, 1}));
 }
 
-/// Each cell's box is asked by itself.
-TEST(PointCells, same_as_asking_every_cell) {
+/// Brute force: tests each cell's box.
+TEST(PointCells, SameAsAskingEveryCell) {
   std::mt19937 random(4);
   std::uniform_real_distribution<double> spread(-1, 2.5);
   PointCloud cloud;
   for (int i = 0; i < 600; ++i)
     cloud.positions.push_back(grid().origin + Vec3(spread(random), spread(random), spread(random)));
   VoxelGrid g = grid();
-  occupy(cloud, g);
+  mark_occupied(cloud, g);
   std::set<Cell> expected;
   for (int x = 0; x < 4; ++x) {
     for (int y = 0; y < 3; ++y) {
@@ -58,7 +58,7 @@ TEST(PointCells, same_as_asking_every_cell) {
   EXPECT_GT(expected.size(), 5U);
 }
 
-TEST(PointCells, only_what_lies_in_the_box) {
+TEST(PointCells, OnlyWhatLiesInTheBox) {
   PointCloud with_normals;
   with_normals.positions = {Vec3(0, 0, 0), Vec3(5, 0, 0)};
   with_normals.normals = {Eigen::Vector3f(1, 0, 0), Eigen::Vector3f(0, 1, 0)};

@@ -9,8 +9,9 @@
 #include <span>
 #include <string>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/spatial_order.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
+#include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -20,18 +21,16 @@ using geometry::PointCloud;
 using geometry::TriangleMesh;
 using geometry::Vec3;
 
-/// Points that are still sampled: 48 bytes each.
-constexpr double kMostPoints = 5e8;
+/// Upper limit of samples: 48 bytes each.
+constexpr double kMaxPoints = 5e8;
 
-/// A number in [0, 1) that depends on (seed, index) alone: SplitMix64 (Steele, Lea and Flood 2014) as a counter's hash.
+/// A number in [0, 1) that depends only on (seed, index).
 double uniform(std::uint64_t seed, std::uint64_t index) {
-  std::uint64_t z = seed * 0xD1B54A32D192ED03U + (index + 1) * 0x9E3779B97F4A7C15U;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9U;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBU;
-  return static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
+  const std::uint64_t bits = base::splitmix64_hash(seed * 0xD1B54A32D192ED03U + index * base::kSplitMixStep);
+  return static_cast<double>(bits >> 11) * 0x1p-53;
 }
 
-/// A convex polygon of at most nine corners: a triangle cut by the six faces of a box.
+/// A convex polygon of at most nine corners: a triangle clipped by the six faces of a box.
 struct Polygon {
   std::array<Vec3, 9> corners;
   std::size_t size = 0;
@@ -40,7 +39,7 @@ struct Polygon {
 };
 
 /// The part where sign * (p[axis] - at) >= 0 (Sutherland and Hodgman 1974).
-Polygon cut(const Polygon& polygon, int axis, double at, double sign) {
+Polygon clip_by_plane(const Polygon& polygon, int axis, double at, double sign) {
   Polygon kept;
   for (std::size_t i = 0; i < polygon.size; ++i) {
     const Vec3& p = polygon.corners[i];
@@ -53,26 +52,27 @@ Polygon cut(const Polygon& polygon, int axis, double at, double sign) {
   return kept;
 }
 
-Polygon cut_by_box(const Vec3& a, const Vec3& b, const Vec3& c, const Box3& box) {
+Polygon clip_to_box(const Vec3& a, const Vec3& b, const Vec3& c, const Box3& box) {
   Polygon polygon;
   for (const Vec3& p : {a, b, c}) polygon.add(p);
   for (int axis = 0; axis < 3; ++axis) {
-    polygon = cut(polygon, axis, box.min()[axis], 1.0);
-    polygon = cut(polygon, axis, box.max()[axis], -1.0);
+    polygon = clip_by_plane(polygon, axis, box.min()[axis], 1.0);
+    polygon = clip_by_plane(polygon, axis, box.max()[axis], -1.0);
   }
   return polygon;
 }
 
-/// Lays samples along the area, one in each stretch of 1 / per_m2 square metres.
+/// Places samples along the accumulated area, one in each interval of 1 / per_m2 square metres.
 class AreaSampler {
  public:
-  AreaSampler(double per_m2, std::uint64_t seed) : per_m2_(per_m2), seed_(seed) { place_next(); }
+  AreaSampler(double per_m2, std::uint64_t seed) : per_m2_(per_m2), seed_(seed) { draw_next(); }
 
-  /// `normal`: unit, of the whole triangle.
+  /// `normal`: unit normal of the whole triangle.
   void add(const Vec3& a, const Vec3& b, const Vec3& c, const Eigen::Vector3f& normal) {
     const double area_m2 = 0.5 * (b - a).cross(c - a).norm();
-    for (; next_m2_ < done_m2_ + area_m2; place_next()) {
-      // The place within the triangle's area is one of the two random numbers: samples of one triangle keep apart.
+    for (; next_m2_ < done_m2_ + area_m2; draw_next()) {
+      // The position within the triangle's area replaces one of the two random numbers, which keeps samples of one
+      // triangle apart.
       const double r = std::sqrt((next_m2_ - done_m2_) / area_m2);
       const double s = uniform(seed_, 2 * count_ + 1);
       cloud_.positions.push_back((1.0 - r) * a + r * ((1.0 - s) * b + s * c));
@@ -82,21 +82,21 @@ class AreaSampler {
     done_m2_ += area_m2;
   }
 
-  /// As if the samples of this area had been laid, without them.
-  void pass_over(double area_m2) {
-    for (done_m2_ += area_m2; next_m2_ < done_m2_; place_next()) ++count_;
+  /// Advances as if the samples of this area had been placed.
+  void skip(double area_m2) {
+    for (done_m2_ += area_m2; next_m2_ < done_m2_; draw_next()) ++count_;
   }
 
   PointCloud take() { return std::move(cloud_); }
 
  private:
-  void place_next() { next_m2_ = (static_cast<double>(count_) + uniform(seed_, 2 * count_)) / per_m2_; }
+  void draw_next() { next_m2_ = (static_cast<double>(count_) + uniform(seed_, 2 * count_)) / per_m2_; }
 
   double per_m2_;
   std::uint64_t seed_;
   std::uint64_t count_ = 0;
   double done_m2_ = 0.0;  ///< area of the triangles so far
-  double next_m2_ = 0.0;  ///< where on the area the next sample lies
+  double next_m2_ = 0.0;  ///< accumulated area at which the next sample lies
   PointCloud cloud_;
 };
 
@@ -110,23 +110,23 @@ void check_samples(const TriangleMesh& mesh, const Box3& box, double per_m2) {
   }
 }
 
-/// Whether a camera that stands somewhere sees a point.
-class Viewer {
+/// Tests whether a point is visible from a camera pose.
+class VisibilityTester {
  public:
-  Viewer(const scene::Scene& scene, const geometry::Trajectory& poses, const imaging::Camera& camera,
-         double max_range_m, double tolerance_m)
+  VisibilityTester(const scene::Scene& scene, const geometry::Trajectory& poses, const imaging::Camera& camera,
+                   double max_range_m, double tolerance_m)
       : scene_(scene), camera_(camera), max_range_m_(max_range_m), tolerance_m_(tolerance_m) {
     for (const auto& pose : poses.poses) T_camera_local_.push_back(pose.T_local_camera.inverse());
     for (const auto& pose : poses.poses) centers_.push_back(pose.T_local_camera.translation);
-    // A little wider than the image: this only spares the full projection.
-    widest_rad_ = std::min(std::numbers::pi, 1.02 * camera.widest_angle_rad() + 0.01);
+    // Slightly wider than the image: only avoids the full projection.
+    widest_rad_ = std::min(std::numbers::pi, 1.02 * camera.max_image_angle_rad() + 0.01);
     cos_widest_ = std::cos(widest_rad_);
   }
 
-  /// The poses from which something within the ball may be seen, in their order: the ball is in reach and meets the
-  /// cone around the lens's view.
-  std::vector<std::uint32_t> poses_towards(const Vec3& middle, double radius_m) const {
-    constexpr double kSlack = 1e-6;  // of angle and distance, beyond any rounding
+  /// The poses from which part of a sphere may be visible, in order: the sphere is within range and intersects the cone
+  /// around the lens's view.
+  std::vector<std::uint32_t> candidate_poses(const Vec3& middle, double radius_m) const {
+    constexpr double kSlack = 1e-6;  // of angle and distance, larger than any rounding error
     std::vector<std::uint32_t> poses;
     for (std::size_t k = 0; k < centers_.size(); ++k) {
       const Vec3 offset = middle - centers_[k];
@@ -141,14 +141,14 @@ class Viewer {
     return poses;
   }
 
-  bool sees(std::size_t pose, const Vec3& point) const {
+  bool is_visible(std::size_t pose, const Vec3& point) const {
     const Vec3 offset = point - centers_[pose];
     const double distance_m = offset.norm();
     if (!(distance_m < max_range_m_)) return false;
     const Vec3 point_camera = T_camera_local_[pose].rotation * offset;
     if (point_camera.z() < cos_widest_ * distance_m || !in_image(point_camera)) return false;
     const double free_m = distance_m - tolerance_m_;
-    return free_m <= 0.0 || !scene_.occluded({centers_[pose], offset / distance_m}, free_m);
+    return free_m <= 0.0 || !scene_.is_occluded({centers_[pose], offset / distance_m}, free_m);
   }
 
  private:
@@ -188,37 +188,38 @@ PointCloud sample_surface_near(const TriangleMesh& mesh, const Box3& box, const 
     if (!(normal.norm() > 0.0)) continue;
     const bool wanted = part.intersects(around);
     const Eigen::Vector3f unit = normal.normalized().cast<float>();
-    const Polygon polygon = cut_by_box(a, b, c, box);
+    const Polygon polygon = clip_to_box(a, b, c, box);
     for (std::size_t i = 2; i < polygon.size; ++i) {
       const auto& p = polygon.corners;
       const double piece_m2 = 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
       area_m2 += piece_m2;
-      if (area_m2 * per_m2 > kMostPoints) {
+      if (area_m2 * per_m2 > kMaxPoints) {
         throw InputError("samples per square metre " + std::to_string(per_m2),
                          "would give more than 500 million points: choose fewer, or a smaller region");
       }
       if (wanted) {
         sampler.add(p[0], p[i - 1], p[i], unit);
       } else {
-        sampler.pass_over(piece_m2);
+        sampler.skip(piece_m2);
       }
     }
   }
   return sampler.take();
 }
 
-Box3 reach_of(const geometry::Trajectory& poses, double max_range_m) {
+Box3 view_range_bounds(const geometry::Trajectory& poses, double max_range_m) {
   Box3 box;
   for (const auto& pose : poses.poses) box.extend(pose.T_local_camera.translation);
   if (box.isEmpty()) return box;
   return {box.min() - Vec3::Constant(max_range_m), box.max() + Vec3::Constant(max_range_m)};
 }
 
-std::vector<bool> seen_by_camera(const scene::Scene& scene, const PointCloud& points, const geometry::Trajectory& poses,
-                                 const imaging::Camera& camera, double max_range_m, double tolerance_m) {
-  const Viewer viewer(scene, poses, camera, max_range_m, tolerance_m);
-  std::vector<std::uint8_t> seen(points.size(), 0);  // bytes: threads may not share a word of bits
-  const std::vector<std::uint32_t> order = geometry::spatial_order(points.positions);
+std::vector<bool> compute_visibility(const scene::Scene& scene, const PointCloud& points,
+                                     const geometry::Trajectory& poses, const imaging::Camera& camera,
+                                     double max_range_m, double tolerance_m) {
+  const VisibilityTester viewer(scene, poses, camera, max_range_m, tolerance_m);
+  std::vector<std::uint8_t> seen(points.size(), 0);  // bytes: threads must not share a word of bits
+  const std::vector<std::uint32_t> order = geometry::morton_order(points.positions);
   constexpr std::size_t kTogether = 256;
   const std::size_t groups = (order.size() + kTogether - 1) / kTogether;
   tbb::parallel_for(std::size_t{0}, groups, [&](std::size_t group) {
@@ -226,13 +227,13 @@ std::vector<bool> seen_by_camera(const scene::Scene& scene, const PointCloud& po
         std::span(order).subspan(group * kTogether).first(std::min(kTogether, order.size() - group * kTogether));
     Box3 box;
     for (const std::uint32_t i : near) box.extend(points.positions[i]);
-    const std::vector<std::uint32_t> candidates = viewer.poses_towards(box.center(), 0.5 * box.diagonal().norm());
-    // Neighbouring points are mostly seen from the same pose: that one is asked first.
+    const std::vector<std::uint32_t> candidates = viewer.candidate_poses(box.center(), 0.5 * box.diagonal().norm());
+    // Neighbouring points are mostly visible from the same pose, which is therefore tested first.
     std::size_t last_seen_from = 0;
     for (const std::uint32_t i : near) {
       for (std::size_t k = 0; k < candidates.size() && seen[i] == 0; ++k) {
         const std::size_t asked = (last_seen_from + k) % candidates.size();
-        if (!viewer.sees(candidates[asked], points.positions[i])) continue;
+        if (!viewer.is_visible(candidates[asked], points.positions[i])) continue;
         seen[i] = 1;
         last_seen_from = asked;
       }

@@ -10,26 +10,26 @@
 
 namespace tileflight::ground_truth {
 
-/// Points evenly by area with the triangle's normal: stratified along the cumulative area, `per_m2` of them a square
-/// metre, clipped to the box. The same seed gives the same points.
+/// Samples points with their triangle's normal, uniformly by area: stratified along the cumulative area, `per_m2`
+/// points per square metre, clipped to the box. Deterministic in the seed.
 geometry::PointCloud sample_surface(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double per_m2,
                                     std::uint64_t seed = 1);
 
-/// Those of the points of sample_surface() that lie on triangles which meet `part`, the same to the bit and in the same
-/// order: what a camera may see is a small part of a large place.
+/// The subset of sample_surface()'s points on triangles that intersect `part`, bit-identical and in the same order: a
+/// camera often sees only a small part of a large place.
 geometry::PointCloud sample_surface_near(const geometry::TriangleMesh& mesh, const geometry::Box3& box,
                                          const geometry::Box3& part, double per_m2, std::uint64_t seed = 1);
 
-/// How far cameras see, where nothing else is said.
-inline constexpr double kSeenWithin_m = 500.0;
+/// Default maximum viewing range of cameras.
+inline constexpr double kDefaultViewRange_m = 500.0;
 
-/// Everything nearer than that to any of the poses lies in it.
-geometry::Box3 reach_of(const geometry::Trajectory& poses, double max_range_m = kSeenWithin_m);
+/// A box that contains everything within that range of any of the poses.
+geometry::Box3 view_range_bounds(const geometry::Trajectory& poses, double max_range_m = kDefaultViewRange_m);
 
 /// For each point, whether at least one pose's camera sees it: inside the image and the lens's valid cone, in front,
-/// nearer than `max_range_m`, and nothing in between (a ray to within `tolerance_m` of it).
-std::vector<bool> seen_by_camera(const scene::Scene& scene, const geometry::PointCloud& points,
-                                 const geometry::Trajectory& poses, const imaging::Camera& camera,
-                                 double max_range_m = kSeenWithin_m, double tolerance_m = 0.05);
+/// nearer than `max_range_m`, and not occluded (a ray to within `tolerance_m` of it).
+std::vector<bool> compute_visibility(const scene::Scene& scene, const geometry::PointCloud& points,
+                                     const geometry::Trajectory& poses, const imaging::Camera& camera,
+                                     double max_range_m = kDefaultViewRange_m, double tolerance_m = 0.05);
 
 }  // namespace tileflight::ground_truth

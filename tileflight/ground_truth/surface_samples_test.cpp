@@ -9,7 +9,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -139,7 +139,7 @@ TEST(SeenByCamera, APinholeAboveAPlaneSeesItsFootprint) {
   add_rectangle(mesh, Vec3(-50, -50, 0), Vec3(100, 0, 0), Vec3(0, 100, 0));
   const PointCloud points = sample_surface(mesh, kEverywhere, 1.0);
   const auto camera = imaging::make_pinhole(200, 100, 90.0);
-  const auto seen = seen_by_camera(scene_of(mesh), points, {{looking_down(0, 5, 0, 20)}}, camera);
+  const auto seen = compute_visibility(scene_of(mesh), points, {{looking_down(0, 5, 0, 20)}}, camera);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Vec3& p = points.positions[i];
     const double outside = std::max(std::abs(p.x() - 5) - 20.0, std::abs(p.y()) - 10.0);
@@ -155,13 +155,13 @@ TEST(SeenByCamera, WhatARoofHidesIsNotSeenUnlessFromAnotherPose) {
   const PointCloud points{{Vec3(0, 0, 0), Vec3(0, 0, 5), Vec3(9, 0, 0), Vec3(4.5, 0, 0)}, {}, {}, {}};
   const auto camera = imaging::make_fisheye(300, 200, 155.0);
   const scene::Scene scene = scene_of(mesh);
-  EXPECT_EQ(seen_by_camera(scene, points, {{looking_down(0, 0, 0, 20)}}, camera),
+  EXPECT_EQ(compute_visibility(scene, points, {{looking_down(0, 0, 0, 20)}}, camera),
             (std::vector<bool>{false, true, true, false}));
-  EXPECT_EQ(seen_by_camera(scene, points, {{looking_down(0, 0, 0, 20), looking_down(1, 12, 0, 20)}}, camera),
+  EXPECT_EQ(compute_visibility(scene, points, {{looking_down(0, 0, 0, 20), looking_down(1, 12, 0, 20)}}, camera),
             (std::vector<bool>{false, true, true, true}));
-  EXPECT_EQ(seen_by_camera(scene, points, {{looking_down(0, 0, 0, 20)}}, camera, 16.0),
+  EXPECT_EQ(compute_visibility(scene, points, {{looking_down(0, 0, 0, 20)}}, camera, 16.0),
             (std::vector<bool>{false, true, false, false}));
-  EXPECT_EQ(seen_by_camera(scene, points, {}, camera), std::vector<bool>(4, false));
+  EXPECT_EQ(compute_visibility(scene, points, {}, camera), std::vector<bool>(4, false));
 }
 
 TEST(SeenByCamera, WhatLiesBehindAPinholeIsNotSeen) {
@@ -169,7 +169,7 @@ TEST(SeenByCamera, WhatLiesBehindAPinholeIsNotSeen) {
   add_rectangle(mesh, Vec3(-50, -50, 40), Vec3(100, 0, 0), Vec3(0, 100, 0));
   const PointCloud points{{Vec3(0, 0, 40)}, {}, {}, {}};
   EXPECT_FALSE(
-      seen_by_camera(scene_of(mesh), points, {{looking_down(0, 0, 0, 20)}}, imaging::make_pinhole(64, 64, 120))[0]);
+      compute_visibility(scene_of(mesh), points, {{looking_down(0, 0, 0, 20)}}, imaging::make_pinhole(64, 64, 120))[0]);
 }
 
 TEST(SeenByCamera, AsAskedPointByPointAndPoseByPose) {
@@ -186,7 +186,7 @@ TEST(SeenByCamera, AsAskedPointByPointAndPoseByPose) {
   }
   const scene::Scene scene = scene_of(mesh);
   for (const auto& camera : {imaging::make_pinhole(200, 100, 70.0), imaging::make_fisheye(300, 200, 200.0)}) {
-    const auto seen = seen_by_camera(scene, points, poses, camera, 90.0, 0.05);
+    const auto seen = compute_visibility(scene, points, poses, camera, 90.0, 0.05);
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Vec3& p = points.positions[i];
       const bool expected = std::ranges::any_of(poses.poses, [&](const geometry::StampedPose& pose) {
@@ -194,7 +194,7 @@ TEST(SeenByCamera, AsAskedPointByPointAndPoseByPose) {
         const auto pixel = camera.project(pose.T_local_camera.inverse() * p);
         return offset.norm() < 90.0 && pixel && pixel->x() >= -0.5 && pixel->y() >= -0.5 &&
                pixel->x() < camera.width() - 0.5 && pixel->y() < camera.height() - 0.5 &&
-               !scene.occluded({pose.T_local_camera.translation, offset.normalized()}, offset.norm() - 0.05);
+               !scene.is_occluded({pose.T_local_camera.translation, offset.normalized()}, offset.norm() - 0.05);
       });
       EXPECT_EQ(seen[i], expected) << p.transpose();
     }
@@ -205,10 +205,10 @@ TEST(SeenByCamera, AsAskedPointByPointAndPoseByPose) {
 
 TEST(SeenByCamera, ReachHoldsWhatIsSeen) {
   const geometry::Trajectory poses{{looking_down(0, 5, -7, 20), looking_down(1, 15, -7, 30)}};
-  const Box3 box = reach_of(poses, 100.0);
+  const Box3 box = view_range_bounds(poses, 100.0);
   EXPECT_EQ(box.min(), Vec3(-95, -107, -80));
   EXPECT_EQ(box.max(), Vec3(115, 93, 130));
-  EXPECT_TRUE(reach_of({}).isEmpty());
+  EXPECT_TRUE(view_range_bounds({}).isEmpty());
 }
 
 TEST(SeenByCamera, SameAnswerForAnyNumberOfThreads) {
@@ -220,9 +220,9 @@ TEST(SeenByCamera, SameAnswerForAnyNumberOfThreads) {
   for (int i = 0; i < 10; ++i) poses.poses.push_back(looking_down(i, 6.0 * i - 30, i, 15));
   const auto camera = imaging::make_fisheye(300, 200, 120.0);
   const scene::Scene scene = scene_of(mesh);
-  const auto parallel = seen_by_camera(scene, points, poses, camera);
+  const auto parallel = compute_visibility(scene, points, poses, camera);
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
-  EXPECT_EQ(seen_by_camera(scene, points, poses, camera), parallel);
+  EXPECT_EQ(compute_visibility(scene, points, poses, camera), parallel);
   EXPECT_GT(std::count(parallel.begin(), parallel.end(), true), 100);
   EXPECT_GT(std::count(parallel.begin(), parallel.end(), false), 100);
 }

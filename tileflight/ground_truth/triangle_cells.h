@@ -6,11 +6,11 @@
 // triangle (Akenine-Moeller 2001) has 13 axes: 3 of the box, the triangle's normal, 9 cross products of an axis and a
 // side. For a column of cells along axis w each of them is an inequality that is linear in the cell's index k_w, so
 // together they leave an interval of cells (the idea of Schwarz and Seidel, Fast Parallel Surface and Solid
-// Voxelization on GPUs, 2010, section 4): no cell is tested alone. Axes u, v span the columns; w is the one along which
-// the triangle's normal is longest.
+// Voxelization on GPUs, 2010, section 4): no cell is tested on its own. Axes u, v span the columns; w is the axis along
+// which the triangle's normal is longest.
 //
-// Invariant: rounding never loses a cell that is touched. All tests are widened by `tolerance`, far below what matters
-// (1e-9 of a cell) and far above rounding, so faces that lie exactly between two cells touch both.
+// Invariant: rounding never loses a touched cell. All tests are widened by `tolerance`, which is negligible (1e-9 of a
+// cell) but far above rounding errors, so faces exactly between two cells touch both.
 
 #include <algorithm>
 #include <array>
@@ -24,7 +24,7 @@ namespace tileflight::ground_truth {
 /// A triangle's corners, in cells.
 using CellTriangle = std::array<geometry::Vec3, 3>;
 
-/// Cells low to high, both included, along each axis; empty where high < low.
+/// Cells from low to high, both included, along each axis; empty if high < low.
 struct CellRange {
   std::array<std::int32_t, 3> low{}, high{};
 
@@ -32,9 +32,9 @@ struct CellRange {
   std::int64_t count(std::size_t axis) const { return std::int64_t{high[axis]} - low[axis] + 1; }
 };
 
-constexpr double kTouch_cells = 1e-9;
+constexpr double kTouchTolerance_cells = 1e-9;
 
-/// Floor of a number that an int holds; the library's own is a call where the instruction may be missing.
+/// Floor of a number that fits an int32; std::floor is a function call on targets without the rounding instruction.
 inline std::int32_t floor_int(double value) {
   const auto truncated = static_cast<std::int32_t>(value);
   return truncated - (value < truncated ? 1 : 0);
@@ -42,21 +42,22 @@ inline std::int32_t floor_int(double value) {
 
 inline std::int32_t ceil_int(double value) { return -floor_int(-value); }
 
-/// Cells that the triangle's bounding box touches, at most one cell beyond `dims` on either side (two cells outside
-/// stand for all).
+/// Cells that the triangle's bounding box touches, extended by at most one cell beyond `dims` on either side (two cells
+/// outside stand for all further ones).
 inline CellRange bounding_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims) {
   CellRange range;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<int>(axis);
-    const double low = std::min({t[0][a], t[1][a], t[2][a]}) - kTouch_cells;
-    const double high = std::max({t[0][a], t[1][a], t[2][a]}) + kTouch_cells;
+    const double low = std::min({t[0][a], t[1][a], t[2][a]}) - kTouchTolerance_cells;
+    const double high = std::max({t[0][a], t[1][a], t[2][a]}) + kTouchTolerance_cells;
     range.low[axis] = ceil_int(std::clamp(low, -1.0, dims[axis] + 2.0)) - 1;
     range.high[axis] = floor_int(std::clamp(high, -2.0, dims[axis] + 1.0));
   }
   return range;
 }
 
-inline CellRange clipped(const CellRange& range, const std::array<std::int32_t, 3>& dims) {
+/// The part of a range inside a grid of `dims` cells.
+inline CellRange clip_to_grid(const CellRange& range, const std::array<std::int32_t, 3>& dims) {
   CellRange inside;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     inside.low[axis] = std::max(range.low[axis], 0);
@@ -75,15 +76,15 @@ struct Interval {
   }
 };
 
-/// The three axes (cross products of the sides with the axis normal to a coordinate plane) that separate the triangle's
-/// projection on the plane (c, w) from squares: for a column k_c, which cells k_w they leave.
+/// Separating axis test for the projection of the triangle on the plane (c, w), with the cross products of its sides
+/// and the plane's normal as axes: for a column k_c, the interval of k_w that they allow.
 class ProjectedSides {
  public:
   ProjectedSides(const CellTriangle& t, std::size_t c, std::size_t w, double tolerance) {
     for (std::size_t i = 0; i < 3; ++i) set_side(i, t, static_cast<int>(c), static_cast<int>(w), tolerance);
   }
 
-  /// Narrows `range` of k_w in the column k_c.
+  /// Intersects `range` with the interval of k_w that column k_c allows.
   void narrow(double k_c, Interval& range) const {
     for (const Bound& b : bounds_) {
       range.low = std::max(range.low, b.low - b.slope * k_c);
@@ -96,16 +97,16 @@ class ProjectedSides {
     double low, high, slope;
   };
 
-  /// Side i has the line a c + b w = const in the plane, the triangle spans an interval of that constant, the square
-  /// [k_c, k_c + 1] x [k_w, k_w + 1] spans a k_c + b k_w + [min(a, 0) + min(b, 0), max(a, 0) + max(b, 0)]: they must
-  /// meet.
+  /// Side i is the line a c + b w = const in the plane; the triangle spans an interval of that constant and the square
+  /// [k_c, k_c + 1] x [k_w, k_w + 1] spans a k_c + b k_w + [min(a, 0) + min(b, 0), max(a, 0) + max(b, 0)]. The two
+  /// intervals must intersect.
   void set_side(std::size_t i, const CellTriangle& t, int c, int w, double tolerance) {
     const geometry::Vec3& p = t[i];
     const geometry::Vec3& q = t[(i + 1) % 3];
     const geometry::Vec3& opposite = t[(i + 2) % 3];
     double a = p[w] - q[w];
     double b = q[c] - p[c];
-    // A side along w: the bounding box says all that it could say.
+    // A side along w adds nothing to the bounding box.
     if (std::abs(b) <= 1e-14 * std::abs(a)) return;
     if (b < 0.0) {
       a = -a;
@@ -123,11 +124,11 @@ class ProjectedSides {
   std::array<Bound, 3> bounds_{{{-1e18, 1e18, 0.0}, {-1e18, 1e18, 0.0}, {-1e18, 1e18, 0.0}}};
 };
 
-/// The triangle's plane: which cells k_w of the column (k_u, k_v) it passes through.
+/// The triangle's plane: the interval of cells k_w in the column (k_u, k_v) that it passes through.
 class ColumnPlane {
  public:
-  /// `normal` is not zero along w. That of a sliver is rounding noise, hardly normal to it: the interval that the
-  /// corners span along it is taken as it is.
+  /// `normal` is not zero along w. A sliver's normal is dominated by rounding, so the interval is computed from the
+  /// projections of all three corners on it.
   ColumnPlane(const geometry::Vec3& normal, const CellTriangle& t, int u, int v, int w, double tolerance) {
     const geometry::Vec3 n = normal[w] < 0.0 ? geometry::Vec3(-normal) : normal;
     const double inverse = 1.0 / n[w];
@@ -152,17 +153,17 @@ class ColumnPlane {
 template <typename Run>
 class TouchedCells {
  public:
-  /// `inside`: the part of the triangle's bounding cells that is wanted, not empty.
+  /// `inside`: the wanted part of the triangle's bounding cells, not empty.
   TouchedCells(const CellTriangle& t, const CellRange& inside, Run& run) : inside_(inside), run_(run) {
-    // Relative to the first cell: small numbers keep more digits.
+    // Coordinates relative to the first cell keep more digits.
     const geometry::Vec3 base(inside.low[0], inside.low[1], inside.low[2]);
     for (std::size_t i = 0; i < 3; ++i) t_[i] = t[i] - base;
     double farthest = 0.0;
     for (const geometry::Vec3& p : t_) farthest = std::max(farthest, p.lpNorm<Eigen::Infinity>());
-    tolerance_ = kTouch_cells + 1e-14 * farthest;
+    tolerance_ = kTouchTolerance_cells + 1e-14 * farthest;
   }
 
-  /// The triangle fits into one cell along all axes but `w`: its bounding cells are a row, and it touches all of them.
+  /// The triangle fits into one cell along all axes but `w`: it touches every cell of the resulting row.
   void row(std::size_t w) { run_(inside_.low, w, inside_.high[w]); }
 
   /// The triangle fits into one cell along the third axis: only its projection on (u, w) matters.
@@ -185,7 +186,7 @@ class TouchedCells {
     const auto w = static_cast<std::size_t>(longest);
     const std::size_t u = (w + 1) % 3;
     const std::size_t v = (w + 2) % 3;
-    // Without area there is no plane, and the sides say all.
+    // A triangle without area has no plane; the tests of its sides suffice.
     if (normal[longest] == 0.0) return columns(u, v, w, [](double, double) { return Interval{-1e18, 1e18}; });
     const ColumnPlane plane(normal, t_, static_cast<int>(u), static_cast<int>(v), longest, tolerance_);
     columns(u, v, w, [&](double k_u, double k_v) { return plane.interval(k_u, k_v); });
@@ -230,15 +231,15 @@ class TouchedCells {
   CellTriangle t_;
   CellRange inside_;
   Run& run_;
-  double tolerance_ = kTouch_cells;
+  double tolerance_ = kTouchTolerance_cells;
 };
 
-/// Calls run(cell, axis, last) for the cells of a grid of `dims` cells that the triangle touches; a cell may come more
-/// than once.
+/// Calls run(cell, axis, last) for the runs of cells in a grid of `dims` cells that the triangle touches; a cell may be
+/// reported more than once.
 template <typename Run>
 void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims, Run&& run) {
   const CellRange range = bounding_cells(t, dims);
-  const CellRange inside = clipped(range, dims);
+  const CellRange inside = clip_to_grid(range, dims);
   if (inside.empty()) return;
   std::array<std::size_t, 3> wide{};
   std::size_t wide_axes = 0;

@@ -10,7 +10,7 @@
 #include <mutex>
 #include <string>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/ground_truth/brick_map.h"
 #include "tileflight/ground_truth/triangle_cells.h"
 
@@ -21,8 +21,8 @@ using geometry::Box3;
 using geometry::TriangleMesh;
 using geometry::Vec3;
 
-/// Occupied cells that are still computed: the list of them alone takes 6 GB.
-constexpr double kMostCells = 5e8;
+/// Upper limit of occupied cells: the list of them alone takes 6 GB.
+constexpr double kMaxCells = 5e8;
 
 /// Triangles between two calls of Progress.
 constexpr std::size_t kBlock = 8192;
@@ -37,12 +37,12 @@ std::array<std::int32_t, 3> grid_dims(const Box3& box, double edge_m) {
   }
   std::array<std::int32_t, 3> dims{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    // Rounded, since 9 / 0.3 is 30 cells and not the 29 that truncating leaves.
+    // Rounded, since 9 / 0.3 must give 30 cells and truncation gives 29.
     const double cells = std::max(1.0, std::round(box.sizes()[static_cast<int>(axis)] / edge_m));
-    if (cells > BrickMap::kMostCellsPerAxis) {
+    if (cells > BrickMap::kMaxCellsPerAxis) {
       throw InputError("voxel edge " + std::to_string(edge_m) + " m",
                        "gives " + std::to_string(static_cast<std::int64_t>(cells)) +
-                           " cells along one axis, more than " + std::to_string(BrickMap::kMostCellsPerAxis) +
+                           " cells along one axis, more than " + std::to_string(BrickMap::kMaxCellsPerAxis) +
                            ": choose a larger edge");
     }
     dims[axis] = static_cast<std::int32_t>(cells);
@@ -50,7 +50,7 @@ std::array<std::int32_t, 3> grid_dims(const Box3& box, double edge_m) {
   return dims;
 }
 
-/// Metres to cells.
+/// Conversion from metres to cells.
 class CellFrame {
  public:
   CellFrame(const TriangleMesh& mesh, const Vec3& origin, double edge_m)
@@ -74,10 +74,10 @@ class CellFrame {
   double cells_per_m_;
 };
 
-/// About the cells that a triangle touches: the area of its largest projection and its sides, at most the columns of
-/// the grid under it. Triangles of a few cells count as none: what they take is bounded by the mesh.
-double estimated_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims) {
-  const CellRange range = clipped(bounding_cells(t, dims), dims);
+/// Estimate of the number of cells touched by a triangle: the area of its largest projection plus its sides, at most
+/// the grid's columns below it. Triangles of a few cells count as zero: their memory is bounded by the mesh.
+double estimate_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims) {
+  const CellRange range = clip_to_grid(bounding_cells(t, dims), dims);
   if (range.empty()) return 0.0;
   const Vec3 counts(static_cast<double>(range.count(0)), static_cast<double>(range.count(1)),
                     static_cast<double>(range.count(2)));
@@ -88,19 +88,19 @@ double estimated_cells(const CellTriangle& t, const std::array<std::int32_t, 3>&
   return std::min(columns, 0.5 * ab.cross(ac).lpNorm<Eigen::Infinity>() + ab.norm() + ac.norm());
 }
 
-void refuse_too_many(const CellFrame& frame, std::size_t triangles, const std::array<std::int32_t, 3>& dims,
-                     double edge_m) {
+void require_few_cells(const CellFrame& frame, std::size_t triangles, const std::array<std::int32_t, 3>& dims,
+                       double edge_m) {
   const double cells = tbb::parallel_reduce(
       tbb::blocked_range<std::size_t>(0, triangles, kBlock), 0.0,
       [&](const tbb::blocked_range<std::size_t>& range, double sum) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i) sum += estimated_cells(frame.triangle(i), dims);
+        for (std::size_t i = range.begin(); i < range.end(); ++i) sum += estimate_cells(frame.triangle(i), dims);
         return sum;
       },
       std::plus<>());
-  if (cells > kMostCells) {
+  if (cells > kMaxCells) {
     throw InputError("voxel edge " + std::to_string(edge_m) + " m",
                      "would occupy about " + std::to_string(static_cast<std::int64_t>(cells)) +
-                         " cells, more than the " + std::to_string(static_cast<std::int64_t>(kMostCells)) +
+                         " cells, more than the " + std::to_string(static_cast<std::int64_t>(kMaxCells)) +
                          " that are kept: choose a larger edge or a smaller region");
   }
 }
@@ -111,9 +111,10 @@ geometry::VoxelGrid voxelize(const TriangleMesh& mesh, const Box3& box, double e
   const std::array<std::int32_t, 3> dims = grid_dims(box, edge_m);
   const CellFrame frame(mesh, box.min(), edge_m);
   const std::size_t triangles = mesh.triangles.size();
-  refuse_too_many(frame, triangles, dims, edge_m);
+  require_few_cells(frame, triangles, dims, edge_m);
 
-  // Each thread gathers its own set; a union has no order, so the result does not depend on who took which triangle.
+  // Each thread collects its own set; a union has no order, so the result does not depend on the distribution of
+  // triangles over threads.
   tbb::enumerable_thread_specific<BrickMap> sets;
   std::mutex progress_mutex;
   std::int64_t done = 0;

@@ -10,8 +10,8 @@
 #include <set>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -38,7 +38,7 @@ std::vector<Vec3> clipped_polygon(const std::vector<Vec3>& polygon, int axis, do
   return kept;
 }
 
-/// Another way to say that a triangle touches a cell: what remains of it when it is cut by the cell's six faces.
+/// Independent test whether a triangle touches a cell: whether anything remains after clipping by the cell's six faces.
 bool touches(const TriangleMesh& mesh, const geometry::Triangle& t, const VoxelGrid& grid, const Cell& cell) {
   std::vector<Vec3> polygon = {mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]};
   const Vec3 low = grid.origin + grid.edge_m * Vec3(cell.x, cell.y, cell.z);
@@ -99,7 +99,7 @@ TriangleMesh random_triangles(int count, unsigned seed, double size_m, const Box
 TEST(Voxelize, EqualsBruteForceOnTrianglesOfEverySize) {
   for (const double size_m : {0.02, 0.3, 1.0, 4.0, 50.0}) {
     for (unsigned seed = 0; seed < 40; ++seed) {
-      // Few at a time, so that a wrong cell is not hidden under another triangle.
+      // A few at a time, so that no other triangle hides a wrong cell.
       const Box3 box(Vec3(-3, 2, 2885), Vec3(3, 6.5, 2889));
       expect_brute_force(random_triangles(3, seed, size_m, box), box, 0.5);
     }
@@ -191,14 +191,14 @@ TEST(Voxelize, ReportsProgressToTheEnd) {
   EXPECT_EQ(last, 30000);
 }
 
-// The faults that AirSim's simCreateVoxelGrid is known for, one test each.
+// Known faults of AirSim's simCreateVoxelGrid, one test each.
 
 TEST(AirSimFaults, ScaleOfTheFileIsTheLongestSideNotItsInverse) {
   const tests::TemporaryFolder folder;
   TriangleMesh mesh;
   add_rectangle(mesh, Vec3(0, 0, 1.1), Vec3(100, 0, 0), Vec3(0, 100, 0));
   write_binvox(folder / "v.binvox", voxelize(mesh, cube_box(100.0), 0.5));
-  EXPECT_THAT(geometry::read_text(folder / "v.binvox"), HasSubstr("\nscale 100\n"));
+  EXPECT_THAT(base::read_text(folder / "v.binvox"), HasSubstr("\nscale 100\n"));
   EXPECT_DOUBLE_EQ(geometry::read_binvox(folder / "v.binvox").edge_m, 0.5);
 }
 
@@ -216,7 +216,7 @@ TEST(AirSimFaults, IndicesBeyondTwoToThe24AreExact) {
   EXPECT_EQ(grid.occupied, expected);
   write_binvox(folder / "v.binvox", grid);
   EXPECT_EQ(geometry::read_binvox(folder / "v.binvox").occupied, expected);
-  EXPECT_EQ(centers(grid).positions.back(), Vec3(299.5, 299.5, 299.5));
+  EXPECT_EQ(cell_centers(grid).positions.back(), Vec3(299.5, 299.5, 299.5));
 }
 
 TEST(AirSimFaults, CellsAreNotShiftedByHalfACell) {
@@ -226,7 +226,7 @@ TEST(AirSimFaults, CellsAreNotShiftedByHalfACell) {
   const VoxelGrid grid = voxelize(mesh, Box3(corner, corner + Vec3::Constant(20.0)), 2.0);
   EXPECT_EQ(grid.occupied, (std::vector<Cell>{{0, 0, 0}}));
   EXPECT_EQ(grid.origin, corner);
-  EXPECT_EQ(centers(grid).positions[0], corner + Vec3::Constant(1.0));
+  EXPECT_EQ(cell_centers(grid).positions[0], corner + Vec3::Constant(1.0));
 }
 
 TEST(AirSimFaults, TheMeshCountsNotItsCollisionShape) {

@@ -11,7 +11,7 @@ namespace {
 
 using geometry::Vec2;
 
-/// Inverse of the radial part alone; nullopt beyond the radius at which it stops growing.
+/// Inverse of the radial part alone; nullopt beyond the radius at which it stops increasing.
 std::optional<Vec2> undistort_radial(const std::array<double, 4>& d, std::optional<double> max_radius,
                                      const Vec2& target) {
   const auto value = [&](double r) { return r * (1.0 + r * r * (d[0] + r * r * d[1])); };
@@ -20,30 +20,30 @@ std::optional<Vec2> undistort_radial(const std::array<double, 4>& d, std::option
   if (wanted == 0.0) return target;
   double upper = max_radius.value_or(std::max(1.0, wanted));
   if (max_radius && wanted > value(upper)) return std::nullopt;
-  while (value(upper) < wanted) upper *= 2.0;  // grows without end, so this ends
-  return target * (solve_growing(wanted, wanted, 0.0, upper, value, slope) / wanted);
+  while (value(upper) < wanted) upper *= 2.0;  // terminates, because the function is unbounded
+  return target * (solve_increasing(wanted, wanted, 0.0, upper, value, slope) / wanted);
 }
 
 }  // namespace
 
-Distorted distort(const std::array<double, 4>& d, const Vec2& m) {
+DistortedPoint distort(const std::array<double, 4>& d, const Vec2& m) {
   const auto [k1, k2, p1, p2] = d;
   const double x = m.x();
   const double y = m.y();
   const double r2 = x * x + y * y;
   const double radial = 1.0 + r2 * (k1 + r2 * k2);
   const double slope = 2.0 * (k1 + 2.0 * k2 * r2);  // d radial / d x = slope * x
-  Distorted out;
-  out.m = {x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-           y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y};
+  DistortedPoint out;
+  out.point = {x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+               y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y};
   const double mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
-  out.d_m << radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x, mixed,  //
+  out.jacobian << radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x, mixed,  //
       mixed, radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
   return out;
 }
 
-std::optional<double> largest_radius(const std::array<double, 4>& d) {
-  constexpr double kLargestSquaredRadius = 1e12;                   // beyond it nothing is told from infinity
+std::optional<double> max_valid_radius(const std::array<double, 4>& d) {
+  constexpr double kLargestSquaredRadius = 1e12;                   // practically infinite
   const std::array<double, 3> slope{1.0, 3.0 * d[0], 5.0 * d[1]};  // in r^2
   const std::optional<double> r2 = first_nonpositive(slope, kLargestSquaredRadius);
   if (!r2) return std::nullopt;

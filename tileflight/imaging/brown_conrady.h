@@ -8,13 +8,13 @@
 /// Radial and tangential distortion in normalised coordinates (Brown 1966; OpenCV's first four: k1 k2 p1 p2).
 namespace tileflight::imaging::brown_conrady {
 
-/// x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2), and the same for y with p1 and p2 exchanged.
-Distorted distort(const std::array<double, 4>& d, const geometry::Vec2& m);
+/// x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2); y likewise, with p1 and p2 exchanged.
+DistortedPoint distort(const std::array<double, 4>& d, const geometry::Vec2& m);
 
-/// Radius at which r (1 + k1 r^2 + k2 r^4) stops growing; nullopt where it grows for ever.
-std::optional<double> largest_radius(const std::array<double, 4>& d);
+/// Radius at which r (1 + k1 r^2 + k2 r^4) stops increasing; nullopt if it always increases.
+std::optional<double> max_valid_radius(const std::array<double, 4>& d);
 
-/// The coordinates that distort() takes to `target`, none of them beyond `max_radius`; nullopt where there are none.
+/// Inverse of distort(), with a radius of at most `max_radius`; nullopt if there is no solution.
 std::optional<geometry::Vec2> undistort(const std::array<double, 4>& d, std::optional<double> max_radius,
                                         const geometry::Vec2& target);
 

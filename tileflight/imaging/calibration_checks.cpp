@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::imaging {
 
@@ -39,18 +39,18 @@ void require_coefficient_count(const std::string& file, const std::string& disto
   }
 }
 
-void check_focal(const std::string& file, const LensNumbers& numbers) {
-  require_count(file, "intrinsics", sphere_number_count(file, numbers.model) + 4,
-                numbers.sphere.size() + numbers.focal.size());
-  require_finite(file, "intrinsics", numbers.focal);
-  if (!(numbers.focal[0] > 0.0 && numbers.focal[1] > 0.0))
+void check_focal(const std::string& file, const LensParameters& numbers) {
+  require_count(file, "intrinsics", sphere_parameter_count(file, numbers.model) + 4,
+                numbers.sphere_parameters.size() + numbers.intrinsics.size());
+  require_finite(file, "intrinsics", numbers.intrinsics);
+  if (!(numbers.intrinsics[0] > 0.0 && numbers.intrinsics[1] > 0.0))
     throw InputError(file, "focal lengths must be above 0 pixels");
   if (numbers.width <= 0 || numbers.height <= 0 || numbers.width > kMaxImageSide_px ||
       numbers.height > kMaxImageSide_px)
     throw InputError(file, "resolution must be two numbers from 1 to " + std::to_string(kMaxImageSide_px));
 }
 
-void check_distortion(const std::string& file, const LensNumbers& numbers) {
+void check_distortion(const std::string& file, const LensParameters& numbers) {
   const std::span<const double> k = numbers.distortion_coefficients;
   require_coefficient_count(file, numbers.distortion, k.size());
   require_finite(file, "distortion coefficients", k);
@@ -63,8 +63,8 @@ void check_distortion(const std::string& file, const LensNumbers& numbers) {
                                "\" is not supported: use " + (numbers.model == "omni" ? "radtan or none" : "none"));
 }
 
-void check_sphere(const std::string& file, const LensNumbers& numbers) {
-  const std::span<const double> s = numbers.sphere;
+void check_sphere(const std::string& file, const LensParameters& numbers) {
+  const std::span<const double> s = numbers.sphere_parameters;
   require_finite(file, "intrinsics", s);
   const auto alpha_holds = [](double alpha) { return alpha >= 0.0 && alpha <= 1.0; };
   if (numbers.model == "omni" && !(s[0] >= 0.0)) throw InputError(file, "xi of \"omni\" must be 0 or more");
@@ -74,7 +74,7 @@ void check_sphere(const std::string& file, const LensNumbers& numbers) {
     throw InputError(file, "\"eucm\" must have alpha from 0 to 1 and beta above 0");
 }
 
-/// With zeros for what is not given.
+/// Pads the missing coefficients with zeros.
 template <std::size_t N>
 std::array<double, N> padded(std::span<const double> values) {
   std::array<double, N> out{};
@@ -82,13 +82,13 @@ std::array<double, N> padded(std::span<const double> values) {
   return out;
 }
 
-CameraModel checked_model(const LensNumbers& numbers) {
-  const std::span<const double> f = numbers.focal;
+CameraModel checked_model(const LensParameters& numbers) {
+  const std::span<const double> f = numbers.intrinsics;
   const std::span<const double> k = numbers.distortion_coefficients;
-  const std::span<const double> s = numbers.sphere;
-  if (numbers.model == "omni") return Unified{f[0], f[1], f[2], f[3], s[0], padded<4>(k)};
+  const std::span<const double> s = numbers.sphere_parameters;
+  if (numbers.model == "omni") return UnifiedModel{f[0], f[1], f[2], f[3], s[0], padded<4>(k)};
   if (numbers.model == "ds") return DoubleSphere{f[0], f[1], f[2], f[3], s[0], s[1]};
-  if (numbers.model == "eucm") return ExtendedUnified{f[0], f[1], f[2], f[3], s[0], s[1]};
+  if (numbers.model == "eucm") return ExtendedUnifiedModel{f[0], f[1], f[2], f[3], s[0], s[1]};
   if (numbers.distortion == "equidistant") return KannalaBrandt{f[0], f[1], f[2], f[3], padded<4>(k)};
   if (numbers.model == "equirectangular") return Equirectangular{f[0], f[1], f[2], f[3]};
   if (numbers.distortion == "rational") return PinholeRational{f[0], f[1], f[2], f[3], padded<12>(k)};
@@ -98,7 +98,7 @@ CameraModel checked_model(const LensNumbers& numbers) {
 
 }  // namespace
 
-std::size_t sphere_number_count(const std::string& file, const std::string& model) {
+std::size_t sphere_parameter_count(const std::string& file, const std::string& model) {
   if (model == "pinhole" || model == "equirectangular") return 0;
   if (model == "omni") return 1;
   if (model == "ds" || model == "eucm") return 2;
@@ -107,14 +107,14 @@ std::size_t sphere_number_count(const std::string& file, const std::string& mode
                              "(with radtan or none), ds, eucm or equirectangular");
 }
 
-Camera checked_camera(const std::string& file, const LensNumbers& numbers) {
+Camera make_camera(const std::string& file, const LensParameters& numbers) {
   check_focal(file, numbers);
   check_distortion(file, numbers);
   check_sphere(file, numbers);
   return {checked_model(numbers), numbers.width, numbers.height};
 }
 
-NamedDistortion distortion_of_opencv(const std::string& where, std::span<const double> coefficients) {
+NamedDistortion parse_opencv_distortion(const std::string& where, std::span<const double> coefficients) {
   constexpr std::array<std::size_t, 6> kCounts{0, 4, 5, 8, 12, 14};
   constexpr std::size_t kWithoutTilt = 12;
   const std::size_t count = coefficients.size();
@@ -122,7 +122,7 @@ NamedDistortion distortion_of_opencv(const std::string& where, std::span<const d
     throw InputError(where, "must have 0, 4, 5, 8, 12 or 14 numbers, not " + std::to_string(count));
   for (std::size_t i = kWithoutTilt; i < count; ++i)
     if (coefficients[i] != 0.0)
-      throw InputError(where, (i == kWithoutTilt ? "tx is " : "ty is ") + number_text(coefficients[i]) +
+      throw InputError(where, (i == kWithoutTilt ? "tx is " : "ty is ") + format_number(coefficients[i]) +
                                   ", but no lens model here has a tilted sensor: calibrate without "
                                   "CALIB_TILTED_MODEL");
   const auto all = padded<kWithoutTilt>(coefficients);
@@ -131,10 +131,10 @@ NamedDistortion distortion_of_opencv(const std::string& where, std::span<const d
   return {"rational", {all.begin(), all.end()}};
 }
 
-std::string number_text(double value) {
+std::string format_number(double value) {
   std::string text;
-  geometry::append_number(text, value);
-  // "1e-08" is a word to YAML 1.1 readers (PyYAML, so Kalibr's own tools); "1.0e-08" is a number to all.
+  base::append_number(text, value);
+  // YAML 1.1 readers (PyYAML, and so Kalibr's own tools) read "1e-08" as a string; "1.0e-08" is a number for all.
   const std::size_t exponent = text.find('e');
   if (exponent != std::string::npos && text.find('.') == std::string::npos) text.insert(exponent, ".0");
   return text;

@@ -4,8 +4,8 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/camera.h"
 
 namespace tileflight::imaging {
@@ -13,6 +13,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 struct Parameters {
   std::vector<double> values;
@@ -20,13 +21,13 @@ struct Parameters {
   void operator()(const KannalaBrandt& m) { values = {1, m.fx, m.fy, m.cx, m.cy, m.k[0], m.k[1], m.k[2], m.k[3]}; }
   void operator()(const FovModel& m) { values = {2, m.fx, m.fy, m.cx, m.cy, m.w}; }
   void operator()(const DoubleSphere& m) { values = {3, m.fx, m.fy, m.cx, m.cy, m.xi, m.alpha}; }
-  void operator()(const Unified& m) { values = {4, m.fx, m.fy, m.cx, m.cy, m.xi, m.d[0], m.d[1], m.d[2], m.d[3]}; }
+  void operator()(const UnifiedModel& m) { values = {4, m.fx, m.fy, m.cx, m.cy, m.xi, m.d[0], m.d[1], m.d[2], m.d[3]}; }
   void operator()(const PinholeRational& m) {
     values = {6, m.fx, m.fy, m.cx, m.cy};
     values.insert(values.end(), m.d.begin(), m.d.end());
   }
   void operator()(const Equirectangular& m) { values = {7, m.fx, m.fy, m.cx, m.cy}; }
-  void operator()(const ExtendedUnified& m) { values = {5, m.fx, m.fy, m.cx, m.cy, m.alpha, m.beta}; }
+  void operator()(const ExtendedUnifiedModel& m) { values = {5, m.fx, m.fy, m.cx, m.cy, m.alpha, m.beta}; }
 };
 
 std::vector<double> parameters(const Camera& camera) {
@@ -45,7 +46,7 @@ std::vector<Camera> cameras() {
           {FovModel{342.1, 321.9, 315.25, 238.125, 0.897966326944875}, 640, 480}};
 }
 
-/// Lenses that DSO's format has no name for.
+/// Lens models that DSO's format does not support.
 std::vector<Camera> sphere_cameras() {
   return {{DoubleSphere{158.28600034966977, 158.2743455478755, 254.96116578191653, 256.8894394501779,
                         -0.17213086034353243, 0.5931177593944744},
@@ -54,16 +55,16 @@ std::vector<Camera> sphere_cameras() {
                570.5, 572.25, 640.5, 362.25, {8.1, 3.2, 2e-4, -3e-4, 0.14, 8.4, 5.6, 0.78, 1e-3, -2e-3, 3e-3, -4e-3}},
            1280, 720},
           make_panorama(1920, 960),
-          {Unified{1167.1, 1163.8, 360.9, 238.4, 1.9, {-0.26, 0.07, 1e-4, -2e-4}}, 720, 480},
-          {ExtendedUnified{460.76484651566468, 459.4051018049483, 365.8937161309615, 249.33499869752445,
-                           0.5903365915227143, 1.127468196965374},
+          {UnifiedModel{1167.1, 1163.8, 360.9, 238.4, 1.9, {-0.26, 0.07, 1e-4, -2e-4}}, 720, 480},
+          {ExtendedUnifiedModel{460.76484651566468, 459.4051018049483, 365.8937161309615, 249.33499869752445,
+                                0.5903365915227143, 1.127468196965374},
            752, 480}};
 }
 
 std::string read_error(const std::string& extension, const std::string& content) {
   tests::TemporaryFolder folder;
   const auto file = folder / ("camera" + extension);
-  geometry::write_file(file, content);
+  base::write_file(file, content);
   const std::string line = tests::refusal_of([&] { read_calibration(file); });
   EXPECT_THAT(line, HasSubstr("camera" + extension)) << content;
   return line;
@@ -90,7 +91,7 @@ TEST(Kalibr, RoundTripKeepsEveryBit) {
 
 TEST(Kalibr, FileAsKalibrWritesIt) {
   tests::TemporaryFolder folder;
-  geometry::write_file(folder / "camchain.yaml", R"(cam0:
+  base::write_file(folder / "camchain.yaml", R"(cam0:
   T_cam_imu:
   - [0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975]
   - [0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768]
@@ -119,7 +120,7 @@ TEST(Kalibr, NoDistortion) {
   const std::string lens =
       "cam0:\n  camera_model: pinhole\n  intrinsics: [500, 500, 320, 240]\n  resolution: [640, 480]\n";
   for (const std::string tail : {"  distortion_model: none\n  distortion_coeffs: []\n", "  distortion_model: none\n"}) {
-    geometry::write_file(folder / "camera.yaml", lens + tail);
+    base::write_file(folder / "camera.yaml", lens + tail);
     EXPECT_EQ(parameters(read_kalibr(folder / "camera.yaml").camera),
               (std::vector<double>{0, 500, 500, 320, 240, 0, 0, 0, 0}));
   }
@@ -128,7 +129,7 @@ TEST(Kalibr, NoDistortion) {
 TEST(Kalibr, LensesWithSpheresHaveTheirNumbersFirst) {
   tests::TemporaryFolder folder;
   const auto read = [&](const std::string& lines) {
-    geometry::write_file(folder / "camera.yaml", "cam0:\n" + lines + "  resolution: [640, 480]\n");
+    base::write_file(folder / "camera.yaml", "cam0:\n" + lines + "  resolution: [640, 480]\n");
     return parameters(read_kalibr(folder / "camera.yaml").camera);
   };
   EXPECT_EQ(read("  camera_model: ds\n  intrinsics: [-0.2, 0.6, 500, 501, 320, 240]\n  distortion_model: none\n"),
@@ -215,10 +216,11 @@ TEST(DsoCamera, RoundTripKeepsEveryBit) {
 TEST(DsoCamera, LensesThatDsoDoesNotKnowAreRefused) {
   tests::TemporaryFolder folder;
   for (const Camera& camera : sphere_cameras()) {
-    EXPECT_FALSE(has_dso_name(camera));
-    EXPECT_THROW(write_dso_camera(folder / "camera.txt", {.camera = camera}), InputError);
+    EXPECT_FALSE(has_dso_model(camera));
+    EXPECT_THAT([&] { write_dso_camera(folder / "camera.txt", {.camera = camera}); },
+                ThrowsMessage<InputError>(HasSubstr("DSO's camera file has no name for this lens")));
   }
-  for (const Camera& camera : cameras()) EXPECT_TRUE(has_dso_name(camera));
+  for (const Camera& camera : cameras()) EXPECT_TRUE(has_dso_model(camera));
 }
 
 TEST(DsoCamera, PrincipalPointInTheFirstPixel) {
@@ -233,12 +235,12 @@ TEST(DsoCamera, PrincipalPointInTheFirstPixel) {
 TEST(DsoCamera, Dialects) {
   tests::TemporaryFolder folder;
   const auto read = [&](const std::string& text) {
-    geometry::write_file(folder / "camera.txt", text);
+    base::write_file(folder / "camera.txt", text);
     return parameters(read_dso_camera(folder / "camera.txt").camera);
   };
   EXPECT_EQ(read("Pinhole 525 526 320 240 0\n640 480\nnone\n640 480\n"),
             (std::vector<double>{0, 525, 526, 320, 240, 0, 0, 0, 0}));
-  // Relative: cx below 1; the image's middle (0.5 w) is at w / 2 - 0.5 where pixel centres are integers.
+  // Relative: cx below 1; the image's centre (0.5 w) is at w / 2 - 0.5 if pixel centres are integers.
   EXPECT_EQ(read("FOV 0.5 0.75 0.5 0.5 0.9\n640 480\ncrop\n320 240"),
             (std::vector<double>{2, 320, 360, 319.5, 239.5, 0.9}));
   EXPECT_EQ(read("0.5 0.75 0.5 0.5 0.9\n640 480\n0.4 0.6 0.5 0.5 0\n640 480"),

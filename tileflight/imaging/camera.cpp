@@ -1,7 +1,7 @@
 // Lens models. Notation: a point (x, y, z) in the camera frame, rho = |(x, y)|, theta = atan2(rho, z) its angle from
 // the optical axis, r its distance from the principal point in units of the focal length. A pixel is (fx mx + cx, fy my
-// + cy) with (mx, my) the distorted coordinates. The valid cone is where r(theta) still grows: beyond it two directions
-// share a pixel and no inverse exists.
+// + cy) with (mx, my) the distorted coordinates. The valid cone ends where r(theta) stops increasing: beyond it two
+// directions share a pixel and no inverse exists.
 #include "tileflight/imaging/camera.h"
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/brown_conrady.h"
 #include "tileflight/imaging/newton.h"
 #include "tileflight/imaging/polynomial.h"
@@ -61,7 +61,7 @@ Radius radius_of(const FovModel& m, double rho, double z, double /*theta*/) {
   return {std::atan2(a * rho, z) / m.w, a * z / denominator, -a * rho / denominator};
 }
 
-/// Distorted coordinates of a point off or on the axis, for both radial models.
+/// Distorted coordinates of a point, on or off the axis, for both radial models.
 template <class Model>
 std::optional<Vec2> project_radial(const Model& m, double max_theta, const Vec3& p, Jacobian* jacobian) {
   const double rho2 = p.x() * p.x() + p.y() * p.y();
@@ -88,7 +88,7 @@ Vec3 ray_at_angle(const Vec2& m, double r, double theta) {
 std::optional<Vec3> unproject_normalized(const KannalaBrandt& m, double max_theta, const Vec2& d) {
   const double r = d.norm();
   if (!(r <= kannala_radius(m.k, max_theta))) return std::nullopt;
-  const double theta = solve_growing(
+  const double theta = solve_increasing(
       r, r, 0.0, max_theta, [&](double t) { return kannala_radius(m.k, t); },
       [&](double t) { return kannala_slope(m.k, t); });
   return ray_at_angle(d, r, theta);
@@ -103,8 +103,8 @@ std::optional<Vec3> unproject_normalized(const FovModel& m, double /*max_theta*/
 
 // ---- pinholes with distortion ----
 
-Distorted distorted_by(const PinholeRadtan& m, const Vec2& flat) { return brown_conrady::distort(m.d, flat); }
-Distorted distorted_by(const PinholeRational& m, const Vec2& flat) { return rational::distort(m.d, flat); }
+DistortedPoint apply_distortion(const PinholeRadtan& m, const Vec2& flat) { return brown_conrady::distort(m.d, flat); }
+DistortedPoint apply_distortion(const PinholeRational& m, const Vec2& flat) { return rational::distort(m.d, flat); }
 
 std::optional<double> max_radius(double max_theta) {
   return max_theta < 0.5 * kPi ? std::optional<double>(std::tan(max_theta)) : std::nullopt;
@@ -117,13 +117,13 @@ std::optional<Vec2> project_flat(const Model& m, double max_theta, const Vec3& p
   const Vec2 flat = p.head<2>() * inverse_z;
   const std::optional<double> largest = max_radius(max_theta);
   if (largest && flat.squaredNorm() > *largest * *largest) return std::nullopt;
-  const Distorted distorted = distorted_by(m, flat);
-  if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;  // folded by the tangential part
+  const DistortedPoint distorted = apply_distortion(m, flat);
+  if (!(distorted.jacobian.determinant() > 0.0)) return std::nullopt;  // folded by the tangential part
   if (jacobian != nullptr) {
-    const Mat2 d = Vec2(m.fx, m.fy).asDiagonal() * distorted.d_m * inverse_z;
+    const Mat2 d = Vec2(m.fx, m.fy).asDiagonal() * distorted.jacobian * inverse_z;
     *jacobian << d, -d * flat;
   }
-  return Vec2(m.fx * distorted.m.x() + m.cx, m.fy * distorted.m.y() + m.cy);
+  return Vec2(m.fx * distorted.point.x() + m.cx, m.fy * distorted.point.y() + m.cy);
 }
 
 std::optional<Vec3> unproject_normalized(const PinholeRadtan& m, double max_theta, const Vec2& d) {
@@ -154,20 +154,20 @@ std::optional<Vec2> project_panorama(const Equirectangular& m, const Vec3& p, Ja
 }
 
 std::optional<Vec3> unproject_normalized(const Equirectangular& /*m*/, double /*max_theta*/, const Vec2& d) {
-  constexpr double kRounding = 1.0 + 1e-12;  // the image's own borders are seen
+  constexpr double kRounding = 1.0 + 1e-12;  // includes the image's own borders
   if (!(std::abs(d.x()) <= kPi * kRounding && std::abs(d.y()) <= 0.5 * kPi * kRounding)) return std::nullopt;
   const double level = std::cos(d.y());
   return Vec3(level * std::sin(d.x()), std::sin(d.y()), level * std::cos(d.x()));
 }
 
-// ---- lenses by way of spheres (sphere_lenses.h) ----
+// ---- lenses with projection spheres (sphere_lenses.h) ----
 
-/// Largest coordinates before distortion.
-std::optional<double> max_radius(const Unified& m) { return brown_conrady::largest_radius(m.d); }
+/// Largest radius before distortion.
+std::optional<double> max_radius(const UnifiedModel& m) { return brown_conrady::max_valid_radius(m.d); }
 
-Distorted distorted_by(const Unified& m, const Vec2& flat) { return brown_conrady::distort(m.d, flat); }
+DistortedPoint apply_distortion(const UnifiedModel& m, const Vec2& flat) { return brown_conrady::distort(m.d, flat); }
 template <class Model>
-Distorted distorted_by(const Model& /*m*/, const Vec2& flat) {
+DistortedPoint apply_distortion(const Model& /*m*/, const Vec2& flat) {
   return {flat, Mat2::Identity()};
 }
 
@@ -178,33 +178,33 @@ std::optional<Vec2> project_by_sphere(const Model& m, double max_theta, const Ve
   const sphere_lenses::Denominator denominator = sphere_lenses::denominator(m, p);
   if (!(denominator.value > 0.0)) return std::nullopt;
   const Vec2 flat = p.head<2>() / denominator.value;
-  const Distorted distorted = distorted_by(m, flat);
-  if (!(distorted.d_m.determinant() > 0.0)) return std::nullopt;
+  const DistortedPoint distorted = apply_distortion(m, flat);
+  if (!(distorted.jacobian.determinant() > 0.0)) return std::nullopt;
   if (jacobian != nullptr) {
-    Jacobian flat_by_point = -flat * denominator.by_point.transpose();
+    Jacobian flat_by_point = -flat * denominator.gradient.transpose();
     flat_by_point.leftCols<2>() += Mat2::Identity();
-    *jacobian = Vec2(m.fx, m.fy).asDiagonal() * distorted.d_m * flat_by_point / denominator.value;
+    *jacobian = Vec2(m.fx, m.fy).asDiagonal() * distorted.jacobian * flat_by_point / denominator.value;
   }
-  return Vec2(m.fx * distorted.m.x() + m.cx, m.fy * distorted.m.y() + m.cy);
+  return Vec2(m.fx * distorted.point.x() + m.cx, m.fy * distorted.point.y() + m.cy);
 }
 
-std::optional<Vec3> within(double max_theta, const std::optional<Vec3>& ray) {
+std::optional<Vec3> limit_to_cone(double max_theta, const std::optional<Vec3>& ray) {
   if (!ray || std::atan2(std::hypot(ray->x(), ray->y()), ray->z()) > max_theta) return std::nullopt;
   return ray->normalized();
 }
 
 std::optional<Vec3> unproject_normalized(const DoubleSphere& m, double max_theta, const Vec2& d) {
-  return within(max_theta, sphere_lenses::ray_of(m, d));
+  return limit_to_cone(max_theta, sphere_lenses::unproject(m, d));
 }
-std::optional<Vec3> unproject_normalized(const Unified& m, double max_theta, const Vec2& d) {
+std::optional<Vec3> unproject_normalized(const UnifiedModel& m, double max_theta, const Vec2& d) {
   const std::optional<Vec2> flat = brown_conrady::undistort(m.d, max_radius(m), d);
-  return flat ? within(max_theta, sphere_lenses::ray_of(m, *flat)) : std::nullopt;
+  return flat ? limit_to_cone(max_theta, sphere_lenses::unproject(m, *flat)) : std::nullopt;
 }
-std::optional<Vec3> unproject_normalized(const ExtendedUnified& m, double max_theta, const Vec2& d) {
-  return within(max_theta, sphere_lenses::ray_of(m, d));
+std::optional<Vec3> unproject_normalized(const ExtendedUnifiedModel& m, double max_theta, const Vec2& d) {
+  return limit_to_cone(max_theta, sphere_lenses::unproject(m, d));
 }
 
-// ---- one entry for each, so that callers visit the variant once ----
+// ---- one entry point for each operation, so that callers visit the variant once ----
 
 std::optional<Vec2> project_by(const KannalaBrandt& m, double max_theta, const Vec3& p, Jacobian* j) {
   return project_radial(m, max_theta, p, j);
@@ -225,28 +225,28 @@ std::optional<Vec2> project_by(const Equirectangular& m, double /*max_theta*/, c
 std::optional<Vec2> project_by(const DoubleSphere& m, double max_theta, const Vec3& p, Jacobian* j) {
   return project_by_sphere(m, max_theta, p, j);
 }
-std::optional<Vec2> project_by(const Unified& m, double max_theta, const Vec3& p, Jacobian* j) {
+std::optional<Vec2> project_by(const UnifiedModel& m, double max_theta, const Vec3& p, Jacobian* j) {
   return project_by_sphere(m, max_theta, p, j);
 }
-std::optional<Vec2> project_by(const ExtendedUnified& m, double max_theta, const Vec3& p, Jacobian* j) {
+std::optional<Vec2> project_by(const ExtendedUnifiedModel& m, double max_theta, const Vec3& p, Jacobian* j) {
   return project_by_sphere(m, max_theta, p, j);
 }
 
-/// Angle at which r(theta) stops growing, at most 180 degrees.
+/// Angle at which r(theta) stops increasing, at most 180 degrees.
 double max_theta_of(const KannalaBrandt& m) {
   const std::array<double, 5> slope{1.0, 3.0 * m.k[0], 5.0 * m.k[1], 7.0 * m.k[2], 9.0 * m.k[3]};  // in theta^2
   return std::sqrt(first_nonpositive(slope, kPi * kPi).value_or(kPi * kPi));
 }
 double max_theta_of(const FovModel& /*m*/) { return 0.5 * kPi; }
 double max_theta_of(const PinholeRadtan& m) {
-  const std::optional<double> radius = brown_conrady::largest_radius(m.d);
+  const std::optional<double> radius = brown_conrady::max_valid_radius(m.d);
   return radius ? std::atan(*radius) : 0.5 * kPi;
 }
-double max_theta_of(const PinholeRational& m) { return std::atan(rational::largest_radius(m.d)); }
+double max_theta_of(const PinholeRational& m) { return std::atan(rational::max_valid_radius(m.d)); }
 double max_theta_of(const Equirectangular& /*m*/) { return kPi; }
 double max_theta_of(const DoubleSphere& m) { return sphere_lenses::max_theta_rad(m); }
-double max_theta_of(const Unified& m) { return sphere_lenses::max_theta_rad(m); }
-double max_theta_of(const ExtendedUnified& m) { return sphere_lenses::max_theta_rad(m); }
+double max_theta_of(const UnifiedModel& m) { return sphere_lenses::max_theta_rad(m); }
+double max_theta_of(const ExtendedUnifiedModel& m) { return sphere_lenses::max_theta_rad(m); }
 
 }  // namespace
 
@@ -276,13 +276,13 @@ std::optional<Vec3> Camera::unproject(const Vec2& pixel) const {
       model_);
 }
 
-double Camera::widest_angle_rad() const {
+double Camera::max_image_angle_rad() const {
   double widest = 0.0;
   const auto take = [&](double x, double y) {
     const std::optional<Vec3> ray = unproject({x, y});
     widest = std::max(widest, ray ? std::acos(std::clamp(ray->z(), -1.0, 1.0)) : max_theta_rad_);
   };
-  constexpr int kSteps = 32;  // even, so that the middles are among them: a panorama sees farthest there
+  constexpr int kSteps = 32;  // even, to include the middles of the sides, where a panorama sees farthest
   for (int i = 0; i <= kSteps; ++i) {
     const double share = static_cast<double>(i) / kSteps;
     for (const double y : {-0.5, height_ - 0.5}) take(share * width_ - 0.5, y);
@@ -294,7 +294,7 @@ double Camera::widest_angle_rad() const {
 double Camera::horizontal_fov_deg() const {
   const double row = 0.5 * (height_ - 1);
   const double middle = 0.5 * (width_ - 1);
-  // From the middle to an edge of the image, or as far as the lens sees.
+  // Angle from the image centre to an edge, or to the lens's valid limit.
   const auto angle_at = [&](double edge) {
     if (!unproject({middle, row})) return 0.0;
     double seen = 0.0;
@@ -316,7 +316,7 @@ Camera Camera::scaled_to(int width, int height) const {
            std::to_string(height);
   };
   if (width <= 0 || height <= 0) throw InputError("camera", "cannot be scaled from " + sizes());
-  // Heights of both images at the smaller one's width: rounding to whole pixels may part them by one.
+  // Compares heights at the smaller width: rounding to whole pixels may change them by one.
   const double smaller_width = std::min(width, width_);
   if (std::abs(height * smaller_width / width - height_ * smaller_width / width_) > 1.0 + 1e-9)
     throw InputError("camera", "cannot be scaled from " + sizes() + ": the aspect ratio differs");

@@ -17,15 +17,15 @@ struct PinholeRadtan {
   std::array<double, 4> d{};              ///< k1 k2 p1 p2
 };
 
-/// Pinhole with OpenCV's rational and thin-prism distortion, in its order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
-/// (rational_distortion.h). k4 to s4 of zero are Brown-Conrady with a third radial coefficient.
+/// Pinhole with OpenCV's rational and thin-prism distortion, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
+/// (rational_distortion.h). If k4 to s4 are zero, it is Brown-Conrady with a third radial coefficient.
 struct PinholeRational {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   std::array<double, 12> d{};
 };
 
 /// Kannala-Brandt (Kalibr pinhole-equi, OpenCV fisheye): r = theta + k1 theta^3 + k2 theta^5 + k3 theta^7 + k4 theta^9.
-/// Valid beyond 180 degrees, up to where r(theta) stops growing.
+/// Valid beyond 180 degrees, up to where r(theta) stops increasing.
 struct KannalaBrandt {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   std::array<double, 4> k{};
@@ -37,36 +37,36 @@ struct FovModel {
   double w = 0;
 };
 
-/// Double sphere (Usenko, Demmel, Cremers 2018; Kalibr ds): xi above -1, alpha from 0 to 1. Holds beyond 180 degrees.
+/// Double sphere (Usenko, Demmel, Cremers 2018; Kalibr ds): xi above -1, alpha from 0 to 1. Valid beyond 180 degrees.
 struct DoubleSphere {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   double xi = 0, alpha = 0;
 };
 
-/// Unified model of Mei and Rives 2007 (Kalibr omni): a sphere, a pinhole `xi` behind its centre, then Brown-Conrady
-/// distortion. xi = 0 is the pinhole. Beyond 180 degrees with xi above 0.
-struct Unified {
+/// Unified model of Mei and Rives 2007 (Kalibr omni): projection onto a unit sphere, then a pinhole `xi` behind its
+/// centre, then Brown-Conrady distortion. xi = 0 is the plain pinhole. Covers more than 180 degrees if xi is above 0.
+struct UnifiedModel {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   double xi = 0;
   std::array<double, 4> d{};  ///< k1 k2 p1 p2
 };
 
 /// Extended unified model (Khomutenko, Garcia, Martinet 2016; Kalibr eucm): alpha from 0 to 1, beta above 0.
-struct ExtendedUnified {
+struct ExtendedUnifiedModel {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   double alpha = 0, beta = 1;
 };
 
-/// Panorama: u = fx longitude + cx, v = fy latitude + cy, with longitude = atan2(x, z) and latitude = atan2(y,
-/// |(x, z)|), radians. A whole sphere over W x H pixels has fx = W / (2 pi), fy = H / pi.
+/// Equirectangular panorama: u = fx longitude + cx, v = fy latitude + cy, with longitude = atan2(x, z) and latitude =
+/// atan2(y, |(x, z)|), radians. A full sphere over W x H pixels has fx = W / (2 pi), fy = H / pi.
 struct Equirectangular {
   double fx = 0, fy = 0, cx = 0, cy = 0;
 };
 
-using CameraModel = std::variant<PinholeRadtan, KannalaBrandt, FovModel, DoubleSphere, Unified, ExtendedUnified,
-                                 PinholeRational, Equirectangular>;
+using CameraModel = std::variant<PinholeRadtan, KannalaBrandt, FovModel, DoubleSphere, UnifiedModel,
+                                 ExtendedUnifiedModel, PinholeRational, Equirectangular>;
 
-/// A lens over an image of width x height. Camera frame: x right, y down, z forward.
+/// A lens model and its image size, width x height. Camera frame: x right, y down, z forward.
 class Camera {
  public:
   Camera() = default;
@@ -76,26 +76,26 @@ class Camera {
   int height() const { return height_; }
   const CameraModel& model() const { return model_; }
 
-  /// Pixel of a point (any length; only its direction counts). nullopt outside the model's valid cone; pixels outside
-  /// the image are returned as they are.
+  /// Projects a point (only its direction counts) to a pixel. nullopt outside the model's valid cone; pixels outside
+  /// the image are returned unchanged.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera) const;
-  /// As project, with the 2x3 derivative of the pixel by the point; nullopt also at a panorama's poles, where there is
-  /// none.
+  /// As project, with the 2x3 derivative of the pixel by the point; also nullopt at a panorama's poles, where it is
+  /// undefined.
   std::optional<geometry::Vec2> project(const geometry::Vec3& point_camera,
                                         Eigen::Matrix<double, 2, 3>& d_pixel_d_point) const;
   /// Unit ray of a pixel; nullopt outside the model's valid region. project(unproject(p)) == p to 1e-9 px.
   std::optional<geometry::Vec3> unproject(const geometry::Vec2& pixel) const;
 
-  /// Largest angle from the optical axis for which the model holds, radians.
+  /// Largest valid angle from the optical axis, radians.
   double max_theta_rad() const { return max_theta_rad_; }
-  /// Largest angle from the optical axis that the image shows, radians: found along its border, and max_theta_rad()
-  /// where that lies outside of the valid region.
-  double widest_angle_rad() const;
-  /// Full horizontal angle seen along the middle row, degrees.
+  /// Largest angle from the optical axis visible in the image, radians: the maximum along the image border, or
+  /// max_theta_rad() if the border lies outside the valid region.
+  double max_image_angle_rad() const;
+  /// Horizontal field of view along the middle row, degrees.
   double horizontal_fov_deg() const;
 
-  /// The same lens over an image of another size with the same aspect ratio (within a pixel). Pixel centres at
-  /// integers: cx' = (cx + 0.5) s - 0.5. Throws InputError when the aspect ratio differs.
+  /// The same lens for an image of another size and equal aspect ratio (within a pixel). Pixel centres are at integers:
+  /// cx' = (cx + 0.5) s - 0.5. Throws InputError if the aspect ratio differs.
   Camera scaled_to(int width, int height) const;
 
  private:
@@ -108,30 +108,30 @@ class Camera {
 /// Equidistant-like fisheye (Kannala-Brandt, k as given) whose horizontal field of view over `width` is `fov_deg`.
 Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4> k = {});
 Camera make_pinhole(int width, int height, double fov_deg);
-/// The whole sphere.
+/// A panorama of the full sphere.
 Camera make_panorama(int width, int height);
 
-/// A calibration file: the lens, and what the file says beside it.
+/// Content of a calibration file: the lens and further parameters.
 struct Calibration {
   Camera camera;
-  geometry::SE3 T_cam_imu;    ///< identity where the file has none
-  double line_delay_s = 0.0;  ///< rolling shutter: time from one row to the next; 0 is a global shutter
+  geometry::SE3 T_cam_imu;    ///< identity if the file has none
+  double line_delay_s = 0.0;  ///< rolling shutter: time from one row to the next; 0: global shutter
 };
 
-/// Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none; omni + radtan | none; ds; eucm), and in the
-/// same form what Kalibr has no name for: pinhole + rational (5, 8 or 12 numbers, OpenCV's order), equirectangular.
-/// Throws InputError (file, key, cause): unknown models, NaN, wrong counts, resolution <= 0.
+/// Reads a Kalibr camchain YAML (cam0; pinhole + radtan | equidistant | fov | none; omni + radtan | none; ds; eucm),
+/// and in the same format two models that Kalibr lacks: pinhole + rational (5, 8 or 12 numbers, OpenCV's order),
+/// equirectangular. Throws InputError (file, key, cause): unknown models, NaN, wrong counts, resolution <= 0.
 Calibration read_kalibr(const std::filesystem::path& file);
 void write_kalibr(const std::filesystem::path& file, const Calibration& calibration);
 
-/// DSO's four-line camera.txt (Pinhole, FOV, RadTan, EquiDistant, KannalaBrandt; relative or absolute numbers).
+/// Reads DSO's four-line camera.txt (Pinhole, FOV, RadTan, EquiDistant, KannalaBrandt; relative or absolute numbers).
 Calibration read_dso_camera(const std::filesystem::path& file);
-/// Whether DSO's format has a name for the lens.
-bool has_dso_name(const Camera& camera);
-/// Throws InputError for a lens without a name there.
+/// Whether DSO's format supports the lens model.
+bool has_dso_model(const Camera& camera);
+/// Throws InputError for a lens model that the format does not support.
 void write_dso_camera(const std::filesystem::path& file, const Calibration& calibration);
 
-/// By its content: Kalibr, OpenCV, COLMAP or DSO (calibration_files.h). Throws InputError.
+/// Detects the format from the content: Kalibr, OpenCV, COLMAP or DSO (calibration_files.h). Throws InputError.
 Calibration read_calibration(const std::filesystem::path& file);
 
 }  // namespace tileflight::imaging

@@ -1,5 +1,6 @@
 #include "tileflight/imaging/camera.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,13 +8,15 @@
 #include <random>
 
 #include "tests/test_data.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::imaging {
 namespace {
 
 using geometry::Vec2;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 using Jacobian = Eigen::Matrix<double, 2, 3>;
 constexpr double kPi = std::numbers::pi;
 
@@ -46,11 +49,11 @@ std::vector<Lens> lenses() {
       {"equidistant of 300 degrees", make_fisheye(1000, 300, 300.0)},
       {"double sphere", {DoubleSphere{158, 158.5, 254, 256.5, -0.18, 0.59}, 512, 512}},
       {"double sphere beyond 180 degrees", {DoubleSphere{230, 230, 399.5, 149.5, 0.4, 0.62}, 800, 300}},
-      {"unified", {Unified{900, 905, 370, 245, 1.6, {-0.3, 0.05, 0.001, -0.002}}, 752, 480}},
-      {"unified without distortion, beyond 180 degrees", {Unified{300, 300, 399.5, 199.5, 1.0, {}}, 800, 400}},
+      {"unified", {UnifiedModel{900, 905, 370, 245, 1.6, {-0.3, 0.05, 0.001, -0.002}}, 752, 480}},
+      {"unified without distortion, beyond 180 degrees", {UnifiedModel{300, 300, 399.5, 199.5, 1.0, {}}, 800, 400}},
       {"unified without a sphere",
-       {Unified{458.654, 457.296, 367.215, 248.375, 0, {-0.28, 0.07, 0.0002, 2e-5}}, 752, 480}},
-      {"extended unified", {ExtendedUnified{190, 191, 254, 256.5, 0.63, 1.05}, 512, 512}},
+       {UnifiedModel{458.654, 457.296, 367.215, 248.375, 0, {-0.28, 0.07, 0.0002, 2e-5}}, 752, 480}},
+      {"extended unified", {ExtendedUnifiedModel{190, 191, 254, 256.5, 0.63, 1.05}, 512, 512}},
       {"rational of a wide lens",
        {PinholeRational{570, 572, 640.5, 362.25, {8.1, 3.2, 2e-4, -3e-4, 0.14, 8.4, 5.6, 0.78, 0, 0, 0, 0}}, 1280,
         720}},
@@ -59,7 +62,7 @@ std::vector<Lens> lenses() {
        {PinholeRational{700, 710, 630, 350, {0.2, -0.1, 1e-3, -2e-3, 0.05, 0.3, -0.05, 0.01, 2e-3, -1e-3, 1e-3, 5e-4}},
         1280, 720}},
       {"panorama without its poles and seam", {Equirectangular{100, 101, 299.5, 139.5}, 600, 280}},
-      {"extended unified beyond 180 degrees", {ExtendedUnified{300, 300, 399.5, 99.5, 0.7, 1.3}, 800, 200}},
+      {"extended unified beyond 180 degrees", {ExtendedUnifiedModel{300, 300, 399.5, 99.5, 0.7, 1.3}, 800, 200}},
   };
 }
 
@@ -88,7 +91,7 @@ TEST(Camera, UnprojectUndoesProjectOverTheCone) {
                       std::holds_alternative<PinholeRational>(lens.camera.model()) ||
                       std::holds_alternative<FovModel>(lens.camera.model());
     for (int i = 0; i < 2000; ++i) {
-      // Near the edge of the cone the inverse is ill-conditioned by nature, so tests stay a little inside it.
+      // Near the edge of the cone the inverse is ill-conditioned, so tests stay slightly inside it.
       const double theta = 0.98 * uniform(random) * std::min(lens.camera.max_theta_rad(), flat ? 1.0 : kPi);
       const double azimuth = 2.0 * kPi * uniform(random);
       const Vec3 ray(std::sin(theta) * std::cos(azimuth), std::sin(theta) * std::sin(azimuth), std::cos(theta));
@@ -196,7 +199,7 @@ TEST(Camera, HorizontalFieldOfView) {
   EXPECT_NEAR(make_pinhole(640, 480, 90).horizontal_fov_deg(), 90, 1e-9);
   EXPECT_NEAR(make_fisheye(2688, 1512, 155, kEquisolid).horizontal_fov_deg(), 155, 1e-9);
   EXPECT_NEAR(make_fisheye(640, 480, 250).horizontal_fov_deg(), 250, 1e-9);
-  // An image wider than the lens's circle: what the lens sees.
+  // An image larger than the lens's image circle: limited by the lens.
   const Camera camera(KannalaBrandt{100, 100, 499.5, 499.5, {-1.0 / 3, 0, 0, 0}}, 1000, 1000);
   EXPECT_NEAR(camera.horizontal_fov_deg(), 2.0 * 180 / kPi, 1e-3);
 }
@@ -211,8 +214,10 @@ TEST(Camera, ScaledToSeesTheSameDirections) {
     EXPECT_LT((*half.project(ray) - Vec2(50, 30)).norm(), 1e-9) << lens.name;
   }
   EXPECT_NO_THROW(make_pinhole(1008, 566, 90).scaled_to(2688, 1512));  // 16:9 within a pixel
-  EXPECT_THROW(make_pinhole(640, 480, 90).scaled_to(640, 360), InputError);
-  EXPECT_THROW(make_pinhole(640, 480, 90).scaled_to(0, 0), InputError);
+  EXPECT_THAT([&] { make_pinhole(640, 480, 90).scaled_to(640, 360); },
+              ThrowsMessage<InputError>(HasSubstr("640x480 to 640x360: the aspect ratio differs")));
+  EXPECT_THAT([&] { make_pinhole(640, 480, 90).scaled_to(0, 0); },
+              ThrowsMessage<InputError>(HasSubstr("cannot be scaled from 640x480 to 0x0")));
 }
 
 Vec3 direction(double theta, double azimuth) {
@@ -220,8 +225,8 @@ Vec3 direction(double theta, double azimuth) {
 }
 
 TEST(Camera, DoubleSphereIsTwoSpheresAndAPinhole) {
-  // The construction of the paper's figure, step by step: onto the unit sphere, on to a second one shifted by xi, then
-  // a pinhole shifted by alpha / (1 - alpha), whose focal length is 1 / (1 - alpha).
+  // The construction of the paper's figure, step by step: projection onto the unit sphere, onto a second one shifted by
+  // xi, then a pinhole shifted by alpha / (1 - alpha), whose focal length is 1 / (1 - alpha).
   const double xi = -0.18, alpha = 0.59, f = 158;
   const Camera camera(DoubleSphere{f, f, 250, 240, xi, alpha}, 512, 512);
   for (double theta = 0.0; theta < camera.max_theta_rad(); theta += 0.05) {
@@ -242,12 +247,12 @@ TEST(Camera, SphereLensesSeeBehindThemselves) {
 
 TEST(Camera, SphereLensesAgreeWhereTheyAreTheSameLens) {
   const double alpha = 0.62, f = 300;
-  const Camera extended(ExtendedUnified{f, f, 320, 240, alpha, 1.0}, 640, 480);
+  const Camera extended(ExtendedUnifiedModel{f, f, 320, 240, alpha, 1.0}, 640, 480);
   const Camera sphere(DoubleSphere{f, f, 320, 240, 0.0, alpha}, 640, 480);
-  const Camera unified(Unified{f / (1 - alpha), f / (1 - alpha), 320, 240, alpha / (1 - alpha), {}}, 640, 480);
+  const Camera unified(UnifiedModel{f / (1 - alpha), f / (1 - alpha), 320, 240, alpha / (1 - alpha), {}}, 640, 480);
   const std::array<double, 4> d{-0.28, 0.07, 0.0002, 2e-5};
   const Camera flat(PinholeRadtan{458, 457, 367, 248, d}, 752, 480);
-  const Camera no_sphere(Unified{458, 457, 367, 248, 0.0, d}, 752, 480);
+  const Camera no_sphere(UnifiedModel{458, 457, 367, 248, 0.0, d}, 752, 480);
   EXPECT_NEAR(sphere.max_theta_rad(), extended.max_theta_rad(), 1e-7);
   EXPECT_NEAR(unified.max_theta_rad(), extended.max_theta_rad(), 1e-7);
   EXPECT_NEAR(no_sphere.max_theta_rad(), flat.max_theta_rad(), 1e-12);
@@ -262,8 +267,8 @@ TEST(Camera, SphereLensesAgreeWhereTheyAreTheSameLens) {
   }
 }
 
-/// Largest angle up to which the pixel keeps moving outwards, found by walking outwards in small steps over a formula
-/// of the radius by the angle that says where it is not defined.
+/// Largest angle up to which the pixel moves outwards, found in small steps of a formula for the radius by angle that
+/// reports where it is undefined.
 template <class RadiusOf>
 double walked_cone(const RadiusOf& radius) {
   constexpr double kStep = 1e-4;
@@ -289,7 +294,7 @@ TEST(Camera, ConesOfSphereLensesEndWhereTheRadiusStopsGrowing) {
     }
   for (const double xi : {0.0, 0.4, 1.0, 2.0})
     for (const double k1 : {-0.1, 0.0, 0.1}) {
-      const Camera camera(Unified{100, 100, 50, 50, xi, {k1, 0, 0, 0}}, 101, 101);
+      const Camera camera(UnifiedModel{100, 100, 50, 50, xi, {k1, 0, 0, 0}}, 101, 101);
       const double walked = walked_cone([&](double t) {
         const double r = std::sin(t) / (xi + std::cos(t));
         return r * (1 + k1 * r * r);
@@ -298,7 +303,7 @@ TEST(Camera, ConesOfSphereLensesEndWhereTheRadiusStopsGrowing) {
     }
   for (const double alpha : {0.0, 0.4, 0.5, 0.8})
     for (const double beta : {0.5, 1.0, 2.0}) {
-      const Camera camera(ExtendedUnified{100, 100, 50, 50, alpha, beta}, 101, 101);
+      const Camera camera(ExtendedUnifiedModel{100, 100, 50, 50, alpha, beta}, 101, 101);
       const double walked = walked_cone([&](double t) {
         const double s = std::sin(t), c = std::cos(t);
         const double below = alpha * std::sqrt(beta * s * s + c * c) + (1 - alpha) * c;
@@ -348,7 +353,7 @@ TEST(Camera, ConesOfRationalLensesEndWhereTheRadiusStopsGrowing) {
 TEST(Camera, PanoramaShowsTheWholeSphere) {
   const Camera camera = make_panorama(720, 360);  // two pixels a degree
   EXPECT_NEAR(camera.horizontal_fov_deg(), 360.0, 1e-9);
-  EXPECT_NEAR(camera.widest_angle_rad(), kPi, 1e-7);
+  EXPECT_NEAR(camera.max_image_angle_rad(), kPi, 1e-7);
   const Vec2 middle(359.5, 179.5);
   EXPECT_LT((*camera.project({0, 0, 3}) - middle).norm(), 1e-12);
   EXPECT_LT((*camera.project({2, 0, 0}) - middle - Vec2(180, 0)).norm(), 1e-12);
@@ -370,15 +375,22 @@ TEST(Camera, PanoramaShowsTheWholeSphere) {
 }
 
 TEST(Camera, WidestAngleIsThatOfTheBorder) {
-  EXPECT_NEAR(make_pinhole(100, 100, 90).widest_angle_rad(), std::atan(std::sqrt(2.0)), 1e-9);
-  EXPECT_NEAR(make_fisheye(400, 100, 200).widest_angle_rad(), std::hypot(1.0, 0.25) * 100 * kPi / 180, 1e-9);
+  EXPECT_NEAR(make_pinhole(100, 100, 90).max_image_angle_rad(), std::atan(std::sqrt(2.0)), 1e-9);
+  EXPECT_NEAR(make_fisheye(400, 100, 200).max_image_angle_rad(), std::hypot(1.0, 0.25) * 100 * kPi / 180, 1e-9);
 }
 
 TEST(Camera, ImpossibleFieldsOfViewAreRefused) {
-  EXPECT_THROW(make_pinhole(640, 480, 180), InputError);
-  EXPECT_THROW(make_pinhole(640, 480, 0), InputError);
-  EXPECT_THROW(make_fisheye(640, 480, 150, {-1.0 / 3, 0, 0, 0}), InputError);
-  EXPECT_THROW(make_fisheye(640, 480, std::nan("")), InputError);
+  EXPECT_THAT([&] { make_pinhole(640, 480, 180); },
+              ThrowsMessage<InputError>(HasSubstr("a pinhole sees more than 0 and less than 180")));
+  EXPECT_THAT([&] { make_pinhole(640, 480, 0); },
+              ThrowsMessage<InputError>(HasSubstr("a pinhole sees more than 0 and less than 180")));
+  EXPECT_THAT(
+      [&] {
+        make_fisheye(640, 480, 150, {-1.0 / 3, 0, 0, 0});
+      },
+      ThrowsMessage<InputError>(HasSubstr("outside what this fisheye lens can see")));
+  EXPECT_THAT([&] { make_fisheye(640, 480, std::nan("")); },
+              ThrowsMessage<InputError>(HasSubstr("outside what this fisheye lens can see")));
 }
 
 TEST(Camera, MachangaraIsTheEquisolidLensItSaysItIs) {

@@ -18,7 +18,7 @@ struct CairoDeleter {
 };
 using Surface = std::unique_ptr<cairo_surface_t, CairoDeleter>;
 
-/// Cairo's RGB24: a 32-bit number a pixel, red in bits 16 to 23.
+/// A colour in Cairo's RGB24: 32 bits a pixel, red in bits 16 to 23.
 std::uint32_t packed(const Rgb8& color) {
   return static_cast<std::uint32_t>(color[0]) << 16U | static_cast<std::uint32_t>(color[1]) << 8U | color[2];
 }
@@ -43,17 +43,17 @@ Surface surface_of(const RgbImage& image) {
   return surface;
 }
 
-void use(cairo_t* context, const Ink& ink) {
+void set_color(cairo_t* context, const Ink& ink) {
   cairo_set_source_rgba(context, ink.red, ink.green, ink.blue, ink.opacity);
 }
 
-void follow(cairo_t* context, const std::vector<Vec2>& points) {
+void trace_path(cairo_t* context, const std::vector<Vec2>& points) {
   cairo_new_path(context);
   for (const Vec2& p : points) cairo_line_to(context, p.x(), p.y());
 }
 
-/// The same letters whatever the user's own settings of fonts are.
-void use_font(cairo_t* context, const Lettering& lettering) {
+/// Sets font options explicitly, so that text does not depend on the user's font settings.
+void set_font(cairo_t* context, const TextStyle& lettering) {
   cairo_select_font_face(context, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL,
                          lettering.bold ? CAIRO_FONT_WEIGHT_BOLD : CAIRO_FONT_WEIGHT_NORMAL);
   cairo_set_font_size(context, lettering.size_px);
@@ -70,12 +70,12 @@ double advance_px(cairo_t* context, const std::string& words) {
   return extents.x_advance;
 }
 
-double share_before(Anchor anchor) {
-  if (anchor == Anchor::kStart) return 0.0;
-  return anchor == Anchor::kMiddle ? 0.5 : 1.0;
+double anchor_fraction(TextAnchor anchor) {
+  if (anchor == TextAnchor::kStart) return 0.0;
+  return anchor == TextAnchor::kMiddle ? 0.5 : 1.0;
 }
 
-/// Cairo stops at bytes that are no text; each of them becomes a question mark.
+/// Cairo rejects text that is not valid UTF-8; invalid bytes are replaced by question marks.
 std::string valid_utf8(const std::string& words) {
   std::string out;
   for (std::size_t i = 0; i < words.size();) {
@@ -96,7 +96,7 @@ std::string valid_utf8(const std::string& words) {
 
 }  // namespace
 
-Ink ink_of(const Rgb8& color, double opacity) {
+Ink to_ink(const Rgb8& color, double opacity) {
   return {color[0] / 255.0, color[1] / 255.0, color[2] / 255.0, opacity};
 }
 
@@ -116,38 +116,38 @@ Canvas::~Canvas() = default;
 int Canvas::width() const { return cairo_image_surface_get_width(impl_->surface.get()); }
 int Canvas::height() const { return cairo_image_surface_get_height(impl_->surface.get()); }
 
-void Canvas::line(const std::vector<Vec2>& points, const Stroke& stroke, bool closed) {
+void Canvas::draw_line(const std::vector<Vec2>& points, const Stroke& stroke, bool closed) {
   cairo_t* context = impl_->context.get();
-  follow(context, points);
+  trace_path(context, points);
   if (closed) cairo_close_path(context);
-  use(context, stroke.ink);
+  set_color(context, stroke.ink);
   cairo_set_line_width(context, stroke.width_px);
   cairo_set_dash(context, stroke.dashes_px.data(), static_cast<int>(stroke.dashes_px.size()), 0.0);
   cairo_stroke(context);
 }
 
-void Canvas::fill(const std::vector<Vec2>& points, const Ink& ink) {
+void Canvas::fill_polygon(const std::vector<Vec2>& points, const Ink& ink) {
   cairo_t* context = impl_->context.get();
-  follow(context, points);
-  use(context, ink);
+  trace_path(context, points);
+  set_color(context, ink);
   cairo_set_fill_rule(context, CAIRO_FILL_RULE_EVEN_ODD);
   cairo_fill(context);
 }
 
-void Canvas::rectangle(double x, double y, double width, double height, const Ink& ink) {
-  fill({{x, y}, {x + width, y}, {x + width, y + height}, {x, y + height}}, ink);
+void Canvas::fill_rectangle(double x, double y, double width, double height, const Ink& ink) {
+  fill_polygon({{x, y}, {x + width, y}, {x + width, y + height}, {x, y + height}}, ink);
 }
 
-void Canvas::disc(const Vec2& center, double radius_px, const Ink& ink) {
+void Canvas::fill_disc(const Vec2& center, double radius_px, const Ink& ink) {
   cairo_t* context = impl_->context.get();
   cairo_new_path(context);
   constexpr double kWhole_rad = 6.283185307179586;
   cairo_arc(context, center.x(), center.y(), radius_px, 0.0, kWhole_rad);
-  use(context, ink);
+  set_color(context, ink);
   cairo_fill(context);
 }
 
-void Canvas::picture(double x, double y, const RgbImage& image) {
+void Canvas::draw_image(double x, double y, const RgbImage& image) {
   if (image.empty()) return;
   cairo_t* context = impl_->context.get();
   const Surface surface = surface_of(image);
@@ -157,30 +157,30 @@ void Canvas::picture(double x, double y, const RgbImage& image) {
   cairo_fill(context);
 }
 
-void Canvas::text(double x, double y, const std::string& words, const Lettering& lettering) {
+void Canvas::draw_text(double x, double y, const std::string& words, const TextStyle& lettering) {
   cairo_t* context = impl_->context.get();
   const std::string shown = valid_utf8(words);
-  use_font(context, lettering);
+  set_font(context, lettering);
   cairo_save(context);
   cairo_translate(context, x, y);
-  cairo_rotate(context, lettering.turned_rad);
+  cairo_rotate(context, lettering.rotation_rad);
   cairo_new_path(context);
-  cairo_move_to(context, -share_before(lettering.anchor) * advance_px(context, shown), 0.0);
+  cairo_move_to(context, -anchor_fraction(lettering.anchor) * advance_px(context, shown), 0.0);
   cairo_text_path(context, shown.c_str());
   if (lettering.halo) {
-    use(context, *lettering.halo);
+    set_color(context, *lettering.halo);
     cairo_set_dash(context, nullptr, 0, 0.0);
     cairo_set_line_width(context, 0.28 * lettering.size_px);
     cairo_stroke_preserve(context);
   }
-  use(context, lettering.ink);
+  set_color(context, lettering.ink);
   cairo_set_fill_rule(context, CAIRO_FILL_RULE_WINDING);
   cairo_fill(context);
   cairo_restore(context);
 }
 
-double Canvas::text_width(const std::string& words, const Lettering& lettering) const {
-  use_font(impl_->context.get(), lettering);
+double Canvas::text_width(const std::string& words, const TextStyle& lettering) const {
+  set_font(impl_->context.get(), lettering);
   return advance_px(impl_->context.get(), valid_utf8(words));
 }
 

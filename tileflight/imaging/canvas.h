@@ -10,36 +10,35 @@
 
 namespace tileflight::imaging {
 
-/// A colour with opacity, each from 0 to 1, encoded as pixels are.
+/// A colour with opacity, each 0 to 1, in the encoding of image pixels.
 struct Ink {
   double red = 0, green = 0, blue = 0, opacity = 1;
 };
 
-Ink ink_of(const Rgb8& color, double opacity = 1.0);
+Ink to_ink(const Rgb8& color, double opacity = 1.0);
 
 struct Stroke {
   Ink ink;
   double width_px = 1.0;
-  std::vector<double> dashes_px;  ///< on, off, on, …; empty: unbroken
+  std::vector<double> dashes_px;  ///< lengths on, off, on, …; empty: solid
 };
 
-enum class Anchor { kStart, kMiddle, kEnd };
+enum class TextAnchor { kStart, kMiddle, kEnd };
 
-struct Lettering {
+struct TextStyle {
   double size_px = 14.0;
   Ink ink;
   bool bold = false;
-  Anchor anchor = Anchor::kStart;  ///< which end of the line of text stands at its place
-  double turned_rad = 0.0;         ///< clockwise about its place
-  std::optional<Ink> halo;         ///< behind the letters, so that they are read on any ground
+  TextAnchor anchor = TextAnchor::kStart;  ///< which point of the text lies at its position
+  double rotation_rad = 0.0;               ///< clockwise about its position
+  std::optional<Ink> halo;                 ///< outline behind the letters, for legibility on any background
 };
 
-/// Where figures are drawn as pixels: lines, shapes, pictures and text, smooth at their edges. Places are in pixels
-/// right and down from the image's upper left corner, so that the first pixel's centre is at (0.5, 0.5).
+/// Draws lines, shapes, images and text with antialiasing. Positions are in pixels right and down from the image's
+/// upper left corner, so that the first pixel's centre is at (0.5, 0.5).
 ///
-/// Drawn by Cairo, the library of this kind that the field's programs share (libav brings it along); text in DejaVu
-/// Sans (fonts-dejavu-core), or what fontconfig has in its place. A font of our own would know neither the umlauts nor
-/// the scripts that copyrights and names of places are written in.
+/// Uses Cairo, which is common in this field (libav depends on it); text in DejaVu Sans (fonts-dejavu-core), or
+/// fontconfig's substitute. A built-in font would lack umlauts and the scripts of copyright notices and place names.
 class Canvas {
  public:
   Canvas(int width, int height, const Rgb8& paper);
@@ -50,19 +49,19 @@ class Canvas {
   int width() const;
   int height() const;
 
-  /// Through the points; `closed`: back to the first one.
-  void line(const std::vector<geometry::Vec2>& points, const Stroke& stroke, bool closed = false);
-  /// The area within the polygon (where its lines cross, by the even-odd rule).
-  void fill(const std::vector<geometry::Vec2>& points, const Ink& ink);
-  void rectangle(double x, double y, double width, double height, const Ink& ink);
-  void disc(const geometry::Vec2& center, double radius_px, const Ink& ink);
-  /// A picture with its upper left corner at (x, y), pixel on pixel where these are whole numbers.
-  void picture(double x, double y, const RgbImage& image);
-  void text(double x, double y, const std::string& words, const Lettering& lettering);
-  /// How wide the words become.
-  double text_width(const std::string& words, const Lettering& lettering) const;
+  /// Draws a line through the points; `closed`: back to the first one.
+  void draw_line(const std::vector<geometry::Vec2>& points, const Stroke& stroke, bool closed = false);
+  /// Fills the polygon (even-odd rule if its edges cross).
+  void fill_polygon(const std::vector<geometry::Vec2>& points, const Ink& ink);
+  void fill_rectangle(double x, double y, double width, double height, const Ink& ink);
+  void fill_disc(const geometry::Vec2& center, double radius_px, const Ink& ink);
+  /// Draws an image with its upper left corner at (x, y); unscaled and unfiltered at integer positions.
+  void draw_image(double x, double y, const RgbImage& image);
+  void draw_text(double x, double y, const std::string& words, const TextStyle& lettering);
+  /// Width of the text, pixels.
+  double text_width(const std::string& words, const TextStyle& lettering) const;
 
-  /// What is drawn from here on is seen within the rectangle only, until unclip().
+  /// Restricts drawing to the rectangle until unclip().
   void clip(double x, double y, double width, double height);
   void unclip();
 

@@ -14,14 +14,14 @@ using geometry::Vec2;
 const Rgb8 kWhite{255, 255, 255};
 const Ink kBlack{0, 0, 0, 1};
 
-/// Pixels' worth of black on white.
+/// Amount of black on white, in pixels.
 double ink_on(const RgbImage& image) {
   double sum = 0;
   for (const Rgb8& pixel : image.pixels) sum += 1.0 - pixel[1] / 255.0;
   return sum;
 }
 
-/// How far down the middle of the ink lies, and how far right.
+/// Centre of the black area: row and column.
 Vec2 middle_of_ink(const RgbImage& image) {
   Vec2 sum = Vec2::Zero();
   for (int y = 0; y < image.height; ++y) {
@@ -32,33 +32,33 @@ Vec2 middle_of_ink(const RgbImage& image) {
 
 TEST(Canvas, ShapesCoverTheirArea) {
   Canvas canvas(100, 80, kWhite);
-  canvas.rectangle(10.25, 20.5, 30.5, 11, kBlack);
+  canvas.fill_rectangle(10.25, 20.5, 30.5, 11, kBlack);
   EXPECT_NEAR(ink_on(canvas.image()), 30.5 * 11, 1.0);
   EXPECT_NEAR(middle_of_ink(canvas.image()).x(), 10.25 + 15.25, 0.05);
   EXPECT_NEAR(middle_of_ink(canvas.image()).y(), 26.0, 0.05);
 
   Canvas disc(100, 80, kWhite);
-  disc.disc({50, 40}, 20, kBlack);
+  disc.fill_disc({50, 40}, 20, kBlack);
   EXPECT_NEAR(ink_on(disc.image()), std::numbers::pi * 400, 4.0);
 
   Canvas ring(100, 80, kWhite);  // the even-odd rule: a polygon that goes round a hole
-  ring.fill({{10, 10}, {50, 10}, {50, 50}, {10, 50}, {10, 10}, {20, 20}, {40, 20}, {40, 40}, {20, 40}, {20, 20}},
-            kBlack);
+  ring.fill_polygon(
+      {{10, 10}, {50, 10}, {50, 50}, {10, 50}, {10, 10}, {20, 20}, {40, 20}, {40, 40}, {20, 40}, {20, 20}}, kBlack);
   EXPECT_NEAR(ink_on(ring.image()), 40 * 40 - 20 * 20, 4.0);
 }
 
 TEST(Canvas, LinesHaveTheirWidthAndDashes) {
   Canvas canvas(200, 40, kWhite);
-  canvas.line({{20, 20}, {180, 20}}, {kBlack, 3});
+  canvas.draw_line({{20, 20}, {180, 20}}, {kBlack, 3});
   EXPECT_NEAR(ink_on(canvas.image()), 160 * 3, 2.0);
   Canvas dashed(200, 40, kWhite);
-  dashed.line({{20, 20}, {180, 20}}, {kBlack, 3, {8, 8}});
+  dashed.draw_line({{20, 20}, {180, 20}}, {kBlack, 3, {8, 8}});
   EXPECT_NEAR(ink_on(dashed.image()), 80 * 3, 2.0);
 }
 
 TEST(Canvas, OpacityMixesWithWhatIsThere) {
   Canvas canvas(10, 10, {100, 200, 0});
-  canvas.rectangle(0, 0, 10, 10, {1, 1, 1, 0.5});
+  canvas.fill_rectangle(0, 0, 10, 10, {1, 1, 1, 0.5});
   EXPECT_NEAR(canvas.image()(5, 5)[0], 178, 1);
   EXPECT_NEAR(canvas.image()(5, 5)[1], 228, 1);
   EXPECT_NEAR(canvas.image()(5, 5)[2], 128, 1);
@@ -70,7 +70,7 @@ TEST(Canvas, PicturesComeBackPixelByPixel) {
     for (int x = 0; x < 7; ++x) image(x, y) = {static_cast<std::uint8_t>(30 * x), static_cast<std::uint8_t>(50 * y), 7};
   }
   Canvas canvas(20, 20, kWhite);
-  canvas.picture(4, 9, image);
+  canvas.draw_image(4, 9, image);
   const RgbImage drawn = canvas.image();
   for (int y = 0; y < 5; ++y) {
     for (int x = 0; x < 7; ++x) EXPECT_EQ(drawn(x + 4, y + 9), image(x, y));
@@ -82,16 +82,16 @@ TEST(Canvas, PicturesComeBackPixelByPixel) {
 TEST(Canvas, ClipsUntilItIsTakenAway) {
   Canvas canvas(40, 40, kWhite);
   canvas.clip(10, 10, 5, 5);
-  canvas.rectangle(0, 0, 40, 40, kBlack);
+  canvas.fill_rectangle(0, 0, 40, 40, kBlack);
   EXPECT_NEAR(ink_on(canvas.image()), 25, 0.1);
   canvas.unclip();
-  canvas.rectangle(0, 0, 40, 40, kBlack);
+  canvas.fill_rectangle(0, 0, 40, 40, kBlack);
   EXPECT_NEAR(ink_on(canvas.image()), 1600, 0.1);
 }
 
-RgbImage written(const std::string& words, const Lettering& lettering) {
+RgbImage written(const std::string& words, const TextStyle& lettering) {
   Canvas canvas(400, 400, kWhite);
-  canvas.text(200, 200, words, lettering);
+  canvas.draw_text(200, 200, words, lettering);
   return canvas.image();
 }
 
@@ -100,17 +100,17 @@ TEST(Canvas, TextStandsWhereItIsAnchored) {
   const double width = Canvas(1, 1, kWhite).text_width(words, {.size_px = 20});
   EXPECT_GT(width, 60);
   EXPECT_NEAR(Canvas(1, 1, kWhite).text_width(words, {.size_px = 40}), 2 * width, 1e-6);
-  const auto middle = [&](Anchor anchor) {
+  const auto middle = [&](TextAnchor anchor) {
     return middle_of_ink(written(words, {.size_px = 20, .anchor = anchor})).x();
   };
-  EXPECT_NEAR(middle(Anchor::kStart), 200 + width / 2, 1.5);
-  EXPECT_NEAR(middle(Anchor::kMiddle), 200, 1.5);
-  EXPECT_NEAR(middle(Anchor::kEnd), 200 - width / 2, 1.5);
+  EXPECT_NEAR(middle(TextAnchor::kStart), 200 + width / 2, 1.5);
+  EXPECT_NEAR(middle(TextAnchor::kMiddle), 200, 1.5);
+  EXPECT_NEAR(middle(TextAnchor::kEnd), 200 - width / 2, 1.5);
 }
 
 TEST(Canvas, TurnedTextReadsUpwards) {
   const RgbImage upright = written("north", {.size_px = 20});
-  const RgbImage turned = written("north", {.size_px = 20, .turned_rad = -std::numbers::pi / 2});
+  const RgbImage turned = written("north", {.size_px = 20, .rotation_rad = -std::numbers::pi / 2});
   const Vec2 a = middle_of_ink(upright), b = middle_of_ink(turned);
   EXPECT_NEAR(b.y() - 200, -(a.x() - 200), 0.5);
   EXPECT_NEAR(b.x() - 200, a.y() - 200, 0.5);
@@ -128,12 +128,12 @@ TEST(Canvas, LettersBeyondAsciiAreDrawn) {
 
 TEST(Canvas, AHaloIsReadOnAnyGround) {
   Canvas canvas(60, 40, {0, 0, 0});
-  canvas.text(10, 30, "I", {.size_px = 30, .halo = Ink{1, 1, 1, 1}});
+  canvas.draw_text(10, 30, "I", {.size_px = 30, .halo = Ink{1, 1, 1, 1}});
   EXPECT_LT(ink_on(canvas.image()), 60 * 40 - 60);
 }
 
 TEST(Canvas, SameDrawingSameBytes) {
-  const Lettering style{.size_px = 17, .bold = true, .turned_rad = 0.3};
+  const TextStyle style{.size_px = 17, .bold = true, .rotation_rad = 0.3};
   EXPECT_EQ(written("Machángara 12.5 m", style).pixels, written("Machángara 12.5 m", style).pixels);
 }
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
 
@@ -13,13 +13,13 @@ namespace tileflight::imaging {
 
 namespace {
 
-constexpr double kPixelCentre = 0.5;       ///< COLMAP's first pixel has its centre here, ours at 0
+constexpr double kPixelCentre = 0.5;       ///< centre of the first pixel in COLMAP; 0 here
 constexpr std::size_t kLeadingFields = 4;  ///< CAMERA_ID MODEL WIDTH HEIGHT
 
 struct ColmapLens {
   std::string_view name;
   bool one_focal = false;       ///< f cx cy instead of fx fy cx cy
-  std::string_view distortion;  ///< Kalibr's name; coefficients that are not there are 0
+  std::string_view distortion;  ///< Kalibr's name; missing coefficients are 0
   std::size_t coefficients = 0;
 };
 
@@ -42,10 +42,10 @@ struct Row {
 
 std::vector<Row> rows_of(std::string_view text, const std::string& file) {
   std::vector<Row> rows;
-  for (int number = 1; const auto line = geometry::take_line(text); ++number) {
-    Row row{file + ": line " + std::to_string(number), geometry::split_fields(*line)};
+  for (int number = 1; const auto line = base::take_line(text); ++number) {
+    Row row{file + ": line " + std::to_string(number), base::split_fields(*line)};
     if (row.fields.empty() || row.fields.front().starts_with('#')) continue;
-    const auto id = geometry::parse_number<std::int64_t>(row.fields.front());
+    const auto id = base::parse_number<std::int64_t>(row.fields.front());
     if (!id) throw InputError(row.where, "\"" + std::string(row.fields.front()) + "\" is not a CAMERA_ID, a number");
     row.camera_id = *id;
     rows.push_back(std::move(row));
@@ -89,7 +89,7 @@ const ColmapLens& lens_of(const Row& row) {
 }
 
 int side_of(const Row& row, std::size_t field, const char* name) {
-  const auto side = geometry::parse_number<int>(row.fields[field]);
+  const auto side = base::parse_number<int>(row.fields[field]);
   if (side && *side >= 1 && *side <= kMaxImageSide_px) return *side;
   throw InputError(row.where, std::string(name) + " must be whole pixels from 1 to " +
                                   std::to_string(kMaxImageSide_px) + ", not \"" + std::string(row.fields[field]) +
@@ -105,7 +105,7 @@ std::vector<double> parameters_of(const Row& row, const ColmapLens& lens) {
                                     std::to_string(found));
   std::vector<double> values;
   for (std::size_t i = kLeadingFields; i < row.fields.size(); ++i) {
-    const auto value = geometry::parse_number<double>(row.fields[i]);
+    const auto value = base::parse_number<double>(row.fields[i]);
     if (!value) throw InputError(row.where, "\"" + std::string(row.fields[i]) + "\" is not a number");
     values.push_back(*value);
   }
@@ -116,15 +116,15 @@ std::vector<double> parameters_of(const Row& row, const ColmapLens& lens) {
 NamedDistortion distortion_of(const Row& row, const ColmapLens& lens, std::span<const double> given) {
   NamedDistortion out{std::string(lens.distortion), {given.begin(), given.end()}};
   if (lens.distortion == "none" || lens.distortion == "fov") return out;
-  if (out.numbers.size() < 4) out.numbers.resize(4, 0.0);
-  return lens.distortion == "equidistant" ? out : distortion_of_opencv(row.where, out.numbers);
+  if (out.coefficients.size() < 4) out.coefficients.resize(4, 0.0);
+  return lens.distortion == "equidistant" ? out : parse_opencv_distortion(row.where, out.coefficients);
 }
 
 }  // namespace
 
 Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional<std::int64_t> camera_id) {
   const std::string name = file.string();
-  const std::string text = geometry::read_text(file, kMaxCalibrationBytes);
+  const std::string text = base::read_text(file, kMaxCalibrationBytes);
   const std::vector<Row> rows = rows_of(text, name);
   const Row& row = chosen(rows, camera_id, name);
   const ColmapLens& lens = lens_of(row);
@@ -132,8 +132,8 @@ Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional
   const std::array<double, 4> focal{all[0], all[1], all[2] - kPixelCentre, all[3] - kPixelCentre};
   const NamedDistortion distortion = distortion_of(row, lens, std::span(all).subspan(4));
   Calibration calibration;
-  calibration.camera = checked_camera(
-      row.where, {distortion.name, focal, distortion.numbers, side_of(row, 2, "WIDTH"), side_of(row, 3, "HEIGHT")});
+  calibration.camera = make_camera(row.where, {distortion.name, focal, distortion.coefficients,
+                                               side_of(row, 2, "WIDTH"), side_of(row, 3, "HEIGHT")});
   return calibration;
 }
 

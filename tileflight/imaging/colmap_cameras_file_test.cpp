@@ -6,7 +6,7 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 #include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::imaging {
@@ -23,7 +23,7 @@ const std::string kHead =
 
 Camera read(const std::string& content, std::optional<std::int64_t> camera_id = {}) {
   const tests::TemporaryFolder folder;
-  geometry::write_file(folder / "cameras.dat", content);
+  base::write_file(folder / "cameras.dat", content);
   return camera_id ? read_colmap_cameras(folder / "cameras.dat", camera_id).camera
                    : read_calibration(folder / "cameras.dat").camera;
 }
@@ -34,7 +34,7 @@ std::string error(const std::string& content, std::optional<std::int64_t> camera
   return line;
 }
 
-/// Where COLMAP's pixel centres lie at halves, u = f x + c is half a pixel more than here.
+/// With COLMAP's pixel centres at half-integers, u = f x + c is half a pixel more than here.
 void expect_pixels(const std::string& lens, double fx, double fy, const std::function<Vec2(double, double)>& distort) {
   const Camera camera = read(kHead + "1 " + lens + "\n");
   EXPECT_EQ(camera.width(), 640);

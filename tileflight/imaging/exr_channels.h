@@ -10,12 +10,12 @@
 
 namespace tileflight::imaging {
 
-/// OpenEXR of several 32-bit float channels (lossless ZIP compression). `pixels`: height x width x channels, a pixel's
-/// values side by side. Throws InputError (file, cause) when it cannot be written.
+/// Writes an OpenEXR file of several 32-bit float channels (lossless ZIP compression). `pixels`: height x width x
+/// channels, channels interleaved. Throws InputError (file, cause) if it cannot be written.
 void write_exr_channels(const std::filesystem::path& file, int width, int height, std::span<const float> pixels,
                         std::span<const std::string> channels);
 
-/// The same from an image whose pixels are vectors.
+/// Overload for an image whose pixels are arrays of channel values.
 template <std::size_t N>
 void write_exr_channels(const std::filesystem::path& file, const Image<std::array<float, N>>& image,
                         const std::array<std::string, N>& channels) {
@@ -24,7 +24,7 @@ void write_exr_channels(const std::filesystem::path& file, const Image<std::arra
   write_exr_channels(file, image.width, image.height, {first, N * image.pixels.size()}, channels);
 }
 
-/// One channel by its name. Throws InputError (file, cause) where it is not there.
+/// Reads one channel by its name. Throws InputError (file, cause) if it does not exist.
 FloatImage read_exr_channel(const std::filesystem::path& file, const std::string& channel);
 
 }  // namespace tileflight::imaging

@@ -1,16 +1,20 @@
 #include "tileflight/imaging/exr_channels.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::imaging {
 namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 TEST(ExrChannels, ComeBackBitByBit) {
   const tests::TemporaryFolder folder;
@@ -40,7 +44,8 @@ TEST(ExrChannels, OneThatIsNotThereIsNamed) {
   const tests::TemporaryFolder folder;
   write_exr(folder / "a.exr", FloatImage(4, 3, 2.0F), "Y");
   EXPECT_EQ(read_exr(folder / "a.exr")(3, 2), 2.0F);  // the only one
-  EXPECT_THROW(read_exr_channel(folder / "a.exr", "R"), InputError);
+  EXPECT_THAT([&] { read_exr_channel(folder / "a.exr", "R"); },
+              ThrowsMessage<InputError>(HasSubstr("a.exr: has no channel R")));
 }
 
 }  // namespace

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <span>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/codecs.h"
 #include "tileflight/imaging/exr_channels.h"
 
@@ -19,7 +19,7 @@ namespace tileflight::imaging {
 
 namespace {
 
-constexpr int kNoThreads = 0;  ///< compressed in the caller's thread: callers run several images at once
+constexpr int kNoThreads = 0;  ///< compress in the caller's thread: callers process several images in parallel
 
 class MemoryWriter : public Imf::OStream {
  public:
@@ -56,7 +56,7 @@ class MemoryReader : public Imf::IStream {
   std::size_t at_ = 0;
 };
 
-/// Size and channels are looked at before Imf::InputFile, whose buffers are as large as the header says.
+/// Checks size and channels before Imf::InputFile allocates buffers of the size that the header states.
 Imf::Header read_header(std::span<const std::byte> bytes, const std::string& name) {
   constexpr std::size_t kMagicAndVersion = 8;
   constexpr unsigned char kMagic[] = {0x76, 0x2f, 0x31, 0x01};
@@ -74,7 +74,7 @@ Imf::Header read_header(std::span<const std::byte> bytes, const std::string& nam
   return header;
 }
 
-/// "Z", else the only channel.
+/// "Z" if it exists, otherwise the only channel.
 std::string channel_to_read(const Imf::Header& header, const std::string& name) {
   if (header.channels().findChannel("Z") != nullptr) return "Z";
   std::string only;
@@ -96,7 +96,7 @@ Imf::Slice slice_of(FloatImage& image, int min_x, int min_y) {
   return Imf::Slice(Imf::FLOAT, base, sizeof(float), stride);
 }
 
-/// `wanted` empty: the channel that there is for one.
+/// `wanted`: channel name; empty: the default channel (channel_to_read).
 FloatImage decode_exr(std::span<const std::byte> bytes, const std::string& name, const std::string& wanted) {
   const Imf::Header header = read_header(bytes, name);
   const std::string channel = wanted.empty() ? channel_to_read(header, name) : wanted;
@@ -123,7 +123,7 @@ void write_exr_channels(const std::filesystem::path& file, int width, int height
   Imf::FrameBuffer buffer;
   for (std::size_t c = 0; c < channels.size(); ++c) {
     header.channels().insert(channels[c], Imf::Channel(Imf::FLOAT));
-    char* base = reinterpret_cast<char*>(const_cast<float*>(pixels.data() + c));  // only read by OutputFile
+    char* base = reinterpret_cast<char*>(const_cast<float*>(pixels.data() + c));  // OutputFile only reads it
     buffer.insert(channels[c],
                   Imf::Slice(Imf::FLOAT, base, pixel_bytes, pixel_bytes * static_cast<std::size_t>(width)));
   }
@@ -133,7 +133,7 @@ void write_exr_channels(const std::filesystem::path& file, int width, int height
     output.setFrameBuffer(buffer);
     output.writePixels(height);
   }
-  geometry::write_file(file, stream.bytes());
+  base::write_file(file, stream.bytes());
 }
 
 void write_exr(const std::filesystem::path& file, const FloatImage& image, const std::string& channel) {
@@ -143,7 +143,7 @@ void write_exr(const std::filesystem::path& file, const FloatImage& image, const
 FloatImage read_exr(const std::filesystem::path& file) { return read_exr_channel(file, {}); }
 
 FloatImage read_exr_channel(const std::filesystem::path& file, const std::string& channel) {
-  const std::vector<std::byte> bytes = geometry::read_bytes(file);
+  const std::vector<std::byte> bytes = base::read_bytes(file);
   try {
     return decode_exr(bytes, file.string(), channel);
   } catch (const InputError&) {

@@ -23,8 +23,8 @@ RgbImage to_rgb(const GrayImage& image) {
 
 namespace {
 
-/// A row of `size` means over the parts of a row of `count` values that are `step` apart.
-void shrink_row(const float* values, int count, std::size_t step, float* means, int size, std::size_t mean_step) {
+/// Downsamples a row of `count` values, `step` apart, to `size` area means.
+void downsample_row(const float* values, int count, std::size_t step, float* means, int size, std::size_t mean_step) {
   const double share = static_cast<double>(count) / size;
   for (int i = 0; i < size; ++i) {
     const double begin = i * share, end = begin + share;
@@ -37,14 +37,14 @@ void shrink_row(const float* values, int count, std::size_t step, float* means, 
 
 }  // namespace
 
-FloatImage shrink(const FloatImage& image, int width, int height) {
+FloatImage downsample(const FloatImage& image, int width, int height) {
   assert(width > 0 && width <= image.width && height > 0 && height <= image.height);
   if (width == image.width && height == image.height) return image;
   FloatImage narrow(width, image.height), result(width, height);
-  for (int y = 0; y < image.height; ++y) shrink_row(image.row(y), image.width, 1, narrow.row(y), width, 1);
+  for (int y = 0; y < image.height; ++y) downsample_row(image.row(y), image.width, 1, narrow.row(y), width, 1);
   const auto stride = static_cast<std::size_t>(width);
   for (int x = 0; x < width; ++x)
-    shrink_row(narrow.row(0) + x, image.height, stride, result.row(0) + x, height, stride);
+    downsample_row(narrow.row(0) + x, image.height, stride, result.row(0) + x, height, stride);
   return result;
 }
 

@@ -8,7 +8,7 @@
 
 namespace tileflight::imaging {
 
-using Rgb8 = std::array<std::uint8_t, 3>;  ///< red, green, blue; sRGB-like encoding as it comes from files
+using Rgb8 = std::array<std::uint8_t, 3>;  ///< red, green, blue; encoded as in the file (sRGB-like)
 
 /// Pixels in rows from the top, no padding: pixel (x, y) is pixels[y * width + x]; its centre is at (x, y).
 template <class Pixel>
@@ -38,12 +38,12 @@ using Gray16Image = Image<std::uint16_t>;
 using RgbImage = Image<Rgb8>;
 using FloatImage = Image<float>;
 
-/// Luma of Rec. 601 (0.299, 0.587, 0.114), rounded.
+/// Converts to Rec. 601 luma (0.299, 0.587, 0.114), rounded.
 GrayImage to_gray(const RgbImage& image);
 RgbImage to_rgb(const GrayImage& image);
 
-/// Each pixel the mean of what it covers, for Camera::scaled_to(width, height). Not larger than the image is; the image
-/// itself at its own size.
-FloatImage shrink(const FloatImage& image, int width, int height);
+/// Area-averaged downsampling that matches Camera::scaled_to(width, height). The size must not exceed the image's; at
+/// equal size the image is returned unchanged.
+FloatImage downsample(const FloatImage& image, int width, int height);
 
 }  // namespace tileflight::imaging

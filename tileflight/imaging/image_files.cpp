@@ -6,8 +6,8 @@
 #include <cstring>
 #include <string_view>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/codecs.h"
 
 namespace tileflight::imaging {
@@ -24,14 +24,15 @@ void check_size(const std::string& name, std::int64_t width, std::int64_t height
 
 namespace {
 
-using codecs::Decoded;
-using codecs::Wanted;
+using codecs::DecodedImage;
+using codecs::PixelFormat;
 
 bool starts_with(std::span<const std::byte> bytes, std::size_t at, std::string_view magic) {
   return bytes.size() >= at + magic.size() && std::memcmp(bytes.data() + at, magic.data(), magic.size()) == 0;
 }
 
-Decoded decode(std::span<const std::byte> bytes, const std::string& name, Wanted wanted, const DecodeLimits& limits) {
+DecodedImage decode(std::span<const std::byte> bytes, const std::string& name, PixelFormat wanted,
+                    const DecodeLimits& limits) {
   if (bytes.empty()) throw InputError(name, "is empty, not an image");
   if (starts_with(bytes, 0, "\xFF\xD8")) return codecs::decode_jpeg(bytes, name, wanted, limits);
   if (starts_with(bytes, 0, "\x89PNG")) return codecs::decode_png(bytes, name, wanted, limits);
@@ -39,14 +40,14 @@ Decoded decode(std::span<const std::byte> bytes, const std::string& name, Wanted
   throw InputError(name, "is neither JPEG, PNG nor WebP");
 }
 
-Gray16Image widened(const GrayImage& gray) {
+Gray16Image widen_to_16_bit(const GrayImage& gray) {
   Gray16Image wide(gray.width, gray.height);
   std::transform(gray.pixels.begin(), gray.pixels.end(), wide.pixels.begin(),
                  [](std::uint8_t value) { return static_cast<std::uint16_t>(value * 257); });
   return wide;
 }
 
-GrayImage gray_of(Decoded decoded) { return decoded.rgb.empty() ? std::move(decoded.gray) : to_gray(decoded.rgb); }
+GrayImage gray_of(DecodedImage decoded) { return decoded.rgb.empty() ? std::move(decoded.gray) : to_gray(decoded.rgb); }
 
 std::string lower_extension(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
@@ -56,7 +57,7 @@ std::string lower_extension(const std::filesystem::path& file) {
 }
 
 void write_bytes(const std::filesystem::path& file, const std::vector<std::byte>& bytes) {
-  geometry::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  base::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 bool is_png(const std::filesystem::path& file) {
@@ -69,27 +70,27 @@ bool is_png(const std::filesystem::path& file) {
 }  // namespace
 
 RgbImage decode_rgb(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits) {
-  Decoded decoded = decode(bytes, name, Wanted::kRgb, limits);
+  DecodedImage decoded = decode(bytes, name, PixelFormat::kRgb, limits);
   return decoded.rgb.empty() ? to_rgb(decoded.gray) : std::move(decoded.rgb);
 }
 
 GrayImage decode_gray(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits) {
-  return gray_of(decode(bytes, name, Wanted::kGray, limits));
+  return gray_of(decode(bytes, name, PixelFormat::kGray, limits));
 }
 
 RgbImage read_rgb(const std::filesystem::path& file, const DecodeLimits& limits) {
-  return decode_rgb(geometry::read_bytes(file), file.string(), limits);
+  return decode_rgb(base::read_bytes(file), file.string(), limits);
 }
 
 GrayImage read_gray(const std::filesystem::path& file, const DecodeLimits& limits) {
-  return decode_gray(geometry::read_bytes(file), file.string(), limits);
+  return decode_gray(base::read_bytes(file), file.string(), limits);
 }
 
 Gray16Image read_gray16(const std::filesystem::path& file, const DecodeLimits& limits) {
-  const std::vector<std::byte> bytes = geometry::read_bytes(file);
-  Decoded decoded = decode(bytes, file.string(), Wanted::kGray16, limits);
+  const std::vector<std::byte> bytes = base::read_bytes(file);
+  DecodedImage decoded = decode(bytes, file.string(), PixelFormat::kGray16, limits);
   if (!decoded.gray16.empty()) return std::move(decoded.gray16);
-  return widened(gray_of(std::move(decoded)));
+  return widen_to_16_bit(gray_of(std::move(decoded)));
 }
 
 std::vector<std::byte> encode_jpeg(const RgbImage& image, int quality) {

@@ -39,11 +39,11 @@ TEST(Shrink, APixelIsTheMeanOfWhatItCovers) {
   FloatImage image(6, 4);
   for (int y = 0; y < 4; ++y)
     for (int x = 0; x < 6; ++x) image(x, y) = static_cast<float>(10 * y + x);
-  const FloatImage half = shrink(image, 3, 2);
+  const FloatImage half = downsample(image, 3, 2);
   EXPECT_FLOAT_EQ(half(0, 0), (0 + 1 + 10 + 11) / 4.0F);
   EXPECT_FLOAT_EQ(half(2, 1), (24 + 25 + 34 + 35) / 4.0F);
   // A ramp stays a ramp over the pixels' centres, also where sizes do not divide.
-  const FloatImage odd = shrink(image, 4, 3);
+  const FloatImage odd = downsample(image, 4, 3);
   for (int x = 0; x < 4; ++x) {
     const double covers = 1.5 * x;  // 1.5 pixels from here; value is the pixel's index
     const int first = static_cast<int>(covers);
@@ -55,7 +55,7 @@ TEST(Shrink, APixelIsTheMeanOfWhatItCovers) {
   for (const float v : image.pixels) sum += v;
   for (const float v : odd.pixels) small_sum += v;
   EXPECT_NEAR(small_sum / 12, sum / 24, 1e-4);
-  EXPECT_EQ(shrink(image, 6, 4).pixels, image.pixels);
+  EXPECT_EQ(downsample(image, 6, 4).pixels, image.pixels);
 }
 
 }  // namespace

@@ -9,15 +9,15 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/codecs.h"
 
 namespace tileflight::imaging::codecs {
 
 namespace {
 
-/// libjpeg reports a fatal error by calling back; the callback jumps to where `jump` was set. The functions that set it
-/// hold no object with a destructor, so that the jump skips none.
+/// libjpeg reports a fatal error through a callback, which jumps (longjmp) to `jump`. The functions that call setjmp
+/// hold no object with a destructor, so the jump skips none.
 struct ErrorManager {
   jpeg_error_mgr base;
   std::jmp_buf jump;
@@ -33,7 +33,7 @@ ErrorManager* manager_of(j_common_ptr info) { return reinterpret_cast<ErrorManag
   std::longjmp(manager->jump, 1);
 }
 
-/// Data that libjpeg would paper over with grey; odd but harmless marks are let through.
+/// Whether a warning is harmless. Others mean corrupt data, which libjpeg would fill with grey.
 bool is_harmless(int code) {
   return code == JWRN_ADOBE_XFORM || code == JWRN_JFIF_MAJOR || code == JWRN_EXTRANEOUS_DATA ||
          code == JWRN_TOO_MUCH_DATA || code == JWRN_BOGUS_PROGRESSION;
@@ -68,7 +68,7 @@ class Decompressor {
   Decompressor(const Decompressor&) = delete;
   Decompressor& operator=(const Decompressor&) = delete;
 
-  /// The header, into info(); false: failed, see message().
+  /// Reads the header into info(); false: failed, see message().
   bool read_header() {
     if (setjmp(errors_.jump) != 0) return false;
     jpeg_create_decompress(&info_);
@@ -77,7 +77,7 @@ class Decompressor {
     return true;
   }
 
-  /// All rows, tightly packed.
+  /// Reads all rows, tightly packed.
   bool read_pixels(J_COLOR_SPACE space, std::uint8_t* pixels) {
     if (setjmp(errors_.jump) != 0) return false;
     info_.out_color_space = space;
@@ -132,7 +132,7 @@ class Compressor {
     jpeg_start_compress(&info_, TRUE);
     const std::size_t stride = static_cast<std::size_t>(width) * channels;
     while (info_.next_scanline < info_.image_height) {
-      JSAMPROW row = const_cast<std::uint8_t*>(pixels) + stride * info_.next_scanline;  // libjpeg does not write to it
+      JSAMPROW row = const_cast<std::uint8_t*>(pixels) + stride * info_.next_scanline;  // libjpeg does not modify it
       jpeg_write_scanlines(&info_, &row, 1);
     }
     jpeg_finish_compress(&info_);
@@ -156,8 +156,8 @@ bool is_convertible(J_COLOR_SPACE space) { return space == JCS_GRAYSCALE || spac
 
 }  // namespace
 
-Decoded decode_jpeg(std::span<const std::byte> bytes, const std::string& name, Wanted wanted,
-                    const DecodeLimits& limits) {
+DecodedImage decode_jpeg(std::span<const std::byte> bytes, const std::string& name, PixelFormat wanted,
+                         const DecodeLimits& limits) {
   Decompressor decompressor(bytes);
   if (!decompressor.read_header()) throw InputError(name, "not a readable JPEG: " + decompressor.message());
   const jpeg_decompress_struct& info = decompressor.info();
@@ -167,10 +167,10 @@ Decoded decode_jpeg(std::span<const std::byte> bytes, const std::string& name, W
 
   const int width = static_cast<int>(info.image_width);
   const int height = static_cast<int>(info.image_height);
-  // The luma of a YCbCr file is stored as such: reading it alone costs no conversion.
+  // The luma of a YCbCr file is stored as such: reading it alone needs no conversion.
   const bool gray =
-      info.jpeg_color_space == JCS_GRAYSCALE || (wanted != Wanted::kRgb && info.jpeg_color_space == JCS_YCbCr);
-  Decoded out;
+      info.jpeg_color_space == JCS_GRAYSCALE || (wanted != PixelFormat::kRgb && info.jpeg_color_space == JCS_YCbCr);
+  DecodedImage out;
   std::uint8_t* pixels = nullptr;
   if (gray) {
     out.gray = GrayImage(width, height);

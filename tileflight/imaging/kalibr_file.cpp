@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
 
@@ -17,7 +17,7 @@ namespace {
 using geometry::Mat4;
 
 YAML::Node load(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file, kMaxCalibrationBytes);
+  const std::string text = base::read_text(file, kMaxCalibrationBytes);
   try {
     return YAML::Load(text);
   } catch (const YAML::Exception& error) {
@@ -64,21 +64,21 @@ geometry::SE3 read_transform(const YAML::Node& node, const std::string& key, con
     for (int column = 0; column < 4; ++column) m(row, column) = values[column];
   }
   const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
-  constexpr double kRounding = 1e-3;  // files are written with few digits
+  constexpr double kRounding = 1e-3;  // files contain few digits
   const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) &&
                      rotation.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
   if (!rigid) throw InputError(file, "\"" + key + "\" is not a rigid motion (rotation and translation)");
   return {rotation, m.topRightCorner<3, 1>()};
 }
 
-/// The camera before "cam1" in the chain is "cam0"; empty: there is none.
+/// The preceding camera in the chain: "cam0" for "cam1"; empty: there is none.
 std::string camera_before(const std::string& camera_id) {
   const auto number =
-      geometry::parse_number<int>(std::string_view(camera_id).substr(std::min<std::size_t>(3, camera_id.size())));
+      base::parse_number<int>(std::string_view(camera_id).substr(std::min<std::size_t>(3, camera_id.size())));
   return number && *number > 0 ? "cam" + std::to_string(*number - 1) : "";
 }
 
-/// The camera's own, or that of the one before it in the chain moved by T_cn_cnm1 (from that camera to this one).
+/// T_cam_imu of the camera itself, or of the preceding camera combined with T_cn_cnm1 (from that camera to this one).
 geometry::SE3 T_cam_imu_of(const YAML::Node& root, const std::string& camera_id, const std::string& file) {
   geometry::SE3 T_cam_that;
   for (std::string id = camera_id; !id.empty() && root[id]; id = camera_before(id)) {
@@ -92,7 +92,7 @@ geometry::SE3 T_cam_imu_of(const YAML::Node& root, const std::string& camera_id,
 
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
   const auto model = scalar<std::string>(required(camera, "camera_model", file), "camera_model", file);
-  const std::size_t sphere = sphere_number_count(file, model);
+  const std::size_t sphere = sphere_parameter_count(file, model);
   const YAML::Node distortion_node = sphere == 2 || model == "equirectangular"
                                          ? camera["distortion_model"]
                                          : required(camera, "distortion_model", file);
@@ -105,8 +105,8 @@ Camera read_lens(const YAML::Node& camera, const std::string& file) {
   if (resolution.size() != 2) throw InputError(file, "\"resolution\" must be width and height");
   const std::span<const double> all = intrinsics;
   const std::size_t before = std::min(sphere, all.size());
-  return checked_camera(file, {distortion, all.subspan(before), coefficients, whole(resolution[0], file),
-                               whole(resolution[1], file), model, all.first(before)});
+  return make_camera(file, {distortion, all.subspan(before), coefficients, whole(resolution[0], file),
+                            whole(resolution[1], file), model, all.first(before)});
 }
 
 double read_line_delay(const YAML::Node& camera, const std::string& file) {
@@ -119,7 +119,7 @@ double read_line_delay(const YAML::Node& camera, const std::string& file) {
 
 std::string list(std::span<const double> values) {
   std::string text = "[";
-  for (const double value : values) text += (text.size() > 1 ? ", " : "") + number_text(value);
+  for (const double value : values) text += (text.size() > 1 ? ", " : "") + format_number(value);
   return text + "]";
 }
 std::string list(std::initializer_list<double> values) { return list(std::span(values.begin(), values.size())); }
@@ -156,10 +156,10 @@ std::string lens_lines(const FovModel& m) {
 std::string lens_lines(const DoubleSphere& m) {
   return lens_lines("ds", {m.xi, m.alpha, m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
 }
-std::string lens_lines(const Unified& m) {
+std::string lens_lines(const UnifiedModel& m) {
   return lens_lines("omni", {m.xi, m.fx, m.fy, m.cx, m.cy}, radtan_lines(m.d));
 }
-std::string lens_lines(const ExtendedUnified& m) {
+std::string lens_lines(const ExtendedUnifiedModel& m) {
   return lens_lines("eucm", {m.alpha, m.beta, m.fx, m.fy, m.cx, m.cy}, distortion_lines("none", "[]"));
 }
 
@@ -195,8 +195,8 @@ void write_kalibr(const std::filesystem::path& file, const Calibration& calibrat
   text += "  resolution: [" + std::to_string(camera.width()) + ", " + std::to_string(camera.height()) + "]\n";
   text += "  rostopic: /cam0/image_raw\n";
   text += transform_lines(calibration.T_cam_imu);
-  if (calibration.line_delay_s > 0.0) text += "  line_delay: " + number_text(calibration.line_delay_s) + "\n";
-  geometry::write_file(file, text);
+  if (calibration.line_delay_s > 0.0) text += "  line_delay: " + format_number(calibration.line_delay_s) + "\n";
+  base::write_file(file, text);
 }
 
 }  // namespace tileflight::imaging

@@ -1,9 +1,9 @@
 // OpenCV's camera matrix and distortion coefficients: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, the
 // fisheye module's: https://docs.opencv.org/4.x/db/d58/group__calib3d__fisheye.html, and their names in ROS:
 // https://wiki.ros.org/camera_calibration_parsers, sensor_msgs/CameraInfo.
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
 #include "tileflight/imaging/opencv_storage.h"
@@ -16,8 +16,8 @@ std::string quoted(const std::string& text) { return "\"" + text + "\""; }
 
 std::vector<double> numbers_of(const StorageEntry& entry, const std::string& file) {
   std::vector<double> values;
-  for (const std::string& word : entry.words) {
-    const auto value = geometry::parse_number<double>(word);
+  for (const std::string& word : entry.values) {
+    const auto value = base::parse_number<double>(word);
     if (!value) throw InputError(file, quoted(entry.key) + ": " + quoted(word) + " is not a number");
     values.push_back(*value);
   }
@@ -41,10 +41,10 @@ std::vector<double> read_matrix(const OpenCvStorage& storage, const std::string&
 }
 
 int side_of(const StorageEntry& entry, std::size_t place, const std::string& file) {
-  const auto side = geometry::parse_number<int>(entry.words[place]);
+  const auto side = base::parse_number<int>(entry.values[place]);
   if (side && *side >= 1 && *side <= kMaxImageSide_px) return *side;
   throw InputError(file, quoted(entry.key) + " must be whole pixels from 1 to " + std::to_string(kMaxImageSide_px) +
-                             ", not " + quoted(entry.words[place]));
+                             ", not " + quoted(entry.values[place]));
 }
 
 struct Size {
@@ -56,21 +56,21 @@ Size read_size(const OpenCvStorage& storage, const std::string& file) {
   const StorageEntry* height = storage.find({"imageheight", "height"});
   if (width != nullptr && height != nullptr) {
     for (const StorageEntry* entry : {width, height})
-      if (entry->words.size() != 1) throw InputError(file, quoted(entry->key) + " must be one number");
+      if (entry->values.size() != 1) throw InputError(file, quoted(entry->key) + " must be one number");
     return {side_of(*width, 0, file), side_of(*height, 0, file)};
   }
   const StorageEntry* size = storage.find({"imagesize"});
   if (size == nullptr)
     throw InputError(file, "has no image size: add the lines \"image_width\" and \"image_height\", pixels");
-  if (size->words.size() != 2) throw InputError(file, quoted(size->key) + " must be width and height");
+  if (size->values.size() != 2) throw InputError(file, quoted(size->key) + " must be width and height");
   return {side_of(*size, 0, file), side_of(*size, 1, file)};
 }
 
 enum class Family { kNotSaid, kPerspective, kFisheye };
 
 Family read_family(const OpenCvStorage& storage, const std::string& file) {
-  if (const StorageEntry* model = storage.find({"distortionmodel"}); model != nullptr && !model->words.empty()) {
-    const std::string& name = model->words.front();
+  if (const StorageEntry* model = storage.find({"distortionmodel"}); model != nullptr && !model->values.empty()) {
+    const std::string& name = model->values.front();
     if (name == "plumb_bob" || name == "rational_polynomial") return Family::kPerspective;
     if (name == "equidistant" || name == "fisheye") return Family::kFisheye;
     if (!name.empty())
@@ -78,8 +78,8 @@ Family read_family(const OpenCvStorage& storage, const std::string& file) {
                                  " is not known: use plumb_bob, rational_polynomial, equidistant or fisheye");
   }
   const StorageEntry* flag = storage.find({"fisheyemodel", "fisheye"});
-  if (flag == nullptr || flag->words.empty()) return Family::kNotSaid;
-  const std::string& value = flag->words.front();
+  if (flag == nullptr || flag->values.empty()) return Family::kNotSaid;
+  const std::string& value = flag->values.front();
   if (value == "1" || value == "true") return Family::kFisheye;
   if (value == "0" || value == "false") return Family::kPerspective;
   throw InputError(file, quoted(flag->key) + " must be 0 or 1, not " + quoted(value));
@@ -97,19 +97,19 @@ NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string&
     throw InputError(file, quoted(entry->key) +
                                " has 4 numbers, which are k1 k2 p1 p2 or the fisheye module's k1 k2 k3 k4: say which "
                                "with the line \"distortion_model: plumb_bob\" or \"distortion_model: equidistant\"");
-  return distortion_of_opencv(file + ": " + quoted(entry->key), d);
+  return parse_opencv_distortion(file + ": " + quoted(entry->key), d);
 }
 
 }  // namespace
 
 Calibration read_opencv(const std::filesystem::path& file) {
   const std::string name = file.string();
-  const OpenCvStorage storage(geometry::read_text(file, kMaxCalibrationBytes), name);
+  const OpenCvStorage storage(base::read_text(file, kMaxCalibrationBytes), name);
   const std::vector<double> focal = read_matrix(storage, name);
   const Size size = read_size(storage, name);
   const NamedDistortion distortion = read_distortion(storage, name);
   Calibration calibration;
-  calibration.camera = checked_camera(name, {distortion.name, focal, distortion.numbers, size.width, size.height});
+  calibration.camera = make_camera(name, {distortion.name, focal, distortion.coefficients, size.width, size.height});
   return calibration;
 }
 

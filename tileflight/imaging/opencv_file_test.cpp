@@ -7,8 +7,8 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::imaging {
@@ -21,7 +21,7 @@ using testing::HasSubstr;
 
 Camera read(const std::string& content, const std::string& name = "calibration.dat") {
   const tests::TemporaryFolder folder;
-  geometry::write_file(folder / name, content);
+  base::write_file(folder / name, content);
   return read_calibration(folder / name).camera;
 }
 
@@ -31,7 +31,7 @@ std::string error(const std::string& content) {
   return line;
 }
 
-/// cv::projectPoints as its documentation has it: x' = x (1 + k1 r2 + k2 r4) + 2 p1 x y + p2 (r2 + 2 x x).
+/// cv::projectPoints as documented: x' = x (1 + k1 r2 + k2 r4) + 2 p1 x y + p2 (r2 + 2 x x).
 Vec2 opencv_pixel(const std::array<double, 4>& f, const std::array<double, 4>& d, const Vec3& point) {
   const double x = point.x() / point.z(), y = point.y() / point.z(), r2 = x * x + y * y;
   const double radial = 1 + d[0] * r2 + d[1] * r2 * r2;
@@ -72,7 +72,7 @@ const std::string kMatrixData = "[ 5.3850000000000000e+02, 0., 3.1975e+02, 0.,\n
 const std::string kSizeLines = "image_width: 640\nimage_height: 480\n";
 const std::string kFive = "-0.21, 0.05, 0.0011, -0.0007, 0.";
 
-/// As cv::FileStorage writes a matrix.
+/// A matrix as written by cv::FileStorage.
 std::string opencv_matrix(const std::string& key, int rows, int cols, const std::string& data) {
   return key + ": !!opencv-matrix\n   rows: " + std::to_string(rows) + "\n   cols: " + std::to_string(cols) +
          "\n   dt: d\n   data: " + data + "\n";
@@ -158,7 +158,7 @@ TEST(OpenCv, RationalAndThinPrismCoefficientsAreRead) {
     }
     expect_pixels(read(lens_file(numbers)), [&k](const Vec3& point) -> Vec2 {
       const double x = point.x() / point.z(), y = point.y() / point.z(), r2 = x * x + y * y;
-      // What the rational model changes of the one without it.
+      // Effect of the rational model relative to the polynomial one.
       const double above = 1 - 0.21 * r2 + 0.05 * r2 * r2 + k[0] * r2 * r2 * r2;
       const double below = 1 + k[1] * r2 + k[2] * r2 * r2 + k[3] * r2 * r2 * r2;
       const double more = above / below - (1 - 0.21 * r2 + 0.05 * r2 * r2);
@@ -224,7 +224,7 @@ TEST(CalibrationForm, DamagedFilesAreReadOrRefusedInOneLine) {
     for (std::size_t changes = 1 + below(4); changes > 0; --changes)
       text[below(text.size())] = pieces[below(pieces.size())];
     if (below(4) == 0) text.resize(1 + below(text.size()));
-    geometry::write_file(folder / "camera", text);
+    base::write_file(folder / "camera", text);
     try {
       EXPECT_GT(read_calibration(folder / "camera").camera.width(), 0);
     } catch (const InputError& e) {
@@ -237,17 +237,17 @@ TEST(CalibrationForm, DamagedFilesAreReadOrRefusedInOneLine) {
 }
 
 TEST(CalibrationForm, IsToldByContent) {
-  EXPECT_EQ(calibration_form("# Kalibr's\n\ncam0:\n  camera_model: pinhole\n"), CalibrationForm::kKalibr);
-  EXPECT_EQ(calibration_form("{\"cam0\": {camera_model: pinhole}}"), CalibrationForm::kKalibr);
-  EXPECT_EQ(calibration_form("%YAML:1.0\nK: [1]\n"), CalibrationForm::kOpenCv);
-  EXPECT_EQ(calibration_form("camera_name: cam0\nK: [1]\n"), CalibrationForm::kOpenCv);
-  EXPECT_EQ(calibration_form("\xEF\xBB\xBF<?xml version=\"1.0\"?>"), CalibrationForm::kOpenCv);
-  EXPECT_EQ(calibration_form("# Camera list\n1 PINHOLE 640 480 1 1 1 1\n"), CalibrationForm::kColmap);
-  EXPECT_EQ(calibration_form("Pinhole 525 526 320 240 0\n640 480\n"), CalibrationForm::kDso);
-  EXPECT_EQ(calibration_form("1 2 3 4 0\r\n640 480\r\n"), CalibrationForm::kDso);
-  EXPECT_EQ(calibration_form("1 nan 3 4 0\n640 480\n"), CalibrationForm::kDso);
+  EXPECT_EQ(detect_calibration_format("# Kalibr's\n\ncam0:\n  camera_model: pinhole\n"), CalibrationFormat::kKalibr);
+  EXPECT_EQ(detect_calibration_format("{\"cam0\": {camera_model: pinhole}}"), CalibrationFormat::kKalibr);
+  EXPECT_EQ(detect_calibration_format("%YAML:1.0\nK: [1]\n"), CalibrationFormat::kOpenCv);
+  EXPECT_EQ(detect_calibration_format("camera_name: cam0\nK: [1]\n"), CalibrationFormat::kOpenCv);
+  EXPECT_EQ(detect_calibration_format("\xEF\xBB\xBF<?xml version=\"1.0\"?>"), CalibrationFormat::kOpenCv);
+  EXPECT_EQ(detect_calibration_format("# Camera list\n1 PINHOLE 640 480 1 1 1 1\n"), CalibrationFormat::kColmap);
+  EXPECT_EQ(detect_calibration_format("Pinhole 525 526 320 240 0\n640 480\n"), CalibrationFormat::kDso);
+  EXPECT_EQ(detect_calibration_format("1 2 3 4 0\r\n640 480\r\n"), CalibrationFormat::kDso);
+  EXPECT_EQ(detect_calibration_format("1 nan 3 4 0\n640 480\n"), CalibrationFormat::kDso);
   for (const char* text : {"", "\n\n", "# nothing\n", "hello", "\x89PNG\r\n\x1a\n", "- a\n- b\n"})
-    EXPECT_EQ(calibration_form(text), std::nullopt) << text;
+    EXPECT_EQ(detect_calibration_format(text), std::nullopt) << text;
 }
 
 }  // namespace

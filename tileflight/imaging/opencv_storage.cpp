@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cctype>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::imaging {
 
@@ -23,7 +23,7 @@ std::string plain_key(std::string_view key) {
 
 // YAML
 
-/// The scalars of a list, rows one after the other where it is a list of lists.
+/// Appends the scalars of a list; nested lists are flattened row by row.
 void append_words(const YAML::Node& node, std::vector<std::string>& words, int depth = 0) {
   constexpr int kDeepest = 2;
   if (node.IsScalar()) words.push_back(node.Scalar());
@@ -36,17 +36,17 @@ std::string scalar_of(const YAML::Node& node) { return node && node.IsScalar() ?
 StorageEntry entry_of(const std::string& key, const YAML::Node& value) {
   StorageEntry entry{key, {}, {}, {}};
   if (!value.IsMap()) {
-    append_words(value, entry.words);
+    append_words(value, entry.values);
     return entry;
   }
   entry.rows = scalar_of(value["rows"]);
   entry.cols = scalar_of(value["cols"]);
-  if (const YAML::Node data = value["data"]) append_words(data, entry.words);
+  if (const YAML::Node data = value["data"]) append_words(data, entry.values);
   return entry;
 }
 
 std::vector<StorageEntry> yaml_entries(std::string text, const std::string& file) {
-  if (text.starts_with('%')) text[0] = '#';  // "%YAML:1.0" is not what YAML calls a directive
+  if (text.starts_with('%')) text[0] = '#';  // "%YAML:1.0" is not a valid YAML directive
   try {
     const YAML::Node root = YAML::Load(text);
     std::vector<StorageEntry> entries;
@@ -59,7 +59,7 @@ std::vector<StorageEntry> yaml_entries(std::string text, const std::string& file
   }
 }
 
-// XML: elements with text; attributes (type_id) say nothing that is needed.
+// XML: elements with text; attributes (type_id) are not needed.
 
 class XmlEntries {
  public:
@@ -82,7 +82,7 @@ class XmlEntries {
     throw InputError(file_, "line " + std::to_string(line) + ": not valid XML: " + what);
   }
 
-  /// What lies between here and `end`; goes on behind it.
+  /// The text up to `end`; continues after it.
   std::string_view take_until(std::string_view end) {
     const std::size_t stop = text_.find(end, at_);
     if (stop == std::string_view::npos) fail("the file ends within a tag or comment");
@@ -104,7 +104,7 @@ class XmlEntries {
     std::string_view tag = take_until(">").substr(1);
     const bool empty = tag.ends_with('/');
     if (empty) tag.remove_suffix(1);
-    const std::string name(geometry::take_field(tag, kBlanks));
+    const std::string name(base::take_field(tag, kBlanks));
     if (open_.empty() && name != "opencv_storage")
       throw InputError(file_, "is XML with <" + name + "> at its top, not OpenCV's <opencv_storage>");
     if (open_.size() == 1) entries_.push_back({name, {}, {}, {}});
@@ -113,7 +113,7 @@ class XmlEntries {
 
   void close() {
     std::string_view tag = take_until(">").substr(2);
-    const std::string_view name = geometry::take_field(tag, kBlanks);
+    const std::string_view name = base::take_field(tag, kBlanks);
     if (open_.empty() || open_.back() != name) fail("</" + std::string(name) + "> closes nothing");
     open_.pop_back();
   }
@@ -123,11 +123,11 @@ class XmlEntries {
     if (depth != 2 && depth != 3) return;
     const bool is_value = depth == 2 || open_.back() == "data" || open_.back() == "_";
     while (true) {
-      std::string_view word = geometry::take_field(text, kBlanks);
+      std::string_view word = base::take_field(text, kBlanks);
       if (word.empty()) return;
       if (word.size() > 1 && word.starts_with('"') && word.ends_with('"')) word = word.substr(1, word.size() - 2);
       StorageEntry& entry = entries_.back();
-      if (is_value) entry.words.emplace_back(word);
+      if (is_value) entry.values.emplace_back(word);
       if (depth == 3 && open_.back() == "rows") entry.rows = word;
       if (depth == 3 && open_.back() == "cols") entry.cols = word;
     }

@@ -5,9 +5,9 @@
 #include <numeric>
 #include <vector>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::imaging {
@@ -18,10 +18,10 @@ constexpr std::size_t kLevels = 256;
 constexpr std::uintmax_t kMaxFileSize = std::uintmax_t{1} << 24;
 
 std::vector<double> read_response(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file, kMaxFileSize);
+  const std::string text = base::read_text(file, kMaxFileSize);
   std::vector<double> values;
-  for (const std::string_view field : geometry::split_fields(text, " \t\r\n")) {
-    const auto value = geometry::parse_number<double>(field);
+  for (const std::string_view field : base::split_fields(text, " \t\r\n")) {
+    const auto value = base::parse_number<double>(field);
     if (!value || !std::isfinite(*value))
       throw InputError(file.string(), "\"" + std::string(field) + "\" is not a finite number");
     if (!values.empty() && *value <= values.back())
@@ -33,8 +33,8 @@ std::vector<double> read_response(const std::filesystem::path& file) {
   return values;
 }
 
-/// 256 levels over the whole table (which has more for cameras of more than 8 bits), rescaled to 0..255.
-std::array<float, 256> resampled(const std::vector<double>& values) {
+/// Resamples the table (longer for cameras of more than 8 bits) to 256 levels, rescaled to 0..255.
+std::array<float, 256> resample_levels(const std::vector<double>& values) {
   std::array<float, 256> levels{};
   const double range = values.back() - values.front();
   for (std::size_t i = 0; i < kLevels; ++i) {
@@ -47,12 +47,12 @@ std::array<float, 256> resampled(const std::vector<double>& values) {
   return levels;
 }
 
-void require_growing(const std::filesystem::path& file, const std::array<float, 256>& levels) {
+void require_increasing(const std::filesystem::path& file, const std::array<float, 256>& levels) {
   if (std::adjacent_find(levels.begin(), levels.end(), std::greater_equal<>()) != levels.end())
     throw InputError(file.string(), "two levels are too close together to invert the response");
 }
 
-/// Divided by its brightest pixel. A black pixel, about which the file says nothing, counts as half a step.
+/// Normalised by the brightest pixel. Black pixels carry no information and count as half a step.
 FloatImage read_vignette(const std::filesystem::path& file) {
   const Gray16Image image = read_gray16(file);
   const std::uint16_t brightest = *std::max_element(image.pixels.begin(), image.pixels.end());
@@ -71,8 +71,8 @@ PhotometricCalibration read_photometric(const std::filesystem::path& pcalib_file
   PhotometricCalibration calibration;
   std::iota(calibration.inverse_response.begin(), calibration.inverse_response.end(), 0.0F);
   if (!pcalib_file.empty()) {
-    calibration.inverse_response = resampled(read_response(pcalib_file));
-    require_growing(pcalib_file, calibration.inverse_response);
+    calibration.inverse_response = resample_levels(read_response(pcalib_file));
+    require_increasing(pcalib_file, calibration.inverse_response);
   }
   if (!vignette_file.empty()) calibration.vignette = read_vignette(vignette_file);
   return calibration;
@@ -82,9 +82,9 @@ void write_pcalib(const std::filesystem::path& file, const std::array<float, 256
   std::string text;
   for (const float value : inverse_response) {
     if (!text.empty()) text += ' ';
-    geometry::append_number(text, value);
+    base::append_number(text, value);
   }
-  geometry::write_file(file, text + "\n");
+  base::write_file(file, text + "\n");
 }
 
 void write_vignette(const std::filesystem::path& file, const FloatImage& vignette) {
@@ -93,7 +93,7 @@ void write_vignette(const std::filesystem::path& file, const FloatImage& vignett
     return static_cast<std::uint16_t>(std::clamp(std::lround(65535.0F * value), 1L, 65535L));
   });
   const std::vector<std::byte> bytes = encode_png(image);
-  geometry::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  base::write_file(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 }  // namespace tileflight::imaging

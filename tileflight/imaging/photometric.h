@@ -11,7 +11,7 @@ namespace tileflight::imaging {
 /// for monocular visual odometry", arXiv 1607.02555, eq. 1.
 struct PhotometricCalibration {
   std::array<float, 256> inverse_response{};  ///< G^-1: 8-bit value to irradiance, 0..255, strictly increasing
-  FloatImage vignette;                        ///< V in (0, 1], size of the image; empty: none known
+  FloatImage vignette;                        ///< V in (0, 1], same size as the image; empty: none known
 };
 
 /// `pcalib.txt`: one line of at least 256 strictly increasing numbers (rescaled to 0..255); `vignette.png`: 8 or 16 bit

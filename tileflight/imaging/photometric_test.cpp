@@ -7,14 +7,15 @@
 
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::imaging {
 namespace {
 
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 std::string response_text(std::size_t count, double exponent, double scale, double offset) {
   std::string text;
@@ -34,7 +35,7 @@ TEST(Photometric, NoFilesAreTheIdentity) {
 TEST(Photometric, ResponseIsRescaledTo255) {
   tests::TemporaryFolder folder;
   for (const std::size_t count : {256, 1024, 65536}) {
-    geometry::write_file(folder / "pcalib.txt", response_text(count, 2.0, 5000, 100));
+    base::write_file(folder / "pcalib.txt", response_text(count, 2.0, 5000, 100));
     const PhotometricCalibration calibration = read_photometric(folder / "pcalib.txt", {});
     for (int i = 0; i < 256; ++i)
       EXPECT_NEAR(calibration.inverse_response[i], 255.0 * std::pow(i / 255.0, 2.0), 1e-3) << count << " " << i;
@@ -75,7 +76,7 @@ TEST(Photometric, VignetteIsPositiveAndAtMostOne) {
 TEST(Photometric, BadFilesAreOneClearLine) {
   tests::TemporaryFolder folder;
   const auto response_error = [&](const std::string& text) -> std::string {
-    geometry::write_file(folder / "pcalib.txt", text);
+    base::write_file(folder / "pcalib.txt", text);
     return tests::refusal_of([&] { read_photometric(folder / "pcalib.txt", {}); });
   };
   EXPECT_THAT(response_error("1 2 3"), HasSubstr("at least 256 numbers, not 3"));
@@ -84,8 +85,10 @@ TEST(Photometric, BadFilesAreOneClearLine) {
   EXPECT_THAT(response_error("1 2 x"), HasSubstr("\"x\""));
   EXPECT_THAT(response_error("1 nan"), HasSubstr("\"nan\""));
   write_gray(folder / "black.png", GrayImage(4, 4));
-  EXPECT_THROW(read_photometric({}, folder / "black.png"), InputError);
-  EXPECT_THROW(read_photometric({}, folder / "none.png"), InputError);
+  EXPECT_THAT([&] { read_photometric({}, folder / "black.png"); },
+              ThrowsMessage<InputError>(HasSubstr("black.png: the vignette is black everywhere")));
+  EXPECT_THAT([&] { read_photometric({}, folder / "none.png"); },
+              ThrowsMessage<InputError>(HasSubstr("none.png: cannot be opened")));
 }
 
 }  // namespace

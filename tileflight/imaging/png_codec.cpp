@@ -3,16 +3,16 @@
 #include <csetjmp>
 #include <cstring>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/codecs.h"
-#include "tileflight/imaging/quick_png.h"
+#include "tileflight/imaging/fast_png.h"
 
 namespace tileflight::imaging {
 
 namespace {
 
-/// libpng reports errors by calling back; the callback jumps to where `jump` was set. The functions that set it hold no
-/// object with a destructor, so that the jump skips none.
+/// libpng reports errors through a callback, which jumps (longjmp) to `jump`. The functions that call setjmp hold no
+/// object with a destructor, so the jump skips none.
 struct Fault {
   std::jmp_buf jump;
   char message[256] = "";
@@ -52,7 +52,7 @@ class Reader {
   }
   bool is_16_bit() const { return png_get_bit_depth(png_, info_) == 16; }
 
-  /// Rows through `rows` (one pointer a row): 8 bits a sample, or 16 in the machine's own byte order.
+  /// Reads rows into `rows` (one pointer per row): 8 bits a sample, or 16 in native byte order.
   bool read_pixels(bool keep_16_bit, png_bytepp rows) {
     if (setjmp(fault_.jump) != 0) return false;
     png_set_expand(png_);  // palette to RGB, 1, 2, 4 bits to 8, transparency to alpha
@@ -109,7 +109,7 @@ Gray16Image luma16(const Image<std::array<std::uint16_t, 3>>& rgb) {
   return gray;
 }
 
-constexpr int kUsual = 6, kQuick = 1;  // levels of compression
+constexpr int kUsual = 6, kQuick = 1;  // compression levels
 
 class Writer {
  public:
@@ -154,7 +154,7 @@ class Writer {
 
 template <class Pixel>
 std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_type, int level = kUsual) {
-  std::vector<png_bytep> rows = row_pointers(const_cast<Image<Pixel>&>(image));  // libpng does not write to them
+  std::vector<png_bytep> rows = row_pointers(const_cast<Image<Pixel>&>(image));  // libpng does not modify it
   Writer writer;
   if (!writer.write(image.width, image.height, bits, color_type, level, rows.data()))
     throw InputError("PNG of " + std::to_string(image.width) + "x" + std::to_string(image.height), writer.message());
@@ -165,13 +165,13 @@ std::vector<std::byte> encode(const Image<Pixel>& image, int bits, int color_typ
 
 namespace codecs {
 
-Decoded decode_png(std::span<const std::byte> bytes, const std::string& name, Wanted wanted,
-                   const DecodeLimits& limits) {
+DecodedImage decode_png(std::span<const std::byte> bytes, const std::string& name, PixelFormat wanted,
+                        const DecodeLimits& limits) {
   Reader reader(bytes);
   if (!reader.read_header()) throw InputError(name, "not a readable PNG: " + reader.message());
   check_size(name, reader.width(), reader.height(), limits);
-  const bool keep_16_bit = wanted == Wanted::kGray16 && reader.is_16_bit();
-  Decoded out;
+  const bool keep_16_bit = wanted == PixelFormat::kGray16 && reader.is_16_bit();
+  DecodedImage out;
   if (keep_16_bit && reader.is_gray())
     out.gray16 = read_into<std::uint16_t>(reader, true, name);
   else if (keep_16_bit)
@@ -186,7 +186,7 @@ Decoded decode_png(std::span<const std::byte> bytes, const std::string& name, Wa
 }  // namespace codecs
 
 std::vector<std::byte> encode_png(const RgbImage& image) { return encode(image, 8, PNG_COLOR_TYPE_RGB); }
-std::vector<std::byte> encode_quick_png(const RgbImage& image) { return encode(image, 8, PNG_COLOR_TYPE_RGB, kQuick); }
+std::vector<std::byte> encode_png_fast(const RgbImage& image) { return encode(image, 8, PNG_COLOR_TYPE_RGB, kQuick); }
 std::vector<std::byte> encode_png(const Gray16Image& image) { return encode(image, 16, PNG_COLOR_TYPE_GRAY); }
 std::vector<std::byte> encode_png(const GrayImage& image) { return encode(image, 8, PNG_COLOR_TYPE_GRAY); }
 

@@ -12,13 +12,13 @@ std::vector<double> derivative(std::span<const double> c) {
   return d;
 }
 
-/// The root between two arguments with values of opposite sign (or one zero), to the last bit.
+/// The root between two arguments whose values have opposite signs (or one is zero), to full precision.
 double bisect(std::span<const double> c, double lower, double upper) {
-  const bool lower_is_positive = polynomial_value(c, lower) > 0.0;
+  const bool lower_is_positive = evaluate_polynomial(c, lower) > 0.0;
   for (;;) {
     const double middle = 0.5 * (lower + upper);
     if (middle <= lower || middle >= upper) return upper;
-    ((polynomial_value(c, middle) > 0.0) == lower_is_positive ? lower : upper) = middle;
+    ((evaluate_polynomial(c, middle) > 0.0) == lower_is_positive ? lower : upper) = middle;
   }
 }
 
@@ -30,7 +30,8 @@ std::vector<double> sign_changes(std::span<const double> c, double upper) {
   std::vector<double> roots;
   double lower = 0.0;
   for (const double end : ends) {
-    if ((polynomial_value(c, lower) > 0.0) != (polynomial_value(c, end) > 0.0)) roots.push_back(bisect(c, lower, end));
+    if ((evaluate_polynomial(c, lower) > 0.0) != (evaluate_polynomial(c, end) > 0.0))
+      roots.push_back(bisect(c, lower, end));
     lower = end;
   }
   return roots;
@@ -38,7 +39,7 @@ std::vector<double> sign_changes(std::span<const double> c, double upper) {
 
 }  // namespace
 
-double polynomial_value(std::span<const double> c, double x) {
+double evaluate_polynomial(std::span<const double> c, double x) {
   double value = 0.0;
   for (std::size_t i = c.size(); i-- > 0;) value = value * x + c[i];
   return value;

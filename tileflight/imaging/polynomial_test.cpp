@@ -11,7 +11,7 @@ namespace {
 
 TEST(Polynomial, Value) {
   const std::array<double, 4> c{1.0, -2.0, 0.0, 3.0};
-  EXPECT_DOUBLE_EQ(polynomial_value(c, 2.0), 1.0 - 4.0 + 24.0);
+  EXPECT_DOUBLE_EQ(evaluate_polynomial(c, 2.0), 1.0 - 4.0 + 24.0);
 }
 
 TEST(Polynomial, FirstRootAgreesWithADenseScan) {
@@ -24,7 +24,7 @@ TEST(Polynomial, FirstRootAgreesWithADenseScan) {
                                   coefficient(random)};
     double scanned = -1.0;
     for (int s = 1; s <= kSteps && scanned < 0.0; ++s)
-      if (polynomial_value(c, kUpper * s / kSteps) <= 0.0) scanned = kUpper * s / kSteps;
+      if (evaluate_polynomial(c, kUpper * s / kSteps) <= 0.0) scanned = kUpper * s / kSteps;
     const auto found = first_nonpositive(c, kUpper);
     ASSERT_EQ(found.has_value(), scanned > 0.0);
     if (found.has_value()) {

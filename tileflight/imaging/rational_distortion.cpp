@@ -26,7 +26,7 @@ Ratio ratio(const Coefficients& d, double r2) {
   return {above / below, (d_above * below - above * d_below) / (below * below)};
 }
 
-/// Inverse of the radial part alone; nullopt beyond the radius at which it stops growing.
+/// Inverse of the radial part alone; nullopt beyond the radius at which it stops increasing.
 std::optional<Vec2> undistort_radial(const Coefficients& d, double max_radius, const Vec2& target) {
   const auto value = [&d](double r) { return r * ratio(d, r * r).value; };
   const auto slope = [&d](double r) {
@@ -38,24 +38,24 @@ std::optional<Vec2> undistort_radial(const Coefficients& d, double max_radius, c
   if (!(wanted <= value(max_radius))) return std::nullopt;
   double upper = std::min(max_radius, std::max(1.0, wanted));
   while (value(upper) < wanted) upper = std::min(2.0 * upper, max_radius);
-  return target * (solve_growing(wanted, wanted, 0.0, upper, value, slope) / wanted);
+  return target * (solve_increasing(wanted, wanted, 0.0, upper, value, slope) / wanted);
 }
 
 }  // namespace
 
-Distorted distort(const Coefficients& d, const Vec2& m) {
+DistortedPoint distort(const Coefficients& d, const Vec2& m) {
   const auto& [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = d;
   const double x = m.x();
   const double y = m.y();
   const double r2 = x * x + y * y;
   const Ratio radial = ratio(d, r2);
   const double slope = 2.0 * radial.slope;  // d radial / d x = slope * x
-  Distorted out;
-  out.m = {x * radial.value + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2),
-           y * radial.value + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + r2 * s4)};
+  DistortedPoint out;
+  out.point = {x * radial.value + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2),
+               y * radial.value + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + r2 * s4)};
   const double prism_x = 2.0 * (s1 + 2.0 * r2 * s2), prism_y = 2.0 * (s3 + 2.0 * r2 * s4);  // times x, y by x, y
   const double mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
-  out.d_m << radial.value + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x, mixed + prism_x * y,
+  out.jacobian << radial.value + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x, mixed + prism_x * y,
       mixed + prism_y * x, radial.value + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y;
   return out;
 }
@@ -64,7 +64,7 @@ bool is_radial(const Coefficients& d) {
   return d[2] == 0.0 && d[3] == 0.0 && std::all_of(d.begin() + 8, d.end(), [](double s) { return s == 0.0; });
 }
 
-double largest_radius(const Coefficients& d) {
+double max_valid_radius(const Coefficients& d) {
   constexpr double kLargestRadius = 1e6;
   const std::array<double, 4> above{1.0, d[0], d[1], d[4]}, below{1.0, d[5], d[6], d[7]};
   // d(r N/D)/dr = ((N + 2 t N') D - 2 t N D') / D^2 with t = r^2.

@@ -13,15 +13,15 @@ using Coefficients = std::array<double, 12>;
 
 /// x N/D + 2 p1 x y + p2 (r^2 + 2 x^2) + s1 r^2 + s2 r^4, y N/D + p1 (r^2 + 2 y^2) + 2 p2 x y + s3 r^2 + s4 r^4, with
 /// N = 1 + k1 r^2 + k2 r^4 + k3 r^6 and D = 1 + k4 r^2 + k5 r^4 + k6 r^6.
-Distorted distort(const Coefficients& d, const geometry::Vec2& m);
+DistortedPoint distort(const Coefficients& d, const geometry::Vec2& m);
 
-/// Whether only r is changed, so that the lens is symmetric about its axis.
+/// Whether the distortion is purely radial, so that the lens is symmetric about its axis.
 bool is_radial(const Coefficients& d);
 
-/// Radius at which r N/D stops growing or D is zero; 1e6, where nothing is told from infinity, if it grows beyond.
-double largest_radius(const Coefficients& d);
+/// Radius at which r N/D stops increasing or D is zero; 1e6, practically infinite, if it increases beyond.
+double max_valid_radius(const Coefficients& d);
 
-/// The coordinates that distort() takes to `target`, none of them beyond `max_radius`; nullopt where there are none.
+/// Inverse of distort(), with a radius of at most `max_radius`; nullopt if there is no solution.
 std::optional<geometry::Vec2> undistort(const Coefficients& d, double max_radius, const geometry::Vec2& target);
 
 }  // namespace tileflight::imaging::rational

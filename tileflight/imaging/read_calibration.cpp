@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cctype>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
 
@@ -13,16 +13,16 @@ namespace tileflight::imaging {
 
 namespace {
 
-/// The next line with something on it that is no comment; empty at the end.
+/// The next line that is neither blank nor a comment; empty at the end.
 std::string_view next_line(std::string_view& text) {
-  while (const auto line = geometry::take_line(text)) {
+  while (const auto line = base::take_line(text)) {
     const std::size_t begin = line->find_first_not_of(" \t");
     if (begin != std::string_view::npos && (*line)[begin] != '#') return line->substr(begin);
   }
   return {};
 }
 
-/// "cam0:" (or another number), also quoted or within braces.
+/// Whether a line is "cam0:" (or another number), possibly quoted or in braces.
 bool begins_kalibr_camera(std::string_view line) {
   line.remove_prefix(std::min(line.find_first_not_of("{\"' "), line.size()));
   if (!line.starts_with("cam")) return false;
@@ -41,7 +41,7 @@ bool has_kalibr_camera(std::string_view text) {
   }
 }
 
-/// "cam0", "cam1", ... as far as there are some.
+/// The consecutive names "cam0", "cam1", ... in the file.
 std::vector<std::string> kalibr_ids(const std::filesystem::path& file, std::string_view text) {
   std::vector<std::string> ids;
   try {
@@ -60,7 +60,7 @@ std::vector<std::string> colmap_ids(std::string_view text) {
   while (true) {
     const std::string_view line = next_line(text);
     if (line.empty()) return ids;
-    ids.emplace_back(geometry::split_fields(line).front());
+    ids.emplace_back(base::split_fields(line).front());
   }
 }
 
@@ -70,48 +70,48 @@ std::string joined(const std::vector<std::string>& names) {
   return text;
 }
 
-bool is_number(std::string_view field) { return geometry::parse_number<double>(field).has_value(); }
+bool is_number(std::string_view field) { return base::parse_number<double>(field).has_value(); }
 
-/// CAMERA_ID MODEL …
+/// Whether the fields are CAMERA_ID MODEL ….
 bool is_colmap_line(const std::vector<std::string_view>& fields) {
-  return fields.size() > 1 && geometry::parse_number<std::int64_t>(fields[0]) && !is_number(fields[1]) &&
+  return fields.size() > 1 && base::parse_number<std::int64_t>(fields[0]) && !is_number(fields[1]) &&
          std::isupper(static_cast<unsigned char>(fields[1].front())) != 0;
 }
 
-/// Numbers, perhaps with a name before them.
+/// Whether the fields are numbers, possibly after a name.
 bool is_dso_line(const std::vector<std::string_view>& fields) { return fields.size() > 1 && is_number(fields.back()); }
 
 }  // namespace
 
-std::optional<CalibrationForm> calibration_form(std::string_view text) {
+std::optional<CalibrationFormat> detect_calibration_format(std::string_view text) {
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   std::string_view rest = text;
   const std::string_view first = next_line(rest);
-  if (first.starts_with('<')) return CalibrationForm::kOpenCv;
+  if (first.starts_with('<')) return CalibrationFormat::kOpenCv;
   if (first.starts_with("%YAML") || first.starts_with("---") || first.find(':') != std::string_view::npos)
-    return has_kalibr_camera(text) ? CalibrationForm::kKalibr : CalibrationForm::kOpenCv;
-  const std::vector<std::string_view> fields = geometry::split_fields(first);
-  if (is_colmap_line(fields)) return CalibrationForm::kColmap;
-  if (is_dso_line(fields)) return CalibrationForm::kDso;
+    return has_kalibr_camera(text) ? CalibrationFormat::kKalibr : CalibrationFormat::kOpenCv;
+  const std::vector<std::string_view> fields = base::split_fields(first);
+  if (is_colmap_line(fields)) return CalibrationFormat::kColmap;
+  if (is_dso_line(fields)) return CalibrationFormat::kDso;
   return std::nullopt;
 }
 
 Calibration read_calibration(const std::filesystem::path& file) {
-  const std::optional<CalibrationForm> form = calibration_form(geometry::read_text(file, kMaxCalibrationBytes));
-  if (form == CalibrationForm::kKalibr) return read_kalibr(file);
-  if (form == CalibrationForm::kOpenCv) return read_opencv(file);
-  if (form == CalibrationForm::kColmap) return read_colmap_cameras(file);
-  if (form == CalibrationForm::kDso) return read_dso_camera(file);
+  const std::optional<CalibrationFormat> form = detect_calibration_format(base::read_text(file, kMaxCalibrationBytes));
+  if (form == CalibrationFormat::kKalibr) return read_kalibr(file);
+  if (form == CalibrationFormat::kOpenCv) return read_opencv(file);
+  if (form == CalibrationFormat::kColmap) return read_colmap_cameras(file);
+  if (form == CalibrationFormat::kDso) return read_dso_camera(file);
   throw InputError(file.string(),
                    "is no calibration that is known: give a Kalibr camchain (with \"cam0\"), OpenCV's YAML or XML, "
                    "COLMAP's cameras.txt or DSO's camera.txt");
 }
 
 std::vector<std::string> camera_ids(const std::filesystem::path& file) {
-  const std::string text = geometry::read_text(file, kMaxCalibrationBytes);
-  const std::optional<CalibrationForm> form = calibration_form(text);
-  if (form == CalibrationForm::kKalibr) return kalibr_ids(file, text);
-  if (form == CalibrationForm::kColmap) return colmap_ids(text);
+  const std::string text = base::read_text(file, kMaxCalibrationBytes);
+  const std::optional<CalibrationFormat> form = detect_calibration_format(text);
+  if (form == CalibrationFormat::kKalibr) return kalibr_ids(file, text);
+  if (form == CalibrationFormat::kColmap) return colmap_ids(text);
   return {};
 }
 
@@ -125,7 +125,7 @@ Calibration read_calibration(const std::filesystem::path& file, const std::strin
   if (ids.empty()) throw InputError(file.string(), "holds one camera without a name: leave --camera-id out");
   if (std::find(ids.begin(), ids.end(), camera_id) == ids.end())
     throw InputError(file.string(), "has no camera " + camera_id + ", only " + joined(ids));
-  const auto number = geometry::parse_number<std::int64_t>(camera_id);
+  const auto number = base::parse_number<std::int64_t>(camera_id);
   return number ? read_colmap_cameras(file, *number) : read_kalibr_camera(file, camera_id);
 }
 

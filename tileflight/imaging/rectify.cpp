@@ -8,14 +8,14 @@ namespace {
 
 constexpr std::array<float, 2> kUnseen{-1.0F, -1.0F};
 
-/// Weights of the four pixels around a place inside the picture, and the first of them.
-struct Corners {
+/// Weights of the four pixels around a point in the image, and the first of them.
+struct BilinearWeights {
   int x = 0, y = 0;
   float right = 0.0F, down = 0.0F;
 };
 
-Corners corners_of(const std::array<float, 2>& at, int width, int height) {
-  Corners c{static_cast<int>(at[0]), static_cast<int>(at[1])};
+BilinearWeights corners_of(const std::array<float, 2>& at, int width, int height) {
+  BilinearWeights c{static_cast<int>(at[0]), static_cast<int>(at[1])};
   if (c.x == width - 1 && c.x > 0) --c.x;
   if (c.y == height - 1 && c.y > 0) --c.y;
   c.right = at[0] - static_cast<float>(c.x);
@@ -23,9 +23,9 @@ Corners corners_of(const std::array<float, 2>& at, int width, int height) {
   return c;
 }
 
-/// `channel` gives a number of a pixel.
+/// `channel` extracts one channel of a pixel.
 template <class Pixel, class Channel>
-float blended(const Image<Pixel>& image, const Corners& c, const Channel& channel) {
+float interpolate_channel(const Image<Pixel>& image, const BilinearWeights& c, const Channel& channel) {
   const int x1 = std::min(c.x + 1, image.width - 1), y1 = std::min(c.y + 1, image.height - 1);
   const float top = channel(image(c.x, c.y)) * (1.0F - c.right) + channel(image(x1, c.y)) * c.right;
   const float bottom = channel(image(c.x, y1)) * (1.0F - c.right) + channel(image(x1, y1)) * c.right;
@@ -35,7 +35,8 @@ float blended(const Image<Pixel>& image, const Corners& c, const Channel& channe
 std::uint8_t rounded(float value) { return static_cast<std::uint8_t>(std::lround(value)); }
 
 template <class Pixel, class Blend>
-Image<Pixel> resampled(const Image<Pixel>& picture, const Image<std::array<float, 2>>& source, const Blend& blend) {
+Image<Pixel> resample_image(const Image<Pixel>& picture, const Image<std::array<float, 2>>& source,
+                            const Blend& blend) {
   Image<Pixel> out(source.width, source.height);
   for (std::size_t i = 0; i < out.pixels.size(); ++i) {
     if (source.pixels[i][0] < 0.0F) continue;
@@ -61,10 +62,10 @@ Rectifier::Rectifier(const Camera& from, const Camera& to)
 
 RgbImage Rectifier::operator()(const RgbImage& picture) const {
   assert(picture.width == from_.width() && picture.height == from_.height());
-  return resampled(picture, source_, [&](const Corners& c) {
+  return resample_image(picture, source_, [&](const BilinearWeights& c) {
     Rgb8 out{};
     for (int k = 0; k < 3; ++k) {
-      out[k] = rounded(blended(picture, c, [k](const Rgb8& p) { return static_cast<float>(p[k]); }));
+      out[k] = rounded(interpolate_channel(picture, c, [k](const Rgb8& p) { return static_cast<float>(p[k]); }));
     }
     return out;
   });
@@ -72,14 +73,16 @@ RgbImage Rectifier::operator()(const RgbImage& picture) const {
 
 GrayImage Rectifier::operator()(const GrayImage& picture) const {
   assert(picture.width == from_.width() && picture.height == from_.height());
-  return resampled(picture, source_, [&](const Corners& c) {
-    return rounded(blended(picture, c, [](std::uint8_t p) { return static_cast<float>(p); }));
+  return resample_image(picture, source_, [&](const BilinearWeights& c) {
+    return rounded(interpolate_channel(picture, c, [](std::uint8_t p) { return static_cast<float>(p); }));
   });
 }
 
 FloatImage Rectifier::operator()(const FloatImage& picture) const {
   assert(picture.width == from_.width() && picture.height == from_.height());
-  return resampled(picture, source_, [&](const Corners& c) { return blended(picture, c, [](float p) { return p; }); });
+  return resample_image(picture, source_, [&](const BilinearWeights& c) {
+    return interpolate_channel(picture, c, [](float p) { return p; });
+  });
 }
 
 }  // namespace tileflight::imaging

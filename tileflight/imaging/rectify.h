@@ -5,20 +5,20 @@
 
 namespace tileflight::imaging {
 
-/// Pictures of one lens as another would have taken them from the same place, looking the same way.
+/// Resamples images of one lens to another lens at the same position and orientation.
 class Rectifier {
  public:
   Rectifier(const Camera& from, const Camera& to);
 
   const Camera& camera() const { return to_; }
-  /// Bilinear; 0 (black) where the first lens does not see. The picture must have the first lens's size.
+  /// Bilinear; 0 (black) outside the first lens's view. The image must have the size of `from`.
   RgbImage operator()(const RgbImage& picture) const;
   GrayImage operator()(const GrayImage& picture) const;
   FloatImage operator()(const FloatImage& picture) const;
 
  private:
   Camera from_, to_;
-  Image<std::array<float, 2>> source_;  ///< pixel of `from` for each pixel of `to`; below 0 where there is none
+  Image<std::array<float, 2>> source_;  ///< pixel of `from` for each pixel of `to`; negative: none
 };
 
 }  // namespace tileflight::imaging

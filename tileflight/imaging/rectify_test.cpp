@@ -9,7 +9,7 @@ namespace {
 
 using geometry::Vec3;
 
-/// A smooth picture of the directions around a camera, so that every lens shows the same world.
+/// A smooth function of direction, so that every lens shows the same scene.
 double brightness(const Vec3& ray) {
   return 120.0 + 50.0 * std::sin(3.0 * ray.x() + ray.z()) * std::cos(2.5 * ray.y());
 }
@@ -28,7 +28,7 @@ TEST(Rectifier, ShowsWhatThePinholeWouldHaveSeen) {
   const Camera pinhole = make_pinhole(320, 200, 100.0);
   for (const Camera& wide :
        {make_fisheye(400, 300, 155.0), Camera(DoubleSphere{150, 150, 199.5, 149.5, 0.1, 0.6}, 400, 300),
-        Camera(Unified{300, 300, 199.5, 149.5, 1.2, {-0.05, 0.0, 1e-3, 0.0}}, 400, 300)}) {
+        Camera(UnifiedModel{300, 300, 199.5, 149.5, 1.2, {-0.05, 0.0, 1e-3, 0.0}}, 400, 300)}) {
     const FloatImage expected = seen_by(pinhole), rectified = Rectifier(wide, pinhole)(seen_by(wide));
     double worst = 0.0;
     for (std::size_t i = 0; i < expected.pixels.size(); ++i)

@@ -14,10 +14,11 @@ using geometry::Vec2;
 using geometry::Vec3;
 constexpr double kPi = std::numbers::pi;
 
-/// sin phi / (alpha + (1 - alpha) cos phi) stops growing (alpha > 1/2) or becomes infinite at cos phi = -this.
+/// sin phi / (alpha + (1 - alpha) cos phi) stops increasing (alpha > 1/2) or becomes infinite at cos phi = -w; returns
+/// w.
 double widest_cosine(double alpha) { return alpha > 0.5 ? (1.0 - alpha) / alpha : alpha / (1.0 - alpha); }
 
-/// The angle theta whose phi has the cosine -w, or at which phi itself stops growing (1 + xi cos theta = 0, xi > 1).
+/// The angle theta for which cos phi = -w, or at which phi itself stops increasing (1 + xi cos theta = 0, xi > 1).
 double theta_at(double xi, double w) {
   const double fold = xi > 1.0 ? -1.0 / xi : -1.0;
   const double root = 1.0 - xi * xi * (1.0 - w * w);
@@ -26,15 +27,15 @@ double theta_at(double xi, double w) {
   return std::acos(std::clamp(std::max(cosine, fold), -1.0, 1.0));
 }
 
-/// Height of the point over the plane of m that the second sphere (or ellipsoid) has at squared radius r2:
-/// (1 - alpha^2 r2) / (alpha sqrt(1 - (2 alpha - 1) r2) + 1 - alpha).
+/// z coordinate of the point on the second sphere (or ellipsoid) at squared radius r2 in the plane of m: (1 - alpha^2
+/// r2) / (alpha sqrt(1 - (2 alpha - 1) r2) + 1 - alpha).
 std::optional<double> height_at(double alpha, double r2) {
   const double root = 1.0 - (2.0 * alpha - 1.0) * r2;
   if (!(root >= 0.0)) return std::nullopt;
   return (1.0 - alpha * alpha * r2) / (alpha * std::sqrt(root) + 1.0 - alpha);
 }
 
-/// From the direction (m, mz) at the centre shifted by xi to the ray at the sphere's own centre.
+/// Converts the direction (m, mz) at the centre shifted by xi to the ray at the sphere's own centre.
 std::optional<Vec3> through_sphere(double xi, const Vec2& m, double mz) {
   const double n2 = mz * mz + m.squaredNorm();
   const double root = mz * mz + (1.0 - xi * xi) * m.squaredNorm();
@@ -56,28 +57,30 @@ Denominator denominator(const DoubleSphere& m, const Vec3& p) {
 }
 
 /// Mei and Rives, "Single view point omnidirectional camera calibration from planar grids", ICRA 2007, section III.
-Denominator denominator(const Unified& m, const Vec3& p) {
+Denominator denominator(const UnifiedModel& m, const Vec3& p) {
   const double d = p.norm();
   return {m.xi * d + p.z(), m.xi / d * p + Vec3::UnitZ()};
 }
 
 /// Khomutenko, Garcia, Martinet, "An enhanced unified camera model", RA-L 2016, eq. 6.
-Denominator denominator(const ExtendedUnified& m, const Vec3& p) {
+Denominator denominator(const ExtendedUnifiedModel& m, const Vec3& p) {
   const double d = std::sqrt(m.beta * (p.x() * p.x() + p.y() * p.y()) + p.z() * p.z());
   const Vec3 d_by_point = Vec3(m.beta * p.x(), m.beta * p.y(), p.z()) / d;
   return {m.alpha * d + (1.0 - m.alpha) * p.z(), m.alpha * d_by_point + (1.0 - m.alpha) * Vec3::UnitZ()};
 }
 
-/// The same paper, eq. 46 to 50.
-std::optional<Vec3> ray_of(const DoubleSphere& m, const Vec2& normalized) {
+/// Double sphere unprojection: the same paper, eq. 46 to 50.
+std::optional<Vec3> unproject(const DoubleSphere& m, const Vec2& normalized) {
   const std::optional<double> mz = height_at(m.alpha, normalized.squaredNorm());
   if (!mz) return std::nullopt;
   return through_sphere(m.xi, normalized, *mz);
 }
 
-std::optional<Vec3> ray_of(const Unified& m, const Vec2& normalized) { return through_sphere(m.xi, normalized, 1.0); }
+std::optional<Vec3> unproject(const UnifiedModel& m, const Vec2& normalized) {
+  return through_sphere(m.xi, normalized, 1.0);
+}
 
-std::optional<Vec3> ray_of(const ExtendedUnified& m, const Vec2& normalized) {
+std::optional<Vec3> unproject(const ExtendedUnifiedModel& m, const Vec2& normalized) {
   const std::optional<double> mz = height_at(m.alpha, m.beta * normalized.squaredNorm());
   if (!mz) return std::nullopt;
   return Vec3(normalized.x(), normalized.y(), *mz);
@@ -85,15 +88,15 @@ std::optional<Vec3> ray_of(const ExtendedUnified& m, const Vec2& normalized) {
 
 double max_theta_rad(const DoubleSphere& m) { return theta_at(m.xi, widest_cosine(m.alpha)); }
 
-double max_theta_rad(const Unified& m) {
+double max_theta_rad(const UnifiedModel& m) {
   const double sphere = theta_at(m.xi, 0.0);
-  const std::optional<double> radius = brown_conrady::largest_radius(m.d);
+  const std::optional<double> radius = brown_conrady::max_valid_radius(m.d);
   if (!radius) return sphere;
-  const std::optional<Vec3> ray = ray_of(m, Vec2(*radius, 0.0));
+  const std::optional<Vec3> ray = unproject(m, Vec2(*radius, 0.0));
   return ray ? std::min(sphere, std::atan2(ray->x(), ray->z())) : sphere;
 }
 
-double max_theta_rad(const ExtendedUnified& m) {
+double max_theta_rad(const ExtendedUnifiedModel& m) {
   const double phi = std::acos(-widest_cosine(m.alpha));
   return phi >= kPi ? kPi : std::atan2(std::sin(phi), std::sqrt(m.beta) * std::cos(phi));
 }

@@ -10,22 +10,22 @@
 
 namespace tileflight::imaging {
 
-/// How texture coordinates outside 0..1 are read (glTF sampler).
+/// Handling of texture coordinates outside 0..1 (glTF sampler).
 enum class Wrap { kRepeat, kClampToEdge, kMirroredRepeat };
 
-/// Triangles of one material. Positions are double, in the frame that the owner says (a tile: the tileset's frame;
-/// a scene: local). `uv` follows glTF: (0, 0) is the top left corner of the image.
+/// Triangles of one material. Positions are double, in a frame defined by the owner (a tile: the tileset's frame; a
+/// scene: local). `uv` follows glTF: (0, 0) is the top left corner of the image.
 struct TexturedMesh {
   geometry::TriangleMesh mesh;
   std::vector<Eigen::Vector2f> uv;                  ///< one a vertex, or empty
   std::vector<std::array<std::uint8_t, 4>> colors;  ///< one a vertex (RGBA), or empty
-  std::shared_ptr<const RgbImage> texture;          ///< shared between meshes that name the same image; may be null
+  std::shared_ptr<const RgbImage> texture;          ///< shared between meshes that use the same image; may be null
   Wrap wrap_u = Wrap::kRepeat;
   Wrap wrap_v = Wrap::kRepeat;
-  std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< linear factor of glTF, multiplies texture and colours
+  std::array<float, 4> base_color{1.0F, 1.0F, 1.0F, 1.0F};  ///< glTF's linear factor on texture and colours
   std::vector<std::uint32_t> feature_ids;                   ///< one a vertex (kNoFeature: none), or empty
-  std::shared_ptr<const FeatureTable> features;  ///< of the ids; shared between meshes of a tile; may be null
-  std::string name;                              ///< tile or object that it comes from, for messages and labels
+  std::shared_ptr<const FeatureTable> features;  ///< of feature_ids; shared between meshes of a tile; may be null
+  std::string name;                              ///< tile or object of origin, for messages and labels
 };
 
 }  // namespace tileflight::imaging

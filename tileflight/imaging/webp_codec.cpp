@@ -1,17 +1,17 @@
 #include <webp/decode.h>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/codecs.h"
 
 namespace tileflight::imaging::codecs {
 
-Decoded decode_webp(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits) {
+DecodedImage decode_webp(std::span<const std::byte> bytes, const std::string& name, const DecodeLimits& limits) {
   const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
   WebPBitstreamFeatures features;
   if (WebPGetFeatures(data, bytes.size(), &features) != VP8_STATUS_OK) throw InputError(name, "not a readable WebP");
   if (features.has_animation != 0) throw InputError(name, "an animated WebP is not an image: use its first frame");
   check_size(name, features.width, features.height, limits);
-  Decoded out;
+  DecodedImage out;
   out.rgb = RgbImage(features.width, features.height);
   const std::size_t stride = out.rgb.pixels.size() / features.height * sizeof(Rgb8);
   if (WebPDecodeRGBInto(data, bytes.size(), out.rgb.pixels.data()->data(), stride * features.height,

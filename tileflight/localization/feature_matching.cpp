@@ -9,7 +9,7 @@
 #include <limits>
 #include <utility>
 
-#include "tileflight/geometry/wide_vectors.h"
+#include "tileflight/base/wide_vectors.h"
 
 namespace tileflight::localization {
 
@@ -34,8 +34,8 @@ void count_differences(const std::array<std::uint64_t, 2>& signs, const std::arr
         static_cast<std::uint8_t>(std::popcount(signs[0] ^ all[k][0]) + std::popcount(signs[1] ^ all[k][1]));
 }
 
-/// The least number of differences that at least `wanted` entries do not exceed.
-int cutoff(const std::vector<std::uint8_t>& differences, std::size_t wanted) {
+/// Smallest Hamming distance that at least `wanted` entries do not exceed.
+int shortlist_cutoff(const std::vector<std::uint8_t>& differences, std::size_t wanted) {
   std::array<std::array<std::uint32_t, 256>, 4> counts{};
   for (std::size_t k = 0; k < differences.size(); ++k) ++counts[k % 4][differences[k]];
   std::size_t sum = 0;
@@ -48,26 +48,27 @@ int cutoff(const std::vector<std::uint8_t>& differences, std::size_t wanted) {
 
 }  // namespace
 
-DescriptorIndex::DescriptorIndex(std::vector<Descriptor> descriptors) : descriptors_(std::move(descriptors)) {
+DescriptorIndex::DescriptorIndex(std::vector<SiftDescriptor> descriptors) : descriptors_(std::move(descriptors)) {
   for (std::size_t part = 0; part < medians_.size(); ++part) {
     std::array<std::size_t, 256> counts{};
-    for (const Descriptor& d : descriptors_) ++counts[d[part]];
+    for (const SiftDescriptor& d : descriptors_) ++counts[d[part]];
     std::size_t sum = 0, value = 0;
     while (value < 255 && 2 * (sum += counts[value]) < descriptors_.size()) ++value;
     medians_[part] = static_cast<std::uint8_t>(value);
   }
   signs_.resize(descriptors_.size());
-  tbb::parallel_for(std::size_t{0}, signs_.size(), [&](std::size_t k) { signs_[k] = signs_of(descriptors_[k]); });
+  tbb::parallel_for(std::size_t{0}, signs_.size(),
+                    [&](std::size_t k) { signs_[k] = compute_sign_bits(descriptors_[k]); });
 }
 
-DescriptorIndex::Signs DescriptorIndex::signs_of(const Descriptor& descriptor) const {
-  Signs signs{};
+DescriptorIndex::SignBits DescriptorIndex::compute_sign_bits(const SiftDescriptor& descriptor) const {
+  SignBits signs{};
   for (std::size_t k = 0; k < descriptor.size(); ++k)
     signs[k / 64] |= static_cast<std::uint64_t>(descriptor[k] > medians_[k] ? 1 : 0) << (k % 64);
   return signs;
 }
 
-std::vector<FeatureMatch> DescriptorIndex::match(const std::vector<Descriptor>& sources,
+std::vector<FeatureMatch> DescriptorIndex::match(const std::vector<SiftDescriptor>& sources,
                                                  const MatchOptions& options) const {
   const std::size_t wanted = std::min(options.neighbors, descriptors_.size());
   if (wanted == 0) return {};
@@ -77,9 +78,9 @@ std::vector<FeatureMatch> DescriptorIndex::match(const std::vector<Descriptor>& 
     std::vector<std::pair<int, std::uint32_t>> nearest;  // squared distance, index
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
       int most = 255;
-      if (options.looked_at > 0) {
-        count_differences(signs_of(sources[i]), signs_.data(), signs_.size(), differences.data());
-        most = cutoff(differences, std::max(options.looked_at, wanted + 1));
+      if (options.shortlist > 0) {
+        count_differences(compute_sign_bits(sources[i]), signs_.data(), signs_.size(), differences.data());
+        most = shortlist_cutoff(differences, std::max(options.shortlist, wanted + 1));
       }
       nearest.clear();
       for (std::size_t k = 0; k < descriptors_.size(); ++k) {

@@ -10,25 +10,25 @@
 namespace tileflight::localization {
 namespace {
 
-std::vector<Descriptor> random_descriptors(std::size_t n, std::uint64_t seed) {
+std::vector<SiftDescriptor> random_descriptors(std::size_t n, std::uint64_t seed) {
   std::mt19937_64 random(seed);
-  std::vector<Descriptor> all(n);
-  for (Descriptor& d : all)
+  std::vector<SiftDescriptor> all(n);
+  for (SiftDescriptor& d : all)
     for (std::uint8_t& part : d) part = static_cast<std::uint8_t>(random() % 90);
   return all;
 }
 
 /// The same a little otherwise, in the order n - 1 ... 0.
-std::vector<Descriptor> seen_again(const std::vector<Descriptor>& all, std::uint64_t seed) {
+std::vector<SiftDescriptor> seen_again(const std::vector<SiftDescriptor>& all, std::uint64_t seed) {
   std::mt19937_64 random(seed);
-  std::vector<Descriptor> again(all.rbegin(), all.rend());
-  for (Descriptor& d : again)
+  std::vector<SiftDescriptor> again(all.rbegin(), all.rend());
+  for (SiftDescriptor& d : again)
     for (std::uint8_t& part : d)
       part = static_cast<std::uint8_t>(std::clamp<int>(part + static_cast<int>(random() % 21) - 10, 0, 255));
   return again;
 }
 
-double distance(const Descriptor& a, const Descriptor& b) {
+double distance(const SiftDescriptor& a, const SiftDescriptor& b) {
   double sum = 0.0;
   for (std::size_t k = 0; k < a.size(); ++k) sum += std::pow(double(a[k]) - double(b[k]), 2);
   return std::sqrt(sum);
@@ -36,11 +36,11 @@ double distance(const Descriptor& a, const Descriptor& b) {
 
 TEST(FeatureMatching, LookingAtAllIsBruteForce) {
   const auto targets = random_descriptors(300, 1), sources = random_descriptors(40, 2);
-  const auto matches = DescriptorIndex(targets).match(sources, {.neighbors = 2, .looked_at = 0});
+  const auto matches = DescriptorIndex(targets).match(sources, {.neighbors = 2, .shortlist = 0});
   ASSERT_EQ(matches.size(), 80U);
   for (std::size_t i = 0; i < sources.size(); ++i) {
     std::vector<double> distances;
-    for (const Descriptor& t : targets) distances.push_back(distance(sources[i], t));
+    for (const SiftDescriptor& t : targets) distances.push_back(distance(sources[i], t));
     std::ranges::sort(distances);
     for (std::size_t k = 0; k < 2; ++k) {
       const FeatureMatch& m = matches[2 * i + k];

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/localization/height_model.h"
 
 namespace tileflight::localization {
@@ -19,16 +19,16 @@ using geometry::Vec3;
 
 namespace {
 
-constexpr int kBlock_px = 16;  // of the mosaic that show one picture
+constexpr int kBlock_px = 16;  // block of the mosaic taken from one image
 
-/// A picture that may be shown.
+/// An image available for the mosaic.
 struct View {
-  std::size_t index;  ///< of FlightPictures
+  std::size_t index;  ///< index in FlightPictures
   SE3 T_camera_ground;
   Vec3 center;  ///< ground frame
 };
 
-std::vector<View> views_of(const FlightPictures& flight, const Mat3& R_ground_map, std::size_t most) {
+std::vector<View> select_views(const FlightPictures& flight, const Mat3& R_ground_map, std::size_t most) {
   const std::size_t n = std::min(most, flight.T_map_camera.size());
   std::vector<View> views;
   for (std::size_t k = 0; k < n; ++k) {
@@ -39,8 +39,8 @@ std::vector<View> views_of(const FlightPictures& flight, const Mat3& R_ground_ma
   return views;
 }
 
-/// Pixels for a unit on level ground around a point, in the direction that the picture resolves worst; nullopt where
-/// the picture does not show the point or looks at it too flatly.
+/// Pixels per map unit on level ground around a point, in the direction of lowest resolution; nullopt if the image does
+/// not show the point or sees it at too flat an angle.
 std::optional<double> resolution_at(const imaging::Camera& camera, const View& view, const Vec3& point,
                                     double least_cosine) {
   const Vec3 sight = view.center - point;
@@ -57,7 +57,7 @@ std::optional<double> resolution_at(const imaging::Camera& camera, const View& v
   return std::sqrt(std::max(0.0, half - std::sqrt(std::max(0.0, half * half - determinant * determinant))));
 }
 
-/// Whether the height model is below the line of sight, all the way.
+/// Whether the line of sight stays above the height model.
 bool is_visible(const HeightModel& heights, const View& view, const Vec3& point) {
   const Vec3 sight = view.center - point;
   const double step = 0.75 * heights.cell(), length = sight.head<2>().norm();
@@ -77,39 +77,39 @@ double percentile(std::vector<double> values, double share) {
 }
 
 struct Extent {
-  Vec2 low, high;
-  double pixel = 0.0;
+  Vec2 min, max;
+  double pixel_size = 0.0;
 };
 
-/// Where points are shown by some picture, and the pixel that its views deserve.
-std::optional<Extent> extent_of(const imaging::Camera& camera, const std::vector<View>& views,
-                                const std::vector<Vec3>& points, const MosaicOptions& options) {
+/// Extent of the points visible in some image, and the pixel size their views resolve.
+std::optional<Extent> find_extent(const imaging::Camera& camera, const std::vector<View>& views,
+                                  const std::vector<Vec3>& points, const MosaicOptions& options) {
   constexpr std::size_t kSome = 3000, kFewest = 20;
   const std::size_t stride = std::max<std::size_t>(1, points.size() / kSome);
   std::vector<double> x, y, sizes;
   for (std::size_t i = 0; i < points.size(); i += stride) {
     double best = 0.0;
     for (const View& view : views)
-      best = std::max(best, resolution_at(camera, view, points[i], std::cos(options.most_incidence_rad)).value_or(0.0));
+      best = std::max(best, resolution_at(camera, view, points[i], std::cos(options.max_incidence_rad)).value_or(0.0));
     if (!(best > 0.0)) continue;
     x.push_back(points[i].x()), y.push_back(points[i].y()), sizes.push_back(1.0 / best);
   }
   if (x.size() < kFewest) return std::nullopt;
   constexpr double kRim = 0.01, kBetterPart = 0.3;
   Extent extent{{percentile(x, kRim), percentile(y, kRim)}, {percentile(x, 1.0 - kRim), percentile(y, 1.0 - kRim)}};
-  const Vec2 size = extent.high - extent.low;
-  extent.pixel = std::max(percentile(sizes, kBetterPart), std::sqrt(size.x() * size.y() / options.most_pixels));
+  const Vec2 size = extent.max - extent.min;
+  extent.pixel_size = std::max(percentile(sizes, kBetterPart), std::sqrt(size.x() * size.y() / options.max_pixels));
   return extent;
 }
 
 GroundImage empty_image(const Extent& extent, const HeightModel& heights) {
   GroundImage image;
-  const Vec2 size = (extent.high - extent.low) / extent.pixel;
+  const Vec2 size = (extent.max - extent.min) / extent.pixel_size;
   const auto blocks = [](double pixels) { return std::max(1, static_cast<int>(std::ceil(pixels / kBlock_px))); };
   image.grey = imaging::GrayImage(blocks(size.x()) * kBlock_px, blocks(size.y()) * kBlock_px);
   image.seen = imaging::GrayImage(image.grey.width, image.grey.height);
-  image.pixel = extent.pixel;
-  image.first = Vec2(extent.low.x(), extent.high.y());
+  image.pixel_size = extent.pixel_size;
+  image.origin = Vec2(extent.min.x(), extent.max.y());
   constexpr int kStep = GroundImage::kHeightStep;
   image.height = imaging::FloatImage(image.grey.width / kStep, image.grey.height / kStep, std::nanf(""));
   for (int j = 0; j < image.height.height; ++j) {
@@ -130,20 +130,21 @@ float bilinear(const imaging::GrayImage& image, double x, double y) {
   return upper + b * (lower - upper);
 }
 
-class Mosaic {
+class MosaicBuilder {
  public:
-  Mosaic(const FlightPictures& flight, const std::vector<Vec3>& points, std::vector<View> views, const Extent& extent,
-         const MosaicOptions& options)
+  MosaicBuilder(const FlightPictures& flight, const std::vector<Vec3>& points, std::vector<View> views,
+                const Extent& extent, const MosaicOptions& options)
       : flight_(flight),
         views_(std::move(views)),
         options_(options),
-        heights_(points, extent.low, extent.high),
+        heights_(points, extent.min, extent.max),
         image_(empty_image(extent, heights_)) {}
 
-  GroundImage take() {
+  GroundImage build() {
     choose_views();
     load_pictures();
-    tbb::parallel_for(std::size_t{0}, chosen_.size(), [&](std::size_t k) { paint(static_cast<int>(k)); });
+    tbb::parallel_for(std::size_t{0}, view_of_block_.size(),
+                      [&](std::size_t k) { project_block(static_cast<int>(k)); });
     fill_unseen(image_.grey, image_.seen);
     return std::move(image_);
   }
@@ -151,23 +152,23 @@ class Mosaic {
  private:
   int columns() const { return image_.grey.width / kBlock_px; }
   int rows() const { return image_.grey.height / kBlock_px; }
-  Vec3 on_ground(double i, double j) const {
+  Vec3 ground_position(double i, double j) const {
     const Vec2 position = image_.position(i, j);
     return {position.x(), position.y(), heights_.at(position)};
   }
 
   void choose_views() {
-    chosen_.assign(static_cast<std::size_t>(columns()) * rows(), -1);
-    tbb::parallel_for(std::size_t{0}, chosen_.size(), [&](std::size_t k) {
+    view_of_block_.assign(static_cast<std::size_t>(columns()) * rows(), -1);
+    tbb::parallel_for(std::size_t{0}, view_of_block_.size(), [&](std::size_t k) {
       const int column = static_cast<int>(k) % columns(), row = static_cast<int>(k) / columns();
-      const Vec3 middle = on_ground((column + 0.5) * kBlock_px - 0.5, (row + 0.5) * kBlock_px - 0.5);
+      const Vec3 middle = ground_position((column + 0.5) * kBlock_px - 0.5, (row + 0.5) * kBlock_px - 0.5);
       if (!heights_.is_supported(middle.head<2>())) return;
       double best = 0.0;
       for (std::size_t v = 0; v < views_.size(); ++v) {
-        const auto resolution = resolution_at(flight_.camera, views_[v], middle, std::cos(options_.most_incidence_rad));
+        const auto resolution = resolution_at(flight_.camera, views_[v], middle, std::cos(options_.max_incidence_rad));
         if (!resolution || *resolution <= best || !is_visible(heights_, views_[v], middle)) continue;
         best = *resolution;
-        chosen_[k] = static_cast<int>(v);
+        view_of_block_[k] = static_cast<int>(v);
       }
     });
   }
@@ -175,7 +176,7 @@ class Mosaic {
   void load_pictures() {
     pictures_.resize(views_.size());
     tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t v) {
-      if (std::ranges::find(chosen_, static_cast<int>(v)) == chosen_.end()) return;
+      if (std::ranges::find(view_of_block_, static_cast<int>(v)) == view_of_block_.end()) return;
       pictures_[v] = imaging::to_gray(flight_.picture(views_[v].index));
       if (pictures_[v].width != flight_.camera.width() || pictures_[v].height != flight_.camera.height())
         throw InputError("picture " + std::to_string(views_[v].index),
@@ -185,15 +186,15 @@ class Mosaic {
     });
   }
 
-  void paint(int block) {
-    const int v = chosen_[static_cast<std::size_t>(block)];
+  void project_block(int block) {
+    const int v = view_of_block_[static_cast<std::size_t>(block)];
     if (v < 0) return;
     const View& view = views_[static_cast<std::size_t>(v)];
     const imaging::GrayImage& picture = pictures_[static_cast<std::size_t>(v)];
     const int x0 = block % columns() * kBlock_px, y0 = block / columns() * kBlock_px;
     for (int y = y0; y < y0 + kBlock_px; ++y) {
       for (int x = x0; x < x0 + kBlock_px; ++x) {
-        const auto pixel = flight_.camera.project(view.T_camera_ground * on_ground(x, y));
+        const auto pixel = flight_.camera.project(view.T_camera_ground * ground_position(x, y));
         if (!pixel || !(pixel->minCoeff() >= 0.0) || !(pixel->x() < picture.width - 1) ||
             !(pixel->y() < picture.height - 1))
           continue;
@@ -208,21 +209,21 @@ class Mosaic {
   const MosaicOptions& options_;
   HeightModel heights_;
   GroundImage image_;
-  std::vector<int> chosen_;  ///< view of each block; -1: none
+  std::vector<int> view_of_block_;  ///< view of each block; -1: none
   std::vector<imaging::GrayImage> pictures_;
 };
 
 }  // namespace
 
-GroundImage flight_mosaic(const FlightPictures& flight, const std::vector<Vec3>& points, const Mat3& R_ground_map,
-                          const MosaicOptions& options) {
-  std::vector<View> views = views_of(flight, R_ground_map, options.most_pictures);
+GroundImage build_flight_mosaic(const FlightPictures& flight, const std::vector<Vec3>& points, const Mat3& R_ground_map,
+                                const MosaicOptions& options) {
+  std::vector<View> views = select_views(flight, R_ground_map, options.max_pictures);
   std::vector<Vec3> turned;
   turned.reserve(points.size());
   for (const Vec3& p : points) turned.push_back(R_ground_map * p);
-  const auto extent = extent_of(flight.camera, views, turned, options);
+  const auto extent = find_extent(flight.camera, views, turned, options);
   if (!extent) return {};
-  return Mosaic(flight, turned, std::move(views), *extent, options).take();
+  return MosaicBuilder(flight, turned, std::move(views), *extent, options).build();
 }
 
 }  // namespace tileflight::localization

@@ -8,25 +8,26 @@
 
 namespace tileflight::localization {
 
-/// A flight as odometry knows it: in a map's frame and units, which may be any.
+/// Images and poses of a flight as estimated by odometry, in an arbitrary map frame and unit.
 struct FlightPictures {
   imaging::Camera camera;
-  std::vector<geometry::SE3> T_map_camera;                      ///< of each picture
-  std::function<imaging::RgbImage(std::size_t index)> picture;  ///< of T_map_camera's indices; of the camera's size
+  std::vector<geometry::SE3> T_map_camera;                      ///< of each image
+  std::function<imaging::RgbImage(std::size_t index)> picture;  ///< image for an index of T_map_camera; has the
+                                                                ///< camera's size
 };
 
 struct MosaicOptions {
-  std::size_t most_pictures = 48;  ///< evenly over the flight
-  double most_pixels = 3e6;
-  double most_incidence_rad =
-      1.25;  ///< of a line of sight, from the vertical: beyond it the ground is too foreshortened
+  std::size_t max_pictures = 48;  ///< maximum number of images, spread evenly over the flight
+  double max_pixels = 3e6;
+  double max_incidence_rad =
+      1.25;  ///< largest angle of a line of sight from the vertical; beyond it the ground is too foreshortened
 };
 
-/// The ground as a flight saw it, from straight above: a height model by the map's points (map frame), on which the
-/// pictures are projected, each part from where it is resolved best and not hidden. `R_ground_map` turns the map so
-/// that its z points up. The pixel is what the better part of the views resolves. An empty image where no picture shows
-/// any point's surroundings. Same bytes for any number of threads.
-GroundImage flight_mosaic(const FlightPictures& flight, const std::vector<geometry::Vec3>& points,
-                          const geometry::Mat3& R_ground_map, const MosaicOptions& options = {});
+/// Orthographic mosaic of the ground from a flight's images: the images are projected onto a height model of the map's
+/// points (map frame), each part from the unoccluded view with the best resolution. `R_ground_map` rotates the map so
+/// that its z axis points up. The pixel size is what the better views resolve. Returns an empty image if no image shows
+/// the surroundings of any point. Independent of the number of threads.
+GroundImage build_flight_mosaic(const FlightPictures& flight, const std::vector<geometry::Vec3>& points,
+                                const geometry::Mat3& R_ground_map, const MosaicOptions& options = {});
 
 }  // namespace tileflight::localization

@@ -5,10 +5,10 @@
 
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/localization/orthophoto.h"
 #include "tileflight/localization/test_places.h"
-#include "tileflight/sensors/appearance.h"
+#include "tileflight/render/appearance.h"
 
 namespace tileflight::localization {
 namespace {
@@ -25,7 +25,7 @@ double correlation_with(const GroundImage& truth, const GroundImage& mosaic) {
   for (int y = 0; y < mosaic.grey.height; y += 2) {
     for (int x = 0; x < mosaic.grey.width; x += 2) {
       if (mosaic.seen(x, y) == 0) continue;
-      const Vec2 at = truth.pixel_of(mosaic.position(x, y));
+      const Vec2 at = truth.to_pixel(mosaic.position(x, y));
       const int i = static_cast<int>(std::lround(at.x())), j = static_cast<int>(std::lround(at.y()));
       if (i < 0 || j < 0 || i >= truth.grey.width || j >= truth.grey.height) continue;
       const double a = mosaic.grey(x, y), b = truth.grey(i, j);
@@ -44,9 +44,9 @@ double share_seen(const GroundImage& image) {
 TEST(FlightMosaic, FromAboveItIsTheOrthophoto) {
   const test_places::Hills place(1);
   const test_places::Flight flight(place, 0.0);
-  const GroundImage mosaic = flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
+  const GroundImage mosaic = build_flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
   const GroundImage truth =
-      orthophoto(place.scene, std::make_shared<const sensors::Appearance>(place.scene), place.scene.bounds());
+      build_orthophoto(place.scene, std::make_shared<const render::Appearance>(place.scene), place.scene.bounds());
   EXPECT_GT(correlation_with(truth, mosaic), 0.9);
   EXPECT_GT(share_seen(mosaic), 0.6);  // the rest is beside the path
 }
@@ -54,16 +54,16 @@ TEST(FlightMosaic, FromAboveItIsTheOrthophoto) {
 TEST(FlightMosaic, ALeaningCameraSeesTheSameGround) {
   const test_places::Hills place(1);
   const test_places::Flight flight(place, 0.7);
-  const GroundImage mosaic = flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
+  const GroundImage mosaic = build_flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
   const GroundImage truth =
-      orthophoto(place.scene, std::make_shared<const sensors::Appearance>(place.scene), place.scene.bounds());
+      build_orthophoto(place.scene, std::make_shared<const render::Appearance>(place.scene), place.scene.bounds());
   EXPECT_GT(correlation_with(truth, mosaic), 0.8);
 }
 
 TEST(FlightMosaic, HeightsAreThePoints) {
   const test_places::Hills place(1);
   const test_places::Flight flight(place, 0.3);
-  const GroundImage mosaic = flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
+  const GroundImage mosaic = build_flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
   double squares = 0.0, n = 0.0;
   for (std::size_t k = 0; k < flight.points.size(); k += 5) {
     const auto height = mosaic.height_at(flight.points[k].head<2>());
@@ -77,13 +77,13 @@ TEST(FlightMosaic, HeightsAreThePoints) {
 TEST(FlightMosaic, NothingToShowIsEmpty) {
   const test_places::Hills place(1);
   const test_places::Flight flight(place, 0.0);
-  EXPECT_TRUE(flight_mosaic(flight.pictures(), {}, Mat3::Identity()).grey.empty());
+  EXPECT_TRUE(build_flight_mosaic(flight.pictures(), {}, Mat3::Identity()).grey.empty());
   FlightPictures none = flight.pictures();
   none.T_map_camera.clear();
-  EXPECT_TRUE(flight_mosaic(none, flight.points, Mat3::Identity()).grey.empty());
+  EXPECT_TRUE(build_flight_mosaic(none, flight.points, Mat3::Identity()).grey.empty());
   // Upside down, no picture looks at the ground from above.
   const Mat3 over = Eigen::AngleAxisd(M_PI, Vec3::UnitX()).toRotationMatrix();
-  EXPECT_TRUE(flight_mosaic(flight.pictures(), flight.points, over).grey.empty());
+  EXPECT_TRUE(build_flight_mosaic(flight.pictures(), flight.points, over).grey.empty());
 }
 
 TEST(FlightMosaic, APictureOfAnotherSizeIsAnError) {
@@ -91,7 +91,7 @@ TEST(FlightMosaic, APictureOfAnotherSizeIsAnError) {
   const test_places::Flight flight(place, 0.0);
   FlightPictures pictures = flight.pictures();
   pictures.picture = [](std::size_t) { return imaging::RgbImage(20, 10); };
-  EXPECT_THROW(flight_mosaic(pictures, flight.points, Mat3::Identity()), InputError);
+  EXPECT_THROW(build_flight_mosaic(pictures, flight.points, Mat3::Identity()), InputError);
 }
 
 TEST(FlightMosaic, ThreadsDoNotMatter) {
@@ -99,7 +99,7 @@ TEST(FlightMosaic, ThreadsDoNotMatter) {
   const test_places::Flight flight(place, 0.4);
   const auto run = [&](std::size_t threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    return flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
+    return build_flight_mosaic(flight.pictures(), flight.points, Mat3::Identity());
   };
   const GroundImage one = run(1), four = run(4);
   EXPECT_EQ(one.grey.pixels, four.grey.pixels);

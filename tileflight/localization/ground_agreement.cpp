@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/alignment/similarity_estimate.h"
+#include "tileflight/registration/similarity_estimate.h"
 
 namespace tileflight::localization {
 
@@ -16,7 +16,7 @@ using imaging::GrayImage;
 
 namespace {
 
-GrayImage halved(const GrayImage& fine) {
+GrayImage downsample(const GrayImage& fine) {
   GrayImage coarse(std::max(1, fine.width / 2), std::max(1, fine.height / 2));
   for (int y = 0; y < coarse.height; ++y) {
     for (int x = 0; x < coarse.width; ++x) {
@@ -28,25 +28,25 @@ GrayImage halved(const GrayImage& fine) {
   return coarse;
 }
 
-/// Grey values on a grid over the mosaic; NaN where there are none.
-struct Grid {
+/// Grey values on a grid over the mosaic; NaN where unknown.
+struct ComparisonGrid {
   FloatImage mosaic, place;
   double step = 0.0;         ///< mosaic's frame
   std::vector<Vec3> points;  ///< in the mosaic's frame, x right first
 };
 
-/// Grid over the mosaic; its grey values with even contrast.
-Grid grid_over(const GroundPyramid& mosaic, double step) {
+/// Makes a grid over the mosaic, with locally normalised grey values.
+ComparisonGrid make_grid(const GroundPyramid& mosaic, double step) {
   const GroundImage& image = mosaic.image();
-  Grid grid;
+  ComparisonGrid grid;
   grid.step = step;
-  const int width = std::max(1, static_cast<int>(image.grey.width * image.pixel / step));
-  const int height = std::max(1, static_cast<int>(image.grey.height * image.pixel / step));
+  const int width = std::max(1, static_cast<int>(image.grey.width * image.pixel_size / step));
+  const int height = std::max(1, static_cast<int>(image.grey.height * image.pixel_size / step));
   grid.mosaic = FloatImage(width, height, std::nanf(""));
   grid.points.assign(static_cast<std::size_t>(width) * height, Vec3::Zero());
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const Vec2 at = image.first + step * Vec2(x + 0.5, -(y + 0.5));
+      const Vec2 at = image.origin + step * Vec2(x + 0.5, -(y + 0.5));
       const auto z = image.height_at(at);
       if (!z) continue;
       grid.mosaic(x, y) = mosaic.at(at, step);
@@ -56,8 +56,8 @@ Grid grid_over(const GroundPyramid& mosaic, double step) {
   return grid;
 }
 
-/// Over local mean and deviation, of those values that both have.
-void even_out(FloatImage& image, const FloatImage& other, int reach) {
+/// Normalises by local mean and standard deviation of the values known in both images.
+void normalize_contrast(FloatImage& image, const FloatImage& other, int reach) {
   const int width = image.width + 1, height = image.height + 1;
   struct Sums {
     double n = 0, a = 0, aa = 0;
@@ -89,7 +89,7 @@ void even_out(FloatImage& image, const FloatImage& other, int reach) {
   image = std::move(result);
 }
 
-void look_up(Grid& grid, const GroundPyramid& place, const Sim3& T) {
+void sample_place(ComparisonGrid& grid, const GroundPyramid& place, const Sim3& T) {
   grid.place = FloatImage(grid.mosaic.width, grid.mosaic.height, std::nanf(""));
   for (std::size_t k = 0; k < grid.points.size(); ++k) {
     if (!std::isfinite(grid.mosaic.pixels[k])) continue;
@@ -109,15 +109,16 @@ double correlation(const FloatImage& a, const FloatImage& b) {
   return n > 20.0 && spread > 0.0 ? (n * ab - sa * sb) / std::sqrt(spread) : 0.0;
 }
 
-/// Motion in the local frame's plane (x, y, turn, logarithm of the scale) that makes the place's values more like the
-/// mosaic's; how far it moves, in steps.
-double improve(const Grid& grid, const FloatImage& mosaic, const FloatImage& place, Sim3& T, const Vec3& middle) {
+/// Gauss-Newton step in the local frame's horizontal plane (x, y, rotation, logarithm of the scale) that reduces the
+/// difference of the grey values; returns its size in grid steps.
+double gauss_newton_step(const ComparisonGrid& grid, const FloatImage& mosaic, const FloatImage& place, Sim3& T,
+                         const Vec3& middle) {
   Eigen::Matrix4d H = Eigen::Matrix4d::Zero();
   Eigen::Vector4d b = Eigen::Vector4d::Zero();
   const Vec3 center = T * middle;
   const geometry::Mat3 R = T.rotation.toRotationMatrix();
   const double step_m = grid.step * T.scale;
-  // A step right (down) in the grid, in the local plane.
+  // Grid steps to the right and down, expressed in the local plane.
   Eigen::Matrix2d right_down;
   right_down << R(0, 0), -R(0, 1), R(1, 0), -R(1, 1);
   const Eigen::Matrix2d to_grid = right_down.inverse() / step_m;
@@ -127,7 +128,7 @@ double improve(const Grid& grid, const FloatImage& mosaic, const FloatImage& pla
       const float here = place(x, y), seen = mosaic(x, y);
       const Eigen::RowVector2d g(0.5 * (place(x + 1, y) - place(x - 1, y)), 0.5 * (place(x, y + 1) - place(x, y - 1)));
       if (!std::isfinite(here) || !std::isfinite(seen) || !g.allFinite()) continue;
-      const Eigen::RowVector2d gradient = g * to_grid;  // by local metres
+      const Eigen::RowVector2d gradient = g * to_grid;  // per metre in the local frame
       const Vec3 arm = T * grid.points[static_cast<std::size_t>(y) * place.width + x] - center;
       Eigen::RowVector4d row;
       row << gradient.x(), gradient.y(), gradient.y() * arm.x() - gradient.x() * arm.y(),
@@ -146,11 +147,11 @@ double improve(const Grid& grid, const FloatImage& mosaic, const FloatImage& pla
   if (!x.allFinite()) return 0.0;
   const double radius = std::sqrt(spread / n);
   const double moved = std::sqrt(x.head<2>().squaredNorm() + radius * radius * x.tail<2>().squaredNorm()) / step_m;
-  constexpr double kFarthest = 2.0;  // steps at once
+  constexpr double kFarthest = 2.0;  // largest motion of one iteration, in grid steps
   const double part = std::min(1.0, kFarthest / moved);
   geometry::Vec7 motion = geometry::Vec7::Zero();
   motion << part * x[0], part * x[1], 0.0, 0.0, 0.0, part * x[2], part * x[3];
-  T = alignment::moved_by(T, motion, center);
+  T = registration::apply_motion(T, motion, center);
   return moved;
 }
 
@@ -160,19 +161,19 @@ GroundPyramid::GroundPyramid(const GroundImage& image) : image_(image) {
   constexpr int kSmallest = 8;
   const GrayImage *grey = &image.grey, *seen = &image.seen;
   while (std::min(grey->width, grey->height) >= 2 * kSmallest) {
-    grey_.push_back(halved(*grey));
-    seen_.push_back(halved(*seen));
+    grey_.push_back(downsample(*grey));
+    seen_.push_back(downsample(*seen));
     grey = &grey_.back(), seen = &seen_.back();
   }
 }
 
 float GroundPyramid::at(const Vec2& position, double step) const {
   const int level =
-      std::clamp(static_cast<int>(std::lround(std::log2(step / image_.pixel))), 0, static_cast<int>(grey_.size()));
+      std::clamp(static_cast<int>(std::lround(std::log2(step / image_.pixel_size))), 0, static_cast<int>(grey_.size()));
   const GrayImage& grey = level == 0 ? image_.grey : grey_[static_cast<std::size_t>(level - 1)];
   const GrayImage& seen = level == 0 ? image_.seen : seen_[static_cast<std::size_t>(level - 1)];
   const double factor = std::exp2(level);
-  const Vec2 p = (image_.pixel_of(position) + Vec2(0.5, 0.5)) / factor - Vec2(0.5, 0.5);
+  const Vec2 p = (image_.to_pixel(position) + Vec2(0.5, 0.5)) / factor - Vec2(0.5, 0.5);
   if (!(p.x() >= 0.0 && p.y() >= 0.0 && p.x() < grey.width - 1 && p.y() < grey.height - 1)) return std::nanf("");
   const int i = static_cast<int>(p.x()), j = static_cast<int>(p.y());
   constexpr int kSeen = 128;
@@ -186,9 +187,9 @@ float GroundPyramid::at(const Vec2& position, double step) const {
 
 namespace {
 
-/// At one size: the motion of the best of some rounds, with its correlation and share. Where the grid shows too little,
-/// what was known before.
-GroundAgreement improved(const GroundAgreement& before, const GroundPyramid& place, Grid& grid) {
+/// Refinement at one pyramid level: the best of several rounds, with its correlation and overlap. Returns `before` if
+/// the grid contains too few values.
+GroundAgreement refine_at_level(const GroundAgreement& before, const GroundPyramid& place, ComparisonGrid& grid) {
   constexpr double kFewest = 20.0, kStill = 0.02;  // values; steps
   constexpr int kRounds = 6, kReach = 6;
   Vec3 middle = Vec3::Zero();
@@ -200,20 +201,20 @@ GroundAgreement improved(const GroundAgreement& before, const GroundPyramid& pla
   GroundAgreement best{.T_local_mosaic = before.T_local_mosaic};
   Sim3 T = before.T_local_mosaic;
   for (int round = 0; round <= kRounds; ++round) {
-    look_up(grid, place, T);
+    sample_place(grid, place, T);
     FloatImage seen = grid.mosaic, known = grid.place;
-    even_out(seen, grid.place, kReach);
-    even_out(known, grid.mosaic, kReach);
+    normalize_contrast(seen, grid.place, kReach);
+    normalize_contrast(known, grid.mosaic, kReach);
     const auto on = static_cast<double>(std::ranges::count_if(known.pixels, [](float v) { return std::isfinite(v); }));
     const double c = correlation(seen, known);
-    if (c * on / n > best.correlation * best.share) best = {T, c, 0.0, on / n};
-    if (round == kRounds || improve(grid, seen, known, T, middle) < kStill) break;
+    if (c * on / n > best.correlation * best.overlap) best = {T, c, 0.0, on / n};
+    if (round == kRounds || gauss_newton_step(grid, seen, known, T, middle) < kStill) break;
   }
   return best;
 }
 
-/// How many of the mosaic's heights are those of the place, each counted by how closely.
-double share_of_heights(const GroundImage& mosaic, const GroundImage& place, const Sim3& T, double tolerance_m) {
+/// Share of the mosaic's heights that agree with the place's, each weighted by closeness.
+double height_agreement(const GroundImage& mosaic, const GroundImage& place, const Sim3& T, double tolerance_m) {
   double agree = 0.0, known = 0.0;
   for (int j = 0; j < mosaic.height.height; j += 2) {
     for (int i = 0; i < mosaic.height.width; i += 2) {
@@ -233,17 +234,17 @@ double share_of_heights(const GroundImage& mosaic, const GroundImage& place, con
 
 }  // namespace
 
-GroundAgreement ground_agreement(const GroundPyramid& mosaic, const GroundPyramid& place, const Sim3& start) {
-  constexpr double kTolerance = 0.03;  // of heights, as a share of the mosaic's side
+GroundAgreement compute_ground_agreement(const GroundPyramid& mosaic, const GroundPyramid& place, const Sim3& start) {
+  constexpr double kTolerance = 0.03;  // tolerance of heights, as a share of the mosaic's side
   const GroundImage& image = mosaic.image();
-  const double side = std::sqrt(static_cast<double>(image.grey.width) * image.grey.height) * image.pixel;
+  const double side = std::sqrt(static_cast<double>(image.grey.width) * image.grey.height) * image.pixel_size;
   GroundAgreement agreement{.T_local_mosaic = start};
   for (const int across : {32, 64, 128}) {
-    Grid grid = grid_over(mosaic, std::max(side / across, image.pixel));
-    agreement = improved(agreement, place, grid);
+    ComparisonGrid grid = make_grid(mosaic, std::max(side / across, image.pixel_size));
+    agreement = refine_at_level(agreement, place, grid);
   }
   const Sim3& T = agreement.T_local_mosaic;
-  agreement.heights = share_of_heights(image, place.image(), T, kTolerance * side * T.scale);
+  agreement.height_agreement = height_agreement(image, place.image(), T, kTolerance * side * T.scale);
   return agreement;
 }
 

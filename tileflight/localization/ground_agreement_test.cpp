@@ -20,8 +20,8 @@ GroundImage ground_image(int size, double pixel, const Vec2& first, const Sim3& 
   GroundImage image;
   image.grey = imaging::GrayImage(size, size);
   image.seen = imaging::GrayImage(size, size, 255);
-  image.pixel = pixel;
-  image.first = first;
+  image.pixel_size = pixel;
+  image.origin = first;
   const int heights = (size + GroundImage::kHeightStep - 1) / GroundImage::kHeightStep;
   image.height =
       imaging::FloatImage(heights, heights, static_cast<float>((T_local_image.inverse() * Vec3(0, 0, kHeight)).z()));
@@ -48,23 +48,23 @@ TEST(GroundAgreement, FindsThePlaceFromHalfAMetreOff) {
   off.scale *= 1.02;
   off.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Vec3::UnitZ())) * off.rotation;
   off.translation += Vec3(0.4, -0.3, 0.0);
-  const GroundAgreement found = ground_agreement(GroundPyramid(mosaic), GroundPyramid(ground), off);
+  const GroundAgreement found = compute_ground_agreement(GroundPyramid(mosaic), GroundPyramid(ground), off);
   for (const Vec3& p : {Vec3(-2, -2, 0.5), Vec3(2, -2, 0.5), Vec3(0, 2, 0.5)})
     EXPECT_LT((found.T_local_mosaic * p - truth() * p).head<2>().norm(), 0.08);
   EXPECT_GT(found.correlation, 0.9);
-  EXPECT_GT(found.heights, 0.9);
-  EXPECT_GT(found.share, 0.95);
+  EXPECT_GT(found.height_agreement, 0.9);
+  EXPECT_GT(found.overlap, 0.95);
 }
 
 TEST(GroundAgreement, AnotherPlaceAndAnotherHeightDoNotAgree) {
   const GroundImage ground = place(), mosaic = mosaic_of(1), other = mosaic_of(77);
-  EXPECT_LT(ground_agreement(GroundPyramid(other), GroundPyramid(ground), truth()).correlation, 0.4);
+  EXPECT_LT(compute_ground_agreement(GroundPyramid(other), GroundPyramid(ground), truth()).correlation, 0.4);
   Sim3 higher = truth();
   higher.translation.z() += 5.0;
-  EXPECT_LT(ground_agreement(GroundPyramid(mosaic), GroundPyramid(ground), higher).heights, 0.1);
+  EXPECT_LT(compute_ground_agreement(GroundPyramid(mosaic), GroundPyramid(ground), higher).height_agreement, 0.1);
   Sim3 beside = truth();
   beside.translation.x() += 200.0;
-  EXPECT_EQ(ground_agreement(GroundPyramid(mosaic), GroundPyramid(ground), beside).correlation, 0.0);
+  EXPECT_EQ(compute_ground_agreement(GroundPyramid(mosaic), GroundPyramid(ground), beside).correlation, 0.0);
 }
 
 TEST(GroundAgreement, ThePyramidHoldsMeans) {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/alignment/similarity_estimate.h"
+#include "tileflight/registration/similarity_estimate.h"
 
 namespace tileflight::localization {
 
@@ -16,14 +16,14 @@ using Rows = Eigen::Matrix<double, 3, 7>;
 
 namespace {
 
-/// Of a moved point by a motion about the centre (alignment::moved_by()).
-Rows by_motion(const Vec3& arm) {
+/// Derivative of a transformed point by a motion about the centre (registration::apply_motion()).
+Rows position_jacobian(const Vec3& arm) {
   Rows J;
   J << geometry::Mat3::Identity(), -geometry::skew(arm), arm;
   return J;
 }
 
-struct Normal {
+struct SimilarityNormalEquations {
   Mat7 H = Mat7::Zero();
   Vec7 b = Vec7::Zero();
 
@@ -53,16 +53,16 @@ Sim3 fit_to_ground(const Sim3& start, const std::vector<GroundPair>& pairs, cons
   const double of_a_place = weights / static_cast<double>(surface.size());
   constexpr int kRounds = 12;
   constexpr double kFirst = 0.2,
-                   kLast = 0.02;  // of the mosaic's size: up to what residual counts, in the first rounds and the last
+                   kLast = 0.02;  // kernel scale in the first and in the last round, as a share of the mosaic's size
   for (int round = 0; round < kRounds; ++round) {
     const double part = std::min(1.0, round / (0.7 * kRounds));
     const double scale = T.scale * std::sqrt(spread) * kFirst * std::pow(kLast / kFirst, part);
     const Vec3 center = T * middle;
-    Normal normal;
+    SimilarityNormalEquations normal;
     for (const GroundPair& pair : pairs) {
       const Vec3 here = T * pair.source, residual = here - pair.target;
       const double weight = pair.weight * geman_mcclure(residual.squaredNorm(), scale);
-      const Rows J = by_motion(here - center);
+      const Rows J = position_jacobian(here - center);
       for (int k = 0; k < 3; ++k) normal.add(J.row(k), residual[k], weight);
     }
     for (const Vec3& p : surface) {
@@ -70,17 +70,18 @@ Sim3 fit_to_ground(const Sim3& start, const std::vector<GroundPair>& pairs, cons
       const auto height = ground.height_at(here.head<2>());
       if (!height) continue;
       const double residual = here.z() - *height;
-      normal.add(by_motion(here - center).row(2), residual, of_a_place * geman_mcclure(residual * residual, scale));
+      normal.add(position_jacobian(here - center).row(2), residual,
+                 of_a_place * geman_mcclure(residual * residual, scale));
     }
     normal.H.diagonal() *= 1.0 + 1e-6;
     const Vec7 motion = normal.H.ldlt().solve(normal.b);
     if (!motion.allFinite()) return start;
-    T = alignment::moved_by(T, motion, center);
+    T = registration::apply_motion(T, motion, center);
   }
   return T;
 }
 
-std::vector<Vec3> surface_of(const GroundImage& mosaic, std::size_t most) {
+std::vector<Vec3> sample_heights(const GroundImage& mosaic, std::size_t most) {
   std::vector<Vec3> all;
   for (int j = 0; j < mosaic.height.height; ++j) {
     for (int i = 0; i < mosaic.height.width; ++i) {

@@ -17,8 +17,8 @@ double hills_m(double x, double y) { return 3.0 * std::sin(0.2 * x) + 2.0 * std:
 /// 60 m of hills, heights every 0.4 m.
 GroundImage hilly_ground() {
   GroundImage image;
-  image.pixel = 0.1;
-  image.first = Vec2(-30.0, 30.0);
+  image.pixel_size = 0.1;
+  image.origin = Vec2(-30.0, 30.0);
   image.height = imaging::FloatImage(150, 150);
   for (int j = 0; j < 150; ++j) {
     for (int i = 0; i < 150; ++i) {
@@ -83,8 +83,8 @@ TEST(GroundFit, WithoutPairsOrSurfaceItIsTheStart) {
 TEST(GroundFit, TheSurfaceIsEveryHeightThatIsKnown) {
   GroundImage mosaic = hilly_ground();
   mosaic.height(3, 2) = std::nanf("");
-  EXPECT_EQ(surface_of(mosaic, 1000000).size(), 150U * 150U - 1U);
-  const std::vector<Vec3> some = surface_of(mosaic, 1000);
+  EXPECT_EQ(sample_heights(mosaic, 1000000).size(), 150U * 150U - 1U);
+  const std::vector<Vec3> some = sample_heights(mosaic, 1000);
   EXPECT_NEAR(static_cast<double>(some.size()), 1000.0, 60.0);
   for (const Vec3& p : some) EXPECT_NEAR(p.z(), hills_m(p.x(), p.y()), 1e-5);
 }

@@ -7,7 +7,7 @@
 namespace tileflight::localization {
 
 std::optional<double> GroundImage::height_at(const geometry::Vec2& position) const {
-  const geometry::Vec2 p = pixel_of(position) / kHeightStep;
+  const geometry::Vec2 p = to_pixel(position) / kHeightStep;
   const double i = std::round(p.x()), j = std::round(p.y());
   if (!(i >= 0.0 && j >= 0.0 && i < height.width && j < height.height)) return std::nullopt;
   const float z = height(static_cast<int>(i), static_cast<int>(j));
@@ -16,14 +16,14 @@ std::optional<double> GroundImage::height_at(const geometry::Vec2& position) con
 
 namespace {
 
-/// Means of what was seen, and how much of each pixel it is.
-struct Seen {
+/// Means of the seen pixels, and the seen share of each pixel.
+struct MaskedMean {
   imaging::FloatImage mean, share;
 };
 
-Seen halved(const Seen& fine) {
+MaskedMean downsample(const MaskedMean& fine) {
   const int width = (fine.mean.width + 1) / 2, height = (fine.mean.height + 1) / 2;
-  Seen coarse{imaging::FloatImage(width, height), imaging::FloatImage(width, height)};
+  MaskedMean coarse{imaging::FloatImage(width, height), imaging::FloatImage(width, height)};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       float sum = 0.0F, weight = 0.0F;
@@ -41,8 +41,8 @@ Seen halved(const Seen& fine) {
   return coarse;
 }
 
-/// Bilinear, of a coarse level at a pixel of the level below it.
-float between(const imaging::FloatImage& coarse, int x, int y) {
+/// Bilinear interpolation of a coarse level at a pixel of the next finer level.
+float upsample_bilinear(const imaging::FloatImage& coarse, int x, int y) {
   const float u = std::clamp(0.5F * static_cast<float>(x) - 0.25F, 0.0F, static_cast<float>(coarse.width - 1));
   const float v = std::clamp(0.5F * static_cast<float>(y) - 0.25F, 0.0F, static_cast<float>(coarse.height - 1));
   const int i = static_cast<int>(u), j = static_cast<int>(v);
@@ -52,11 +52,12 @@ float between(const imaging::FloatImage& coarse, int x, int y) {
          b * ((1.0F - a) * coarse(i, j1) + a * coarse(i1, j1));
 }
 
-void fill(Seen& fine, const Seen& coarse) {
+void fill(MaskedMean& fine, const MaskedMean& coarse) {
   for (int y = 0; y < fine.mean.height; ++y) {
     for (int x = 0; x < fine.mean.width; ++x) {
       const float share = fine.share(x, y);
-      if (share < 1.0F) fine.mean(x, y) = share * fine.mean(x, y) + (1.0F - share) * between(coarse.mean, x, y);
+      if (share < 1.0F)
+        fine.mean(x, y) = share * fine.mean(x, y) + (1.0F - share) * upsample_bilinear(coarse.mean, x, y);
     }
   }
 }
@@ -65,14 +66,14 @@ void fill(Seen& fine, const Seen& coarse) {
 
 void fill_unseen(imaging::GrayImage& grey, const imaging::GrayImage& seen) {
   if (std::ranges::find(seen.pixels, 0) == seen.pixels.end()) return;
-  std::vector<Seen> levels(1);
+  std::vector<MaskedMean> levels(1);
   levels[0].mean = imaging::FloatImage(grey.width, grey.height);
   levels[0].share = imaging::FloatImage(grey.width, grey.height);
   for (std::size_t k = 0; k < grey.pixels.size(); ++k) {
     levels[0].mean.pixels[k] = grey.pixels[k];
     levels[0].share.pixels[k] = seen.pixels[k] != 0 ? 1.0F : 0.0F;
   }
-  while (levels.back().mean.width > 1 || levels.back().mean.height > 1) levels.push_back(halved(levels.back()));
+  while (levels.back().mean.width > 1 || levels.back().mean.height > 1) levels.push_back(downsample(levels.back()));
   for (std::size_t k = levels.size() - 1; k-- > 0;) fill(levels[k], levels[k + 1]);
   for (std::size_t k = 0; k < grey.pixels.size(); ++k) {
     if (seen.pixels[k] == 0) grey.pixels[k] = static_cast<std::uint8_t>(std::lround(levels[0].mean.pixels[k]));

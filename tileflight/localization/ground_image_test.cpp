@@ -9,14 +9,15 @@ using geometry::Vec2;
 using imaging::GrayImage;
 
 TEST(GroundImage, PositionsAndPixelsAreInverse) {
-  const GroundImage image{.grey = {}, .seen = {}, .height = {}, .pixel = 0.25, .first = Vec2(10.0, 20.0)};
+  const GroundImage image{.grey = {}, .seen = {}, .height = {}, .pixel_size = 0.25, .origin = Vec2(10.0, 20.0)};
   EXPECT_EQ(image.position(0, 0), Vec2(10.0, 20.0));
   EXPECT_EQ(image.position(4, 8), Vec2(11.0, 18.0));  // right is east, down is south
-  EXPECT_LT((image.pixel_of(image.position(3.5, 1.25)) - Vec2(3.5, 1.25)).norm(), 1e-12);
+  EXPECT_LT((image.to_pixel(image.position(3.5, 1.25)) - Vec2(3.5, 1.25)).norm(), 1e-12);
 }
 
 TEST(GroundImage, HeightIsThatOfTheNearestSample) {
-  GroundImage image{.grey = {}, .seen = {}, .height = imaging::FloatImage(3, 2), .pixel = 1.0, .first = Vec2(0, 0)};
+  GroundImage image{
+      .grey = {}, .seen = {}, .height = imaging::FloatImage(3, 2), .pixel_size = 1.0, .origin = Vec2(0, 0)};
   image.height(1, 0) = 5.0F;
   image.height(2, 1) = std::nanf("");
   EXPECT_EQ(image.height_at(Vec2(5.9, -1.9)).value(), 5.0);

@@ -13,10 +13,10 @@ using imaging::FloatImage;
 
 namespace {
 
-/// Medians of the squares that have enough points; NaN elsewhere.
+/// Medians of the cells with enough points; NaN elsewhere.
 FloatImage medians(const std::vector<Vec3>& points, const Vec2& low, double cell, int width, int height) {
   constexpr std::size_t kEnough = 3;
-  std::vector<std::pair<std::uint32_t, float>> values;  // square, height
+  std::vector<std::pair<std::uint32_t, float>> values;  // cell, height
   for (const Vec3& p : points) {
     const double i = std::floor((p.x() - low.x()) / cell), j = std::floor((p.y() - low.y()) / cell);
     if (!(i >= 0.0 && j >= 0.0 && i < width && j < height)) continue;

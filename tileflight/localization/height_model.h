@@ -7,23 +7,24 @@
 
 namespace tileflight::localization {
 
-/// Heights over a plane, from scattered points: in each square of a grid their median, and where a square has too few,
-/// that of squares twice as large, and so on.
+/// Height field from scattered points: the median height per grid cell; a cell with too few points takes the median of
+/// cells twice as large, and so on.
 class HeightModel {
  public:
-  /// Over the rectangle from `low` to `high`; points outside are left out. The grid is as fine as the points are dense.
+  /// Covers the rectangle from `low` to `high`; points outside are ignored. The cell size follows the density of the
+  /// points.
   HeightModel(const std::vector<geometry::Vec3>& points, const geometry::Vec2& low, const geometry::Vec2& high);
 
-  /// Bilinear; beyond the rim as at the rim.
+  /// Height by bilinear interpolation; outside the rectangle, the value at its border.
   double at(const geometry::Vec2& position) const;
-  /// Whether points lie near: within some squares of the grid.
+  /// Whether there are points within a few grid cells.
   bool is_supported(const geometry::Vec2& position) const;
   double cell() const { return cell_; }
 
  private:
   geometry::Vec2 low_;
   double cell_ = 1.0;
-  imaging::FloatImage heights_;  ///< of the squares' middles; rows along y
+  imaging::FloatImage heights_;  ///< heights at the cell centres; rows along y
   imaging::GrayImage supported_;
 };
 

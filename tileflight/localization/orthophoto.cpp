@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/sensors/appearance.h"
-#include "tileflight/sensors/render.h"
+#include "tileflight/render/appearance.h"
+#include "tileflight/render/camera_renderer.h"
 
 namespace tileflight::localization {
 
@@ -17,9 +17,10 @@ using geometry::Vec3;
 namespace {
 
 constexpr int kTile_px = 1024;
-constexpr double kViewpoint_m = 50e3;  // above the tile: rays lean by less than a thousandth
+constexpr double kViewpoint_m = 50e3;  // height above the tile, so large that rays deviate from the vertical by less
+                                       // than a thousandth
 
-/// A pinhole that shows a square tile from far above, image top to the north.
+/// Pinhole camera for a square tile seen from far above, image top to the north.
 imaging::Camera tile_camera(double pixel_m, double distance_m) {
   const double focal_px = distance_m / pixel_m, middle = 0.5 * (kTile_px - 1);
   return {imaging::PinholeRadtan{.fx = focal_px, .fy = focal_px, .cx = middle, .cy = middle}, kTile_px, kTile_px};
@@ -31,7 +32,7 @@ geometry::SE3 looking_down(const Vec3& position) {
   return {r, position};
 }
 
-void copy_tile(const sensors::RenderedFrame& tile, int x0, int y0, const Box3& box, GroundImage& image) {
+void copy_tile(const render::RenderedFrame& tile, int x0, int y0, const Box3& box, GroundImage& image) {
   const int right = std::min(image.grey.width, x0 + kTile_px), bottom = std::min(image.grey.height, y0 + kTile_px);
   const double top_m = box.max().z() + kViewpoint_m;
   for (int y = y0; y < bottom; ++y) {
@@ -56,8 +57,8 @@ GroundImage empty_image(const Box3& box, double pixel_m) {
   image.seen = imaging::GrayImage(width, height);
   constexpr int kStep = GroundImage::kHeightStep;
   image.height = imaging::FloatImage((width + kStep - 1) / kStep, (height + kStep - 1) / kStep, std::nanf(""));
-  image.pixel = pixel_m;
-  image.first = Vec2(box.min().x() + 0.5 * pixel_m, box.max().y() - 0.5 * pixel_m);
+  image.pixel_size = pixel_m;
+  image.origin = Vec2(box.min().x() + 0.5 * pixel_m, box.max().y() - 0.5 * pixel_m);
   return image;
 }
 
@@ -75,8 +76,8 @@ std::pair<double, double> texel_and_area(const imaging::TexturedMesh& mesh, cons
 
 }  // namespace
 
-std::optional<double> texel_size_m(const scene::Scene& scene, const Box3& box) {
-  std::vector<std::pair<double, double>> sizes;  // with their areas
+std::optional<double> median_texel_size_m(const scene::Scene& scene, const Box3& box) {
+  std::vector<std::pair<double, double>> sizes;  // texel size and area
   double total_m2 = 0.0;
   for (const imaging::TexturedMesh& mesh : scene.meshes()) {
     if (!mesh.texture || mesh.uv.empty()) continue;
@@ -98,13 +99,13 @@ std::optional<double> texel_size_m(const scene::Scene& scene, const Box3& box) {
   return sizes.back().first;
 }
 
-GroundImage orthophoto(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance,
-                       const Box3& box, const OrthophotoOptions& options) {
+GroundImage build_orthophoto(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance,
+                             const Box3& box, const OrthophotoOptions& options) {
   const double area_m2 = box.sizes().x() * box.sizes().y();
   const double pixel_m = std::max(
-      {options.pixel_m, 0.5 * texel_size_m(scene, box).value_or(0.0), std::sqrt(area_m2 / options.most_pixels)});
+      {options.pixel_m, 0.5 * median_texel_size_m(scene, box).value_or(0.0), std::sqrt(area_m2 / options.max_pixels)});
   GroundImage image = empty_image(box, pixel_m);
-  const sensors::CameraRenderer renderer(scene, std::move(appearance), tile_camera(pixel_m, kViewpoint_m), {});
+  const render::CameraRenderer renderer(scene, std::move(appearance), tile_camera(pixel_m, kViewpoint_m), {});
   for (int y = 0; y < image.grey.height; y += kTile_px) {
     for (int x = 0; x < image.grey.width; x += kTile_px) {
       const Vec2 middle = image.position(x + 0.5 * (kTile_px - 1), y + 0.5 * (kTile_px - 1));

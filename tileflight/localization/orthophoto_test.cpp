@@ -4,7 +4,7 @@
 #include <tbb/global_control.h>
 
 #include "tileflight/localization/test_places.h"
-#include "tileflight/sensors/appearance.h"
+#include "tileflight/render/appearance.h"
 
 namespace tileflight::localization {
 namespace {
@@ -17,20 +17,20 @@ constexpr double kSide_m = 51.2;  // of the ground; a texel is 0.1 m
 
 /// Level ground at 100 m with a grey roof at 108 m over x, y from 5 to 9 m.
 scene::Scene ground_with_a_roof() {
-  using namespace sensors::test_scenes;
+  using namespace render::test_scenes;
   return scene::Scene({ground(Vec3(0, 0, 100), kSide_m, test_places::blotches(1)),
                        ground(Vec3(7, 7, 108), 4.0, texture(40, 40, [](int, int) { return grey(222); }))});
 }
 
 GroundImage orthophoto_of(const scene::Scene& scene, const Box3& box, const OrthophotoOptions& options = {}) {
-  return orthophoto(scene, std::make_shared<const sensors::Appearance>(scene), box, options);
+  return build_orthophoto(scene, std::make_shared<const render::Appearance>(scene), box, options);
 }
 
 const Box3 kBox(Vec3(-20, -15, 90), Vec3(20, 15, 120));
 
 TEST(Orthophoto, ShowsTheTextureWhereItLies) {
   const GroundImage image = orthophoto_of(ground_with_a_roof(), kBox, {.pixel_m = 0.1});
-  EXPECT_NEAR(image.pixel, 0.1, 1e-12);
+  EXPECT_NEAR(image.pixel_size, 0.1, 1e-12);
   EXPECT_EQ(image.grey.width, 400);
   EXPECT_EQ(image.grey.height, 300);
   double squares = 0.0, n = 0.0;
@@ -56,9 +56,10 @@ TEST(Orthophoto, HeightsAreThoseOfWhatIsSeen) {
 
 TEST(Orthophoto, ThePixelIsNoFinerThanTheTexturesAndAsManyAsAllowed) {
   const scene::Scene scene = ground_with_a_roof();
-  EXPECT_NEAR(texel_size_m(scene, Box3(Vec3(-30, -30, 0), Vec3(30, 30, 200))).value(), 0.1, 1e-6);
-  EXPECT_NEAR(orthophoto_of(scene, Box3(Vec3(-30, -30, 90), Vec3(30, 30, 120)), {.pixel_m = 0.01}).pixel, 0.05, 1e-6);
-  EXPECT_NEAR(orthophoto_of(scene, kBox, {.most_pixels = 1200.0}).pixel, 1.0, 1e-9);
+  EXPECT_NEAR(median_texel_size_m(scene, Box3(Vec3(-30, -30, 0), Vec3(30, 30, 200))).value(), 0.1, 1e-6);
+  EXPECT_NEAR(orthophoto_of(scene, Box3(Vec3(-30, -30, 90), Vec3(30, 30, 120)), {.pixel_m = 0.01}).pixel_size, 0.05,
+              1e-6);
+  EXPECT_NEAR(orthophoto_of(scene, kBox, {.max_pixels = 1200.0}).pixel_size, 1.0, 1e-9);
 }
 
 TEST(Orthophoto, BesideThePlaceNothingIsSeen) {

@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/localization/even_contrast.h"
-#include "tileflight/odometry/pixel_selector.h"
-#include "tileflight/odometry/pyramid.h"
-#include "tileflight/odometry/tracker.h"
-#include "tileflight/sensors/appearance.h"
-#include "tileflight/sensors/render.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/localization/local_contrast.h"
+#include "tileflight/photometry/pixel_selector.h"
+#include "tileflight/photometry/pyramid.h"
+#include "tileflight/render/appearance.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/tracking/tracker.h"
 
 namespace tileflight::localization {
 
@@ -20,23 +20,24 @@ using imaging::RgbImage;
 
 namespace {
 
-odometry::TrackingOptions tracking_options() {
-  odometry::TrackingOptions options;
-  options.huber = 15.0F;  // grey values of even contrast: two pictures of one place differ more than two of one video
+photometry::TrackingOptions tracking_options() {
+  photometry::TrackingOptions options;
+  options.huber = 15.0F;  // normalised grey values; an image and a rendering differ more than two images of a video.
+                          // Chosen by hand
   options.cutoff = 60.0F;
   options.lost_rmse = 60.0;
   options.max_log_gain = 2.0;
   return options;
 }
 
-/// The camera of pictures that are at most `width` pixels wide.
-imaging::Camera shrunk(const imaging::Camera& full, int width) {
+/// Camera for images downscaled to at most `width` pixels.
+imaging::Camera shrink_camera(const imaging::Camera& full, int width) {
   if (full.width() <= width) return full;
   const double share = static_cast<double>(width) / full.width();
   return full.scaled_to(width, std::max(1, static_cast<int>(std::lround(share * full.height()))));
 }
 
-/// Whether the surface is smooth about a pixel: at an edge of it, the nearer side's grey values stand for both.
+/// Whether the surface is smooth around a pixel; at depth edges grey values of both sides mix.
 bool is_smooth(const FloatImage& depth_m, int x, int y) {
   constexpr float kStep = 0.05F;
   const float here = depth_m(x, y);
@@ -50,38 +51,40 @@ bool is_smooth(const FloatImage& depth_m, int x, int y) {
 }  // namespace
 
 struct PictureLocalizer::Impl {
-  imaging::Camera camera;  ///< of the shrunk pictures
+  imaging::Camera camera;  ///< of the downscaled images
   int full_width = 0, full_height = 0;
   LocalizerOptions options;
-  sensors::CameraRenderer renderer;
-  odometry::LensPyramid lens;
-  odometry::SelectionOptions selection;
-  odometry::TrackingOptions tracking = tracking_options();
+  render::CameraRenderer renderer;
+  photometry::LensPyramid lens;
+  photometry::SelectionOptions selection;
+  photometry::TrackingOptions tracking = tracking_options();
 
-  Impl(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance, const imaging::Camera& full,
+  Impl(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance, const imaging::Camera& full,
        const LocalizerOptions& o)
-      : camera(shrunk(full, o.width)),
+      : camera(shrink_camera(full, o.width)),
         full_width(full.width()),
         full_height(full.height()),
         options(o),
         renderer(scene, std::move(appearance), camera, {}) {
-    odometry::OdometryOptions pyramid;
-    pyramid.min_level_area_px = 500;  // a guess is farther off than one picture of a video from the next
-    lens = odometry::build_lens_pyramid(camera, odometry::pyramid_levels(camera.width(), camera.height(), pyramid));
+    photometry::OdometryOptions pyramid;
+    pyramid.min_level_area_px = 500;  // coarser levels than for video, since the guess is farther off than the previous
+                                      // image would be
+    lens = photometry::build_lens_pyramid(camera, photometry::pyramid_levels(camera.width(), camera.height(), pyramid));
   }
 
-  odometry::Pyramid pyramid_of(const RgbImage& image) const {
+  photometry::Pyramid make_pyramid(const RgbImage& image) const {
     const int reach = std::max(4, static_cast<int>(0.5 * options.contrast_window * camera.width()));
-    const FloatImage luma = imaging::shrink(odometry::luminance(image, nullptr), camera.width(), camera.height());
-    return odometry::build_pyramid(with_even_contrast(luma, reach), static_cast<int>(lens.lenses.size()));
+    const FloatImage luma = imaging::downsample(photometry::luminance(image, nullptr), camera.width(), camera.height());
+    return photometry::build_pyramid(normalize_local_contrast(luma, reach), static_cast<int>(lens.lenses.size()));
   }
 
-  /// Pixels that stand out in the predicted picture, with their inverse distances.
-  std::vector<odometry::ReferencePoint> points_of(const odometry::Pyramid& pyramid, const FloatImage& depth_m) const {
-    constexpr double kGrazing = 0.05;  // of a ray with the image's plane
-    std::vector<odometry::ReferencePoint> points;
-    for (const odometry::SelectedPixel& pixel :
-         odometry::select_pixels(pyramid, lens.rays[0], options.points, selection)) {
+  /// High-gradient pixels of the rendered image, with their inverse distances.
+  std::vector<tracking::ReferencePoint> select_points(const photometry::Pyramid& pyramid,
+                                                      const FloatImage& depth_m) const {
+    constexpr double kGrazing = 0.05;  // smallest cosine of a ray to the optical axis
+    std::vector<tracking::ReferencePoint> points;
+    for (const photometry::SelectedPixel& pixel :
+         photometry::select_pixels(pyramid, lens.rays[0], options.points, selection)) {
       if (!is_smooth(depth_m, pixel.x, pixel.y)) continue;
       const Eigen::Vector3f& ray = lens.rays[0].at(pixel.x, pixel.y);
       if (std::abs(ray.z()) < kGrazing) continue;
@@ -92,8 +95,8 @@ struct PictureLocalizer::Impl {
     return points;
   }
 
-  /// Correlation of the reference's grey values with the picture's where the points lie in it.
-  double correlation(const odometry::ReferenceLevel& reference, const odometry::PyramidLevel& picture,
+  /// Correlation of the reference's grey values with those of the image, at points inside the image.
+  double correlation(const tracking::ReferenceLevel& reference, const photometry::PyramidLevel& picture,
                      const SE3& T_picture_reference) const {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
     const Eigen::Matrix3d R = T_picture_reference.rotation.toRotationMatrix();
@@ -114,21 +117,22 @@ struct PictureLocalizer::Impl {
 
 PictureLocalizer::PictureLocalizer(const scene::Scene& scene, const imaging::Camera& camera,
                                    const LocalizerOptions& options)
-    : PictureLocalizer(scene, std::make_shared<const sensors::Appearance>(scene), camera, options) {}
+    : PictureLocalizer(scene, std::make_shared<const render::Appearance>(scene), camera, options) {}
 
-PictureLocalizer::PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance,
+PictureLocalizer::PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance,
                                    const imaging::Camera& camera, const LocalizerOptions& options)
     : impl_(std::make_unique<Impl>(scene, std::move(appearance), camera, options)) {}
 
 PictureLocalizer::~PictureLocalizer() = default;
 
-std::shared_ptr<const sensors::Appearance> PictureLocalizer::appearance() const { return impl_->renderer.appearance(); }
+std::shared_ptr<const render::Appearance> PictureLocalizer::appearance() const { return impl_->renderer.appearance(); }
 
 namespace {
 
-/// Of the pose alone: the light's two unknowns are eliminated. The tracker's motion acts on the reference's points from
-/// the left, in the picture's frame; the camera's own motion is its inverse: the same information.
-Mat6 pose_information(const odometry::AlignmentResult& alignment) {
+/// Information of the pose with the two brightness unknowns eliminated. The tracker's increment acts on the reference
+/// points from the left, in the image's camera frame; the camera's own motion is its inverse and has the same
+/// information.
+Mat6 pose_information(const tracking::ImageAlignment& alignment) {
   const Eigen::Matrix<double, 8, 8>& H = alignment.information;
   const Eigen::Matrix2d light = H.bottomRightCorner<2, 2>() + 1e-9 * Eigen::Matrix2d::Identity();
   const Mat6 pose = H.topLeftCorner<6, 6>() - H.topRightCorner<6, 2>() * light.inverse() * H.bottomLeftCorner<2, 6>();
@@ -138,22 +142,22 @@ Mat6 pose_information(const odometry::AlignmentResult& alignment) {
 
 }  // namespace
 
-std::optional<LocatedPicture> PictureLocalizer::locate(const RgbImage& picture, const SE3& guess) const {
+std::optional<LocalizationResult> PictureLocalizer::locate(const RgbImage& picture, const SE3& guess) const {
   const Impl& my = *impl_;
   if (picture.width != my.full_width || picture.height != my.full_height)
     throw InputError("picture", "is " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
                                     ", the calibration is for " + std::to_string(my.full_width) + "x" +
                                     std::to_string(my.full_height));
-  const odometry::Pyramid seen = my.pyramid_of(picture);
-  LocatedPicture located{.T_local_camera = guess};
-  for (int round = 0; round < my.options.rounds; ++round) {
-    const sensors::RenderedFrame predicted = my.renderer.render(located.T_local_camera);
-    const odometry::Pyramid expected = my.pyramid_of(predicted.rgb);
-    const std::vector<odometry::ReferencePoint> points = my.points_of(expected, predicted.depth_m);
+  const photometry::Pyramid seen = my.make_pyramid(picture);
+  LocalizationResult located{.T_local_camera = guess};
+  for (int round = 0; round < my.options.max_rounds; ++round) {
+    const render::RenderedFrame predicted = my.renderer.render(located.T_local_camera);
+    const photometry::Pyramid expected = my.make_pyramid(predicted.rgb);
+    const std::vector<tracking::ReferencePoint> points = my.select_points(expected, predicted.depth_m);
     constexpr std::size_t kFewest = 50;
     if (points.size() < kFewest) return std::nullopt;
-    const odometry::TrackingReference reference = odometry::make_reference(my.lens, expected, points);
-    const odometry::AlignmentResult alignment = odometry::align(my.lens, reference, seen, {}, my.tracking);
+    const tracking::TrackingReference reference = tracking::make_tracking_reference(my.lens, expected, points);
+    const tracking::ImageAlignment alignment = tracking::align_image(my.lens, reference, seen, {}, my.tracking);
     if (!alignment.converged) return std::nullopt;
     const SE3& T_picture_reference = alignment.state.T_target_reference;
     located.correlation = my.correlation(reference.levels[0], seen.levels[0], T_picture_reference);
@@ -162,10 +166,10 @@ std::optional<LocatedPicture> PictureLocalizer::locate(const RgbImage& picture, 
     located.share_in_view = alignment.inside_share;
     located.rmse = alignment.finest_rmse();
     constexpr double kStill_px = 0.05;
-    const auto flow = odometry::optical_flow(my.lens, reference, T_picture_reference);
+    const auto flow = tracking::optical_flow(my.lens, reference, T_picture_reference);
     if (flow.full_px < kStill_px) break;
   }
-  if (located.share_in_view < my.options.least_share || located.correlation < my.options.least_correlation)
+  if (located.share_in_view < my.options.min_share_in_view || located.correlation < my.options.min_correlation)
     return std::nullopt;
   return located;
 }

@@ -1,7 +1,7 @@
 #pragma once
 
-// Where a picture was taken, found by aligning it with what the textured place looks like from nearby. It knows nothing
-// of a map's points, so that it is a witness of its own for an alignment that was made of them.
+// Localization of an image by direct alignment with renderings of the textured place. It does not use the map's points,
+// so it is independent evidence for an alignment made from them.
 
 #include <memory>
 #include <optional>
@@ -10,7 +10,7 @@
 #include "tileflight/imaging/image.h"
 #include "tileflight/scene/scene.h"
 
-namespace tileflight::sensors {
+namespace tileflight::render {
 class Appearance;  // appearance.h
 }
 
@@ -19,43 +19,43 @@ namespace tileflight::localization {
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 struct LocalizerOptions {
-  int width = 960;                  ///< pictures are shrunk to at most this, pixels
-  int points = 2500;                ///< pixels that stand out, in the predicted picture
-  int rounds = 4;                   ///< of predicting again from where the last round ended, at most
-  double contrast_window = 0.1;     ///< side of the window over which contrast is made even, as a share of the width
-  double least_share = 0.15;        ///< of the predicted points that must be in view
-  double least_correlation = 0.35;  ///< of predicted and seen grey values at the points
+  int width = 960;                  ///< images are downscaled to at most this width, pixels
+  int points = 2500;                ///< selected high-gradient pixels of the rendered image
+  int max_rounds = 4;               ///< maximum number of renderings, each from the pose found by the last round
+  double contrast_window = 0.1;     ///< side of the window of local contrast normalisation, as a share of the width
+  double min_share_in_view = 0.15;  ///< smallest share of the rendered points in view
+  double min_correlation = 0.35;    ///< of rendered and observed grey values at the points
 };
 
-struct LocatedPicture {
+struct LocalizationResult {
   geometry::SE3 T_local_camera;
-  /// Of a small motion of the camera in its own axes, T_local_camera exp(x), translation (m) first: the inverse of the
-  /// covariance that the pixels' noise gives.
+  /// Information matrix of a small motion x of the camera in its own axes, T_local_camera exp(x), translation (m)
+  /// first, rotation (rad): inverse of the covariance due to pixel noise.
   Mat6 information = Mat6::Zero();
-  double correlation = 0.0;  ///< of predicted and seen grey values at the points
+  double correlation = 0.0;  ///< of rendered and observed grey values at the points
   double share_in_view = 0.0;
-  double rmse = 0.0;  ///< grey values after the contrast was made even
+  double rmse = 0.0;  ///< after contrast normalisation, grey values
 };
 
 class PictureLocalizer {
  public:
-  /// The scene must outlive it. `camera`: the lens of the pictures.
+  /// The scene must outlive the localizer. `camera`: camera of the images.
   PictureLocalizer(const scene::Scene& scene, const imaging::Camera& camera, const LocalizerOptions& options = {});
-  /// With what another localizer or camera in the same scene uses too.
-  PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const sensors::Appearance> appearance,
+  /// Same, sharing the appearance with another localizer or camera in the same scene.
+  PictureLocalizer(const scene::Scene& scene, std::shared_ptr<const render::Appearance> appearance,
                    const imaging::Camera& camera, const LocalizerOptions& options = {});
   ~PictureLocalizer();
   PictureLocalizer(const PictureLocalizer&) = delete;
   PictureLocalizer& operator=(const PictureLocalizer&) = delete;
 
-  /// From a guess that is within some twentieth of the picture. nullopt where the picture does not agree with the place
-  /// as seen from there: another place, nothing of the place in view, textures of another season. Throws InputError for
-  /// a picture of another size than the camera's.
-  std::optional<LocatedPicture> locate(const imaging::RgbImage& picture,
-                                       const geometry::SE3& T_local_camera_guess) const;
+  /// Locates an image from a guess whose error is below about a twentieth of the image. nullopt if the image does not
+  /// match the renderings: wrong place, place not in view, textures of another season. Throws InputError if the image
+  /// differs in size from the camera.
+  std::optional<LocalizationResult> locate(const imaging::RgbImage& picture,
+                                           const geometry::SE3& T_local_camera_guess) const;
 
-  /// Of the scene: to be shared, as it holds all textures once more.
-  std::shared_ptr<const sensors::Appearance> appearance() const;
+  /// Appearance of the scene; share it, since it holds a copy of all textures.
+  std::shared_ptr<const render::Appearance> appearance() const;
 
  private:
   struct Impl;

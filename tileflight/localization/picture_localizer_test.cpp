@@ -4,10 +4,10 @@
 
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/localization/test_places.h"
-#include "tileflight/sensors/render.h"
-#include "tileflight/sensors/test_scenes.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/render/test_scenes.h"
 
 namespace tileflight::localization {
 namespace {
@@ -18,7 +18,7 @@ using geometry::Vec3;
 struct Place {
   scene::Scene scene;
   explicit Place(int seed)
-      : scene({sensors::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, test_places::blotches(seed))}) {}
+      : scene({render::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, test_places::blotches(seed))}) {}
 };
 
 const Place& the_place() {
@@ -29,13 +29,13 @@ const Place& the_place() {
 imaging::Camera camera() { return imaging::make_pinhole(320, 240, 80.0); }
 
 SE3 true_pose() {
-  SE3 pose = sensors::test_scenes::looking_down(Vec3(4.0, -7.0, 40.0));
+  SE3 pose = render::test_scenes::looking_down(Vec3(4.0, -7.0, 40.0));
   pose.rotation = pose.rotation * geometry::so3_exp({0.25, -0.1, 0.4});
   return pose;
 }
 
 imaging::RgbImage picture_at(const Place& place, const SE3& pose) {
-  return sensors::CameraRenderer(place.scene, camera(), {}).render(pose).rgb;
+  return render::CameraRenderer(place.scene, camera(), {}).render(pose).rgb;
 }
 
 SE3 off(const SE3& pose, const Vec3& metres, const Vec3& radians) {

@@ -1,7 +1,7 @@
 #pragma once
 
-// Where a flight was, found by its looks: the ground as its pictures show it from above is looked for in the place as
-// its textures show it from above. Nothing but the pictures and what odometry made of them is needed.
+// Place recognition from images: an orthographic mosaic of the flight's images is matched with an orthophoto of the
+// textured place. Needs only the images and the odometry's result.
 
 #include <memory>
 #include <vector>
@@ -15,43 +15,43 @@ namespace tileflight::localization {
 struct PlaceRecognitionOptions {
   OrthophotoOptions orthophoto{};
   MosaicOptions mosaic{};
-  std::size_t mosaic_features = 4000;  ///< at most, of highest contrast
-  std::size_t similarities = 120;      ///< for each direction of up, that are compared with the place
-  std::size_t candidates = 8;          ///< at most
+  std::size_t max_mosaic_features = 4000;  ///< maximum number, those of highest contrast
+  std::size_t max_similarities = 120;      ///< similarities compared with the place, for each up direction
+  std::size_t max_candidates = 8;          ///< maximum number of results
 };
 
 /// A flight without telemetry.
 struct FlightEvidence {
   FlightPictures pictures;
-  std::vector<geometry::Vec3> points;  ///< of the map
-  std::vector<geometry::Vec3> ups;     ///< unit directions of the map that may be up; each is tried
+  std::vector<geometry::Vec3> points;         ///< of the map
+  std::vector<geometry::Vec3> up_candidates;  ///< candidate up directions, unit, map frame; each is tried
 };
 
-/// Where the flight may have been.
+/// A possible placement of the flight.
 struct PlaceCandidate {
   geometry::Sim3 T_local_map;
-  std::size_t inliers = 0;   ///< pairs of features that agree on it
-  double correlation = 0.0;  ///< of grey values of even contrast, mosaic and place
-  double heights = 0.0;      ///< share of the mosaic's heights that agree with the place's
-  double share = 0.0;        ///< of the mosaic that lies on the place
+  std::size_t inliers = 0;        ///< feature pairs consistent with it
+  double correlation = 0.0;       ///< of locally normalised grey values of mosaic and place
+  double height_agreement = 0.0;  ///< share of the mosaic's heights that agree with the place's
+  double overlap = 0.0;           ///< of the mosaic that lies on the place
 
-  /// From 0 to 1; a right one is seldom below 0.2, a wrong one seldom above 0.3.
-  double value() const { return correlation * heights * share; }
+  /// From 0 to 1; correct placements are seldom below 0.2, wrong ones seldom above 0.3.
+  double score() const { return correlation * height_agreement * overlap; }
 };
 
 class PlaceRecognizer {
  public:
-  /// `box`: over which there is truth. `appearance`: the scene's, where there is one already (it holds all textures
-  /// once more). Neither scene nor appearance is kept.
+  /// `box`: region with ground truth. `appearance`: of the scene, if it exists already (it holds a copy of all
+  /// textures). Neither scene nor appearance is kept.
   PlaceRecognizer(const scene::Scene& scene, const geometry::Box3& box, const PlaceRecognitionOptions& options = {},
-                  std::shared_ptr<const sensors::Appearance> appearance = {});
+                  std::shared_ptr<const render::Appearance> appearance = {});
   ~PlaceRecognizer();
   PlaceRecognizer(const PlaceRecognizer&) = delete;
   PlaceRecognizer& operator=(const PlaceRecognizer&) = delete;
 
-  /// Best first, at clearly different places; none where the place has no texture, or the flight shows no ground around
-  /// its points. Same bytes for any number of threads. Throws InputError for pictures of another size than the
-  /// camera's.
+  /// Placements, best first, at clearly different places; empty if the place has no texture or the flight shows no
+  /// ground around its points. Independent of the number of threads. Throws InputError if images differ in size from
+  /// the camera.
   std::vector<PlaceCandidate> find(const FlightEvidence& flight) const;
 
  private:

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/localization/test_places.h"
 
 namespace tileflight::localization {
@@ -42,9 +42,9 @@ TEST(PlaceRecognition, FindsWhereAFlightWas) {
       const auto candidates = recognizer.find(evidence_of(flight, wrong_up_rad));
       ASSERT_FALSE(candidates.empty());
       EXPECT_LT(worst_m(candidates.front().T_local_map, flight), 1.5);
-      EXPECT_GT(candidates.front().value(), 0.3);
+      EXPECT_GT(candidates.front().score(), 0.3);
       EXPECT_GT(candidates.front().inliers, 10U);
-      for (std::size_t k = 1; k < candidates.size(); ++k) EXPECT_LT(candidates[k].value(), 0.3);
+      for (std::size_t k = 1; k < candidates.size(); ++k) EXPECT_LT(candidates[k].score(), 0.3);
     }
   }
 }
@@ -52,7 +52,7 @@ TEST(PlaceRecognition, FindsWhereAFlightWas) {
 TEST(PlaceRecognition, TheRightOneOfTwoDirectionsIsEnough) {
   const test_places::Flight flight(the_place(), 0.0);
   FlightEvidence evidence = evidence_of(flight);
-  evidence.ups.insert(evidence.ups.begin(), (T_map_local().rotation * Vec3::UnitX()).eval());
+  evidence.up_candidates.insert(evidence.up_candidates.begin(), (T_map_local().rotation * Vec3::UnitX()).eval());
   const auto candidates = PlaceRecognizer(the_place().scene, the_place().scene.bounds()).find(evidence);
   ASSERT_FALSE(candidates.empty());
   EXPECT_LT(worst_m(candidates.front().T_local_map, flight), 1.5);
@@ -63,21 +63,21 @@ TEST(PlaceRecognition, AnotherPlaceIsNotRecognized) {
   const test_places::Flight flight(other, 0.0);
   for (const PlaceCandidate& candidate :
        PlaceRecognizer(the_place().scene, the_place().scene.bounds()).find(evidence_of(flight)))
-    EXPECT_LT(candidate.value(), 0.3);
+    EXPECT_LT(candidate.score(), 0.3);
 }
 
 TEST(PlaceRecognition, NothingToGoByGivesNoCandidates) {
   const PlaceRecognizer recognizer(the_place().scene, the_place().scene.bounds());
   const test_places::Flight flight(the_place(), 0.0);
   FlightEvidence evidence = evidence_of(flight);
-  evidence.ups.clear();
+  evidence.up_candidates.clear();
   EXPECT_TRUE(recognizer.find(evidence).empty());
   evidence = evidence_of(flight);
   evidence.points.clear();
   EXPECT_TRUE(recognizer.find(evidence).empty());
   EXPECT_TRUE(recognizer.find({}).empty());
   // A place without textures.
-  const scene::Scene bare({sensors::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, nullptr)});
+  const scene::Scene bare({render::test_scenes::hills(Vec3(0, 0, 10), 100.0, 60, nullptr)});
   EXPECT_TRUE(PlaceRecognizer(bare, bare.bounds()).find(evidence_of(flight)).empty());
 }
 

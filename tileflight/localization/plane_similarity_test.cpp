@@ -57,7 +57,7 @@ void expect_near(const PlaneSimilarity& a, const PlaneSimilarity& b) {
 
 TEST(PlaneSimilarity, OfOnePairCarriesItsPointSizeAndDirection) {
   const PointPair pair{{Vec2(3, 4), 2.0, 0.5}, {Vec2(-7, 1), 5.0, 3.0}, 1.0, 0, 0};
-  const PlaneSimilarity T = similarity_of(pair);
+  const PlaneSimilarity T = similarity_from_pair(pair);
   EXPECT_DOUBLE_EQ(T.scale, 2.5);
   EXPECT_NEAR(T.angle_rad, 2.5, 1e-12);
   EXPECT_LT((T * pair.source.position - pair.target.position).norm(), 1e-12);

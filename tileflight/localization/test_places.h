@@ -4,16 +4,16 @@
 #include <random>
 
 #include "tileflight/localization/flight_mosaic.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/render/test_scenes.h"
 #include "tileflight/scene/scene.h"
-#include "tileflight/sensors/render.h"
-#include "tileflight/sensors/test_scenes.h"
 
 // Places whose look is known, for the tests of this stage.
 namespace tileflight::localization::test_places {
 
 /// Blotches of many sizes, what ground looks like: 0 to 255, anywhere.
 inline double blotches_at(double x, double y, int seed) {
-  using sensors::test_scenes::noise;
+  using render::test_scenes::noise;
   double value = 0.0;
   for (int k = 0; k < 6; ++k) {
     const double cell = 1 << k;
@@ -26,8 +26,8 @@ inline double blotches_at(double x, double y, int seed) {
 }
 
 inline std::shared_ptr<const imaging::RgbImage> blotches(int seed, int size = 512) {
-  return sensors::test_scenes::texture(size, size, [seed](int x, int y) {
-    return sensors::test_scenes::grey(static_cast<int>(blotches_at(x, y, seed)));
+  return render::test_scenes::texture(size, size, [seed](int x, int y) {
+    return render::test_scenes::grey(static_cast<int>(blotches_at(x, y, seed)));
   });
 }
 
@@ -35,8 +35,8 @@ inline std::shared_ptr<const imaging::RgbImage> blotches(int seed, int size = 51
 struct Hills {
   scene::Scene scene;
 
-  explicit Hills(int seed) : scene({sensors::test_scenes::hills(geometry::Vec3(0, 0, 10), 100.0, 60, blotches(seed))}) {
-    scene.prepare_rays();
+  explicit Hills(int seed) : scene({render::test_scenes::hills(geometry::Vec3(0, 0, 10), 100.0, 60, blotches(seed))}) {
+    scene.build_ray_tree();
   }
 };
 
@@ -50,15 +50,14 @@ struct Flight {
 
   Flight(const Hills& place, double lean_rad) {
     using geometry::Vec3;
-    const sensors::CameraRenderer renderer(place.scene, camera, {});
+    const render::CameraRenderer renderer(place.scene, camera, {});
     std::mt19937_64 random(5);
     for (int k = 0; k < 9; ++k) {
       const double heading = 0.12 * k;
-      geometry::SE3 pose =
-          sensors::test_scenes::looking_down(Vec3(-14.0 + 4.0 * k, -9.0 + 0.3 * k * k, 35.0 + 0.3 * k));
+      geometry::SE3 pose = render::test_scenes::looking_down(Vec3(-14.0 + 4.0 * k, -9.0 + 0.3 * k * k, 35.0 + 0.3 * k));
       pose.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(heading, Vec3::UnitZ())) * pose.rotation *
                       geometry::so3_exp(Vec3(lean_rad, 0.0, 0.0));
-      const sensors::RenderedFrame frame = renderer.render(pose);
+      const render::RenderedFrame frame = renderer.render(pose);
       for (int i = 0; i < 500; ++i) {
         const int x = static_cast<int>(random() % 320), y = static_cast<int>(random() % 240);
         const float depth_m = frame.depth_m(x, y);

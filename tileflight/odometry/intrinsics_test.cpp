@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tileflight/odometry/lens.h"
 #include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/photometry/lens.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -17,10 +17,10 @@ Eigen::Vector4d intrinsics(const Camera& camera) {
   return std::visit([](const auto& m) { return Eigen::Vector4d(m.fx, m.fy, m.cx, m.cy); }, camera.model());
 }
 
-OdometryResult run(const tests::Sequence& truth, const LensDelta& error, bool refine) {
+OdometryResult run(const tests::Sequence& truth, const photometry::IntrinsicsDelta& error, bool refine) {
   tests::Sequence sequence = truth;
-  sequence.calibration.camera = moved(truth.calibration.camera, error);
-  OdometryOptions options = tests::small_options();
+  sequence.calibration.camera = photometry::apply_delta(truth.calibration.camera, error);
+  photometry::OdometryOptions options = tests::small_options();
   options.window.refine_intrinsics = refine;
   return run_odometry(sequence.calibration, nullptr, sequence.source(), options);
 }
@@ -31,7 +31,7 @@ std::vector<SE3> part_of_an_orbit(int frames) {
   for (int i = 0; i < frames; ++i) {
     const double angle = 1.2 * i / frames - 0.6;
     const Vec3 position(10.0 * std::sin(angle), -10.0 * std::cos(angle), 12.0 + std::sin(3.0 * angle));
-    truth.push_back(tests::looking(position, -position));
+    truth.push_back(photometry::tests::look_along(position, -position));
   }
   return truth;
 }
@@ -42,13 +42,13 @@ Eigen::Vector4d off(const OdometryResult& result, const Camera& truth) {
 }
 
 double median_height_m(const OdometryResult& result, const tests::Sequence& sequence) {
-  return tests::median(tests::heights_over(tests::hilly_ground(), result, sequence.truth));
+  return base::upper_median(tests::height_errors_m(tests::hilly_ground(), result, sequence.truth));
 }
 
 /// Most of an error of the focal lengths goes within 75 pictures (the given ones count, too), and the map is better for
 /// it.
 void expect_the_lens_comes_back(const tests::Sequence& sequence, double focal_error) {
-  const LensDelta error(focal_error, focal_error, 0.0, 0.0);
+  const photometry::IntrinsicsDelta error(focal_error, focal_error, 0.0, 0.0);
   const OdometryResult refined = run(sequence, error, true), as_given = run(sequence, error, false);
   EXPECT_FALSE(refined.lost) << refined.lost_reason;
   const Eigen::Vector4d left = off(refined, sequence.calibration.camera);
@@ -59,23 +59,23 @@ void expect_the_lens_comes_back(const tests::Sequence& sequence, double focal_er
 
 TEST(Intrinsics, OfAFisheyeComeBack) {
   const Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  const tests::Sequence sequence = tests::over_hills(camera, 75);
+  const tests::Sequence sequence = tests::render_hill_flight(camera, 75);
   expect_the_lens_comes_back(sequence, -0.02);
   expect_the_lens_comes_back(sequence, 0.02);
 }
 
 TEST(Intrinsics, OfAPinholeComeBack) {
   const tests::Sequence sequence =
-      tests::rendered(imaging::make_pinhole(320, 220, 80.0), tests::hilly_ground(), part_of_an_orbit(75));
+      tests::render_sequence(imaging::make_pinhole(320, 220, 80.0), tests::hilly_ground(), part_of_an_orbit(75));
   expect_the_lens_comes_back(sequence, -0.02);
   expect_the_lens_comes_back(sequence, 0.02);
 }
 
 TEST(Intrinsics, ThatAreRightStay) {
   for (const Camera& camera : {imaging::make_fisheye(320, 200, 130.0), imaging::make_pinhole(320, 220, 80.0)}) {
-    const tests::Sequence sequence = tests::rendered(camera, tests::hilly_ground(), part_of_an_orbit(75));
-    const OdometryResult refined = run(sequence, LensDelta::Zero(), true),
-                         fixed = run(sequence, LensDelta::Zero(), false);
+    const tests::Sequence sequence = tests::render_sequence(camera, tests::hilly_ground(), part_of_an_orbit(75));
+    const OdometryResult refined = run(sequence, photometry::IntrinsicsDelta::Zero(), true),
+                         fixed = run(sequence, photometry::IntrinsicsDelta::Zero(), false);
     EXPECT_LT(off(refined, camera).cwiseAbs().maxCoeff(), 0.005) << off(refined, camera).transpose();
     EXPECT_LT(median_height_m(refined, sequence), 1.2 * median_height_m(fixed, sequence));
   }
@@ -83,7 +83,7 @@ TEST(Intrinsics, ThatAreRightStay) {
 
 TEST(Intrinsics, StayAsGivenWhereAskedFor) {
   const Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  const OdometryResult result = run(tests::over_hills(camera, 20), LensDelta::Zero(), false);
+  const OdometryResult result = run(tests::render_hill_flight(camera, 20), photometry::IntrinsicsDelta::Zero(), false);
   ASSERT_TRUE(result.camera);
   EXPECT_EQ(intrinsics(*result.camera), intrinsics(camera));
 }

@@ -1,6 +1,6 @@
 // Corners found again and the similarity between two keyframes, on rendered ground with known truth.
 
-#include "tileflight/odometry/keyframe_matching.h"
+#include "tileflight/loops/keyframe_matching.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "tileflight/odometry/keyframe_similarity.h"
+#include "tileflight/loops/keyframe_similarity.h"
 #include "tileflight/odometry/synthetic_keyframes.h"
 
 namespace tileflight::odometry {
@@ -20,21 +20,21 @@ using geometry::Vec3;
 using tests::KeyframeMaker;
 
 const KeyframeMaker& maker() {
-  static const KeyframeMaker kMaker(tests::hilly_place());
+  static const KeyframeMaker kMaker(tests::hilly_terrain());
   return kMaker;
 }
 
 /// Over the same ground: a step aside, higher, and rolled about the axis by a third of a turn.
-const SE3 kFirst = tests::looking(Vec3(0, 0, 14), Vec3(0.1, 1.0, -1.6));
-const SE3 kSecond =
-    tests::looking(Vec3(1.0, 0.6, 15), Vec3(-0.1, 1.0, -1.7)) * SE3(geometry::so3_exp(Vec3(0, 0, 2.1)), Vec3::Zero());
+const SE3 kFirst = photometry::tests::look_along(Vec3(0, 0, 14), Vec3(0.1, 1.0, -1.6));
+const SE3 kSecond = photometry::tests::look_along(Vec3(1.0, 0.6, 15), Vec3(-0.1, 1.0, -1.7)) *
+                    SE3(geometry::so3_exp(Vec3(0, 0, 2.1)), Vec3::Zero());
 
 TEST(KeyframeMatching, FindsCornersAgainUnderAnotherRollAndAWideLens) {
   const auto first = maker().features(kFirst), second = maker().features(kSecond);
   ASSERT_GT(first.size(), 200U);
-  const auto matches = match_features(first, second);
+  const auto matches = loops::match_features(first, second);
   int right = 0;
-  for (const FeatureMatch& match : matches) {
+  for (const loops::FeatureMatch& match : matches) {
     const Vec3 point = kFirst * (first[match.a].ray.cast<double>() / first[match.a].rho);
     const auto pixel = maker().camera().project(kSecond.inverse() * point);
     right += pixel && (pixel->cast<float>() - second[match.b].pixel).norm() < 3.0F * second[match.b].size_px;
@@ -45,22 +45,22 @@ TEST(KeyframeMatching, FindsCornersAgainUnderAnotherRollAndAWideLens) {
 
 TEST(KeyframeMatching, OtherGroundMatchesHardlyAnywhere) {
   const SE3 far(kFirst.rotation, kFirst.translation + Vec3(400, 300, 0));
-  EXPECT_LT(match_features(maker().features(kFirst), maker().features(far)).size(), 15U);
+  EXPECT_LT(loops::match_features(maker().features(kFirst), maker().features(far)).size(), 15U);
 }
 
 TEST(KeyframeMatching, DistanceIsTheBruteForceOne) {
   std::mt19937_64 random(3);
   for (int i = 0; i < 20; ++i) {
-    const Descriptor a{random(), random(), random(), random()}, b{random(), random(), random(), random()};
+    const loops::BinaryDescriptor a{random(), random(), random(), random()}, b{random(), random(), random(), random()};
     int bits = 0;
     for (int k = 0; k < 256; ++k) bits += (a[k / 64] >> (k % 64) & 1) != (b[k / 64] >> (k % 64) & 1);
-    EXPECT_EQ(hamming(a, b), bits);
-    EXPECT_EQ(hamming(a, a), 0);
+    EXPECT_EQ(loops::hamming(a, b), bits);
+    EXPECT_EQ(loops::hamming(a, a), 0);
   }
 }
 
 TEST(FeatureIndex, VotesForThePlaceThatIsSeenAgain) {
-  FeatureIndex index;
+  loops::FeatureIndex index;
   for (int k = 0; k < 6; ++k) index.add(k, maker().features(SE3(kFirst.rotation, Vec3(60.0 * k, 0, 14))));
   const auto votes = index.candidates(maker().features(SE3(kFirst.rotation, Vec3(180.5, 0.3, 14.2))), 6, 3);
   ASSERT_FALSE(votes.empty());
@@ -75,9 +75,9 @@ TEST(KeyframeSimilarity, IsTheTrueOneWithItsScale) {
   std::mt19937 random(5);
   std::normal_distribution<float> noise(0.0F, 0.03F);
   auto first = maker().features(kFirst), second = maker().features(kSecond);
-  for (Feature& feature : first) feature.rho *= 1.0F + noise(random);
-  for (Feature& feature : second) feature.rho *= (1.0F + noise(random)) / static_cast<float>(kScale);
-  const auto found = find_similarity(first, second, match_features(first, second), {});
+  for (loops::Feature& feature : first) feature.rho *= 1.0F + noise(random);
+  for (loops::Feature& feature : second) feature.rho *= (1.0F + noise(random)) / static_cast<float>(kScale);
+  const auto found = loops::find_similarity(first, second, loops::match_features(first, second), {});
   ASSERT_TRUE(found);
   const SE3 truth = kFirst.inverse() * kSecond;
   EXPECT_GT(found->inliers.size(), 60U);
@@ -89,8 +89,8 @@ TEST(KeyframeSimilarity, IsTheTrueOneWithItsScale) {
 
 TEST(KeyframeSimilarity, NeedsDistancesInBoth) {
   auto first = maker().features(kFirst), second = maker().features(kSecond);
-  for (Feature& feature : second) feature.rho = 0.0F;
-  EXPECT_FALSE(find_similarity(first, second, match_features(first, second), {}));
+  for (loops::Feature& feature : second) feature.rho = 0.0F;
+  EXPECT_FALSE(loops::find_similarity(first, second, loops::match_features(first, second), {}));
 }
 
 }  // namespace

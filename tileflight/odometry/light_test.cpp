@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "tileflight/odometry/pyramid.h"
 #include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/photometry/pyramid.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -38,7 +38,7 @@ RgbImage taken(const RgbImage& irradiance, const PhotometricCalibration& calibra
 }
 
 const tests::Sequence& clean_flight() {
-  static const tests::Sequence kFlight = tests::over_hills(imaging::make_fisheye(320, 200, 130.0), 32);
+  static const tests::Sequence kFlight = tests::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 32);
   return kFlight;
 }
 
@@ -65,7 +65,7 @@ FrameSource with_exposures(const tests::Sequence& sequence) {
 TEST(Light, LuminanceUndoesResponseAndVignette) {
   const RgbImage& clean = clean_flight().images.front();
   const PhotometricCalibration calibration = made_up_calibration(clean.width, clean.height);
-  const imaging::FloatImage undone = luminance(taken(clean, calibration, 1.0), &calibration);
+  const imaging::FloatImage undone = photometry::luminance(taken(clean, calibration, 1.0), &calibration);
   for (std::size_t i = 0; i < undone.pixels.size(); ++i) {
     // Half a step of the 8-bit picture, through the slope of the inverse response, over the vignette.
     EXPECT_NEAR(undone.pixels[i], clean.pixels[i][0], 0.5 * 1.6 / 0.6 + 0.05);
@@ -76,13 +76,13 @@ TEST(Light, AKnownCalibrationUndoneGivesTheCleanResult) {
   const tests::Sequence& clean = clean_flight();
   const PhotometricCalibration calibration = made_up_calibration(320, 200);
   const tests::Sequence dim = filmed(calibration);
-  const OdometryOptions options = tests::small_options();
+  const photometry::OdometryOptions options = tests::small_options();
   const OdometryResult expected = run_odometry(clean.calibration, nullptr, clean.source(), options);
   const OdometryResult undone = run_odometry(dim.calibration, &calibration, with_exposures(dim), options);
   ASSERT_FALSE(undone.lost) << undone.lost_reason;
   EXPECT_EQ(undone.frames_tracked, expected.frames_tracked);
-  EXPECT_LT(tests::ate_share(expected.trajectory, clean.truth), 0.004);
-  EXPECT_LT(tests::ate_share(undone.trajectory, clean.truth), 0.004);
+  EXPECT_LT(tests::relative_ate(expected.trajectory, clean.truth), 0.004);
+  EXPECT_LT(tests::relative_ate(undone.trajectory, clean.truth), 0.004);
   EXPECT_NEAR(static_cast<double>(undone.map.size()), static_cast<double>(expected.map.size()),
               0.25 * static_cast<double>(expected.map.size()));
 }
@@ -92,7 +92,7 @@ TEST(Light, WithoutACalibrationAffineLightFollowsTheExposure) {
   const OdometryResult result = run_odometry(dim.calibration, nullptr, dim.source(), tests::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 30);
-  EXPECT_LT(tests::ate_share(result.trajectory, dim.truth), 0.01);
+  EXPECT_LT(tests::relative_ate(result.trajectory, dim.truth), 0.01);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // Loop closure on keyframes over rendered ground, with drift put on by hand.
 
-#include "tileflight/odometry/loop_closure.h"
+#include "tileflight/loops/loop_closure.h"
 
 #include <gtest/gtest.h>
 
@@ -25,14 +25,14 @@ std::vector<SE3> round_trip(int keyframes) {
   for (int i = 0; i < keyframes; ++i) {
     const double angle = 1.2 * 2.0 * std::numbers::pi * i / keyframes;
     const Vec3 place(kRadius_m * std::cos(angle), kRadius_m * std::sin(angle), 13.0 + 0.4 * std::sin(3.0 * angle));
-    path.push_back(tests::looking(place, Vec3(-std::sin(angle), std::cos(angle), -1.5)));
+    path.push_back(photometry::tests::look_along(place, Vec3(-std::sin(angle), std::cos(angle), -1.5)));
   }
   return path;
 }
 
 /// Keyframes whose steps turn a little and change the scale: at its end the map is `last_scale` times too large.
-std::vector<LoopKeyframe> drifted(const KeyframeMaker& maker, const std::vector<SE3>& truth, double last_scale) {
-  std::vector<LoopKeyframe> keyframes;
+std::vector<loops::LoopKeyframe> drifted(const KeyframeMaker& maker, const std::vector<SE3>& truth, double last_scale) {
+  std::vector<loops::LoopKeyframe> keyframes;
   SE3 pose = truth.front();
   const Eigen::Quaterniond turn = geometry::so3_exp(Vec3(0.0004, -0.0006, 0.0003));
   for (std::size_t i = 0; i < truth.size(); ++i) {
@@ -42,8 +42,9 @@ std::vector<LoopKeyframe> drifted(const KeyframeMaker& maker, const std::vector<
       step.translation *= scale;
       pose = pose * SE3(turn * step.rotation, step.translation);
     }
-    LoopKeyframe keyframe{static_cast<int>(i), static_cast<std::int64_t>(10 * i), pose, maker.features(truth[i])};
-    for (Feature& feature : keyframe.features) feature.rho /= static_cast<float>(scale);
+    loops::LoopKeyframe keyframe{static_cast<int>(i), static_cast<std::int64_t>(10 * i), pose,
+                                 maker.features(truth[i])};
+    for (loops::Feature& feature : keyframe.features) feature.rho /= static_cast<float>(scale);
     keyframes.push_back(std::move(keyframe));
   }
   return keyframes;
@@ -52,27 +53,27 @@ std::vector<LoopKeyframe> drifted(const KeyframeMaker& maker, const std::vector<
 double ate_share_of(const std::vector<SE3>& poses, const std::vector<SE3>& truth) {
   geometry::Trajectory trajectory;
   for (std::size_t i = 0; i < poses.size(); ++i) trajectory.poses.push_back({static_cast<double>(i), poses[i]});
-  return tests::ate_share(trajectory, truth, 1.0);
+  return tests::relative_ate(trajectory, truth, 1.0);
 }
 
-std::vector<SE3> poses_of(const std::vector<LoopKeyframe>& keyframes) {
+std::vector<SE3> poses_of(const std::vector<loops::LoopKeyframe>& keyframes) {
   std::vector<SE3> poses;
-  for (const LoopKeyframe& keyframe : keyframes) poses.push_back(keyframe.T_map_camera);
+  for (const loops::LoopKeyframe& keyframe : keyframes) poses.push_back(keyframe.T_map_camera);
   return poses;
 }
 
 TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
-  const KeyframeMaker maker(tests::hilly_place());
+  const KeyframeMaker maker(tests::hilly_terrain());
   const std::vector<SE3> truth = round_trip(60);
-  const std::vector<LoopKeyframe> keyframes = drifted(maker, truth, 1.15);
-  const std::vector<Loop> loops = find_loops(keyframes, {});
+  const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.15);
+  const std::vector<loops::Loop> loops = loops::find_loops(keyframes, {});
   ASSERT_GT(loops.size(), 5U);
-  for (const Loop& loop : loops) {
+  for (const loops::Loop& loop : loops) {
     EXPECT_LT((truth[loop.from].translation - truth[loop.to].translation).norm(), 16.0) << loop.from << " " << loop.to;
     EXPECT_NEAR(loop.T_from_to.scale, std::pow(1.15, (loop.from - loop.to) / 60.0), 0.01);
   }
   std::vector<SE3> closed;
-  const std::vector<Sim3> similarities = closed_poses(keyframes, loops);
+  const std::vector<Sim3> similarities = loops::correct_poses(keyframes, loops);
   for (const Sim3& pose : similarities) closed.emplace_back(pose.rotation, pose.translation);
   const double before = ate_share_of(poses_of(keyframes), truth), after = ate_share_of(closed, truth);
   std::printf("ATE, %% of path: %.3f before, %.3f after %zu loops\n", 100 * before, 100 * after, loops.size());
@@ -84,47 +85,47 @@ TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
 }
 
 TEST(LoopClosure, NothingIsFoundOnAWayThatDoesNotReturn) {
-  const KeyframeMaker maker(tests::hilly_place());
+  const KeyframeMaker maker(tests::hilly_terrain());
   std::vector<SE3> truth;
-  for (int i = 0; i < 30; ++i) truth.push_back(tests::looking(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
-  const std::vector<LoopKeyframe> keyframes = drifted(maker, truth, 1.05);
-  const std::vector<Loop> loops = find_loops(keyframes, {});
+  for (int i = 0; i < 30; ++i) truth.push_back(photometry::tests::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
+  const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.05);
+  const std::vector<loops::Loop> loops = loops::find_loops(keyframes, {});
   EXPECT_TRUE(loops.empty());
-  const std::vector<Sim3> same = closed_poses(keyframes, loops);
+  const std::vector<Sim3> same = loops::correct_poses(keyframes, loops);
   for (std::size_t i = 0; i < same.size(); ++i) EXPECT_EQ(same[i].matrix(), keyframes[i].T_map_camera.matrix());
 }
 
 TEST(LoopClosure, GroundThatRepeatsIsNotTakenForAReturn) {
   for (const double period_m : {3.0, 30.0}) {  // many times in each picture; less than once
-    tests::Relief relief = tests::hilly_place();
+    photometry::tests::Relief relief = tests::hilly_terrain();
     relief.height_m = [](double, double) { return 0.0; };
     relief.highest_m = 0.0;
     relief.period_m = period_m;
     std::vector<SE3> truth;
-    for (int i = 0; i < 30; ++i) truth.push_back(tests::looking(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
-    EXPECT_TRUE(find_loops(drifted(KeyframeMaker(relief), truth, 1.05), {}).empty()) << period_m;
+    for (int i = 0; i < 30; ++i) truth.push_back(photometry::tests::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
+    EXPECT_TRUE(loops::find_loops(drifted(KeyframeMaker(relief), truth, 1.05), {}).empty()) << period_m;
   }
 }
 
 TEST(LoopClosure, DistancesComeFromThePointsAboutACorner) {
-  const KeyframeMaker maker(tests::hilly_place());
-  const SE3 host = tests::looking(Vec3(0, 0, 13), Vec3(0, 1, -1.5)),
-            other = tests::looking(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
-  std::vector<LoopKeyframe> keyframes{{3, 0, host, maker.features(host)}, {4, 1, other, maker.features(other)}};
+  const KeyframeMaker maker(tests::hilly_terrain());
+  const SE3 host = photometry::tests::look_along(Vec3(0, 0, 13), Vec3(0, 1, -1.5)),
+            other = photometry::tests::look_along(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
+  std::vector<loops::LoopKeyframe> keyframes{{3, 0, host, maker.features(host)}, {4, 1, other, maker.features(other)}};
   // All points are the first keyframe's; the second sees them from aside.
-  std::vector<MapPoint> points;
-  const RayTable& rays = maker.lens().rays[0];
+  std::vector<mapping::MapPoint> points;
+  const photometry::RayTable& rays = maker.lens().rays[0];
   for (int y = 2; y < rays.height; y += 5) {
     for (int x = 2; x < rays.width; x += 5) {
-      MapPoint point;
+      mapping::MapPoint point;
       point.keyframe = 3;
       point.ray = rays.at(x, y);
       point.rho = point.ray.isZero(0) ? 0.0F : maker.rho(host, point.ray);
       points.push_back(point);
     }
   }
-  const std::vector<Feature> truth = keyframes[1].features;
-  give_distances(maker.lens().lenses[0], points, keyframes);
+  const std::vector<loops::Feature> truth = keyframes[1].features;
+  loops::assign_feature_depths(maker.lens().lenses[0], points, keyframes);
   int known = 0;
   for (std::size_t i = 0; i < truth.size(); ++i) {
     const float rho = keyframes[1].features[i].rho;
@@ -136,10 +137,10 @@ TEST(LoopClosure, DistancesComeFromThePointsAboutACorner) {
 }
 
 TEST(LoopClosure, PointsKeepTheirPlaceInThePictureWhenTheirHostIsScaled) {
-  std::vector<MapPoint> points(2);
+  std::vector<mapping::MapPoint> points(2);
   points[0].keyframe = 1, points[0].rho = 0.5F, points[0].rho_variance = 0.01F;
   points[1].keyframe = 2, points[1].rho = 0.5F, points[1].rho_variance = 0.01F;
-  rescale({{1, 2.0}}, points);
+  loops::rescale_points({{1, 2.0}}, points);
   EXPECT_FLOAT_EQ(points[0].rho, 0.25F);
   EXPECT_FLOAT_EQ(points[0].rho_variance, 0.0025F);
   EXPECT_FLOAT_EQ(points[1].rho, 0.5F);
@@ -147,8 +148,8 @@ TEST(LoopClosure, PointsKeepTheirPlaceInThePictureWhenTheirHostIsScaled) {
 
 TEST(LoopClosure, AWholeFlightWithoutReturnIsTheSameToTheLastBit) {
   const imaging::Camera camera = imaging::make_fisheye(240, 160, 120.0);
-  const tests::Sequence sequence = tests::over_hills(camera, 40);
-  OdometryOptions options = tests::small_options();
+  const tests::Sequence sequence = tests::render_hill_flight(camera, 40);
+  photometry::OdometryOptions options = tests::small_options();
   const OdometryResult without = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
   options.loops.enabled = true;
   const OdometryResult with = run_odometry(sequence.calibration, nullptr, sequence.source(), options);

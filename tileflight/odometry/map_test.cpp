@@ -1,20 +1,20 @@
-#include "tileflight/odometry/map.h"
+#include "tileflight/mapping/map.h"
 
 #include <gtest/gtest.h>
 
-#include "tileflight/odometry/debug_picture.h"
+#include "tileflight/odometry/debug_image.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry {
 namespace {
 
 const tests::Sequence& flight() {
-  static const tests::Sequence kFlight = tests::over_hills(imaging::make_fisheye(320, 200, 130.0), 40);
+  static const tests::Sequence kFlight = tests::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
   return kFlight;
 }
 
 OdometryResult run(bool dense, const KeyframeObserver& observer = {}) {
-  OdometryOptions options = tests::small_options();
+  photometry::OdometryOptions options = tests::small_options();
   options.map.dense = dense;
   options.window.min_keyframes = 3;  // so that keyframes leave within this short flight
   options.window.max_keyframes = 4;
@@ -29,20 +29,20 @@ TEST(Map, FurtherPointsAreAsTrueAsTheOptimisedOnesAndChangeNothingElse) {
                 dense.trajectory.poses[i].T_local_camera.matrix());
   }
   EXPECT_GT(dense.map.size(), 1.15 * static_cast<double>(sparse.map.size()));
-  const double of_sparse = tests::median(tests::heights_over(tests::hilly_ground(), sparse, flight().truth));
-  const double of_dense = tests::median(tests::heights_over(tests::hilly_ground(), dense, flight().truth));
+  const double of_sparse = base::upper_median(tests::height_errors_m(tests::hilly_ground(), sparse, flight().truth));
+  const double of_dense = base::upper_median(tests::height_errors_m(tests::hilly_ground(), dense, flight().truth));
   EXPECT_LT(of_sparse, 0.08);
   EXPECT_LT(of_dense, 1.5 * of_sparse);
 }
 
 TEST(Map, TracksNameKeyframesThatSeeThePoint) {
   const OdometryResult result = run(true);
-  ASSERT_EQ(result.keyframe_frames.size(), result.keyframes.size());
-  ASSERT_EQ(result.map_keyframes.size(), result.map.size());
+  ASSERT_EQ(result.keyframe_frame_indices.size(), result.keyframes.size());
+  ASSERT_EQ(result.map_point_keyframes.size(), result.map.size());
   std::size_t seen_elsewhere = 0;
   for (std::size_t i = 0; i < result.map.size(); ++i) {
-    seen_elsewhere += result.map_keyframes[i].size() - 1;
-    for (const int k : result.map_keyframes[i]) {
+    seen_elsewhere += result.map_point_keyframes[i].size() - 1;
+    for (const int k : result.map_point_keyframes[i]) {
       const geometry::Vec3 X = result.keyframes.poses.at(k).T_local_camera.inverse() * result.map.positions[i];
       const auto pixel = flight().calibration.camera.project(X);
       ASSERT_TRUE(pixel);
@@ -55,24 +55,25 @@ TEST(Map, TracksNameKeyframesThatSeeThePoint) {
 }
 
 TEST(Map, FiltersKeepWhatTheySay) {
-  MapPoint good;
+  mapping::MapPoint good;
   good.ray = Eigen::Vector3f::UnitZ();
   good.rho = 0.1F;
   good.rho_variance = 1e-8F;
   good.parallax_rad = 0.1F;
   good.observations = 5;
-  const MapOptions options;
-  EXPECT_TRUE(is_clean(good, options));
+  const photometry::MapOptions options;
+  EXPECT_TRUE(mapping::passes_filters(good, options));
   const auto spoiled = [&](auto&& spoil) {
-    MapPoint point = good;
+    mapping::MapPoint point = good;
     spoil(point);
-    return is_clean(point, options);
+    return mapping::passes_filters(point, options);
   };
-  EXPECT_FALSE(spoiled([](MapPoint& p) { p.rho = -0.1F; }));
-  EXPECT_FALSE(spoiled([&](MapPoint& p) { p.observations = options.min_observations - 1; }));
-  EXPECT_FALSE(spoiled([&](MapPoint& p) { p.parallax_rad = 0.9F * static_cast<float>(options.min_parallax_rad); }));
-  EXPECT_FALSE(spoiled([&](MapPoint& p) {
-    const double deviation = 1.1 * options.max_relative_deviation * p.rho;
+  EXPECT_FALSE(spoiled([](mapping::MapPoint& p) { p.rho = -0.1F; }));
+  EXPECT_FALSE(spoiled([&](mapping::MapPoint& p) { p.observations = options.min_observations - 1; }));
+  EXPECT_FALSE(
+      spoiled([&](mapping::MapPoint& p) { p.parallax_rad = 0.9F * static_cast<float>(options.min_parallax_rad); }));
+  EXPECT_FALSE(spoiled([&](mapping::MapPoint& p) {
+    const double deviation = 1.1 * options.max_relative_sigma * p.rho;
     p.rho_variance = static_cast<float>(deviation * deviation);
   }));
 }
@@ -82,7 +83,7 @@ TEST(DebugPicture, ShowsThePointsOfEachKeyframeNearRedFarBlue) {
   const OdometryResult result = run(false, [&](const KeyframeView& view) {
     indices.push_back(view.index);
     ASSERT_GT(view.points.size(), 50U);
-    const imaging::RgbImage picture = debug_picture(view);
+    const imaging::RgbImage picture = draw_debug_image(view);
     ASSERT_EQ(picture.width, 320);
     double near_red = 0, far_red = 0, nearest = 0, farthest = 1e9;
     for (const KeyframeView::Point& point : view.points) {
@@ -94,7 +95,7 @@ TEST(DebugPicture, ShowsThePointsOfEachKeyframeNearRedFarBlue) {
     EXPECT_GT(near_red, 200);
     EXPECT_LT(far_red, 200);
   });
-  EXPECT_EQ(indices, result.keyframe_frames);
+  EXPECT_EQ(indices, result.keyframe_frame_indices);
   EXPECT_EQ(depth_color(0.0), (imaging::Rgb8{0, 0, 255}));
   EXPECT_EQ(depth_color(0.5), (imaging::Rgb8{0, 255, 0}));
   EXPECT_EQ(depth_color(1.0), (imaging::Rgb8{255, 0, 0}));

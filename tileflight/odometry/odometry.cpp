@@ -2,26 +2,26 @@
 
 #include <chrono>
 
-#include "tileflight/odometry/engine.h"
-#include "tileflight/odometry/known_start.h"
+#include "tileflight/odometry/odometry_pipeline.h"
+#include "tileflight/odometry/prior_alignment.h"
 
 namespace tileflight::odometry {
 
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
-                            const FrameSource& next_frame, const OdometryOptions& options, const Progress& progress,
-                            const Aids& aids, const KeyframeObserver& observer) {
+                            const FrameSource& next_frame, const photometry::OdometryOptions& options,
+                            const Progress& progress, const Priors& aids, const KeyframeObserver& observer) {
   const auto begin = std::chrono::steady_clock::now();
-  Engine engine(calibration, photometric, options, aids, observer);
+  OdometryPipeline engine(calibration, photometric, options, aids, observer);
   std::int64_t frames = 0;
   while (!engine.lost()) {
     std::optional<InputFrame> frame = next_frame();
     if (!frame) break;
     engine.add(std::move(*frame));
-    report_progress(progress, ++frames, 0, engine.state());
+    report_progress(progress, ++frames, 0, engine.progress_text());
   }
   OdometryResult result = engine.result();
-  if (engine.start_time_s()) place(calibration.camera, aids, *engine.start_time_s(), result);
-  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (engine.initialization_end_s()) apply_priors(calibration.camera, aids, *engine.initialization_end_s(), result);
+  result.wall_time_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return result;
 }
 

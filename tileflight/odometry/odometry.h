@@ -6,100 +6,109 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/base/progress.h"
 #include "tileflight/geometry/point_cloud.h"
-#include "tileflight/geometry/progress.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
-#include "tileflight/odometry/frame_quality.h"
-#include "tileflight/odometry/residual_pattern.h"
+#include "tileflight/mapping/systematic_residuals.h"
+#include "tileflight/photometry/options.h"
+#include "tileflight/tracking/frame_quality.h"
 
 namespace tileflight::odometry {
 
-struct OdometryOptions;  // options.h
+// Types of other rooms that appear in this interface.
+using photometry::MapOptions;
+using photometry::OdometryOptions;
+using tracking::FrameQuality;
 
-/// A picture as odometry gets it. Truth has no way in here.
+/// One input image of the odometry. It carries no ground truth.
 struct InputFrame {
-  std::int64_t index = 0;  ///< of the dataset
+  std::int64_t index = 0;  ///< frame index in the dataset
   double time_s = 0.0;
   double exposure_ms = 0.0;  ///< 0: unknown
-  imaging::RgbImage image;   ///< colour is only for the map's points; tracking works on luma
+  imaging::RgbImage image;   ///< colour is used for map points only; tracking uses luma
 };
 
-/// Where pictures come from, in order; nullopt after the last. Called from one thread.
+/// Supplies the images in order; returns nullopt after the last one. Called from one thread.
 using FrameSource = std::function<std::optional<InputFrame>()>;
 
-/// Processor time of all threads by stage, seconds; reading the pictures is not among it.
-struct StageSeconds {
-  double start = 0.0;      ///< everything until the first map
-  double pictures = 0.0;   ///< luma and pyramids, after the start
-  double tracking = 0.0;   ///< alignment to the keyframe
-  double tracing = 0.0;    ///< following immature points
-  double keyframes = 0.0;  ///< selection, activation, window optimisation, marginalisation
-  double loops = 0.0;      ///< corners of keyframes, finding and closing loops
+/// Processor time of all threads by stage, seconds. Reading the images is not included.
+struct StageTimes {
+  double initialization = 0.0;  ///< everything up to the first map
+  double preprocessing = 0.0;   ///< luma and pyramids, after initialization
+  double tracking = 0.0;        ///< alignment to the keyframe
+  double tracing = 0.0;         ///< depth search for immature points
+  double keyframes = 0.0;       ///< selection, activation, window optimisation, marginalisation
+  double loops = 0.0;           ///< keyframe features, loop detection and closure
 
-  double total() const { return start + pictures + tracking + tracing + keyframes + loops; }
+  double total() const { return initialization + preprocessing + tracking + tracing + keyframes + loops; }
 };
 
-/// What is known beside the pictures; all of it optional.
-struct Aids {
-  imaging::GrayImage mask;     ///< of the pictures' size; below 128: never look here (own body, mount); empty: none
-  geometry::Trajectory poses;  ///< T_world_camera with the pictures' times: the start takes its motion from them, and
-                               ///< map and trajectory are then in their frame and scale
+/// Prior knowledge besides the images; every part is optional.
+struct Priors {
+  imaging::GrayImage mask;     ///< same size as the images; pixels below 128 are ignored (vehicle body, mount); empty:
+                               ///< no mask
+  geometry::Trajectory poses;  ///< T_world_camera at the images' times: initialization takes its motion from them, and
+                               ///< map and trajectory are given in their frame and scale
   std::function<std::optional<imaging::FloatImage>(std::int64_t index)>
-      depth_m;  ///< of a picture, metres along the optical axis, not finite or 0 where unknown: gives the scale
+      depth_m;  ///< depth image of frame `index`, metres along the optical axis, not finite or 0 where unknown; sets
+                ///< the scale
 };
 
-/// A keyframe with what is known of its points, for a debug picture.
+/// A keyframe with its points, for a debug image.
 struct KeyframeView {
   struct Point {
     float x = 0, y = 0;  ///< pixels
     float inverse_distance = 0;
   };
-  std::int64_t index = 0;  ///< of the frame
+  std::int64_t index = 0;  ///< frame index
   const imaging::RgbImage& image;
   std::vector<Point> points;
 };
 
-/// Who wants to look on. Called from the odometry's thread.
+/// Callback for each keyframe. Called from the odometry's thread.
 using KeyframeObserver = std::function<void(const KeyframeView&)>;
 
-/// Two keyframes that were found to see the same place (options.loops).
-struct LoopFound {
+/// Two keyframes recognized as showing the same place (options.loops).
+struct LoopClosure {
   std::int64_t from_frame = 0;  ///< the earlier keyframe's InputFrame::index
   std::int64_t to_frame = 0;
-  double scale_change = 1.0;  ///< length there over the same length here, before the loop was closed
-  int inliers = 0;            ///< corners that agree
+  double scale_change = 1.0;  ///< length at `to_frame` over the same length at `from_frame`, before loop closure
+  int inliers = 0;            ///< feature matches consistent with the loop
 };
 
 struct OdometryResult {
-  geometry::Trajectory trajectory;  ///< T_map_camera of every tracked frame; scale arbitrary (monocular) without aids
+  geometry::Trajectory trajectory;  ///< T_map_camera of every tracked frame; without priors the scale is arbitrary
+                                    ///< (monocular)
   geometry::Trajectory keyframes;
   geometry::PointCloud map;  ///< frame `map`; scalars: inverse_depth_variance, observations, first_frame, last_frame
-  std::vector<std::int64_t> keyframe_frames;  ///< InputFrame::index of each of `keyframes`
+  std::vector<std::int64_t> keyframe_frame_indices;  ///< InputFrame::index of each of `keyframes`
   std::vector<std::vector<int>>
-      map_keyframes;                      ///< of each point of `map`: positions in `keyframes` of its host (first)
-                                          ///< and of others in which it was seen well when it left the window
-  std::optional<imaging::Camera> camera;  ///< the given one, or what was estimated of it; none where nothing started
+      map_point_keyframes;                ///< for each point of `map`: indices into `keyframes` of its host (first) and
+                                          ///< of the others with a good residual when it left the window
+  std::optional<imaging::Camera> camera;  ///< the given camera with refined intrinsics, if estimated; none if
+                                          ///< initialization failed
   std::int64_t frames = 0;                ///< read
   std::int64_t frames_tracked = 0;
-  std::vector<FrameQuality> quality;          ///< of every picture read, in their order
-  std::optional<CommonDisplacement> pattern;  ///< of all keyframes' residuals; none where they are too few to tell
-  std::vector<LoopFound> loops;               ///< that the poses and the map were corrected by
-  std::int64_t recoveries = 0;                ///< times that tracking failed and was found again on an older keyframe
-  bool lost = false;                          ///< tracking ended before the pictures did, or never began
-  std::string lost_reason;                    ///< at which frame and why, when lost
-  double seconds = 0.0;                       ///< wall time of the run, image decoding included
-  StageSeconds processor_time;
+  std::vector<FrameQuality> quality;  ///< of every image read, in order
+  std::optional<mapping::SystematicDisplacement>
+      systematic_displacement;       ///< from the residuals of all keyframes; none if there are too few
+  std::vector<LoopClosure> loops;    ///< loops used to correct the poses and the map
+  std::int64_t relocalizations = 0;  ///< how often tracking failed and was recovered on an older keyframe
+  bool lost = false;                 ///< tracking ended before the last image, or never started
+  std::string lost_reason;           ///< if lost: the frame and the reason
+  double wall_time_s = 0.0;          ///< wall time of the run, image decoding included
+  StageTimes cpu_time;
 };
 
-/// Direct Sparse Odometry: Engel, Koltun, Cremers, IEEE TPAMI 40(3), 2018. The result is the same for any number of
-/// threads. Throws InputError for a picture, mask or depth of another size than the calibration's, for a calibration
-/// without a picture, and for known poses that share no time with the pictures.
+/// Direct Sparse Odometry: Engel, Koltun, Cremers, IEEE TPAMI 40(3), 2018. The result does not depend on the number of
+/// threads. `aids`: prior knowledge. Throws InputError if an image, mask or depth differs in size from the calibration,
+/// if the calibration has no image size, or if the prior poses do not overlap the images in time.
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
                             const FrameSource& next_frame, const OdometryOptions& options,
-                            const Progress& progress = {}, const Aids& aids = {},
+                            const Progress& progress = {}, const Priors& aids = {},
                             const KeyframeObserver& observer = {});
 
 }  // namespace tileflight::odometry

@@ -3,18 +3,18 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/odometry/options.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/photometry/options.h"
 
 namespace tileflight::odometry {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
-using tests::ate_share;
-using tests::Relief;
-using tests::rendered;
+using photometry::tests::Relief;
+using tests::relative_ate;
+using tests::render_sequence;
 using tests::Sequence;
 using tests::small_options;
 
@@ -29,10 +29,10 @@ Sequence over_flat_ground(std::size_t frames) {
     std::vector<SE3> truth;
     for (int i = 0; i < 50; ++i) {
       const double s = i / 30.0;
-      truth.push_back(
-          tests::looking(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)), Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
+      truth.push_back(photometry::tests::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+                                                    Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
     }
-    return rendered(imaging::make_fisheye(320, 200, 130.0), relief, truth);
+    return render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
   }();
   Sequence part = kAll;
   part.images.resize(frames);
@@ -45,7 +45,7 @@ TEST(Odometry, FollowsAFlightOverNearlyFlatGround) {
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 50);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(relative_ate(result.trajectory, sequence.truth), 0.005);
   EXPECT_GT(result.map.size(), 300U);
   for (const char* name : {"inverse_depth_variance", "observations", "first_frame", "last_frame"}) {
     EXPECT_EQ(result.map.scalars.at(name).size(), result.map.size());
@@ -61,12 +61,12 @@ TEST(Odometry, FollowsForwardFlightThroughHills) {
   relief.texel_m = 0.5;
   std::vector<SE3> truth;
   for (int i = 0; i < 50; ++i)
-    truth.push_back(tests::looking(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
-  const Sequence sequence = rendered(imaging::make_pinhole(320, 220, 80.0), relief, truth);
+    truth.push_back(photometry::tests::look_along(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
+  const Sequence sequence = render_sequence(imaging::make_pinhole(320, 220, 80.0), relief, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 38);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  EXPECT_LT(relative_ate(result.trajectory, sequence.truth), 0.01);
 }
 
 TEST(Odometry, IsTheSameForAnyNumberOfThreads) {
@@ -87,8 +87,9 @@ TEST(Odometry, IsTheSameForAnyNumberOfThreads) {
 TEST(Odometry, SaysThatThereIsNoParallax) {
   Relief relief;
   std::vector<SE3> truth;
-  for (int i = 0; i < 12; ++i) truth.push_back(tests::looking(Vec3(0, 0, 20), Vec3(0.02 * i, 1.0, -1.0)));
-  const Sequence sequence = rendered(imaging::make_fisheye(240, 160, 120.0), relief, truth);
+  for (int i = 0; i < 12; ++i)
+    truth.push_back(photometry::tests::look_along(Vec3(0, 0, 20), Vec3(0.02 * i, 1.0, -1.0)));
+  const Sequence sequence = render_sequence(imaging::make_fisheye(240, 160, 120.0), relief, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.frames_tracked, 0);
@@ -103,15 +104,15 @@ TEST(Odometry, BlackPicturesInTheMiddleLoseItOnlyForAWhile) {
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 48);
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), 0.01);
+  EXPECT_LT(relative_ate(result.trajectory, sequence.truth), 0.01);
 }
 
 TEST(Odometry, SaysWhereItWasLost) {
   Sequence sequence = over_flat_ground(35);
   for (std::size_t i = 25; i < 35; ++i)
     std::fill(sequence.images[i].pixels.begin(), sequence.images[i].pixels.end(), imaging::Rgb8{});
-  OdometryOptions options = small_options();
-  options.tracking.patience_frames = 4;
+  photometry::OdometryOptions options = small_options();
+  options.tracking.max_failed_frames = 4;
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
   EXPECT_TRUE(result.lost);
   EXPECT_EQ(result.frames_tracked, 25);
@@ -138,7 +139,7 @@ TEST(Odometry, EachPictureHasAQuality) {
   std::size_t keyframes = 0, tracked = 0;
   double sigma_log_scale = 0.0;
   for (std::size_t i = 0; i < 40; ++i) {
-    const FrameQuality& q = result.quality[i];
+    const tracking::FrameQuality& q = result.quality[i];
     EXPECT_EQ(q.frame, static_cast<std::int64_t>(i));
     EXPECT_EQ(q.tracked, i != 35 && i != 36);
     if (!q.tracked) continue;
@@ -149,9 +150,9 @@ TEST(Odometry, EachPictureHasAQuality) {
     const Vec3 position = result.trajectory.poses[tracked++].T_local_camera.translation;
     if (q.keyframe < 0) continue;
     const Vec3 before = result.keyframes.poses[q.keyframe].T_local_camera.translation;
-    EXPECT_NEAR(q.step, (position - before).norm(), 1e-6);
+    EXPECT_NEAR(q.distance_to_keyframe, (position - before).norm(), 1e-6);
     EXPECT_GT(q.sigma_position, 0.0);
-    EXPECT_LT(q.sigma_position, 0.1 * q.step + 0.01);
+    EXPECT_LT(q.sigma_position, 0.1 * q.distance_to_keyframe + 0.01);
     EXPECT_GT(q.known_points, 50);
   }
   EXPECT_EQ(keyframes, result.keyframes.size());

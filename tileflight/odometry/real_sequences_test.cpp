@@ -12,7 +12,7 @@
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/odometry/options.h"
+#include "tileflight/photometry/options.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -84,7 +84,7 @@ TEST(RealSequences, ACameraInTheHandIsFollowedToAFewCentimetres) {
   std::vector<Vec3> truth;
   for (const auto& pose : geometry::read_tum(folder / "groundtruth.txt").poses)
     truth.push_back(pose.T_local_camera.translation);
-  OdometryOptions options;
+  photometry::OdometryOptions options;
   options.window.active_points = 1200;
   options.selection.points_per_keyframe = 800;
   const auto calibration = imaging::read_calibration(folder / "camera.yaml");

@@ -6,8 +6,8 @@
 #include <algorithm>
 
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/odometry/options.h"
 #include "tileflight/odometry/synthetic_flight.h"
+#include "tileflight/photometry/options.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -15,7 +15,7 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 using imaging::RgbImage;
-using tests::ate_share;
+using tests::relative_ate;
 using tests::Sequence;
 using tests::small_options;
 
@@ -24,7 +24,7 @@ void expect_followed(const Sequence& sequence, std::size_t least_tracked, double
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, static_cast<std::int64_t>(least_tracked));
-  EXPECT_LT(ate_share(result.trajectory, sequence.truth), most_ate_share);
+  EXPECT_LT(relative_ate(result.trajectory, sequence.truth), most_ate_share);
 }
 void expect_all_followed(const Sequence& sequence) { expect_followed(sequence, sequence.images.size()); }
 
@@ -58,20 +58,21 @@ std::vector<int> counted(int from, int to, int step = 1) {
 /// Rolling ground by a small wide lens; `pose` gives the camera of picture i.
 template <class Pose>
 Sequence over_rolling_ground(int frames, const Pose& pose) {
-  tests::Relief relief;
+  photometry::tests::Relief relief;
   relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.25 * x) * std::cos(0.2 * y); };
   relief.highest_m = 1.5;
   relief.texel_m = 0.8;
   std::vector<SE3> truth;
   for (int i = 0; i < frames; ++i) truth.push_back(pose(i));
-  return tests::rendered(imaging::make_fisheye(320, 200, 130.0), relief, truth);
+  return tests::render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
 }
 
 /// Fifty pictures of a level flight; what most tests do something to.
 const Sequence& level_flight() {
   static const Sequence kAll = over_rolling_ground(50, [](int i) {
     const double s = i / 30.0;
-    return tests::looking(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)), Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
+    return photometry::tests::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+                                         Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
   });
   return kAll;
 }
@@ -105,7 +106,7 @@ TEST(Robustness, AShortOcclusionIsPassed) {
 
 TEST(Robustness, BlurredPicturesAreFollowed) {
   const auto pose = [](double i) {
-    return tests::looking(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
+    return photometry::tests::look_along(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
   };
   // Each of some pictures is a mean over the time that the shutter is open: most of the time between two pictures.
   constexpr int kFirst = 26, kLast = 31, kParts = 4;
@@ -127,7 +128,8 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
   const Sequence sequence = over_rolling_ground(70, [](int i) {
     const double moved = i < 30 ? i : (i < 50 ? 30 : i - 20);               // stands still for twenty pictures
     const double turned = i < 30 ? 0.0 : (i < 50 ? 0.03 * (i - 30) : 0.6);  // and turns by 34 degrees
-    return tests::looking(Vec3(0.14 * moved, 0.17 * moved, 20.0), Vec3(std::sin(turned), std::cos(turned), -1.0));
+    return photometry::tests::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
+                                         Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_all_followed(sequence);
 }
@@ -137,7 +139,8 @@ TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
   const Sequence sequence = over_rolling_ground(110, [](int i) {
     const double moved = i < 35 ? i : (i < 75 ? 35 : i - 40);
     const double turned = i < 35 ? 0.0 : (i < 75 ? 0.04 * (i - 35) : 1.6);
-    return tests::looking(Vec3(0.14 * moved, 0.17 * moved, 20.0), Vec3(std::sin(turned), std::cos(turned), -1.0));
+    return photometry::tests::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
+                                         Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_followed(sequence, 105);
 }
@@ -145,7 +148,7 @@ TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
 TEST(Robustness, ASlowStartIsWaitedFor) {
   const Sequence sequence = over_rolling_ground(60, [](int i) {
     const double s = i < 40 ? 0.1 * i * i / 40.0 : 4.0 + 0.2 * (i - 40);
-    return tests::looking(Vec3(0.6 * s, 0.8 * s, 20.0), Vec3(0.0, 1.0, -1.0));
+    return photometry::tests::look_along(Vec3(0.6 * s, 0.8 * s, 20.0), Vec3(0.0, 1.0, -1.0));
   });
   expect_followed(sequence, 45);
 }
@@ -153,16 +156,17 @@ TEST(Robustness, ASlowStartIsWaitedFor) {
 TEST(Robustness, LevelGroundFromStraightAboveIsEnoughForAStart) {
   // A narrow lens and no relief: the best rotation takes up most of the motion, and tracks end before what is left of
   // it is what a start usually waits for.
-  tests::Relief level;
+  photometry::tests::Relief level;
   level.texel_m = 0.6;
   std::vector<SE3> truth;
-  for (int i = 0; i < 60; ++i) truth.push_back(tests::looking(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
-  const tests::Sequence sequence =
-      tests::rendered(imaging::Camera(imaging::PinholeRadtan{242, 242, 139.5, 99.5, {}}, 280, 200), level, truth);
+  for (int i = 0; i < 60; ++i)
+    truth.push_back(photometry::tests::look_along(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
+  const tests::Sequence sequence = tests::render_sequence(
+      imaging::Camera(imaging::PinholeRadtan{242, 242, 139.5, 99.5, {}}, 280, 200), level, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 55);
-  EXPECT_LT(tests::ate_share(result.trajectory, sequence.truth), 0.01);
+  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.01);
 }
 
 TEST(Robustness, LargeMotionBetweenPicturesIsFollowed) {

@@ -1,6 +1,6 @@
 // Rolling shutter: pictures rendered row by row with a moving camera.
 
-#include "tileflight/odometry/rolling_shutter.h"
+#include "tileflight/photometry/rolling_shutter.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <cstdio>
 #include <random>
 
-#include "tileflight/odometry/pixel_selector.h"
 #include "tileflight/odometry/synthetic_flight.h"
-#include "tileflight/odometry/tracker.h"
+#include "tileflight/photometry/pixel_selector.h"
+#include "tileflight/tracking/tracker.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -27,20 +27,20 @@ constexpr double kFps = 30.0;
 SE3 shaken_pose(double time_s) {
   const Vec3 position(2.5 * time_s, 6.0 * time_s, 12.0 + 0.5 * std::sin(2.0 * time_s));
   const Vec3 shake(0.05 * std::sin(7.0 * time_s), 0.05 * std::sin(5.0 * time_s + 1.0), 0.06 * std::sin(6.0 * time_s));
-  return tests::looking(position, Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
+  return photometry::tests::look_along(position, Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
          SE3(geometry::so3_exp(shake), Vec3::Zero());
 }
 
 /// Pictures of the shaken flight; a row's time is its frame's and `line_delay_s` for each row below the middle.
 Sequence shaken_flight(int frames, double line_delay_s) {
   const imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
-  const tests::ReliefCamera scene(camera, tests::hilly_ground());
+  const photometry::tests::ReliefCamera scene(camera, tests::hilly_ground());
   Sequence sequence;
   sequence.calibration.camera = camera;
   for (int i = 0; i < frames; ++i) {
     const double time_s = i / kFps;
     sequence.truth.push_back(shaken_pose(time_s));
-    sequence.images.push_back(scene.picture_by_rows(
+    sequence.images.push_back(scene.render_by_rows(
         [&](int y) { return shaken_pose(time_s + (y - 0.5 * (camera.height() - 1)) * line_delay_s); }));
   }
   return sequence;
@@ -56,17 +56,18 @@ TEST(RollingShutter, AConstantVelocityGivesItsReadout) {
   const Vec6 velocity = (Vec6() << 1.0, -2.0, 0.5, 0.1, -0.3, 0.2).finished();
   const auto pose = [&](double t) { return SE3::exp(t * velocity); };
   for (const double earlier_s : {0.0, 0.02}) {
-    const RollingShutter shutter =
-        rolling_shutter(0.015, {pose(1.0), 0.04, pose(1.0) * pose(1.0 - earlier_s).inverse(), earlier_s});
+    const photometry::RollingShutter shutter = photometry::make_rolling_shutter(
+        0.015, {pose(1.0), 0.04, pose(1.0) * pose(1.0 - earlier_s).inverse(), earlier_s});
     EXPECT_LT((shutter.twist(pose(1.04)) - 0.015 * velocity).norm(), 1e-12);
   }
-  EXPECT_TRUE(rolling_shutter(0.0, {pose(1.0), 0.04, SE3(), 0.0}).is_global());
-  EXPECT_TRUE(rolling_shutter(0.015, {pose(1.0), 0.0, SE3(), 0.0}).is_global());
+  EXPECT_TRUE(photometry::make_rolling_shutter(0.0, {pose(1.0), 0.04, SE3(), 0.0}).is_global());
+  EXPECT_TRUE(photometry::make_rolling_shutter(0.015, {pose(1.0), 0.0, SE3(), 0.0}).is_global());
 }
 
 TEST(RollingShutter, AnAcceleratedMotionIsBroughtOnToThePicturesTime) {
   const auto pose = [](double t) { return SE3(Eigen::Quaterniond::Identity(), Vec3(2.0 * t + 15.0 * t * t, 0, 0)); };
-  const RollingShutter shutter = rolling_shutter(0.01, {pose(0.1), 0.03, pose(0.1) * pose(0.05).inverse(), 0.05});
+  const photometry::RollingShutter shutter =
+      photometry::make_rolling_shutter(0.01, {pose(0.1), 0.03, pose(0.1) * pose(0.05).inverse(), 0.05});
   EXPECT_NEAR(shutter.twist(pose(0.13))[0], 0.01 * (2.0 + 30.0 * 0.13), 1e-12);
 }
 
@@ -74,31 +75,33 @@ TEST(RollingShutter, AnAcceleratedMotionIsBroughtOnToThePicturesTime) {
 struct RollingView {
   static constexpr double kInterval_s = 1.0 / kFps, kLineDelay_s = 0.9 / kFps / 240;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
-  tests::ReliefCamera scene{camera, tests::hilly_ground()};
-  LensPyramid lens = build_lens_pyramid(camera, 4);
-  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();  // of T_camera_local
-  SE3 first = tests::looking(Vec3(0, 0, 12), Vec3(0, 1, -1.1));           // T_local_camera
-  Pyramid before = build_pyramid(luminance(scene.picture(first), nullptr), 4);
+  photometry::tests::ReliefCamera scene{camera, tests::hilly_ground()};
+  photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, 4);
+  Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();        // of T_camera_local
+  SE3 first = photometry::tests::look_along(Vec3(0, 0, 12), Vec3(0, 1, -1.1));  // T_local_camera
+  photometry::Pyramid before = photometry::build_pyramid(photometry::luminance(scene.render(first), nullptr), 4);
 
   SE3 pose(double time_s) const { return first * SE3::exp(time_s * velocity).inverse(); }
   imaging::RgbImage rolling() const {
-    return scene.picture_by_rows([&](int y) { return pose(kInterval_s + (y - 119.5) * kLineDelay_s); });
+    return scene.render_by_rows([&](int y) { return pose(kInterval_s + (y - 119.5) * kLineDelay_s); });
   }
   SE3 truth() const { return pose(kInterval_s).inverse() * first; }
-  RollingShutter shutter() const { return rolling_shutter(240 * kLineDelay_s, {SE3(), kInterval_s, SE3(), 0.0}); }
+  photometry::RollingShutter shutter() const {
+    return photometry::make_rolling_shutter(240 * kLineDelay_s, {SE3(), kInterval_s, SE3(), 0.0});
+  }
   float rho(const Eigen::Vector2f& pixel, const SE3& T_local_camera) const {
     const Vec3 ray = *camera.unproject(pixel.cast<double>());
     const double distance =
-        tests::hit_distance(scene.relief(), T_local_camera.translation, T_local_camera.rotation * ray);
+        photometry::tests::hit_distance(scene.relief(), T_local_camera.translation, T_local_camera.rotation * ray);
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
-  TrackingReference reference() const {
-    std::vector<ReferencePoint> points;
-    for (const SelectedPixel& p : select_pixels(before, lens.rays[0], 800, {})) {
+  tracking::TrackingReference reference() const {
+    std::vector<tracking::ReferencePoint> points;
+    for (const photometry::SelectedPixel& p : photometry::select_pixels(before, lens.rays[0], 800, {})) {
       const Eigen::Vector2f pixel(p.x, p.y);
       if (rho(pixel, first) > 0) points.push_back({pixel, rho(pixel, first), 1.0F});
     }
-    return make_reference(lens, before, points);
+    return tracking::make_tracking_reference(lens, before, points);
   }
 };
 
@@ -108,10 +111,10 @@ double turn_between(const SE3& a, const SE3& b) {
 
 TEST(RollingShutter, TheTrackerFindsTheMiddleRowsPose) {
   const RollingView view;
-  const Pyramid target = build_pyramid(luminance(view.rolling(), nullptr), 4);
-  const TrackingReference reference = view.reference();
-  const auto found = [&](const RollingShutter& shutter) {
-    const AlignmentResult result = align(view.lens, reference, target, {}, {}, {}, 0, shutter);
+  const photometry::Pyramid target = photometry::build_pyramid(photometry::luminance(view.rolling(), nullptr), 4);
+  const tracking::TrackingReference reference = view.reference();
+  const auto found = [&](const photometry::RollingShutter& shutter) {
+    const tracking::ImageAlignment result = tracking::align_image(view.lens, reference, target, {}, {}, {}, 0, shutter);
     EXPECT_TRUE(result.converged);
     return result.state.T_target_reference;
   };
@@ -124,17 +127,20 @@ TEST(RollingShutter, TheTrackerFindsTheMiddleRowsPose) {
 
 TEST(RollingShutter, ACameraThatRestsIsTrackedAsWithAGlobalShutter) {
   const RollingView view;
-  const TrackingReference reference = view.reference();
-  const AlignmentState start{SE3(geometry::so3_exp(Vec3(0.004, -0.003, 0.002)), Vec3(0.02, 0.03, -0.01)), 0.0, 0.0};
+  const tracking::TrackingReference reference = view.reference();
+  const tracking::ImageAlignmentState start{SE3(geometry::so3_exp(Vec3(0.004, -0.003, 0.002)), Vec3(0.02, 0.03, -0.01)),
+                                            0.0, 0.0};
   // The previous pose is the one that will be found, so that there is no velocity there.
-  const AlignmentResult global = align(view.lens, reference, view.before, start, {});
-  RollingShutter resting;
-  resting.share = 0.9;
-  const AlignmentResult rolling = align(view.lens, reference, view.before, start, {}, {}, 0, resting);
+  const tracking::ImageAlignment global = tracking::align_image(view.lens, reference, view.before, start, {});
+  photometry::RollingShutter resting;
+  resting.motion_share = 0.9;
+  const tracking::ImageAlignment rolling =
+      tracking::align_image(view.lens, reference, view.before, start, {}, {}, 0, resting);
   EXPECT_LT((rolling.state.T_target_reference.translation - global.state.T_target_reference.translation).norm(), 2e-3);
   EXPECT_LT(turn_between(rolling.state.T_target_reference, global.state.T_target_reference), 1e-4);
   // And a shutter without a readout changes no bit.
-  const AlignmentResult none = align(view.lens, reference, view.before, start, {}, {}, 0, rolling_shutter(0.0, {}));
+  const tracking::ImageAlignment none = tracking::align_image(view.lens, reference, view.before, start, {}, {}, 0,
+                                                              photometry::make_rolling_shutter(0.0, {}));
   EXPECT_EQ(none.state.T_target_reference.matrix(), global.state.T_target_reference.matrix());
   EXPECT_EQ(none.rmse, global.rmse);
 }
@@ -151,7 +157,7 @@ double mean_difference(const imaging::FloatImage& a, const imaging::FloatImage& 
 TEST(RollingShutter, TheRectifiedPictureIsAGlobalShutters) {
   const RollingView view;
   const SE3 middle = view.pose(RollingView::kInterval_s);
-  std::vector<DepthSample> samples;
+  std::vector<photometry::DepthSample> samples;
   for (int y = 3; y < 240; y += 9) {
     for (int x = 3; x < 320; x += 9) {
       const Eigen::Vector2f pixel(x, y);
@@ -159,13 +165,16 @@ TEST(RollingShutter, TheRectifiedPictureIsAGlobalShutters) {
     }
   }
   const Vec6 twist = 240 * RollingView::kLineDelay_s * view.velocity;
-  const RowRectifier rectify(view.lens.lenses[0], 320, 240, twist, samples);
+  const photometry::RowRectifier rectify(view.lens.lenses[0], 320, 240, twist, samples);
   const imaging::RgbImage raw = view.rolling();
-  const imaging::FloatImage rolling = luminance(raw, nullptr), global = luminance(view.scene.picture(middle), nullptr);
-  const imaging::FloatImage rectified = rectify(build_pyramid(luminance(raw, nullptr), 1).levels[0]);
+  const imaging::FloatImage rolling = photometry::luminance(raw, nullptr),
+                            global = photometry::luminance(view.scene.render(middle), nullptr);
+  const imaging::FloatImage rectified =
+      rectify(photometry::build_pyramid(photometry::luminance(raw, nullptr), 1).levels[0]);
   // A third of a grey value is the rounding of both pictures.
   EXPECT_LT(mean_difference(rectified, global), 0.25 * mean_difference(rolling, global));
-  EXPECT_LT(mean_difference(luminance(rectify(raw), nullptr), global), 0.3 * mean_difference(rolling, global));
+  EXPECT_LT(mean_difference(photometry::luminance(rectify(raw), nullptr), global),
+            0.3 * mean_difference(rolling, global));
 }
 
 /// Keys's kernel of a = -1/2 (Keys 1981, eq. 15) over the whole picture, the edge repeated.
@@ -192,16 +201,17 @@ TEST(RollingShutter, RectifiedPixelsAreInterpolatedAtTheirSources) {
   const RollingView view;
   Vec6 twist;
   twist << 0.2, -0.1, 0.05, 0.1, 0.08, -0.12;
-  const RowRectifier rectify(view.lens.lenses[0], kWidth, kHeight, twist, {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
+  const photometry::RowRectifier rectify(view.lens.lenses[0], kWidth, kHeight, twist,
+                                         {{{100, 50}, 0.4F}, {{200, 180}, 0.1F}});
   std::mt19937 random(1);
   imaging::FloatImage noise(kWidth, kHeight);
   for (float& pixel : noise.pixels) pixel = static_cast<float>(random() % 256);
-  const imaging::FloatImage rectified = rectify(build_pyramid(noise, 1).levels[0]);
+  const imaging::FloatImage rectified = rectify(photometry::build_pyramid(noise, 1).levels[0]);
   ASSERT_EQ(rectified.pixels.size(), noise.pixels.size());
   double moved_px = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const Eigen::Vector2f from = rectify.source(x, y);
+      const Eigen::Vector2f from = rectify.source_pixel(x, y);
       ASSERT_NEAR(rectified(x, y), keys_interpolated(noise, from.x(), from.y()), 0.02) << x << " " << y;
       moved_px = std::max<double>(moved_px, (from - Eigen::Vector2f(x, y)).norm());
     }
@@ -211,9 +221,9 @@ TEST(RollingShutter, RectifiedPixelsAreInterpolatedAtTheirSources) {
 
 TEST(RollingShutter, WithoutMotionThePictureStaysAsItIs) {
   const RollingView view;
-  const RowRectifier rectify(view.lens.lenses[0], 320, 240, Vec6::Zero(), {});
+  const photometry::RowRectifier rectify(view.lens.lenses[0], 320, 240, Vec6::Zero(), {});
   const imaging::RgbImage raw = view.rolling();
-  EXPECT_LT(mean_difference(luminance(rectify(raw), nullptr), luminance(raw, nullptr)), 0.01);
+  EXPECT_LT(mean_difference(photometry::luminance(rectify(raw), nullptr), photometry::luminance(raw, nullptr)), 0.01);
 }
 
 TEST(RollingShutter, TheErrorWithRowTimesIsAThirdOfThatWithout) {
@@ -221,9 +231,9 @@ TEST(RollingShutter, TheErrorWithRowTimesIsAThirdOfThatWithout) {
   constexpr int kFrames = 75;
   const Sequence rolling = shaken_flight(kFrames, kLineDelay_s), global = shaken_flight(kFrames, 0.0);
   const OdometryResult with = flown(rolling, kLineDelay_s), without = flown(rolling, 0.0), never = flown(global, 0.0);
-  const double with_ate = tests::ate_share(with.trajectory, rolling.truth);
-  const double without_ate = tests::ate_share(without.trajectory, rolling.truth);
-  const double never_ate = tests::ate_share(never.trajectory, global.truth);
+  const double with_ate = tests::relative_ate(with.trajectory, rolling.truth);
+  const double without_ate = tests::relative_ate(without.trajectory, rolling.truth);
+  const double never_ate = tests::relative_ate(never.trajectory, global.truth);
   std::printf("ATE, %% of path: %.3f with row times, %.3f without, %.3f with a global shutter; frames %ld %ld %ld\n",
               100 * with_ate, 100 * without_ate, 100 * never_ate, with.frames_tracked, without.frames_tracked,
               never.frames_tracked);

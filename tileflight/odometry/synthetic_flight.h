@@ -7,17 +7,18 @@
 #include <cmath>
 #include <vector>
 
+#include "tileflight/base/order_statistics.h"
 #include "tileflight/geometry/trajectory.h"
-#include "tileflight/odometry/known_start.h"
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/odometry/options.h"
-#include "tileflight/odometry/synthetic_scene.h"
+#include "tileflight/odometry/prior_alignment.h"
+#include "tileflight/photometry/options.h"
+#include "tileflight/photometry/synthetic_scene.h"
 
 namespace tileflight::odometry::tests {
 
 struct Sequence {
   imaging::Calibration calibration;
-  std::vector<SE3> truth;  ///< T_local_camera
+  std::vector<geometry::SE3> truth;  ///< T_local_camera
   std::vector<imaging::RgbImage> images;
 
   FrameSource source() const {
@@ -32,14 +33,15 @@ struct Sequence {
   }
 };
 
-inline double path_length_m(const std::vector<SE3>& truth) {
+inline double path_length_m(const std::vector<geometry::SE3>& truth) {
   double path = 0;
   for (std::size_t i = 1; i < truth.size(); ++i) path += (truth[i].translation - truth[i - 1].translation).norm();
   return path;
 }
 
 /// Root mean square distance of camera centres after the best similarity, as a share of the path.
-inline double ate_share(const geometry::Trajectory& estimate, const std::vector<SE3>& truth, double fps = 30.0) {
+inline double relative_ate(const geometry::Trajectory& estimate, const std::vector<geometry::SE3>& truth,
+                           double fps = 30.0) {
   Eigen::Matrix3Xd from(3, estimate.size()), to(3, estimate.size());
   double path = 0;
   for (std::size_t i = 0; i < estimate.size(); ++i) {
@@ -52,69 +54,66 @@ inline double ate_share(const geometry::Trajectory& estimate, const std::vector<
   return std::sqrt((moved - to).colwise().squaredNorm().mean()) / path;
 }
 
-inline OdometryOptions small_options() {
-  OdometryOptions options;
+inline photometry::OdometryOptions small_options() {
+  photometry::OdometryOptions options;
   options.selection.points_per_keyframe = 500;
   options.window.active_points = 700;
-  options.start.corners = 400;
+  options.initialization.corners = 400;
   return options;
 }
 
-inline Sequence rendered(const imaging::Camera& camera, const Relief& relief, std::vector<SE3> truth) {
+inline Sequence render_sequence(const imaging::Camera& camera, const photometry::tests::Relief& relief,
+                                std::vector<geometry::SE3> truth) {
   Sequence sequence;
   sequence.calibration.camera = camera;
-  const ReliefCamera scene(camera, relief);
-  for (const SE3& pose : truth) sequence.images.push_back(scene.picture(pose));
+  const photometry::tests::ReliefCamera scene(camera, relief);
+  for (const geometry::SE3& pose : truth) sequence.images.push_back(scene.render(pose));
   sequence.truth = std::move(truth);
   return sequence;
 }
 
 /// From the estimate to the truth, by orientations too: the paths here are nearly straight.
-inline geometry::Sim3 similarity_to_truth(const geometry::Trajectory& estimate, const std::vector<SE3>& truth,
+inline geometry::Sim3 similarity_to_truth(const geometry::Trajectory& estimate, const std::vector<geometry::SE3>& truth,
                                           double fps = 30.0) {
-  std::vector<SE3> from, to;
+  std::vector<geometry::SE3> from, to;
   for (const geometry::StampedPose& pose : estimate.poses) {
     from.push_back(pose.T_local_camera);
     to.push_back(truth[std::lround(pose.time_s * fps)]);
   }
-  return similarity_of_poses(from, to).value();
+  return similarity_from_poses(from, to).value();
 }
 
 /// Vertical distance of each map point, moved to the truth, from the relief, metres.
-inline std::vector<double> heights_over(const Relief& relief, const OdometryResult& result,
-                                        const std::vector<SE3>& truth) {
+inline std::vector<double> height_errors_m(const photometry::tests::Relief& relief, const OdometryResult& result,
+                                           const std::vector<geometry::SE3>& truth) {
   std::vector<double> heights;
   const geometry::Sim3 T_local_map = similarity_to_truth(result.trajectory, truth);
-  for (const Vec3& position : result.map.positions) {
-    const Vec3 p = T_local_map * position;
+  for (const geometry::Vec3& position : result.map.positions) {
+    const geometry::Vec3 p = T_local_map * position;
     heights.push_back(std::abs(p.z() - relief.height_m(p.x(), p.y())));
   }
   return heights;
 }
 
-inline double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
-
 /// Hilly ground seen obliquely from 12 m above while moving sideways and forwards, `frames` pictures, 30 a second.
-inline Relief hilly_ground() {
-  Relief relief;
+inline photometry::tests::Relief hilly_ground() {
+  photometry::tests::Relief relief;
   relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.35 * x) * std::cos(0.28 * y + 0.5); };
   relief.highest_m = 1.5;
   relief.texel_m = 0.6;
   return relief;
 }
-inline std::vector<SE3> path_over_ground(int frames) {
-  std::vector<SE3> truth;
+inline std::vector<geometry::SE3> path_over_ground(int frames) {
+  std::vector<geometry::SE3> truth;
   for (int i = 0; i < frames; ++i) {
     const double s = i / 30.0;
-    truth.push_back(looking(Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)), Vec3(0.3 * std::sin(s), 1.0, -1.1)));
+    truth.push_back(photometry::tests::look_along(geometry::Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
+                                                  geometry::Vec3(0.3 * std::sin(s), 1.0, -1.1)));
   }
   return truth;
 }
-inline Sequence over_hills(const imaging::Camera& camera, int frames) {
-  return rendered(camera, hilly_ground(), path_over_ground(frames));
+inline Sequence render_hill_flight(const imaging::Camera& camera, int frames) {
+  return render_sequence(camera, hilly_ground(), path_over_ground(frames));
 }
 
 }  // namespace tileflight::odometry::tests

@@ -1,46 +1,47 @@
 #pragma once
 
-// What may be wrong with a flight as it was tracked, from the pictures alone.
+// Warnings about a tracked flight, derived from the images alone.
 
 #include <functional>
 #include <optional>
 
-#include "tileflight/geometry/doubt.h"
+#include "tileflight/base/doubt.h"
 #include "tileflight/odometry/odometry.h"
-#include "tileflight/odometry/second_opinion.h"
+#include "tileflight/odometry/run_comparison.h"
 
 namespace tileflight::odometry {
 
-/// From what on something is doubted. Found on the proving ground's flights (docs/algorithms.md has the figures).
-struct DoubtLimits {
-  double least_tracked_share = 0.95;  ///< of the pictures
-  std::int64_t least_pictures = 20;   ///< tracked: fewer say little of anything
-  double saturated_share = 0.13;      ///< of a picture's points, residual above the cut-off
-  double sigma_log_scale = 0.0013;    ///< of the scale at the end over that at the start
-  double velocity_change = 1.5;       ///< between two pictures, in units of the flight's 95th percentile of speed
-  double pattern_px = 0.04;  ///< of the displacement that keyframes have in common; from `pattern_likely_px` on
-                             ///< it is more than a possible doubt
-  double pattern_likely_px = 0.15;
-  double pattern_sigmas = 2.0;
-  double disagreement = 0.007;  ///< of forwards and backwards, as a share of the path
+/// Thresholds above which a warning is reported. Measured on the flights of the proving ground (tests/proving_ground);
+/// docs/trust.md describes them.
+struct DoubtThresholds {
+  double min_tracked_share = 0.95;  ///< share of the images
+  std::int64_t min_frames = 20;     ///< tracked frames; fewer are not enough for a judgement
+  double saturated_share = 0.13;    ///< share of an image's points with a residual above the cut-off
+  double sigma_log_scale = 0.0013;  ///< standard deviation of log(scale at the end / scale at the start)
+  double velocity_change = 1.5;     ///< between two images, in units of the flight's 95th percentile of speed
+  double systematic_px = 0.04;  ///< displacement common to the keyframes; from `systematic_likely_px` on the warning is
+                                ///< more than "possible"
+  double systematic_likely_px = 0.15;
+  double systematic_sigmas = 2.0;
+  double disagreement = 0.007;  ///< between the forward and backward runs, as a share of the path length
 };
 
-/// The doubts, most certain first; none for a flight that went well. `frames`: pictures there were; `name_of`: a
-/// picture's name from its InputFrame::index. `second`: how far another run agrees; none where there was no other.
-Doubts doubts_of(const OdometryResult& result, std::int64_t frames,
-                 const std::function<std::string(std::int64_t)>& name_of, const std::optional<Agreement>& second = {},
-                 const DoubtLimits& limits = {});
+/// Warnings, most certain first; empty for a flight that went well. `frames`: number of input images; `name_of`: image
+/// name for an InputFrame::index. `second`: agreement with a second run, if there was one.
+Doubts find_doubts(const OdometryResult& result, std::int64_t frames,
+                   const std::function<std::string(std::int64_t)>& name_of,
+                   const std::optional<RunAgreement>& second = {}, const DoubtThresholds& limits = {});
 
-/// Which of two runs over the same pictures is to be gone by.
-enum class Belief {
-  kFirst,   ///< the second agrees, says too little, or is the worse one by itself
-  kSecond,  ///< the first has far fewer poses, or is the worse one by itself
-  kOpen     ///< they disagree, and neither is better by itself: the first, with a doubt
+/// Which of two runs over the same images to use.
+enum class RunChoice {
+  kFirst,   ///< the second agrees, is too short to judge, or is worse by its own residuals and warnings
+  kSecond,  ///< the first has far fewer poses, or is worse by its own residuals and warnings
+  kOpen     ///< they disagree and neither is better: use the first, with a warning
 };
 
-/// A run is the worse one by itself where it has doubts that the other has not, and fits worse by a tenth (median of
-/// the pictures' residuals). `agreement`: of both trajectories at the same times.
-Belief belief(const OdometryResult& first, const OdometryResult& second, const std::optional<Agreement>& agreement,
-              const DoubtLimits& limits = {});
+/// A run is the worse one if it has warnings that the other lacks and its median image residual is larger by a tenth.
+/// `agreement`: between both trajectories at the same times.
+RunChoice choose_run(const OdometryResult& first, const OdometryResult& second,
+                     const std::optional<RunAgreement>& agreement, const DoubtThresholds& limits = {});
 
 }  // namespace tileflight::odometry

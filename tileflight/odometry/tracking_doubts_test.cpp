@@ -36,8 +36,8 @@ OdometryResult good_flight() {
 std::string name_of(std::int64_t frame) { return "f" + std::to_string(frame); }
 
 Doubts doubts_about(const OdometryResult& result, std::int64_t frames = 60,
-                    const std::optional<Agreement>& second = {}) {
-  return doubts_of(result, frames, name_of, second);
+                    const std::optional<RunAgreement>& second = {}) {
+  return find_doubts(result, frames, name_of, second);
 }
 
 /// The only doubt, which says `what` and is about `where`.
@@ -50,20 +50,21 @@ void expect_only(const Doubts& doubts, const std::string& what, const std::strin
 
 TEST(TrackingDoubts, AGoodFlightHasNone) {
   EXPECT_TRUE(doubts_about(good_flight()).empty());
-  EXPECT_TRUE(doubts_about(good_flight(), 60, Agreement{60, 0.002, 0.004, 1.0}).empty());
+  EXPECT_TRUE(doubts_about(good_flight(), 60, RunAgreement{60, 0.002, 0.004, 1.0}).empty());
 }
 
 TEST(TrackingDoubts, APatternInTheResidualsIsTheCalibration) {
   OdometryResult result = good_flight();
-  result.pattern = CommonDisplacement{.rms_px = 0.02, .sigmas = 5.0};
+  result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.02, .sigmas = 5.0};
   EXPECT_TRUE(doubts_about(result).empty());
-  result.pattern = CommonDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // noise makes as much
+  result.systematic_displacement =
+      mapping::SystematicDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // noise makes as much
   EXPECT_TRUE(doubts_about(result).empty());
-  result.pattern = CommonDisplacement{.rms_px = 0.06, .sigmas = 5.0};
+  result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.06, .sigmas = 5.0};
   expect_only(doubts_about(result), "calibration does not fit the pictures: residuals have a pattern of 0.06 pixels",
               "odometry");
   EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
-  result.pattern->rms_px = 0.2;
+  result.systematic_displacement->rms_px = 0.2;
   EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
 }
 
@@ -119,7 +120,7 @@ TEST(TrackingDoubts, AFlightThatStartsAndStopsDoesNotJump) {
 }
 
 TEST(TrackingDoubts, AnotherRunThatDisagreesIsADoubt) {
-  expect_only(doubts_about(good_flight(), 60, Agreement{60, 0.08, 0.2, 3.04}), "differ by 8 %",
+  expect_only(doubts_about(good_flight(), 60, RunAgreement{60, 0.08, 0.2, 3.04}), "differ by 8 %",
               "odometry, most at frame f30");
 }
 
@@ -129,29 +130,29 @@ TEST(Belief, IsInTheFirstWhereBothAgreeOrTheSecondSaysLittle) {
   const OdometryResult good = good_flight();
   OdometryResult half = good;
   half.frames_tracked = 30;
-  EXPECT_EQ(belief(good, good, Agreement{60, 0.001, 0.01, 0.0}), Belief::kFirst);
-  EXPECT_EQ(belief(good, half, Agreement{30, 0.1, 0.2, 0.0}), Belief::kFirst);
-  EXPECT_EQ(belief(good, good, {}), Belief::kFirst);
+  EXPECT_EQ(choose_run(good, good, RunAgreement{60, 0.001, 0.01, 0.0}), RunChoice::kFirst);
+  EXPECT_EQ(choose_run(good, half, RunAgreement{30, 0.1, 0.2, 0.0}), RunChoice::kFirst);
+  EXPECT_EQ(choose_run(good, good, {}), RunChoice::kFirst);
 }
 
 TEST(Belief, IsInTheSecondWhereTheFirstHasNoStartOrIsWorseByItself) {
   const OdometryResult good = good_flight();
   OdometryResult none, worse = good;
-  EXPECT_EQ(belief(none, good, {}), Belief::kSecond);
-  for (FrameQuality& q : worse.quality) q.rmse = 7.0, q.saturated_share = 0.2;
-  EXPECT_EQ(belief(worse, good, Agreement{60, 0.1, 0.2, 0.0}), Belief::kSecond);
-  EXPECT_EQ(belief(good, worse, Agreement{60, 0.1, 0.2, 0.0}), Belief::kFirst);
+  EXPECT_EQ(choose_run(none, good, {}), RunChoice::kSecond);
+  for (tracking::FrameQuality& q : worse.quality) q.rmse = 7.0, q.saturated_share = 0.2;
+  EXPECT_EQ(choose_run(worse, good, RunAgreement{60, 0.1, 0.2, 0.0}), RunChoice::kSecond);
+  EXPECT_EQ(choose_run(good, worse, RunAgreement{60, 0.1, 0.2, 0.0}), RunChoice::kFirst);
 }
 
 TEST(Belief, IsOpenWhereNothingTellsThem) {
   const OdometryResult good = good_flight();
-  EXPECT_EQ(belief(good, good, Agreement{60, 0.1, 0.2, 0.0}), Belief::kOpen);
+  EXPECT_EQ(choose_run(good, good, RunAgreement{60, 0.1, 0.2, 0.0}), RunChoice::kOpen);
 }
 
 TEST(SecondOpinion, ASimilarityChangesNothing) {
   const geometry::Trajectory path = good_flight().trajectory;
   const Sim3 T(3.0, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized())), Vec3(4, 5, 6));
-  const auto found = agreement(path, geometry::transformed(T, path));
+  const auto found = measure_agreement(path, geometry::transformed(T, path));
   ASSERT_TRUE(found);
   EXPECT_EQ(found->pictures, 60U);
   EXPECT_LT(found->rms_share, 1e-9);
@@ -164,7 +165,7 @@ TEST(SecondOpinion, ANoiseOfKnownSizeIsItsShareOfThePath) {
     first.poses.push_back({0.1 * i, at(i, 0, 0)});
     second.poses.push_back({0.1 * i, at(i, i % 4 < 2 ? 0.5 : -0.5, 0)});
   }
-  const auto found = agreement(first, second);
+  const auto found = measure_agreement(first, second);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->rms_share, 0.5 / 59, 1e-4);
 }
@@ -177,8 +178,8 @@ TEST(SecondOpinion, AScaleThatChangedHalfWayIsSeen) {
     Vec3& p = other.poses[i].T_local_camera.translation;
     p = middle + 0.7 * (p - middle);
   }
-  EXPECT_GT(agreement(path, other)->rms_share, 0.02);
-  EXPECT_NEAR(agreement(path, other)->rms_share, agreement(other, path)->rms_share, 0.02);
+  EXPECT_GT(measure_agreement(path, other)->rms_share, 0.02);
+  EXPECT_NEAR(measure_agreement(path, other)->rms_share, measure_agreement(other, path)->rms_share, 0.02);
 }
 
 /// Both runs wrong by `noise` (position, per axis) and `turn_rad` (about one axis), sigmas stated as given.
@@ -198,14 +199,14 @@ std::optional<Dispersion> dispersion_of(double noise, double turn_rad, double st
   OdometryResult result = good_flight();
   for (int k = 0; k < 10; ++k) result.keyframes.poses.push_back(result.trajectory.poses[6 * k]);
   for (int i = 0; i < 60; ++i) {
-    FrameQuality& q = result.quality[static_cast<std::size_t>(i)];
+    tracking::FrameQuality& q = result.quality[static_cast<std::size_t>(i)];
     q.keyframe = i / 6;
     q.sigma_position = i % 6 == 0 ? 0.0 : stated_position;
     q.sigma_rotation_rad = i % 6 == 0 ? 0.0 : stated_rotation;
   }
   geometry::Trajectory second = disturbed(result.trajectory);
   for (auto& pose : second.poses) pose.T_local_camera.translation *= 2.5;  // its own scale
-  return dispersion(disturbed(result.trajectory), result.keyframes, result.quality, second);
+  return estimate_dispersion(disturbed(result.trajectory), result.keyframes, result.quality, second);
 }
 
 TEST(SecondOpinion, DispersionIsOneWhereTheSigmasAreRight) {
@@ -218,8 +219,8 @@ TEST(SecondOpinion, DispersionIsOneWhereTheSigmasAreRight) {
   ASSERT_TRUE(too_small);
   EXPECT_NEAR(too_small->position, 4.0 * right->position, 1e-9);
   EXPECT_NEAR(too_small->rotation, 4.0 * right->rotation, 1e-9);
-  std::vector<FrameQuality> quality{{.sigma_position = 0.1, .sigma_rotation_rad = 0.2}};
-  calibrate(quality, {50, 4.0, 0.01});
+  std::vector<tracking::FrameQuality> quality{{.sigma_position = 0.1, .sigma_rotation_rad = 0.2}};
+  rescale_sigmas(quality, {50, 4.0, 0.01});
   EXPECT_DOUBLE_EQ(quality[0].sigma_position, 0.2);
   EXPECT_DOUBLE_EQ(quality[0].sigma_rotation_rad, 0.1);  // not below a half
 }
@@ -228,10 +229,10 @@ TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
   const geometry::Trajectory path = good_flight().trajectory;
   geometry::Trajectory part = path;
   part.poses.erase(part.poses.begin(), part.poses.begin() + 40);
-  EXPECT_EQ(agreement(path, part)->pictures, 20U);
+  EXPECT_EQ(measure_agreement(path, part)->pictures, 20U);
   part.poses.resize(3);
-  EXPECT_FALSE(agreement(path, part));
-  EXPECT_FALSE(agreement(path, {}));
+  EXPECT_FALSE(measure_agreement(path, part));
+  EXPECT_FALSE(measure_agreement(path, {}));
 }
 
 }  // namespace

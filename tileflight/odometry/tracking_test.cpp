@@ -5,44 +5,44 @@
 
 #include <algorithm>
 
-#include "tileflight/odometry/distance_map.h"
-#include "tileflight/odometry/klt.h"
-#include "tileflight/odometry/pixel_selector.h"
-#include "tileflight/odometry/synthetic_scene.h"
-#include "tileflight/odometry/tracer.h"
-#include "tileflight/odometry/tracker.h"
+#include "tileflight/initialization/klt.h"
+#include "tileflight/mapping/distance_map.h"
+#include "tileflight/mapping/tracer.h"
+#include "tileflight/photometry/pixel_selector.h"
+#include "tileflight/photometry/synthetic_scene.h"
+#include "tileflight/tracking/tracker.h"
 
 namespace tileflight::odometry {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
-using tests::Relief;
+using photometry::tests::Relief;
 
 /// Two views of rolling ground through a wide lens, with the true distances of the first.
 struct TwoViews {
-  OdometryOptions options;
+  photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 140.0);
   Relief relief;
-  SE3 first = tests::looking(Vec3(0, 0, 20), Vec3(0, 1, -0.9));
+  SE3 first = photometry::tests::look_along(Vec3(0, 0, 20), Vec3(0, 1, -0.9));
   SE3 second = SE3(geometry::so3_exp(Vec3(0.01, 0.02, -0.02)), Vec3::Zero()) *
-               tests::looking(Vec3(0.7, 0.5, 20.2), Vec3(0.02, 1, -0.9));
-  LensPyramid lens = build_lens_pyramid(camera, 4);
-  Pyramid a, b;
+               photometry::tests::look_along(Vec3(0.7, 0.5, 20.2), Vec3(0.02, 1, -0.9));
+  photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, 4);
+  photometry::Pyramid a, b;
 
   TwoViews() {
     relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
     relief.highest_m = 2.0;
     relief.texel_m = 0.7;
-    const tests::ReliefCamera scene(camera, relief);
-    a = build_pyramid(luminance(scene.picture(first), nullptr), 4);
-    b = build_pyramid(luminance(scene.picture(second), nullptr), 4);
+    const photometry::tests::ReliefCamera scene(camera, relief);
+    a = photometry::build_pyramid(photometry::luminance(scene.render(first), nullptr), 4);
+    b = photometry::build_pyramid(photometry::luminance(scene.render(second), nullptr), 4);
   }
   SE3 T_second_first() const { return second.inverse() * first; }
   /// True inverse distance of a pixel of the first view; 0: sky.
   double rho(const Eigen::Vector2f& pixel) const {
     const Vec3 ray = *camera.unproject(pixel.cast<double>());
-    const double distance = tests::hit_distance(relief, first.translation, first.rotation * ray);
+    const double distance = photometry::tests::hit_distance(relief, first.translation, first.rotation * ray);
     return distance > 0 ? 1.0 / distance : 0.0;
   }
   Eigen::Vector2f in_second(const Eigen::Vector2f& pixel) const {
@@ -59,11 +59,11 @@ const TwoViews& views() {
 
 TEST(PixelSelector, GivesTheWantedCountEvenlyAndInsideTheBorder) {
   for (const int wanted : {200, 800}) {
-    const auto pixels = select_pixels(views().a, views().lens.rays[0], wanted, views().options.selection);
+    const auto pixels = photometry::select_pixels(views().a, views().lens.rays[0], wanted, views().options.selection);
     EXPECT_LE(static_cast<int>(pixels.size()), wanted);
     EXPECT_GE(static_cast<int>(pixels.size()), wanted * 7 / 10);
     std::array<int, 2> halves{};
-    for (const SelectedPixel& p : pixels) {
+    for (const photometry::SelectedPixel& p : pixels) {
       ++halves[p.x < 160];
       EXPECT_TRUE(p.x >= 6 && p.y >= 6 && p.x < 314 && p.y < 234);
     }
@@ -72,12 +72,12 @@ TEST(PixelSelector, GivesTheWantedCountEvenlyAndInsideTheBorder) {
 }
 
 TEST(PixelSelector, FindsNothingInAPlainPicture) {
-  const Pyramid plain = build_pyramid(imaging::FloatImage(320, 240, 128.0F), 4);
-  EXPECT_TRUE(select_pixels(plain, views().lens.rays[0], 500, views().options.selection).empty());
+  const photometry::Pyramid plain = photometry::build_pyramid(imaging::FloatImage(320, 240, 128.0F), 4);
+  EXPECT_TRUE(photometry::select_pixels(plain, views().lens.rays[0], 500, views().options.selection).empty());
 }
 
 TEST(DistanceMap, IsTheBruteForceOne) {
-  DistanceMap map(40, 30, 12);
+  mapping::DistanceMap map(40, 30, 12);
   const std::vector<std::pair<int, int>> points{{3, 4}, {20, 15}, {39, 29}, {21, 18}, {-5, 3}};
   for (const auto& [x, y] : points) map.add(x, y);
   for (int y = 0; y < 30; ++y) {
@@ -92,9 +92,9 @@ TEST(DistanceMap, IsTheBruteForceOne) {
 }
 
 TEST(Klt, FollowsCornersToAFewHundredthsOfAPixelInTheMedian) {
-  const auto corners = find_corners(views().a, views().lens.rays[0], 300);
+  const auto corners = initialization::find_corners(views().a, views().lens.rays[0], 300);
   ASSERT_GT(corners.size(), 100U);
-  const auto tracked = track_corners(views().a, views().b, corners);
+  const auto tracked = initialization::track_corners(views().a, views().b, corners);
   std::vector<float> errors;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     if (tracked[i] && views().rho(corners[i]) > 0)
@@ -109,19 +109,20 @@ TEST(Klt, FollowsCornersToAFewHundredthsOfAPixelInTheMedian) {
 TEST(Klt, DoesNotMindGainAndOffset) {
   imaging::FloatImage brighter(320, 240);
   for (int y = 0; y < 240; ++y) {
-    for (int x = 0; x < 320; ++x) brighter(x, y) = 1.3F * views().a.levels[0].at(x, y)[kIntensity] - 12.0F;
+    for (int x = 0; x < 320; ++x) brighter(x, y) = 1.3F * views().a.levels[0].at(x, y)[photometry::kIntensity] - 12.0F;
   }
-  const auto corners = find_corners(views().a, views().lens.rays[0], 200);
-  const auto tracked = track_corners(views().a, build_pyramid(brighter, 4), corners);
+  const auto corners = initialization::find_corners(views().a, views().lens.rays[0], 200);
+  const auto tracked = initialization::track_corners(views().a, photometry::build_pyramid(brighter, 4), corners);
   for (std::size_t i = 0; i < corners.size(); ++i) {
     ASSERT_TRUE(tracked[i]);
     EXPECT_LT((*tracked[i] - corners[i]).norm(), 0.02F);
   }
 }
 
-std::vector<ReferencePoint> true_points() {
-  std::vector<ReferencePoint> points;
-  for (const SelectedPixel& p : select_pixels(views().a, views().lens.rays[0], 800, views().options.selection)) {
+std::vector<tracking::ReferencePoint> true_points() {
+  std::vector<tracking::ReferencePoint> points;
+  for (const photometry::SelectedPixel& p :
+       photometry::select_pixels(views().a, views().lens.rays[0], 800, views().options.selection)) {
     const Eigen::Vector2f pixel(p.x, p.y);
     if (views().rho(pixel) > 0) points.push_back({pixel, static_cast<float>(views().rho(pixel)), 1.0F});
   }
@@ -129,9 +130,12 @@ std::vector<ReferencePoint> true_points() {
 }
 
 TEST(Tracker, FindsTheTruePoseAndLightFromAPerturbedStart) {
-  const TrackingReference reference = make_reference(views().lens, views().a, true_points());
-  const AlignmentState start{SE3(geometry::so3_exp(Vec3(0.02, -0.02, 0.01)), Vec3(0.1, 0.1, -0.1)), 0.0, 0.0};
-  const AlignmentResult result = align(views().lens, reference, views().b, start, views().options.tracking);
+  const tracking::TrackingReference reference =
+      tracking::make_tracking_reference(views().lens, views().a, true_points());
+  const tracking::ImageAlignmentState start{SE3(geometry::so3_exp(Vec3(0.02, -0.02, 0.01)), Vec3(0.1, 0.1, -0.1)), 0.0,
+                                            0.0};
+  const tracking::ImageAlignment result =
+      tracking::align_image(views().lens, reference, views().b, start, views().options.tracking);
   EXPECT_TRUE(result.converged);
   const SE3 error = result.state.T_target_reference * views().T_second_first().inverse();
   EXPECT_LT(error.translation.norm(), 0.02);  // of 0.9 m
@@ -141,30 +145,33 @@ TEST(Tracker, FindsTheTruePoseAndLightFromAPerturbedStart) {
 }
 
 TEST(Tracker, SaysWhenAPictureShowsSomethingElse) {
-  const TrackingReference reference = make_reference(views().lens, views().a, true_points());
-  const Pyramid black = build_pyramid(imaging::FloatImage(320, 240, 0.0F), 4);
-  EXPECT_FALSE(align(views().lens, reference, black, {}, views().options.tracking).converged);
+  const tracking::TrackingReference reference =
+      tracking::make_tracking_reference(views().lens, views().a, true_points());
+  const photometry::Pyramid black = photometry::build_pyramid(imaging::FloatImage(320, 240, 0.0F), 4);
+  EXPECT_FALSE(tracking::align_image(views().lens, reference, black, {}, views().options.tracking).converged);
 }
 
 TEST(Tracer, IntervalsHoldTheTruth) {
-  const Pyramid& a = views().a;
-  const PairTransform pair = pair_transform(views().T_second_first(), {}, {});
-  std::vector<ImmaturePoint> points;
+  const photometry::Pyramid& a = views().a;
+  const photometry::PairTransform pair = photometry::pair_transform(views().T_second_first(), {}, {});
+  std::vector<photometry::ImmaturePoint> points;
   std::vector<double> truth;
-  for (const SelectedPixel& p : select_pixels(a, views().lens.rays[0], 600, views().options.selection)) {
+  for (const photometry::SelectedPixel& p :
+       photometry::select_pixels(a, views().lens.rays[0], 600, views().options.selection)) {
     const Eigen::Vector2f pixel(p.x, p.y);
-    const auto patch = make_patch(a.levels[0], views().lens.lenses[0], pixel, 50.0F);
+    const auto patch = photometry::make_patch(a.levels[0], views().lens.lenses[0], pixel, 50.0F);
     if (!patch || views().rho(pixel) <= 0) continue;
-    ImmaturePoint point;
+    photometry::ImmaturePoint point;
     point.patch = *patch;
     points.push_back(point);
     truth.push_back(views().rho(pixel));
   }
-  trace_points(views().lens.lenses[0], views().b.levels[0], pair, views().options.tracing, 9.0F, points);
+  mapping::trace_points(views().lens.lenses[0], views().b.levels[0], pair, views().options.tracing, 9.0F, points);
   int good = 0, right = 0;
   std::vector<double> errors;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (points[i].status != ImmaturePoint::Status::kGood || points[i].quality < views().options.tracing.min_quality)
+    if (points[i].status != photometry::ImmaturePoint::Status::kGood ||
+        points[i].quality < views().options.tracing.min_quality)
       continue;
     ++good;
     right += points[i].rho_min <= truth[i] && truth[i] <= points[i].rho_max;

@@ -1,8 +1,8 @@
-#include "tileflight/odometry/valid_region.h"
+#include "tileflight/photometry/valid_region.h"
 
 #include <gtest/gtest.h>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
 namespace tileflight::odometry {
@@ -20,7 +20,7 @@ TEST(ValidRegion, IsWhatIsFarEnoughFromBlackCornersAndMask) {
   picture(30, 20) = {0, 0, 0};                               // black that joins no corner is the scene
   GrayImage mask(60, 40, 255);
   for (int x = 40; x < 60; ++x) mask(x, 39) = 0;
-  const GrayImage region = valid_region(picture, mask);
+  const GrayImage region = photometry::find_valid_region(picture, mask);
   for (int y = 0; y < 40; ++y)
     for (int x = 0; x < 60; ++x) {
       const bool near_strip = x < 10 + kReach_px, near_mask = x >= 40 - kReach_px && y >= 39 - kReach_px;
@@ -29,21 +29,21 @@ TEST(ValidRegion, IsWhatIsFarEnoughFromBlackCornersAndMask) {
 }
 
 TEST(ValidRegion, ADarkPictureSaysNothing) {
-  EXPECT_TRUE(is_dark(RgbImage(50, 40)));
-  EXPECT_FALSE(is_dark(RgbImage(50, 40, {100, 100, 100})));
-  for (const std::uint8_t value : valid_region(RgbImage(50, 40), {}).pixels) EXPECT_EQ(value, 255);
+  EXPECT_TRUE(photometry::is_dark(RgbImage(50, 40)));
+  EXPECT_FALSE(photometry::is_dark(RgbImage(50, 40, {100, 100, 100})));
+  for (const std::uint8_t value : photometry::find_valid_region(RgbImage(50, 40), {}).pixels) EXPECT_EQ(value, 255);
 }
 
 TEST(ValidRegion, MaskOfAnotherSizeIsRefused) {
-  EXPECT_THROW(valid_region(RgbImage(50, 40), GrayImage(40, 50)), InputError);
+  EXPECT_THROW(photometry::find_valid_region(RgbImage(50, 40), GrayImage(40, 50)), InputError);
 }
 
 TEST(ValidRegion, TakesRaysAtEveryLevel) {
-  LensPyramid lens = build_lens_pyramid(imaging::make_pinhole(64, 48, 80.0), 3);
+  photometry::LensPyramid lens = photometry::build_lens_pyramid(imaging::make_pinhole(64, 48, 80.0), 3);
   GrayImage region(64, 48, 255);
   for (int y = 0; y < 48; ++y)
     for (int x = 0; x < 21; ++x) region(x, y) = 0;
-  keep_region(lens, region);
+  photometry::mask_rays(lens, region);
   const std::array<int, 3> first_kept{21, 12, 7};  // one more pixel goes at each coarser level, for its gradients
   for (int l = 0; l < 3; ++l) {
     EXPECT_TRUE(lens.rays[l].at(first_kept[l] - 1, 5).isZero(0)) << l;
@@ -55,7 +55,7 @@ TEST(ValidRegion, TakesRaysAtEveryLevel) {
 std::vector<geometry::Vec2> host_pixels(const imaging::Camera& camera, const OdometryResult& result) {
   std::vector<geometry::Vec2> pixels;
   for (std::size_t i = 0; i < result.map.size(); ++i) {
-    const auto& host = result.keyframes.poses[result.map_keyframes[i].front()].T_local_camera;
+    const auto& host = result.keyframes.poses[result.map_point_keyframes[i].front()].T_local_camera;
     const auto pixel = camera.project(host.inverse() * result.map.positions[i]);
     if (pixel) pixels.push_back(*pixel);
   }
@@ -70,22 +70,22 @@ void paint_body(RgbImage& image) {
 }
 
 TEST(Masks, OwnBodyLeavesNoPointsAndDoesNoHarm) {
-  tests::Sequence sequence = tests::over_hills(imaging::make_fisheye(320, 200, 130.0), 36);
+  tests::Sequence sequence = tests::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 36);
   for (RgbImage& image : sequence.images) paint_body(image);
-  Aids aids;
+  Priors aids;
   aids.mask = GrayImage(320, 200, 255);
   for (int y = 160; y < 200; ++y) std::fill(aids.mask.row(y), aids.mask.row(y) + 320, std::uint8_t{0});
   const OdometryResult result =
       run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options(), {}, aids);
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
-  EXPECT_LT(tests::ate_share(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
   for (const geometry::Vec2& pixel : host_pixels(sequence.calibration.camera, result)) EXPECT_LT(pixel.y(), 155.5);
 }
 
 TEST(Masks, TheBlackSurroundOfALensIsFound) {
-  tests::Sequence sequence = tests::over_hills(imaging::make_fisheye(300, 240, 150.0), 36);
+  tests::Sequence sequence = tests::render_hill_flight(imaging::make_fisheye(300, 240, 150.0), 36);
   const auto outside = [](double x, double y) { return std::hypot(x - 149.5, y - 119.5) > 125.0; };
   for (RgbImage& image : sequence.images)
     for (int y = 0; y < image.height; ++y)
@@ -94,23 +94,23 @@ TEST(Masks, TheBlackSurroundOfALensIsFound) {
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
-  EXPECT_LT(tests::ate_share(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
   for (const geometry::Vec2& pixel : host_pixels(sequence.calibration.camera, result))
     EXPECT_LT(std::hypot(pixel.x() - 149.5, pixel.y() - 119.5), 121.0);
 }
 
 TEST(Masks, CloudsAreNotInTheMap) {
-  tests::Relief relief = tests::hilly_ground();
+  photometry::tests::Relief relief = tests::hilly_ground();
   relief.clouds = 90.0;
   std::vector<geometry::SE3> truth = tests::path_over_ground(36);
-  for (geometry::SE3& pose : truth) pose = tests::looking(pose.translation, {0.1, 1.0, -0.35});
-  const tests::Sequence sequence = tests::rendered(imaging::make_fisheye(320, 220, 130.0), relief, truth);
+  for (geometry::SE3& pose : truth) pose = photometry::tests::look_along(pose.translation, {0.1, 1.0, -0.35});
+  const tests::Sequence sequence = tests::render_sequence(imaging::make_fisheye(320, 220, 130.0), relief, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_LT(tests::ate_share(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
-  const std::vector<double> heights = tests::heights_over(relief, result, sequence.truth);
+  const std::vector<double> heights = tests::height_errors_m(relief, result, sequence.truth);
   const auto off = std::count_if(heights.begin(), heights.end(), [](double h) { return h > 3.0; });
   EXPECT_LT(static_cast<double>(off), 0.01 * static_cast<double>(heights.size()));
 }

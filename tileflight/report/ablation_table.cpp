@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
@@ -16,12 +16,12 @@ std::vector<std::string> row_of(const json& line) {
   if (why) return {name, "no map", kUnknown, kUnknown, kUnknown, kUnknown, kUnknown};
   const auto share = number_at(line, "/ate_share");
   return {name,
-          count(number_at(line, "/frames_tracked")),
-          count(number_at(line, "/points")),
-          fixed(number_at(line, "/mean_m"), 4),
-          fixed(number_at(line, "/median_to_surface_m"), 4),
-          fixed(number_at(line, "/ate_rmse_m"), 4),
-          share ? fixed(100.0 * *share, 3) : kUnknown};
+          format_count(number_at(line, "/frames_tracked")),
+          format_count(number_at(line, "/points")),
+          format_fixed(number_at(line, "/mean_m"), 4),
+          format_fixed(number_at(line, "/median_to_surface_m"), 4),
+          format_fixed(number_at(line, "/ate_rmse_m"), 4),
+          share ? format_fixed(100.0 * *share, 3) : kUnknown};
 }
 
 const std::vector<std::string>& head() {
@@ -39,7 +39,7 @@ std::vector<std::vector<std::string>> rows_of(const json& results) {
   return rows;
 }
 
-/// Characters, not bytes.
+/// Length in characters, not bytes.
 std::size_t width_of(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
 }

@@ -7,9 +7,9 @@
 
 namespace tileflight::report {
 
-/// What each variant of the simulated flight does to its map and path, a row each; no rows if there are none.
+/// Table of each variant's effect on the map and path, one row per variant; no rows if there are no variants.
 Table ablation_table(const nlohmann::json& results);
-/// The same as lines of text for a terminal; empty if there are none.
+/// The same table as plain text for a terminal; empty if there are no variants.
 std::string ablation_text(const nlohmann::json& results);
 
 }  // namespace tileflight::report

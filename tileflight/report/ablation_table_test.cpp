@@ -19,7 +19,7 @@ json results_of_two() {
 }
 
 TEST(AblationTable, HasARowAVariant) {
-  const std::string html = draw(ablation_table(results_of_two())).str();
+  const std::string html = to_html(ablation_table(results_of_two())).str();
   for (const char* cell : {">as it is</th>", ">342</td>", ">50,585</td>", ">0.4473</td>", ">0.0402</td>",
                            ">0.0241</td>", ">0.010</td>", ">no map</td>"}) {
     EXPECT_THAT(html, HasSubstr(cell));

@@ -3,21 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/report/axis_ticks.h"
 #include "tileflight/report/figure.h"
-#include "tileflight/report/numbers.h"
-#include "tileflight/report/scale.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
 
 using geometry::Vec2;
 
-// Units of the SVG's view box; the page scales it to its column.
+// Units of the SVG's view box; the page scales it to the column width.
 constexpr double kWidth = 560, kHeight = 330;
 constexpr double kLeft = 58, kRight = 14, kTop = 14, kBottom = 46;
 constexpr int kTicks = 6;
 
-/// From chart units to the view box.
+/// Mapping from data units to the view box.
 struct Frame {
   ChartAxis x, y;
 
@@ -101,7 +101,7 @@ std::vector<LegendEntry> legend_of(const Chart& chart) {
 
 }  // namespace
 
-Drawing drawing_of(const Chart& chart) {
+Drawing to_drawing(const Chart& chart) {
   const Frame frame{chart.x, chart.y};
   Html content = element("title", text(chart.title)) + element("desc", text(chart.description)) + axes(frame);
   for (const ChartLine& series : chart.lines) content += draw_line(frame, series);
@@ -109,15 +109,15 @@ Drawing drawing_of(const Chart& chart) {
   return {kWidth, kHeight, "chart", chart.title + ". " + chart.description, content, legend_of(chart)};
 }
 
-std::string csv_of(const Chart& chart) {
+std::string to_csv(const Chart& chart) {
   std::vector<std::vector<std::string>> lines{{"line", chart.x.label, chart.y.label}};
   for (const ChartLine& series : chart.lines) {
-    for (const Vec2& p : series.points) lines.push_back({series.name, shortest(p.x()), shortest(p.y())});
+    for (const Vec2& p : series.points) lines.push_back({series.name, format_shortest(p.x()), format_shortest(p.y())});
   }
-  return csv_of(lines);
+  return to_csv(lines);
 }
 
-std::vector<geometry::Vec2> outline(const std::vector<double>& edges, const std::vector<double>& heights) {
+std::vector<geometry::Vec2> histogram_outline(const std::vector<double>& edges, const std::vector<double>& heights) {
   std::vector<Vec2> points;
   for (std::size_t i = 0; i < heights.size() && i + 1 < edges.size(); ++i) {
     points.emplace_back(edges[i], heights[i]);
@@ -126,7 +126,7 @@ std::vector<geometry::Vec2> outline(const std::vector<double>& edges, const std:
   return points;
 }
 
-std::vector<geometry::Vec2> cumulative(std::vector<double> values, std::size_t total, double limit, int steps) {
+std::vector<geometry::Vec2> cumulative_points(std::vector<double> values, std::size_t total, double limit, int steps) {
   std::sort(values.begin(), values.end());
   std::vector<Vec2> points;
   for (int i = 0; i <= steps; ++i) {

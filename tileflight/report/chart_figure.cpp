@@ -3,10 +3,10 @@
 namespace tileflight::report {
 
 Figure chart_figure(const std::string& id, const Chart& chart, const std::string& caption) {
-  const Drawing drawing = drawing_of(chart);
+  const Drawing drawing = to_drawing(chart);
   Figure figure{id, "chart-figure", on_page(drawing), caption};
   figure.files = {{id + ".svg", "image/svg+xml", svg_file(chart.title, {drawing})},
-                  {id + ".csv", "text/csv", csv_of(chart)}};
+                  {id + ".csv", "text/csv", to_csv(chart)}};
   figure.series = nlohmann::json::array();
   for (const ChartLine& line : chart.lines) {
     nlohmann::json points = nlohmann::json::array();

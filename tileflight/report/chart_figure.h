@@ -7,7 +7,7 @@
 
 namespace tileflight::report {
 
-/// A chart as a figure of the page, with its SVG, its points as CSV and in report.json.
+/// A figure with the chart as SVG; its points are also written as CSV and to report.json.
 Figure chart_figure(const std::string& id, const Chart& chart, const std::string& caption);
 
 }  // namespace tileflight::report

@@ -21,8 +21,8 @@ nlohmann::json DataBlocks::add_bytes(std::string_view bytes) {
   return place;
 }
 
-std::string DataBlocks::deflated(const nlohmann::json& header) const {
-  // Names come from files: bytes that are no UTF-8 are replaced.
+std::string DataBlocks::compress(const nlohmann::json& header) const {
+  // Names come from files: invalid UTF-8 is replaced.
   const std::string words = header.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   const auto length = static_cast<std::uint32_t>(words.size());
   std::string plain(reinterpret_cast<const char*>(&length), sizeof(length));

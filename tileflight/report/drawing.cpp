@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tileflight/report/scale.h"
+#include "tileflight/report/axis_ticks.h"
 #include "tileflight/report/style_sheet.h"
 
 namespace tileflight::report {
@@ -22,7 +22,7 @@ Html words(const std::string& content, double x, double y) {
   return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}}, text(content));
 }
 
-/// One entry a line, since how wide its words become is for the viewer to know.
+/// One entry per line, since the text width is only known to the viewer.
 Html legend_lines(const std::vector<LegendEntry>& entries, double from_y) {
   Html lines;
   for (std::size_t i = 0; i < entries.size(); ++i) {

@@ -14,19 +14,20 @@ struct LegendEntry {
 };
 Html legend(const std::vector<LegendEntry>& entries);
 
-/// What an SVG holds, in units of its view box (0, 0, width, height), before it stands on a page or in a file.
+/// Content of an SVG, in units of its view box (0, 0, width, height), independent of whether it is put on a page or in
+/// a file.
 struct Drawing {
   double width = 0, height = 0;
   std::string style;  ///< class of the page's style sheet
-  std::string label;  ///< for those who cannot see it
+  std::string label;  ///< for screen readers
   Html content;
   std::vector<LegendEntry> legend{};
 };
 
-/// As an element of the page, which follows the page's colours; the legend follows as a list.
+/// The drawing as an element of the page, using the page's colours, followed by its legend as a list.
 Html on_page(const Drawing& drawing);
 
-/// Drawings below each other as a file of its own, with their legends and light colours.
+/// A standalone SVG file with the drawings one below the other, their legends, and light colours.
 std::string svg_file(const std::string& title, const std::vector<Drawing>& drawings);
 
 }  // namespace tileflight::report

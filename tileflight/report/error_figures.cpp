@@ -4,14 +4,14 @@
 #include "tileflight/report/chart_figure.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/map_errors.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
 
 using nlohmann::json;
 
-/// The cumulative curve ends here; farther points are in its share at the right edge.
+/// Right end of the cumulative curve, which points farther away keep below 100 %.
 constexpr double kCumulativeLimit_m = 2.0;
 
 /// Share of each bin of metrics.json's histogram; empty if there is none.
@@ -50,15 +50,15 @@ Figure histogram_figure(const RunFolder& run) {
     if (bins.shares.empty()) continue;
     for (double& share : bins.shares) highest = std::max(highest, share *= 100);
     chart.x.high = bins.edges.back();
-    chart.lines.push_back({flight.label, flight.key, outline(bins.edges, bins.shares), true});
+    chart.lines.push_back({flight.label, flight.key, histogram_outline(bins.edges, bins.shares), true});
     if (const auto mean = number_at(flight.values, "/map/mean")) {
-      chart.marks.push_back({flight.label + ", mean " + fixed(mean, 4) + " m", flight.key, *mean});
-      chart.description += flight.label + ": mean " + fixed(mean, 4) + " m, standard deviation " +
-                           fixed(number_at(flight.values, "/map/std"), 4) + " m. ";
+      chart.marks.push_back({flight.label + ", mean " + format_fixed(mean, 4) + " m", flight.key, *mean});
+      chart.description += flight.label + ": mean " + format_fixed(mean, 4) + " m, standard deviation " +
+                           format_fixed(number_at(flight.values, "/map/std"), 4) + " m. ";
     }
     const auto floor = number_at(flight.values, "/map/quantization_floor/mean");
     if (floor && chart.lines.size() == 1)
-      chart.marks.push_back({"Floor: a perfect map's mean, " + fixed(floor, 4) + " m", "floor", *floor});
+      chart.marks.push_back({"Floor: a perfect map's mean, " + format_fixed(floor, 4) + " m", "floor", *floor});
   }
   if (chart.lines.empty()) return {};
   chart.y.high = 1.08 * std::max(highest, 1e-9);
@@ -79,11 +79,12 @@ Figure cumulative_figure(const RunFolder& run) {
   for (const FlightRun& flight : run.flights) {
     const std::vector<float>* distances = best_distances(flight);
     if (!distances || distances->empty()) continue;
-    const std::vector<double> over_region = distances_over(region, flight, *distances);
-    std::vector<geometry::Vec2> points = cumulative(over_region, over_region.size(), kCumulativeLimit_m);
+    const std::vector<double> over_region = distances_in_region(region, flight, *distances);
+    std::vector<geometry::Vec2> points = cumulative_points(over_region, over_region.size(), kCumulativeLimit_m);
     for (geometry::Vec2& p : points) p.y() *= 100;
-    chart.description += flight.label + ": " + fixed(points[points.size() / 4].y(), 1) + " % of points within 0.5 m. ";
-    if (!scalar(flight, "surface_distance")) chart.x.label = "distance to the nearest voxel centre, m";
+    chart.description +=
+        flight.label + ": " + format_fixed(points[points.size() / 4].y(), 1) + " % of points within 0.5 m. ";
+    if (!find_scalar(flight, "surface_distance")) chart.x.label = "distance to the nearest voxel centre, m";
     chart.lines.push_back({flight.label, flight.key, std::move(points), false});
   }
   if (chart.lines.empty()) return {};

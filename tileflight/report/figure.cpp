@@ -2,20 +2,21 @@
 
 #include <system_error>
 
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/report/key_figures_files.h"
 
 namespace tileflight::report {
 namespace {
 
-/// Larger files are not repeated in the page.
-constexpr std::size_t kMostInPage_bytes = 24'000;
+/// Larger files are not embedded in the page.
+constexpr std::size_t kMaxInlineBytes = 24'000;
 
 std::string kind_of(const FigureFile& file) { return file.media_type == "text/csv" ? "CSV" : "SVG"; }
 
-/// Named by its kind, or by its name where a figure has several of a kind.
+/// Labelled by its type, or by its name if a figure has several files of a type.
 Html link(const FigureFile& file, bool by_name) {
-  const bool in_page = file.bytes.size() <= kMostInPage_bytes;
+  const bool in_page = file.bytes.size() <= kMaxInlineBytes;
   const std::string address = in_page ? data_uri(file.media_type, file.bytes) : "figures/" + file.name;
   const Html words =
       by_name ? text(file.name)
@@ -25,7 +26,7 @@ Html link(const FigureFile& file, bool by_name) {
 
 }  // namespace
 
-Html draw(const Figure& figure) {
+Html to_html(const Figure& figure) {
   if (figure.empty()) return {};
   Html caption = text(figure.caption);
   for (const FigureFile& file : figure.files) caption += text(" ") + link(file, figure.files.size() > 2);
@@ -34,17 +35,17 @@ Html draw(const Figure& figure) {
 }
 
 void write_figures(const std::filesystem::path& folder, const std::vector<Figure>& figures) {
-  std::error_code error;  // what could not be made is said by the writing
+  std::error_code error;  // ignored: writing the file reports the error
   std::filesystem::create_directories(folder, error);
   for (const Figure& figure : figures) {
-    for (const FigureFile& file : figure.files) geometry::write_file(folder / file.name, file.bytes);
+    for (const FigureFile& file : figure.files) base::write_file(folder / file.name, file.bytes);
   }
 }
 
-std::string csv_of(const std::vector<std::vector<std::string>>& lines) {
+std::string to_csv(const std::vector<std::vector<std::string>>& lines) {
   std::string csv;
   for (const std::vector<std::string>& fields : lines) {
-    for (std::size_t i = 0; i < fields.size(); ++i) csv += (i > 0 ? "," : "") + csv_field(fields[i]);
+    for (std::size_t i = 0; i < fields.size(); ++i) csv += (i > 0 ? "," : "") + base::csv_field(fields[i]);
     csv += "\r\n";
   }
   return csv;

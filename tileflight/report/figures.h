@@ -5,24 +5,24 @@
 
 namespace tileflight::report {
 
-/// Where the colours of errors end, metres: the cut-off of the paper's metric.
+/// Upper end of the error colour scale, metres: the cut-off of the paper's metric.
 double color_limit(const RunFolder& run);
 
-// The pictures of the page, each with its caption and its files; empty where the run holds nothing to draw.
+// The figures of the page, each with its caption and files; empty if the run has no data for it.
 
-/// Frames of both flights side by side.
+/// Corresponding frames of both flights side by side.
 Figure frames_figure(const RunFolder& run);
-/// Histograms of the kept distances over each other, with means and floor.
+/// Overlaid histograms of the distances below the cut-off, with means and quantization floor.
 Figure histogram_figure(const RunFolder& run);
 /// Share of map points within a distance of the surface.
 Figure cumulative_figure(const RunFolder& run);
-/// Truth in green, simulated map in blue, second map in red, from above.
+/// Map from above: truth in green, simulated map in blue, second map in red.
 Figure maps_figure(const RunFolder& run);
 /// Estimated and true paths from above.
 Figure paths_figure(const RunFolder& run);
-/// Distance between estimated and true path over the distance flown.
+/// Distance between estimated and true path against distance flown.
 Figure path_error_figure(const RunFolder& run);
-/// How alike the views of a flight and of the one that follows it are, over time.
+/// View overlap and image similarity of a flight and the one that follows it, over time.
 Figure overlap_figure(const RunFolder& run);
 /// Each flight's map, coloured by its error.
 Figure error_maps_figure(const RunFolder& run);

@@ -3,11 +3,11 @@
 #include <cmath>
 
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/report/axis_ticks.h"
 #include "tileflight/report/chart.h"
 #include "tileflight/report/frame_pairs.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/palette_png.h"
-#include "tileflight/report/scale.h"
 #include "tileflight/report/top_view.h"
 
 namespace tileflight::report {
@@ -19,17 +19,17 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 TEST(Numbers, AreWrittenForReaders) {
-  EXPECT_EQ(fixed(0.55481, 4), "0.5548");
-  EXPECT_EQ(fixed(std::nullopt, 4), kUnknown);
-  EXPECT_EQ(fixed(std::nan(""), 2), kUnknown);
-  EXPECT_EQ(count(84029.0), "84,029");
-  EXPECT_EQ(count(999.0), "999");
-  EXPECT_EQ(count(-1234567.0), "-1,234,567");
-  EXPECT_EQ(shortest(29.97), "29.97");
-  EXPECT_EQ(shortest(5.0), "5");
-  EXPECT_EQ(percent(0.4305), "43.0\u00A0%");
-  EXPECT_EQ(with_sign(0.019, 3), "+0.019");
-  EXPECT_EQ(with_sign(-0.019, 3), "\u22120.019");
+  EXPECT_EQ(format_fixed(0.55481, 4), "0.5548");
+  EXPECT_EQ(format_fixed(std::nullopt, 4), kUnknown);
+  EXPECT_EQ(format_fixed(std::nan(""), 2), kUnknown);
+  EXPECT_EQ(format_count(84029.0), "84,029");
+  EXPECT_EQ(format_count(999.0), "999");
+  EXPECT_EQ(format_count(-1234567.0), "-1,234,567");
+  EXPECT_EQ(format_shortest(29.97), "29.97");
+  EXPECT_EQ(format_shortest(5.0), "5");
+  EXPECT_EQ(format_percent(0.4305), "43.0\u00A0%");
+  EXPECT_EQ(format_signed(0.019, 3), "+0.019");
+  EXPECT_EQ(format_signed(-0.019, 3), "\u22120.019");
 }
 
 TEST(Numbers, AreFoundInJsonOrNot) {
@@ -51,14 +51,15 @@ TEST(Scale, TicksAreRoundAndInside) {
   EXPECT_THAT(nice_ticks(3, 3, 4), ElementsAre(3));
   EXPECT_EQ(tick_text(0.6000000001, 0.2), "0.6");
   EXPECT_EQ(tick_text(-0.0, 5), "0");
-  EXPECT_EQ(nice_below(37), 20);
-  EXPECT_EQ(nice_below(0.05), 0.05);
+  EXPECT_EQ(round_down_to_nice(37), 20);
+  EXPECT_EQ(round_down_to_nice(0.05), 0.05);
   EXPECT_EQ(svg_number(1.50), "1.5");
   EXPECT_EQ(svg_number(-0.001), "0");
 }
 
 TEST(Chart, CumulativeIsTheShareOfAllPoints) {
-  const std::vector<Vec2> curve = cumulative({0.9, 0.1, 0.5, 3.0}, 5, 1.0, 10);  // one of five has no distance at all
+  const std::vector<Vec2> curve =
+      cumulative_points({0.9, 0.1, 0.5, 3.0}, 5, 1.0, 10);  // one of five has no distance at all
   ASSERT_EQ(curve.size(), 11u);
   EXPECT_EQ(curve.front(), Vec2(0, 0));
   EXPECT_DOUBLE_EQ(curve[1].y(), 0.2);
@@ -67,13 +68,13 @@ TEST(Chart, CumulativeIsTheShareOfAllPoints) {
 }
 
 TEST(Chart, OutlineFollowsTheBins) {
-  EXPECT_THAT(outline({0, 1, 3}, {5, 7}), ElementsAre(Vec2(0, 5), Vec2(1, 5), Vec2(1, 7), Vec2(3, 7)));
+  EXPECT_THAT(histogram_outline({0, 1, 3}, {5, 7}), ElementsAre(Vec2(0, 5), Vec2(1, 5), Vec2(1, 7), Vec2(3, 7)));
 }
 
 TEST(Chart, NamesAreEscaped) {
   const Chart chart{
       "<t>", "", {"<x>", 0, 1}, {"y", 0, 1}, {{"<n>", "simulated", {{0, 0}, {1, 1}}, true}}, {{"<m>", "floor", 0.5}}};
-  EXPECT_THAT(on_page(drawing_of(chart)).str(),
+  EXPECT_THAT(on_page(to_drawing(chart)).str(),
               testing::Not(testing::AnyOf(HasSubstr("<t>"), HasSubstr("<x>"), HasSubstr("<n>"), HasSubstr("<m>"))));
 }
 
@@ -90,7 +91,7 @@ TEST(PalettePng, IsReadBackByTheDecoder) {
   EXPECT_THAT(png, HasSubstr("tRNS"));
 }
 
-/// Where a picture of `extent` shows a place, as a share of its width and height from the north-west corner.
+/// Position of a point in an image of `extent`, as a share of its width and height from the north-west corner.
 std::uint8_t index_at(const PaletteImage& image, double across, double down) {
   return image.indices(static_cast<int>(across * (image.indices.width - 1)),
                        static_cast<int>(down * (image.indices.height - 1)));
@@ -131,14 +132,15 @@ TEST(TopView, ColoursTellTheValue) {
 TEST(TopView, ExtentHoldsThePointsAndLeavesOutliersAway) {
   std::vector<Vec3> points{{1e6, -1e6, 0}};
   for (int i = 0; i <= 100; ++i) points.emplace_back(i, 2 * i, 0);
-  const GroundExtent all = extent_of(points), trimmed = extent_of(points, 0.0, 0.02);
+  const GroundExtent all = fit_extent(points), trimmed = fit_extent(points, 0.0, 0.02);
   EXPECT_GT(all.east, 1e6);
   EXPECT_LT(trimmed.east, 110);
   EXPECT_GT(trimmed.south, -10);
 }
 
 TEST(TopView, RoomyExtentsAreNeverNarrow) {
-  const GroundExtent tall = roomy({0, 10, 0, 100}), wide = roomy({0, 100, 5, 6}), square = roomy({0, 90, 0, 100});
+  const GroundExtent tall = limit_aspect_ratio({0, 10, 0, 100}), wide = limit_aspect_ratio({0, 100, 5, 6}),
+                     square = limit_aspect_ratio({0, 90, 0, 100});
   EXPECT_DOUBLE_EQ(tall.width_m(), 75);
   EXPECT_DOUBLE_EQ(tall.west + tall.east, 10);
   EXPECT_DOUBLE_EQ(wide.height_m(), 75);
@@ -194,13 +196,13 @@ TEST(FramePairs, ScaledDownKeepsTheMean) {
     for (int x = 0; x < 640; ++x)
       image(x, y) = {static_cast<std::uint8_t>((x * 7 + y) % 256), 100, static_cast<std::uint8_t>(x < 320 ? 0 : 255)};
   }
-  const imaging::RgbImage small = scaled_down(image, 64);
+  const imaging::RgbImage small = downscale(image, 64);
   ASSERT_EQ(small.width, 64);
   ASSERT_EQ(small.height, 36);
   EXPECT_EQ(small(10, 10)[1], 100);
   EXPECT_EQ(small(31, 5)[2], 0);
   EXPECT_EQ(small(32, 5)[2], 255);
-  EXPECT_EQ(scaled_down(image, 2000).width, 640);
+  EXPECT_EQ(downscale(image, 2000).width, 640);
 }
 
 }  // namespace

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/report/numbers.h"
-#include "tileflight/report/plate.h"
+#include "tileflight/report/number_format.h"
+#include "tileflight/report/raster_figure.h"
 
 namespace tileflight::report {
 namespace {
@@ -12,18 +12,18 @@ namespace {
 using geometry::Vec2;
 using imaging::Canvas;
 using imaging::Ink;
-using plate::Frame;
+using plate::PlotArea;
 using plate::Side;
 
 constexpr double kWidth_px = 1200, kMargin_px = 26, kLeft_px = 84, kRight_px = 26, kPanel_px = 250, kGap_px = 96;
 constexpr int kTicks = 10;
 constexpr Ink kCamera{0.05, 0.25, 0.85, 1.0}, kGround{0.52, 0.44, 0.36, 1.0}, kClearance{0.90, 0.45, 0.00, 1.0};
 
-/// A panel's axes; the way along the bottom.
+/// Axes of a panel; the horizontal one is the path length.
 struct Panel {
-  Frame frame;
-  plate::Scale along, up;
-  Vec2 at(double along_m, double value) const { return {along.at(along_m), up.at(value)}; }
+  PlotArea frame;
+  plate::AxisScale along, up;
+  Vec2 at(double along_m, double value) const { return {along.to_px(along_m), up.to_px(value)}; }
 };
 
 std::pair<double, double> range_of(const std::vector<std::vector<double>>& lists) {
@@ -40,12 +40,12 @@ std::pair<double, double> range_of(const std::vector<std::vector<double>>& lists
 
 Panel panel_of(const FlightProfile& p, double y, double low, double high) {
   const double spread = std::max(1.0, high - low);
-  const Frame frame{kMargin_px + kLeft_px, y, kWidth_px - 2 * kMargin_px - kLeft_px - kRight_px, kPanel_px};
-  const double length_m = p.along_m.empty() ? 1.0 : std::max(1e-3, p.along_m.back());
+  const PlotArea frame{kMargin_px + kLeft_px, y, kWidth_px - 2 * kMargin_px - kLeft_px - kRight_px, kPanel_px};
+  const double length_m = p.distance_flown_m.empty() ? 1.0 : std::max(1e-3, p.distance_flown_m.back());
   return {frame, {0.0, length_m, frame.x, frame.right()}, {low, high + 0.08 * spread, frame.bottom(), frame.y}};
 }
 
-/// Unbroken runs of finite values.
+/// Contiguous runs of finite values.
 std::vector<std::vector<Vec2>> runs_of(const Panel& panel, const std::vector<double>& along_m,
                                        const std::vector<double>& values) {
   std::vector<std::vector<Vec2>> runs(1);
@@ -62,8 +62,8 @@ std::vector<std::vector<Vec2>> runs_of(const Panel& panel, const std::vector<dou
 void draw_line(Canvas& canvas, const Panel& panel, const std::vector<double>& along_m,
                const std::vector<double>& values, const imaging::Stroke& stroke) {
   for (const auto& run : runs_of(panel, along_m, values)) {
-    if (run.size() == 1) canvas.disc(run.front(), stroke.width_px, stroke.ink);
-    if (run.size() > 1) canvas.line(run, stroke);
+    if (run.size() == 1) canvas.fill_disc(run.front(), stroke.width_px, stroke.ink);
+    if (run.size() > 1) canvas.draw_line(run, stroke);
   }
 }
 
@@ -71,37 +71,37 @@ void draw_ground(Canvas& canvas, const Panel& panel, const std::vector<double>& 
                  const std::vector<double>& ground_m) {
   for (auto run : runs_of(panel, along_m, ground_m)) {
     if (run.size() < 2) continue;
-    canvas.line(run, {kGround, 2.0, {}});
+    canvas.draw_line(run, {kGround, 2.0, {}});
     run.emplace_back(run.back().x(), panel.frame.bottom());
     run.emplace_back(run.front().x(), panel.frame.bottom());
-    canvas.fill(run, {kGround.red, kGround.green, kGround.blue, 0.30});
+    canvas.fill_polygon(run, {kGround.red, kGround.green, kGround.blue, 0.30});
   }
 }
 
 void draw_grid(Canvas& canvas, const Panel& panel, const std::string& label, bool with_label) {
-  const auto across = plate::ticks_of(panel.along, kTicks), up = plate::ticks_of(panel.up, 5);
+  const auto across = plate::make_ticks(panel.along, kTicks), up = plate::make_ticks(panel.up, 5);
   for (const plate::Tick& tick : up)
-    canvas.line({{panel.frame.x, tick.at_px}, {panel.frame.right(), tick.at_px}}, {plate::kRule, 1.0, {}});
+    canvas.draw_line({{panel.frame.x, tick.at_px}, {panel.frame.right(), tick.at_px}}, {plate::kGridline, 1.0, {}});
   draw_axis(canvas, panel.frame, Side::kLeft, up, label);
   draw_axis(canvas, panel.frame, Side::kBottom, across, with_label ? "way flown, m" : "");
 }
 
-/// Times stand where the camera is then.
+/// Draws times at the corresponding path lengths.
 void draw_times(Canvas& canvas, const Panel& panel, const FlightProfile& p) {
   if (p.time_s.size() < 2) return;
-  std::vector<plate::Tick> ticks = plate::ticks_of({0.0, p.time_s.back(), 0.0, p.time_s.back()}, kTicks);
+  std::vector<plate::Tick> ticks = plate::make_ticks({0.0, p.time_s.back(), 0.0, p.time_s.back()}, kTicks);
   for (plate::Tick& tick : ticks) {
     const auto next = std::lower_bound(p.time_s.begin(), p.time_s.end(), tick.at_px - 1e-9);
     const auto i = static_cast<std::size_t>(std::min(next, p.time_s.end() - 1) - p.time_s.begin());
-    tick.at_px = panel.along.at(p.along_m[i]);
+    tick.at_px = panel.along.to_px(p.distance_flown_m[i]);
   }
   draw_axis(canvas, panel.frame, Side::kTop, ticks, "time, s");
 }
 
-void draw_trouble(Canvas& canvas, const Panel& panel, const FlightProfile& p, const std::vector<double>& values) {
-  for (std::size_t i = 0; i < p.troubled.size(); ++i) {
+void draw_collisions(Canvas& canvas, const Panel& panel, const FlightProfile& p, const std::vector<double>& values) {
+  for (std::size_t i = 0; i < p.in_collision.size(); ++i) {
     const double value = std::isfinite(values[i]) ? values[i] : panel.up.low;
-    if (p.troubled[i]) canvas.disc(panel.at(p.along_m[i], value), 4.0, plate::kWarning);
+    if (p.in_collision[i]) canvas.fill_disc(panel.at(p.distance_flown_m[i], value), 4.0, plate::kWarning);
   }
 }
 
@@ -114,9 +114,9 @@ void draw_legend(Canvas& canvas, const Panel& panel, const std::vector<Entry>& e
   double x = panel.frame.x + 12;
   const double y = panel.frame.y + 20;
   for (const Entry& entry : entries) {
-    canvas.line({{x, y - 5}, {x + 26, y - 5}}, entry.stroke);
-    canvas.text(x + 33, y, entry.name, plate::on_picture(13));
-    x += 33 + canvas.text_width(entry.name, plate::on_picture(13)) + 24;
+    canvas.draw_line({{x, y - 5}, {x + 26, y - 5}}, entry.stroke);
+    canvas.draw_text(x + 33, y, entry.name, plate::overlay_lettering(13));
+    x += 33 + canvas.text_width(entry.name, plate::overlay_lettering(13)) + 24;
   }
 }
 
@@ -129,9 +129,9 @@ void draw_heights(Canvas& canvas, const FlightProfile& p, double y) {
   draw_grid(canvas, panel, "up, m (local frame)", false);
   draw_times(canvas, panel, p);
   canvas.clip(panel.frame.x, panel.frame.y, panel.frame.width, panel.frame.height);
-  draw_ground(canvas, panel, p.along_m, ground_m);
-  draw_line(canvas, panel, p.along_m, p.up_m, {kCamera, 2.4, {}});
-  draw_trouble(canvas, panel, p, p.up_m);
+  draw_ground(canvas, panel, p.distance_flown_m, ground_m);
+  draw_line(canvas, panel, p.distance_flown_m, p.up_m, {kCamera, 2.4, {}});
+  draw_collisions(canvas, panel, p, p.up_m);
   canvas.unclip();
   draw_border(canvas, panel.frame);
   draw_legend(canvas, panel, {{"camera", {kCamera, 2.4, {}}}, {"highest surface below it", {kGround, 2.4, {}}}});
@@ -139,36 +139,41 @@ void draw_heights(Canvas& canvas, const FlightProfile& p, double y) {
 
 void draw_clearance(Canvas& canvas, const FlightProfile& p, double y) {
   std::vector<double> clearance_m;
-  for (const double value : p.clearance_m) clearance_m.push_back(std::isfinite(value) ? value : p.reach_m);
-  const auto [low, high] = range_of({p.above_ground_m, clearance_m, {0.0, 2 * p.near_m}});
+  for (const double value : p.clearance_m) clearance_m.push_back(std::isfinite(value) ? value : p.max_clearance_m);
+  const auto [low, high] = range_of({p.above_ground_m, clearance_m, {0.0, 2 * p.min_clearance_m}});
   const Panel panel = panel_of(p, y, std::min(0.0, low), high + 0.12 * (high - low));
   draw_grid(canvas, panel, "m", true);
   canvas.clip(panel.frame.x, panel.frame.y, panel.frame.width, panel.frame.height);
-  canvas.rectangle(panel.frame.x, panel.up.at(p.near_m), panel.frame.width, panel.up.at(0.0) - panel.up.at(p.near_m),
-                   {plate::kWarning.red, plate::kWarning.green, plate::kWarning.blue, 0.13});
-  draw_line(canvas, panel, p.along_m, p.above_ground_m, {kGround, 2.2, {}});
-  draw_line(canvas, panel, p.along_m, clearance_m, {kClearance, 2.2, {}});
-  draw_trouble(canvas, panel, p, clearance_m);
+  canvas.fill_rectangle(panel.frame.x, panel.up.to_px(p.min_clearance_m), panel.frame.width,
+                        panel.up.to_px(0.0) - panel.up.to_px(p.min_clearance_m),
+                        {plate::kWarning.red, plate::kWarning.green, plate::kWarning.blue, 0.13});
+  draw_line(canvas, panel, p.distance_flown_m, p.above_ground_m, {kGround, 2.2, {}});
+  draw_line(canvas, panel, p.distance_flown_m, clearance_m, {kClearance, 2.2, {}});
+  draw_collisions(canvas, panel, p, clearance_m);
   canvas.unclip();
   draw_border(canvas, panel.frame);
   draw_legend(canvas, panel,
               {{"height above the surface below", {kGround, 2.2, {}}},
                {"distance to the nearest surface", {kClearance, 2.2, {}}},
-               {"nearer than " + shortest(p.near_m) + " m",
+               {"nearer than " + format_shortest(p.min_clearance_m) + " m",
                 {{plate::kWarning.red, plate::kWarning.green, plate::kWarning.blue, 0.35}, 10.0, {}}}});
 }
 
 }  // namespace
 
-imaging::RgbImage drawn(const FlightProfile& p) {
+imaging::RgbImage draw_to_image(const FlightProfile& p) {
   const double head = kMargin_px + 44 + 20 * static_cast<double>(p.notes.size()) + 34;
   const double second = head + kPanel_px + kGap_px - 40;
-  Canvas canvas(static_cast<int>(kWidth_px), static_cast<int>(second + kPanel_px + 56 + kMargin_px), plate::kPaper);
+  Canvas canvas(static_cast<int>(kWidth_px), static_cast<int>(second + kPanel_px + 56 + kMargin_px),
+                plate::kBackground);
   const double width = kWidth_px - 2 * kMargin_px;
-  canvas.text(kMargin_px, kMargin_px + 22, plate::fitted(canvas, p.title, plate::title(), width), plate::title());
+  canvas.draw_text(kMargin_px, kMargin_px + 22,
+                   plate::truncate_to_width(canvas, p.title, plate::title_lettering(), width),
+                   plate::title_lettering());
   for (std::size_t i = 0; i < p.notes.size(); ++i) {
-    canvas.text(kMargin_px, kMargin_px + 48 + 20 * static_cast<double>(i),
-                plate::fitted(canvas, p.notes[i], plate::words(), width), plate::words());
+    canvas.draw_text(kMargin_px, kMargin_px + 48 + 20 * static_cast<double>(i),
+                     plate::truncate_to_width(canvas, p.notes[i], plate::body_lettering(), width),
+                     plate::body_lettering());
   }
   draw_heights(canvas, p, head);
   draw_clearance(canvas, p, second);

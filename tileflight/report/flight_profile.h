@@ -7,21 +7,21 @@
 
 namespace tileflight::report {
 
-/// A flight over the way that it goes, a value each frame; NaN: none (nothing below, nothing near enough).
+/// A flight along its path, one value per frame; NaN: none (nothing below, or nothing within range).
 struct FlightProfile {
   std::string title;
   std::vector<std::string> notes;
-  std::vector<double> along_m;         ///< way flown up to the frame
-  std::vector<double> time_s;          ///< since the first frame
-  std::vector<double> up_m;            ///< of the camera, local frame
-  std::vector<double> above_ground_m;  ///< down to the first surface below
-  std::vector<double> clearance_m;     ///< to the nearest surface
-  std::vector<bool> troubled;          ///< inside, or the way to the next frame goes through a surface
-  double near_m = 2.0;                 ///< a surface nearer than this is too near
-  double reach_m = 100.0;              ///< clearances above this are not known, only that they are above
+  std::vector<double> distance_flown_m;  ///< path length up to the frame
+  std::vector<double> time_s;            ///< since the first frame
+  std::vector<double> up_m;              ///< of the camera, local frame
+  std::vector<double> above_ground_m;    ///< vertical distance to the first surface below
+  std::vector<double> clearance_m;       ///< to the nearest surface
+  std::vector<bool> in_collision;        ///< camera inside a surface, or the segment to the next frame intersects one
+  double min_clearance_m = 2.0;          ///< clearances below this are marked as too small
+  double max_clearance_m = 100.0;        ///< search limit: larger clearances are only known to exceed it
 };
 
-/// The camera's height with the ground below it, and under that the height above ground and the clearance.
-imaging::RgbImage drawn(const FlightProfile& profile);
+/// Plots the camera's height with the ground below it, and beneath that the height above ground and the clearance.
+imaging::RgbImage draw_to_image(const FlightProfile& profile);
 
 }  // namespace tileflight::report

@@ -10,12 +10,12 @@
 namespace tileflight::report {
 namespace {
 
-/// How many metres apart count as much as a turn by a degree, when pairs are chosen.
+/// Distance equivalent to a rotation of one degree when pairs are ranked.
 constexpr double kMetresPerDegree = 0.5;
-/// Pictures of a flight that are looked at; pairs need not be the very best.
-constexpr std::size_t kMostCandidates = 400;
-/// Cameras that are turned farther from each other do not show the same.
-constexpr double kMostApart_deg = 60.0;
+/// Maximum number of frames per flight that are considered.
+constexpr std::size_t kMaxCandidates = 400;
+/// Cameras with a larger angle between them do not show the same.
+constexpr double kMaxAngle_deg = 60.0;
 constexpr int kJpegQuality = 82;
 
 struct PosedFrame {
@@ -34,19 +34,19 @@ std::vector<PosedFrame> posed(const FlightRun& flight) {
   return result;
 }
 
-std::vector<PosedFrame> thinned(const std::vector<PosedFrame>& frames) {
-  const std::size_t step = frames.size() / kMostCandidates + 1;
+std::vector<PosedFrame> subsample(const std::vector<PosedFrame>& frames) {
+  const std::size_t step = frames.size() / kMaxCandidates + 1;
   std::vector<PosedFrame> result;
   for (std::size_t i = 0; i < frames.size(); i += step) result.push_back(frames[i]);
   return result;
 }
 
-/// A pair by the places of its pictures in both lists.
+/// A pair as indices into both lists.
 struct Candidate {
   std::size_t i, j;
   double distance_m, angle_deg;
 
-  double unlikeness() const { return distance_m + kMetresPerDegree * angle_deg; }
+  double pose_distance() const { return distance_m + kMetresPerDegree * angle_deg; }
 };
 
 Candidate candidate(const std::vector<PosedFrame>& first, std::size_t i, const std::vector<PosedFrame>& second,
@@ -56,24 +56,24 @@ Candidate candidate(const std::vector<PosedFrame>& first, std::size_t i, const s
           a.rotation.angularDistance(b.rotation) * 180 / std::numbers::pi};
 }
 
-/// All pairs that look about the same way, the most alike first.
+/// All pairs with similar viewing directions, the most similar first.
 std::vector<Candidate> candidates(const std::vector<PosedFrame>& first, const std::vector<PosedFrame>& second) {
   std::vector<Candidate> result;
   for (std::size_t i = 0; i < first.size(); ++i) {
     for (std::size_t j = 0; j < second.size(); ++j) {
       const Candidate pair = candidate(first, i, second, j);
-      if (pair.angle_deg <= kMostApart_deg) result.push_back(pair);
+      if (pair.angle_deg <= kMaxAngle_deg) result.push_back(pair);
     }
   }
   std::stable_sort(result.begin(), result.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.unlikeness() < b.unlikeness(); });
+                   [](const Candidate& a, const Candidate& b) { return a.pose_distance() < b.pose_distance(); });
   return result;
 }
 
-/// Takes the most alike pairs one by one, each at least a sixth of the wanted spacing away from those taken, in both
-/// flights.
-std::vector<FramePair> most_alike(const std::vector<PosedFrame>& first, const std::vector<PosedFrame>& second,
-                                  std::size_t count) {
+/// Greedily selects the most similar pairs, each at least a sixth of the wanted spacing away from those selected, in
+/// both flights.
+std::vector<FramePair> pick_most_similar(const std::vector<PosedFrame>& first, const std::vector<PosedFrame>& second,
+                                         std::size_t count) {
   const auto apart = [count](std::size_t a, std::size_t b, std::size_t size) {
     return std::max(a, b) - std::min(a, b) >= std::max<std::size_t>(1, size / (6 * count));
   };
@@ -93,7 +93,7 @@ std::vector<FramePair> most_alike(const std::vector<PosedFrame>& first, const st
 
 }  // namespace
 
-std::vector<FrameFile> spread(const std::vector<FrameFile>& frames, std::size_t count) {
+std::vector<FrameFile> pick_evenly(const std::vector<FrameFile>& frames, std::size_t count) {
   std::vector<FrameFile> result;
   for (std::size_t i = 0; i < std::min(count, frames.size()); ++i) {
     result.push_back(frames[(2 * i + 1) * frames.size() / (2 * std::min(count, frames.size()))]);
@@ -102,14 +102,14 @@ std::vector<FrameFile> spread(const std::vector<FrameFile>& frames, std::size_t 
 }
 
 std::vector<FramePair> frame_pairs(const FlightRun& first, const FlightRun& second, std::size_t count) {
-  std::vector<FramePair> pairs = most_alike(thinned(posed(first)), thinned(posed(second)), count);
+  std::vector<FramePair> pairs = pick_most_similar(subsample(posed(first)), subsample(posed(second)), count);
   if (!pairs.empty()) return pairs;
-  const std::vector<FrameFile> left = spread(first.frames, count), right = spread(second.frames, count);
+  const std::vector<FrameFile> left = pick_evenly(first.frames, count), right = pick_evenly(second.frames, count);
   for (std::size_t i = 0; i < std::min(left.size(), right.size()); ++i) pairs.push_back({left[i], right[i], {}, {}});
   return pairs;
 }
 
-imaging::RgbImage scaled_down(const imaging::RgbImage& image, int width) {
+imaging::RgbImage downscale(const imaging::RgbImage& image, int width) {
   if (image.width <= width) return image;
   const int height =
       std::max(1, static_cast<int>(std::lround(static_cast<double>(image.height) * width / image.width)));
@@ -134,7 +134,7 @@ imaging::RgbImage scaled_down(const imaging::RgbImage& image, int width) {
 }
 
 std::string thumbnail_uri(const std::filesystem::path& image, int width) {
-  const std::vector<std::byte> jpeg = imaging::encode_jpeg(scaled_down(imaging::read_rgb(image), width), kJpegQuality);
+  const std::vector<std::byte> jpeg = imaging::encode_jpeg(downscale(imaging::read_rgb(image), width), kJpegQuality);
   return data_uri("image/jpeg", {reinterpret_cast<const char*>(jpeg.data()), jpeg.size()});
 }
 

@@ -10,25 +10,26 @@
 
 namespace tileflight::report {
 
-/// Pictures of two flights that look at the place from about the same pose.
+/// Frames of two flights taken from nearly the same pose.
 struct FramePair {
   FrameFile first, second;
-  std::optional<double> distance_m;  ///< between the cameras, where both poses are known
+  std::optional<double> distance_m;  ///< between the cameras, if both poses are known
   std::optional<double> angle_deg;
 };
 
-/// At most `count` pairs whose poses (aligned estimates, else true poses) are most alike, in the order of the first
-/// flight; a picture is in one pair only, and so are its neighbours. Pictures that look in quite other directions are
-/// no pair: there may be fewer. Without poses, or without any pair, pictures at the same share of both flights.
+/// At most `count` pairs with the most similar poses (aligned estimates, else true poses), in the order of the first
+/// flight. Each frame, with its neighbours, is in one pair only. Frames with very different viewing directions are not
+/// paired, so there may be fewer. Without poses, or without any pair, frames at the same fraction of both flights are
+/// paired.
 std::vector<FramePair> frame_pairs(const FlightRun& first, const FlightRun& second, std::size_t count);
 
-/// `count` pictures spread evenly over a flight.
-std::vector<FrameFile> spread(const std::vector<FrameFile>& frames, std::size_t count);
+/// `count` frames spread evenly over a flight.
+std::vector<FrameFile> pick_evenly(const std::vector<FrameFile>& frames, std::size_t count);
 
-/// The image scaled down to at most `width` pixels across (mean of the pixels that fall into one; never up).
-imaging::RgbImage scaled_down(const imaging::RgbImage& image, int width);
+/// The image scaled down to at most `width` pixels across by averaging; never scaled up.
+imaging::RgbImage downscale(const imaging::RgbImage& image, int width);
 
-/// The picture scaled down, as a JPEG in a data URI.
+/// The image file scaled down, as a JPEG data URI.
 std::string thumbnail_uri(const std::filesystem::path& image, int width);
 
 }  // namespace tileflight::report

@@ -1,6 +1,6 @@
 #include "tileflight/report/figures.h"
 #include "tileflight/report/frame_pairs.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
@@ -8,7 +8,7 @@ namespace {
 constexpr std::size_t kPairs = 3;
 constexpr int kThumbnailPixels = 640;
 
-std::string seconds_text(double time_s) { return fixed(time_s, 2) + " s"; }
+std::string seconds_text(double time_s) { return format_fixed(time_s, 2) + " s"; }
 
 Html frame_cell(const FlightRun& flight, const FrameFile& frame) {
   const std::string alt = flight.label + " flight, picture at " + seconds_text(frame.time_s);
@@ -19,7 +19,7 @@ Html frame_cell(const FlightRun& flight, const FrameFile& frame) {
 
 std::string pair_note(const FramePair& pair) {
   if (!pair.distance_m) return "";
-  return "Cameras " + fixed(pair.distance_m, 1) + " m and " + fixed(pair.angle_deg, 0) + "\u00B0 apart.";
+  return "Cameras " + format_fixed(pair.distance_m, 1) + " m and " + format_fixed(pair.angle_deg, 0) + "\u00B0 apart.";
 }
 
 Html pairs_of(const FlightRun& first, const FlightRun& second) {
@@ -45,7 +45,7 @@ Figure frames_figure(const RunFolder& run) {
             "Pictures of both flights that show most nearly the same."};
   }
   Html cells;
-  for (const FrameFile& frame : spread(filmed[0]->frames, 2 * kPairs)) cells += frame_cell(*filmed[0], frame);
+  for (const FrameFile& frame : pick_evenly(filmed[0]->frames, 2 * kPairs)) cells += frame_cell(*filmed[0], frame);
   return {"frames", "frames", element("div", {{"class", "pair"}}, cells),
           "Pictures of the " + filmed[0]->label + " flight."};
 }

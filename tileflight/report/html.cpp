@@ -27,7 +27,7 @@ std::size_t sequence_length(std::string_view s) {
   return 0;
 }
 
-/// XML 1.0, production Char: no control characters but tab and the ends of lines, not U+FFFE and U+FFFF.
+/// XML 1.0, production Char: no control characters except tab and line ends, not U+FFFE and U+FFFF.
 bool is_allowed(std::string_view sequence) {
   if (sequence.size() == 1) {
     const auto c = static_cast<unsigned char>(sequence[0]);

@@ -7,13 +7,12 @@
 
 namespace tileflight::report {
 
-/// Markup that is safe to put on a page: made from plain text by `text`, from other markup by `element`, so that
-/// nothing a user or a file gave can reach the page unescaped. Written so that the page is well-formed XML too, which
-/// tests check.
+/// Markup that is safe to put on a page: created from plain text by `text` or from other markup by `element`, so that
+/// no input from users or files reaches the page unescaped. The page is also well-formed XML, which the tests check.
 class Html {
  public:
   Html() = default;
-  /// Markup that this program itself holds, never input.
+  /// Markup that is part of this program, never input.
   static Html trusted(std::string markup);
 
   const std::string& str() const { return markup_; }
@@ -27,14 +26,14 @@ class Html {
 
 using Attributes = std::vector<std::pair<std::string_view, std::string>>;
 
-/// Plain text (UTF-8). Markup characters are escaped; bytes that no XML text may hold become U+FFFD.
+/// Plain text (UTF-8). Markup characters are escaped; bytes that are invalid in XML become U+FFFD.
 Html text(std::string_view plain);
 
 /// `<name attributes>content</name>`. Attribute values are plain text.
 Html element(std::string_view name, const Attributes& attributes, const Html& content);
 Html element(std::string_view name, const Html& content);
 
-/// `<name attributes/>`, for elements of HTML that have no content (img, meta, input) and shapes of SVG.
+/// `<name attributes/>`, for void HTML elements (img, meta, input) and SVG shapes.
 Html empty_element(std::string_view name, const Attributes& attributes);
 
 /// RFC 4648, section 4.

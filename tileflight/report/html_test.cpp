@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 
 namespace tileflight::report {
 namespace {

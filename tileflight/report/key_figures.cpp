@@ -3,15 +3,16 @@
 #include <cmath>
 #include <functional>
 
-#include "tileflight/report/compared_maps.h"
-#include "tileflight/report/doubts.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/base/text_fields.h"
+#include "tileflight/report/doubts_panel.h"
+#include "tileflight/report/map_comparison_tables.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
 
 using nlohmann::json;
-using Cell = std::function<std::string(const FlightColumn&)>;
+using CellFormatter = std::function<std::string(const FlightColumn&)>;
 
 std::vector<FlightColumn> columns_of(const json& results) {
   std::vector<FlightColumn> columns;
@@ -28,7 +29,7 @@ std::vector<FlightColumn> columns_of(const json& results) {
   return columns;
 }
 
-/// The paper's table may hold its numbers flat or under `map`, as metrics.json does.
+/// The paper's table may hold its numbers directly or under `map`, as metrics.json does.
 std::optional<double> map_number(const FlightColumn& column, const std::string& key) {
   const std::optional<double> nested = number_at(column.values, "/map/" + key);
   return nested ? nested : number_at(column.values, "/" + key);
@@ -37,7 +38,7 @@ std::optional<double> map_number(const FlightColumn& column, const std::string& 
 std::string resolution(const FlightColumn& column) {
   const std::optional<double> width = number_at(column.values, "/resolution/0"),
                               height = number_at(column.values, "/resolution/1");
-  return width && height ? shortest(width) + "\u00D7" + shortest(height) : kUnknown;
+  return width && height ? format_shortest(width) + "\u00D7" + format_shortest(height) : kUnknown;
 }
 
 std::optional<double> ratio(const std::optional<double>& part, const std::optional<double>& whole) {
@@ -63,23 +64,23 @@ std::optional<double> path_error_m(const FlightColumn& column) {
   return number_at(column.values, "/trajectory/ate_rmse");
 }
 
-FigureRow row(const std::string& label, const std::vector<FlightColumn>& columns, const Cell& cell) {
-  FigureRow result{label, {}};
+KeyFigureRow row(const std::string& label, const std::vector<FlightColumn>& columns, const CellFormatter& cell) {
+  KeyFigureRow result{label, {}};
   for (const FlightColumn& column : columns) result.cells.push_back(cell(column));
   return result;
 }
 
-std::vector<FigureRow> published_rows(const std::vector<FlightColumn>& columns) {
+std::vector<KeyFigureRow> published_rows(const std::vector<FlightColumn>& columns) {
   const auto map_count = [](const char* key) {
-    return [key](const FlightColumn& c) { return count(map_number(c, key)); };
+    return [key](const FlightColumn& c) { return format_count(map_number(c, key)); };
   };
   const auto map_metres = [](const char* key) {
-    return [key](const FlightColumn& c) { return fixed(map_number(c, key), 4); };
+    return [key](const FlightColumn& c) { return format_fixed(map_number(c, key), 4); };
   };
   const auto plain = [](const char* key, int digits) {
     return [key, digits](const FlightColumn& c) {
       const std::optional<double> value = number_at(c.values, key);
-      return value ? shortest(std::round(*value * std::pow(10, digits)) / std::pow(10, digits)) : kUnknown;
+      return value ? format_shortest(std::round(*value * std::pow(10, digits)) / std::pow(10, digits)) : kUnknown;
     };
   };
   return {row("Map points", columns, map_count("points")),
@@ -89,40 +90,41 @@ std::vector<FigureRow> published_rows(const std::vector<FlightColumn>& columns) 
           row("Field of view, \u00B0", columns, plain("/fov_deg", 1)),
           row("Resolution, px", columns, resolution),
           row("Frame rate, fps", columns, plain("/fps", 2)),
-          row("Frames", columns, [](const FlightColumn& c) { return count(number_at(c.values, "/frames")); })};
+          row("Frames", columns, [](const FlightColumn& c) { return format_count(number_at(c.values, "/frames")); })};
 }
 
-std::vector<FigureRow> further_rows(const std::vector<FlightColumn>& columns) {
-  return {row("Floor: mean of a perfect map, m", columns,
-              [](const FlightColumn& c) { return fixed(number_at(c.values, "/map/quantization_floor/mean"), 4); }),
-          row("Share of points in cut-off", columns, [](const FlightColumn& c) { return percent(share_kept(c)); }),
-          row("Median to the exact surface, m", columns,
-              [](const FlightColumn& c) { return fixed(number_at(c.values, "/surface/median"), 4); }),
-          row("F-score at 0.5 m", columns,
-              [](const FlightColumn& c) { return percent(at_threshold(c.values, "f_score", 0.5)); }),
-          row("Path error (ATE), m", columns, [](const FlightColumn& c) { return fixed(path_error_m(c), 3); }),
-          row("Path error, share of the path", columns, [](const FlightColumn& c) {
-            return percent(ratio(path_error_m(c), number_at(c.values, "/trajectory/path_length")), 2);
-          })};
+std::vector<KeyFigureRow> further_rows(const std::vector<FlightColumn>& columns) {
+  return {
+      row("Floor: mean of a perfect map, m", columns,
+          [](const FlightColumn& c) { return format_fixed(number_at(c.values, "/map/quantization_floor/mean"), 4); }),
+      row("Share of points in cut-off", columns, [](const FlightColumn& c) { return format_percent(share_kept(c)); }),
+      row("Median to the exact surface, m", columns,
+          [](const FlightColumn& c) { return format_fixed(number_at(c.values, "/surface/median"), 4); }),
+      row("F-score at 0.5 m", columns,
+          [](const FlightColumn& c) { return format_percent(at_threshold(c.values, "f_score", 0.5)); }),
+      row("Path error (ATE), m", columns, [](const FlightColumn& c) { return format_fixed(path_error_m(c), 3); }),
+      row("Path error, share of the path", columns, [](const FlightColumn& c) {
+        return format_percent(ratio(path_error_m(c), number_at(c.values, "/trajectory/path_length")), 2);
+      })};
 }
 
-bool is(const json& flight, const std::string& pointer, bool wanted) {
+bool has_flag(const json& flight, const std::string& pointer, bool wanted) {
   const json::json_pointer place(pointer);
   return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == wanted;
 }
 
-/// What takes from the worth of a flight's numbers, as further sentences: of results whose writer listed no doubts.
+/// Caveats about a flight's numbers as further sentences, for results whose writer listed no doubts.
 std::string unlisted_doubts(const json& results, const char* flight, const std::string& label) {
   if (results.contains("doubts") || !results.contains(flight)) return "";
   std::string sentences;
-  if (is(results[flight], "/odometry/lost", true))
+  if (has_flag(results[flight], "/odometry/lost", true))
     sentences += " Tracking of the " + label + " flight was lost before its end.";
-  if (is(results[flight], "/alignment/converged", false))
+  if (has_flag(results[flight], "/alignment/converged", false))
     sentences += " The alignment of the " + label + " map did not converge.";
   return sentences;
 }
 
-/// How many doubts stand beside a verdict; empty if there is none.
+/// The number of doubts that accompany a verdict; empty if there are none.
 std::string remark_on_doubts(const json& results) {
   const std::size_t doubts = doubt_lines(results).size();
   if (doubts == 0) return "";
@@ -130,36 +132,38 @@ std::string remark_on_doubts(const json& results) {
                      : " " + std::to_string(doubts) + " possible doubts stand beside it.";
 }
 
-/// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". Where
-/// runs were compared, the means are those over the runs, so that they fit the difference.
+/// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". If runs
+/// were compared, the means are those over the runs, consistent with the difference.
 std::string means_of(const json& results, const std::string& second) {
   const json comparison = results.value("comparison", json());
   const bool of_runs = text_at(comparison, "/unit").value_or("") == "runs";
   const std::string mean = of_runs ? "/runs/spread/map/mean/mean" : "/map/mean";
   const auto over_runs = [&](const char* flight) {
-    return of_runs ? " over " + count(number_at(comparison, std::string("/runs/") + flight)) + " runs" : std::string();
+    return of_runs ? " over " + format_count(number_at(comparison, std::string("/runs/") + flight)) + " runs"
+                   : std::string();
   };
   const auto difference = number_at(comparison, "/mean_difference"),
              low = number_at(comparison, "/mean_difference_ci95/0"),
              high = number_at(comparison, "/mean_difference_ci95/1");
-  std::string words = "mean " + fixed(number_at(results, "/simulated" + mean), 4) + " m simulated" +
-                      over_runs("simulated") + ", " + fixed(number_at(results, "/real" + mean), 4) + " m " + second +
-                      over_runs("real");
-  if (difference) words += ", a difference of " + with_sign(difference, 4) + " m";
-  if (difference && low && high) words += " (95 % interval " + with_sign(low, 4) + " to " + with_sign(high, 4) + " m)";
+  std::string words = "mean " + format_fixed(number_at(results, "/simulated" + mean), 4) + " m simulated" +
+                      over_runs("simulated") + ", " + format_fixed(number_at(results, "/real" + mean), 4) + " m " +
+                      second + over_runs("real");
+  if (difference) words += ", a difference of " + format_signed(difference, 4) + " m";
+  if (difference && low && high)
+    words += " (95 % interval " + format_signed(low, 4) + " to " + format_signed(high, 4) + " m)";
   return words;
 }
 
 std::string verdict_of_two(const json& results, const std::string& second) {
   const json comparison = results.value("comparison", json());
   const std::string by_published = ". By the published measure, distance to voxel centres: ";
-  if (const std::string withheld = verdict_withheld(results, second); !withheld.empty())
+  if (const std::string withheld = withheld_verdict_text(results, second); !withheld.empty())
     return withheld + by_published + means_of(results, second) + ".";
-  if (has_compared_maps(comparison))
-    return compared_maps_claim(comparison, second) + by_published + means_of(results, second) + "." +
+  if (has_map_comparison(comparison))
+    return map_comparison_claim(comparison, second) + by_published + means_of(results, second) + "." +
            remark_on_doubts(results);
   const std::string what = "the " + second + " flight's map error within " +
-                           shortest(number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
+                           format_shortest(number_at(comparison, "/equivalence_margin_m").value_or(0.05)) + " m";
   const std::string word = text_at(comparison, "/verdict").value_or("");
   std::string claim = "The maps of both flights are scored";
   if (word == "equivalent") claim = "Simulation predicted " + what;
@@ -181,13 +185,8 @@ KeyFigures key_figures(const nlohmann::json& results) {
   KeyFigures figures;
   figures.columns = columns_of(results);
   figures.as_published = published_rows(figures.columns);
-  figures.beyond = further_rows(figures.columns);
+  figures.additional = further_rows(figures.columns);
   return figures;
-}
-
-std::string lower_case(std::string label) {
-  for (char& c : label) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return label;
 }
 
 std::string remark_on_floor(const nlohmann::json& results) {
@@ -210,18 +209,18 @@ std::string remark_on_floor(const nlohmann::json& results) {
 std::string verdict(const nlohmann::json& results) {
   const bool has_simulated = number_at(results, "/simulated/map/mean").has_value();
   const bool has_second = number_at(results, "/real/map/mean").has_value();
-  const std::string second = has_second ? lower_case(flight_label("real", results["real"])) : "";
+  const std::string second = has_second ? base::to_lower(flight_label("real", results["real"])) : "";
   std::string sentence = "This run holds no scored map.";
   if (has_simulated && has_second) {
     sentence = verdict_of_two(results, second);
   } else if (has_simulated || has_second) {
     const json& flight = results[has_simulated ? "simulated" : "real"];
     sentence = "The " + (has_simulated ? "simulated" : second) + " flight's map has a mean error of " +
-               fixed(number_at(flight, "/map/mean"), 4) + " m; there is no second flight to compare it with.";
+               format_fixed(number_at(flight, "/map/mean"), 4) + " m; there is no second flight to compare it with.";
   }
   sentence += unlisted_doubts(results, "simulated", "simulated");
   if (results.contains("real"))
-    sentence += unlisted_doubts(results, "real", lower_case(flight_label("real", results["real"])));
+    sentence += unlisted_doubts(results, "real", base::to_lower(flight_label("real", results["real"])));
   return sentence;
 }
 

@@ -6,7 +6,7 @@
 
 namespace tileflight::report {
 
-/// A column of the table: one flight, as published or of this run.
+/// A column of the table: one flight, either as published or of this run.
 struct FlightColumn {
   std::string key;    ///< "simulated" or "real"
   std::string label;  ///< "Simulated", "Real", "Surrogate", …
@@ -14,33 +14,30 @@ struct FlightColumn {
   nlohmann::json values;
 };
 
-/// A line of the table; `cells` in the order of the columns.
-struct FigureRow {
+/// A row of the table; `cells` are in the order of the columns.
+struct KeyFigureRow {
   std::string label;
   std::vector<std::string> cells;
 };
 
-/// What the paper published beside what this run found.
+/// The paper's published results beside those of this run.
 struct KeyFigures {
   std::vector<FlightColumn> columns;
-  std::vector<FigureRow> as_published;  ///< the rows of the paper's two tables
-  std::vector<FigureRow> beyond;        ///< what puts them into perspective: floor, exact surface, trajectory
+  std::vector<KeyFigureRow> as_published;  ///< the rows of the paper's two tables
+  std::vector<KeyFigureRow> additional;    ///< context: quantization floor, exact surface, trajectory
 };
 
-/// From results.json (contract's keys).
+/// Extracts the figures from results.json (the contract's keys).
 KeyFigures key_figures(const nlohmann::json& results);
 
-/// What the second flight is called: "Surrogate" unless it is a video, and never "Real" unless it is.
+/// Name of a flight: the second one is "Surrogate" unless it is a video, and only a video is "Real".
 std::string flight_label(const std::string& key, const nlohmann::json& flight);
 
-/// "surrogate", for the middle of a sentence.
-std::string lower_case(std::string label);
-
-/// What a reader must know of the table's first rows; empty if there is nothing to say.
+/// A remark on the table's first rows that readers need; may be empty.
 std::string remark_on_floor(const nlohmann::json& results);
 
-/// Whether simulation predicted the second flight's map, by which numbers, and the published means beside. No verdict
-/// where a doubt forbids it: then what forbids it.
+/// States whether simulation predicted the second flight's map, with the numbers that decide it and the published
+/// means. If a doubt prevents a verdict, names that doubt instead.
 std::string verdict(const nlohmann::json& results);
 
 }  // namespace tileflight::report

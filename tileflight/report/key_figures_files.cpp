@@ -6,15 +6,16 @@
 #include <system_error>
 #include <utility>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/text_fields.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
 
 std::string csv_line(const std::string& label, const std::vector<std::string>& cells) {
-  std::string line = csv_field(label);
-  for (const std::string& cell : cells) line += ',' + (cell == kUnknown ? std::string() : csv_field(cell));
+  std::string line = base::csv_field(label);
+  for (const std::string& cell : cells) line += ',' + (cell == kUnknown ? std::string() : base::csv_field(cell));
   return line + "\r\n";
 }
 
@@ -26,14 +27,14 @@ std::string latex_line(const std::string& label, const std::vector<std::string>&
 
 const char* source_of(const FlightColumn& column) { return column.published ? "Paper" : "This run"; }
 
-/// Columns from `first` on that share its source.
+/// Number of columns from `first` on with the same source.
 std::size_t group_size(const std::vector<FlightColumn>& columns, std::size_t first) {
   std::size_t last = first;
   while (last < columns.size() && columns[last].published == columns[first].published) ++last;
   return last - first;
 }
 
-/// Sources over their columns, and the rules under them.
+/// Sources above their columns, with rules below them.
 std::string latex_groups(const std::vector<FlightColumn>& columns) {
   std::string names, rules;
   for (std::size_t first = 0; first < columns.size(); first += group_size(columns, first)) {
@@ -45,14 +46,6 @@ std::string latex_groups(const std::vector<FlightColumn>& columns) {
 }
 
 }  // namespace
-
-// RFC 4180, section 2: rules 5 to 7.
-std::string csv_field(const std::string& plain) {
-  if (plain.find_first_of(",\"\r\n") == std::string::npos) return plain;
-  std::string quoted = "\"";
-  for (const char c : plain) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + '"';
-}
 
 std::string latex_text(const std::string& plain) {
   static constexpr std::array<std::pair<std::string_view, std::string_view>, 15> kCommands{{
@@ -87,8 +80,8 @@ std::string key_figures_csv(const KeyFigures& figures) {
   for (const FlightColumn& column : figures.columns)
     names.push_back(std::string(source_of(column)) + ": " + column.label);
   std::string csv = csv_line("Figure", names);
-  for (const auto* rows : {&figures.as_published, &figures.beyond}) {
-    for (const FigureRow& row : *rows) csv += csv_line(row.label, row.cells);
+  for (const auto* rows : {&figures.as_published, &figures.additional}) {
+    for (const KeyFigureRow& row : *rows) csv += csv_line(row.label, row.cells);
   }
   return csv;
 }
@@ -98,18 +91,18 @@ std::string key_figures_latex(const KeyFigures& figures) {
   for (const FlightColumn& column : figures.columns) labels.push_back(column.label);
   std::string table = "% needs \\usepackage{booktabs}\n\\begin{tabular}{l" + std::string(labels.size(), 'r') +
                       "}\n\\toprule\n" + latex_groups(figures.columns) + latex_line("", labels);
-  for (const auto* rows : {&figures.as_published, &figures.beyond}) {
+  for (const auto* rows : {&figures.as_published, &figures.additional}) {
     table += "\\midrule\n";
-    for (const FigureRow& row : *rows) table += latex_line(row.label, row.cells);
+    for (const KeyFigureRow& row : *rows) table += latex_line(row.label, row.cells);
   }
   return table + "\\bottomrule\n\\end{tabular}\n";
 }
 
 void write_key_figures(const std::filesystem::path& folder, const KeyFigures& figures) {
-  std::error_code error;  // what could not be made is said by the writing
+  std::error_code error;  // ignored: writing the file reports the error
   std::filesystem::create_directories(folder, error);
-  geometry::write_file(folder / "key-figures.csv", key_figures_csv(figures));
-  geometry::write_file(folder / "key-figures.tex", key_figures_latex(figures));
+  base::write_file(folder / "key-figures.csv", key_figures_csv(figures));
+  base::write_file(folder / "key-figures.tex", key_figures_latex(figures));
 }
 
 }  // namespace tileflight::report

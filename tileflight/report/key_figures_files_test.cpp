@@ -6,9 +6,9 @@
 #include <sstream>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/evaluation/paper.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/base/files.h"
+#include "tileflight/evaluation/published_results.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
@@ -19,7 +19,7 @@ KeyFigures some_figures() {
   const nlohmann::json flight{{"map", {{"points", 2000}, {"correspondences", 862}, {"mean", 0.51234}}},
                               {"resolution", {320, 180}},
                               {"kind", "surrogate"}};
-  return key_figures({{"paper", evaluation::paper_table()}, {"simulated", flight}, {"real", flight}});
+  return key_figures({{"paper", evaluation::published_table()}, {"simulated", flight}, {"real", flight}});
 }
 
 /// A reader of RFC 4180's grammar, one character at a time.
@@ -50,8 +50,8 @@ Rows read_csv(const std::string& csv) {
 /// The rows that the table shows: label, then the cells.
 Rows expected_rows(const KeyFigures& figures) {
   Rows rows;
-  for (const auto* part : {&figures.as_published, &figures.beyond}) {
-    for (const FigureRow& row : *part) {
+  for (const auto* part : {&figures.as_published, &figures.additional}) {
+    for (const KeyFigureRow& row : *part) {
       rows.push_back({row.label});
       for (const std::string& cell : row.cells) rows.back().push_back(cell == kUnknown ? "" : cell);
     }
@@ -103,7 +103,7 @@ TEST(KeyFiguresFiles, LatexHasBooktabsRulesAndFullRows) {
     EXPECT_EQ(occurrences(line, " & "), 4u) << line;
     ++rows;
   }
-  EXPECT_EQ(rows, 1 + figures.as_published.size() + figures.beyond.size());
+  EXPECT_EQ(rows, 1 + figures.as_published.size() + figures.additional.size());
 }
 
 TEST(KeyFiguresFiles, LatexOfNoFlightIsStillATable) {
@@ -121,8 +121,8 @@ TEST(KeyFiguresFiles, LatexEscapesEverySpecialCharacter) {
 TEST(KeyFiguresFiles, AreWritten) {
   const tests::TemporaryFolder folder;
   write_key_figures(folder / "tables", some_figures());
-  EXPECT_EQ(geometry::read_text(folder / "tables/key-figures.csv"), key_figures_csv(some_figures()));
-  EXPECT_EQ(geometry::read_text(folder / "tables/key-figures.tex"), key_figures_latex(some_figures()));
+  EXPECT_EQ(base::read_text(folder / "tables/key-figures.csv"), key_figures_csv(some_figures()));
+  EXPECT_EQ(base::read_text(folder / "tables/key-figures.tex"), key_figures_latex(some_figures()));
 }
 
 }  // namespace

@@ -2,19 +2,19 @@
 
 #include <cmath>
 
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 
-const std::vector<float>* scalar(const FlightRun& flight, const std::string& name) {
+const std::vector<float>* find_scalar(const FlightRun& flight, const std::string& name) {
   if (!flight.errors) return nullptr;
   const auto found = flight.errors->scalars.find(name);
   return found == flight.errors->scalars.end() ? nullptr : &found->second;
 }
 
 const std::vector<float>* best_distances(const FlightRun& flight) {
-  const std::vector<float>* surface = scalar(flight, "surface_distance");
-  return surface ? surface : scalar(flight, "voxel_distance");
+  const std::vector<float>* surface = find_scalar(flight, "surface_distance");
+  return surface ? surface : find_scalar(flight, "voxel_distance");
 }
 
 ScoredRegion::ScoredRegion(const nlohmann::json& results) {
@@ -26,16 +26,16 @@ ScoredRegion::ScoredRegion(const nlohmann::json& results) {
     extent = GroundExtent{*east - *width / 2, *east + *width / 2, *north - *height / 2, *north + *height / 2};
 }
 
-bool ScoredRegion::holds(const geometry::Vec3& p) const {
+bool ScoredRegion::contains(const geometry::Vec3& p) const {
   return !extent ||
          (p.x() >= extent->west && p.x() <= extent->east && p.y() >= extent->south && p.y() <= extent->north);
 }
 
-std::vector<double> distances_over(const ScoredRegion& region, const FlightRun& flight,
-                                   const std::vector<float>& distances) {
+std::vector<double> distances_in_region(const ScoredRegion& region, const FlightRun& flight,
+                                        const std::vector<float>& distances) {
   std::vector<double> result;
   for (std::size_t i = 0; i < distances.size(); ++i) {
-    if (region.holds(flight.errors->positions[i]))
+    if (region.contains(flight.errors->positions[i]))
       result.push_back(std::isfinite(distances[i]) ? distances[i] : HUGE_VAL);
   }
   return result;

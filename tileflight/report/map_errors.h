@@ -9,22 +9,22 @@
 
 namespace tileflight::report {
 
-/// A scalar of a flight's aligned map, where it has it.
-const std::vector<float>* scalar(const FlightRun& flight, const std::string& name);
+/// A per-point scalar of a flight's aligned map; nullptr if it has none of that name.
+const std::vector<float>* find_scalar(const FlightRun& flight, const std::string& name);
 
-/// Distances to the exact surface, else to voxel centres; null without a map.
+/// Distances to the exact surface, else to voxel centres; nullptr without a map.
 const std::vector<float>* best_distances(const FlightRun& flight);
 
-/// The ground over which a map was scored: beside it there is no surface to be measured against.
+/// The ground area over which a map was scored; outside it there is no reference surface.
 struct ScoredRegion {
-  std::optional<GroundExtent> extent;  ///< none: everywhere
+  std::optional<GroundExtent> extent;  ///< none: unlimited
 
   explicit ScoredRegion(const nlohmann::json& results);
-  bool holds(const geometry::Vec3& p) const;
+  bool contains(const geometry::Vec3& p) const;
 };
 
-/// The distances of the points over the region; infinite where they are not known.
-std::vector<double> distances_over(const ScoredRegion& region, const FlightRun& flight,
-                                   const std::vector<float>& distances);
+/// The distances of the points inside the region, metres; infinite where unknown.
+std::vector<double> distances_in_region(const ScoredRegion& region, const FlightRun& flight,
+                                        const std::vector<float>& distances);
 
 }  // namespace tileflight::report

@@ -2,10 +2,12 @@
 #include <cmath>
 #include <map>
 
+#include "tileflight/base/order_statistics.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/key_figures.h"
 #include "tileflight/report/map_errors.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/top_view.h"
 
 namespace tileflight::report {
@@ -13,21 +15,22 @@ namespace {
 
 /// The paper's colours.
 constexpr Rgba8 kBlue{32, 84, 214, 255}, kRed{206, 32, 32, 255};
-/// Edge of the squares of ground that the files of these figures count in.
+/// Edge of the ground squares used in these figures' files.
 constexpr double kSquare_m = 5.0;
 
 Rgba8 color_of(const FlightRun& flight) { return flight.key == "simulated" ? kBlue : kRed; }
 
-/// What all views from above show: the truth's extent, else the maps' without their farthest points.
+/// Extent of all views from above: that of the truth, else of the maps without their farthest points.
 GroundExtent extent_of_run(const RunFolder& run) {
-  if (run.voxel_centers && !run.voxel_centers->empty()) return roomy(extent_of(run.voxel_centers->positions, 0.02));
+  if (run.voxel_centers && !run.voxel_centers->empty())
+    return limit_aspect_ratio(fit_extent(run.voxel_centers->positions, 0.02));
   std::optional<GroundExtent> extent;
   for (const FlightRun& flight : run.flights) {
     if (!flight.errors || flight.errors->empty()) continue;
-    const GroundExtent own = extent_of(flight.errors->positions, 0.05, 0.02);
-    extent = extent ? united(*extent, own) : own;
+    const GroundExtent own = fit_extent(flight.errors->positions, 0.05, 0.02);
+    extent = extent ? merge_extents(*extent, own) : own;
   }
-  return roomy(extent.value_or(GroundExtent{-1, 1, -1, 1}));
+  return limit_aspect_ratio(extent.value_or(GroundExtent{-1, 1, -1, 1}));
 }
 
 Html layer_switch(const std::string& layer, const std::string& name) {
@@ -55,7 +58,7 @@ TopView error_view(const FlightRun& flight, const GroundExtent& extent, double h
   return view;
 }
 
-/// A square of ground by its south-west corner, in squares from the origin, south first.
+/// South-west corner of a ground square, in squares from the origin, south first.
 using Square = std::pair<std::int64_t, std::int64_t>;
 
 Square square_of(const geometry::Vec3& p) {
@@ -64,11 +67,11 @@ Square square_of(const geometry::Vec3& p) {
 }
 
 std::vector<std::string> middle_of(const Square& square) {
-  return {fixed((static_cast<double>(square.second) + 0.5) * kSquare_m, 1),
-          fixed((static_cast<double>(square.first) + 0.5) * kSquare_m, 1)};
+  return {format_fixed((static_cast<double>(square.second) + 0.5) * kSquare_m, 1),
+          format_fixed((static_cast<double>(square.first) + 0.5) * kSquare_m, 1)};
 }
 
-/// How many occupied cells and points of each map lie over each square.
+/// Number of occupied cells and of each map's points over each square.
 std::vector<std::vector<std::string>> counts_on_ground(const RunFolder& run) {
   std::vector<std::vector<std::string>> lines{{"middle east, m", "middle north, m"}};
   std::map<Square, std::vector<std::size_t>> counts;
@@ -93,13 +96,7 @@ std::vector<std::vector<std::string>> counts_on_ground(const RunFolder& run) {
   return lines;
 }
 
-double median(std::vector<float> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return static_cast<double>(*middle);
-}
-
-/// Points and their median error over each square.
+/// Number of points and their median error over each square.
 std::vector<std::vector<std::string>> errors_on_ground(const FlightRun& flight) {
   std::vector<std::vector<std::string>> lines{{"middle east, m", "middle north, m", "points", "median error, m"}};
   std::map<Square, std::vector<float>> errors;
@@ -110,7 +107,7 @@ std::vector<std::vector<std::string>> errors_on_ground(const FlightRun& flight) 
   for (const auto& [square, values] : errors) {
     lines.push_back(middle_of(square));
     lines.back().push_back(std::to_string(values.size()));
-    lines.back().push_back(fixed(median(values), 4));
+    lines.back().push_back(format_fixed(base::upper_median(values), 4));
   }
   return lines;
 }
@@ -139,12 +136,12 @@ Figure maps_figure(const RunFolder& run) {
   std::string caption = "From above: ground truth in green (light is high)";
   for (const FlightRun& flight : run.flights) {
     if (flight.errors)
-      caption += ", " + lower_case(flight.label) + " map in " + (flight.key == "simulated" ? "blue" : "red");
+      caption += ", " + base::to_lower(flight.label) + " map in " + (flight.key == "simulated" ? "blue" : "red");
   }
-  const Drawing drawing = drawing_of(view);
+  const Drawing drawing = to_drawing(view);
   Figure figure{"maps", "maps", switches(run) + on_page(drawing), caption + "."};
   figure.files = {{"maps.svg", "image/svg+xml", svg_file(view.title, {drawing})},
-                  {"maps.csv", "text/csv", csv_of(counts_on_ground(run))}};
+                  {"maps.csv", "text/csv", to_csv(counts_on_ground(run))}};
   return figure;
 }
 
@@ -152,7 +149,7 @@ Figure error_maps_figure(const RunFolder& run) {
   const double highest = color_limit(run);
   const GroundExtent extent = extent_of_run(run);
   const bool to_surface = std::all_of(run.flights.begin(), run.flights.end(), [](const FlightRun& flight) {
-    return best_distances(flight) == nullptr || scalar(flight, "surface_distance") != nullptr;
+    return best_distances(flight) == nullptr || find_scalar(flight, "surface_distance") != nullptr;
   });
   const Drawing colors =
       color_bar(highest, to_surface ? "distance to the exact surface, m" : "distance to the nearest voxel centre, m");
@@ -161,11 +158,11 @@ Figure error_maps_figure(const RunFolder& run) {
   for (const FlightRun& flight : run.flights) {
     if (best_distances(flight) == nullptr) continue;
     const TopView view = error_view(flight, extent, highest);
-    const Drawing drawing = drawing_of(view);
+    const Drawing drawing = to_drawing(view);
     maps += element("div", {{"class", "error-map"}}, element("h3", text(flight.label)) + on_page(drawing));
     figure.files.push_back(
         {"error-map-" + flight.key + ".svg", "image/svg+xml", svg_file(view.title, {drawing, colors})});
-    figure.files.push_back({"error-map-" + flight.key + ".csv", "text/csv", csv_of(errors_on_ground(flight))});
+    figure.files.push_back({"error-map-" + flight.key + ".csv", "text/csv", to_csv(errors_on_ground(flight))});
   }
   if (maps.empty()) return {};
   figure.content = element("div", {{"class", "columns"}}, maps) + on_page(colors);

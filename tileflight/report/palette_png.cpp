@@ -12,7 +12,7 @@ struct Encoder {
   png_structp png = nullptr;
   png_infop info = nullptr;
   Encoder() {
-    // It writes to memory what this program drew: a fault here is a bug.
+    // It writes this program's own data to memory: an error here is a bug.
     png = png_create_write_struct(
         PNG_LIBPNG_VER_STRING, nullptr, [](png_structp, png_const_charp) { std::abort(); }, nullptr);
     info = png_create_info_struct(png);

@@ -4,14 +4,14 @@
 
 #include "tileflight/report/chart_figure.h"
 #include "tileflight/report/figures.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/top_view.h"
 
 namespace tileflight::report {
 namespace {
 
-/// Lines of a chart have at most about so many points.
-constexpr std::size_t kMostPoints = 600;
+/// Approximate maximum number of points of a chart's line.
+constexpr std::size_t kMaxPoints = 600;
 
 std::vector<geometry::Vec3> positions_of(const geometry::Trajectory& trajectory) {
   std::vector<geometry::Vec3> positions;
@@ -19,7 +19,7 @@ std::vector<geometry::Vec3> positions_of(const geometry::Trajectory& trajectory)
   return positions;
 }
 
-/// Lines of one flight and their names; the estimate lies on top.
+/// Adds a flight's lines and their names; the estimate is drawn on top.
 void add_tracks(const FlightRun& flight, std::vector<TrackLayer>& tracks, std::vector<LegendEntry>& entries) {
   if (!flight.telemetry.empty()) {
     tracks.push_back({flight.key + " telemetry", flight.telemetry, true});
@@ -35,24 +35,24 @@ void add_tracks(const FlightRun& flight, std::vector<TrackLayer>& tracks, std::v
   }
 }
 
-/// Places of all poses and of the receiver.
+/// Rows with the positions of all poses and of the receiver.
 std::vector<std::vector<std::string>> poses_of(const RunFolder& run) {
   std::vector<std::vector<std::string>> lines{{"flight", "path", "time, s", "east, m", "north, m", "up, m"}};
   const auto add = [&](const FlightRun& flight, const char* path, const std::string& time, const geometry::Vec3& p) {
-    lines.push_back({flight.label, path, time, fixed(p.x(), 3), fixed(p.y(), 3), fixed(p.z(), 3)});
+    lines.push_back({flight.label, path, time, format_fixed(p.x(), 3), format_fixed(p.y(), 3), format_fixed(p.z(), 3)});
   };
   for (const FlightRun& flight : run.flights) {
     for (const auto& [name, path] : {std::pair("estimated", &flight.estimate), std::pair("true", &flight.truth)}) {
       if (!*path) continue;
       for (const geometry::StampedPose& pose : (*path)->poses)
-        add(flight, name, fixed(pose.time_s, 3), pose.T_local_camera.translation);
+        add(flight, name, format_fixed(pose.time_s, 3), pose.T_local_camera.translation);
     }
     for (const geometry::Vec3& p : flight.telemetry) add(flight, "receiver", "", p);
   }
   return lines;
 }
 
-/// Distance between estimate and truth over the distance flown by then.
+/// Distance between estimate and truth against the distance flown.
 std::vector<geometry::Vec2> error_along(const FlightRun& flight) {
   std::vector<geometry::Vec2> points;
   if (!flight.estimate || !flight.truth) return points;
@@ -68,16 +68,16 @@ std::vector<geometry::Vec2> error_along(const FlightRun& flight) {
   return points;
 }
 
-/// Every so many of the points, and the last one.
-std::vector<geometry::Vec2> thinned(const std::vector<geometry::Vec2>& points) {
-  const std::size_t step = points.size() / kMostPoints + 1;
+/// Evenly subsampled points, including the last one.
+std::vector<geometry::Vec2> subsample(const std::vector<geometry::Vec2>& points) {
+  const std::size_t step = points.size() / kMaxPoints + 1;
   std::vector<geometry::Vec2> result;
   for (std::size_t i = 0; i < points.size(); i += step) result.push_back(points[i]);
   if (!points.empty() && (points.size() - 1) % step != 0) result.push_back(points.back());
   return result;
 }
 
-/// The axes reach to the lines' largest values.
+/// Extends the axes to the lines' largest values.
 void fit_axes(Chart& chart) {
   for (const ChartLine& line : chart.lines) {
     for (const geometry::Vec2& p : line.points) {
@@ -93,15 +93,15 @@ Figure paths_figure(const RunFolder& run) {
   TopView view{"Paths from above", "Estimated, true and receiver's positions of each flight", {}, {}, {}};
   for (const FlightRun& flight : run.flights) add_tracks(flight, view.tracks, view.legend);
   if (view.tracks.empty()) return {};
-  view.extent = extent_of(view.tracks.front().points, 0.08);
-  for (const TrackLayer& track : view.tracks) view.extent = united(view.extent, extent_of(track.points, 0.08));
-  view.extent = roomy(view.extent);
+  view.extent = fit_extent(view.tracks.front().points, 0.08);
+  for (const TrackLayer& track : view.tracks) view.extent = merge_extents(view.extent, fit_extent(track.points, 0.08));
+  view.extent = limit_aspect_ratio(view.extent);
   if (run.voxel_centers) view.images.push_back({"backdrop", draw_voxels(view.extent, *run.voxel_centers, run.voxel_m)});
-  const Drawing drawing = drawing_of(view);
+  const Drawing drawing = to_drawing(view);
   Figure figure{"paths", "paths", on_page(drawing),
                 "Flights from above, after the maps were aligned; a ring marks the start."};
   figure.files = {{"paths.svg", "image/svg+xml", svg_file(view.title, {drawing})},
-                  {"paths.csv", "text/csv", csv_of(poses_of(run))}};
+                  {"paths.csv", "text/csv", to_csv(poses_of(run))}};
   return figure;
 }
 
@@ -113,8 +113,8 @@ Figure path_error_figure(const RunFolder& run) {
     if (points.size() < 2) continue;
     double largest = 0;
     for (const geometry::Vec2& p : points) largest = std::max(largest, p.y());
-    chart.description += flight.label + ": at most " + fixed(largest, 3) + " m. ";
-    chart.lines.push_back({flight.label, flight.key, thinned(points), false});
+    chart.description += flight.label + ": at most " + format_fixed(largest, 3) + " m. ";
+    chart.lines.push_back({flight.label, flight.key, subsample(points), false});
   }
   if (chart.lines.empty()) return {};
   fit_axes(chart);

@@ -5,27 +5,27 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/report/numbers.h"
-#include "tileflight/report/plate.h"
-#include "tileflight/report/scale.h"
+#include "tileflight/report/axis_ticks.h"
+#include "tileflight/report/number_format.h"
+#include "tileflight/report/raster_figure.h"
 
 namespace tileflight::report {
 namespace {
 
 using geometry::Vec2;
 using geometry::Vec3;
-using imaging::Anchor;
 using imaging::Canvas;
 using imaging::Ink;
 using imaging::Rgb8;
-using plate::Frame;
+using imaging::TextAnchor;
+using plate::PlotArea;
 using plate::Side;
 
 constexpr double kMargin_px = 26, kLine_px = 20;
-/// Around a panel, for its axes.
+/// Margins around a panel, for its axes.
 constexpr double kLeft_px = 74, kTop_px = 46, kBottom_px = 54, kRight_px = 92, kBar_px = 200;
 constexpr double kLegend_px = 34;
-/// Wider places have their heights below the picture.
+/// Above this aspect ratio the heights are drawn below the image.
 constexpr double kWide = 1.5;
 constexpr int kTicks = 6;
 
@@ -35,7 +35,7 @@ constexpr std::array<Ink, 3> kViews{{{0.10, 0.55, 0.20, 1.0}, {0.90, 0.45, 0.00,
 
 bool is_hatched(int x, int y) { return (x + y) % 9 < 2; }
 
-/// The heights that colours tell apart: without the outermost hundredth on each side.
+/// Range of heights covered by the colour scale, without the outermost hundredth on each side.
 struct Range {
   double low = 0.0, high = 1.0;
   double share(double height_m) const { return (height_m - low) / (high - low); }
@@ -52,12 +52,12 @@ Range shown_range(const imaging::FloatImage& heights_m) {
     return double{*place};
   };
   const Range range{at(0.01), at(0.99)};
-  constexpr double kLeast_m = 0.02;  // a level place has yet a scale
+  constexpr double kLeast_m = 0.02;  // minimum range for a level place
   const double short_m = std::max(0.0, kLeast_m - (range.high - range.low));
   return {range.low - short_m / 2, range.high + short_m / 2};
 }
 
-/// The picture where there is a surface, hatched paper elsewhere.
+/// The image where there is a surface, hatched elsewhere.
 imaging::RgbImage on_hatched_paper(const imaging::RgbImage& colors, const imaging::FloatImage& heights_m) {
   imaging::RgbImage out(colors.width, colors.height);
   for (int y = 0; y < out.height; ++y) {
@@ -69,7 +69,7 @@ imaging::RgbImage on_hatched_paper(const imaging::RgbImage& colors, const imagin
   return out;
 }
 
-imaging::RgbImage height_picture(const GroundPicture& ground, const Range& range) {
+imaging::RgbImage height_picture(const GroundImage& ground, const Range& range) {
   const imaging::FloatImage shade = hill_shade(ground.heights_m, ground.extent.width_m() / ground.heights_m.width);
   imaging::RgbImage out(shade.width, shade.height);
   for (std::size_t i = 0; i < out.pixels.size(); ++i) {
@@ -83,14 +83,14 @@ imaging::RgbImage height_picture(const GroundPicture& ground, const Range& range
   return out;
 }
 
-/// From the ground to a panel.
+/// Mapping from the ground to a panel.
 struct Panel {
-  Frame frame;
+  PlotArea frame;
   GroundExtent extent;
 
-  plate::Scale east() const { return {extent.west, extent.east, frame.x, frame.right()}; }
-  plate::Scale north() const { return {extent.south, extent.north, frame.bottom(), frame.y}; }
-  Vec2 at(const Vec2& ground) const { return {east().at(ground.x()), north().at(ground.y())}; }
+  plate::AxisScale east() const { return {extent.west, extent.east, frame.x, frame.right()}; }
+  plate::AxisScale north() const { return {extent.south, extent.north, frame.bottom(), frame.y}; }
+  Vec2 at(const Vec2& ground) const { return {east().to_px(ground.x()), north().to_px(ground.y())}; }
   std::vector<Vec2> at(const std::vector<Vec2>& ground) const {
     std::vector<Vec2> points;
     for (const Vec2& p : ground) points.push_back(at(p));
@@ -100,7 +100,7 @@ struct Panel {
 
 std::string degrees_text(const DegreeTick& tick) {
   const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(tick.step) - 1e-9)), 0, 8);
-  const std::string digits = fixed(std::abs(tick.degrees), decimals);
+  const std::string digits = format_fixed(std::abs(tick.degrees), decimals);
   const bool is_below = tick.degrees < 0 && digits.find_first_of("123456789") != std::string::npos;
   return (is_below ? "\u2212" : "") + digits + "°";
 }
@@ -108,19 +108,19 @@ std::string degrees_text(const DegreeTick& tick) {
 void draw_degrees(Canvas& canvas, const Panel& panel, const geometry::LocalFrame& frame) {
   std::vector<plate::Tick> across, up;
   for (const DegreeTick& tick : degree_ticks(panel.extent, frame, true, 4))
-    across.push_back({panel.east().at(panel.extent.west + tick.along_m), degrees_text(tick)});
+    across.push_back({panel.east().to_px(panel.extent.west + tick.along_m), degrees_text(tick)});
   for (const DegreeTick& tick : degree_ticks(panel.extent, frame, false, 4))
-    up.push_back({panel.north().at(panel.extent.south + tick.along_m), degrees_text(tick)});
+    up.push_back({panel.north().to_px(panel.extent.south + tick.along_m), degrees_text(tick)});
   draw_axis(canvas, panel.frame, Side::kTop, across, "longitude");
   draw_axis(canvas, panel.frame, Side::kRight, up, "latitude");
 }
 
 void draw_grid(Canvas& canvas, const Panel& panel) {
-  const auto east = plate::ticks_of(panel.east(), kTicks), north = plate::ticks_of(panel.north(), kTicks);
-  const Frame& f = panel.frame;
+  const auto east = plate::make_ticks(panel.east(), kTicks), north = plate::make_ticks(panel.north(), kTicks);
+  const PlotArea& f = panel.frame;
   const auto draw = [&](const Vec2& a, const Vec2& b) {  // light on dark and dark on light
-    canvas.line({a, b}, {{0, 0, 0, 0.22}, 2.0, {}});
-    canvas.line({a, b}, {{1, 1, 1, 0.55}, 0.8, {}});
+    canvas.draw_line({a, b}, {{0, 0, 0, 0.22}, 2.0, {}});
+    canvas.draw_line({a, b}, {{1, 1, 1, 0.55}, 0.8, {}});
   };
   for (const plate::Tick& tick : east) draw({tick.at_px, f.y}, {tick.at_px, f.bottom()});
   for (const plate::Tick& tick : north) draw({f.x, tick.at_px}, {f.right(), tick.at_px});
@@ -129,26 +129,26 @@ void draw_grid(Canvas& canvas, const Panel& panel) {
 }
 
 void draw_scale_bar(Canvas& canvas, const Panel& panel) {
-  const double length_m = nice_below(panel.extent.width_m() / 4);
+  const double length_m = round_down_to_nice(panel.extent.width_m() / 4);
   const double length_px = length_m / panel.extent.width_m() * panel.frame.width;
   const double x = panel.frame.x + 18, y = panel.frame.bottom() - 18;
   const std::vector<Vec2> bar{{x, y - 6}, {x, y}, {x + length_px, y}, {x + length_px, y - 6}};
-  canvas.line(bar, {plate::kHalo, 6.0, {}});
-  canvas.line(bar, {plate::kInk, 2.4, {}});
-  imaging::Lettering style = plate::on_picture();
-  style.anchor = Anchor::kMiddle;
-  canvas.text(x + length_px / 2, y - 9, shortest(length_m) + " m", style);
+  canvas.draw_line(bar, {plate::kHalo, 6.0, {}});
+  canvas.draw_line(bar, {plate::kInk, 2.4, {}});
+  imaging::TextStyle style = plate::overlay_lettering();
+  style.anchor = TextAnchor::kMiddle;
+  canvas.draw_text(x + length_px / 2, y - 9, format_shortest(length_m) + " m", style);
 }
 
 void draw_north_arrow(Canvas& canvas, const Panel& panel) {
   const double x = panel.frame.right() - 34, y = panel.frame.y + 38;
-  canvas.disc({x, y}, 25, plate::kHalo);
-  canvas.fill({{x, y - 20}, {x - 8, y + 6}, {x, y + 1}}, plate::kInk);
-  canvas.line({{x, y - 20}, {x + 8, y + 6}, {x, y + 1}}, {plate::kInk, 1.4, {}}, true);
-  imaging::Lettering style = plate::words(13);
+  canvas.fill_disc({x, y}, 25, plate::kHalo);
+  canvas.fill_polygon({{x, y - 20}, {x - 8, y + 6}, {x, y + 1}}, plate::kInk);
+  canvas.draw_line({{x, y - 20}, {x + 8, y + 6}, {x, y + 1}}, {plate::kInk, 1.4, {}}, true);
+  imaging::TextStyle style = plate::body_lettering(13);
   style.bold = true;
-  style.anchor = Anchor::kMiddle;
-  canvas.text(x, y + 19, "N", style);
+  style.anchor = TextAnchor::kMiddle;
+  canvas.draw_text(x, y + 19, "N", style);
 }
 
 Ink outline_ink(MapOutline::Kind kind) {
@@ -160,15 +160,15 @@ void draw_outline(Canvas& canvas, const Panel& panel, const MapOutline& outline)
   Ink ink = outline_ink(outline.kind);
   if (outline.kind == MapOutline::Kind::kMissingTile) {
     ink.opacity = 0.25;
-    canvas.fill(points, ink);
+    canvas.fill_polygon(points, ink);
     ink.opacity = 1.0;
   }
-  canvas.line(points, {{1, 1, 1, 0.9}, 3.5, {}}, true);
-  canvas.line(points, {ink, 1.8, {8, 5}}, true);
+  canvas.draw_line(points, {{1, 1, 1, 0.9}, 3.5, {}}, true);
+  canvas.draw_line(points, {ink, 1.8, {8, 5}}, true);
 }
 
-/// Where the camera looks, at some frames.
-void draw_headings(Canvas& canvas, const Panel& panel, const MapFlight& flight) {
+/// Draws viewing directions at some frames.
+void draw_headings(Canvas& canvas, const Panel& panel, const FlightOverlay& flight) {
   constexpr double kApart_px = 26, kLength_px = 13;
   double along_px = kApart_px;
   for (std::size_t i = 0; i < flight.positions.size(); ++i) {
@@ -177,64 +177,64 @@ void draw_headings(Canvas& canvas, const Panel& panel, const MapFlight& flight) 
     if (along_px < kApart_px) continue;
     along_px = 0;
     const Vec2 end = at + kLength_px * Vec2(flight.headings[i].x(), -flight.headings[i].y());
-    canvas.line({at, end}, {{1, 1, 1, 0.9}, 3.4, {}});
-    canvas.line({at, end}, {kPath, 1.6, {}});
+    canvas.draw_line({at, end}, {{1, 1, 1, 0.9}, 3.4, {}});
+    canvas.draw_line({at, end}, {kPath, 1.6, {}});
   }
 }
 
-void draw_view(Canvas& canvas, const Panel& panel, const MapView& view, const Ink& ink) {
+void draw_view(Canvas& canvas, const Panel& panel, const ViewFootprint& view, const Ink& ink) {
   const std::vector<Vec2> outline = panel.at(view.footprint);
-  canvas.fill(outline, {ink.red, ink.green, ink.blue, 0.10});
-  canvas.line(outline, {{1, 1, 1, 0.8}, 3.2, {}}, true);
-  canvas.line(outline, {ink, 1.6, {}}, true);
+  canvas.fill_polygon(outline, {ink.red, ink.green, ink.blue, 0.10});
+  canvas.draw_line(outline, {{1, 1, 1, 0.8}, 3.2, {}}, true);
+  canvas.draw_line(outline, {ink, 1.6, {}}, true);
 }
 
-void draw_camera(Canvas& canvas, const Panel& panel, const MapView& view, const Ink& ink) {
+void draw_camera(Canvas& canvas, const Panel& panel, const ViewFootprint& view, const Ink& ink) {
   const Vec2 at = panel.at(Vec2(view.position.head<2>()));
-  canvas.disc(at, 7.5, {1, 1, 1, 1});
-  canvas.disc(at, 5.5, ink);
-  canvas.text(at.x() + 10, at.y() - 8, view.name, plate::on_picture());
+  canvas.fill_disc(at, 7.5, {1, 1, 1, 1});
+  canvas.fill_disc(at, 5.5, ink);
+  canvas.draw_text(at.x() + 10, at.y() - 8, view.name, plate::overlay_lettering());
 }
 
-void draw_flight(Canvas& canvas, const Panel& panel, const MapFlight& flight) {
+void draw_flight(Canvas& canvas, const Panel& panel, const FlightOverlay& flight) {
   std::vector<Vec2> path;
   for (const Vec3& p : flight.positions) path.push_back(panel.at(Vec2(p.head<2>())));
   for (std::size_t i = 0; i < flight.views.size(); ++i)
     draw_view(canvas, panel, flight.views[i], kViews[i % kViews.size()]);
   draw_headings(canvas, panel, flight);
-  canvas.line(path, {{1, 1, 1, 0.9}, 5.0, {}});
-  canvas.line(path, {kPath, 2.4, {}});
-  for (const std::size_t i : flight.troubled) canvas.disc(path[i], 4.0, plate::kWarning);
+  canvas.draw_line(path, {{1, 1, 1, 0.9}, 5.0, {}});
+  canvas.draw_line(path, {kPath, 2.4, {}});
+  for (const std::size_t i : flight.colliding_frames) canvas.fill_disc(path[i], 4.0, plate::kWarning);
   for (std::size_t i = 0; i < flight.views.size(); ++i)
     draw_camera(canvas, panel, flight.views[i], kViews[i % kViews.size()]);
 }
 
-/// One entry after the other below the picture.
+/// Places legend entries one after the other below the image.
 class Legend {
  public:
   Legend(Canvas& canvas, double x, double y) : canvas_(canvas), x_(x), y_(y) {}
 
   void add_hatch(const std::string& name) {
-    canvas_.rectangle(x_, y_ - 10, 24, 13, imaging::ink_of(kHatchPaper));
+    canvas_.fill_rectangle(x_, y_ - 10, 24, 13, imaging::to_ink(kHatchPaper));
     canvas_.clip(x_, y_ - 10, 24, 13);
     for (int i = -14; i < 26; i += 9)
-      canvas_.line({{x_ + i, y_ + 4}, {x_ + i + 15, y_ - 11}}, {imaging::ink_of(kHatchLine), 2.0, {}});
+      canvas_.draw_line({{x_ + i, y_ + 4}, {x_ + i + 15, y_ - 11}}, {imaging::to_ink(kHatchLine), 2.0, {}});
     canvas_.unclip();
     add_name(name);
   }
   void add_line(const std::string& name, const imaging::Stroke& stroke) {
-    canvas_.line({{x_, y_ - 4}, {x_ + 24, y_ - 4}}, stroke);
+    canvas_.draw_line({{x_, y_ - 4}, {x_ + 24, y_ - 4}}, stroke);
     add_name(name);
   }
   void add_disc(const std::string& name, const Ink& ink) {
-    canvas_.disc({x_ + 12, y_ - 4}, 4.5, ink);
+    canvas_.fill_disc({x_ + 12, y_ - 4}, 4.5, ink);
     add_name(name);
   }
 
  private:
   void add_name(const std::string& name) {
-    canvas_.text(x_ + 31, y_, name, plate::words(13));
-    x_ += 31 + canvas_.text_width(name, plate::words(13)) + 24;
+    canvas_.draw_text(x_ + 31, y_, name, plate::body_lettering(13));
+    x_ += 31 + canvas_.text_width(name, plate::body_lettering(13)) + 24;
   }
 
   Canvas& canvas_;
@@ -260,33 +260,33 @@ void draw_legend(Canvas& canvas, const PlaceMap& map, double x, double y) {
   legend.add_line("path, and where the camera looks", {kPath, 2.4, {}});
   for (std::size_t i = 0; i < map.flight->views.size(); ++i)
     legend.add_line("seen in the " + map.flight->views[i].name, {kViews[i % kViews.size()], 1.8, {}});
-  if (!map.flight->troubled.empty()) legend.add_disc("inside or through a surface", plate::kWarning);
+  if (!map.flight->colliding_frames.empty()) legend.add_disc("inside or through a surface", plate::kWarning);
 }
 
-void draw_height_bar(Canvas& canvas, const PlaceMap& map, const Frame& panel, const Range& range) {
-  const Frame bar{panel.right() + 26, panel.y, 20, panel.height};
+void draw_height_bar(Canvas& canvas, const PlaceMap& map, const PlotArea& panel, const Range& range) {
+  const PlotArea bar{panel.right() + 26, panel.y, 20, panel.height};
   for (int y = 0; y < static_cast<int>(bar.height); ++y) {
     const Rgb8 color = height_color(1.0 - (y + 0.5) / bar.height);
-    canvas.rectangle(bar.x, bar.y + y, bar.width, 1, imaging::ink_of(color));
+    canvas.fill_rectangle(bar.x, bar.y + y, bar.width, 1, imaging::to_ink(color));
   }
   draw_border(canvas, bar);
-  const plate::Scale local{range.low, range.high, bar.bottom(), bar.y};
+  const plate::AxisScale local{range.low, range.high, bar.bottom(), bar.y};
   if (!map.frame) {
-    draw_axis(canvas, bar, Side::kRight, plate::ticks_of(local, 8), "height (z of the local frame), m");
+    draw_axis(canvas, bar, Side::kRight, plate::make_ticks(local, 8), "height (z of the local frame), m");
     return;
   }
   const double origin_m = map.frame->origin().height.m;
-  plate::Scale ellipsoidal = local;
+  plate::AxisScale ellipsoidal = local;
   ellipsoidal.low += origin_m;
   ellipsoidal.high += origin_m;
-  draw_axis(canvas, bar, Side::kRight, plate::ticks_of(local, 8), "up, m (local frame)");
-  const Frame beyond{bar.x, bar.y, bar.width + 84, bar.height};
-  draw_axis(canvas, beyond, Side::kRight, plate::ticks_of(ellipsoidal, 8), "above the ellipsoid, m");
+  draw_axis(canvas, bar, Side::kRight, plate::make_ticks(local, 8), "up, m (local frame)");
+  const PlotArea beyond{bar.x, bar.y, bar.width + 84, bar.height};
+  draw_axis(canvas, beyond, Side::kRight, plate::make_ticks(ellipsoidal, 8), "above the ellipsoid, m");
 }
 
-/// Where things lie on the canvas.
+/// Positions of the parts on the canvas.
 struct Layout {
-  Frame picture, heights;
+  PlotArea picture, heights;
   double text_top = kMargin_px + 22, width = 0, height = 0, legend_y = 0;
 };
 
@@ -299,8 +299,8 @@ Layout layout_of(const PlaceMap& map) {
   layout.picture = {kMargin_px + kLeft_px, top, w, h};
   layout.legend_y = layout.picture.bottom() + kBottom_px + kLegend_px - 10;
   const bool below = w > kWide * h;
-  layout.heights = below ? Frame{layout.picture.x, layout.legend_y + 24, w, h}
-                         : Frame{layout.picture.right() + right + kLeft_px, top, w, h};
+  layout.heights = below ? PlotArea{layout.picture.x, layout.legend_y + 24, w, h}
+                         : PlotArea{layout.picture.right() + right + kLeft_px, top, w, h};
   layout.width = layout.heights.right() + kBar_px + kMargin_px;
   layout.height = (below ? layout.heights.bottom() + kBottom_px : layout.legend_y) + 2 * kMargin_px;
   return layout;
@@ -308,14 +308,18 @@ Layout layout_of(const PlaceMap& map) {
 
 void draw_text(Canvas& canvas, const PlaceMap& map, const Layout& layout) {
   const double width = layout.width - 2 * kMargin_px;
-  canvas.text(kMargin_px, layout.text_top, plate::fitted(canvas, map.title, plate::title(), width), plate::title());
+  canvas.draw_text(kMargin_px, layout.text_top,
+                   plate::truncate_to_width(canvas, map.title, plate::title_lettering(), width),
+                   plate::title_lettering());
   for (std::size_t i = 0; i < map.notes.size(); ++i) {
     const double y = layout.text_top + 26 + kLine_px * static_cast<double>(i);
-    canvas.text(kMargin_px, y, plate::fitted(canvas, map.notes[i], plate::words(), width), plate::words());
+    canvas.draw_text(kMargin_px, y, plate::truncate_to_width(canvas, map.notes[i], plate::body_lettering(), width),
+                     plate::body_lettering());
   }
   const std::string line = map.attribution.empty() ? "attribution: none given in the tiles" : map.attribution;
-  canvas.text(kMargin_px, layout.height - kMargin_px + 6, plate::fitted(canvas, line, plate::quiet(12), width),
-              plate::quiet(12));
+  canvas.draw_text(kMargin_px, layout.height - kMargin_px + 6,
+                   plate::truncate_to_width(canvas, line, plate::muted_lettering(12), width),
+                   plate::muted_lettering(12));
 }
 
 void draw_over(Canvas& canvas, const PlaceMap& map, const Panel& panel) {
@@ -328,7 +332,7 @@ void draw_over(Canvas& canvas, const PlaceMap& map, const Panel& panel) {
 }  // namespace
 
 imaging::Rgb8 height_color(double share) {
-  // Dark blue to pale yellow, each lighter than the one before: read in grey, and with any colour vision.
+  // Dark blue to pale yellow, monotonically lighter: readable in grey and with any colour vision.
   constexpr std::array<Rgb8, 6> kAnchors{
       {{36, 44, 96}, {32, 93, 130}, {46, 142, 124}, {120, 184, 92}, {214, 209, 98}, {251, 244, 205}}};
   const double place = std::clamp(share, 0.0, 1.0) * (kAnchors.size() - 1);
@@ -344,7 +348,7 @@ imaging::Rgb8 height_color(double share) {
 imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixel_m) {
   const Vec3 towards_light = Vec3(-1, 1, std::sqrt(2.0)).normalized();
   imaging::FloatImage shade(heights_m.width, heights_m.height, std::nanf(""));
-  // The slope between the neighbours that are there.
+  // Slope between the neighbours that have a surface.
   const auto slope = [&](int x, int y, int dx, int dy) {
     const auto at = [&](int step) {
       const int u = x + step * dx, v = y + step * dy;
@@ -369,7 +373,7 @@ imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixe
 std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry::LocalFrame& frame, bool meridians,
                                      int wanted) {
   const double length_m = meridians ? extent.width_m() : extent.height_m();
-  // Longitudes are told from the middle one's side of the date line.
+  // Longitudes are unwrapped around the middle one (date line).
   const auto place_at = [&](double along_m) {
     return frame.geodetic_from_local(meridians ? Vec3(extent.west + along_m, extent.north, 0)
                                                : Vec3(extent.east, extent.south + along_m, 0));
@@ -395,15 +399,15 @@ std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry:
   return ticks;
 }
 
-imaging::RgbImage drawn(const PlaceMap& map) {
+imaging::RgbImage draw_to_image(const PlaceMap& map) {
   const Layout layout = layout_of(map);
-  Canvas canvas(static_cast<int>(layout.width), static_cast<int>(layout.height), plate::kPaper);
+  Canvas canvas(static_cast<int>(layout.width), static_cast<int>(layout.height), plate::kBackground);
   draw_text(canvas, map, layout);
   const Panel picture{layout.picture, map.ground.extent}, heights{layout.heights, map.ground.extent};
-  canvas.picture(picture.frame.x, picture.frame.y, on_hatched_paper(map.ground.colors, map.ground.heights_m));
+  canvas.draw_image(picture.frame.x, picture.frame.y, on_hatched_paper(map.ground.colors, map.ground.heights_m));
   const Range range = shown_range(map.ground.heights_m);
-  canvas.picture(heights.frame.x, heights.frame.y,
-                 on_hatched_paper(height_picture(map.ground, range), map.ground.heights_m));
+  canvas.draw_image(heights.frame.x, heights.frame.y,
+                    on_hatched_paper(height_picture(map.ground, range), map.ground.heights_m));
   for (const Panel& panel : {picture, heights}) {
     draw_grid(canvas, panel);
     draw_over(canvas, map, panel);

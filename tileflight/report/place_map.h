@@ -10,11 +10,11 @@
 
 namespace tileflight::report {
 
-/// The ground from straight above, pixel by pixel, north up.
-struct GroundPicture {
+/// The ground seen vertically from above, north up.
+struct GroundImage {
   GroundExtent extent;
   imaging::RgbImage colors;
-  imaging::FloatImage heights_m;  ///< of the local frame; NaN where there is no surface
+  imaging::FloatImage heights_m;  ///< in the local frame; NaN where there is no surface
 };
 
 /// A polygon of the map.
@@ -24,49 +24,50 @@ struct MapOutline {
   std::vector<geometry::Vec2> corners;  ///< east, north
 };
 
-/// What one picture of a flight sees of the ground.
-struct MapView {
+/// The part of the ground visible in one frame of a flight.
+struct ViewFootprint {
   std::string name;                       ///< "first"
   geometry::Vec3 position;                ///< of the camera
-  std::vector<geometry::Vec2> footprint;  ///< its outline, east, north; empty: it sees none
+  std::vector<geometry::Vec2> footprint;  ///< outline, east, north; empty: no ground is visible
 };
 
-/// A flight over the map.
-struct MapFlight {
-  std::vector<geometry::Vec3> positions;  ///< of the camera at each frame
+/// A flight drawn over the map.
+struct FlightOverlay {
+  std::vector<geometry::Vec3> positions;  ///< camera position of each frame
   std::vector<geometry::Vec2>
-      headings;                       ///< where it looks, east and north, of at most unit length; zero: straight down
-  std::vector<std::size_t> troubled;  ///< frames that are inside or go through a surface
-  std::vector<MapView> views;
+      headings;  ///< horizontal component (east, north) of the unit viewing direction; zero: straight down
+  std::vector<std::size_t> colliding_frames;  ///< frames inside a surface, or whose path segment intersects one
+  std::vector<ViewFootprint> views;
 };
 
-/// A map of a place: its picture beside its heights, each with a grid in metres of the local frame, and where the place
-/// is on the earth, one in degrees. Where there is no surface the paper is hatched.
+/// A map of a place: its orthophoto beside its heights, each with a grid in metres of the local frame and, if the place
+/// is georeferenced, one in degrees. Areas without a surface are hatched.
 struct PlaceMap {
   std::string title;
   std::vector<std::string> notes;  ///< lines below the title
   std::string attribution;
-  GroundPicture ground;
+  GroundImage ground;
   std::optional<geometry::LocalFrame> frame;
   std::vector<MapOutline> outlines;
-  std::optional<MapFlight> flight;
+  std::optional<FlightOverlay> flight;
 };
 
-imaging::RgbImage drawn(const PlaceMap& map);
+/// Draws the map as an image.
+imaging::RgbImage draw_to_image(const PlaceMap& map);
 
-/// The map's colour of a height, as a share of the range that is shown, 0 to 1.
+/// The map's colour of a height, given as a fraction 0 to 1 of the displayed range.
 imaging::Rgb8 height_color(double share);
 
-/// Share of the light from the north-west that each pixel's slope gives back, flat ground 1; NaN where there is none.
+/// Hill shading with light from the north-west, relative to flat ground (1); NaN where there is no surface.
 imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixel_m);
 
-/// Where the parallels and meridians of round degrees cross the side of an extent: the way along it in metres (east of
-/// its west end, or north of its south end) and the degrees. `meridians`: along the north side; else parallels along
-/// the east side.
+/// A crossing of a round parallel or meridian with a side of an extent: its distance along the side in metres (east of
+/// the west end, or north of the south end) and its degrees. `meridians`: crossings with the north side; else parallels
+/// along the east side.
 struct DegreeTick {
   double along_m = 0.0;
   double degrees = 0.0;
-  double step = 1.0;  ///< between neighbours, degrees
+  double step = 1.0;  ///< spacing of neighbouring ticks, degrees
 };
 std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry::LocalFrame& frame, bool meridians,
                                      int wanted);

@@ -37,41 +37,41 @@ std::size_t count_of(const imaging::RgbImage& image, const Rgb8& color) {
 
 TEST(PlaceMap, ShowsTheGroundAndHatchesWhereThereIsNone) {
   const PlaceMap map = red_map();
-  const imaging::RgbImage image = drawn(map);
+  const imaging::RgbImage image = draw_to_image(map);
   const std::size_t ground = count_of(image, {200, 30, 30});
   EXPECT_LT(ground, 3U * 300 * 240 / 4);
   EXPECT_GT(ground, 3U * 300 * 240 / 4 * 6 / 10) << "but for the grid, the arrow and the bar";
   EXPECT_GT(count_of(image, {202, 204, 208}), 2000U) << "hatched";
-  EXPECT_EQ(drawn(map).pixels, image.pixels) << "the same bytes";
+  EXPECT_EQ(draw_to_image(map).pixels, image.pixels) << "the same bytes";
 }
 
 TEST(PlaceMap, FitsWideAndNarrowPlaces) {
-  const imaging::RgbImage wide = drawn(red_map(600, 200)), narrow = drawn(red_map(200, 600));
+  const imaging::RgbImage wide = draw_to_image(red_map(600, 200)), narrow = draw_to_image(red_map(200, 600));
   EXPECT_GT(wide.height, 400) << "heights below the picture";
   EXPECT_GT(narrow.width, 400) << "heights beside it";
   PlaceMap level = red_map(64, 64);
   for (float& height_m : level.ground.heights_m.pixels) height_m = 5.0F;
-  EXPECT_GT(drawn(level).width, 0);
+  EXPECT_GT(draw_to_image(level).width, 0);
   for (float& height_m : level.ground.heights_m.pixels) height_m = std::nanf("");
-  EXPECT_GT(drawn(level).width, 0);
+  EXPECT_GT(draw_to_image(level).width, 0);
 }
 
 TEST(PlaceMap, FlightsAndOutlinesAreDrawn) {
   PlaceMap map = red_map();
-  const std::size_t before = count_of(drawn(map), {200, 30, 30});
+  const std::size_t before = count_of(draw_to_image(map), {200, 30, 30});
   map.frame.emplace(geometry::Geodetic{35.0, -80.0, {200.0}});
   map.outlines = {{MapOutline::Kind::kProposedRegion, {{-50, -50}, {50, -50}, {50, 50}, {-50, 50}}},
                   {MapOutline::Kind::kMissingTile, {{60, 0}, {90, 0}, {90, 30}, {60, 30}}}};
-  MapFlight flight;
+  FlightOverlay flight;
   for (int i = 0; i <= 20; ++i) {
     flight.positions.emplace_back(-100 + 10 * i, 60, 30);
     flight.headings.emplace_back(0, 1);
   }
-  flight.troubled = {5};
+  flight.colliding_frames = {5};
   flight.views = {{"first", {-100, 60, 30}, {{-120, 40}, {-80, 40}, {-80, 80}, {-120, 80}}},
                   {"last", {100, 60, 30}, {}}};
   map.flight = flight;
-  const imaging::RgbImage image = drawn(map);
+  const imaging::RgbImage image = draw_to_image(map);
   EXPECT_LT(count_of(image, {200, 30, 30}), before - 1000);
   EXPECT_GT(count_of(image, {204, 23, 28}), 20U) << "the frame that goes through something";
 }
@@ -97,6 +97,7 @@ TEST(PlaceMap, ShadeIsThatOfThePlanesNormal) {
     }
     const double wanted = std::max(0.0, Vec3(-east, -north, 1).normalized().dot(towards_light)) / towards_light.z();
     const imaging::FloatImage shade = hill_shade(plane, 0.5);
+    ASSERT_EQ(shade.pixels.size(), plane.pixels.size());
     for (const float value : shade.pixels) EXPECT_NEAR(value, wanted, 1e-4);
   }
   imaging::FloatImage holes(3, 3, std::nanf(""));

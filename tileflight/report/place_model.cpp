@@ -2,22 +2,22 @@
 
 #include <cmath>
 
-#include "tileflight/tiling/coarser_surface.h"
+#include "tileflight/simplification/surface_simplification.h"
 #include "tileflight/tiling/mesh_source.h"
 #include "tileflight/tiling/painted_surface.h"
 
 namespace tileflight::report {
 namespace {
 
-/// Tiles that were rounded by themselves meet again within this.
+/// Vertices of separately quantized tiles are merged within this distance.
 constexpr double kJoin_m = 0.02;
-/// How much of a sheet charts fill, of rectangles and the gaps between them.
-constexpr double kSheetFill = 0.5;
+/// Share of a texture atlas that charts fill (rectangles with gaps between them).
+constexpr double kAtlasFill = 0.5;
 
-geometry::TriangleMesh simplified_surface(const std::vector<imaging::TexturedMesh>& meshes, std::size_t triangles) {
-  geometry::TriangleMesh surface = tiling::welded(meshes);
+geometry::TriangleMesh simplify_surface(const std::vector<imaging::TexturedMesh>& meshes, std::size_t triangles) {
+  geometry::TriangleMesh surface = simplification::weld_vertices(meshes);
   if (surface.triangles.size() <= triangles) return surface;
-  return tiling::coarser(tiling::borders_joined(surface, kJoin_m), triangles);
+  return simplification::simplify_to_count(simplification::join_borders(surface, kJoin_m), triangles);
 }
 
 }  // namespace
@@ -30,10 +30,10 @@ PlaceModel read_place_model(const std::filesystem::path& mesh_glb, const PlaceMo
     model.source_triangles += mesh.mesh.triangles.size();
     meshes.push_back(&mesh);
   }
-  const geometry::TriangleMesh surface = simplified_surface(source.meshes, options.triangles);
-  const double texels = kSheetFill * options.sheet_px * options.sheet_px;
+  const geometry::TriangleMesh surface = simplify_surface(source.meshes, options.max_triangles);
+  const double texels = kAtlasFill * options.texture_px * options.texture_px;
   const double texel_m = std::sqrt(geometry::surface_area_m2(surface) / texels);
-  model.mesh = tiling::painted(surface, tiling::SurfaceColors(meshes), {texel_m, options.sheet_px}).mesh;
+  model.mesh = tiling::transfer_colors(surface, tiling::SurfaceColors(meshes), {texel_m, options.texture_px}).mesh;
   return model;
 }
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "tileflight/report/map_errors.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/tables.h"
 
 namespace tileflight::report {
@@ -11,7 +11,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Points within this of the surface count as right, as in the page's F-score.
+/// Points within this distance of the surface count as correct, as in the page's F-score.
 constexpr double kRight_m = 0.5;
 
 std::string yes_or_no(const json& values, const std::string& pointer) {
@@ -20,21 +20,21 @@ std::string yes_or_no(const json& values, const std::string& pointer) {
   return values.at(place).get<bool>() ? "yes" : "no";
 }
 
-/// What is known of the points over one part of the ground.
+/// Results for the points over one part of the ground.
 struct Part {
-  std::vector<double> errors_m;  ///< infinite where not known
+  std::vector<double> errors_m;  ///< infinite if unknown
 
   std::vector<std::string> cells() {
     if (errors_m.empty()) return {"0", kUnknown, kUnknown};
     const auto right = std::count_if(errors_m.begin(), errors_m.end(), [](double e) { return e <= kRight_m; });
     const auto middle = errors_m.begin() + static_cast<std::ptrdiff_t>(errors_m.size() / 2);
     std::nth_element(errors_m.begin(), middle, errors_m.end());
-    return {count(static_cast<double>(errors_m.size())), fixed(*middle, 3),
-            percent(static_cast<double>(right) / static_cast<double>(errors_m.size()))};
+    return {format_count(static_cast<double>(errors_m.size())), format_fixed(*middle, 3),
+            format_percent(static_cast<double>(right) / static_cast<double>(errors_m.size()))};
   }
 };
 
-/// Which third of the range a value lies in.
+/// The third of the range that contains a value.
 std::size_t third(double value, double low, double high) {
   return static_cast<std::size_t>(std::clamp(std::floor(3 * (value - low) / (high - low)), 0.0, 2.0));
 }
@@ -57,8 +57,10 @@ std::array<Part, 9> parts_of(const FlightRun& flight, const GroundExtent& ground
 }  // namespace
 
 Table place_table(const json& results) {
-  const auto whole = [&](const char* key) { return count(number_at(results, std::string("/truth/") + key)); };
-  const auto metres = [&](const char* key) { return shortest(number_at(results, std::string("/truth/") + key)); };
+  const auto whole = [&](const char* key) { return format_count(number_at(results, std::string("/truth/") + key)); };
+  const auto metres = [&](const char* key) {
+    return format_shortest(number_at(results, std::string("/truth/") + key));
+  };
   if (!number_at(results, "/truth/voxels_occupied") && !number_at(results, "/truth/tiles_loaded")) return {};
   return {"The place as ground truth",
           {"", "Value"},
@@ -78,20 +80,21 @@ Table coverage_table(const json& coverage) {
               {}};
   if (!coverage.is_object() || !coverage.contains("strategies") || !coverage["strategies"].is_object()) return table;
   for (const auto& [name, values] : coverage["strategies"].items()) {
-    const auto share = [&](const char* key) { return percent(number_at(values, std::string("/") + key), 2); };
-    table.rows.push_back({name, count(number_at(values, "/tiles")), share("right"), share("coarser"), share("missing"),
-                          share("missing_worst"), share("cells_share")});
+    const auto share = [&](const char* key) { return format_percent(number_at(values, std::string("/") + key), 2); };
+    table.rows.push_back({name, format_count(number_at(values, "/tiles")), share("right"), share("coarser"),
+                          share("missing"), share("missing_worst"), share("cells_share")});
   }
   return table;
 }
 
 Table parts_table(const RunFolder& run) {
-  Table table{"Parts of the place: points, their median error, and the share within " + shortest(kRight_m) + " m",
-              {"Part"},
-              {}};
+  Table table{
+      "Parts of the place: points, their median error, and the share within " + format_shortest(kRight_m) + " m",
+      {"Part"},
+      {}};
   std::optional<GroundExtent> ground = ScoredRegion(run.results).extent;
   if (!ground && run.voxel_centers && !run.voxel_centers->empty())
-    ground = extent_of(run.voxel_centers->positions, 0.0);
+    ground = fit_extent(run.voxel_centers->positions, 0.0);
   if (!ground) return table;
   for (const char* name :
        {"North-west", "North", "North-east", "West", "Middle", "East", "South-west", "South", "South-east"})
@@ -99,7 +102,7 @@ Table parts_table(const RunFolder& run) {
   for (const FlightRun& flight : run.flights) {
     if (best_distances(flight) == nullptr) continue;
     table.groups.push_back(flight.label);
-    for (const char* name : {"points", "median, m", "within"}) table.head.emplace_back(name);
+    for (const char* name : {"points", "median, m", "within"}) table.header.emplace_back(name);
     std::array<Part, 9> parts = parts_of(flight, *ground);
     for (std::size_t i = 0; i < parts.size(); ++i) {
       for (std::string& cell : parts[i].cells()) table.rows[i].push_back(std::move(cell));

@@ -29,7 +29,7 @@ TEST(CoverageTable, HasARowAWayOfLoading) {
   ASSERT_THAT(table.rows, SizeIs(2));
   EXPECT_THAT(table.rows[1],
               ElementsAre("view-<b>", "28", "80.98\u00A0%", "\u2013", "\u2013", "13.79\u00A0%", "\u2013"));
-  EXPECT_THAT(draw(table).str(), testing::HasSubstr("view-&lt;b&gt;"));
+  EXPECT_THAT(to_html(table).str(), testing::HasSubstr("view-&lt;b&gt;"));
   EXPECT_THAT(coverage_table(nullptr).rows, SizeIs(0));
   EXPECT_THAT(coverage_table({{"strategies", {1, 2}}}).rows, SizeIs(0));
 }

@@ -1,12 +1,12 @@
 #include "tileflight/report/report.h"
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/report/contents.h"
-#include "tileflight/report/doubts.h"
+#include "tileflight/base/files.h"
+#include "tileflight/report/doubts_panel.h"
 #include "tileflight/report/html.h"
 #include "tileflight/report/key_figures_files.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/page_script.h"
+#include "tileflight/report/report_contents.h"
 #include "tileflight/report/run_folder.h"
 #include "tileflight/report/style_sheet.h"
 #include "tileflight/report/view_section.h"
@@ -14,17 +14,17 @@
 namespace tileflight::report {
 namespace {
 
-/// A part of the page below the first screen.
+/// A section of the page below the first screen.
 struct Section {
   std::string id, title;
   Html content;
 };
 
-/// Side by side where there is room; nothing for nothing.
+/// Arranges content side by side if there is room; empty for empty content.
 Html columns(const Html& content) { return content.empty() ? Html() : element("div", {{"class", "columns"}}, content); }
 
-/// Links to what lies beside the page.
-Html files_list(const Contents& contents) {
+/// Links to the files beside the page.
+Html files_list(const ReportContents& contents) {
   std::vector<std::string> names{"report.json", "results.json", "tables/key-figures.csv", "tables/key-figures.tex"};
   for (const Figure& figure : contents.figures) {
     for (const FigureFile& file : figure.files) names.push_back("figures/" + file.name);
@@ -35,10 +35,10 @@ Html files_list(const Contents& contents) {
          element("ul", {{"class", "files"}}, items);
 }
 
-/// In the order of reading; empty ones are left out.
-std::vector<Section> sections_of(const RunFolder& run, const Contents& c, const ReportOptions& options) {
-  const auto figure = [&](const char* id) { return draw(c.figure(id)); };
-  const auto table = [&](const char* id) { return draw(c.table(id)); };
+/// Sections in reading order; empty ones are left out.
+std::vector<Section> sections_of(const RunFolder& run, const ReportContents& c, const ReportOptions& options) {
+  const auto figure = [&](const char* id) { return to_html(c.figure(id)); };
+  const auto table = [&](const char* id) { return to_html(c.table(id)); };
   std::vector<Section> sections{
       {"view", "The place, the maps and the flights", view_section(run, options.view)},
       {"errors", "Map error",
@@ -95,7 +95,7 @@ Html head(const std::string& name) {
                      element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(style)));
 }
 
-Html header(const RunFolder& run, const Contents& contents, const std::vector<Section>& sections) {
+Html header(const RunFolder& run, const ReportContents& contents, const std::vector<Section>& sections) {
   const std::string subtitle =
       "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth "
       "from 3D Tiles." +
@@ -105,10 +105,10 @@ Html header(const RunFolder& run, const Contents& contents, const std::vector<Se
                                doubts_panel(run.results) + navigation(sections));
 }
 
-Html main_part(const Contents& contents, const std::vector<Section>& sections) {
+Html main_part(const ReportContents& contents, const std::vector<Section>& sections) {
   Html parts = element("section", {{"class", "first-screen"}, {"aria-label", "Key figures"}},
                        element("div", key_figures_table(contents.key_figures) + floor_note(contents.remark_on_floor)) +
-                           draw(contents.figure("maps")));
+                           to_html(contents.figure("maps")));
   for (const Section& section : sections) {
     parts += element("section", {{"id", section.id}, {"aria-labelledby", section.id + "-title"}},
                      element("h2", {{"id", section.id + "-title"}}, text(section.title)) + section.content);
@@ -116,7 +116,7 @@ Html main_part(const Contents& contents, const std::vector<Section>& sections) {
   return element("main", {{"id", "main"}}, parts + notice(contents.missing));
 }
 
-Html body(const RunFolder& run, const Contents& contents, const ReportOptions& options) {
+Html body(const RunFolder& run, const ReportContents& contents, const ReportOptions& options) {
   const std::vector<Section> sections = sections_of(run, contents, options);
   const Html skip = element("a", {{"class", "skip"}, {"href", "#main"}}, text("Skip to the results"));
   const Html footer = element(
@@ -130,12 +130,12 @@ Html body(const RunFolder& run, const Contents& contents, const ReportOptions& o
 
 void write_report(const std::filesystem::path& run_folder, const ReportOptions& options) {
   const RunFolder run = read_run_folder(run_folder);
-  const Contents contents = contents_of(run);
+  const ReportContents contents = build_contents(run);
   const Html page = element("html", {{"lang", "en"}}, head(contents.name) + body(run, contents, options));
   const nlohmann::json numbers = report_json(contents, run.results);
-  geometry::write_file(run_folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
-  geometry::write_file(run_folder / "report.json",
-                       numbers.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  base::write_file(run_folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
+  base::write_file(run_folder / "report.json",
+                   numbers.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   write_figures(run_folder / "figures", contents.figures);
   write_key_figures(run_folder / "tables", contents.key_figures);
 }

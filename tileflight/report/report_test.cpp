@@ -7,7 +7,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tests/web/synthetic_run.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 #include "tileflight/report/key_figures.h"
 
 namespace tileflight::report {
@@ -24,18 +24,18 @@ class Report : public testing::Test {
   }
   std::string page() {
     write_report(run_, quick());
-    return geometry::read_text(run_ / "report.html");
+    return base::read_text(run_ / "report.html");
   }
-  /// A view that is made in no time.
+  /// Small limits, so that the view is built quickly.
   static ReportOptions quick() {
     ReportOptions options;
-    options.view.place = {.triangles = 500, .sheet_px = 64};
-    options.view.map_points = 300;
-    options.view.frames = 3;
+    options.view.place = {.max_triangles = 500, .texture_px = 64};
+    options.view.max_map_points = 300;
+    options.view.max_frames = 3;
     options.view.frame_width_px = 32;
     return options;
   }
-  /// The page but for the program's own script and the view's data.
+  /// The page without the program's own script and the view's data.
   static std::string without_view(std::string html) {
     for (const char* begin : {"<script type=\"application/octet-stream\" id=\"view-data\">", "<script>"}) {
       const std::size_t from = html.find(begin);
@@ -43,7 +43,7 @@ class Report : public testing::Test {
     }
     return html;
   }
-  nlohmann::json results() { return nlohmann::json::parse(geometry::read_text(run_ / "results.json")); }
+  nlohmann::json results() { return nlohmann::json::parse(base::read_text(run_ / "results.json")); }
   void write_results(const nlohmann::json& value) { std::ofstream(run_ / "results.json") << value.dump(); }
   std::string fault() {
     return tests::refusal_of([&] { write_report(run_, quick()); });
@@ -135,7 +135,7 @@ TEST_F(Report, AlignsTheEstimatedPath) {
 
 TEST_F(Report, TheSameRunGivesTheSameBytes) {
   make();
-  EXPECT_EQ(geometry::sha256_hex(page()), geometry::sha256_hex(page()));
+  EXPECT_EQ(base::sha256_hex(page()), base::sha256_hex(page()));
 }
 
 TEST_F(Report, TheIntervalSaysWhatItIsBy) {
@@ -150,11 +150,11 @@ TEST_F(Report, TheIntervalSaysWhatItIsBy) {
 TEST_F(Report, EveryFigureAndItsNumbersAreFiles) {
   make();
   page();
-  const nlohmann::json report = nlohmann::json::parse(geometry::read_text(run_ / "report.json"));
+  const nlohmann::json report = nlohmann::json::parse(base::read_text(run_ / "report.json"));
   std::size_t files = 0;
   for (const nlohmann::json& figure : report["figures"]) {
     for (const nlohmann::json& file : figure["files"]) {
-      const std::string bytes = geometry::read_text(run_ / file.get<std::string>());
+      const std::string bytes = base::read_text(run_ / file.get<std::string>());
       if (file.get<std::string>().ends_with(".svg")) {
         EXPECT_THAT(bytes, testing::StartsWith("<svg xmlns=\"http://www.w3.org/2000/svg\"")) << file;
         EXPECT_THAT(bytes, Not(HasSubstr("var(--"))) << file;
@@ -170,8 +170,9 @@ TEST_F(Report, EveryFigureAndItsNumbersAreFiles) {
 TEST_F(Report, TheJsonHoldsWhatThePageSays) {
   make();
   const std::string html = page();
-  const nlohmann::json report = nlohmann::json::parse(geometry::read_text(run_ / "report.json"));
+  const nlohmann::json report = nlohmann::json::parse(base::read_text(run_ / "report.json"));
   EXPECT_EQ(report["verdict"], verdict(results()));
+  ASSERT_FALSE(report["key_figures"]["rows"].empty());
   for (const nlohmann::json& row : report["key_figures"]["rows"]) {
     for (const std::string cell : row["cells"]) EXPECT_THAT(html, HasSubstr(">" + cell + "</td>"));
   }
@@ -187,7 +188,7 @@ TEST_F(Report, TheJsonHoldsWhatThePageSays) {
 TEST_F(Report, ThePathsErrorIsTheDistanceAtTheSameTime) {
   make();
   page();
-  const nlohmann::json report = nlohmann::json::parse(geometry::read_text(run_ / "report.json"));
+  const nlohmann::json report = nlohmann::json::parse(base::read_text(run_ / "report.json"));
   for (const nlohmann::json& figure : report["figures"]) {
     if (figure["id"] != "path-error") continue;
     const nlohmann::json& points = figure["series"][0]["points"];
@@ -202,7 +203,7 @@ TEST_F(Report, ThePathsErrorIsTheDistanceAtTheSameTime) {
 TEST_F(Report, PartsOfThePlaceAreCountedByTheirPoints) {
   make({.map_points = 9000});
   page();
-  const nlohmann::json report = nlohmann::json::parse(geometry::read_text(run_ / "report.json"));
+  const nlohmann::json report = nlohmann::json::parse(base::read_text(run_ / "report.json"));
   for (const nlohmann::json& table : report["tables"]) {
     if (table["id"] != "parts") continue;
     ASSERT_EQ(table["rows"].size(), 9U);

@@ -6,7 +6,7 @@
 namespace tileflight::report {
 namespace {
 
-/// Characters, not bytes: how many columns of a terminal the text takes (every character here takes one).
+/// Length in characters, not bytes: the number of terminal columns (every character used here takes one).
 std::size_t width_of(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
 }
@@ -33,8 +33,8 @@ Widths widths_of(const KeyFigures& figures) {
   Widths widths;
   for (const FlightColumn& column : figures.columns)
     widths.columns.push_back(std::max<std::size_t>(12, width_of(column.label)));
-  for (const auto* rows : {&figures.as_published, &figures.beyond}) {
-    for (const FigureRow& row : *rows) {
+  for (const auto* rows : {&figures.as_published, &figures.additional}) {
+    for (const KeyFigureRow& row : *rows) {
       widths.label = std::max(widths.label, width_of(row.label));
       for (std::size_t i = 0; i < row.cells.size(); ++i)
         widths.columns[i] = std::max(widths.columns[i], width_of(row.cells[i]));
@@ -63,9 +63,9 @@ std::string results_table(const nlohmann::json& results) {
   }
   const std::string rule = std::string(total, '-') + "\n";
   std::string table = line("", groups, widths) + line("", labels, widths) + rule;
-  for (const FigureRow& row : figures.as_published) table += line(row.label, row.cells, widths);
+  for (const KeyFigureRow& row : figures.as_published) table += line(row.label, row.cells, widths);
   table += rule;
-  for (const FigureRow& row : figures.beyond) table += line(row.label, row.cells, widths);
+  for (const KeyFigureRow& row : figures.additional) table += line(row.label, row.cells, widths);
   return table;
 }
 

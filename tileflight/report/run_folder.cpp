@@ -4,12 +4,12 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/geometry/files.h"
 #include "tileflight/geometry/geodesy.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/report/key_figures.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace fs = std::filesystem;
@@ -18,16 +18,16 @@ namespace {
 using nlohmann::json;
 
 json read_object(const fs::path& file) {
-  json value = json::parse(geometry::read_text(file), nullptr, false);
+  json value = json::parse(base::read_text(file), nullptr, false);
   if (!value.is_object()) throw InputError(file.string(), "not a JSON object; run the experiment again");
   return value;
 }
 
-/// "000000 TIMESTAMP_S EXPOSURE_MS" a line; the picture is images/ID with whatever ending it has.
+/// Lines "000000 TIMESTAMP_S EXPOSURE_MS"; the image is images/ID with any extension.
 std::vector<FrameFile> read_frames(const fs::path& dataset) {
   std::vector<FrameFile> frames;
   if (!fs::exists(dataset / "times.txt")) return frames;
-  std::istringstream lines(geometry::read_text(dataset / "times.txt"));
+  std::istringstream lines(base::read_text(dataset / "times.txt"));
   for (std::string line; std::getline(lines, line);) {
     std::istringstream fields(line);
     std::string id;
@@ -63,10 +63,10 @@ std::optional<geometry::LocalFrame> local_frame(const json& results) {
   return geometry::LocalFrame({*latitude, *longitude, {*height}});
 }
 
-/// gps.csv: t,lat,lon,height,… a line after its header.
+/// Reads gps.csv: lines of t,lat,lon,height,… after a header.
 std::vector<geometry::Vec3> read_telemetry(const fs::path& file, const geometry::LocalFrame& frame) {
   std::vector<geometry::Vec3> positions;
-  std::istringstream lines(geometry::read_text(file));
+  std::istringstream lines(base::read_text(file));
   for (std::string line; std::getline(lines, line);) {
     double time_s = 0, latitude = 0, longitude = 0, height = 0;
     char comma = 0;
@@ -77,12 +77,12 @@ std::vector<geometry::Vec3> read_telemetry(const fs::path& file, const geometry:
   return positions;
 }
 
-/// reproduction.csv: time_s,real_frame,simulated_frame,overlap,ncc,ssim,… a line after its header. A field that is no
-/// number is a value that is not known.
+/// Reads reproduction.csv: lines of time_s,real_frame,simulated_frame,overlap,ncc,ssim,… after a header. A field that
+/// is not a number is an unknown value.
 std::vector<ViewPair> read_view_pairs(const fs::path& file) {
   std::vector<ViewPair> pairs;
   if (!fs::exists(file)) return pairs;
-  std::istringstream lines(geometry::read_text(file));
+  std::istringstream lines(base::read_text(file));
   std::string line;
   std::getline(lines, line);
   while (std::getline(lines, line)) {
@@ -98,7 +98,7 @@ std::vector<ViewPair> read_view_pairs(const fs::path& file) {
   return pairs;
 }
 
-/// Reads one part of the folder into `part` if it is there, else notes that it is missing.
+/// Reads one part of the folder into `part` if it exists, else records it as missing.
 template <class Read>
 void read_part(const fs::path& folder, const fs::path& file, const std::string& purpose,
                std::vector<std::string>& missing, const Read& read) {

@@ -3,19 +3,19 @@
 #include <algorithm>
 #include <functional>
 
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
 
 using nlohmann::json;
-using Shown = std::function<std::string(const json&)>;
+using CellFormatter = std::function<std::string(const json&)>;
 
-Shown number(const std::string& pointer, int decimals) {
-  return [=](const json& values) { return fixed(number_at(values, pointer), decimals); };
+CellFormatter number_cell(const std::string& pointer, int decimals) {
+  return [=](const json& values) { return format_fixed(number_at(values, pointer), decimals); };
 }
-Shown share(const std::string& pointer) {
-  return [=](const json& values) { return percent(number_at(values, pointer)); };
+CellFormatter percent_cell(const std::string& pointer) {
+  return [=](const json& values) { return format_percent(number_at(values, pointer)); };
 }
 
 json at(const json& values, const std::string& pointer) {
@@ -23,8 +23,9 @@ json at(const json& values, const std::string& pointer) {
   return values.contains(place) ? values.at(place) : json();
 }
 
-/// Adds a row unless the value is known of no flight.
-void add_row(Table& table, const std::string& label, const std::vector<FlightRun>& flights, const Shown& shown) {
+/// Adds a row unless the value is unknown for all flights.
+void add_row(Table& table, const std::string& label, const std::vector<FlightRun>& flights,
+             const CellFormatter& shown) {
   std::vector<std::string> cells{label};
   for (const FlightRun& flight : flights) cells.push_back(shown(flight.values));
   const auto is_unknown = [](const std::string& cell) { return cell == kUnknown; };
@@ -33,20 +34,20 @@ void add_row(Table& table, const std::string& label, const std::vector<FlightRun
 
 Table table_of(const std::string& caption, const std::vector<FlightRun>& flights) {
   Table table{caption, {""}, {}};
-  for (const FlightRun& flight : flights) table.head.push_back(flight.label);
+  for (const FlightRun& flight : flights) table.header.push_back(flight.label);
   return table;
 }
 
 std::vector<std::string> statistics(const json& values) {
-  return {count(number_at(values, "/points")), fixed(number_at(values, "/mean"), 4),
-          fixed(number_at(values, "/median"), 4)};
+  return {format_count(number_at(values, "/points")), format_fixed(number_at(values, "/mean"), 4),
+          format_fixed(number_at(values, "/median"), 4)};
 }
 
 /// "Held out, at 12, −30, 4 m".
 std::string region_name(const json& region) {
   std::string name = text_at(region, "/use").value_or("") == "held-out" ? "Held out, at " : "Aligned on, at ";
   for (const char* axis : {"0", "1", "2"})
-    name += fixed(number_at(region, std::string("/center/") + axis), 0) + (axis[0] == '2' ? " m" : ", ");
+    name += format_fixed(number_at(region, std::string("/center/") + axis), 0) + (axis[0] == '2' ? " m" : ", ");
   return name;
 }
 
@@ -59,7 +60,7 @@ void add_region_row(Table& table, const std::string& label, const std::vector<Fl
   table.rows.push_back(std::move(cells));
 }
 
-/// Of the flight that has most.
+/// The longest list of all flights.
 const json* longest_list(const std::vector<FlightRun>& flights, const std::string& pointer) {
   const json* longest = nullptr;
   for (const FlightRun& flight : flights) {
@@ -75,15 +76,16 @@ std::vector<std::string> run_row(const std::string& label, const json& run) {
   std::string name = label + ", " + text_at(run, "/name").value_or(kUnknown);  // "Simulated, 2-backwards"
   std::replace(name.begin(), name.end(), '-', ' ');
   if (const auto why = text_at(run, "/failed")) return {name, "failed", *why, kUnknown, kUnknown};
-  return {name, count(number_at(run, "/points")), fixed(number_at(run, "/mean"), 4),
-          fixed(number_at(run, "/surface_median"), 4), fixed(number_at(run, "/ate_rmse"), 4)};
+  return {name, format_count(number_at(run, "/points")), format_fixed(number_at(run, "/mean"), 4),
+          format_fixed(number_at(run, "/surface_median"), 4), format_fixed(number_at(run, "/ate_rmse"), 4)};
 }
 
 /// "0.4497 ± 0.0021 (0.4470 to 0.4524)".
 std::string spread_text(const json& spread) {
-  std::string words = fixed(number_at(spread, "/mean"), 4) + " \u00b1 " + fixed(number_at(spread, "/std"), 4);
+  std::string words =
+      format_fixed(number_at(spread, "/mean"), 4) + " \u00b1 " + format_fixed(number_at(spread, "/std"), 4);
   const auto low = number_at(spread, "/ci95/0"), high = number_at(spread, "/ci95/1");
-  return low && high ? words + " (" + fixed(low, 4) + " to " + fixed(high, 4) + ")" : words;
+  return low && high ? words + " (" + format_fixed(low, 4) + " to " + format_fixed(high, 4) + ")" : words;
 }
 
 }  // namespace
@@ -96,7 +98,7 @@ Table regions_table(const std::vector<FlightRun>& flights) {
   if (!each) return table;
   for (const FlightRun& flight : flights) {
     table.groups.push_back(flight.label);
-    for (const char* name : {"points", "mean", "median"}) table.head.emplace_back(name);
+    for (const char* name : {"points", "mean", "median"}) table.header.emplace_back(name);
   }
   add_region_row(table, "All aligned on", flights, "/regions/aligned_on");
   add_region_row(table, "All held out", flights, "/regions/held_out");
@@ -107,16 +109,17 @@ Table regions_table(const std::vector<FlightRun>& flights) {
 
 Table quality_table(const std::vector<FlightRun>& flights) {
   Table table = table_of("Shape, sharpness and drift", flights);
-  add_row(table, "Normals: mean |cos| to the surface's", flights, number("/surface/normals/mean_abs_cos", 3));
-  add_row(table, "Normals within 30\u00b0 of the surface's", flights, share("/surface/normals/share_within_30_deg"));
-  add_row(table, "Mean map entropy (lower is sharper)", flights, number("/entropy/mean", 3));
-  add_row(table, "Radius of the entropy, m", flights, number("/entropy/radius", 2));
+  add_row(table, "Normals: mean |cos| to the surface's", flights, number_cell("/surface/normals/mean_abs_cos", 3));
+  add_row(table, "Normals within 30\u00b0 of the surface's", flights,
+          percent_cell("/surface/normals/share_within_30_deg"));
+  add_row(table, "Mean map entropy (lower is sharper)", flights, number_cell("/entropy/mean", 3));
+  add_row(table, "Radius of the entropy, m", flights, number_cell("/entropy/radius", 2));
   add_row(table, "Drift, share of the distance", flights, [](const json& values) {
     const auto drift = number_at(values, "/trajectory/drift/translation_percent");
-    return drift ? percent(*drift / 100, 3) : kUnknown;
+    return drift ? format_percent(*drift / 100, 3) : kUnknown;
   });
-  add_row(table, "Drift, \u00b0 a metre", flights, number("/trajectory/drift/rotation_deg_per_m", 5));
-  add_row(table, "Largest drift of the scale", flights, share("/trajectory/scale_drift/largest"));
+  add_row(table, "Drift, \u00b0 a metre", flights, number_cell("/trajectory/drift/rotation_deg_per_m", 5));
+  add_row(table, "Largest drift of the scale", flights, percent_cell("/trajectory/scale_drift/largest"));
   return table;
 }
 
@@ -131,12 +134,12 @@ Table budget_table(const std::vector<FlightRun>& flights) {
   for (const auto& [key, label] : parts) {
     add_row(table, label, flights, [&key = key](const json& values) -> std::string {
       const auto metres = number_at(values, "/error_budget/" + key + "/metres");
-      return metres ? fixed(metres, 4) + ", " + text_at(values, "/error_budget/" + key + "/kind").value_or("")
+      return metres ? format_fixed(metres, 4) + ", " + text_at(values, "/error_budget/" + key + "/kind").value_or("")
                     : kUnknown;
     });
   }
-  add_row(table, "Together (RMS)", flights, number("/error_budget/total", 4));
-  add_row(table, "of the points within, m", flights, number("/error_budget/within", 2));
+  add_row(table, "Together (RMS)", flights, number_cell("/error_budget/total", 4));
+  add_row(table, "of the points within, m", flights, number_cell("/error_budget/within", 2));
   return table;
 }
 
@@ -151,8 +154,9 @@ Table runs_table(const std::vector<FlightRun>& flights) {
     const auto spread = [&](const char* key) {
       return spread_text(at(flight.values, std::string("/runs/spread/") + key));
     };
-    table.rows.push_back({flight.label + ", all", count(number_at(flight.values, "/runs/spread/map/points/mean")),
-                          spread("map/mean"), spread("surface/median"), spread("trajectory/ate_rmse")});
+    table.rows.push_back({flight.label + ", all",
+                          format_count(number_at(flight.values, "/runs/spread/map/points/mean")), spread("map/mean"),
+                          spread("surface/median"), spread("trajectory/ate_rmse")});
   }
   return table;
 }
@@ -166,10 +170,10 @@ Table failure_table(const json& results) {
     if (!t.is_object()) return;
     std::vector<std::string> cells{label};
     for (const char* key : {"questions", "both", "only_simulated", "only_real", "neither"})
-      cells.push_back(count(number_at(t, std::string("/") + key)));
-    cells.push_back(fixed(number_at(t, "/phi"), 3));
+      cells.push_back(format_count(number_at(t, std::string("/") + key)));
+    cells.push_back(format_fixed(number_at(t, "/phi"), 3));
     for (const char* key : {"predicted", "false_alarms"})
-      cells.push_back(percent(number_at(t, std::string("/") + key)));
+      cells.push_back(format_percent(number_at(t, std::string("/") + key)));
     table.rows.push_back(std::move(cells));
   };
   add("Pictures lost", "/failure/frames");

@@ -8,17 +8,17 @@
 
 namespace tileflight::report {
 
-// Tables of scores that not every run has; without rows where it has none.
+// Tables of optional scores; without rows if the run has none.
 
-/// Distances over the regions that the alignment was made on, and over those held back from it, both flights.
+/// Distances over the regions used for the alignment and over those held out, both flights.
 Table regions_table(const std::vector<FlightRun>& flights);
-/// Normals' consistency, map entropy and drift, both flights.
+/// Consistency of normals, map entropy and drift, both flights.
 Table quality_table(const std::vector<FlightRun>& flights);
-/// What makes up the distance to the surface, both flights.
+/// Error budget of the distance to the surface, both flights.
 Table budget_table(const std::vector<FlightRun>& flights);
-/// Each of the repeated runs of odometry, and their spread.
+/// Each repeated odometry run, and their spread.
 Table runs_table(const std::vector<FlightRun>& flights);
-/// What the simulated flight said of the frames that the other one lost, and of the places that it missed.
+/// Predictions of the simulated flight about the frames that the other one lost and the places it missed.
 Table failure_table(const nlohmann::json& results);
 
 }  // namespace tileflight::report

@@ -39,7 +39,7 @@ TEST(ScoreTables, RegionsSayWhatTheyWereFor) {
   ASSERT_THAT(table.rows, SizeIs(3));
   EXPECT_THAT(table.rows[0], ElementsAre("All aligned on", "1,200", "0.2500", "0.1000", "\u2013", "\u2013", "\u2013"));
   EXPECT_EQ(table.rows[2][0], "Held out, at 12, -30, 4 m");
-  EXPECT_THAT(table.head, SizeIs(7));
+  EXPECT_THAT(table.header, SizeIs(7));
   EXPECT_THAT(table.groups, ElementsAre("Simulated", "Real"));
 }
 

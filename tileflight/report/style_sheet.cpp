@@ -7,7 +7,7 @@
 namespace tileflight::report {
 namespace {
 
-/// Of charts and views from above, on the page and in files.
+/// Style of charts and views from above, on the page and in files.
 constexpr std::string_view kDrawing = R"css(
 svg text { font-size: 13px; fill: var(--ink); stroke: none; }
 svg .axis { stroke: var(--quiet); }
@@ -39,7 +39,7 @@ svg .backdrop { opacity: .3; }
 .start.real { stroke: var(--real); }
 )css";
 
-/// Values of the page's light colours, for programs that know no variables.
+/// Values of the page's light colours, for programs that do not support CSS variables.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 10> kLight{{
     {"var(--ink)", "#1c2126"},
     {"var(--quiet)", "#5a6570"},
@@ -143,7 +143,7 @@ body:has(#show-real:not(:checked)) .maps .layer.real { display: none; }
 footer { margin-top: 3rem; padding-top: 1rem; padding-bottom: 2rem; border-top: 1px solid var(--rule); color: var(--quiet); font-size: .88rem; }
 )css";
 
-/// After the drawings' rules, which these change.
+/// Rules that override those of the drawings.
 constexpr std::string_view kLast = R"css(
 @media (max-width: 52rem) {
   header, main, footer { padding-left: 1rem; padding-right: 1rem; }

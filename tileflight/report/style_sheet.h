@@ -4,10 +4,10 @@
 
 namespace tileflight::report {
 
-/// The page's style: light, dark (as the reader's system says) and printed.
+/// The page's style sheet: light, dark (by the reader's system setting) and print.
 std::string style_sheet();
 
-/// The style of a drawing in a file of its own: light.
+/// Style sheet of a standalone drawing file: light colours.
 std::string drawing_style();
 
 }  // namespace tileflight::report

@@ -5,13 +5,13 @@
 #include <functional>
 #include <map>
 
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 
 namespace tileflight::report {
 namespace {
 
 using nlohmann::json;
-using Cell = std::function<std::string(const json&)>;
+using CellFormatter = std::function<std::string(const json&)>;
 
 Html cell(const std::string& content) { return element("td", text(content)); }
 Html row_head(const std::string& content) { return element("th", {{"scope", "row"}}, text(content)); }
@@ -19,7 +19,7 @@ Html column_head(const std::string& content) {
   return content.empty() ? element("td", Html()) : element("th", {{"scope", "col"}}, text(content));
 }
 
-/// Wide tables scroll in a frame of their own, which a keyboard can reach.
+/// Wide tables scroll in their own frame, which is reachable by keyboard.
 Html framed(const std::string& name, const Html& table) {
   return element("section", {{"class", "table-frame"}, {"tabindex", "0"}, {"aria-label", name}}, table);
 }
@@ -30,36 +30,37 @@ std::vector<std::string> head_of(const std::string& first, const std::vector<Fli
   return head;
 }
 
-std::vector<std::string> row(const std::string& label, const std::vector<FlightRun>& flights, const Cell& value) {
+std::vector<std::string> row(const std::string& label, const std::vector<FlightRun>& flights,
+                             const CellFormatter& value) {
   std::vector<std::string> result{label};
   for (const FlightRun& flight : flights) result.push_back(value(flight.values));
   return result;
 }
 
-Cell metres(const std::string& pointer, int decimals = 3) {
-  return [=](const json& values) { return fixed(number_at(values, pointer), decimals); };
+CellFormatter metres_cell(const std::string& pointer, int decimals = 3) {
+  return [=](const json& values) { return format_fixed(number_at(values, pointer), decimals); };
 }
-Cell whole(const std::string& pointer) {
-  return [=](const json& values) { return count(number_at(values, pointer)); };
+CellFormatter integer_cell(const std::string& pointer) {
+  return [=](const json& values) { return format_count(number_at(values, pointer)); };
 }
-Cell short_number(const std::string& pointer) {
-  return [=](const json& values) { return shortest(number_at(values, pointer)); };
+CellFormatter shortest_cell(const std::string& pointer) {
+  return [=](const json& values) { return format_shortest(number_at(values, pointer)); };
 }
-Cell yes_or_no(const std::string& pointer) {
+CellFormatter yes_no_cell(const std::string& pointer) {
   return [=](const json& values) -> std::string {
     const json::json_pointer place(pointer);
     if (!values.contains(place) || !values.at(place).is_boolean()) return kUnknown;
     return values.at(place).get<bool>() ? "yes" : "no";
   };
 }
-Cell words(const std::string& pointer) {
+CellFormatter text_cell(const std::string& pointer) {
   return [=](const json& values) {
     const std::string value = text_at(values, pointer).value_or("");
     return value.empty() ? kUnknown : value;
   };
 }
 
-/// Thresholds of all flights in increasing order, by how they are written.
+/// Thresholds of all flights in increasing order, with their text.
 std::map<double, std::string> thresholds_of(const std::vector<FlightRun>& flights) {
   std::map<double, std::string> result;
   for (const FlightRun& flight : flights) {
@@ -80,7 +81,7 @@ std::string escaped_token(const std::string& key) {
 
 std::string text_of(const json& value) {
   if (value.is_string()) return value.get<std::string>();
-  if (value.is_number_float()) return shortest(value.get<double>());
+  if (value.is_number_float()) return format_shortest(value.get<double>());
   return value.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
@@ -97,7 +98,7 @@ Html program_table(const json& provenance) {
     std::replace(name.begin(), name.end(), '_', ' ');
     table.rows.push_back({name, text_of(value)});
   }
-  return table.rows.empty() ? Html() : draw(table);
+  return table.rows.empty() ? Html() : to_html(table);
 }
 
 Html inputs_table(const json& inputs) {
@@ -110,16 +111,16 @@ Html inputs_table(const json& inputs) {
   } else if (inputs.is_object()) {
     for (const auto& [path, hash] : inputs.items()) table.rows.push_back({path, text_of(hash)});
   }
-  return table.rows.empty() ? Html() : draw(table);
+  return table.rows.empty() ? Html() : to_html(table);
 }
 
 Html seconds_table(const json& seconds) {
   if (!seconds.is_object() || seconds.empty()) return {};
   Table table{"Time taken", {"Stage", "Seconds"}, {}};
   for (const auto& [stage, value] : seconds.items()) {
-    table.rows.push_back({stage, value.is_number() ? fixed(value.get<double>(), 2) : text_of(value)});
+    table.rows.push_back({stage, value.is_number() ? format_fixed(value.get<double>(), 2) : text_of(value)});
   }
-  return draw(table);
+  return to_html(table);
 }
 
 Html attribution_list(const json& attribution) {
@@ -132,7 +133,7 @@ Html attribution_list(const json& attribution) {
   return list.empty() ? Html() : element("h3", text("Attribution of the tiles")) + element("ul", list);
 }
 
-/// Under whose terms the tiles were read, where a provider has any.
+/// The provider's terms under which the tiles were read, if any.
 Html terms_line(const json& results) {
   const std::string provider = text_at(results, "/truth/terms/provider").value_or(""),
                     url = text_at(results, "/truth/terms/url").value_or("");
@@ -151,9 +152,9 @@ json member(const json& object, const char* key) {
   return object.is_object() && object.contains(key) ? object[key] : json(nullptr);
 }
 
-Html figure_rows(const std::vector<FigureRow>& rows, const std::vector<FlightColumn>& columns) {
+Html figure_rows(const std::vector<KeyFigureRow>& rows, const std::vector<FlightColumn>& columns) {
   Html result;
-  for (const FigureRow& figure : rows) {
+  for (const KeyFigureRow& figure : rows) {
     Html cells = row_head(figure.label);
     for (std::size_t i = 0; i < figure.cells.size(); ++i) {
       cells += element("td", {{"class", columns[i].published ? "published" : columns[i].key}}, text(figure.cells[i]));
@@ -165,12 +166,12 @@ Html figure_rows(const std::vector<FigureRow>& rows, const std::vector<FlightCol
 
 }  // namespace
 
-Html draw(const Table& table) {
+Html to_html(const Table& table) {
   if (table.rows.empty()) return {};
   Html head, groups, body;
-  for (const std::string& name : table.head) head += column_head(name);
+  for (const std::string& name : table.header) head += column_head(name);
   for (const std::string& name : table.groups) {
-    const std::string columns = std::to_string((table.head.size() - 1) / table.groups.size());
+    const std::string columns = std::to_string((table.header.size() - 1) / table.groups.size());
     groups += element("th", {{"scope", "colgroup"}, {"colspan", columns}}, text(name));
   }
   for (const std::vector<std::string>& cells : table.rows) {
@@ -197,7 +198,7 @@ Html key_figures_table(const KeyFigures& figures) {
   const Html table = element("caption", text(caption)) +
                      element("thead", element("tr", groups) + element("tr", labels)) +
                      element("tbody", figure_rows(figures.as_published, figures.columns)) +
-                     element("tbody", {{"class", "beyond"}}, figure_rows(figures.beyond, figures.columns));
+                     element("tbody", {{"class", "beyond"}}, figure_rows(figures.additional, figures.columns));
   return framed(caption, element("table", {{"class", "key-figures"}}, table));
 }
 
@@ -209,7 +210,7 @@ Table percentiles_table(const std::vector<FlightRun>& flights) {
       {}};
   for (const FlightRun& flight : flights) {
     table.groups.push_back(flight.label);
-    for (const char* name : {"to voxel", "to surface"}) table.head.push_back(name);
+    for (const char* name : {"to voxel", "to surface"}) table.header.push_back(name);
   }
   for (const char* percent : {"25", "50", "75", "90", "95", "99"}) {
     std::vector<std::string> cells{std::string(percent) + "\u00A0%"};
@@ -218,7 +219,7 @@ Table percentiles_table(const std::vector<FlightRun>& flights) {
       for (const char* part : {"/map", "/surface"}) {
         const auto distance_m = number_at(flight.values, std::string(part) + "/percentiles/" + percent);
         any = any || distance_m;
-        cells.push_back(fixed(distance_m, 4));
+        cells.push_back(format_fixed(distance_m, 4));
       }
     }
     if (any) table.rows.push_back(cells);
@@ -234,13 +235,14 @@ Table surface_table(const std::vector<FlightRun>& flights) {
       {}};
   for (const FlightRun& flight : flights) {
     table.groups.push_back(flight.label);
-    for (const char* name : {"accuracy", "compl.", "F-score"}) table.head.push_back(name);
+    for (const char* name : {"accuracy", "compl.", "F-score"}) table.header.push_back(name);
   }
   for (const auto& [threshold_m, name] : thresholds_of(flights)) {
-    std::vector<std::string> cells{shortest(threshold_m) + " m"};
+    std::vector<std::string> cells{format_shortest(threshold_m) + " m"};
     for (const FlightRun& flight : flights) {
       for (const char* key : {"accuracy", "completeness", "f_score"}) {
-        cells.push_back(percent(number_at(flight.values, "/surface/" + std::string(key) + "/" + escaped_token(name))));
+        cells.push_back(
+            format_percent(number_at(flight.values, "/surface/" + std::string(key) + "/" + escaped_token(name))));
       }
     }
     table.rows.push_back(cells);
@@ -251,18 +253,19 @@ Table surface_table(const std::vector<FlightRun>& flights) {
 Table tracking_table(const std::vector<FlightRun>& flights) {
   return {"How each map was tracked and aligned",
           head_of("", flights),
-          {row("Frames given", flights, whole("/odometry/frames")),
-           row("Frames tracked", flights, whole("/odometry/frames_tracked")),
-           row("Lost before the end", flights, yes_or_no("/odometry/lost")),
-           row("Why", flights, words("/odometry/lost_reason")), row("Keyframes", flights, whole("/odometry/keyframes")),
-           row("Odometry, frames/s", flights, short_number("/odometry/frames_per_second")),
-           row("Alignment started from", flights, words("/alignment/start")),
-           row("Alignment method", flights, words("/alignment/method")),
-           row("Alignment converged", flights, yes_or_no("/alignment/converged")),
-           row("Iterations", flights, whole("/alignment/iterations")),
-           row("Scale", flights, short_number("/alignment/scale")),
-           row("RMS of the aligned points, m", flights, metres("/alignment/rmse", 4)),
-           row("Remark", flights, words("/alignment/note"))}};
+          {row("Frames given", flights, integer_cell("/odometry/frames")),
+           row("Frames tracked", flights, integer_cell("/odometry/frames_tracked")),
+           row("Lost before the end", flights, yes_no_cell("/odometry/lost")),
+           row("Why", flights, text_cell("/odometry/lost_reason")),
+           row("Keyframes", flights, integer_cell("/odometry/keyframes")),
+           row("Odometry, frames/s", flights, shortest_cell("/odometry/frames_per_second")),
+           row("Alignment started from", flights, text_cell("/alignment/start")),
+           row("Alignment method", flights, text_cell("/alignment/method")),
+           row("Alignment converged", flights, yes_no_cell("/alignment/converged")),
+           row("Iterations", flights, integer_cell("/alignment/iterations")),
+           row("Scale", flights, shortest_cell("/alignment/scale")),
+           row("RMS of the aligned points, m", flights, metres_cell("/alignment/rmse", 4)),
+           row("Remark", flights, text_cell("/alignment/note"))}};
 }
 
 Table trajectory_table(const std::vector<FlightRun>& flights) {
@@ -272,18 +275,18 @@ Table trajectory_table(const std::vector<FlightRun>& flights) {
   if (!any) return {};
   Table table{"Error of the estimated path after alignment to the true positions",
               head_of("", flights),
-              {row("Path length, m", flights, metres("/trajectory/path_length", 1)),
-               row("ATE (RMS), m", flights, metres("/trajectory/ate_rmse")),
-               row("ATE (mean), m", flights, metres("/trajectory/ate_mean")),
-               row("ATE (largest), m", flights, metres("/trajectory/ate_max"))}};
+              {row("Path length, m", flights, metres_cell("/trajectory/path_length", 1)),
+               row("ATE (RMS), m", flights, metres_cell("/trajectory/ate_rmse")),
+               row("ATE (mean), m", flights, metres_cell("/trajectory/ate_mean")),
+               row("ATE (largest), m", flights, metres_cell("/trajectory/ate_max"))}};
   for (std::size_t i = 0; i < 8; ++i) {
     const std::string rpe = "/trajectory/rpe/" + std::to_string(i);
     const auto delta = std::find_if(flights.begin(), flights.end(), [&](const FlightRun& f) {
       return number_at(f.values, rpe + "/delta_m").has_value();
     });
     if (delta == flights.end()) break;
-    const std::string label = "RPE over " + shortest(number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
-    table.rows.push_back(row(label, flights, metres(rpe + "/translation_rmse_m")));
+    const std::string label = "RPE over " + format_shortest(number_at(delta->values, rpe + "/delta_m")) + " m (RMS), m";
+    table.rows.push_back(row(label, flights, metres_cell(rpe + "/translation_rmse_m")));
   }
   return table;
 }
@@ -293,16 +296,16 @@ Table comparison_table(const nlohmann::json& results) {
   if (!c.is_object() || c.empty()) return {};
   const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
   const std::string by = text_at(c, "/unit").value_or("") == "runs" ? "between runs, Welch's t" : "block bootstrap";
-  const std::string interval = low && high ? with_sign(low, 4) + " to " + with_sign(high, 4) : kUnknown;
+  const std::string interval = low && high ? format_signed(low, 4) + " to " + format_signed(high, 4) : kUnknown;
   return {"By the published measure, distance to voxel centres: simulated minus second",
           {"", "Value"},
-          {{"Difference of mean errors, m", with_sign(number_at(c, "/mean_difference"), 4)},
+          {{"Difference of mean errors, m", format_signed(number_at(c, "/mean_difference"), 4)},
            {"95 % interval (" + by + "), m", interval},
-           {"Difference of standard deviations, m", with_sign(number_at(c, "/std_difference"), 4)},
-           {"Map points, simulated over second", fixed(number_at(c, "/points_ratio"), 3)},
-           {"Kolmogorov\u2013Smirnov statistic", fixed(number_at(c, "/ks_statistic"), 4)},
-           {"1-Wasserstein distance, m", fixed(number_at(c, "/wasserstein_m"), 4)},
-           {"Equivalent within, m", fixed(number_at(c, "/equivalent_within_m"), 4)},
+           {"Difference of standard deviations, m", format_signed(number_at(c, "/std_difference"), 4)},
+           {"Map points, simulated over second", format_fixed(number_at(c, "/points_ratio"), 3)},
+           {"Kolmogorov\u2013Smirnov statistic", format_fixed(number_at(c, "/ks_statistic"), 4)},
+           {"1-Wasserstein distance, m", format_fixed(number_at(c, "/wasserstein_m"), 4)},
+           {"Equivalent within, m", format_fixed(number_at(c, "/equivalent_within_m"), 4)},
            {"Verdict on this measure alone",
             text_at(c, "/mean_difference_verdict").value_or(text_at(c, "/verdict").value_or(kUnknown))}}};
 }
@@ -313,18 +316,18 @@ Table reproduction_table(const nlohmann::json& results) {
   const auto spread = [&](const std::string& label, const std::string& key, int digits) {
     std::vector<std::string> cells{label};
     for (const char* share : {"p10", "median", "p90"})
-      cells.push_back(fixed(number_at(r, "/" + key + "/" + share), digits));
+      cells.push_back(format_fixed(number_at(r, "/" + key + "/" + share), digits));
     return cells;
   };
   const std::string poses =
       text_at(r, "/poses").value_or("") == "true" ? "true poses" : "estimated poses, which are those flown";
-  Table table{"The simulated flight follows the other one: " + fixed(number_at(r, "/pairs"), 0) +
+  Table table{"The simulated flight follows the other one: " + format_fixed(number_at(r, "/pairs"), 0) +
                   " pairs of pictures, " + poses,
               {"", "10 %", "Median", "90 %"},
               {spread("Overlap of views", "overlap", 3), spread("Correlation of pictures", "ncc", 3),
                spread("Structural similarity", "ssim", 3), spread("Between the cameras, m", "position_m", 3),
                spread("Between their axes, \u00b0", "rotation_deg", 3)}};
-  table.rows.push_back({"Best time offset, s", "", with_sign(number_at(r, "/time_offset_s"), 3), ""});
+  table.rows.push_back({"Best time offset, s", "", format_signed(number_at(r, "/time_offset_s"), 3), ""});
   return table;
 }
 

@@ -5,16 +5,16 @@
 #include <limits>
 #include <numeric>
 
-#include "tileflight/report/scale.h"
+#include "tileflight/report/axis_ticks.h"
 
 namespace tileflight::report {
 namespace {
 
 using geometry::Vec3;
 
-/// Pixels along the longer side of a picture.
+/// Pixels along the longer side of an image.
 constexpr int kPixels = 1400;
-/// Dots are drawn larger where there are few.
+/// Dots are larger if there are few.
 int dot_pixels(std::size_t points) {
   return std::clamp(static_cast<int>(std::lround(0.5 * kPixels / std::sqrt(static_cast<double>(points) + 1.0))), 4, 8);
 }
@@ -22,7 +22,7 @@ constexpr int kShades = 64;
 /// Units of the SVG's view box.
 constexpr double kPlot = 560, kLeft = 52, kRight = 10, kTop = 10, kBottom = 42;
 
-/// Pixels of a picture of the extent. Row 0 is in the north.
+/// Pixel grid over an extent. Row 0 is in the north.
 struct Raster {
   GroundExtent extent;
   double pixels_per_m;
@@ -41,7 +41,7 @@ struct Raster {
     return p.x() >= extent.west && p.x() <= extent.east && p.y() >= extent.south && p.y() <= extent.north;
   }
 
-  /// Sets the pixels whose centres lie in a square around p; always at least one.
+  /// Sets the pixels whose centres lie in a square around p; at least one.
   void fill_square(imaging::GrayImage& image, const Vec3& p, double side_pixels, std::uint8_t value) const {
     const auto range = [&](double middle, int size) {
       const int first = static_cast<int>(std::ceil(middle - side_pixels / 2 - 0.5));
@@ -54,13 +54,13 @@ struct Raster {
   }
 };
 
-Rgba8 blended(const Rgba8& a, const Rgba8& b, double share) {
+Rgba8 blend(const Rgba8& a, const Rgba8& b, double share) {
   Rgba8 result{};
   for (std::size_t i = 0; i < 4; ++i) result[i] = static_cast<std::uint8_t>(std::lround(a[i] + share * (b[i] - a[i])));
   return result;
 }
 
-/// Index 0 is transparent, 1 to kShades go from `shade(0)` to `shade(1)`.
+/// Palette: index 0 is transparent, 1 to kShades range from `shade(0)` to `shade(1)`.
 template <class Shade>
 std::vector<Rgba8> palette_of(const Shade& shade) {
   std::vector<Rgba8> palette{{0, 0, 0, 0}};
@@ -73,7 +73,7 @@ std::uint8_t shade_index(double share) {
 }
 
 /// Indices of the points inside the extent, lowest first.
-std::vector<std::size_t> from_below(const Raster& raster, const std::vector<Vec3>& points) {
+std::vector<std::size_t> sort_by_height(const Raster& raster, const std::vector<Vec3>& points) {
   std::vector<std::size_t> order;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (raster.holds(points[i])) order.push_back(i);
@@ -83,7 +83,7 @@ std::vector<std::size_t> from_below(const Raster& raster, const std::vector<Vec3
   return order;
 }
 
-/// Value below which a share of the values lies.
+/// The `share` quantile of the values.
 double quantile(std::vector<double> values, double share) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), at, values.end());
@@ -96,10 +96,10 @@ std::pair<double, double> range_of(const std::vector<Vec3>& points, int axis, do
   return {quantile(values, trimmed), quantile(values, 1.0 - trimmed)};
 }
 
-/// From metres to the view box.
+/// Mapping from metres to the view box.
 struct Plot {
   GroundExtent extent;
-  double scale;  ///< units a metre
+  double scale;  ///< units per metre
   double width, height;
 
   explicit Plot(const GroundExtent& e)
@@ -131,7 +131,7 @@ Html axes(const Plot& plot) {
                                        {"width", svg_number(plot.width)},
                                        {"height", svg_number(plot.height)},
                                        {"class", "frame"}});
-  const double step = nice_below(std::max(plot.extent.width_m(), plot.extent.height_m()) / 4);
+  const double step = round_down_to_nice(std::max(plot.extent.width_m(), plot.extent.height_m()) / 4);
   const double bottom = kTop + plot.height;
   for (double east = std::ceil(plot.extent.west / step) * step; east <= plot.extent.east; east += step) {
     result += line(plot.across(east), bottom, plot.across(east), bottom + 5, "axis");
@@ -151,7 +151,7 @@ Html axes(const Plot& plot) {
 }
 
 Html scale_bar(const Plot& plot) {
-  const double length_m = nice_below(plot.extent.width_m() / 4);
+  const double length_m = round_down_to_nice(plot.extent.width_m() / 4);
   const double x = kLeft + 14, y = kTop + plot.height - 14;
   const Html bar = line(x, y, x + length_m * plot.scale, y, "scale-bar");
   return bar + label(x + length_m * plot.scale / 2, y - 6, "middle", svg_number(length_m) + " m", "halo");
@@ -172,7 +172,7 @@ std::string path_of(const Plot& plot, const TrackLayer& track) {
   for (const Vec3& p : track.points) {
     const std::string at = svg_number(plot.across(p.x())) + " " + svg_number(plot.down(p.y()));
     path += track.dots ? "M" + at + "h0"
-                       : (path.empty() ? "M" : "L") + at;  // a stroke of no length with round ends is a dot
+                       : (path.empty() ? "M" : "L") + at;  // a stroke of zero length with round ends is a dot
   }
   return path;
 }
@@ -191,7 +191,7 @@ Html draw_track(const Plot& plot, const TrackLayer& track) {
 
 }  // namespace
 
-GroundExtent extent_of(const std::vector<geometry::Vec3>& points, double margin, double trimmed) {
+GroundExtent fit_extent(const std::vector<geometry::Vec3>& points, double margin, double trimmed) {
   if (points.empty()) return {-1, 1, -1, 1};
   const auto [west, east] = range_of(points, 0, trimmed);
   const auto [south, north] = range_of(points, 1, trimmed);
@@ -199,24 +199,24 @@ GroundExtent extent_of(const std::vector<geometry::Vec3>& points, double margin,
   return {west - border, east + border, south - border, north + border};
 }
 
-GroundExtent roomy(const GroundExtent& extent) {
+GroundExtent limit_aspect_ratio(const GroundExtent& extent) {
   constexpr double kLeastShare = 0.75;
   const double east = std::max(0.0, kLeastShare * extent.height_m() - extent.width_m()) / 2;
   const double north = std::max(0.0, kLeastShare * extent.width_m() - extent.height_m()) / 2;
   return {extent.west - east, extent.east + east, extent.south - north, extent.north + north};
 }
 
-GroundExtent united(const GroundExtent& a, const GroundExtent& b) {
+GroundExtent merge_extents(const GroundExtent& a, const GroundExtent& b) {
   return {std::min(a.west, b.west), std::max(a.east, b.east), std::min(a.south, b.south), std::max(a.north, b.north)};
 }
 
 PaletteImage draw_voxels(const GroundExtent& extent, const geometry::PointCloud& centers, double voxel_m) {
   const Raster raster(extent);
-  const auto green = [](double share) { return blended({92, 156, 112, 255}, {212, 236, 212, 255}, share); };
+  const auto green = [](double share) { return blend({92, 156, 112, 255}, {212, 236, 212, 255}, share); };
   PaletteImage image{imaging::GrayImage(raster.width, raster.height), palette_of(green)};
   if (centers.empty()) return image;
   const auto [low, high] = range_of(centers.positions, 2, 0.02);
-  for (const std::size_t i : from_below(raster, centers.positions)) {
+  for (const std::size_t i : sort_by_height(raster, centers.positions)) {
     const Vec3& p = centers.positions[i];
     raster.fill_square(image.indices, p, voxel_m * raster.pixels_per_m,
                        shade_index((p.z() - low) / std::max(high - low, 1e-9)));
@@ -235,32 +235,32 @@ PaletteImage draw_points(const GroundExtent& extent, const std::vector<geometry:
 }
 
 Rgba8 value_color(double share) {
-  // Blue to red over gold: told apart with any colour vision, and seen on light and on dark paper.
+  // Blue to red over gold: distinguishable with any colour vision, on light and dark backgrounds.
   constexpr std::array<Rgba8, 5> kAnchors{
       {{28, 111, 209, 255}, {79, 163, 165, 255}, {201, 162, 39, 255}, {232, 113, 10, 255}, {196, 22, 28, 255}}};
   const double place = std::clamp(share, 0.0, 1.0) * (kAnchors.size() - 1);
   const auto below = std::min(static_cast<std::size_t>(place), kAnchors.size() - 2);
-  return blended(kAnchors[below], kAnchors[below + 1], place - static_cast<double>(below));
+  return blend(kAnchors[below], kAnchors[below + 1], place - static_cast<double>(below));
 }
 
 PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points,
                          const std::vector<float>& values, double highest) {
   const Raster raster(extent);
   PaletteImage image{imaging::GrayImage(raster.width, raster.height), palette_of(value_color)};
-  for (const std::size_t i : from_below(raster, points)) {
+  for (const std::size_t i : sort_by_height(raster, points)) {
     if (std::isfinite(values[i]))
       raster.fill_square(image.indices, points[i], dot_pixels(points.size()), shade_index(values[i] / highest));
   }
   return image;
 }
 
-Drawing drawing_of(const TopView& view) {
+Drawing to_drawing(const TopView& view) {
   const Plot plot(view.extent);
   Html content = element("title", text(view.title)) + element("desc", text(view.description)) + axes(plot);
   for (const ImageLayer& layer : view.images) content += draw_image(plot, layer);
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);
-  // As wide whatever the extent's shape, so that text is as large in all views.
+  // The same width for any extent, so that text has the same size in all views.
   return {kLeft + kPlot + kRight,
           kTop + plot.height + kBottom,
           "top-view",

@@ -11,7 +11,7 @@
 
 namespace tileflight::report {
 
-/// A piece of ground seen from straight above, north up: metres of the local frame.
+/// A rectangle of ground seen from above, north up: metres in the local frame.
 struct GroundExtent {
   double west = 0, east = 0, south = 0, north = 0;
 
@@ -19,50 +19,52 @@ struct GroundExtent {
   double height_m() const { return north - south; }
 };
 
-/// The smallest extent around the points, with a margin, a share of its larger side; outermost `trimmed` share on each
-/// side left out.
-GroundExtent extent_of(const std::vector<geometry::Vec3>& points, double margin = 0.03, double trimmed = 0.0);
-/// Widened about its middle, so that neither side is less than three quarters of the other.
-GroundExtent roomy(const GroundExtent& extent);
-GroundExtent united(const GroundExtent& a, const GroundExtent& b);
+/// The smallest extent around the points, with a margin given as a share of its larger side, ignoring the outermost
+/// `trimmed` share on each side.
+GroundExtent fit_extent(const std::vector<geometry::Vec3>& points, double margin = 0.03, double trimmed = 0.0);
+/// The extent widened about its centre so that neither side is less than three quarters of the other.
+GroundExtent limit_aspect_ratio(const GroundExtent& extent);
+/// The smallest extent that contains both.
+GroundExtent merge_extents(const GroundExtent& a, const GroundExtent& b);
 
-/// Occupied cells as squares, the highest on top, dark green low and light green high.
+/// Occupied cells as squares, the highest on top, dark green for low and light green for high ones.
 PaletteImage draw_voxels(const GroundExtent& extent, const geometry::PointCloud& centers, double voxel_m);
 
-/// Points as dots of one colour.
+/// Points as dots in one colour.
 PaletteImage draw_points(const GroundExtent& extent, const std::vector<geometry::Vec3>& points, const Rgba8& color);
 
-/// Points as dots whose colour tells a value from 0 to `highest` (above: as `highest`), the highest point on top.
+/// Points as dots coloured by a value from 0 to `highest` (clamped), the highest point on top.
 PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry::Vec3>& points,
                          const std::vector<float>& values, double highest);
 
-/// The colours of draw_values, from 0 to 1.
+/// The colour scale of draw_values, for 0 to 1.
 Rgba8 value_color(double share);
 
-/// A picture of the whole extent, shown under `name`, a class of the page's style sheet.
+/// An image of the whole extent; `name` is a class of the page's style sheet.
 struct ImageLayer {
   std::string name;
   PaletteImage image;
 };
 
-/// A line over the ground.
+/// A line drawn over the ground.
 struct TrackLayer {
   std::string style;
   std::vector<geometry::Vec3> points;
-  bool dots = false;  ///< separate positions instead of a line
+  bool dots = false;  ///< separate positions instead of a connected line
 };
 
-/// A view from above with axes in metres and a scale bar, as SVG that follows the page's colours.
+/// A view from above with axes in metres and a scale bar, as SVG in the page's colours.
 struct TopView {
   std::string title, description;
   GroundExtent extent;
-  std::vector<ImageLayer> images;  ///< from the lowest up
-  std::vector<TrackLayer> tracks;  ///< above them
+  std::vector<ImageLayer> images;  ///< bottom layer first
+  std::vector<TrackLayer> tracks;  ///< drawn above the images
   std::vector<LegendEntry> legend{};
 };
-Drawing drawing_of(const TopView& view);
+/// Draws the view with axes and a scale bar.
+Drawing to_drawing(const TopView& view);
 
-/// Bar of colours from 0 to `highest`, with its label.
+/// Colour bar from 0 to `highest`, with its label.
 Drawing color_bar(double highest, const std::string& label);
 
 }  // namespace tileflight::report

@@ -11,7 +11,7 @@
 #include "tileflight/report/data_blocks.h"
 #include "tileflight/report/figures.h"
 #include "tileflight/report/frame_pairs.h"
-#include "tileflight/report/numbers.h"
+#include "tileflight/report/number_format.h"
 #include "tileflight/report/top_view.h"
 
 namespace tileflight::report {
@@ -21,20 +21,20 @@ using geometry::Box3;
 using geometry::Vec3;
 using nlohmann::json;
 
-constexpr double kMostShort = 65535.0;
+constexpr double kMaxUint16 = 65535.0;
 constexpr std::uint16_t kUnknown_mm = 65535;
-/// A lens that sees farther to the sides is drawn as a pyramid this wide.
+/// Lenses with a wider field of view are drawn as a pyramid of this width.
 constexpr double kWidestHalf_deg = 40.0;
-/// Map points farther than this share of the place's diagonal beside it are not shown.
+/// Map points farther outside the place than this share of its diagonal are not shown.
 constexpr double kReach = 0.5;
 
 json triple(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-/// 16-bit steps within the points' own bounds.
+/// Positions quantized to 16 bits within the points' bounds.
 json add_positions(DataBlocks& blocks, const std::vector<Vec3>& points) {
   Box3 box;
   for (const Vec3& p : points) box.extend(p);
-  const Vec3 step = (box.sizes() / kMostShort).cwiseMax(1e-9);
+  const Vec3 step = (box.sizes() / kMaxUint16).cwiseMax(1e-9);
   std::vector<std::uint16_t> steps;
   steps.reserve(3 * points.size());
   for (const Vec3& p : points) {
@@ -51,14 +51,14 @@ std::string as_string(const std::vector<std::byte>& bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// As good as fits, halved where even the poorest does not.
+/// JPEG at the best quality that fits; scaled down by half if even the lowest does not.
 std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
   for (;;) {
     for (const int quality : {85, 75, 60, 45}) {
       std::string jpeg = as_string(imaging::encode_jpeg(image, quality));
       if (jpeg.size() <= most_bytes || image.width <= 16) return jpeg;
     }
-    image = scaled_down(image, image.width / 2);
+    image = downscale(image, image.width / 2);
   }
 }
 
@@ -69,7 +69,7 @@ json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& bud
   std::vector<std::uint16_t> uv;
   for (const Eigen::Vector2f& at : mesh.uv) {
     for (const float value : {at.x(), at.y()})
-      uv.push_back(static_cast<std::uint16_t>(std::lround(std::clamp<double>(value, 0.0, 1.0) * kMostShort)));
+      uv.push_back(static_cast<std::uint16_t>(std::lround(std::clamp<double>(value, 0.0, 1.0) * kMaxUint16)));
   }
   const std::span corners(mesh.mesh.triangles.front().data(), 3 * mesh.mesh.triangles.size());
   return {{"triangles", mesh.mesh.triangles.size()},
@@ -77,10 +77,10 @@ json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& bud
           {"positions", add_positions(blocks, mesh.mesh.vertices)},
           {"uv", blocks.add(std::span<const std::uint16_t>(uv))},
           {"indices", blocks.add(std::span<const std::uint32_t>(corners))},
-          {"texture", blocks.add_bytes(jpeg_within(*mesh.texture, budget.texture_bytes))}};
+          {"texture", blocks.add_bytes(jpeg_within(*mesh.texture, budget.max_texture_bytes))}};
 }
 
-/// Cells of a grid whose first one has the corner `origin`, by their numbers along each axis.
+/// Cells of a grid by their indices along each axis; the first one has the corner `origin`.
 struct Cells {
   Vec3 origin_m;
   double size_m;
@@ -95,7 +95,7 @@ Cells cells_of(const std::vector<Vec3>& centers, double size_m) {
     std::array<std::uint16_t, 3> cell{};
     for (int axis = 0; axis < 3; ++axis) {
       const double number = std::floor((p[axis] - cells.origin_m[axis]) / size_m);
-      cell[static_cast<std::size_t>(axis)] = static_cast<std::uint16_t>(std::clamp(number, 0.0, kMostShort));
+      cell[static_cast<std::size_t>(axis)] = static_cast<std::uint16_t>(std::clamp(number, 0.0, kMaxUint16));
     }
     cells.at.insert(cell);
   }
@@ -105,7 +105,7 @@ Cells cells_of(const std::vector<Vec3>& centers, double size_m) {
 json cells_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
   if (!run.voxel_centers || run.voxel_centers->empty()) return nullptr;
   Cells cells = cells_of(run.voxel_centers->positions, run.voxel_m);
-  while (cells.at.size() > budget.cells) cells = cells_of(run.voxel_centers->positions, 2 * cells.size_m);
+  while (cells.at.size() > budget.max_cells) cells = cells_of(run.voxel_centers->positions, 2 * cells.size_m);
   std::vector<std::uint16_t> numbers;
   for (const auto& cell : cells.at) numbers.insert(numbers.end(), cell.begin(), cell.end());
   return {{"size_m", cells.size_m},
@@ -113,8 +113,8 @@ json cells_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& bud
           {"cells", blocks.add(std::span<const std::uint16_t>(numbers))}};
 }
 
-/// Evenly chosen numbers below `size`, the first and the last among them, at most `count`.
-std::vector<std::size_t> even_choice(std::size_t size, std::size_t count) {
+/// At most `count` evenly chosen indices below `size`, including the first and the last.
+std::vector<std::size_t> choose_evenly(std::size_t size, std::size_t count) {
   const std::size_t chosen = std::min(size, count);
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < chosen; ++i) result.push_back(chosen == 1 ? 0 : i * (size - 1) / (chosen - 1));
@@ -129,7 +129,7 @@ json add_lengths(DataBlocks& blocks, const geometry::PointCloud& map, const std:
   for (const std::size_t i : shown) {
     const double length_mm = 1000.0 * static_cast<double>(found->second[i]);
     lengths_mm.push_back(std::isfinite(length_mm)
-                             ? static_cast<std::uint16_t>(std::clamp(std::round(length_mm), 0.0, kMostShort - 1))
+                             ? static_cast<std::uint16_t>(std::clamp(std::round(length_mm), 0.0, kMaxUint16 - 1))
                              : kUnknown_mm);
   }
   return blocks.add(std::span<const std::uint16_t>(lengths_mm));
@@ -150,7 +150,7 @@ json map_layer(DataBlocks& blocks, const FlightRun& flight, const Box3& reach, c
   }
   if (inside.empty()) return nullptr;
   std::vector<std::size_t> shown;
-  for (const std::size_t i : even_choice(inside.size(), budget.map_points)) shown.push_back(inside[i]);
+  for (const std::size_t i : choose_evenly(inside.size(), budget.max_map_points)) shown.push_back(inside[i]);
   std::vector<Vec3> positions;
   for (const std::size_t i : shown) positions.push_back(flight.errors->positions[i]);
   return {{"points", flight.errors->size()},
@@ -161,12 +161,12 @@ json map_layer(DataBlocks& blocks, const FlightRun& flight, const Box3& reach, c
           {"colors", add_colors(blocks, *flight.errors, shown)}};
 }
 
-/// Seconds from the start, position, rotation as a quaternion x y z w: eight numbers a pose.
+/// Eight numbers per pose: seconds from the start, position, rotation as a quaternion x y z w.
 json path_layer(DataBlocks& blocks, const std::optional<geometry::Trajectory>& path, double start_s,
                 const ViewBudget& budget) {
   if (!path || path->empty()) return nullptr;
   std::vector<float> numbers;
-  for (const std::size_t i : even_choice(path->size(), budget.poses)) {
+  for (const std::size_t i : choose_evenly(path->size(), budget.max_poses)) {
     const geometry::StampedPose& pose = path->poses[i];
     const Vec3& p = pose.T_local_camera.translation;
     const Eigen::Quaterniond& q = pose.T_local_camera.rotation;
@@ -178,11 +178,11 @@ json path_layer(DataBlocks& blocks, const std::optional<geometry::Trajectory>& p
 
 std::vector<imaging::RgbImage> small_pictures(const std::vector<FrameFile>& files, int width_px) {
   std::vector<imaging::RgbImage> pictures;
-  for (const FrameFile& file : files) pictures.push_back(scaled_down(imaging::read_rgb(file.image), width_px));
+  for (const FrameFile& file : files) pictures.push_back(downscale(imaging::read_rgb(file.image), width_px));
   return pictures;
 }
 
-/// All at one quality, the best that fits; the poorest where none does, and then fewer of them.
+/// JPEGs at one common quality, the best that fits; if none does, fewer images at the lowest quality.
 std::vector<std::string> jpegs_within(const std::vector<imaging::RgbImage>& pictures, std::size_t most_bytes) {
   std::vector<std::string> jpegs;
   for (const int quality : {75, 60, 45, 30}) {
@@ -199,11 +199,12 @@ std::vector<std::string> jpegs_within(const std::vector<imaging::RgbImage>& pict
 
 json frames_layer(DataBlocks& blocks, const FlightRun& flight, double start_s, const ViewBudget& budget) {
   std::vector<FrameFile> files;
-  for (const std::size_t i : even_choice(flight.frames.size(), budget.frames)) files.push_back(flight.frames[i]);
-  const std::vector<std::string> jpegs = jpegs_within(small_pictures(files, budget.frame_width_px), budget.frame_bytes);
+  for (const std::size_t i : choose_evenly(flight.frames.size(), budget.max_frames)) files.push_back(flight.frames[i]);
+  const std::vector<std::string> jpegs =
+      jpegs_within(small_pictures(files, budget.frame_width_px), budget.max_frame_bytes);
   json frames = json::array();
   std::size_t bytes = 0;
-  for (std::size_t i = 0; i < jpegs.size() && bytes + jpegs[i].size() <= budget.frame_bytes; ++i) {
+  for (std::size_t i = 0; i < jpegs.size() && bytes + jpegs[i].size() <= budget.max_frame_bytes; ++i) {
     json frame = blocks.add_bytes(jpegs[i]);
     frame["time_s"] = files[i].time_s - start_s;
     frames.push_back(frame);
@@ -212,7 +213,7 @@ json frames_layer(DataBlocks& blocks, const FlightRun& flight, double start_s, c
   return frames;
 }
 
-/// The earliest of all that a flight has.
+/// The earliest time in all of a flight's data.
 double start_of(const FlightRun& flight) {
   double start_s = std::numeric_limits<double>::infinity();
   if (!flight.frames.empty()) start_s = flight.frames.front().time_s;
@@ -222,8 +223,8 @@ double start_of(const FlightRun& flight) {
   return std::isfinite(start_s) ? start_s : 0.0;
 }
 
-/// Half the picture's width and height at a metre before the camera.
-std::pair<double, double> half_picture(const json& flight) {
+/// Half the image's width and height at a distance of one metre.
+std::pair<double, double> half_image_extent(const json& flight) {
   const double half_deg = std::min(kWidestHalf_deg, number_at(flight, "/fov_deg").value_or(70.0) / 2);
   const double half_width = std::tan(half_deg * std::numbers::pi / 180);
   const double width = number_at(flight, "/resolution/0").value_or(16),
@@ -233,7 +234,7 @@ std::pair<double, double> half_picture(const json& flight) {
 
 json flight_layers(DataBlocks& blocks, const FlightRun& flight, double start_s, const Box3& reach,
                    const ViewBudget& budget) {
-  const auto [half_width, half_height] = half_picture(flight.values);
+  const auto [half_width, half_height] = half_image_extent(flight.values);
   return {{"key", flight.key},
           {"label", flight.label},
           {"start_s", start_s},
@@ -246,7 +247,7 @@ json flight_layers(DataBlocks& blocks, const FlightRun& flight, double start_s, 
           {"pictures", flight.frames.size()}};
 }
 
-/// The place's extent: the cells, else the maps without their farthest points, else the paths.
+/// The place's extent: that of the cells, else of the maps without their farthest points, else of the paths.
 Box3 extent_of_view(const RunFolder& run) {
   Box3 box;
   if (run.voxel_centers) {
@@ -254,7 +255,7 @@ Box3 extent_of_view(const RunFolder& run) {
   }
   for (const FlightRun& flight : run.flights) {
     if (!box.isEmpty() || !flight.errors || flight.errors->empty()) continue;
-    const GroundExtent ground = extent_of(flight.errors->positions, 0.05, 0.02);
+    const GroundExtent ground = fit_extent(flight.errors->positions, 0.05, 0.02);
     std::vector<double> heights;
     for (const Vec3& p : flight.errors->positions) heights.push_back(p.z());
     const auto middle = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 2);
@@ -269,8 +270,8 @@ Box3 extent_of_view(const RunFolder& run) {
   return box;
 }
 
-/// The box about most of the points that lie within reach: of each axis all but the outermost `trimmed` share.
-Box3 bulk_of(const std::vector<Vec3>& points, const Box3& reach, double trimmed) {
+/// Bounds of most points within `reach`: along each axis without the outermost `trimmed` share.
+Box3 trimmed_bounds(const std::vector<Vec3>& points, const Box3& reach, double trimmed) {
   Box3 box;
   std::array<std::vector<double>, 3> values;
   for (const Vec3& p : points) {
@@ -298,17 +299,17 @@ std::vector<Vec3> positions_of(const geometry::Trajectory& path) {
   return positions;
 }
 
-/// What the first look has in its picture: the place, both maps without their outliers, and the paths.
-Box3 box_shown(const RunFolder& run, const Box3& extent, const Box3& reach) {
-  constexpr double kOutliers = 0.02;  // on each side
+/// Content of the initial view: the place, both maps without outliers, and the paths.
+Box3 initial_view_box(const RunFolder& run, const Box3& extent, const Box3& reach) {
+  constexpr double kOutliers = 0.02;  // share on each side
   Box3 shown = extent;
   const auto add = [&shown](const Box3& box) {
     if (!box.isEmpty()) shown.extend(box);
   };
   for (const FlightRun& flight : run.flights) {
-    if (flight.errors) add(bulk_of(flight.errors->positions, reach, kOutliers));
+    if (flight.errors) add(trimmed_bounds(flight.errors->positions, reach, kOutliers));
     for (const auto* path : {&flight.estimate, &flight.truth}) {
-      if (*path) add(bulk_of(positions_of(**path), reach, 0.0));
+      if (*path) add(trimmed_bounds(positions_of(**path), reach, 0.0));
     }
   }
   return shown;
@@ -343,7 +344,7 @@ std::string view_data(const RunFolder& run, const ViewBudget& budget) {
   const bool common_clock = run.results.contains("reproduction") && run.results["reproduction"].is_object();
   double earliest_s = std::numeric_limits<double>::infinity();
   for (const FlightRun& flight : run.flights) earliest_s = std::min(earliest_s, start_of(flight));
-  const Box3 shown = box_shown(run, extent, reach);
+  const Box3 shown = initial_view_box(run, extent, reach);
   DataBlocks blocks;
   json header{{"low_m", triple(extent.min())},
               {"high_m", triple(extent.max())},
@@ -360,7 +361,7 @@ std::string view_data(const RunFolder& run, const ViewBudget& budget) {
     const double start_s = common_clock ? earliest_s : start_of(flight);
     header["flights"].push_back(flight_layers(blocks, flight, start_s, reach, budget));
   }
-  return blocks.deflated(header);
+  return blocks.compress(header);
 }
 
 }  // namespace tileflight::report

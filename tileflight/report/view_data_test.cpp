@@ -9,7 +9,7 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/web/synthetic_run.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/report/page_script.h"
 #include "tileflight/report/view_section.h"
@@ -22,7 +22,7 @@ using nlohmann::json;
 using testing::HasSubstr;
 using testing::Not;
 
-/// Reads what view_data packs, as the page does.
+/// Unpacks the output of view_data like the page does.
 class Unpacked {
  public:
   explicit Unpacked(const std::string& packed) : bytes_(64U << 20, '\0') {
@@ -68,7 +68,7 @@ class ViewDataTest : public testing::Test {
 
   static ViewBudget small() {
     ViewBudget budget;
-    budget.place = {.triangles = 2000, .sheet_px = 128};
+    budget.place = {.max_triangles = 2000, .texture_px = 128};
     budget.frame_width_px = 64;
     return budget;
   }
@@ -119,7 +119,7 @@ TEST_F(ViewDataTest, CellsAreThoseOfTheTruthAndCoarserWhereTheyAreTooMany) {
   EXPECT_EQ(cells.size() / 3, run.voxel_centers->size());
   EXPECT_EQ(all.header["cells"]["size_m"], 1.0);
   ViewBudget few = small();
-  few.cells = 3000;
+  few.max_cells = 3000;
   const Unpacked fewer = unpacked(few);
   EXPECT_LE(fewer.numbers<std::uint16_t>(fewer.header["cells"]["cells"]).size() / 3, 3000U);
   EXPECT_GT(fewer.header["cells"]["size_m"], 1.0);
@@ -143,13 +143,14 @@ TEST_F(ViewDataTest, PathsArePosesInTimeAndPicturesFollowThem) {
 
 TEST_F(ViewDataTest, BudgetsHold) {
   ViewBudget budget = small();
-  budget.map_points = 500;
-  budget.poses = 20;
-  budget.frames = 4;
-  budget.frame_bytes = 8000;
-  budget.texture_bytes = 3000;
+  budget.max_map_points = 500;
+  budget.max_poses = 20;
+  budget.max_frames = 4;
+  budget.max_frame_bytes = 8000;
+  budget.max_texture_bytes = 3000;
   const Unpacked view = unpacked(budget);
   EXPECT_LE(view.header["place"]["texture"]["bytes"].get<int>(), 3000);
+  ASSERT_FALSE(view.header["flights"].empty());
   for (const json& flight : view.header["flights"]) {
     EXPECT_EQ(flight["map"]["shown"], 500);
     EXPECT_EQ(flight["map"]["points"], 3000);
@@ -203,7 +204,7 @@ TEST_F(ViewDataTest, ARunWithNothingToShowHasNoView) {
   EXPECT_TRUE(view_section(RunFolder{}).empty());
 }
 
-/// The script is empty in a program that was built without npm; the page then runs none at all.
+/// The script is empty if the program was built without npm; the page then runs no script.
 TEST(PageScript, CannotEndItsElementAndIsTheOnlyOneThatThePolicyLetsRun) {
   const std::string script(page_script()), policy = content_policy();
   EXPECT_THAT(script, Not(HasSubstr("</script")));

@@ -1,6 +1,6 @@
 #include "tileflight/report/view_section.h"
 
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 #include "tileflight/report/page_script.h"
 
 namespace tileflight::report {
@@ -10,7 +10,7 @@ constexpr const char* kWithoutScript =
     "The interactive view needs a browser that runs the page's script and has WebGL 2. The pictures on this page show "
     "the same place, maps and paths.";
 
-/// What the script element holds: a section that is plain text to XML, behind comments that a script does not see.
+/// Content of the script element: a CDATA section for XML, whose markers are comments in the script.
 std::string script_text() { return "//<![CDATA[\n" + std::string(page_script()) + "\n//]]>"; }
 
 std::string bytes_of_hex(const std::string& hex) {
@@ -36,7 +36,7 @@ Html view_script() { return page_script().empty() ? Html() : element("script", H
 std::string content_policy() {
   const std::string script =
       page_script().empty() ? ""
-                            : "; script-src 'sha256-" + base64(bytes_of_hex(geometry::sha256_hex(script_text()))) + "'";
+                            : "; script-src 'sha256-" + base64(bytes_of_hex(base::sha256_hex(script_text()))) + "'";
   return "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'" + script;
 }
 

@@ -6,15 +6,15 @@
 
 namespace tileflight::report {
 
-/// The interactive view's place on the page and what it shows (view_data.h), with a line for readers whose browser runs
-/// no script; empty where the program has no view or the run has nothing to show in it.
+/// The page's section with the interactive view and its data (view_data.h), and a note for browsers without scripts;
+/// empty if the program was built without the view or the run has no data for it.
 Html view_section(const RunFolder& run, const ViewBudget& budget = {});
 
-/// The script that makes the view, to stand at the end of the page.
+/// The view's script, for the end of the page.
 Html view_script();
 
-/// The policy of a page with this script: nothing is loaded from anywhere, and nothing else runs, whatever names and
-/// files held (Content Security Policy Level 3: the script is named by its hash).
+/// Content Security Policy of a page with this script: nothing is loaded and no other script runs, whatever names and
+/// files contain (Content Security Policy Level 3: the script is identified by its hash).
 std::string content_policy();
 
 }  // namespace tileflight::report

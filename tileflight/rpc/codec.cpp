@@ -3,22 +3,22 @@
 namespace tileflight::rpc {
 namespace {
 
-[[noreturn]] void refuse(const char* due, const msgpack::object& value) {
-  throw DecodeError(std::string(due) + " is due, got " + kind_of(value));
+[[noreturn]] void throw_type_error(const char* due, const msgpack::object& value) {
+  throw DecodeError(std::string(due) + " is due, got " + describe_type(value));
 }
 
 bool is_text(const msgpack::object& value) {
   return value.type == msgpack::type::STR || value.type == msgpack::type::BIN;
 }
 
-std::string_view bytes_of(const msgpack::object& value) {
+std::string_view to_bytes(const msgpack::object& value) {
   return value.type == msgpack::type::STR ? std::string_view(value.via.str.ptr, value.via.str.size)
                                           : std::string_view(value.via.bin.ptr, value.via.bin.size);
 }
 
 }  // namespace
 
-const char* kind_of(const msgpack::object& value) {
+const char* describe_type(const msgpack::object& value) {
   switch (value.type) {
     case msgpack::type::NIL:
       return "nil";
@@ -45,7 +45,7 @@ const char* kind_of(const msgpack::object& value) {
 }
 
 void decode(const msgpack::object& value, bool& result) {
-  if (value.type != msgpack::type::BOOLEAN) refuse("a boolean", value);
+  if (value.type != msgpack::type::BOOLEAN) throw_type_error("a boolean", value);
   result = value.via.boolean;
 }
 
@@ -62,7 +62,7 @@ void decode(const msgpack::object& value, double& result) {
       result = value.via.f64;
       return;
     default:
-      refuse("a number", value);
+      throw_type_error("a number", value);
   }
 }
 
@@ -70,26 +70,26 @@ void decode(const msgpack::object& value, float& result) {
   double number = 0.0;
   decode(value, number);
   constexpr double kLargest = std::numeric_limits<float>::max();
-  const bool beyond = std::abs(number) > kLargest;  // a conversion of what does not fit is undefined
+  const bool beyond = std::abs(number) > kLargest;  // conversion of an out-of-range value is undefined
   result = beyond
                ? std::copysign(std::numeric_limits<float>::infinity(), static_cast<float>(std::copysign(1.0, number)))
                : static_cast<float>(number);
 }
 
 void decode(const msgpack::object& value, std::string& result) {
-  if (!is_text(value)) refuse("a text", value);
-  result = bytes_of(value);
+  if (!is_text(value)) throw_type_error("a text", value);
+  result = to_bytes(value);
 }
 
 void decode(const msgpack::object& value, std::vector<std::uint8_t>& result) {
-  if (!is_text(value)) refuse("bytes", value);
-  const std::string_view bytes = bytes_of(value);
+  if (!is_text(value)) throw_type_error("bytes", value);
+  const std::string_view bytes = to_bytes(value);
   result.assign(bytes.begin(), bytes.end());
 }
 
-std::uint64_t decode_whole(const msgpack::object& value, bool& negative) {
+std::uint64_t decode_integer(const msgpack::object& value, bool& negative) {
   negative = value.type == msgpack::type::NEGATIVE_INTEGER;
-  if (!negative && value.type != msgpack::type::POSITIVE_INTEGER) refuse("a whole number", value);
+  if (!negative && value.type != msgpack::type::POSITIVE_INTEGER) throw_type_error("a whole number", value);
   return negative ? static_cast<std::uint64_t>(value.via.i64) : value.via.u64;
 }
 
@@ -97,7 +97,7 @@ const msgpack::object* find_key(const msgpack::object_map& map, std::string_view
   const msgpack::object* found = nullptr;
   for (std::uint32_t i = 0; i < map.size; ++i) {
     const msgpack::object& key = map.ptr[i].key;
-    if (is_text(key) && bytes_of(key) == name) found = &map.ptr[i].val;
+    if (is_text(key) && to_bytes(key) == name) found = &map.ptr[i].val;
   }
   return found;
 }

@@ -16,17 +16,17 @@
 
 namespace tileflight::rpc {
 
-/// An argument that is not of the type that the method takes. The message is a part of a line: what is due.
+/// An argument of the wrong type. The message is a phrase that states the expected type, for use in an error line.
 class DecodeError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// The kind of a value in words, with its article.
-const char* kind_of(const msgpack::object& value);
+/// The type of a value in words, with its article.
+const char* describe_type(const msgpack::object& value);
 
-/// How a structure stands in a message: a map with the names of its fields. Specialised with a `list`: a tuple of
-/// `field(name, &Structure::member)` in the order in which they are packed.
+/// Maps a structure to a message: a map keyed by field names. Specialisations have a `list`: a tuple of `field(name,
+/// &Structure::member)` in packing order.
 template <class T>
 struct Fields;
 
@@ -46,7 +46,7 @@ concept Structure = requires {
   Fields<T>::list;
 };
 
-// encode(): how a C++ value is written. decode(): how it is read; throws DecodeError.
+// encode() writes a C++ value. decode() reads one; throws DecodeError.
 
 template <class T>
 requires std::is_integral_v<T>
@@ -54,19 +54,19 @@ void encode(Encoder& out, T value) {
   if constexpr (std::is_same_v<T, bool>) {
     out.boolean(value);
   } else if constexpr (std::is_signed_v<T>) {
-    out.integer(value);
+    out.signed_integer(value);
   } else {
-    out.natural(value);
+    out.unsigned_integer(value);
   }
 }
 template <class T>
 requires std::is_enum_v<T>
 void encode(Encoder& out, T value) { encode(out, static_cast<std::underlying_type_t<T>>(value)); }
-inline void encode(Encoder& out, float value) { out.real(value); }
-inline void encode(Encoder& out, double value) { out.real64(value); }
+inline void encode(Encoder& out, float value) { out.float32(value); }
+inline void encode(Encoder& out, double value) { out.float64(value); }
 inline void encode(Encoder& out, const std::string& value) { out.text(value); }
-inline void encode(Encoder& out, const std::vector<std::uint8_t>& value) { out.blob(value); }
-inline void encode(Encoder& out, const std::vector<float>& value) { out.reals(value); }
+inline void encode(Encoder& out, const std::vector<std::uint8_t>& value) { out.binary(value); }
+inline void encode(Encoder& out, const std::vector<float>& value) { out.float32_array(value); }
 template <class T, std::size_t N>
 void encode(Encoder& out, const std::array<T, N>& values);
 template <class T>
@@ -81,8 +81,8 @@ void decode(const msgpack::object& value, float& result);
 void decode(const msgpack::object& value, double& result);
 void decode(const msgpack::object& value, std::string& result);
 void decode(const msgpack::object& value, std::vector<std::uint8_t>& result);
-/// Any whole number, as 64 bits; `negative` if it is below zero.
-std::uint64_t decode_whole(const msgpack::object& value, bool& negative);
+/// Any integer, as 64 bits; `negative` tells whether it is below zero.
+std::uint64_t decode_integer(const msgpack::object& value, bool& negative);
 template <class T>
 requires(std::is_integral_v<T> && !std::is_same_v<T, bool>) void decode(const msgpack::object& value, T& result);
 template <class T>
@@ -129,7 +129,7 @@ void encode(Encoder& out, const T& value) {
 template <class T>
 requires(std::is_integral_v<T> && !std::is_same_v<T, bool>) void decode(const msgpack::object& value, T& result) {
   bool negative = false;
-  const std::uint64_t bits = decode_whole(value, negative);
+  const std::uint64_t bits = decode_integer(value, negative);
   const bool fits = negative ? std::is_signed_v<T> && static_cast<std::int64_t>(bits) >=
                                                           static_cast<std::int64_t>(std::numeric_limits<T>::min())
                              : bits <= static_cast<std::uint64_t>(std::numeric_limits<T>::max());
@@ -159,7 +159,7 @@ void decode_element(const msgpack::object_array& values, std::uint32_t i, T& res
 template <class T, std::size_t N>
 void decode(const msgpack::object& value, std::array<T, N>& result) {
   if (value.type != msgpack::type::ARRAY || value.via.array.size != N) {
-    throw DecodeError("an array of " + std::to_string(N) + " values is due, got " + kind_of(value));
+    throw DecodeError("an array of " + std::to_string(N) + " values is due, got " + describe_type(value));
   }
   for (std::uint32_t i = 0; i < N; ++i) decode_element(value.via.array, i, result[i]);
 }
@@ -167,18 +167,19 @@ void decode(const msgpack::object& value, std::array<T, N>& result) {
 template <class T>
 void decode(const msgpack::object& value, std::vector<T>& result) {
   static_assert(!std::is_same_v<T, bool>);
-  if (value.type != msgpack::type::ARRAY) throw DecodeError(std::string("an array is due, got ") + kind_of(value));
+  if (value.type != msgpack::type::ARRAY)
+    throw DecodeError(std::string("an array is due, got ") + describe_type(value));
   result.clear();
   for (std::uint32_t i = 0; i < value.via.array.size; ++i) decode_element(value.via.array, i, result.emplace_back());
 }
 
-/// The value under `name`, null if there is none; of a name given twice, the last.
+/// The value under `name`, nullptr if there is none; if the name occurs twice, the last value.
 const msgpack::object* find_key(const msgpack::object_map& map, std::string_view name);
 
-/// Fields that the map does not name keep the structure's default; names that the structure does not have are ignored.
+/// Fields missing from the map keep the structure's default; unknown names are ignored.
 template <Structure T>
 void decode(const msgpack::object& value, T& result) {
-  if (value.type != msgpack::type::MAP) throw DecodeError(std::string("a map is due, got ") + kind_of(value));
+  if (value.type != msgpack::type::MAP) throw DecodeError(std::string("a map is due, got ") + describe_type(value));
   const auto read = [&](const auto& field) {
     const msgpack::object* found = find_key(value.via.map, field.name);
     if (found == nullptr) return;

@@ -8,25 +8,25 @@
 namespace tileflight::rpc {
 namespace {
 
-bool continues(std::string_view text, std::size_t i) {
+bool is_continuation_byte(std::string_view text, std::size_t i) {
   return i < text.size() && (static_cast<std::uint8_t>(text[i]) & 0xc0U) == 0x80U;
 }
 
-/// Bytes of the character at `i`, 0 if none begins there (RFC 3629, section 4).
+/// Length in bytes of the character at `i`, 0 if none starts there (RFC 3629, section 4).
 std::size_t character_bytes(std::string_view text, std::size_t i) {
   const auto a = static_cast<std::uint8_t>(text[i]);
   if (a < 0x80) return 1;
-  if (!continues(text, i + 1)) return 0;
+  if (!is_continuation_byte(text, i + 1)) return 0;
   const auto b = static_cast<std::uint8_t>(text[i + 1]);
   if (a >= 0xc2 && a <= 0xdf) return 2;
-  if (!continues(text, i + 2)) return 0;
+  if (!is_continuation_byte(text, i + 2)) return 0;
   if (a >= 0xe0 && a <= 0xef) return (a == 0xe0 && b < 0xa0) || (a == 0xed && b > 0x9f) ? 0 : 3;
-  if (!continues(text, i + 3)) return 0;
+  if (!is_continuation_byte(text, i + 3)) return 0;
   if (a >= 0xf0 && a <= 0xf4) return (a == 0xf0 && b < 0x90) || (a == 0xf4 && b > 0x8f) ? 0 : 4;
   return 0;
 }
 
-/// Bytes from the start on that are UTF-8.
+/// Number of leading bytes that are valid UTF-8.
 std::size_t valid_prefix(std::string_view text) {
   std::size_t i = 0;
   while (i < text.size()) {
@@ -37,7 +37,7 @@ std::size_t valid_prefix(std::string_view text) {
   return i;
 }
 
-/// Five bytes: the format's mark and the number, big-endian.
+/// Writes five bytes: the format byte and the number, big-endian.
 void put_real(float value, char* out) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
   out[0] = static_cast<char>(0xca);
@@ -49,7 +49,7 @@ void put_real(float value, char* out) {
 
 }  // namespace
 
-std::string valid_utf8(std::string_view text) {
+std::string sanitize_utf8(std::string_view text) {
   std::string result;
   while (!text.empty()) {
     const std::size_t valid = valid_prefix(text);
@@ -67,13 +67,13 @@ std::uint32_t Encoder::count(std::size_t values) {
   return static_cast<std::uint32_t>(values);
 }
 
-void Encoder::real(float value) {
+void Encoder::float32(float value) {
   std::array<char, 5> bytes;
   put_real(value, bytes.data());
   buffer_.write(bytes.data(), bytes.size());
 }
 
-void Encoder::real64(double value) {
+void Encoder::float64(double value) {
   const auto bits = std::bit_cast<std::uint64_t>(value);
   std::array<char, 9> bytes{static_cast<char>(0xcb)};
   for (std::size_t i = 1; i < 9; ++i) bytes[i] = static_cast<char>(bits >> (64U - 8U * i));
@@ -81,7 +81,7 @@ void Encoder::real64(double value) {
 }
 
 void Encoder::text(std::string_view value) {
-  if (valid_prefix(value) != value.size()) return text(valid_utf8(value));
+  if (valid_prefix(value) != value.size()) return text(sanitize_utf8(value));
   const std::uint32_t size = count(value.size());
   if (size < 32 || size > 255) {
     packer().pack_str(size);
@@ -92,12 +92,12 @@ void Encoder::text(std::string_view value) {
   buffer_.write(value.data(), value.size());
 }
 
-void Encoder::blob(std::span<const std::uint8_t> bytes) {
+void Encoder::binary(std::span<const std::uint8_t> bytes) {
   packer().pack_bin(count(bytes.size()));
   buffer_.write(reinterpret_cast<const char*>(bytes.data()), bytes.size());
 }
 
-void Encoder::reals(std::span<const float> values) {
+void Encoder::float32_array(std::span<const float> values) {
   array(values.size());
   buffer_.bytes.reserve(buffer_.bytes.size() + 5 * values.size());
   std::array<char, 5 * 512> block;

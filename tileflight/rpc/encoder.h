@@ -8,25 +8,25 @@
 
 namespace tileflight::rpc {
 
-/// Writes MessagePack as AirSim's clients read it: floats as float32, bytes as bin, texts never as str8 (which clients
-/// from before 2013's specification do not know) and always UTF-8, for clients that decode strictly.
+/// Writes MessagePack for AirSim's clients: floats as float32, bytes as bin, strings never as str8 (unknown to clients
+/// older than the 2013 specification) and always valid UTF-8, for clients that decode strictly.
 class Encoder {
  public:
   void nil() { packer().pack_nil(); }
   void boolean(bool value) { value ? packer().pack_true() : packer().pack_false(); }
-  void integer(std::int64_t value) { packer().pack_int64(value); }
-  void natural(std::uint64_t value) { packer().pack_uint64(value); }
-  /// Always a float32, also of a whole number, which the library would write as one.
-  void real(float value);
+  void signed_integer(std::int64_t value) { packer().pack_int64(value); }
+  void unsigned_integer(std::uint64_t value) { packer().pack_uint64(value); }
+  /// Always a float32, even for an integer value, which the msgpack library would write as an integer.
+  void float32(float value);
   /// Always a float64.
-  void real64(double value);
+  void float64(double value);
   void array(std::size_t values) { packer().pack_array(count(values)); }
   void map(std::size_t entries) { packer().pack_map(count(entries)); }
-  /// A byte that is not UTF-8 becomes '?'.
+  /// Bytes that are not valid UTF-8 become '?'.
   void text(std::string_view value);
-  void blob(std::span<const std::uint8_t> bytes);
+  void binary(std::span<const std::uint8_t> bytes);
   /// An array of float32.
-  void reals(std::span<const float> values);
+  void float32_array(std::span<const float> values);
 
   const std::string& bytes() const { return buffer_.bytes; }
   std::string take() { return std::move(buffer_.bytes); }
@@ -42,7 +42,7 @@ class Encoder {
   Buffer buffer_;
 };
 
-/// The text with each byte that does not belong to a UTF-8 character replaced by '?'.
-std::string valid_utf8(std::string_view text);
+/// The text with each byte that is not part of a valid UTF-8 character replaced by '?'.
+std::string sanitize_utf8(std::string_view text);
 
 }  // namespace tileflight::rpc

@@ -5,7 +5,7 @@
 namespace tileflight::rpc {
 namespace {
 
-/// A value's first bytes: what it is, how long, how many values it holds.
+/// Decoded header of a value: its length, and the number of values it contains.
 struct Header {
   std::size_t bytes = 1;      ///< of the header itself
   std::uint64_t payload = 0;  ///< bytes that follow
@@ -19,9 +19,9 @@ std::uint64_t big_endian(std::string_view bytes, std::size_t offset, std::size_t
   return value;
 }
 
-Header container(std::size_t bytes, std::uint64_t values) { return {bytes, 0, values, true}; }
+Header container_header(std::size_t bytes, std::uint64_t values) { return {bytes, 0, values, true}; }
 
-/// Length bytes that follow the first byte, for the formats that have them; 0 for the others.
+/// Number of length bytes after the first byte; 0 for formats without any.
 std::size_t length_bytes(std::uint8_t first) {
   switch (first) {
     case 0xc4:
@@ -45,10 +45,10 @@ std::size_t length_bytes(std::uint8_t first) {
   }
 }
 
-Header header_of_fixed(std::uint8_t first) {
+Header fixed_header(std::uint8_t first) {
   if (first <= 0x7f || first >= 0xe0) return {};
-  if (first <= 0x8f) return container(1, 2U * (first & 0x0fU));
-  if (first <= 0x9f) return container(1, first & 0x0fU);
+  if (first <= 0x8f) return container_header(1, 2U * (first & 0x0fU));
+  if (first <= 0x9f) return container_header(1, first & 0x0fU);
   if (first <= 0xbf) return {1, first & 0x1fU};
   switch (first) {
     case 0xc0:
@@ -80,16 +80,16 @@ Header header_of_fixed(std::uint8_t first) {
   }
 }
 
-/// None: its bytes are not all there.
+/// nullopt: the header is incomplete.
 std::optional<Header> read_header(std::string_view bytes, std::size_t offset) {
   if (offset >= bytes.size()) return std::nullopt;
   const auto first = static_cast<std::uint8_t>(bytes[offset]);
   const std::size_t count = length_bytes(first);
-  if (count == 0) return header_of_fixed(first);
+  if (count == 0) return fixed_header(first);
   if (bytes.size() - offset < 1 + count) return std::nullopt;
   const std::uint64_t length = big_endian(bytes, offset + 1, count);
-  if (first == 0xdc || first == 0xdd) return container(1 + count, length);
-  if (first == 0xde || first == 0xdf) return container(1 + count, 2 * length);
+  if (first == 0xdc || first == 0xdd) return container_header(1 + count, length);
+  if (first == 0xde || first == 0xdf) return container_header(1 + count, 2 * length);
   const bool extension = first >= 0xc7 && first <= 0xc9;
   return Header{1 + count, length + (extension ? 1 : 0)};
 }
@@ -104,7 +104,7 @@ void MessageScanner::restart() {
   whole_ = false;
 }
 
-void MessageScanner::enter(std::uint64_t values) {
+void MessageScanner::open_container(std::uint64_t values) {
   values_ += values;
   if (values_ > limits_.max_values) {
     throw ProtocolError("a message of more than " + std::to_string(limits_.max_values) + " values");
@@ -115,7 +115,7 @@ void MessageScanner::enter(std::uint64_t values) {
   open_.push_back(values);
 }
 
-void MessageScanner::leave_finished() {
+void MessageScanner::close_finished_containers() {
   while (!open_.empty() && open_.back() == 0) {
     open_.pop_back();
     if (!open_.empty()) --open_.back();
@@ -123,7 +123,7 @@ void MessageScanner::leave_finished() {
   whole_ = open_.empty();
 }
 
-std::optional<std::size_t> MessageScanner::end(std::string_view bytes) {
+std::optional<std::size_t> MessageScanner::find_message_end(std::string_view bytes) {
   while (!whole_) {
     const std::optional<Header> header = read_header(bytes, offset_);
     if (!header) return std::nullopt;
@@ -136,11 +136,11 @@ std::optional<std::size_t> MessageScanner::end(std::string_view bytes) {
     }
     offset_ += header->bytes + static_cast<std::size_t>(header->payload);
     if (header->container) {
-      enter(header->values);
+      open_container(header->values);
     } else {
       --open_.back();  // never empty: a message begins with an array
     }
-    leave_finished();
+    close_finished_containers();
   }
   return offset_ <= bytes.size() ? std::optional(offset_) : std::nullopt;
 }

@@ -7,16 +7,16 @@
 namespace tileflight::rpc {
 namespace {
 
-constexpr std::size_t kLongestError = 2000;
+constexpr std::size_t kMaxErrorLength = 2000;
 
 void begin_answer(Encoder& out, std::uint32_t id) {
   out.array(4);
-  out.natural(1);
-  out.natural(id);
+  out.unsigned_integer(1);
+  out.unsigned_integer(id);
 }
 
-/// A name as a client sent it, in a line that people read.
-std::string shown(const std::string& name) {
+/// A name sent by a client, made safe for a log line.
+std::string printable(const std::string& name) {
   std::string result = name.substr(0, 64);
   for (char& c : result) {
     if (c < ' ' || c > '~') c = '?';
@@ -24,24 +24,24 @@ std::string shown(const std::string& name) {
   return result;
 }
 
-std::string called(const Request& request) {
-  return "function '" + shown(request.method()) + "' (called with " + std::to_string(request.arguments().size()) +
+std::string describe_call(const Request& request) {
+  return "function '" + printable(request.method()) + "' (called with " + std::to_string(request.arguments().size()) +
          " arg(s)) threw an exception.";
 }
 
-std::string unknown(const Request& request) {
-  return "rpclib: server could not find function '" + shown(request.method()) + "' with argument count " +
+std::string unknown_method_message(const Request& request) {
+  return "rpclib: server could not find function '" + printable(request.method()) + "' with argument count " +
          std::to_string(request.arguments().size()) + ".";
 }
 
-std::string wrong_count(const Request& request, std::size_t expected) {
-  return "rpclib: client error C0002: Function '" + shown(request.method()) +
+std::string argument_count_message(const Request& request, std::size_t expected) {
+  return "rpclib: client error C0002: Function '" + printable(request.method()) +
          "' was called with an invalid number of arguments. Expected: " + std::to_string(expected) +
          ", got: " + std::to_string(request.arguments().size());
 }
 
-std::string thrown(const Request& request, const std::string& what) {
-  return "rpclib: " + called(request) + " The exception contained this information: " + what + ".";
+std::string exception_message(const Request& request, const std::string& what) {
+  return "rpclib: " + describe_call(request) + " The exception contained this information: " + what + ".";
 }
 
 }  // namespace
@@ -53,7 +53,7 @@ double steady_seconds() {
 std::string encode_error(std::uint32_t id, const std::string& error) {
   Encoder out;
   begin_answer(out, id);
-  out.text(error.substr(0, kLongestError));
+  out.text(error.substr(0, kMaxErrorLength));
   out.nil();
   return out.take();
 }
@@ -68,8 +68,8 @@ std::vector<std::string> MethodTable::names() const {
   return result;
 }
 
-Answer MethodTable::call(const Request& request) const {
-  Answer answer;
+Response MethodTable::call(const Request& request) const {
+  Response answer;
   const auto fail = [&](std::string error) {
     answer.failed = true;
     answer.bytes = encode_error(request.id(), error);
@@ -77,12 +77,12 @@ Answer MethodTable::call(const Request& request) const {
     return answer;
   };
   const auto found = methods_.find(request.method());
-  if (found == methods_.end()) return fail(unknown(request));
+  if (found == methods_.end()) return fail(unknown_method_message(request));
   const auto& handlers = found->second;
   const auto handler = std::ranges::find_if(handlers, [&](const auto& candidate) {
-    return candidate.first == request.arguments().size() || candidate.first == kAnyNumber;
+    return candidate.first == request.arguments().size() || candidate.first == kVariadic;
   });
-  if (handler == handlers.end()) return fail(wrong_count(request, handlers.front().first));
+  if (handler == handlers.end()) return fail(argument_count_message(request, handlers.front().first));
   try {
     Encoder out;
     begin_answer(out, request.id());
@@ -91,9 +91,9 @@ Answer MethodTable::call(const Request& request) const {
     answer.bytes = out.take();
     return answer;
   } catch (const std::bad_alloc&) {
-    return fail(thrown(request, "out of memory; ask for less at once"));
+    return fail(exception_message(request, "out of memory; ask for less at once"));
   } catch (const std::exception& fault) {
-    return fail(thrown(request, fault.what()));
+    return fail(exception_message(request, fault.what()));
   }
 }
 

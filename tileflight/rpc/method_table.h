@@ -13,44 +13,44 @@
 
 namespace tileflight::rpc {
 
-/// What became of a call: the bytes of the answer (`[1, id, error, result]`) and what to keep record of.
-struct Answer {
+/// Result of a call: the response bytes (`[1, id, error, result]`) and statistics.
+struct Response {
   std::string bytes;
   bool failed = false;
   std::string error;     ///< empty unless failed
-  double seconds = 0.0;  ///< that the method itself took, without decoding and encoding
+  double seconds = 0.0;  ///< spent in the method itself, without decoding and encoding
 };
 
-/// The methods that clients may call, by name and number of arguments. A name may be there with several numbers, each
-/// a method of its own: clients of different versions send more or fewer.
+/// The methods that clients may call, by name and number of arguments. A name may be registered with several numbers of
+/// arguments, each a separate method: clients of different versions send more or fewer.
 class MethodTable {
  public:
-  /// Reads the arguments (as many as it was added with), does the work, writes the result. Adds the seconds of the
-  /// work. Throws std::exception for what cannot be done; what it wrote until then is dropped.
+  /// Reads the arguments (as many as registered), does the work, writes the result and adds the seconds it took. Throws
+  /// std::exception on failure; anything written until then is discarded.
   using Handler = std::function<void(std::span<const msgpack::object>, Encoder&, double& seconds)>;
 
   void add_handler(const std::string& name, std::size_t arguments, Handler handler);
-  /// A method that is called whatever the number of arguments.
-  void add_any(const std::string& name, Handler handler) { add_handler(name, kAnyNumber, std::move(handler)); }
+  /// Adds a method that accepts any number of arguments.
+  void add_variadic(const std::string& name, Handler handler) { add_handler(name, kVariadic, std::move(handler)); }
 
-  /// A function of any types that codec.h knows; an argument that is not of its type is refused by its number.
+  /// Adds a function of any types that codec.h supports; an argument of the wrong type is rejected, naming its number.
   template <class Result, class... Arguments, class Function>
   void add(const std::string& name, Function function);
 
-  /// Never throws for what a client sent: errors are answers, worded at their beginning as the servers that AirSim's
-  /// clients know word them. May be called by several threads at once.
-  Answer call(const Request& request) const;
+  /// Never throws because of client input: errors are responses, whose wording starts as that of the servers known to
+  /// AirSim's clients. May be called by several threads at once.
+  Response call(const Request& request) const;
 
   bool contains(const std::string& name) const { return methods_.contains(name); }
   std::vector<std::string> names() const;
 
  private:
-  static constexpr std::size_t kAnyNumber = ~std::size_t{0};
+  static constexpr std::size_t kVariadic = ~std::size_t{0};
 
-  std::map<std::string, std::vector<std::pair<std::size_t, Handler>>> methods_;  ///< the expected number first
+  std::map<std::string, std::vector<std::pair<std::size_t, Handler>>> methods_;  ///< (number of arguments, handler)
 };
 
-/// Seconds of a steady clock, from any start.
+/// Seconds of a steady clock with an arbitrary origin.
 double steady_seconds();
 
 template <class T>

@@ -21,10 +21,10 @@ std::string text(const msgpack::object& value) {
   throw ProtocolError("a method's name is no text");
 }
 
-/// Texts and blobs are not copied out of the message.
+/// Strings and blobs refer to the message instead of being copied.
 bool keep_in_message(msgpack::type::object_type, std::size_t, void*) { return true; }
 
-msgpack::object_handle decoded(const std::string& message) {
+msgpack::object_handle unpack_message(const std::string& message) {
   try {
     return msgpack::unpack(message.data(), message.size(), keep_in_message);
   } catch (const msgpack::unpack_error& fault) {
@@ -34,21 +34,21 @@ msgpack::object_handle decoded(const std::string& message) {
 
 }  // namespace
 
-Request::Request(std::string message) : message_(std::move(message)), handle_(decoded(message_)) {
+Request::Request(std::string message) : message_(std::move(message)), handle_(unpack_message(message_)) {
   const msgpack::object& root = handle_.get();
   if (root.type != msgpack::type::ARRAY || root.via.array.size < 3) throw ProtocolError("a message is no array");
   const std::span<const msgpack::object> values(root.via.array.ptr, root.via.array.size);
   const std::uint64_t kind = whole_number(values[0], "a message's kind");
-  wants_answer_ = kind == kRequest && values.size() == 4;
-  if (!wants_answer_ && !(kind == kNotification && values.size() == 3)) {
+  expects_response_ = kind == kRequest && values.size() == 4;
+  if (!expects_response_ && !(kind == kNotification && values.size() == 3)) {
     throw ProtocolError("a message that is neither a request nor a notification");
   }
-  if (wants_answer_) {
+  if (expects_response_) {
     const std::uint64_t id = whole_number(values[1], "a request's id");
     if (id > std::numeric_limits<std::uint32_t>::max()) throw ProtocolError("a request's id is beyond 32 bits");
     id_ = static_cast<std::uint32_t>(id);
   }
-  const std::size_t at = wants_answer_ ? 2 : 1;
+  const std::size_t at = expects_response_ ? 2 : 1;
   method_ = text(values[at]);
   if (values[at + 1].type != msgpack::type::ARRAY) throw ProtocolError("a method's arguments are no array");
   arguments_ = {values[at + 1].via.array.ptr, values[at + 1].via.array.size};

@@ -6,9 +6,9 @@
 #include <csignal>
 #include <set>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/rpc/connection.h"
-#include "tileflight/rpc/record.h"
+#include "tileflight/rpc/server_counters.h"
 #include "tileflight/rpc/worker_pool.h"
 
 namespace tileflight::rpc {
@@ -16,7 +16,7 @@ namespace {
 
 using asio::ip::tcp;
 
-asio::ip::address address_of(const std::string& text) {
+asio::ip::address parse_address(const std::string& text) {
   if (text == "localhost") return asio::ip::address_v4::loopback();
   asio::error_code fault;
   const asio::ip::address address = asio::ip::make_address(text, fault);
@@ -25,8 +25,8 @@ asio::ip::address address_of(const std::string& text) {
   return address;
 }
 
-tcp::acceptor listening(asio::io_context& network, const ServerOptions& options) {
-  const tcp::endpoint endpoint(address_of(options.address), options.port);
+tcp::acceptor open_acceptor(asio::io_context& network, const ServerOptions& options) {
+  const tcp::endpoint endpoint(parse_address(options.address), options.port);
   try {
     tcp::acceptor acceptor(network);
     acceptor.open(endpoint.protocol());
@@ -40,37 +40,38 @@ tcp::acceptor listening(asio::io_context& network, const ServerOptions& options)
   }
 }
 
-/// How often the limits of time are looked at.
-double tick_s(const Limits& limits) {
-  return std::clamp(0.25 * std::min({limits.half_message_s, limits.unread_answer_s, limits.token_s}), 0.01, 1.0);
+/// Interval at which time limits are checked.
+double timer_period_s(const ServerLimits& limits) {
+  return std::clamp(
+      0.25 * std::min({limits.message_timeout_s, limits.write_timeout_s, limits.authentication_timeout_s}), 0.01, 1.0);
 }
 
 }  // namespace
 
-bool is_loopback(const std::string& address) { return address_of(address).is_loopback(); }
+bool is_loopback(const std::string& address) { return parse_address(address).is_loopback(); }
 
 struct Server::Impl {
   Impl(MethodTable table, const ServerOptions& server_options, Server::Log log)
       : methods(std::move(table)),
         options(server_options),
-        acceptor(listening(network, options)),
+        acceptor(open_acceptor(network, options)),
         timer(network),
-        workers(options.limits.max_workers, options.limits.idle_worker_s),
-        service{network,
+        workers(options.limits.max_workers, options.limits.worker_idle_timeout_s),
+        context{network,
                 methods,
                 options,
                 workers,
-                record,
+                counters,
                 std::move(log),
-                [this] { cut_greediest(); },
-                [this](Connection* connection) { forget(connection); }} {}
+                [this] { close_largest_holder(); },
+                [this](Connection* connection) { remove_connection(connection); }} {}
 
   void accept();
   void add(tcp::socket socket);
-  void give_way();
+  void evict_finished_client();
   void tick();
-  void cut_greediest();
-  void forget(Connection* connection);
+  void close_largest_holder();
+  void remove_connection(Connection* connection);
   void close_all();
 
   MethodTable methods;
@@ -79,10 +80,10 @@ struct Server::Impl {
   tcp::acceptor acceptor;
   asio::steady_timer timer;
   asio::signal_set signals{network};
-  Record record;
+  ServerCounters counters;
   std::set<std::shared_ptr<Connection>> connections;
-  WorkerPool workers;  ///< after what its work uses, so that it ends first
-  Service service;
+  WorkerPool workers;  ///< declared after the members that its work uses, so that it is destroyed first
+  ServerContext context;
   bool accepting = false;
   bool stopping = false;
 };
@@ -92,8 +93,8 @@ void Server::Impl::accept() {
   acceptor.async_accept([this](asio::error_code fault, tcp::socket socket) {
     accepting = false;
     if (stopping) return;
-    if (fault) {  // the client has gone already, or there are no file descriptors left: tick() tries again
-      if (service.log) service.log("a client could not be accepted: " + fault.message());
+    if (fault) {  // the client has disconnected, or file descriptors are exhausted: tick() tries again
+      if (context.log) context.log("a client could not be accepted: " + fault.message());
       return;
     }
     add(std::move(socket));
@@ -102,51 +103,51 @@ void Server::Impl::accept() {
 }
 
 void Server::Impl::add(tcp::socket socket) {
-  if (connections.size() >= options.limits.max_connections) give_way();
+  if (connections.size() >= options.limits.max_connections) evict_finished_client();
   if (connections.size() >= options.limits.max_connections) {
-    ++record.refused;
-    if (service.log) service.log("a client was refused: there are " + std::to_string(connections.size()) + " already");
+    ++counters.refused;
+    if (context.log) context.log("a client was refused: there are " + std::to_string(connections.size()) + " already");
     return;
   }
-  const auto connection = std::make_shared<Connection>(std::move(socket), service);
+  const auto connection = std::make_shared<Connection>(std::move(socket), context);
   connections.insert(connection);
-  ++record.accepted;
-  record.connections = connections.size();
+  ++counters.accepted;
+  counters.connections = connections.size();
   connection->start();
 }
 
-/// Of clients that send no more, one that waits for an answer cannot be told from one that is gone.
-void Server::Impl::give_way() {
-  const auto ended = std::ranges::find_if(connections, [](const auto& one) { return one->has_ended(); });
+/// Among clients that have finished sending, one that waits for a response cannot be distinguished from a lost one.
+void Server::Impl::evict_finished_client() {
+  const auto ended = std::ranges::find_if(connections, [](const auto& one) { return one->has_finished_sending(); });
   if (ended == connections.end()) return;
   const std::shared_ptr<Connection> one = *ended;
   one->close("it sends no more, and another client wants its place");
 }
 
 void Server::Impl::tick() {
-  timer.expires_after(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(tick_s(options.limits))));
+  timer.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(
+      std::chrono::duration<double>(timer_period_s(options.limits))));
   timer.async_wait([this](asio::error_code) {
     if (stopping) return;
     if (!accepting) accept();
-    const auto all = connections;  // those that are closed leave the set
-    for (const auto& connection : all) connection->check_time(steady_seconds());
+    const auto all = connections;  // a copy, because closed connections are removed from the set
+    for (const auto& connection : all) connection->check_timeouts(steady_seconds());
     tick();
   });
 }
 
-void Server::Impl::cut_greediest() {
-  while (record.held_bytes > options.limits.max_held_bytes && !connections.empty()) {
+void Server::Impl::close_largest_holder() {
+  while (counters.held_bytes > options.limits.max_held_bytes && !connections.empty()) {
     const auto greediest = *std::ranges::max_element(
         connections, {}, [](const std::shared_ptr<Connection>& connection) { return connection->held_bytes(); });
     greediest->close("it holds " + std::to_string(greediest->held_bytes()) + " of the " +
-                     std::to_string(record.held_bytes) + " bytes that wait");
+                     std::to_string(counters.held_bytes) + " bytes that wait");
   }
 }
 
-void Server::Impl::forget(Connection* connection) {
+void Server::Impl::remove_connection(Connection* connection) {
   std::erase_if(connections, [&](const std::shared_ptr<Connection>& one) { return one.get() == connection; });
-  record.connections = connections.size();
+  counters.connections = connections.size();
 }
 
 void Server::Impl::close_all() {
@@ -188,7 +189,7 @@ void Server::stop_at_signals() {
 }
 
 ServerStatistics Server::statistics() const {
-  ServerStatistics result = impl_->record.snapshot();
+  ServerStatistics result = impl_->counters.snapshot();
   result.workers = impl_->workers.counts().workers;
   return result;
 }

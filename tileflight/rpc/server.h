@@ -6,65 +6,66 @@
 #include <memory>
 #include <string>
 
-#include "tileflight/rpc/limits.h"
 #include "tileflight/rpc/method_table.h"
+#include "tileflight/rpc/server_limits.h"
 
 namespace tileflight::rpc {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";  ///< of this machine, or "localhost"; 0.0.0.0 or :: for all of its networks
-  std::uint16_t port = 0;             ///< 0: any free one
-  /// What a client must send first, as the only argument of the method below; empty: nothing is asked for.
+  std::uint16_t port = 0;             ///< 0: any free port
+  /// Token that a client must send first, as the only argument of `token_method`; empty: no authentication.
   std::string token;
   std::string token_method = "authenticate";
-  Limits limits;
+  ServerLimits limits;
 };
 
-/// What one method has done since the start.
+/// Statistics of one method since the start.
 struct MethodStatistics {
   std::uint64_t calls = 0;
   std::uint64_t errors = 0;
-  double seconds = 0.0;  ///< of the method itself: without decoding, encoding, waiting and network
+  double seconds = 0.0;  ///< spent in the method itself: without decoding, encoding, waiting and network
 };
 
 struct ServerStatistics {
   std::uint64_t connections = 0;           ///< open now
   std::uint64_t connections_accepted = 0;  ///< since the start
-  std::uint64_t connections_refused = 0;   ///< for there were too many
-  std::uint64_t connections_cut = 0;       ///< closed by the server, for a reason that was logged
-  std::uint64_t requests = 0;              ///< that have come, since the start
+  std::uint64_t connections_refused = 0;   ///< because there were too many
+  std::uint64_t connections_cut = 0;       ///< closed by the server, for a logged reason
+  std::uint64_t requests = 0;              ///< received since the start
   std::uint64_t answers = 0;
-  std::uint64_t running = 0;     ///< requests that a worker is at
+  std::uint64_t running = 0;     ///< requests being executed
   std::uint64_t workers = 0;     ///< threads
-  std::uint64_t held_bytes = 0;  ///< messages that are not answered and answers that are not read
+  std::uint64_t held_bytes = 0;  ///< unanswered messages and unread responses
   std::map<std::string, MethodStatistics> methods;
 };
 
-/// Whether only programs on this machine can reach a server there. Throws InputError for what is no address.
+/// Whether a server at this address can be reached only from this machine. Throws InputError for an invalid address.
 bool is_loopback(const std::string& address);
 
-/// Serves a table of methods by msgpack-rpc over TCP. Each request, also of one connection, runs in a thread of its
-/// own, so a long call holds up nobody and answers come in any order. Whatever comes over the network is bounded by
-/// ServerOptions::limits: a client that goes beyond is cut, the others do not notice.
+/// Serves a method table by msgpack-rpc over TCP. Each request, even of the same connection, runs in its own thread, so
+/// a long call blocks no other and responses come in any order. All network input is bounded by ServerOptions::limits:
+/// a client that exceeds them is disconnected; others are not affected.
 class Server {
  public:
-  /// Told one line of each connection that is cut or refused and why. Called by the thread in run() or by a worker.
+  /// Receives one line for each connection that is closed or refused, with the reason. Called by the thread in run() or
+  /// by a worker.
   using Log = std::function<void(const std::string& line)>;
 
-  /// Listens from here on. Throws InputError if that address and port cannot be listened at.
+  /// Starts listening. Throws InputError if that address and port cannot be used.
   Server(MethodTable methods, const ServerOptions& options, Log log = {});
-  /// Waits for the calls that are running.
+  /// Waits for running calls.
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
   std::uint16_t port() const;
 
-  /// Serves until stop(); then all connections are closed. Calls that are running go on.
+  /// Serves until stop(), then closes all connections. Running calls continue.
   void run();
-  /// Any thread.
+  /// May be called from any thread.
   void stop();
-  /// From here on SIGINT and SIGTERM stop the server instead of ending the process.
+  /// From now on SIGINT and SIGTERM stop the server instead of ending the process.
   void stop_at_signals();
 
   ServerStatistics statistics() const;

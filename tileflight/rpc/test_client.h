@@ -16,7 +16,7 @@
 
 namespace tileflight::rpc {
 
-/// A client of a server on this machine that sends and gets plain bytes, for tests.
+/// Test client of a local server that sends and receives raw bytes.
 class TestClient {
  public:
   explicit TestClient(std::uint16_t port, double patience_s = 10.0) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
@@ -35,7 +35,7 @@ class TestClient {
   TestClient(const TestClient&) = delete;
   TestClient& operator=(const TestClient&) = delete;
 
-  /// False: the server has closed the connection, or takes nothing.
+  /// False: the server has closed the connection, or accepts no data.
   bool send(std::string_view bytes) const {
     while (!bytes.empty()) {
       const ssize_t sent = ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
@@ -48,11 +48,11 @@ class TestClient {
   /// Tells the server that nothing more will be sent.
   void end_sending() const { ::shutdown(socket_, SHUT_WR); }
 
-  /// The bytes of the next message from the server; none: it has closed the connection, or is silent.
+  /// The bytes of the next message from the server; nullopt: it has closed the connection, or is silent.
   std::optional<std::string> receive() {
     MessageScanner scanner(MessageLimits{.max_bytes = std::size_t{1} << 30U, .max_values = 1U << 30U});
     while (true) {
-      if (const auto bytes = scanner.end(received_)) {
+      if (const auto bytes = scanner.find_message_end(received_)) {
         std::string message = received_.substr(0, *bytes);
         received_.erase(0, *bytes);
         return message;
@@ -64,10 +64,10 @@ class TestClient {
     }
   }
 
-  /// Sends a request and gives the next message from the server, whatever it answers.
+  /// Sends a request and returns the next message from the server.
   std::optional<std::string> ask(std::string_view bytes) { return send(bytes) ? receive() : std::nullopt; }
 
-  /// Whether the server closes the connection (or resets it) within the client's patience.
+  /// Whether the server closes the connection (or resets it) within the client's timeout.
   bool is_closed() {
     char chunk[65536];
     while (true) {
@@ -90,16 +90,16 @@ std::string request_bytes(std::uint32_t id, const std::string& method, const Arg
   return {buffer.data(), buffer.size()};
 }
 
-/// An answer, decoded.
-struct TestAnswer {
+/// A decoded response.
+struct TestResponse {
   std::uint32_t id = 0;
   std::optional<std::string> error;
   msgpack::object_handle handle;
   const msgpack::object& result() const { return handle.get().via.array.ptr[3]; }
 };
 
-inline TestAnswer decode_answer(const std::string& bytes) {
-  TestAnswer answer;
+inline TestResponse decode_response(const std::string& bytes) {
+  TestResponse answer;
   answer.handle = msgpack::unpack(bytes.data(), bytes.size());
   const msgpack::object* values = answer.handle.get().via.array.ptr;
   answer.id = values[1].as<std::uint32_t>();

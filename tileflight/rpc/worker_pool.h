@@ -10,17 +10,17 @@
 
 namespace tileflight::rpc {
 
-/// Threads for work that may wait for long (a flight of minutes holds its thread): one is added whenever there is work
-/// and nobody free, up to a bound; one that has had nothing to do for a while ends.
+/// Threads for work that may block for long (a flight of minutes holds its thread): a thread is added when there is
+/// work and no thread is idle, up to a maximum; a thread that stays idle for a while ends.
 class WorkerPool {
  public:
   WorkerPool(std::size_t max_workers, double idle_s) : max_workers_(max_workers), idle_s_(idle_s) {}
-  /// Waits for the work that has begun; what has not is dropped.
+  /// Waits for running work; queued work is dropped.
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  /// `work` must not throw. Begun in the order of submission.
+  /// `work` must not throw. Work starts in the order of submission.
   void submit(std::function<void()> work);
 
   struct Counts {

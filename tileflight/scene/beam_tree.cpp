@@ -10,9 +10,9 @@
 namespace tileflight::scene {
 namespace {
 
-constexpr float kNowhere = 1e30F;  // finite, so that it times zero is zero
+constexpr float kEmptyBound = 1e30F;  // finite, so that its product with 0 is 0
 
-struct Place {
+struct TriangleSource {
   const std::vector<imaging::TexturedMesh>& meshes;
   const geometry::Vec3& anchor;
 
@@ -22,8 +22,8 @@ struct Place {
   }
 };
 
-/// The box of every triangle, mesh after mesh.
-std::vector<RTCBuildPrimitive> boxes_of(const Place& place) {
+/// Bounding boxes of all triangles, mesh by mesh.
+std::vector<RTCBuildPrimitive> boxes_of(const TriangleSource& place) {
   std::vector<std::size_t> first{0};
   for (const imaging::TexturedMesh& mesh : place.meshes) first.push_back(first.back() + mesh.mesh.triangles.size());
   std::vector<RTCBuildPrimitive> boxes(first.back());
@@ -41,8 +41,8 @@ std::vector<RTCBuildPrimitive> boxes_of(const Place& place) {
 void* create_node(RTCThreadLocalAllocator allocator, unsigned, void*) {
   auto* node = new (rtcThreadLocalAlloc(allocator, sizeof(BeamNode), alignof(BeamNode))) BeamNode;
   for (int axis = 0; axis < 3; ++axis) {
-    std::fill_n(node->low[axis], 8, kNowhere);
-    std::fill_n(node->high[axis], 8, -kNowhere);
+    std::fill_n(node->low[axis], 8, kEmptyBound);
+    std::fill_n(node->high[axis], 8, -kEmptyBound);
   }
   std::fill_n(node->child, 8, BeamNode::Child{0});
   return node;
@@ -67,7 +67,7 @@ void set_bounds(void* parent, const RTCBounds** bounds, unsigned count, void*) {
 }
 
 void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* boxes, std::size_t count, void* user) {
-  const auto& place = *static_cast<const Place*>(user);
+  const auto& place = *static_cast<const TriangleSource*>(user);
   auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BeamLeaf), alignof(BeamLeaf))) BeamLeaf;
   leaf->count = static_cast<std::uint32_t>(count);
   for (std::size_t i = 0; i < 8; ++i) {
@@ -98,7 +98,7 @@ BeamTree::BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geome
     : device_(rtcNewDevice(nullptr)) {
   if (device_) memory_.reset(rtcNewBVH(device_.get()));
   if (!memory_) throw std::runtime_error("Embree: no device");
-  Place place{meshes, anchor};
+  TriangleSource place{meshes, anchor};
   std::vector<RTCBuildPrimitive> boxes = boxes_of(place);
   reach_m_ = largest_coordinate(boxes);
   RTCBuildArguments arguments = rtcDefaultBuildArguments();

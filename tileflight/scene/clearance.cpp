@@ -14,9 +14,9 @@ using geometry::Vec3;
 
 constexpr std::size_t kDirections = 128;
 
-/// Even over the sphere: the golden angle from one to the next, heights in equal steps (Swinbank and Purser, Quarterly
-/// Journal of the Royal Meteorological Society 132, 2006).
-std::array<Vec3, kDirections> even_directions() {
+/// Evenly spread directions: successive points differ by the golden angle, heights in equal steps (Swinbank and Purser,
+/// Quarterly Journal of the Royal Meteorological Society 132, 2006).
+std::array<Vec3, kDirections> fibonacci_sphere() {
   std::array<Vec3, kDirections> directions;
   for (std::size_t i = 0; i < kDirections; ++i) {
     const double z = 1.0 - (2.0 * static_cast<double>(i) + 1.0) / kDirections;
@@ -27,7 +27,7 @@ std::array<Vec3, kDirections> even_directions() {
   return directions;
 }
 
-/// What the first surface along a direction shows.
+/// Visible face of the first surface along a direction.
 enum class Side { kNone, kFront, kBack };
 
 Side side_seen(const Scene& scene, const Ray& ray) {
@@ -37,13 +37,13 @@ Side side_seen(const Scene& scene, const Ray& ray) {
 }
 
 bool is_inside(const Scene& scene, const Vec3& point) {
-  static const std::array<Vec3, kDirections> kAll = even_directions();
+  static const std::array<Vec3, kDirections> kAll = fibonacci_sphere();
   int fronts = 0, backs = 0, upwards = 0, backs_upwards = 0;
   for (const Vec3& direction : kAll) {
     const Side side = side_seen(scene, {point, direction});
     fronts += side == Side::kFront ? 1 : 0;
     backs += side == Side::kBack ? 1 : 0;
-    if (direction.z() < 0.5) continue;  // within 60 degrees of straight up
+    if (direction.z() < 0.5) continue;  // within 60 degrees of vertical
     ++upwards;
     backs_upwards += side == Side::kBack ? 1 : 0;
   }
@@ -52,31 +52,31 @@ bool is_inside(const Scene& scene, const Vec3& point) {
 
 }  // namespace
 
-Surroundings surroundings_at(const Scene& scene, const Vec3& point, double reach_m) {
+Surroundings find_surroundings(const Scene& scene, const Vec3& point, double reach_m) {
   Surroundings around;
-  if (const auto nearest = scene.nearest_m(point, reach_m)) around.clearance_m = *nearest;
+  if (const auto nearest = scene.distance_to_surface_m(point, reach_m)) around.clearance_m = *nearest;
   if (const auto below = scene.intersect({point, -Vec3::UnitZ()})) around.above_ground_m = below->distance_m;
   around.inside = is_inside(scene, point);
   return around;
 }
 
-bool passes_through(const Scene& scene, std::span<const Vec3> way) {
+bool path_hits_surface(const Scene& scene, std::span<const Vec3> way) {
   constexpr double kStill_m = 1e-6;
   for (std::size_t i = 0; i + 1 < way.size(); ++i) {
     const Vec3 step = way[i + 1] - way[i];
     const double length_m = step.norm();
-    if (length_m > kStill_m && scene.occluded({way[i], step / length_m}, length_m)) return true;
+    if (length_m > kStill_m && scene.is_occluded({way[i], step / length_m}, length_m)) return true;
   }
   return false;
 }
 
-PathClearance clearance_along(const Scene& scene, const std::vector<Vec3>& path, double reach_m) {
-  scene.prepare_rays();
+PathClearance compute_path_clearance(const Scene& scene, const std::vector<Vec3>& path, double reach_m) {
+  scene.build_ray_tree();
   PathClearance found{std::vector<Surroundings>(path.size()), {}};
-  std::vector<std::uint8_t> blocked(path.size(), 0);  // bits of a vector<bool> are not for several threads
+  std::vector<std::uint8_t> blocked(path.size(), 0);  // vector<bool> is not safe for parallel writes
   tbb::parallel_for(std::size_t{0}, path.size(), [&](std::size_t i) {
-    found.at[i] = surroundings_at(scene, path[i], reach_m);
-    if (i + 1 < path.size()) blocked[i] = passes_through(scene, std::span(path).subspan(i, 2)) ? 1 : 0;
+    found.at[i] = find_surroundings(scene, path[i], reach_m);
+    if (i + 1 < path.size()) blocked[i] = path_hits_surface(scene, std::span(path).subspan(i, 2)) ? 1 : 0;
   });
   found.blocked_after.assign(blocked.begin(), blocked.end());
   return found;

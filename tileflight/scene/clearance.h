@@ -6,34 +6,35 @@
 
 #include "tileflight/scene/scene.h"
 
-// Whether a camera can be where a flight takes it: how near surfaces are, whether it is inside one or goes through one.
+// Whether a camera can follow a flight path: distance to surfaces, whether it is inside a solid, whether it crosses a
+// surface.
 namespace tileflight::scene {
 
-/// What is around a point.
+/// Surroundings of a point.
 struct Surroundings {
   double clearance_m = std::numeric_limits<double>::infinity();     ///< to the nearest surface, in any direction
-  double above_ground_m = std::numeric_limits<double>::infinity();  ///< down to the first surface straight below
-  bool inside = false;                                              ///< of a solid, or beneath the ground
+  double above_ground_m = std::numeric_limits<double>::infinity();  ///< to the first surface vertically below
+  bool inside = false;                                              ///< inside a solid, or below the ground
 };
 
-/// `reach_m`: surfaces farther than this are not looked for, but straight below.
+/// `reach_m`: largest distance searched, except vertically below.
 ///
-/// Inside: of 128 even directions, more see the back of the first surface than its front, and so do more than half of
-/// those that go up. A tileset is a shell, seldom closed: ground is open at its sides, a house or a crown of leaves
-/// open at its bottom. From within or beneath one, what is above shows its back, and little shows its front; beside
-/// one, or under a bridge that was only seen from above, the ground shows more of its front than what is above shows of
-/// its back. Surfaces whose backs were modelled to be seen from within (a scanned room) show fronts there.
-Surroundings surroundings_at(const Scene& scene, const geometry::Vec3& point, double reach_m);
+/// Inside: of 128 evenly spread directions, more hit the back of the first surface than its front, and the same is true
+/// of more than half of the upward ones. A tileset is a shell that is seldom closed: the ground is open at its sides, a
+/// house or tree crown at its bottom. From inside or below one, surfaces above show their backs and few fronts are
+/// visible; beside one, or under a bridge captured only from above, the ground shows more front than the surfaces above
+/// show back. Surfaces modelled to be seen from inside (a scanned room) show fronts there.
+Surroundings find_surroundings(const Scene& scene, const geometry::Vec3& point, double reach_m);
 
-/// Whether a surface lies on the way along these points.
-bool passes_through(const Scene& scene, std::span<const geometry::Vec3> way);
+/// Whether a surface intersects the polyline through these points.
+bool path_hits_surface(const Scene& scene, std::span<const geometry::Vec3> way);
 
-/// The surroundings of a path's points, and whether the way from each to the next goes through a surface (the last one:
-/// false). In parallel, the same for any number of threads.
+/// Surroundings of each point of a path, and whether the segment to the next point crosses a surface (false for the
+/// last). Parallel; the result does not depend on the number of threads.
 struct PathClearance {
   std::vector<Surroundings> at;
   std::vector<bool> blocked_after;
 };
-PathClearance clearance_along(const Scene& scene, const std::vector<geometry::Vec3>& path, double reach_m);
+PathClearance compute_path_clearance(const Scene& scene, const std::vector<geometry::Vec3>& path, double reach_m);
 
 }  // namespace tileflight::scene

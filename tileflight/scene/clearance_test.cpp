@@ -35,8 +35,8 @@ TexturedMesh box(const Vec3& low, const Vec3& high, Open open = Open::kNone) {
   return mesh;
 }
 
-/// The upper part of a ball down to `lowest` (a share of its radius), open below: a crown as pictures from above show
-/// it.
+/// The upper part of a ball down to `lowest` (a fraction of its radius), open below: a tree crown as captured from
+/// above.
 TexturedMesh crown(const Vec3& center, double radius_m, double lowest) {
   constexpr int kAround = 24, kDown = 16;
   TexturedMesh mesh;
@@ -64,13 +64,13 @@ Scene place(std::vector<TexturedMesh> things) {
 
 TEST(Clearance, DistancesToABoxAreItsOwn) {
   const Scene scene({box({-2, -2, 0}, {2, 2, 4})});
-  const auto at = [&](const Vec3& point) { return surroundings_at(scene, point, kReach_m); };
+  const auto at = [&](const Vec3& point) { return find_surroundings(scene, point, kReach_m); };
   EXPECT_NEAR(at({5, 0, 2}).clearance_m, 3.0, 1e-9);
   EXPECT_NEAR(at({5, 6, 2}).clearance_m, 5.0, 1e-9);
   EXPECT_NEAR(at({0, 0, 1.5}).clearance_m, 1.5, 1e-9);
   EXPECT_NEAR(at({1, 1, 10}).above_ground_m, 6.0, 1e-9);
   EXPECT_TRUE(std::isinf(at({5, 0, 2}).above_ground_m));
-  EXPECT_TRUE(std::isinf(surroundings_at(scene, {50, 0, 2}, 10.0).clearance_m));
+  EXPECT_TRUE(std::isinf(find_surroundings(scene, {50, 0, 2}, 10.0).clearance_m));
 }
 
 TEST(Clearance, DistancesAreThoseOfEveryTriangle) {
@@ -86,82 +86,82 @@ TEST(Clearance, DistancesAreThoseOfEveryTriangle) {
       nearest_m =
           std::min(nearest_m, (geometry::closest_point_on_triangle(point, v[t[0]], v[t[1]], v[t[2]]) - point).norm());
     }
-    const auto found = scene.nearest_m(point, 1000.0);
+    const auto found = scene.distance_to_surface_m(point, 1000.0);
     ASSERT_TRUE(found);
     EXPECT_NEAR(*found, nearest_m, 1e-9);
-    EXPECT_EQ(scene.nearest_m(point, 0.999 * nearest_m), std::nullopt);
-    EXPECT_TRUE(scene.nearest_m(point, 1.001 * nearest_m + 1e-6));
+    EXPECT_EQ(scene.distance_to_surface_m(point, 0.999 * nearest_m), std::nullopt);
+    EXPECT_TRUE(scene.distance_to_surface_m(point, 1.001 * nearest_m + 1e-6));
   }
 }
 
 TEST(Clearance, InsideAClosedBoxAndNotBesideIt) {
   const Scene scene = place({box({-5, -5, 0}, {5, 5, 8})});
   for (const Vec3& point : {Vec3(0, 0, 4), Vec3(4.9, -4.9, 0.1), Vec3(-4.9, 4.9, 7.9)})
-    EXPECT_TRUE(surroundings_at(scene, point, kReach_m).inside) << point.transpose();
+    EXPECT_TRUE(find_surroundings(scene, point, kReach_m).inside) << point.transpose();
   for (const Vec3& point : {Vec3(5.1, 0, 4), Vec3(0, 0, 8.1), Vec3(-6, -6, 0.1), Vec3(0, 0, 60), Vec3(99, 99, 2)})
-    EXPECT_FALSE(surroundings_at(scene, point, kReach_m).inside) << point.transpose();
+    EXPECT_FALSE(find_surroundings(scene, point, kReach_m).inside) << point.transpose();
 }
 
 TEST(Clearance, InsideAHouseThatIsOpenBelow) {
   const Scene scene = place({box({-5, -5, 0}, {5, 5, 8}, Open::kBottom)});
-  EXPECT_TRUE(surroundings_at(scene, {0, 0, 4}, kReach_m).inside);
-  EXPECT_TRUE(surroundings_at(scene, {3, 3, 1.5}, kReach_m).inside);
-  EXPECT_FALSE(surroundings_at(scene, {0, 0, 8.5}, kReach_m).inside);
+  EXPECT_TRUE(find_surroundings(scene, {0, 0, 4}, kReach_m).inside);
+  EXPECT_TRUE(find_surroundings(scene, {3, 3, 1.5}, kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(scene, {0, 0, 8.5}, kReach_m).inside);
 }
 
 TEST(Clearance, BeneathTheGround) {
   const Scene scene = place({});
-  EXPECT_TRUE(surroundings_at(scene, {0, 0, -0.5}, kReach_m).inside);
-  EXPECT_TRUE(surroundings_at(scene, {20, 30, -15}, kReach_m).inside);
-  EXPECT_FALSE(surroundings_at(scene, {0, 0, 0.5}, kReach_m).inside);
+  EXPECT_TRUE(find_surroundings(scene, {0, 0, -0.5}, kReach_m).inside);
+  EXPECT_TRUE(find_surroundings(scene, {20, 30, -15}, kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(scene, {0, 0, 0.5}, kReach_m).inside);
 }
 
 TEST(Clearance, InsideATreeButNotUnderIt) {
   const Scene scene = place({crown({0, 0, 8}, 4.0, -0.6)});
-  EXPECT_TRUE(surroundings_at(scene, {0, 0, 8}, kReach_m).inside);
-  EXPECT_TRUE(surroundings_at(scene, {2, 1, 9}, kReach_m).inside);
-  EXPECT_FALSE(surroundings_at(scene, {0, 0, 1}, kReach_m).inside) << "under it";
-  EXPECT_FALSE(surroundings_at(scene, {4.5, 0, 8}, kReach_m).inside) << "beside it";
+  EXPECT_TRUE(find_surroundings(scene, {0, 0, 8}, kReach_m).inside);
+  EXPECT_TRUE(find_surroundings(scene, {2, 1, 9}, kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(scene, {0, 0, 1}, kReach_m).inside) << "under it";
+  EXPECT_FALSE(find_surroundings(scene, {4.5, 0, 8}, kReach_m).inside) << "beside it";
 }
 
 TEST(Clearance, UnderABridgeThatWasOnlySeenFromAbove) {
   TexturedMesh deck;
   deck.mesh.vertices = {{-40, -4, 6}, {40, -4, 6}, {40, 4, 6}, {-40, 4, 6}};
   deck.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
-  EXPECT_FALSE(surroundings_at(place({deck}), {0, 0, 2}, kReach_m).inside);
-  EXPECT_FALSE(surroundings_at(place({deck}), {0, 0, 5}, kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(place({deck}), {0, 0, 2}, kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(place({deck}), {0, 0, 5}, kReach_m).inside);
 }
 
 TEST(Clearance, AScannedRoomIsToBeIn) {
   TexturedMesh room = box({-5, -5, 0}, {5, 5, 3});
   for (geometry::Triangle& t : room.mesh.triangles) std::swap(t[1], t[2]);
-  EXPECT_FALSE(surroundings_at(Scene({room}), {1, 2, 1.5}, kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(Scene({room}), {1, 2, 1.5}, kReach_m).inside);
 }
 
 TEST(Clearance, GoesThroughAWallBetweenTwoPoints) {
   const Scene scene = place({box({10, -20, 0}, {10.2, 20, 10})});
   const std::vector<Vec3> through{{0, 0, 5}, {8, 0, 5}, {16, 0, 5}, {20, 0, 5}};
-  EXPECT_TRUE(passes_through(scene, through));
-  const PathClearance found = clearance_along(scene, through, kReach_m);
+  EXPECT_TRUE(path_hits_surface(scene, through));
+  const PathClearance found = compute_path_clearance(scene, through, kReach_m);
   EXPECT_THAT(found.blocked_after, testing::ElementsAre(false, true, false, false));
   for (const Surroundings& at : found.at) EXPECT_FALSE(at.inside) << "each point is in the open";
   EXPECT_NEAR(found.at[1].clearance_m, 2.0, 1e-6);
 
   const std::vector<Vec3> over{{0, 0, 5}, {8, 0, 11}, {16, 0, 11}, {20, 0, 5}};
-  EXPECT_FALSE(passes_through(scene, over));
+  EXPECT_FALSE(path_hits_surface(scene, over));
   const std::vector<Vec3> still{{0, 0, 5}, {0, 0, 5}};
-  EXPECT_FALSE(passes_through(scene, still));
-  EXPECT_FALSE(passes_through(scene, std::span<const Vec3>()));
+  EXPECT_FALSE(path_hits_surface(scene, still));
+  EXPECT_FALSE(path_hits_surface(scene, std::span<const Vec3>()));
 }
 
 TEST(Clearance, AFlightThatStartsInsideLeavesThroughTheWall) {
   const Scene scene = place({box({-5, -5, 0}, {5, 5, 8})});
-  const PathClearance found = clearance_along(scene, {{0, 0, 4}, {3, 0, 4}, {6, 0, 4}, {9, 0, 4}}, kReach_m);
+  const PathClearance found = compute_path_clearance(scene, {{0, 0, 4}, {3, 0, 4}, {6, 0, 4}, {9, 0, 4}}, kReach_m);
   EXPECT_TRUE(found.at[0].inside);
   EXPECT_TRUE(found.at[1].inside);
   EXPECT_FALSE(found.at[2].inside);
   EXPECT_THAT(found.blocked_after, testing::ElementsAre(false, true, false, false));
-  EXPECT_THAT(clearance_along(scene, {}, kReach_m).at, testing::IsEmpty());
+  EXPECT_THAT(compute_path_clearance(scene, {}, kReach_m).at, testing::IsEmpty());
 }
 
 }  // namespace

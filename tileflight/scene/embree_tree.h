@@ -19,14 +19,14 @@ struct ReleaseScene {
 using DeviceHandle = std::unique_ptr<std::remove_pointer_t<RTCDevice>, ReleaseDevice>;
 using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseScene>;
 
-/// Embree's objects for a list of meshes: geometry i is mesh i, positions are floats relative to the anchor.
+/// Embree's objects for a list of meshes: geometry i is mesh i; positions are floats relative to the anchor.
 struct EmbreeTree {
   DeviceHandle device;
   SceneHandle scene;
 };
 
-/// Builds the tree. The meshes' triangle arrays are shared with Embree, so `meshes` must outlive it, unmoved. Throws
-/// std::runtime_error when Embree fails (no memory).
+/// Builds the tree. Embree shares the meshes' triangle arrays, so `meshes` must outlive it and must not move. Throws
+/// std::runtime_error if Embree fails (out of memory).
 EmbreeTree build_embree_tree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor);
 
 }  // namespace tileflight::scene

@@ -5,31 +5,31 @@
 
 namespace tileflight::scene {
 
-/// Eight rays and their hits, lane by lane, for renderers: the caller fills the rays, Scene::intersect fills the hits.
-/// Everything is relative to Scene::anchor(). Neighbouring rays should be neighbouring lanes. The layout is that of
-/// Embree's RTCRayHit8, so that nothing is copied on the way.
+/// Eight rays and their hits, one per lane, for renderers: the caller fills the rays, Scene::intersect fills the hits.
+/// Everything is relative to Scene::anchor(). Neighbouring rays should be in neighbouring lanes. The layout is that of
+/// Embree's RTCRayHit8, so that no copy is needed.
 struct alignas(32) RayPacket8 {
   static constexpr int kLanes = 8;
   static constexpr std::uint32_t kMiss = 0xFFFFFFFFU;
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-  // In: rays. Directions need not have unit length; distances count in multiples of them.
+  // In: rays. Directions need not have unit length; distances are in multiples of the direction's length.
   float origin_x[8], origin_y[8], origin_z[8];
   float near[8];  ///< smallest distance of a hit
   float direction_x[8], direction_y[8], direction_z[8];
   float time[8];  ///< unused, 0
-  /// In: the largest distance of a hit (negative: the lane is off). Out: the hit's distance where there is one.
+  /// In: the largest distance of a hit (negative: the lane is disabled). Out: the distance of the hit, if any.
   float far[8];
   std::uint32_t mask[8], id[8], flags[8];  ///< set by reset()
 
-  // Out: hits; zeros where there is none.
-  float normal_x[8], normal_y[8], normal_z[8];  ///< by the triangle's winding, not unit length
+  // Out: hits; zeros if there is none.
+  float normal_x[8], normal_y[8], normal_z[8];  ///< oriented by the triangle's winding, not unit length
   float u[8], v[8];                             ///< barycentric weights of corners 1 and 2
   std::uint32_t triangle[8];
   std::uint32_t mesh[8];  ///< kMiss: no hit
   std::uint32_t instance[8];
 
-  /// Everything that is neither origin nor direction as it must be before each query: all lanes on, no far limit.
+  /// Resets all members except origin and direction, as required before each query: all lanes enabled, no far limit.
   void reset() {
     for (int i = 0; i < kLanes; ++i) {
       near[i] = 0.0F;
@@ -45,8 +45,8 @@ struct alignas(32) RayPacket8 {
       instance[i] = kMiss;
     }
   }
-  /// Takes lane `i` out of the next query; it will report a miss.
-  void switch_off(int i) { far[i] = -kInfinity; }
+  /// Disables lane `i` for the next query; it will report a miss.
+  void disable_lane(int i) { far[i] = -kInfinity; }
 };
 
 }  // namespace tileflight::scene

@@ -11,14 +11,14 @@
 #include <string>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/scene/beam_tree.h"
 #include "tileflight/scene/embree_tree.h"
 #include "tileflight/scene/packets.h"
 
 namespace tileflight::scene {
 
-// RayPacket8 is handed to Embree as it is.
+// RayPacket8 is passed to Embree without conversion.
 static_assert(sizeof(RayPacket8) == sizeof(RTCRayHit8) && alignof(RayPacket8) == alignof(RTCRayHit8));
 static_assert(offsetof(RayPacket8, near) == offsetof(RTCRayHit8, ray.tnear));
 static_assert(offsetof(RayPacket8, direction_x) == offsetof(RTCRayHit8, ray.dir_x));
@@ -33,7 +33,7 @@ static_assert(offsetof(RTCRayHit8, ray) == 0 && alignof(RTCRay8) <= alignof(RayP
 
 namespace {
 
-alignas(32) constexpr int kAllLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // a lane is switched off by its far limit
+alignas(32) constexpr int kAllLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // disabled by far limits
 
 std::string mesh_label(const imaging::TexturedMesh& mesh, std::size_t index) {
   return mesh.name.empty() ? "mesh " + std::to_string(index) : mesh.name;
@@ -99,12 +99,12 @@ std::array<geometry::Vec3, 3> corners(const geometry::TriangleMesh& mesh, std::u
   return {mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]};
 }
 
-/// For Embree's search around a point: the corners of its triangles, and what was found so far.
+/// State of Embree's point query: the tree's triangles, and the nearest distance so far.
 struct NearestSearch {
   const std::vector<imaging::TexturedMesh>* meshes;
   geometry::Vec3 point;
-  double distance_m;  ///< of the nearest surface found, or the limit
-  double slack_m;     ///< how far the tree's boxes, which hold floats, may be off
+  double distance_m;  ///< of the nearest surface found so far, or the limit
+  double slack_m;     ///< bound on the rounding of the tree's float boxes
   bool found = false;
 
   float radius() const { return static_cast<float>((distance_m + slack_m) * (1.0 + 1e-6)); }
@@ -121,7 +121,7 @@ bool look_at_triangle(RTCPointQueryFunctionArguments* asked) {
   return true;
 }
 
-/// Distance along the ray to the triangle's plane in double precision; `distance_m` where the plane is edge-on.
+/// Distance along the ray to the triangle's plane in double precision; `distance_m` if the plane is edge-on.
 double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, double distance_m) {
   const geometry::Vec3 normal = (p[1] - p[0]).cross(p[2] - p[0]);
   const double slope = normal.dot(ray.direction);
@@ -131,13 +131,13 @@ double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, do
 
 }  // namespace
 
-/// What is built when it is first asked for.
+/// An object built on first use.
 template <class Tree>
-class BuiltOnce {
+class LazyTree {
  public:
   template <class Build>
   const Tree& get(const Build& build) {
-    // Isolated, lest this thread, while it waits for parts of the tree, takes up a task that asks for the tree.
+    // Isolated, because this thread, while it waits for parts of the tree, must not pick up a task that needs the tree.
     std::call_once(once_, [&] { tbb::this_task_arena::isolate([&] { tree_.emplace(build()); }); });
     return *tree_;
   }
@@ -161,8 +161,8 @@ struct Scene::Impl {
   }
 
  private:
-  BuiltOnce<EmbreeTree> ray_tree_;
-  BuiltOnce<BeamTree> beam_tree_;
+  LazyTree<EmbreeTree> ray_tree_;
+  LazyTree<BeamTree> beam_tree_;
 };
 
 Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor)
@@ -186,8 +186,8 @@ const geometry::Box3& Scene::bounds() const { return impl_->bounds; }
 const geometry::Vec3& Scene::anchor() const { return impl_->anchor; }
 std::size_t Scene::triangle_count() const { return impl_->triangle_count; }
 
-void Scene::prepare_rays() const { impl_->rays(); }
-void Scene::prepare_beams() const { impl_->beams(); }
+void Scene::build_ray_tree() const { impl_->rays(); }
+void Scene::build_beam_tree() const { impl_->beams(); }
 
 std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const {
   RTCIntersectContext context;
@@ -202,7 +202,7 @@ std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const
   return Hit{distance_m, query.hit.geomID, query.hit.primID, query.hit.u, query.hit.v};
 }
 
-bool Scene::occluded(const Ray& ray, double max_distance_m) const {
+bool Scene::is_occluded(const Ray& ray, double max_distance_m) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRay query = embree_ray(ray, impl_->anchor, max_distance_m);
@@ -210,8 +210,8 @@ bool Scene::occluded(const Ray& ray, double max_distance_m) const {
   return query.tfar < 0.0F;
 }
 
-std::optional<double> Scene::nearest_m(const geometry::Vec3& point, double within_m) const {
-  constexpr double kFloatStep = 1e-6;  // of a coordinate, some eight times as coarse as floats are
+std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, double within_m) const {
+  constexpr double kFloatStep = 1e-6;  // relative to a coordinate, some eight times the precision of floats
   const geometry::Vec3 from = point - impl_->anchor;
   const double largest_m = from.norm() + impl_->bounds.sizes().norm();
   NearestSearch search{&impl_->meshes, point, within_m, kFloatStep * largest_m};
@@ -238,7 +238,7 @@ void Scene::intersect(std::span<RayPacket8> beam) const {
   for (RayPacket8& packet : beam) intersect(packet);
 }
 
-void Scene::occlude(RayPacket8& packet) const {
+void Scene::test_occlusion(RayPacket8& packet) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
@@ -261,7 +261,7 @@ geometry::Vec3 Scene::normal(const Hit& hit) const {
   return length > 0.0 ? geometry::Vec3(area_normal / length) : geometry::Vec3(geometry::Vec3::Zero());
 }
 
-geometry::TriangleMesh merged(const std::vector<imaging::TexturedMesh>& meshes) {
+geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& meshes) {
   geometry::TriangleMesh all;
   std::size_t triangles = 0;
   for (const imaging::TexturedMesh& part : meshes) triangles += part.mesh.triangles.size();

@@ -9,7 +9,7 @@
 #include <numbers>
 #include <random>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/scene/packets.h"
 #include "tileflight/scene/test_shapes.h"
 
@@ -40,8 +40,8 @@ TexturedMesh height_field(int cells, double size_m, const Vec3& center) {
                                    [](double x, double y) { return 3.0 * std::sin(0.07 * x) * std::cos(0.05 * y); });
 }
 
-/// Moeller and Trumbore 1997, in double: distance along the ray, or infinity. `margin` is how far inside the triangle
-/// the hit lies (smallest barycentric weight).
+/// Moeller and Trumbore 1997, in double: distance along the ray, or infinity. `margin`: how far inside the triangle the
+/// hit lies (smallest barycentric weight).
 struct Crossing {
   double distance_m = std::numeric_limits<double>::infinity();
   double margin = 0.0;
@@ -74,7 +74,7 @@ Crossing brute_force(const std::vector<TexturedMesh>& meshes, const Ray& ray) {
   return nearest;
 }
 
-constexpr double kClearMargin = 1e-4;  // hits this far inside cannot be decided otherwise by float rounding
+constexpr double kClearMargin = 1e-4;  // float rounding cannot change hits this far inside
 
 struct Frame {
   const char* name;
@@ -103,8 +103,8 @@ TEST_P(SceneAgainstBruteForce, NearestHitsAgree) {
     ++hits;
     EXPECT_NEAR(hit->distance_m, expected.distance_m, 1e-6);
     EXPECT_LT((scene.position(*hit) - (ray.origin + hit->distance_m * ray.direction)).norm(), 1e-3);
-    EXPECT_FALSE(scene.occluded(ray, hit->distance_m - 1e-3));
-    EXPECT_TRUE(scene.occluded(ray, hit->distance_m + 1e-3));
+    EXPECT_FALSE(scene.is_occluded(ray, hit->distance_m - 1e-3));
+    EXPECT_TRUE(scene.is_occluded(ray, hit->distance_m + 1e-3));
     EXPECT_FALSE(scene.intersect(ray, hit->distance_m - 1e-3).has_value());
   }
   EXPECT_GT(hits, 400);
@@ -116,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(Frames, SceneAgainstBruteForce,
                                          Frame{"national_grid", {500123.4, 4100456.7, 2900.0}}),
                          [](const auto& test) { return std::string(test.param.name); });
 
-void aim(RayPacket8& packet, int lane, const Ray& ray, const Vec3& anchor) {
+void build_frame(RayPacket8& packet, int lane, const Ray& ray, const Vec3& anchor) {
   const Vec3 origin = ray.origin - anchor;
   packet.origin_x[lane] = static_cast<float>(origin.x());
   packet.origin_y[lane] = static_cast<float>(origin.y());
@@ -137,9 +137,9 @@ TEST(Scene, PacketsAgreeWithSingleRaysAndKeepLanesOff) {
       const Vec3 above(uniform(random, -90.0, 110.0), uniform(random, -80.0, 120.0), 2940.0);
       const Vec3 down = (uniform_vector(random, 1.0) - Vec3(0.0, 0.0, 1.2)).normalized();
       rays.push_back({above, down});
-      aim(packet, lane, rays.back(), scene.anchor());
+      build_frame(packet, lane, rays.back(), scene.anchor());
     }
-    packet.switch_off(round % 8);
+    packet.disable_lane(round % 8);
     scene.intersect(packet);
     EXPECT_EQ(packet.mesh[round % 8], RayPacket8::kMiss);
     for (int lane = 0; lane < RayPacket8::kLanes; ++lane) {
@@ -164,13 +164,13 @@ TEST(Scene, OcclusionOfPacketsAgreesWithSingleRays) {
     for (int lane = 0; lane < RayPacket8::kLanes; ++lane) {
       const Vec3 near(uniform(random, -60.0, 80.0), uniform(random, -50.0, 90.0), 2902.0);
       rays.push_back({near, (uniform_vector(random, 1.0) + Vec3(0.0, 0.0, 0.2)).normalized()});
-      aim(packet, lane, rays.back(), scene.anchor());
+      build_frame(packet, lane, rays.back(), scene.anchor());
       packet.far[lane] = 1e4F;
     }
-    packet.switch_off(round % 8);
-    scene.occlude(packet);
+    packet.disable_lane(round % 8);
+    scene.test_occlusion(packet);
     for (int lane = 0; lane < RayPacket8::kLanes; ++lane) {
-      const bool expected = lane == round % 8 || scene.occluded(rays[lane], 1e4);
+      const bool expected = lane == round % 8 || scene.is_occluded(rays[lane], 1e4);
       ASSERT_EQ(packet.far[lane] < 0.0F, expected);
       EXPECT_EQ(packet.mesh[lane], RayPacket8::kMiss);
       hidden += expected ? 1 : 0;
@@ -180,7 +180,7 @@ TEST(Scene, OcclusionOfPacketsAgreesWithSingleRays) {
   EXPECT_LT(hidden, 2800);
 }
 
-/// Share of rays aimed from above at points of the field's inner edges (`along` 0..1) that meet nothing.
+/// Fraction of rays aimed from above at points of the field's inner edges (`along` 0..1) that hit nothing.
 double leaking_share(double along_low, double along_high) {
   const Vec3 center(331.3, -127.9, 2893.0);
   const TexturedMesh field = height_field(30, 60.0, center);
@@ -232,7 +232,7 @@ TEST(Scene, KeepsMillimetresFarFromTheOrigin) {
     const Vec3 above = center + Vec3(uniform(random, -190.0, 190.0), uniform(random, -190.0, 190.0), 45.0);
     RayPacket8 packet;
     packet.reset();
-    for (int lane = 0; lane < 8; ++lane) aim(packet, lane, {above, -Vec3::UnitZ()}, scene.anchor());
+    for (int lane = 0; lane < 8; ++lane) build_frame(packet, lane, {above, -Vec3::UnitZ()}, scene.anchor());
     scene.intersect(packet);
     const auto single = scene.intersect({above, -Vec3::UnitZ()});
     ASSERT_TRUE(single.has_value());
@@ -242,7 +242,7 @@ TEST(Scene, KeepsMillimetresFarFromTheOrigin) {
 }
 
 TEST(Scene, TheSameHitsWhateverTheNumberOfThreadsThatBuiltIt) {
-  // Coincident triangles and rays through common vertices make every answer a tie, which only the tree's order decides.
+  // Coincident triangles and rays through shared vertices make every hit a tie, resolved only by the tree's order.
   TexturedMesh field = height_field(400, 100.0, Vec3::Zero());
   const auto once = field.mesh.triangles;
   field.mesh.triangles.insert(field.mesh.triangles.end(), once.begin(), once.end());
@@ -265,7 +265,7 @@ TEST(Scene, MergedKeepsEveryTriangle) {
   std::mt19937_64 random(2);
   const std::vector<TexturedMesh> meshes{random_triangles(random, 5, Vec3::Zero(), 1.0), TexturedMesh{},
                                          random_triangles(random, 7, Vec3::Ones(), 1.0)};
-  const geometry::TriangleMesh all = merged(meshes);
+  const geometry::TriangleMesh all = merge_meshes(meshes);
   ASSERT_EQ(all.triangles.size(), 12U);
   ASSERT_EQ(all.vertices.size(), 36U);
   EXPECT_EQ(all.vertices[all.triangles[6][2]], meshes[2].mesh.vertices[meshes[2].mesh.triangles[1][2]]);

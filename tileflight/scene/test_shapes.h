@@ -20,7 +20,8 @@ inline geometry::Vec3 uniform_vector(std::mt19937_64& random, double half) {
   return {x, y, z};
 }
 
-/// Ground of (cells + 1)^2 shared vertices over `size_m` square metres around `center`; `height_m(x, y)` above that.
+/// Terrain of (cells + 1)^2 shared vertices, a square of side `size_m` around `center`; `height_m(x, y)` is added to
+/// its height.
 template <typename Height>
 imaging::TexturedMesh height_field(int cells, double size_m, const geometry::Vec3& center, const Height& height_m) {
   imaging::TexturedMesh field;

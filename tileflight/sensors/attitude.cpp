@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/sensors/gauss_markov.h"
 
 namespace tileflight::sensors {
@@ -26,20 +26,20 @@ void check(const AttitudeOptions& o) {
 }
 
 std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(double)>& pose_at,
-                                              const SampleTimes& times, const AttitudeOptions& options) {
+                                              const render::SampleTimes& times, const AttitudeOptions& options) {
   check(options);
   const auto bias = [&](double sigma_deg, std::uint64_t stream) {
     return GaussMarkov(sigma_deg * kRadiansOfDegree, options.bias_time_s, times.rate_hz,
-                       stream_key(options.seed, stream));
+                       base::stream_key(options.seed, stream));
   };
   GaussMarkov east = bias(options.tilt_bias_sigma_deg, kEastStream);
   GaussMarkov north = bias(options.tilt_bias_sigma_deg, kNorthStream);
   GaussMarkov up = bias(options.yaw_bias_sigma_deg, kUpStream);
-  const std::uint64_t noise_key = stream_key(options.seed, kNoiseStream);
+  const std::uint64_t noise_key = base::stream_key(options.seed, kNoiseStream);
   std::vector<AttitudeSample> samples;
   samples.reserve(times.count());
   for (std::uint64_t i = 0; i < times.count(); ++i) {
-    const auto n = normal_numbers(noise_key, i);
+    const auto n = base::normal_variates(noise_key, i);
     const geometry::Vec3 error = geometry::Vec3(east.value(), north.value(), up.value()) +
                                  options.noise_deg * kRadiansOfDegree * geometry::Vec3(n[0], n[1], n[2]);
     samples.push_back({times.at(i), geometry::so3_exp(error) * pose_at(times.at(i)).rotation});

@@ -1,24 +1,28 @@
 #include "tileflight/sensors/attitude.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 SE3 turning(double time_s) { return {geometry::so3_exp({0.3, 0.2 * time_s, -0.1}), Vec3::Zero()}; }
 
 TEST(Attitude, WithoutErrorsItIsThePose) {
   const AttitudeOptions perfect{.noise_deg = 0, .tilt_bias_sigma_deg = 0, .yaw_bias_sigma_deg = 0};
-  for (const AttitudeSample& s : simulate_attitude(turning, {1.0, 4.0, 10.0}, perfect))
-    EXPECT_LT(s.R_local_camera.angularDistance(turning(s.time_s).rotation), 1e-7);
+  const auto samples = simulate_attitude(turning, {1.0, 4.0, 10.0}, perfect);
+  ASSERT_EQ(samples.size(), 31U);
+  for (const AttitudeSample& s : samples) EXPECT_LT(s.R_local_camera.angularDistance(turning(s.time_s).rotation), 1e-7);
 }
 
 /// Over many seeds the error about each local axis has the stated deviation.
@@ -37,9 +41,15 @@ TEST(Attitude, ErrorsHaveTheirStatistics) {
 }
 
 TEST(Attitude, ImpossibleOptionsAreRefused) {
-  EXPECT_THROW(simulate_attitude(turning, {0, 1, 10}, {.noise_deg = -1.0}), InputError);
-  EXPECT_THROW(check({.rate_hz = 0.0}), InputError);
-  EXPECT_THROW(check({.bias_time_s = 0.0}), InputError);
+  EXPECT_THAT(
+      [&] {
+        simulate_attitude(turning, {0, 1, 10}, {.noise_deg = -1.0});
+      },
+      ThrowsMessage<InputError>(HasSubstr("attitude errors: must not be negative")));
+  EXPECT_THAT([&] { check({.rate_hz = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("attitude rate_hz: must lie between 0 and 100000")));
+  EXPECT_THAT([&] { check({.bias_time_s = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("attitude bias_time_s: must be more than 0")));
 }
 
 }  // namespace

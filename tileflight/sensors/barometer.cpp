@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/render/sample_times.h"
 #include "tileflight/sensors/gauss_markov.h"
-#include "tileflight/sensors/sample_times.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -20,7 +20,7 @@ constexpr double kEarthRadius_m = 6356766.0;
 constexpr double kExponent = kGravity_m_s2 * kMolarMass_kg_mol / (kGasConstant_j_mol_k * kLapse_k_m);
 constexpr double kLowest_m = -5000.0, kHighest_m = 11000.0;
 
-/// Geopotential height, in which gravity does not change (its equation (18)), and back.
+/// Geopotential height, in which gravity is constant (U.S. Standard Atmosphere 1976, (18)), and its inverse.
 double geopotential_m(double height_m) { return kEarthRadius_m * height_m / (kEarthRadius_m + height_m); }
 double geometric_m(double geopotential_m) {
   return kEarthRadius_m * geopotential_m / (kEarthRadius_m - geopotential_m);
@@ -42,7 +42,7 @@ double Atmosphere::temperature_k(double height_m) const {
   return sea_level_temperature_k - kLapse_k_m * geopotential_m(height_m);
 }
 
-/// Its equation (33a).
+/// U.S. Standard Atmosphere 1976, (33a).
 double Atmosphere::pressure_pa(double height_m) const {
   return sea_level_pressure_pa * std::pow(temperature_k(height_m) / sea_level_temperature_k, kExponent);
 }
@@ -54,17 +54,18 @@ double Atmosphere::height_m(double pressure_pa) const {
 
 std::vector<BarometerSample> simulate_barometer(const std::function<double(double)>& height_at, double start_s,
                                                 double end_s, const BarometerOptions& options) {
-  const SampleTimes times = sample_times("barometer", start_s, end_s, options.rate_hz);
+  const render::SampleTimes times = render::make_sample_times("barometer", start_s, end_s, options.rate_hz);
   check(options);
-  const std::uint64_t noise_key = stream_key(options.seed, kNoiseStream);
-  GaussMarkov drift(options.drift_pa, options.drift_time_s, options.rate_hz, stream_key(options.seed, kDriftStream));
+  const std::uint64_t noise_key = base::stream_key(options.seed, kNoiseStream);
+  GaussMarkov drift(options.drift_pa, options.drift_time_s, options.rate_hz,
+                    base::stream_key(options.seed, kDriftStream));
   std::vector<BarometerSample> samples;
   samples.reserve(times.count());
   for (std::uint64_t i = 0; i < times.count(); ++i, drift.step()) {
     const double time_s = times.at(i), height_m = height_at(time_s);
     if (!(height_m >= kLowest_m && height_m <= kHighest_m))
       throw InputError("barometer", "the flight is not between 5 km below and 11 km above sea level");
-    const double error_pa = drift.value() + options.noise_pa * normal_numbers(noise_key, i)[0];
+    const double error_pa = drift.value() + options.noise_pa * base::normal_variates(noise_key, i)[0];
     const double pressure_pa = options.atmosphere.pressure_pa(height_m) + error_pa;
     samples.push_back(
         {time_s, pressure_pa, options.atmosphere.temperature_k(height_m), Atmosphere{}.height_m(pressure_pa)});

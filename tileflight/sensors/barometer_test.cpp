@@ -1,14 +1,18 @@
 #include "tileflight/sensors/barometer.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::sensors {
 namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 // U.S. Standard Atmosphere 1976, table I: pressure at geometric heights.
 TEST(Atmosphere, IsTheStandardsTable) {
@@ -61,9 +65,12 @@ TEST(Barometer, NoiseAndDriftHaveTheirStatistics) {
 
 TEST(Barometer, RefusesWhatCannotBe) {
   const auto ground = [](double) { return 0.0; };
-  EXPECT_THROW(simulate_barometer(ground, 0, 1, {.rate_hz = -1.0}), InputError);
-  EXPECT_THROW(simulate_barometer(ground, 0, 1, {.drift_time_s = 0.0}), InputError);
-  EXPECT_THROW(simulate_barometer([](double) { return 12000.0; }, 0, 1), InputError);
+  EXPECT_THAT([&] { simulate_barometer(ground, 0, 1, {.rate_hz = -1.0}); },
+              ThrowsMessage<InputError>(HasSubstr("barometer rate: must lie between 0 and 100000 Hz")));
+  EXPECT_THAT([&] { simulate_barometer(ground, 0, 1, {.drift_time_s = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("barometer drift_time: must be more than 0")));
+  EXPECT_THAT([&] { simulate_barometer([](double) { return 12000.0; }, 0, 1); },
+              ThrowsMessage<InputError>(HasSubstr("not between 5 km below and 11 km above sea level")));
 }
 
 }  // namespace

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/random_numbers.h"
-#include "tileflight/sensors/sample_times.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
+#include "tileflight/render/sample_times.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -18,12 +18,12 @@ void check_not_negative(double value, const char* option) {
   if (!(value >= 0.0 && std::isfinite(value))) throw InputError(std::string("IMU ") + option, "must be 0 or more");
 }
 
-/// Independent standard normal vectors by their number.
+/// Independent standard normal vectors, addressed by index.
 class NormalVectors {
  public:
-  NormalVectors(std::uint64_t seed, std::uint64_t stream) : key_(stream_key(seed, stream)) {}
+  NormalVectors(std::uint64_t seed, std::uint64_t stream) : key_(base::stream_key(seed, stream)) {}
   Vec3 at(std::uint64_t i) const {
-    const std::array<float, 4> n = normal_numbers(key_, i);
+    const std::array<float, 4> n = base::normal_variates(key_, i);
     return {n[0], n[1], n[2]};
   }
 
@@ -31,9 +31,9 @@ class NormalVectors {
   std::uint64_t key_;
 };
 
-Vec3 cut_off(const Vec3& value, double range) { return value.cwiseMax(-range).cwiseMin(range); }
+Vec3 saturate(const Vec3& value, double range) { return value.cwiseMax(-range).cwiseMin(range); }
 
-/// Without errors: the angular rate, and the acceleration less gravity, in the unit's axes.
+/// Error-free sample: the angular rate, and the acceleration minus gravity, in the unit's axes.
 ImuSample ideal_sample(const Motion& imu, double time_s, double gravity_m_s2) {
   const Vec3 felt = imu.acceleration + gravity_m_s2 * Vec3::UnitZ();
   return {time_s, imu.angular_velocity, imu.T_local_body.rotation.conjugate() * felt};
@@ -74,7 +74,7 @@ ImuOptions imu_preset(const std::string& name) {
 }
 
 ImuRecording simulate_imu(const MotionFunction& camera, double start_s, double end_s, const ImuOptions& options) {
-  const SampleTimes times = sample_times("IMU", start_s, end_s, options.rate_hz);
+  const render::SampleTimes times = render::make_sample_times("IMU", start_s, end_s, options.rate_hz);
   check(options);
   const NormalVectors gyroscope_noise(options.seed, kGyroscopeNoise), gyroscope_walk(options.seed, kGyroscopeWalk);
   const NormalVectors accelerometer_noise(options.seed, kAccelerometerNoise);
@@ -86,13 +86,14 @@ ImuRecording simulate_imu(const MotionFunction& camera, double start_s, double e
   ImuBias bias{options.gyroscope_bias, options.accelerometer_bias};
   for (std::uint64_t i = 0; i < times.count(); ++i) {
     const double time_s = times.at(i);
-    ImuSample sample = ideal_sample(carried(camera(time_s), options.T_camera_imu), time_s, options.gravity_m_s2);
+    ImuSample sample =
+        ideal_sample(rigidly_attached_motion(camera(time_s), options.T_camera_imu), time_s, options.gravity_m_s2);
     const Vec3 rate = options.gyroscope_scale_misalignment * sample.angular_rate_rad_s + bias.gyroscope_rad_s +
                       options.gyroscope_noise_density * per_sample * gyroscope_noise.at(i);
     const Vec3 force = options.accelerometer_scale_misalignment * sample.specific_force_m_s2 + bias.accelerometer_m_s2 +
                        options.accelerometer_noise_density * per_sample * accelerometer_noise.at(i);
-    sample.angular_rate_rad_s = cut_off(rate, options.gyroscope_range_rad_s);
-    sample.specific_force_m_s2 = cut_off(force, options.accelerometer_range_m_s2);
+    sample.angular_rate_rad_s = saturate(rate, options.gyroscope_range_rad_s);
+    sample.specific_force_m_s2 = saturate(force, options.accelerometer_range_m_s2);
     recording.samples.push_back(sample);
     recording.biases.push_back(bias);
     bias.gyroscope_rad_s += options.gyroscope_random_walk / per_sample * gyroscope_walk.at(i);

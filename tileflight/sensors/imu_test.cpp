@@ -1,19 +1,22 @@
 #include "tileflight/sensors/imu.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <functional>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/flight/path.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 const SE3 kOnTheCamera(Eigen::Quaterniond(0.7, -0.1, 0.65, 0.2), Vec3(0.07, -0.05, 0.12));
 
@@ -36,7 +39,7 @@ flight::Path mission() {
   return flight::path_through_waypoints(waypoints, {});
 }
 
-/// What an integration of samples carries along.
+/// State of the integration of samples.
 struct State {
   Eigen::Vector4d rotation = Eigen::Vector4d::Zero();  ///< R_local_imu: x y z w
   Vec3 velocity = Vec3::Zero(), position = Vec3::Zero();
@@ -53,7 +56,7 @@ State derivative(const State& state, const ImuSample& sample) {
           q.normalized() * sample.specific_force_m_s2 - 9.80665 * Vec3::UnitZ(), state.velocity};
 }
 
-/// Runge and Kutta's fourth order over two sample periods, the sample between being the midpoint.
+/// Fourth-order Runge-Kutta step over two sample periods, with the middle sample as midpoint.
 State integrated(State state, const std::vector<ImuSample>& samples) {
   for (std::size_t i = 0; i + 2 < samples.size(); i += 2) {
     const double h = samples[i + 2].time_s - samples[i].time_s;
@@ -67,15 +70,15 @@ State integrated(State state, const std::vector<ImuSample>& samples) {
   return state;
 }
 
-/// How far the integrated samples of a whole flight end from where the IMU truly ends: metres and radians.
+/// Final error of integrating a whole flight's samples: metres and radians.
 std::pair<double, double> drift(const flight::Path& path, double rate_hz) {
   ImuOptions options = perfect(rate_hz);
   options.T_camera_imu = kOnTheCamera;
   const double end_s = std::floor(path.end_s());
   const ImuRecording recording = simulate_imu(motion_along(path), 0.0, end_s, options);
   EXPECT_EQ(recording.samples.size() % 2, 1U);
-  const Motion first = carried(motion_along(path)(0.0), kOnTheCamera);
-  const Motion last = carried(motion_along(path)(end_s), kOnTheCamera);
+  const Motion first = rigidly_attached_motion(motion_along(path)(0.0), kOnTheCamera);
+  const Motion last = rigidly_attached_motion(motion_along(path)(end_s), kOnTheCamera);
   const State end = integrated({first.T_local_body.rotation.coeffs(), first.velocity, first.T_local_body.translation},
                                recording.samples);
   EXPECT_LT((end.velocity - last.velocity).norm(), 1e-2);
@@ -117,7 +120,9 @@ TEST(Imu, TheLeverArmIsFelt) {
     motion.angular_acceleration = Vec3::UnitZ();
     return motion;
   };
-  for (const ImuSample& sample : simulate_imu(turning, 0.0, 3.0, options).samples) {
+  const std::vector<ImuSample> samples = simulate_imu(turning, 0.0, 3.0, options).samples;
+  ASSERT_EQ(samples.size(), 301U);
+  for (const ImuSample& sample : samples) {
     const double w = 2 + sample.time_s;
     EXPECT_LT((sample.specific_force_m_s2 - Vec3(-0.5 * w * w, 0.5, 9.80665)).norm(), 1e-12);
     EXPECT_LT((sample.angular_rate_rad_s - Vec3(0, 0, w)).norm(), 1e-12);
@@ -160,6 +165,7 @@ TEST(Imu, WhiteNoiseHasItsDensity) {
   options.accelerometer_noise_density = 2e-3;
   options.gyroscope_noise_density = 1.7e-4;
   const auto samples = simulate_imu(at_rest(), 0.0, 2000.0, options).samples;
+  ASSERT_EQ(samples.size(), 200'001U);
   for (const double tau : {0.1, 1.0}) {
     EXPECT_NEAR(allan_deviation(samples, force_of_axis, 100.0, tau) * std::sqrt(tau), 2e-3, 2e-3 * 0.04);
     EXPECT_NEAR(allan_deviation(samples, rate_of_axis, 100.0, tau) * std::sqrt(tau), 1.7e-4, 1.7e-4 * 0.04);
@@ -175,6 +181,8 @@ TEST(Imu, TheBiasWalksAsItIsSaidTo) {
   const double expected = std::sqrt(100.0 / 3.0);
   EXPECT_NEAR(allan_deviation(recording.samples, force_of_axis, 10.0, 100.0) / expected, 3e-3, 3e-3 * 0.12);
   EXPECT_NEAR(allan_deviation(recording.samples, rate_of_axis, 10.0, 100.0) / expected, 1.9e-5, 1.9e-5 * 0.12);
+  ASSERT_EQ(recording.samples.size(), 200'001U);
+  ASSERT_EQ(recording.biases.size(), recording.samples.size());
   for (std::size_t i = 0; i < recording.samples.size(); i += 1000) {
     EXPECT_LT((recording.samples[i].angular_rate_rad_s - recording.biases[i].gyroscope_rad_s).norm(), 1e-15);
   }
@@ -195,6 +203,8 @@ TEST(Imu, TheSeedDecides) {
   const auto samples = [](std::uint64_t seed) { return simulate_imu(at_rest(), 0.0, 1.0, {.seed = seed}).samples; };
   const auto a = samples(1), b = samples(1), c = samples(2);
   ASSERT_EQ(a.size(), 201U);
+  ASSERT_EQ(b.size(), a.size());
+  ASSERT_EQ(c.size(), a.size());
   EXPECT_DOUBLE_EQ(a.back().time_s, 1.0);
   for (std::size_t i = 0; i < a.size(); ++i) {
     EXPECT_EQ(a[i].specific_force_m_s2, b[i].specific_force_m_s2);
@@ -203,11 +213,15 @@ TEST(Imu, TheSeedDecides) {
 }
 
 TEST(Imu, RefusesImpossibleOptions) {
-  EXPECT_THROW(simulate_imu(at_rest(), 0, 1, {.rate_hz = 0.0}), InputError);
-  EXPECT_THROW(simulate_imu(at_rest(), 1, 0), InputError);
-  EXPECT_THROW(simulate_imu(at_rest(), 0, 1, {.gyroscope_noise_density = -1.0}), InputError);
-  EXPECT_THROW(simulate_imu(at_rest(), 0, 1, {.gyroscope_range_rad_s = 0.0}), InputError);
-  EXPECT_THROW(imu_preset("best"), InputError);
+  EXPECT_THAT([&] { simulate_imu(at_rest(), 0, 1, {.rate_hz = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("IMU rate: must lie between 0 and 100000 Hz")));
+  EXPECT_THAT([&] { simulate_imu(at_rest(), 1, 0); },
+              ThrowsMessage<InputError>(HasSubstr("IMU time span: ends before it starts")));
+  EXPECT_THAT([&] { simulate_imu(at_rest(), 0, 1, {.gyroscope_noise_density = -1.0}); },
+              ThrowsMessage<InputError>(HasSubstr("IMU gyroscope_noise_density: must be 0 or more")));
+  EXPECT_THAT([&] { simulate_imu(at_rest(), 0, 1, {.gyroscope_range_rad_s = 0.0}); },
+              ThrowsMessage<InputError>(HasSubstr("IMU gyroscope_range: must be more than 0")));
+  EXPECT_THAT([&] { imu_preset("best"); }, ThrowsMessage<InputError>(HasSubstr("IMU 'best': is not known")));
 }
 
 }  // namespace

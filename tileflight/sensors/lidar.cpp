@@ -7,9 +7,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/random_numbers.h"
-#include "tileflight/sensors/reflectance.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
+#include "tileflight/render/reflectance.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -24,14 +24,14 @@ void require(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("lidar ") + option, what);
 }
 
-/// A number in [0, 1) as a function of key and counter alone.
+/// A uniform number in [0, 1) that depends only on key and counter.
 double uniform_number(std::uint64_t key, std::uint64_t counter) {
-  return static_cast<double>(mixed_bits(key ^ mixed_bits(counter)) >> 11U) * 0x1p-53;
+  return static_cast<double>(base::splitmix64_hash(key ^ base::splitmix64_hash(counter)) >> 11U) * 0x1p-53;
 }
 
-bool same_each_scan(const LidarPattern& pattern) { return !std::holds_alternative<RosettePattern>(pattern); }
+bool is_periodic(const LidarPattern& pattern) { return !std::holds_alternative<RosettePattern>(pattern); }
 
-std::vector<double> evenly(double from, double to, int count) {
+std::vector<double> linspace(double from, double to, int count) {
   std::vector<double> values;
   for (int i = 0; i < count; ++i) values.push_back(from + (to - from) * i / (count - 1));
   return values;
@@ -59,7 +59,7 @@ LidarOptions os1_64() {
   LidarOptions options;
   SpinningPattern pattern;
   pattern.columns = 1024;
-  pattern.elevations_deg = evenly(-16.6, 16.6, 64);
+  pattern.elevations_deg = linspace(-16.6, 16.6, 64);
   options.pattern = pattern;
   options.min_range_m = 0.8;
   options.max_range_m = 120.0;
@@ -76,8 +76,8 @@ LidarOptions hdl_64e() {
   LidarOptions options;
   SpinningPattern pattern;
   pattern.columns = 2083;
-  pattern.elevations_deg = evenly(2.0, -25.0 / 3.0, 32);
-  const std::vector<double> lower = evenly(-53.0 / 6.0, -73.0 / 3.0, 32);
+  pattern.elevations_deg = linspace(2.0, -25.0 / 3.0, 32);
+  const std::vector<double> lower = linspace(-53.0 / 6.0, -73.0 / 3.0, 32);
   pattern.elevations_deg.insert(pattern.elevations_deg.end(), lower.begin(), lower.end());
   options.pattern = pattern;
   options.min_range_m = 0.9;
@@ -118,7 +118,7 @@ void check(const LidarOptions& options) {
   require(options.dropout_share >= 0.0 && options.dropout_share <= 1.0, "dropout_share", "must be 0 to 1");
 }
 
-/// z of the camera forward, x to the right: x of the lidar is the camera's z, y its -x, z its -y.
+/// Camera z (forward) becomes lidar x, camera x (right) lidar -y, camera y (down) lidar -z.
 SE3 LidarOptions::upright_on_camera() {
   geometry::Mat3 R_camera_lidar;
   R_camera_lidar << 0, -1, 0, 0, 0, -1, 1, 0, 0;
@@ -133,34 +133,34 @@ LidarOptions lidar_preset(const std::string& name) {
   throw InputError("lidar '" + name + "'", "is not known; known are vlp-16, os1-64, hdl-64e and livox-mid-40");
 }
 
-/// What came of a beam.
-struct Lidar::Shot {
+/// Result of a beam.
+struct Lidar::BeamReturn {
   bool returned = false;
   double range_m = 0.0;
   double intensity = 0.0;
 };
 
 Lidar::Lidar(const scene::Scene& scene, LidarOptions options)
-    : scene_(scene), options_(std::move(options)), appearance_(std::make_shared<const Appearance>(scene)) {
+    : scene_(scene), options_(std::move(options)), appearance_(std::make_shared<const render::Appearance>(scene)) {
   check(options_);
-  if (same_each_scan(options_.pattern)) beams_ = beams_of(options_.pattern, 0);
+  if (is_periodic(options_.pattern)) beams_ = generate_beams(options_.pattern, 0);
 }
 
-Lidar::Shot Lidar::shoot(const LidarBeam& beam, std::uint64_t counter, const SE3& T_local_lidar) const {
+Lidar::BeamReturn Lidar::trace_beam(const LidarBeam& beam, std::uint64_t counter, const SE3& T_local_lidar) const {
   const scene::Ray ray{T_local_lidar.translation, T_local_lidar.rotation * beam.direction};
-  // Noise can bring what is a little beyond the reach into it.
+  // Noise can bring surfaces slightly beyond the range into it.
   const double reach_m = options_.max_range_m * (1.0 + 6.0 * options_.range_sigma_share) + 6.0 * options_.range_sigma_m;
   const auto hit = scene_.intersect(ray, reach_m);
   if (!hit) return {};
   const double cosine = std::abs(scene_.normal(*hit).dot(ray.direction));
   const double albedo =
       std::min(1.0, options_.albedo_gain *
-                        Reflectance(scene_, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m));
-  const std::array<float, 4> n = normal_numbers(stream_key(options_.seed, kNoiseStream), counter);
+                        render::Reflectance(scene_, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m));
+  const std::array<float, 4> n = base::normal_variates(base::stream_key(options_.seed, kNoiseStream), counter);
   const double distance_m = hit->distance_m, threshold = std::pow(distance_m / options_.white_range_m, 2);
   const bool lost = albedo * cosine * std::exp(options_.signal_spread * n[1]) < threshold ||
                     cosine < std::cos(options_.max_incidence_deg * kRadiansPerDegree) ||
-                    uniform_number(stream_key(options_.seed, kDropoutStream), counter) < options_.dropout_share;
+                    uniform_number(base::stream_key(options_.seed, kDropoutStream), counter) < options_.dropout_share;
   const double range_m =
       distance_m + n[0] * std::hypot(options_.range_sigma_m, options_.range_sigma_share * distance_m);
   if (lost || range_m < options_.min_range_m || range_m > options_.max_range_m) return {};
@@ -169,12 +169,13 @@ Lidar::Shot Lidar::shoot(const LidarBeam& beam, std::uint64_t counter, const SE3
   return {true, range_m, std::min(1.0, albedo * cosine * falls)};
 }
 
-LidarScan Lidar::scan(std::uint64_t number, double start_s, const PoseFunction& T_local_camera_at) const {
-  const std::vector<LidarBeam> own = beams_.empty() ? beams_of(options_.pattern, number) : std::vector<LidarBeam>{};
+LidarScan Lidar::scan(std::uint64_t number, double start_s, const render::PoseFunction& T_local_camera_at) const {
+  const std::vector<LidarBeam> own =
+      beams_.empty() ? generate_beams(options_.pattern, number) : std::vector<LidarBeam>{};
   const std::vector<LidarBeam>& beams = beams_.empty() ? own : beams_;
   const SE3 T_local_start = T_local_camera_at(start_s) * options_.T_camera_lidar;
   const SE3 T_start_local = T_local_start.inverse();
-  const std::uint64_t first_counter = mixed_bits(number);
+  const std::uint64_t first_counter = base::splitmix64_hash(number);
   std::vector<LidarPoint> points(beams.size());
   std::vector<char> returned(beams.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, beams.size(), 256), [&](const auto& range) {
@@ -183,7 +184,7 @@ LidarScan Lidar::scan(std::uint64_t number, double start_s, const PoseFunction& 
       const SE3 T_local_lidar = options_.motion == ScanMotion::kFrozen
                                     ? T_local_start
                                     : T_local_camera_at(start_s + beam.time_s) * options_.T_camera_lidar;
-      const Shot shot = shoot(beam, first_counter + i, T_local_lidar);
+      const BeamReturn shot = trace_beam(beam, first_counter + i, T_local_lidar);
       returned[i] = shot.returned ? 1 : 0;
       const Vec3 own_frame = shot.range_m * beam.direction;
       const Vec3 position =

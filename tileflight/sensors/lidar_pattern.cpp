@@ -6,7 +6,7 @@
 #include <numeric>
 #include <string>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -14,14 +14,14 @@ namespace {
 using geometry::Vec3;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
-constexpr double kMostBeams = 1e7;
+constexpr double kMaxBeams = 1e7;
 
 void require(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("lidar ") + option, what);
 }
 
-/// Azimuth clockwise from x (to the right), elevation upwards.
-Vec3 direction_of(double azimuth_rad, double elevation_rad) {
+/// Azimuth clockwise from x (to the right), elevation positive upwards.
+Vec3 beam_direction(double azimuth_rad, double elevation_rad) {
   return {std::cos(elevation_rad) * std::cos(azimuth_rad), -std::cos(elevation_rad) * std::sin(azimuth_rad),
           std::sin(elevation_rad)};
 }
@@ -35,7 +35,7 @@ std::vector<std::uint16_t> rings_of(const std::vector<double>& elevations) {
   return rings;
 }
 
-/// A turn begins at the back (azimuth -180), so that its seam is there.
+/// A rotation starts at the back (azimuth -180), which puts its seam there.
 std::vector<LidarBeam> beams(const SpinningPattern& pattern, std::uint64_t /*scan*/) {
   const std::vector<std::uint16_t> rings = rings_of(pattern.elevations_deg);
   const double turn_s = 1.0 / pattern.rate_hz;
@@ -46,15 +46,15 @@ std::vector<LidarBeam> beams(const SpinningPattern& pattern, std::uint64_t /*sca
       const double azimuth_deg = -180.0 + 360.0 * time_s / turn_s;
       if (azimuth_deg < pattern.azimuth_from_deg || azimuth_deg > pattern.azimuth_to_deg) continue;
       result.push_back(
-          {direction_of(azimuth_deg * kRadiansPerDegree, pattern.elevations_deg[channel] * kRadiansPerDegree), time_s,
+          {beam_direction(azimuth_deg * kRadiansPerDegree, pattern.elevations_deg[channel] * kRadiansPerDegree), time_s,
            rings[channel]});
     }
   }
   return result;
 }
 
-/// Each prism turns the beam by a quarter of the field's angle, towards where it points: the sum of both, as small
-/// angles, is the beam's angle from x and the side it lies on.
+/// Each prism deflects the beam by a quarter of the field of view towards its own direction; for small angles the
+/// deflections add up to the beam's offset from x.
 std::vector<LidarBeam> beams(const RosettePattern& pattern, std::uint64_t scan) {
   const auto first =
       static_cast<std::uint64_t>(std::llround(static_cast<double>(scan) * pattern.points_per_second / pattern.rate_hz));
@@ -84,8 +84,8 @@ std::vector<LidarBeam> beams(const RasterPattern& pattern, std::uint64_t /*scan*
   for (int row = 0; row < pattern.rows; ++row) {
     for (int column = 0; column < pattern.columns; ++column) {
       const double share = (row + (column + 0.5) / pattern.columns) / pattern.rows;
-      result.push_back({direction_of(angle(column, pattern.columns, pattern.horizontal_fov_deg),
-                                     -angle(row, pattern.rows, pattern.vertical_fov_deg)),
+      result.push_back({beam_direction(angle(column, pattern.columns, pattern.horizontal_fov_deg),
+                                       -angle(row, pattern.rows, pattern.vertical_fov_deg)),
                         share * period_s, static_cast<std::uint16_t>(row)});
     }
   }
@@ -94,7 +94,7 @@ std::vector<LidarBeam> beams(const RasterPattern& pattern, std::uint64_t /*scan*
 
 void check_one(const SpinningPattern& pattern) {
   require(pattern.columns >= 1 && !pattern.elevations_deg.empty(), "columns", "and channels must be 1 or more");
-  require(pattern.columns * static_cast<double>(pattern.elevations_deg.size()) <= kMostBeams, "columns",
+  require(pattern.columns * static_cast<double>(pattern.elevations_deg.size()) <= kMaxBeams, "columns",
           "times channels must be at most ten million");
   for (const double elevation : pattern.elevations_deg)
     require(std::abs(elevation) <= 90.0, "elevations", "must lie between -90 and 90 degrees");
@@ -106,7 +106,7 @@ void check_one(const SpinningPattern& pattern) {
 }
 
 void check_one(const RosettePattern& pattern) {
-  require(pattern.points_per_second >= pattern.rate_hz && pattern.points_per_second <= kMostBeams * pattern.rate_hz,
+  require(pattern.points_per_second >= pattern.rate_hz && pattern.points_per_second <= kMaxBeams * pattern.rate_hz,
           "points_per_second", "must give one to ten million beams a scan");
   require(pattern.fov_deg > 0.0 && pattern.fov_deg < 180.0, "fov", "must lie between 0 and 180 degrees");
   require(std::isfinite(pattern.first_prism_rpm + pattern.second_prism_rpm), "prism_rpm", "must be finite");
@@ -114,7 +114,7 @@ void check_one(const RosettePattern& pattern) {
 
 void check_one(const RasterPattern& pattern) {
   require(pattern.columns >= 1 && pattern.rows >= 1 && pattern.rows <= 65536, "rows", "and columns must be 1 or more");
-  require(static_cast<double>(pattern.columns) * pattern.rows <= kMostBeams, "columns",
+  require(static_cast<double>(pattern.columns) * pattern.rows <= kMaxBeams, "columns",
           "times rows must be at most ten million");
   require(pattern.horizontal_fov_deg > 0.0 && pattern.horizontal_fov_deg <= 360.0, "horizontal_fov",
           "must lie between 0 and 360 degrees");
@@ -128,7 +128,7 @@ double scan_period_s(const LidarPattern& pattern) {
   return 1.0 / std::visit([](const auto& p) { return p.rate_hz; }, pattern);
 }
 
-std::vector<LidarBeam> beams_of(const LidarPattern& pattern, std::uint64_t scan) {
+std::vector<LidarBeam> generate_beams(const LidarPattern& pattern, std::uint64_t scan) {
   return std::visit([scan](const auto& p) { return beams(p, scan); }, pattern);
 }
 

@@ -8,28 +8,29 @@
 
 namespace tileflight::sensors {
 
-// Where a lidar's beams go. Lidar frame: x forward, y left, z up (as Velodyne's, Ouster's sensor frame and ROS's REP
+// Beam directions of lidars. Lidar frame: x forward, y left, z up (as Velodyne's, Ouster's sensor frame and ROS's REP
 // 103).
 
+/// Direction and firing time of a beam.
 struct LidarBeam {
   geometry::Vec3 direction;  ///< unit length, lidar frame
   double time_s = 0.0;       ///< after the scan's start
-  std::uint16_t ring = 0;    ///< of spinning lidars: the channel, counted from the lowest; of a raster: the row
+  std::uint16_t ring = 0;    ///< spinning lidars: the channel, counted from the lowest; raster: the row
 };
 
-/// A column of channels that turns about z, clockwise from above; a scan is a whole turn.
+/// A column of channels that rotates about z, clockwise seen from above; a scan is a full turn.
 struct SpinningPattern {
   double rate_hz = 10.0;               ///< turns a second
-  int columns = 1800;                  ///< firings a turn, evenly in time and azimuth
-  std::vector<double> elevations_deg;  ///< of each channel, upwards, in the order of firing
-  double channel_delay_s = 0.0;        ///< from one channel to the next within a column; 0: all at once
-  double azimuth_from_deg = -180.0;    ///< beams are kept between these, counted clockwise from x
+  int columns = 1800;                  ///< firings per turn, evenly spaced in time and azimuth
+  std::vector<double> elevations_deg;  ///< of each channel, positive upwards, in the order of firing
+  double channel_delay_s = 0.0;        ///< between successive channels of a column; 0: all fire at once
+  double azimuth_from_deg = -180.0;    ///< beams outside these limits are dropped; counted clockwise from x
   double azimuth_to_deg = 180.0;
 };
 
-/// Two prisms of equal deflection that turn against each other: a rosette that is another one in each scan.
+/// Two counter-rotating prisms of equal deflection: a rosette that differs from scan to scan.
 struct RosettePattern {
-  double rate_hz = 10.0;  ///< scans a second (the pattern goes on from scan to scan)
+  double rate_hz = 10.0;  ///< scans per second (the pattern continues from scan to scan)
   double points_per_second = 1e5;
   double fov_deg = 38.4;  ///< full angle of the cone
   double first_prism_rpm = 7294.0;
@@ -45,13 +46,13 @@ struct RasterPattern {
 
 using LidarPattern = std::variant<SpinningPattern, RosettePattern, RasterPattern>;
 
-/// From one scan's start to the next one's, seconds.
+/// Time from one scan's start to the next one's, seconds.
 double scan_period_s(const LidarPattern& pattern);
 
 /// The beams of a scan, in the order of their times.
-std::vector<LidarBeam> beams_of(const LidarPattern& pattern, std::uint64_t scan);
+std::vector<LidarBeam> generate_beams(const LidarPattern& pattern, std::uint64_t scan);
 
-/// Throws InputError for patterns that have no beams, go backwards or are beyond reason (ten million beams a scan).
+/// Throws InputError for patterns without beams, with reversed limits, or with more than ten million beams per scan.
 void check(const LidarPattern& pattern);
 
 }  // namespace tileflight::sensors

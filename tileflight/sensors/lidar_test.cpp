@@ -1,5 +1,6 @@
 #include "tileflight/sensors/lidar.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -7,25 +8,27 @@
 #include <cmath>
 #include <numeric>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/test_scenes.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/render/test_scenes.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// sRGB of a mid grey, and its linear value.
 constexpr int kGrey = 188;
-const double kAlbedo = srgb_decode(kGrey);
+const double kAlbedo = render::srgb_decode(kGrey);
 
 imaging::TexturedMesh square(const Vec3& corner, const Vec3& side, const Vec3& other, int grey = kGrey) {
   imaging::TexturedMesh mesh;
   mesh.mesh.vertices = {corner, corner + side, corner + side + other, corner + other};
   mesh.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
   mesh.uv = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
-  mesh.texture = test_scenes::texture(4, 4, [=](int, int) { return test_scenes::grey(grey); });
+  mesh.texture = render::test_scenes::texture(4, 4, [=](int, int) { return render::test_scenes::grey(grey); });
   return mesh;
 }
 
@@ -39,7 +42,7 @@ scene::Scene closed_box() {
 
 scene::Scene ground() { return scene::Scene({square(Vec3(-500, -500, 0), Vec3(1000, 0, 0), Vec3(0, 1000, 0))}); }
 
-/// From inside the box to its walls (slabs).
+/// Distance from inside the box to its walls (slab method).
 double distance_to_walls(const Vec3& origin, const Vec3& direction) {
   double nearest = std::numeric_limits<double>::infinity();
   for (int axis = 0; axis < 3; ++axis) {
@@ -58,7 +61,7 @@ LidarOptions exact(const LidarPattern& pattern) {
   return options;
 }
 
-PoseFunction still(const SE3& T_local_camera) {
+render::PoseFunction still(const SE3& T_local_camera) {
   return [=](double) { return T_local_camera; };
 }
 
@@ -71,12 +74,12 @@ LidarOptions looking_down(const LidarPattern& pattern) {
 
 TEST(Lidar, InAClosedBoxEveryBeamMeetsItsWall) {
   const scene::Scene scene = closed_box();
-  const SE3 T_local_camera = test_scenes::looking_along(Vec3(1, -2, 0.5), Vec3(0.3, 1, 0.2));
+  const SE3 T_local_camera = render::test_scenes::looking_along(Vec3(1, -2, 0.5), Vec3(0.3, 1, 0.2));
   const Lidar lidar(scene, exact(lidar_preset("vlp-16").pattern));
   const LidarScan scan = lidar.scan(0, 5.0, still(T_local_camera));
   EXPECT_EQ(scan.points.size(), scan.beams);
   EXPECT_EQ(scan.time_s, 5.0);
-  const std::vector<LidarBeam> beams = beams_of(lidar_preset("vlp-16").pattern, 0);
+  const std::vector<LidarBeam> beams = generate_beams(lidar_preset("vlp-16").pattern, 0);
   for (std::size_t i = 0; i < beams.size(); ++i) {
     const Vec3 direction = scan.T_local_lidar.rotation * beams[i].direction;
     ASSERT_NEAR(scan.points[i].position.cast<double>().norm(),
@@ -92,7 +95,7 @@ TEST(Lidar, OnAPlaneRangeAndIntensityFollowTheIncidence) {
   const scene::Scene scene = ground();
   const RasterPattern pattern{.columns = 31, .rows = 21, .horizontal_fov_deg = 80, .vertical_fov_deg = 60};
   LidarOptions options = looking_down(pattern);
-  const PoseFunction pose = still(test_scenes::looking_down(Vec3(3, 4, 20)));
+  const render::PoseFunction pose = still(render::test_scenes::looking_down(Vec3(3, 4, 20)));
   const LidarScan scan = Lidar(scene, options).scan(0, 0.0, pose);
   options.intensity_falls_with_range = true;
   options.intensity_reference_m = 10.0;
@@ -113,8 +116,8 @@ TEST(Lidar, MotionDistortsAScanAndCanBeTakenOut) {
   const scene::Scene scene = ground();
   const RasterPattern pattern{
       .rate_hz = 5.0, .columns = 20, .rows = 20, .horizontal_fov_deg = 50, .vertical_fov_deg = 50};
-  const PoseFunction moving = [](double t) {
-    SE3 T = test_scenes::looking_down(Vec3(15 * t, 2 * t, 30 + t));
+  const render::PoseFunction moving = [](double t) {
+    SE3 T = render::test_scenes::looking_down(Vec3(15 * t, 2 * t, 30 + t));
     T.rotation = T.rotation * geometry::so3_exp(Vec3(0.3 * t, -0.2 * t, 0.5 * t));
     return T;
   };
@@ -145,7 +148,7 @@ TEST(Lidar, RangeNoiseHasItsSize) {
   LidarOptions options = looking_down(RasterPattern{.columns = 100, .rows = 100, .vertical_fov_deg = 40});
   options.range_sigma_m = 0.03;
   options.range_sigma_share = 0.001;
-  const PoseFunction pose = still(test_scenes::looking_down(Vec3(0, 0, 40)));
+  const render::PoseFunction pose = still(render::test_scenes::looking_down(Vec3(0, 0, 40)));
   const LidarScan scan = Lidar(scene, options).scan(0, 0.0, pose);
   double sum = 0.0, squares = 0.0;
   for (const LidarPoint& point : scan.points) {
@@ -164,11 +167,12 @@ TEST(Lidar, WeakReturnsAreLost) {
   LidarOptions options =
       looking_down(RasterPattern{.columns = 61, .rows = 61, .horizontal_fov_deg = 120, .vertical_fov_deg = 120});
   options.white_range_m = 60.0;
-  const PoseFunction pose = still(test_scenes::looking_down(Vec3(0, 0, 30)));
+  const render::PoseFunction pose = still(render::test_scenes::looking_down(Vec3(0, 0, 30)));
   const LidarScan scan = Lidar(scene, options).scan(0, 0.0, pose);
   const double least_cosine = std::cbrt(0.25 / kAlbedo);
   std::size_t expected = 0;
-  for (const LidarBeam& beam : beams_of(options.pattern, 0)) expected += beam.direction.x() > least_cosine ? 1 : 0;
+  for (const LidarBeam& beam : generate_beams(options.pattern, 0))
+    expected += beam.direction.x() > least_cosine ? 1 : 0;
   EXPECT_GT(expected, 500U);
   EXPECT_NEAR(static_cast<double>(scan.points.size()), static_cast<double>(expected), 2.0);
   for (const LidarPoint& point : scan.points)
@@ -176,7 +180,9 @@ TEST(Lidar, WeakReturnsAreLost) {
 
   options.white_range_m = std::numeric_limits<double>::infinity();
   options.max_incidence_deg = 30.0;
-  for (const LidarPoint& point : Lidar(scene, options).scan(0, 0.0, pose).points)
+  const LidarScan steep = Lidar(scene, options).scan(0, 0.0, pose);
+  ASSERT_FALSE(steep.points.empty());
+  for (const LidarPoint& point : steep.points)
     EXPECT_GT(point.position.x() / point.position.norm(), std::cos(30.01 * M_PI / 180));
   options.max_incidence_deg = 90.0;
   options.dropout_share = 0.25;
@@ -190,7 +196,7 @@ TEST(Lidar, NeitherNearerNorFartherThanItsLimits) {
       looking_down(RasterPattern{.columns = 41, .rows = 41, .horizontal_fov_deg = 140, .vertical_fov_deg = 100});
   options.min_range_m = 22.0;
   options.max_range_m = 40.0;
-  const LidarScan scan = Lidar(scene, options).scan(0, 0.0, still(test_scenes::looking_down(Vec3(0, 0, 20))));
+  const LidarScan scan = Lidar(scene, options).scan(0, 0.0, still(render::test_scenes::looking_down(Vec3(0, 0, 20))));
   EXPECT_GT(scan.points.size(), 300U);
   EXPECT_LT(scan.points.size(), 1681U);
   for (const LidarPoint& point : scan.points) {
@@ -202,7 +208,7 @@ TEST(Lidar, NeitherNearerNorFartherThanItsLimits) {
 TEST(Lidar, WhatIsDarkToTheEyeMayBeBrightToALaser) {
   const scene::Scene scene = ground();
   LidarOptions options = looking_down(RasterPattern{.columns = 3, .rows = 3});
-  const PoseFunction pose = still(test_scenes::looking_down(Vec3(0, 0, 20)));
+  const render::PoseFunction pose = still(render::test_scenes::looking_down(Vec3(0, 0, 20)));
   const auto intensity_at = [&](double gain) {
     options.albedo_gain = gain;
     return Lidar(scene, options).scan(0, 0.0, pose).points.at(4).intensity;  // straight down
@@ -221,7 +227,7 @@ TEST(Lidar, TheColourUnderTheBeamMakesTheIntensity) {
   const scene::Scene scene(std::move(meshes));
   const LidarOptions options = looking_down(RasterPattern{.columns = 10, .rows = 2, .horizontal_fov_deg = 60});
   for (const LidarPoint& point :
-       Lidar(scene, options).scan(0, 0.0, still(test_scenes::looking_down(Vec3(0, 0, 10)))).points) {
+       Lidar(scene, options).scan(0, 0.0, still(render::test_scenes::looking_down(Vec3(0, 0, 10)))).points) {
     const double cosine = point.position.x() / point.position.norm();
     const double albedo = point.position.y() > 0 ? 1.0 : 0.5 * 0.2126;  // left is west
     EXPECT_NEAR(point.intensity, albedo * cosine, 3e-3);
@@ -240,7 +246,7 @@ TEST(Lidar, ThreadsChangeNothingAndTheSeedDecides) {
   const scene::Scene scene = closed_box();
   LidarOptions options = lidar_preset("livox-mid-40");
   options.dropout_share = 0.1;
-  const PoseFunction pose = still(test_scenes::looking_along(Vec3(1, -2, 0.5), Vec3(0.3, 1, 0.2)));
+  const render::PoseFunction pose = still(render::test_scenes::looking_along(Vec3(1, -2, 0.5), Vec3(0.3, 1, 0.2)));
   const Lidar lidar(scene, options);
   const LidarScan many = lidar.scan(4, 0.4, pose);
   {
@@ -256,10 +262,12 @@ TEST(Lidar, RefusesImpossibleOptions) {
   const scene::Scene scene = ground();
   LidarOptions options = exact(RasterPattern{});
   options.max_range_m = -1.0;
-  EXPECT_THROW(Lidar(scene, options), InputError);
+  EXPECT_THAT([&] { Lidar(scene, options); },
+              ThrowsMessage<InputError>(HasSubstr("lidar max_range: must be more than min_range")));
   options = exact(RasterPattern{});
   options.dropout_share = 2.0;
-  EXPECT_THROW(Lidar(scene, options), InputError);
+  EXPECT_THAT([&] { Lidar(scene, options); },
+              ThrowsMessage<InputError>(HasSubstr("lidar dropout_share: must be 0 to 1")));
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 #include "tileflight/sensors/magnetometer.h"
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/random_numbers.h"
-#include "tileflight/sensors/sample_times.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
+#include "tileflight/render/sample_times.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -23,15 +23,15 @@ void check(const MagnetometerOptions& options) {
 std::vector<MagnetometerSample> simulate_magnetometer(const std::function<SE3(double)>& T_local_camera_at,
                                                       const std::function<Vec3(const Vec3&)>& field_at, double start_s,
                                                       double end_s, const MagnetometerOptions& options) {
-  const SampleTimes times = sample_times("magnetometer", start_s, end_s, options.rate_hz);
+  const render::SampleTimes times = render::make_sample_times("magnetometer", start_s, end_s, options.rate_hz);
   check(options);
-  const std::uint64_t key = stream_key(options.seed, kNoiseStream);
+  const std::uint64_t key = base::stream_key(options.seed, kNoiseStream);
   std::vector<MagnetometerSample> samples;
   samples.reserve(times.count());
   for (std::uint64_t i = 0; i < times.count(); ++i) {
     const SE3 T_local_sensor = T_local_camera_at(times.at(i)) * options.T_camera_sensor;
     const Vec3 field = T_local_sensor.rotation.conjugate() * field_at(T_local_sensor.translation);
-    const std::array<float, 4> n = normal_numbers(key, i);
+    const std::array<float, 4> n = base::normal_variates(key, i);
     samples.push_back(
         {times.at(i), options.soft_iron * field + options.hard_iron_ut + options.noise_ut * Vec3(n[0], n[1], n[2])});
   }

@@ -1,20 +1,23 @@
 #include "tileflight/sensors/magnetometer.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/flight/path.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/earth_field.h"
+#include "tileflight/sensors/geomagnetic_field.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-Vec3 northern_field(const Vec3&) { return field_of_angles_ut(0.0, 60.0, 40.0); }
+Vec3 northern_field(const Vec3&) { return magnetic_field_from_angles_ut(0.0, 60.0, 40.0); }
 
 // A camera that looks level along a heading: the level part of the field lies `heading` to its left.
 TEST(Magnetometer, TheHeadingCanBeReadFromIt) {
@@ -46,7 +49,8 @@ TEST(Magnetometer, NoiseHasItsSize) {
   double squares = 0.0;
   for (const MagnetometerSample& sample : samples) squares += (sample.field_ut - northern_field({})).squaredNorm();
   EXPECT_NEAR(std::sqrt(squares / (3.0 * static_cast<double>(samples.size()))), 0.4, 0.005);
-  EXPECT_THROW(simulate_magnetometer(still, northern_field, 0, 1, {.noise_ut = -1.0}), InputError);
+  EXPECT_THAT([&] { simulate_magnetometer(still, northern_field, 0, 1, {.noise_ut = -1.0}); },
+              ThrowsMessage<InputError>(HasSubstr("magnetometer noise: must be 0 or more")));
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ MotionFunction motion_along(const flight::Path& path) {
   };
 }
 
-Motion carried(const Motion& body, const geometry::SE3& T_body_sensor) {
+Motion rigidly_attached_motion(const Motion& body, const geometry::SE3& T_body_sensor) {
   const Eigen::Quaterniond& R_local_body = body.T_local_body.rotation;
   const Eigen::Quaterniond R_sensor_body = T_body_sensor.rotation.conjugate();
   const Vec3 &arm = T_body_sensor.translation, &w = body.angular_velocity;

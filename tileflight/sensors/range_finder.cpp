@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/random_numbers.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -16,8 +16,8 @@ using geometry::Vec3;
 constexpr std::uint64_t kNoiseStream = 41;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Unit rays evenly over a cone about +z, the first along its axis: a sunflower's seeds (Vogel, Mathematical
-/// Biosciences 44, 1979), on the sphere.
+/// Unit rays spread evenly over a cone about +z, the first along its axis: a Fibonacci (sunflower) spiral on the sphere
+/// (Vogel, Mathematical Biosciences 44, 1979).
 std::vector<Vec3> cone_rays(double width_rad, int rays) {
   std::vector<Vec3> directions;
   for (int i = 0; i < rays; ++i) {
@@ -38,7 +38,7 @@ double nearest_m(const scene::Scene& scene, const Vec3& origin, const Eigen::Qua
   return nearest;
 }
 
-/// What the sensor says of a true distance.
+/// The reading for a true distance.
 double reading_m(double distance_m, double normal, const RangeFinderOptions& options) {
   const double range_m = distance_m + normal * std::hypot(options.noise_m, options.noise_share * distance_m);
   if (!(range_m <= options.max_range_m)) return kInfinity;
@@ -59,21 +59,21 @@ void check(const RangeFinderOptions& options) {
   require(options.noise_m >= 0.0 && options.noise_share >= 0.0, "noise", "must be 0 or more");
 }
 
-std::vector<RangeSample> simulate_range_finder(const scene::Scene& scene, const PoseFunction& T_local_camera_at,
-                                               const SampleTimes& times, std::uint64_t first, std::uint64_t last,
-                                               const RangeFinderOptions& options) {
+std::vector<RangeSample> simulate_range_finder(const scene::Scene& scene, const render::PoseFunction& T_local_camera_at,
+                                               const render::SampleTimes& times, std::uint64_t first,
+                                               std::uint64_t last, const RangeFinderOptions& options) {
   check(options);
   const std::vector<Vec3> rays = cone_rays(options.beam_width_deg * std::numbers::pi / 180.0, options.rays);
-  const std::uint64_t key = stream_key(options.seed, kNoiseStream);
+  const std::uint64_t key = base::stream_key(options.seed, kNoiseStream);
   const Eigen::Quaterniond R_own_beam = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), options.direction);
-  const double reach_m = 1.5 * options.max_range_m;  // noise can bring a little more than the reach into it
+  const double reach_m = 1.5 * options.max_range_m;  // noise can bring slightly larger distances into the range
   std::vector<RangeSample> samples;
   for (std::uint64_t i = first; i < last; ++i) {
     const SE3 T_local_camera = T_local_camera_at(times.at(i));
     const Eigen::Quaterniond R_local_beam =
         options.direction_is_local ? R_own_beam : T_local_camera.rotation * R_own_beam;
     const double distance_m = nearest_m(scene, T_local_camera * options.position_camera, R_local_beam, rays, reach_m);
-    samples.push_back({times.at(i), reading_m(distance_m, normal_numbers(key, i)[0], options)});
+    samples.push_back({times.at(i), reading_m(distance_m, base::normal_variates(key, i)[0], options)});
   }
   return samples;
 }

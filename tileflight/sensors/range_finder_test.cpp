@@ -1,40 +1,45 @@
 #include "tileflight/sensors/range_finder.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/test_scenes.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/render/test_scenes.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 scene::Scene ground_at(double z_m) {
-  return scene::Scene({test_scenes::ground(
-      Vec3(0, 0, z_m), 400.0, test_scenes::texture(1, 1, [](int, int) { return test_scenes::grey(128); }))});
+  return scene::Scene({render::test_scenes::ground(
+      Vec3(0, 0, z_m), 400.0,
+      render::test_scenes::texture(1, 1, [](int, int) { return render::test_scenes::grey(128); }))});
 }
 
-std::vector<RangeSample> measure(const scene::Scene& scene, const PoseFunction& pose, double seconds,
+std::vector<RangeSample> measure(const scene::Scene& scene, const render::PoseFunction& pose, double seconds,
                                  const RangeFinderOptions& options) {
-  const SampleTimes times = sample_times("range finder", 0.0, seconds, options.rate_hz);
+  const render::SampleTimes times = render::make_sample_times("range finder", 0.0, seconds, options.rate_hz);
   return simulate_range_finder(scene, pose, times, 0, times.count(), options);
 }
 
-PoseFunction climbing(double speed_m_s) {
-  return [=](double t) { return test_scenes::looking_along(Vec3(0, 0, 10 + speed_m_s * t), Vec3(0, 1, -1)); };
+render::PoseFunction climbing(double speed_m_s) {
+  return [=](double t) { return render::test_scenes::looking_along(Vec3(0, 0, 10 + speed_m_s * t), Vec3(0, 1, -1)); };
 }
 
 TEST(RangeFinder, HeightAboveTheGroundHoweverTheCameraLooks) {
   const scene::Scene scene = ground_at(2.0);
-  for (const RangeSample& sample : measure(scene, climbing(3.0), 5.0, {.noise_m = 0.0}))
-    EXPECT_NEAR(sample.range_m, 8 + 3 * sample.time_s, 1e-9);
+  const std::vector<RangeSample> samples = measure(scene, climbing(3.0), 5.0, {.noise_m = 0.0});
+  ASSERT_FALSE(samples.empty());
+  for (const RangeSample& sample : samples) EXPECT_NEAR(sample.range_m, 8 + 3 * sample.time_s, 1e-9);
 }
 
 TEST(RangeFinder, AlongTheCamerasAxisFromItsOwnPlace) {
@@ -77,9 +82,12 @@ TEST(RangeFinder, NoiseHasItsSizeAndASampleDependsOnItsNumberAlone) {
 }
 
 TEST(RangeFinder, RefusesImpossibleOptions) {
-  EXPECT_THROW(check(RangeFinderOptions{.direction = Vec3::Zero()}), InputError);
-  EXPECT_THROW(check(RangeFinderOptions{.rays = 0}), InputError);
-  EXPECT_THROW(check(RangeFinderOptions{.min_range_m = 5, .max_range_m = 4}), InputError);
+  EXPECT_THAT([&] { check(RangeFinderOptions{.direction = Vec3::Zero()}); },
+              ThrowsMessage<InputError>(HasSubstr("range finder direction: must have a length")));
+  EXPECT_THAT([&] { check(RangeFinderOptions{.rays = 0}); },
+              ThrowsMessage<InputError>(HasSubstr("range finder rays: must be 1 to 10000")));
+  EXPECT_THAT([&] { check(RangeFinderOptions{.min_range_m = 5, .max_range_m = 4}); },
+              ThrowsMessage<InputError>(HasSubstr("range finder max_range: must be more than min_range")));
 }
 
 }  // namespace

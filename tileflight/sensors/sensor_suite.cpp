@@ -2,45 +2,47 @@
 
 #include <string>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/yaml_section.h"
-#include "tileflight/sensors/earth_field.h"
-#include "tileflight/sensors/sample_times.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/yaml_section.h"
+#include "tileflight/render/sample_times.h"
+#include "tileflight/sensors/geomagnetic_field.h"
 
 namespace tileflight::sensors {
 namespace {
 
+using base::YamlSection;
 using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec3;
-using geometry::YamlSection;
 
-void number(YamlSection& section, const std::string& key, double& value) {
+void read_number(YamlSection& section, const std::string& key, double& value) {
   value = section.number(key).value_or(value);
 }
 
-void whole(YamlSection& section, const std::string& key, int& value) { value = section.integer(key).value_or(value); }
+void read_integer(YamlSection& section, const std::string& key, int& value) {
+  value = section.integer(key).value_or(value);
+}
 
-void vector(YamlSection& section, const std::string& key, Vec3& value) {
+void read_vector(YamlSection& section, const std::string& key, Vec3& value) {
   if (const auto numbers = section.numbers(key, 3, 3)) value = Vec3(numbers->data());
 }
 
-/// Row by row.
-void matrix(YamlSection& section, const std::string& key, Mat3& value) {
+/// Reads a matrix row by row.
+void read_matrix(YamlSection& section, const std::string& key, Mat3& value) {
   if (const auto numbers = section.numbers(key, 9, 9)) value = Mat3(numbers->data()).transpose();
 }
 
-void seed_of(YamlSection& section, std::uint64_t& seed) {
+void read_seed(YamlSection& section, std::uint64_t& seed) {
   if (const auto value = section.integer("seed")) {
     if (*value < 0) throw section.error("seed", "must not be negative");
     seed = static_cast<std::uint64_t>(*value);
   }
 }
 
-/// Reads what is left and checks it; whatever is wrong with a value is said with the section's place.
+/// Reads the remaining keys and checks the options; errors name the section's position.
 template <class Options>
-Options finished(YamlSection& section, const Options& options) {
-  section.finish();
+Options finish_and_check(YamlSection& section, const Options& options) {
+  section.require_all_keys_used();
   try {
     check(options);
   } catch (const InputError& error) {
@@ -49,8 +51,8 @@ Options finished(YamlSection& section, const Options& options) {
   return options;
 }
 
-void rate_of(YamlSection& section, double& rate_hz) {
-  number(section, "rate_hz", rate_hz);
+void read_rate(YamlSection& section, double& rate_hz) {
+  read_number(section, "rate_hz", rate_hz);
   if (!(rate_hz > 0.0 && rate_hz <= 1e5)) throw section.error("rate_hz", "must lie between 0 and 100000");
 }
 
@@ -58,106 +60,106 @@ ImuOptions read_imu(YamlSection section, std::uint64_t seed, const SE3& T_camera
   ImuOptions o = imu_preset(section.choice("preset", {"adis16448", "bmi160", "perfect"}).value_or("adis16448"));
   o.seed = seed;
   o.T_camera_imu = T_camera_imu;
-  seed_of(section, o.seed);
-  rate_of(section, o.rate_hz);
-  number(section, "accelerometer_noise_density", o.accelerometer_noise_density);
-  number(section, "accelerometer_random_walk", o.accelerometer_random_walk);
-  number(section, "gyroscope_noise_density", o.gyroscope_noise_density);
-  number(section, "gyroscope_random_walk", o.gyroscope_random_walk);
-  vector(section, "accelerometer_bias", o.accelerometer_bias);
-  vector(section, "gyroscope_bias", o.gyroscope_bias);
-  matrix(section, "accelerometer_scale_misalignment", o.accelerometer_scale_misalignment);
-  matrix(section, "gyroscope_scale_misalignment", o.gyroscope_scale_misalignment);
-  number(section, "accelerometer_range_m_s2", o.accelerometer_range_m_s2);
-  number(section, "gyroscope_range_rad_s", o.gyroscope_range_rad_s);
-  number(section, "gravity_m_s2", o.gravity_m_s2);
-  return finished(section, o);
+  read_seed(section, o.seed);
+  read_rate(section, o.rate_hz);
+  read_number(section, "accelerometer_noise_density", o.accelerometer_noise_density);
+  read_number(section, "accelerometer_random_walk", o.accelerometer_random_walk);
+  read_number(section, "gyroscope_noise_density", o.gyroscope_noise_density);
+  read_number(section, "gyroscope_random_walk", o.gyroscope_random_walk);
+  read_vector(section, "accelerometer_bias", o.accelerometer_bias);
+  read_vector(section, "gyroscope_bias", o.gyroscope_bias);
+  read_matrix(section, "accelerometer_scale_misalignment", o.accelerometer_scale_misalignment);
+  read_matrix(section, "gyroscope_scale_misalignment", o.gyroscope_scale_misalignment);
+  read_number(section, "accelerometer_range_m_s2", o.accelerometer_range_m_s2);
+  read_number(section, "gyroscope_range_rad_s", o.gyroscope_range_rad_s);
+  read_number(section, "gravity_m_s2", o.gravity_m_s2);
+  return finish_and_check(section, o);
 }
 
 GnssOptions read_gnss(YamlSection section, std::uint64_t seed) {
   GnssOptions o{.seed = seed};
-  seed_of(section, o.seed);
-  rate_of(section, o.rate_hz);
+  read_seed(section, o.seed);
+  read_rate(section, o.rate_hz);
   for (const auto& [key, value] : {std::pair{"horizontal_sigma_m", &o.horizontal_sigma_m},
                                    {"vertical_sigma_m", &o.vertical_sigma_m},
                                    {"horizontal_bias_sigma_m", &o.horizontal_bias_sigma_m},
                                    {"vertical_bias_sigma_m", &o.vertical_bias_sigma_m}}) {
-    number(section, key, *value);
+    read_number(section, key, *value);
     if (*value < 0.0) throw section.error(key, "must not be negative");
   }
-  number(section, "bias_time_s", o.bias_time_s);
+  read_number(section, "bias_time_s", o.bias_time_s);
   if (o.bias_time_s <= 0.0) throw section.error("bias_time_s", "must be more than 0");
-  number(section, "lag_s", o.lag_s);
-  section.finish();
+  read_number(section, "lag_s", o.lag_s);
+  section.require_all_keys_used();
   return o;
 }
 
 AttitudeOptions read_attitude(YamlSection section, std::uint64_t seed) {
   AttitudeOptions o{.seed = seed};
-  seed_of(section, o.seed);
-  rate_of(section, o.rate_hz);
-  number(section, "noise_deg", o.noise_deg);
-  number(section, "tilt_bias_sigma_deg", o.tilt_bias_sigma_deg);
-  number(section, "yaw_bias_sigma_deg", o.yaw_bias_sigma_deg);
-  number(section, "bias_time_s", o.bias_time_s);
-  return finished(section, o);
+  read_seed(section, o.seed);
+  read_rate(section, o.rate_hz);
+  read_number(section, "noise_deg", o.noise_deg);
+  read_number(section, "tilt_bias_sigma_deg", o.tilt_bias_sigma_deg);
+  read_number(section, "yaw_bias_sigma_deg", o.yaw_bias_sigma_deg);
+  read_number(section, "bias_time_s", o.bias_time_s);
+  return finish_and_check(section, o);
 }
 
 BarometerOptions read_barometer(YamlSection section, std::uint64_t seed, double& origin_above_sea_m) {
   BarometerOptions o{.seed = seed};
-  seed_of(section, o.seed);
-  rate_of(section, o.rate_hz);
-  number(section, "sea_level_pressure_pa", o.atmosphere.sea_level_pressure_pa);
-  number(section, "sea_level_temperature_k", o.atmosphere.sea_level_temperature_k);
-  number(section, "noise_pa", o.noise_pa);
-  number(section, "drift_pa", o.drift_pa);
-  number(section, "drift_time_s", o.drift_time_s);
-  number(section, "origin_above_sea_m", origin_above_sea_m);
-  return finished(section, o);
+  read_seed(section, o.seed);
+  read_rate(section, o.rate_hz);
+  read_number(section, "sea_level_pressure_pa", o.atmosphere.sea_level_pressure_pa);
+  read_number(section, "sea_level_temperature_k", o.atmosphere.sea_level_temperature_k);
+  read_number(section, "noise_pa", o.noise_pa);
+  read_number(section, "drift_pa", o.drift_pa);
+  read_number(section, "drift_time_s", o.drift_time_s);
+  read_number(section, "origin_above_sea_m", origin_above_sea_m);
+  return finish_and_check(section, o);
 }
 
-/// The field is given whole or not at all.
-void read_field(YamlSection& section, MagneticField& field) {
+/// The field is given completely or not at all.
+void read_magnetic_field(YamlSection& section, MagneticField& field) {
   const auto declination = section.number("declination_deg"), inclination = section.number("inclination_deg");
   const auto strength = section.number("strength_ut");
   const int given = (declination ? 1 : 0) + (inclination ? 1 : 0) + (strength ? 1 : 0);
-  if (given == 3) field.given_ut = field_of_angles_ut(*declination, *inclination, *strength);
+  if (given == 3) field.fixed_field_ut = magnetic_field_from_angles_ut(*declination, *inclination, *strength);
   if (given == 1 || given == 2)
     throw section.error("strength_ut", "declination_deg and inclination_deg go together; give all three or none");
-  number(section, "year", field.year);
+  read_number(section, "year", field.year);
   if (!(field.year >= 2025.0 && field.year <= 2030.0)) throw section.error("year", "must lie between 2025 and 2030");
 }
 
 MagnetometerOptions read_magnetometer(YamlSection section, std::uint64_t seed, const SE3& T_camera_imu,
                                       MagneticField& field) {
   MagnetometerOptions o{.seed = seed, .T_camera_sensor = T_camera_imu};
-  seed_of(section, o.seed);
-  rate_of(section, o.rate_hz);
-  number(section, "noise_ut", o.noise_ut);
-  vector(section, "hard_iron_ut", o.hard_iron_ut);
-  matrix(section, "soft_iron", o.soft_iron);
-  read_field(section, field);
-  return finished(section, o);
+  read_seed(section, o.seed);
+  read_rate(section, o.rate_hz);
+  read_number(section, "noise_ut", o.noise_ut);
+  read_vector(section, "hard_iron_ut", o.hard_iron_ut);
+  read_matrix(section, "soft_iron", o.soft_iron);
+  read_magnetic_field(section, field);
+  return finish_and_check(section, o);
 }
 
 RangeFinderOptions read_range_finder(YamlSection section, std::uint64_t seed) {
   RangeFinderOptions o{.seed = seed};
-  seed_of(section, o.seed);
-  rate_of(section, o.rate_hz);
+  read_seed(section, o.seed);
+  read_rate(section, o.rate_hz);
   o.direction_is_local = section.choice("frame", {"local", "camera"}).value_or("local") == "local";
   if (!o.direction_is_local) o.direction = Vec3::UnitZ();
-  vector(section, "direction", o.direction);
-  vector(section, "position", o.position_camera);
-  number(section, "beam_width_deg", o.beam_width_deg);
-  whole(section, "rays", o.rays);
-  number(section, "min_range_m", o.min_range_m);
-  number(section, "max_range_m", o.max_range_m);
-  number(section, "noise_m", o.noise_m);
-  number(section, "noise_share", o.noise_share);
-  return finished(section, o);
+  read_vector(section, "direction", o.direction);
+  read_vector(section, "position", o.position_camera);
+  read_number(section, "beam_width_deg", o.beam_width_deg);
+  read_integer(section, "rays", o.rays);
+  read_number(section, "min_range_m", o.min_range_m);
+  read_number(section, "max_range_m", o.max_range_m);
+  read_number(section, "noise_m", o.noise_m);
+  read_number(section, "noise_share", o.noise_share);
+  return finish_and_check(section, o);
 }
 
-/// One value of `elevations_deg` a channel; or `channels` of them, evenly from the lowest to the highest.
+/// One value of `elevations_deg` per channel; or `channels` values, evenly from the lowest to the highest.
 void read_elevations(YamlSection& section, std::vector<double>& elevations_deg) {
   if (const auto given = section.numbers("elevations_deg", 1, 4096)) elevations_deg = *given;
   const auto channels = section.integer("channels");
@@ -172,9 +174,9 @@ void read_elevations(YamlSection& section, std::vector<double>& elevations_deg) 
 }
 
 void read_pattern_keys(YamlSection& section, SpinningPattern& p) {
-  whole(section, "columns", p.columns);
+  read_integer(section, "columns", p.columns);
   read_elevations(section, p.elevations_deg);
-  number(section, "channel_delay_s", p.channel_delay_s);
+  read_number(section, "channel_delay_s", p.channel_delay_s);
   if (const auto azimuth = section.numbers("azimuth_range_deg", 2, 2)) {
     p.azimuth_from_deg = (*azimuth)[0];
     p.azimuth_to_deg = (*azimuth)[1];
@@ -182,8 +184,8 @@ void read_pattern_keys(YamlSection& section, SpinningPattern& p) {
 }
 
 void read_pattern_keys(YamlSection& section, RosettePattern& p) {
-  number(section, "points_per_second", p.points_per_second);
-  number(section, "fov_deg", p.fov_deg);
+  read_number(section, "points_per_second", p.points_per_second);
+  read_number(section, "fov_deg", p.fov_deg);
   if (const auto speeds = section.numbers("prism_rpm", 2, 2)) {
     p.first_prism_rpm = (*speeds)[0];
     p.second_prism_rpm = (*speeds)[1];
@@ -191,10 +193,10 @@ void read_pattern_keys(YamlSection& section, RosettePattern& p) {
 }
 
 void read_pattern_keys(YamlSection& section, RasterPattern& p) {
-  whole(section, "columns", p.columns);
-  whole(section, "rows", p.rows);
-  number(section, "horizontal_fov_deg", p.horizontal_fov_deg);
-  number(section, "vertical_fov_deg", p.vertical_fov_deg);
+  read_integer(section, "columns", p.columns);
+  read_integer(section, "rows", p.rows);
+  read_number(section, "horizontal_fov_deg", p.horizontal_fov_deg);
+  read_number(section, "vertical_fov_deg", p.vertical_fov_deg);
 }
 
 void read_pattern(YamlSection& section, LidarPattern& pattern) {
@@ -204,13 +206,13 @@ void read_pattern(YamlSection& section, LidarPattern& pattern) {
   if (kind == "raster" && !std::holds_alternative<RasterPattern>(pattern)) pattern = RasterPattern{};
   std::visit(
       [&section](auto& p) {
-        number(section, "rate_hz", p.rate_hz);
+        read_number(section, "rate_hz", p.rate_hz);
         read_pattern_keys(section, p);
       },
       pattern);
 }
 
-/// Kalibr's way: maps lidar coordinates to the camera's; 16 numbers, row by row.
+/// Kalibr's convention: maps lidar coordinates to the camera's; 16 numbers, row by row.
 void read_mount(YamlSection& section, SE3& T_camera_lidar) {
   const auto numbers = section.numbers("T_cam_lidar", 16, 16);
   if (!numbers) return;
@@ -231,24 +233,24 @@ LidarOptions read_lidar(YamlSection section, std::uint64_t seed, bool& kitti_sca
   const auto preset = section.choice("preset", {"vlp-16", "os1-64", "hdl-64e", "livox-mid-40"});
   LidarOptions o = preset ? lidar_preset(*preset) : LidarOptions{};
   o.seed = seed;
-  seed_of(section, o.seed);
+  read_seed(section, o.seed);
   read_pattern(section, o.pattern);
   read_mount(section, o.T_camera_lidar);
   o.motion = read_motion(section);
-  number(section, "min_range_m", o.min_range_m);
-  number(section, "max_range_m", o.max_range_m);
-  number(section, "range_sigma_m", o.range_sigma_m);
-  number(section, "range_sigma_share", o.range_sigma_share);
-  number(section, "divergence_rad", o.divergence_rad);
-  number(section, "albedo_gain", o.albedo_gain);
+  read_number(section, "min_range_m", o.min_range_m);
+  read_number(section, "max_range_m", o.max_range_m);
+  read_number(section, "range_sigma_m", o.range_sigma_m);
+  read_number(section, "range_sigma_share", o.range_sigma_share);
+  read_number(section, "divergence_rad", o.divergence_rad);
+  read_number(section, "albedo_gain", o.albedo_gain);
   o.intensity_falls_with_range = section.boolean("intensity_falls_with_range").value_or(o.intensity_falls_with_range);
-  number(section, "intensity_reference_m", o.intensity_reference_m);
-  number(section, "white_range_m", o.white_range_m);
-  number(section, "signal_spread", o.signal_spread);
-  number(section, "max_incidence_deg", o.max_incidence_deg);
-  number(section, "dropout_share", o.dropout_share);
+  read_number(section, "intensity_reference_m", o.intensity_reference_m);
+  read_number(section, "white_range_m", o.white_range_m);
+  read_number(section, "signal_spread", o.signal_spread);
+  read_number(section, "max_incidence_deg", o.max_incidence_deg);
+  read_number(section, "dropout_share", o.dropout_share);
   kitti_scans = section.choice("format", {"ply", "kitti"}).value_or("ply") == "kitti";
-  return finished(section, o);
+  return finish_and_check(section, o);
 }
 
 SensorSuite read_suite(YamlSection section, std::uint64_t seed, const SE3& T_camera_imu) {
@@ -261,7 +263,7 @@ SensorSuite read_suite(YamlSection section, std::uint64_t seed, const SE3& T_cam
     suite.magnetometer = read_magnetometer(*s, seed, T_camera_imu, suite.magnetic_field);
   if (auto s = section.section("range_finder")) suite.range_finder = read_range_finder(*s, seed);
   if (auto s = section.section("lidar")) suite.lidar = read_lidar(*s, seed, suite.kitti_scans);
-  section.finish();
+  section.require_all_keys_used();
   return suite;
 }
 

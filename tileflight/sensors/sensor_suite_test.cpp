@@ -50,7 +50,7 @@ TEST_F(SensorSuiteFile, EachSensorHasItsKeys) {
   EXPECT_EQ(suite.imu->T_camera_imu.translation, kMount.translation);
   EXPECT_EQ(suite.gnss->seed, 3U);
   EXPECT_EQ(suite.origin_above_sea_m, 2800.0);
-  EXPECT_LT((*suite.magnetic_field.given_ut - Vec3(0, 0, -30)).norm(), 1e-9);
+  EXPECT_LT((*suite.magnetic_field.fixed_field_ut - Vec3(0, 0, -30)).norm(), 1e-9);
   EXPECT_EQ(suite.range_finder->direction, Vec3(0, 0, 1));
   EXPECT_EQ(std::get<SpinningPattern>(suite.lidar->pattern).rate_hz, 5.0);
   EXPECT_EQ(suite.lidar->motion, ScanMotion::kCorrected);

@@ -3,7 +3,7 @@
 #include "tileflight/rpc/codec.h"
 #include "tileflight/simulator/airsim_types.h"
 
-// How AirSim's structures stand in messages: a map each, with the fields in the order in which AirSim packs them.
+// Serialization of AirSim's structures: a map for each, with the fields in AirSim's order.
 namespace tileflight::rpc {
 
 template <>

@@ -3,11 +3,11 @@
 #include "tileflight/server/airsim_fields.h"
 #include "tileflight/server/binder.h"
 
-// Every method of AirSim's multirotor and computer-vision interface, under its name on the wire.
+// Every method of AirSim's multirotor and computer-vision interface, under its RPC name.
 namespace tileflight::server {
 
 template <class Caller>
-void add_general_methods(Binder<Caller>& bind) {
+void add_general_methods(MethodBinder<Caller>& bind) {
   using S = simulator::Simulator;
   bind.template add<&S::ping>("ping");
   bind.template add<&S::get_server_version>("getServerVersion");
@@ -32,23 +32,23 @@ void add_general_methods(Binder<Caller>& bind) {
 }
 
 template <class Caller>
-void add_camera_methods(Binder<Caller>& bind) {
+void add_camera_methods(MethodBinder<Caller>& bind) {
   using S = simulator::Simulator;
-  bind.template add_of_camera<&S::sim_get_images>("simGetImages");
-  bind.template add_of_camera<&S::sim_get_image>("simGetImage");
-  bind.template add_of_camera<&S::sim_get_camera_info>("simGetCameraInfo");
-  bind.template add_of_camera<&S::sim_set_camera_pose>("simSetCameraPose");
-  bind.template add_of_camera<&S::sim_set_camera_fov>("simSetCameraFov");
-  bind.template add_of_camera<&S::sim_get_distortion_params>("simGetDistortionParams");
-  bind.template add_of_camera<&S::sim_set_distortion_param>("simSetDistortionParam");
-  bind.template add_of_camera<&S::sim_add_detection_filter_mesh_name>("simAddDetectionFilterMeshName");
-  bind.template add_of_camera<&S::sim_set_detection_filter_radius>("simSetDetectionFilterRadius");
-  bind.template add_of_camera<&S::sim_clear_detection_mesh_names>("simClearDetectionMeshNames");
-  bind.template add_of_camera<&S::sim_get_detections>("simGetDetections");
+  bind.template add_camera_method<&S::sim_get_images>("simGetImages");
+  bind.template add_camera_method<&S::sim_get_image>("simGetImage");
+  bind.template add_camera_method<&S::sim_get_camera_info>("simGetCameraInfo");
+  bind.template add_camera_method<&S::sim_set_camera_pose>("simSetCameraPose");
+  bind.template add_camera_method<&S::sim_set_camera_fov>("simSetCameraFov");
+  bind.template add_camera_method<&S::sim_get_distortion_params>("simGetDistortionParams");
+  bind.template add_camera_method<&S::sim_set_distortion_param>("simSetDistortionParam");
+  bind.template add_camera_method<&S::sim_add_detection_filter_mesh_name>("simAddDetectionFilterMeshName");
+  bind.template add_camera_method<&S::sim_set_detection_filter_radius>("simSetDetectionFilterRadius");
+  bind.template add_camera_method<&S::sim_clear_detection_mesh_names>("simClearDetectionMeshNames");
+  bind.template add_camera_method<&S::sim_get_detections>("simGetDetections");
 }
 
 template <class Caller>
-void add_state_methods(Binder<Caller>& bind) {
+void add_state_methods(MethodBinder<Caller>& bind) {
   using S = simulator::Simulator;
   bind.template add<&S::sim_set_vehicle_pose>("simSetVehiclePose");
   bind.template add<&S::sim_get_vehicle_pose>("simGetVehiclePose");
@@ -67,7 +67,7 @@ void add_state_methods(Binder<Caller>& bind) {
 }
 
 template <class Caller>
-void add_scene_methods(Binder<Caller>& bind) {
+void add_scene_methods(MethodBinder<Caller>& bind) {
   using S = simulator::Simulator;
   bind.template add<&S::sim_list_scene_objects>("simListSceneObjects");
   bind.template add<&S::sim_set_segmentation_object_id>("simSetSegmentationObjectID");
@@ -88,7 +88,7 @@ void add_scene_methods(Binder<Caller>& bind) {
 }
 
 template <class Caller>
-void add_flight_methods(Binder<Caller>& bind) {
+void add_flight_methods(MethodBinder<Caller>& bind) {
   using S = simulator::Simulator;
   bind.template add<&S::cancel_last_task>("cancelLastTask");
   bind.template add<&S::takeoff>("takeoff");
@@ -113,9 +113,9 @@ void add_flight_methods(Binder<Caller>& bind) {
   bind.template add<&S::rotate_by_yaw_rate>("rotateByYawRate");
 }
 
-/// Calls that change nothing that a client could read here, and calls that are not served.
+/// Calls without an observable effect here, and calls that are not supported.
 template <class Caller>
-void add_methods_without_effect(Binder<Caller>& bind) {
+void add_ignored_and_unsupported_methods(MethodBinder<Caller>& bind) {
   for (const char* name : {"simFlushPersistentMarkers", "simPlotPoints", "simPlotLineStrip", "simPlotLineList",
                            "simPlotArrows", "simPlotStrings", "simPlotTransforms", "simPlotTransformsWithNames",
                            "simSetTraceLine", "setAngleRateControllerGains", "setAngleLevelControllerGains",
@@ -163,13 +163,13 @@ void add_methods_without_effect(Binder<Caller>& bind) {
 }
 
 template <class Caller>
-void add_airsim_methods(Binder<Caller>& bind) {
+void add_airsim_methods(MethodBinder<Caller>& bind) {
   add_general_methods(bind);
   add_camera_methods(bind);
   add_state_methods(bind);
   add_scene_methods(bind);
   add_flight_methods(bind);
-  add_methods_without_effect(bind);
+  add_ignored_and_unsupported_methods(bind);
 }
 
 }  // namespace tileflight::server

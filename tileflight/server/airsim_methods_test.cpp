@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include "tileflight/server/no_simulator.h"
-#include "tileflight/server/own_methods.h"
+#include "tileflight/server/extension_methods.h"
+#include "tileflight/server/null_simulator_caller.h"
 
 namespace tileflight::server {
 namespace {
@@ -13,26 +13,26 @@ using testing::IsEmpty;
 
 rpc::MethodTable make_table() {
   rpc::MethodTable table;
-  Binder<NoSimulator> bind(table, {});
+  MethodBinder<NullSimulatorCaller> bind(table, {});
   add_airsim_methods(bind);
-  add_own_methods(bind, [] { return rpc::ServerStatistics{}; });
+  add_extension_methods(bind, [] { return rpc::ServerStatistics{}; });
   return table;
 }
 
-rpc::Answer call(const std::string& message) {
+rpc::Response call(const std::string& message) {
   static const rpc::MethodTable table = make_table();
   return table.call(rpc::Request(message));
 }
 
 template <class... Arguments>
-rpc::Answer ask(const std::string& method, const Arguments&... arguments) {
+rpc::Response ask(const std::string& method, const Arguments&... arguments) {
   msgpack::sbuffer buffer;
   msgpack::pack(buffer, std::make_tuple(0, 1, method, std::make_tuple(arguments...)));
   return call({buffer.data(), buffer.size()});
 }
 
 /// An answer, decoded: the result is its fourth value.
-msgpack::object_handle result_of(const rpc::Answer& answer) {
+msgpack::object_handle result_of(const rpc::Response& answer) {
   return msgpack::unpack(answer.bytes.data(), answer.bytes.size());
 }
 
@@ -160,7 +160,7 @@ const std::map<std::string, int> kArguments{{"ping", 0},
 
 TEST(AirSimMethods, AreAllThereWithTheirArguments) {
   for (const auto& [name, arguments] : kArguments) {
-    const rpc::Answer answer = ask(name, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1);
+    const rpc::Response answer = ask(name, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1);
     if (arguments < 0) {
       EXPECT_THAT(answer.error, IsEmpty()) << name;
     } else {

@@ -10,13 +10,13 @@
 
 namespace tileflight::server {
 
-/// The last argument of calls about cameras: whether the camera is external, or, of clients of API version 4, the name
-/// of an annotation layer, which there are none of here.
-struct External {
+/// The last argument of camera calls: whether the camera is external, or, for clients of API version 4, the name of an
+/// annotation layer (not supported).
+struct ExternalFlag {
   bool value = false;
 };
 
-/// Calls methods of a simulator. Another class of the same shape may stand in for it.
+/// Calls methods of a simulator. Templates accept another class with the same interface instead.
 class SimulatorCaller {
  public:
   explicit SimulatorCaller(simulator::Simulator& simulator) : simulator_(&simulator) {}
@@ -30,7 +30,7 @@ class SimulatorCaller {
   simulator::Simulator* simulator_;
 };
 
-/// The types of a method of the simulator.
+/// Result and argument types of a simulator method.
 template <class Method>
 struct Signature;
 template <class R, class... A>
@@ -41,37 +41,38 @@ struct Signature<R (simulator::Simulator::*)(A...)> {
 template <class R, class... A>
 struct Signature<R (simulator::Simulator::*)(A...) const> : Signature<R (simulator::Simulator::*)(A...)> {};
 
-/// Puts methods of the simulator into a table, their arguments and results as their types say.
+/// Registers simulator methods in a table; arguments and results are converted by their types.
 template <class Caller>
-class Binder {
+class MethodBinder {
  public:
-  Binder(rpc::MethodTable& table, Caller caller) : table_(table), caller_(std::move(caller)) {}
+  MethodBinder(rpc::MethodTable& table, Caller caller) : table_(table), caller_(std::move(caller)) {}
 
-  /// The method, under its name on the wire.
+  /// Registers a method under its RPC name.
   template <auto Method>
   void add(const std::string& name) {
     using Types = Signature<decltype(Method)>;
     add<Method, Types>(name, std::make_index_sequence<std::tuple_size_v<typename Types::Arguments>>{});
   }
 
-  /// A method whose last argument says whether the camera is external; it may be left out.
+  /// Registers a method whose last argument states whether the camera is external; clients may omit it.
   template <auto Method>
-  void add_of_camera(const std::string& name) {
+  void add_camera_method(const std::string& name) {
     using Types = Signature<decltype(Method)>;
-    add_of_camera<Method, Types>(name, std::make_index_sequence<std::tuple_size_v<typename Types::Arguments> - 1>{});
+    add_camera_method<Method, Types>(name,
+                                     std::make_index_sequence<std::tuple_size_v<typename Types::Arguments> - 1>{});
   }
 
-  /// Answered with nothing, whatever the arguments.
+  /// Registers a method that accepts any arguments and returns nothing.
   void accept(const std::string& name) {
-    table_.add_any(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
+    table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
       caller.template call<&simulator::Simulator::accept_without_effect, void>(name);
       out.nil();
     });
   }
 
-  /// Answered with the simulator's word on why it is not served, whatever the arguments.
+  /// Registers a method that always fails with the simulator's reason why it is not supported.
   void refuse(const std::string& name) {
-    table_.add_any(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
+    table_.add_variadic(name, [caller = caller_, name](std::span<const msgpack::object>, rpc::Encoder& out, double&) {
       caller.template call<&simulator::Simulator::refuse, void>(name);
       out.nil();
     });
@@ -92,11 +93,11 @@ class Binder {
   }
 
   template <auto Method, class Types, std::size_t... I>
-  void add_of_camera(const std::string& name, std::index_sequence<I...>) {
+  void add_camera_method(const std::string& name, std::index_sequence<I...>) {
     using Result = typename Types::Result;
     using Arguments = typename Types::Arguments;
-    table_.template add<Result, std::tuple_element_t<I, Arguments>..., External>(
-        name, [caller = caller_](const std::tuple_element_t<I, Arguments>&... arguments, External external) {
+    table_.template add<Result, std::tuple_element_t<I, Arguments>..., ExternalFlag>(
+        name, [caller = caller_](const std::tuple_element_t<I, Arguments>&... arguments, ExternalFlag external) {
           return caller.template call<Method, Result>(arguments..., external.value);
         });
     table_.template add<Result, std::tuple_element_t<I, Arguments>...>(
@@ -109,8 +110,8 @@ class Binder {
   Caller caller_;
 };
 
-/// rpc::decode() for External.
-inline void decode(const msgpack::object& value, External& result) {
+/// rpc::decode() for ExternalFlag.
+inline void decode(const msgpack::object& value, ExternalFlag& result) {
   if (value.type == msgpack::type::STR || value.type == msgpack::type::BIN) {
     result.value = false;
   } else {

@@ -8,8 +8,8 @@
 
 namespace tileflight::server {
 
-/// All that clients may call: AirSim's methods and the own ones, each a method of `simulator`, which must outlive the
-/// table. `statistics`: of the server that serves it, for tfStatistics; called by the threads that answer.
+/// All methods that clients may call: AirSim's and the extensions, each a method of `simulator`, which must outlive the
+/// table. `statistics`: returns those of the server, for tfStatistics; called from the threads that answer requests.
 rpc::MethodTable make_method_table(simulator::Simulator& simulator,
                                    const std::function<rpc::ServerStatistics()>& statistics);
 

@@ -7,9 +7,9 @@
 
 namespace tileflight::simulator {
 
-// The structures of AirSim's interface, with its field names, as values. Frames: NED (north, east, down) metres, body
-// and camera axes x forward, y right, z down; quaternions are body to NED; angles in structures are radians, in yaw
-// modes, settings and fields of view degrees. Timestamps are nanoseconds of the simulation's clock.
+// The structures of AirSim's interface as values, with its field names. Frames: NED (north, east, down), metres; body
+// and camera axes x forward, y right, z down; quaternions rotate body to NED. Angles in structures are radians; in yaw
+// modes, settings and fields of view they are degrees. Timestamps are nanoseconds of simulation time.
 
 struct Vector2r {
   float x_val = 0.0F, y_val = 0.0F;
@@ -67,7 +67,7 @@ struct CollisionInfo {
   int object_id = -1;
 };
 
-/// Kinds of pictures, by AirSim's numbers.
+/// Image types, with AirSim's numbers.
 enum class ImageType : int {
   kScene = 0,
   kDepthPlanar = 1,
@@ -80,18 +80,18 @@ enum class ImageType : int {
   kOpticalFlow = 8,
   kOpticalFlowVis = 9,
 };
-inline constexpr int kImageTypes = 10;
+inline constexpr int kImageTypeCount = 10;
 
 struct ImageRequest {
   std::string camera_name;
-  int image_type = 0;  ///< any number may come from a client: checked by the simulator
+  int image_type = 0;  ///< may be any number from a client; checked by the simulator
   bool pixels_as_float = false;
   bool compress = true;
 };
 
 struct ImageResponse {
-  std::vector<std::uint8_t> image_data_uint8;  ///< PNG (RGBA), or rows from the top of blue, green, red
-  std::vector<float> image_data_float;         ///< rows from the top; of pixels_as_float alone
+  std::vector<std::uint8_t> image_data_uint8;  ///< PNG (RGBA), or rows of blue, green, red, top row first
+  std::vector<float> image_data_float;         ///< top row first; only with pixels_as_float
   Vector3r camera_position;
   std::string camera_name;
   Quaternionr camera_orientation;
@@ -118,7 +118,7 @@ struct LidarData {
   std::uint64_t time_stamp = 0;
   std::vector<float> point_cloud;  ///< x, y, z of each point
   Pose pose;                       ///< of the sensor, local NED
-  std::vector<int> segmentation;   ///< one a point
+  std::vector<int> segmentation;   ///< one per point
 };
 
 struct ImuData {
@@ -145,7 +145,7 @@ struct GnssReport {
   GeoPoint geo_point;
   float eph = 0.0F, epv = 0.0F;
   Vector3r velocity;  ///< NED, m/s
-  int fix_type = 0;   ///< 0 none, 1 time only, 2 plane, 3 space
+  int fix_type = 0;   ///< 0 none, 1 time only, 2 2D, 3 3D
   std::uint64_t time_utc = 0;
 };
 
@@ -196,7 +196,7 @@ struct MeshPositionVertexBuffersResponse {
   Vector3r position;
   Quaternionr orientation;
   std::vector<float> vertices;         ///< x, y, z of each vertex
-  std::vector<std::uint32_t> indices;  ///< three a triangle
+  std::vector<std::uint32_t> indices;  ///< three per triangle
   std::string name;
 };
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/frames.h"
 
 namespace tileflight::simulator {
@@ -25,7 +25,7 @@ LensDescription read_lens(SettingsSection section, const CaptureSettings& captur
   lens.fov_degrees = static_cast<float>(section.number("FOV_Degrees", 0.0, 0.0, 360.0));
   for (const double k : section.numbers("K", 4)) lens.k.push_back(static_cast<float>(k));
   for (const double value : section.numbers("Intrinsics", 4)) lens.intrinsics.push_back(static_cast<float>(value));
-  section.finish();
+  section.warn_unknown_keys();
   return lens;
 }
 
@@ -36,13 +36,13 @@ void read_capture(SettingsSection& section, CaptureSettings& capture) {
   if (auto lens = section.section("Lens")) capture.lens = read_lens(std::move(*lens), capture);
   if (section.text("ProjectionMode", "perspective") == "orthographic")
     section.fail("ProjectionMode", "orthographic pictures are not made here: perspective is");
-  lens_of(capture, section.where());
-  section.without_effect({"ImageType", "AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
-                          "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
-                          "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod",
-                          "MotionBlurAmount", "MotionBlurMax", "TargetGamma", "OrthoWidth", "LumenGIEnable",
-                          "LumenReflectionEnable", "ChromaticAberrationScale"});
-  section.finish();
+  make_lens(capture, section.where());
+  section.mark_ignored({"ImageType", "AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
+                        "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
+                        "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod",
+                        "MotionBlurAmount", "MotionBlurMax", "TargetGamma", "OrthoWidth", "LumenGIEnable",
+                        "LumenReflectionEnable", "ChromaticAberrationScale"});
+  section.warn_unknown_keys();
 }
 
 double focal_px(const CaptureSettings& capture) {
@@ -53,7 +53,7 @@ void require(bool holds, const std::string& where, const std::string& what) {
   if (!holds) throw InputError(where, what);
 }
 
-Camera fisheye_of(const LensDescription& lens, int width, int height, const std::string& where) {
+Camera make_fisheye_lens(const LensDescription& lens, int width, int height, const std::string& where) {
   std::array<double, 4> k{};
   for (std::size_t i = 0; i < lens.k.size(); ++i) k[i] = lens.k[i];
   if (lens.intrinsics.empty()) {
@@ -66,7 +66,7 @@ Camera fisheye_of(const LensDescription& lens, int width, int height, const std:
   return {imaging::KannalaBrandt{i[0], i[1], i[2] - 0.5, i[3] - 0.5, k}, width, height};
 }
 
-Camera pinhole_of(const LensDescription& lens, int width, int height, const std::string& where) {
+Camera make_pinhole_lens(const LensDescription& lens, int width, int height, const std::string& where) {
   if (lens.intrinsics.empty())
     return imaging::make_pinhole(width, height, lens.fov_degrees > 0.0F ? lens.fov_degrees : 90.0);
   const auto& i = lens.intrinsics;
@@ -86,12 +86,12 @@ void check(const LensDescription& lens, const std::string& where) {
 }
 
 SE3 offset(double x, double y, double pitch_deg, double yaw_deg) {
-  return {rotation_of_angles(0, radians(pitch_deg), radians(yaw_deg)), Vec3(x, y, 0.0)};
+  return {rotation_from_rpy(0, radians(pitch_deg), radians(yaw_deg)), Vec3(x, y, 0.0)};
 }
 
 }  // namespace
 
-Camera lens_of(const CaptureSettings& capture, const std::string& where) {
+Camera make_lens(const CaptureSettings& capture, const std::string& where) {
   const int width = capture.width, height = capture.height;
   require(width >= 1 && height >= 1 && width <= kMaxSide_px && height <= kMaxSide_px &&
               static_cast<double>(width) * height <= kMaxPixels,
@@ -99,10 +99,10 @@ Camera lens_of(const CaptureSettings& capture, const std::string& where) {
   if (capture.lens) {
     check(*capture.lens, where);
     if (capture.lens->model == "panorama") return imaging::make_panorama(width, height);
-    if (capture.lens->model == "pinhole") return pinhole_of(*capture.lens, width, height, where);
+    if (capture.lens->model == "pinhole") return make_pinhole_lens(*capture.lens, width, height, where);
     require(capture.lens->model == "fisheye", where,
             "the lens '" + capture.lens->model + "' is not known: pinhole, fisheye, panorama");
-    return fisheye_of(*capture.lens, width, height, where);
+    return make_fisheye_lens(*capture.lens, width, height, where);
   }
   require(capture.fov_deg >= 0.1 && capture.fov_deg <= 179.9, where, "the field of view is from 0.1 to 179.9 degrees");
   const double f = focal_px(capture);
@@ -116,10 +116,10 @@ CameraSettings read_camera(const std::string& name, SettingsSection section, con
   for (SettingsSection& entry : section.list("CaptureSettings")) {
     const int type = entry.integer("ImageType", 0, -1, 100);
     CaptureSettings unused;
-    read_capture(entry, type >= 0 && type < kImageTypes ? camera.captures[static_cast<std::size_t>(type)] : unused);
+    read_capture(entry, type >= 0 && type < kImageTypeCount ? camera.captures[static_cast<std::size_t>(type)] : unused);
   }
-  section.without_effect({"NoiseSettings", "Gimbal", "UnrealEngine"});
-  section.finish();
+  section.mark_ignored({"NoiseSettings", "Gimbal", "UnrealEngine"});
+  section.warn_unknown_keys();
   return camera;
 }
 
@@ -138,7 +138,7 @@ std::vector<CameraSettings> default_cameras(const CameraSettings& defaults) {
   return cameras;
 }
 
-std::string camera_of_alias(const std::string& name) {
+std::string resolve_camera_alias(const std::string& name) {
   static const std::vector<std::pair<std::string, std::string>> kAliases{
       {"", "front_center"}, {"fpv", "front_center"}, {"0", "front_center"}, {"1", "front_right"},
       {"2", "front_left"},  {"3", "bottom_center"},  {"4", "back_center"}};

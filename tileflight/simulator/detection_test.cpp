@@ -23,7 +23,7 @@ std::vector<std::string> names_of(const std::vector<DetectionInfo>& detections) 
 }
 
 bool matches(const std::string& wildcards, const std::string& name) {
-  return NamePattern(expression_of_wildcards(wildcards), NamePattern::Case::kIgnored).matches(name);
+  return NamePattern(wildcards_to_regex(wildcards), NamePattern::Case::kIgnored).matches(name);
 }
 
 TEST(Wildcards, StarsAreAnyTextAndQuestionMarksACharacter) {

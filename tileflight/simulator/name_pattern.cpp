@@ -2,7 +2,7 @@
 
 #include <re2/re2.h>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t kMaxLength = 1000;
 constexpr std::int64_t kMaxMemory_bytes = 1 << 20;
 
-re2::RE2::Options options_of(NamePattern::Case letters) {
+re2::RE2::Options make_re2_options(NamePattern::Case letters) {
   re2::RE2::Options options;
   options.set_log_errors(false);
   options.set_case_sensitive(letters == NamePattern::Case::kHeeded);
@@ -28,7 +28,7 @@ struct NamePattern::Impl {
 
 NamePattern::NamePattern(const std::string& expression, Case letters) {
   if (expression.size() > kMaxLength) throw InputError("pattern", "longer than 1000 characters");
-  impl_.reset(new Impl{{expression, options_of(letters)}});
+  impl_.reset(new Impl{{expression, make_re2_options(letters)}});
   if (!impl_->expression.ok()) {
     throw InputError("pattern '" + expression.substr(0, 80) + "'",
                      "is not a regular expression that can be read here: " + impl_->expression.error());

@@ -5,14 +5,14 @@
 
 namespace tileflight::simulator {
 
-/// A regular expression of a client's for whole names. Matching takes time in proportion to the name whatever the
-/// expression is (RE2: no backtracking), and memory has a limit; what only backtracking can do (backreferences, looking
-/// ahead) cannot be read.
+/// A client's regular expression for whole names. Matching takes time linear in the name's length for any expression
+/// (RE2: no backtracking), with bounded memory; features that need backtracking (backreferences, lookahead) are not
+/// supported.
 class NamePattern {
  public:
   enum class Case { kHeeded, kIgnored };
 
-  /// Throws InputError: longer than 1000 characters, or not an expression.
+  /// Throws InputError: longer than 1000 characters, or not a valid expression.
   NamePattern(const std::string& expression, Case letters);
   ~NamePattern();
   NamePattern(const NamePattern&) = delete;

@@ -31,8 +31,8 @@ void append_chunk(Bytes& to, std::string_view type, std::span<const std::uint8_t
       to, static_cast<std::uint32_t>(crc32_z(0, to.data() + begin, static_cast<z_size_t>(to.size() - begin))));
 }
 
-/// Rows of a stripe as they are compressed: the filter's number, then differences to the row above.
-Bytes filtered_rows(const imaging::RgbImage& image, int begin, int end) {
+/// Filtered rows of a stripe: the filter's number, then differences to the row above.
+Bytes filter_rows(const imaging::RgbImage& image, int begin, int end) {
   constexpr std::uint8_t kUp = 2;
   Bytes rows;
   rows.reserve(static_cast<std::size_t>(end - begin) * (static_cast<std::size_t>(image.width) * 4 + 1));
@@ -54,14 +54,14 @@ struct Stripe {
   z_off_t size = 0;
 };
 
-/// A part of a raw deflate stream that ends on a byte; the last one ends the stream.
-Stripe deflated(const Bytes& rows, bool last) {
+/// A part of a raw deflate stream that ends on a byte boundary; the last one ends the stream.
+Stripe deflate_rows(const Bytes& rows, bool last) {
   z_stream stream{};
   if (deflateInit2(&stream, kLevel, Z_DEFLATED, -15, 8, Z_DEFAULT_STRATEGY) != Z_OK)
     throw std::runtime_error("zlib has no memory");
   Stripe stripe;
   stripe.deflated.resize(deflateBound(&stream, rows.size()) + 64);
-  stream.next_in = const_cast<Bytef*>(rows.data());  // zlib does not write to it
+  stream.next_in = const_cast<Bytef*>(rows.data());  // zlib does not modify it
   stream.avail_in = static_cast<uInt>(rows.size());
   stream.next_out = stripe.deflated.data();
   stream.avail_out = static_cast<uInt>(stripe.deflated.size());
@@ -73,14 +73,14 @@ Stripe deflated(const Bytes& rows, bool last) {
   return stripe;
 }
 
-/// RFC 1950: two bytes of header, the stream, the checksum of what it holds.
+/// RFC 1950: a header of two bytes, the stream, the checksum of its content.
 Bytes zlib_stream(const imaging::RgbImage& image) {
   const int count = (image.height + kStripeRows - 1) / kStripeRows;
   std::vector<Stripe> stripes(static_cast<std::size_t>(count));
   tbb::parallel_for(0, count, [&](int i) {
     const int begin = i * kStripeRows;
     stripes[static_cast<std::size_t>(i)] =
-        deflated(filtered_rows(image, begin, std::min(image.height, begin + kStripeRows)), i + 1 == count);
+        deflate_rows(filter_rows(image, begin, std::min(image.height, begin + kStripeRows)), i + 1 == count);
   });
   Bytes all{0x78, 0x01};
   uLong adler = 1;
@@ -94,7 +94,7 @@ Bytes zlib_stream(const imaging::RgbImage& image) {
 
 }  // namespace
 
-Bytes png_rgba(const imaging::RgbImage& image) {
+Bytes encode_png_rgba(const imaging::RgbImage& image) {
   Bytes png{0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
   Bytes header;
   append_big_endian(header, static_cast<std::uint32_t>(image.width));

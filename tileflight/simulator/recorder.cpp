@@ -5,7 +5,7 @@
 #include <sstream>
 #include <tuple>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::simulator {
@@ -22,7 +22,7 @@ std::string time_of_day() {
   return text;
 }
 
-/// A folder of that name, or of that name and a number where one is there.
+/// Creates a folder of this name, with a number appended if it exists.
 fs::path new_folder(const fs::path& parent, const std::string& name) {
   std::error_code error;
   fs::create_directories(parent, error);
@@ -34,8 +34,8 @@ fs::path new_folder(const fs::path& parent, const std::string& name) {
   throw InputError(parent.string(), "no folder for a recording can be made there");
 }
 
-/// Letters, digits and a few signs of a name; what else there is in it could lead elsewhere.
-std::string file_name_of(std::string name) {
+/// Keeps letters, digits and a few other characters of a name; others could lead to another folder.
+std::string sanitize_file_name(std::string name) {
   for (char& c : name) {
     const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '.';
     if (!plain) c = '_';
@@ -59,15 +59,15 @@ std::string ppm_bytes(const ImageResponse& image) {
   return rgb;
 }
 
-auto fields(const Pose& pose) {
+auto pose_fields(const Pose& pose) {
   const auto& [p, q] = pose;
   return std::make_tuple(p.x_val, p.y_val, p.z_val, q.w_val, q.x_val, q.y_val, q.z_val);
 }
 
 }  // namespace
 
-/// A camera's pictures as a dataset that is being written.
-struct Recorder::OwnDataset {
+/// A dataset of one camera's images that is being written.
+struct Recorder::DatasetOutput {
   dataset::DatasetWriter writer;
   geometry::Trajectory truth;
   std::uint64_t first_ns = 0;
@@ -84,15 +84,15 @@ Recorder::Recorder(const fs::path& parent, const RecordingSettings& settings)
 Recorder::~Recorder() {
   try {
     finish();
-  } catch (const std::exception&) {  // what could not be put in its place is removed by its writer
+  } catch (const std::exception&) {  // an incomplete dataset is removed by its writer
   }
 }
 
-std::string Recorder::write_image(const std::string& vehicle, const RecordedPicture& picture) {
+std::string Recorder::write_image(const std::string& vehicle, const RecordedImage& picture) {
   const ImageResponse& image = picture.image;
   const std::string kind = image.pixels_as_float ? ".pfm" : image.compress ? ".png" : ".ppm";
-  const std::string name = "img_" + file_name_of(vehicle) + "_" + file_name_of(picture.camera.camera) + "_" +
-                           std::to_string(image.image_type) + "_" + std::to_string(image.time_stamp) + kind;
+  const std::string name = "img_" + sanitize_file_name(vehicle) + "_" + sanitize_file_name(picture.camera.camera) +
+                           "_" + std::to_string(image.image_type) + "_" + std::to_string(image.time_stamp) + kind;
   const fs::path file = folder_ / "images" / name;
   const std::string size = std::to_string(image.width) + " " + std::to_string(image.height);
   if (image.pixels_as_float) {
@@ -106,13 +106,14 @@ std::string Recorder::write_image(const std::string& vehicle, const RecordedPict
   return name;
 }
 
-void Recorder::add_to_dataset(const RecordedMoment& moment, const RecordedPicture& picture) {
+void Recorder::add_to_dataset(const RecordingFrame& moment, const RecordedImage& picture) {
   auto& own = datasets_[{moment.vehicle, picture.camera.camera}];
   if (!own) {
-    const std::string name = "dataset_" + file_name_of(moment.vehicle) + "_" + file_name_of(picture.camera.camera);
+    const std::string name =
+        "dataset_" + sanitize_file_name(moment.vehicle) + "_" + sanitize_file_name(picture.camera.camera);
     imaging::Calibration calibration;
     calibration.camera = picture.lens;
-    own.reset(new OwnDataset{{folder_ / name, calibration, {.command = "serve", .png = true}}, {}, moment.time_ns});
+    own.reset(new DatasetOutput{{folder_ / name, calibration, {.command = "serve", .png = true}}, {}, moment.time_ns});
   }
   const double time_s = 1e-9 * static_cast<double>(moment.time_ns - own->first_ns);
   const std::span<const std::uint8_t> bytes(picture.image.image_data_uint8);
@@ -120,14 +121,14 @@ void Recorder::add_to_dataset(const RecordedMoment& moment, const RecordedPictur
   own->truth.poses.push_back({time_s, picture.T_local_camera});
 }
 
-void Recorder::add(const RecordedMoment& moment) {
+void Recorder::add(const RecordingFrame& moment) {
   if (settings_.on_move) {
     const auto [last, is_new] = last_pose_.try_emplace(moment.vehicle, moment.pose);
-    if (!is_new && fields(last->second) == fields(moment.pose)) return;
+    if (!is_new && pose_fields(last->second) == pose_fields(moment.pose)) return;
     last->second = moment.pose;
   }
   std::string names;
-  for (const RecordedPicture& picture : moment.pictures) {
+  for (const RecordedImage& picture : moment.images) {
     names += (names.empty() ? "" : ";") + write_image(moment.vehicle, picture);
     const bool colour = picture.image.image_type == 0 && picture.image.compress && !picture.image.pixels_as_float;
     if (settings_.dataset && colour) add_to_dataset(moment, picture);

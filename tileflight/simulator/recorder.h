@@ -15,50 +15,50 @@
 
 namespace tileflight::simulator {
 
-/// A picture of a recording, and what our own dataset wants to know of it.
-struct RecordedPicture {
-  RecordedCamera camera;
+/// A recorded image, with the data needed for a dataset.
+struct RecordedImage {
+  RecordingCamera camera;
   ImageResponse image;
   imaging::Camera lens;
-  geometry::SE3 T_local_camera;  ///< of pictures' axes
+  geometry::SE3 T_local_camera;  ///< image axes
 };
 
-/// A line of the recording: one vehicle at one moment.
-struct RecordedMoment {
+/// One line of the recording: a vehicle at one time.
+struct RecordingFrame {
   std::string vehicle;
   std::uint64_t time_ns = 0;
-  Pose pose;  ///< local NED, of the pictures' moment
-  std::vector<RecordedPicture> pictures;
+  Pose pose;  ///< local NED, at the time of the images
+  std::vector<RecordedImage> images;
 };
 
-/// Writes a recording as AirSim lays it out: a folder named by the time of day with airsim_rec.txt and images/, and, if
-/// wanted, dataset folders of ours of each vehicle's and camera's colour pictures (docs/formats.md). Not thread-safe.
+/// Writes a recording in AirSim's layout: a folder named by date and time with airsim_rec.txt and images/, and
+/// optionally a dataset folder of each vehicle's and camera's colour images (docs/formats.md). Not thread-safe.
 class Recorder {
  public:
-  /// `parent` is made if it is not there. Throws InputError.
+  /// Creates `parent` if necessary. Throws InputError.
   Recorder(const std::filesystem::path& parent, const RecordingSettings& settings);
-  /// Finishes what can be finished.
+  /// Finishes the datasets as far as possible.
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
   const std::filesystem::path& folder() const { return folder_; }
-  /// Throws InputError where a file cannot be written.
-  void add(const RecordedMoment& moment);
-  /// Puts the datasets into their places. Throws InputError.
+  /// Throws InputError if a file cannot be written.
+  void add(const RecordingFrame& moment);
+  /// Completes the datasets. Throws InputError.
   void finish();
 
  private:
-  struct OwnDataset;
+  struct DatasetOutput;
 
-  std::string write_image(const std::string& vehicle, const RecordedPicture& picture);
-  void add_to_dataset(const RecordedMoment& moment, const RecordedPicture& picture);
+  std::string write_image(const std::string& vehicle, const RecordedImage& picture);
+  void add_to_dataset(const RecordingFrame& moment, const RecordedImage& picture);
 
   RecordingSettings settings_;
   std::filesystem::path folder_;
   std::ofstream lines_;
-  std::map<std::string, Pose> last_pose_;  ///< of each vehicle
-  std::map<std::pair<std::string, std::string>, std::unique_ptr<OwnDataset>> datasets_;
+  std::map<std::string, Pose> last_pose_;  ///< by vehicle
+  std::map<std::pair<std::string, std::string>, std::unique_ptr<DatasetOutput>> datasets_;
 };
 
 }  // namespace tileflight::simulator

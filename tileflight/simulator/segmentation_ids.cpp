@@ -4,8 +4,8 @@
 #include <cctype>
 #include <set>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/random_numbers.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -28,7 +28,7 @@ std::array<Rgb8, 256> make_palette() {
     }
     Rgb8 colour{};
     do {
-      const std::uint64_t bits = sensors::mixed_bits(++state);
+      const std::uint64_t bits = base::splitmix64_hash(++state);
       colour = {static_cast<std::uint8_t>(bits), static_cast<std::uint8_t>(bits >> 8U),
                 static_cast<std::uint8_t>(bits >> 16U)};
     } while (colour[0] + colour[1] + colour[2] < 120 || !used.insert(colour).second);
@@ -44,7 +44,7 @@ const std::array<Rgb8, 256>& segmentation_palette() {
   return kPalette;
 }
 
-int startup_id(const std::string& name) {
+int default_segmentation_id(const std::string& name) {
   int sum = 5;
   for (const char c : name) {
     const int code = std::tolower(static_cast<unsigned char>(c));
@@ -74,24 +74,24 @@ bool SegmentationIds::set(const std::string& name, int id, bool is_pattern, cons
   return any;
 }
 
-int SegmentationIds::found(const std::string& name) const {
+int SegmentationIds::find_id(const std::string& name) const {
   if (const auto at = by_name_.find(name); at != by_name_.end()) return at->second;
   for (auto rule = patterns_.rbegin(); rule != patterns_.rend(); ++rule) {
     if (rule->pattern->matches(name)) return rule->id;
   }
-  return by_names_ ? startup_id(name) : 0;
+  return by_names_ ? default_segmentation_id(name) : 0;
 }
 
-int SegmentationIds::of(const std::string& name) const {
+int SegmentationIds::lookup(const std::string& name) const {
   const std::lock_guard lock(mutex_);
-  return found(name);
+  return find_id(name);
 }
 
-std::vector<int> SegmentationIds::of(const std::vector<std::string>& names) const {
+std::vector<int> SegmentationIds::lookup(const std::vector<std::string>& names) const {
   const std::lock_guard lock(mutex_);
   std::vector<int> ids;
   ids.reserve(names.size());
-  for (const std::string& name : names) ids.push_back(found(name));
+  for (const std::string& name : names) ids.push_back(find_id(name));
   return ids;
 }
 

@@ -13,7 +13,7 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr double kMost = 1e9;
+constexpr double kMaxNumber = 1e9;
 
 SensorTiming read_timing(SettingsSection& s, const SensorTiming& otherwise) {
   return {s.number("UpdateLatency", otherwise.latency_s, 0.0, 10.0),
@@ -25,7 +25,7 @@ BarometerSettings read_barometer(SettingsSection& s) {
   BarometerSettings b;
   b.timing = read_timing(s, b.timing);
   b.pressure_factor_sigma = s.number("PressureFactorSigma", b.pressure_factor_sigma, 0.0, 0.1);
-  b.pressure_factor_tau_s = s.number("PressureFactorTau", b.pressure_factor_tau_s, 1e-3, kMost);
+  b.pressure_factor_tau_s = s.number("PressureFactorTau", b.pressure_factor_tau_s, 1e-3, kMaxNumber);
   b.noise_sigma_pa = s.number("UncorrelatedNoiseSigma", b.noise_sigma_pa, 0.0, 1e5);
   b.qnh_hpa = s.number("QNH", b.qnh_hpa, 500.0, 1500.0);
   return b;
@@ -35,25 +35,27 @@ ImuSettings read_imu(SettingsSection& s) {
   ImuSettings i;
   i.angular_random_walk_deg_sqrt_h = s.number("AngularRandomWalk", i.angular_random_walk_deg_sqrt_h, 0.0, 1e4);
   i.gyro_bias_stability_deg_h = s.number("GyroBiasStability", i.gyro_bias_stability_deg_h, 0.0, 1e6);
-  i.gyro_bias_tau_s = s.number("GyroBiasStabilityTau", i.gyro_bias_tau_s, 1e-3, kMost);
+  i.gyro_bias_tau_s = s.number("GyroBiasStabilityTau", i.gyro_bias_tau_s, 1e-3, kMaxNumber);
   i.velocity_random_walk_m_s_sqrt_h = s.number("VelocityRandomWalk", i.velocity_random_walk_m_s_sqrt_h, 0.0, 1e4);
   i.accel_bias_stability_ug = s.number("AccelBiasStability", i.accel_bias_stability_ug, 0.0, 1e6);
-  i.accel_bias_tau_s = s.number("AccelBiasStabilityTau", i.accel_bias_tau_s, 1e-3, kMost);
-  s.without_effect({"GenerateNoise"});
+  i.accel_bias_tau_s = s.number("AccelBiasStabilityTau", i.accel_bias_tau_s, 1e-3, kMaxNumber);
+  s.mark_ignored({"GenerateNoise"});
   return i;
 }
 
 GpsSettings read_gps(SettingsSection& s) {
   GpsSettings g;
   g.timing = read_timing(s, g.timing);
-  g.eph_tau_s = s.number("EPH_TimeConstant", s.number("EphTimeConstant", g.eph_tau_s, 1e-3, kMost), 1e-3, kMost);
-  g.epv_tau_s = s.number("EPV_TimeConstant", s.number("EpvTimeConstant", g.epv_tau_s, 1e-3, kMost), 1e-3, kMost);
-  g.eph_initial = s.number("EphInitial", g.eph_initial, 0.0, kMost);
-  g.epv_initial = s.number("EpvInitial", g.epv_initial, 0.0, kMost);
-  g.eph_final = s.number("EphFinal", g.eph_final, 0.0, kMost);
-  g.epv_final = s.number("EpvFinal", g.epv_final, 0.0, kMost);
-  g.eph_min_3d = s.number("EphMin3d", g.eph_min_3d, 0.0, kMost);
-  g.eph_min_2d = s.number("EphMin2d", g.eph_min_2d, 0.0, kMost);
+  g.eph_tau_s =
+      s.number("EPH_TimeConstant", s.number("EphTimeConstant", g.eph_tau_s, 1e-3, kMaxNumber), 1e-3, kMaxNumber);
+  g.epv_tau_s =
+      s.number("EPV_TimeConstant", s.number("EpvTimeConstant", g.epv_tau_s, 1e-3, kMaxNumber), 1e-3, kMaxNumber);
+  g.eph_initial = s.number("EphInitial", g.eph_initial, 0.0, kMaxNumber);
+  g.epv_initial = s.number("EpvInitial", g.epv_initial, 0.0, kMaxNumber);
+  g.eph_final = s.number("EphFinal", g.eph_final, 0.0, kMaxNumber);
+  g.epv_final = s.number("EpvFinal", g.epv_final, 0.0, kMaxNumber);
+  g.eph_min_3d = s.number("EphMin3d", g.eph_min_3d, 0.0, kMaxNumber);
+  g.eph_min_2d = s.number("EphMin2d", g.eph_min_2d, 0.0, kMaxNumber);
   return g;
 }
 
@@ -66,16 +68,16 @@ MagnetometerSettings read_magnetometer(SettingsSection& s) {
   return m;
 }
 
-/// AirSim puts sensors of vehicles that do not fly a metre above them.
+/// AirSim places sensors of vehicles that do not fly one metre above them.
 Vec3 default_place(bool flies) { return {0.0, 0.0, flies ? 0.0 : -1.0}; }
 
-DistanceSettings read_distance(SettingsSection& s, bool flies) {
-  DistanceSettings d;
+DistanceSensorSettings read_distance(SettingsSection& s, bool flies) {
+  DistanceSensorSettings d;
   d.min_m = s.number("MinDistance", d.min_m, 0.0, 1e5);
   d.max_m = s.number("MaxDistance", d.max_m, d.min_m, 1e5);
   d.noise_sigma_m = s.number("NoiseSigma", d.noise_sigma_m, 0.0, 1e3);
   d.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
-  s.without_effect({"DrawDebugPoints", "ExternalController"});
+  s.mark_ignored({"DrawDebugPoints", "ExternalController"});
   return d;
 }
 
@@ -98,7 +100,7 @@ LidarSettings read_lidar(SettingsSection& s, bool flies) {
   l.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
   if (l.points_per_second / l.rotations_per_second > 4e6)
     s.fail("PointsPerSecond", "more than four million points in a turn");
-  s.without_effect({"DrawDebugPoints", "ExternalController"});
+  s.mark_ignored({"DrawDebugPoints", "ExternalController"});
   return l;
 }
 
@@ -138,7 +140,7 @@ std::vector<SensorSettings> read_sensors(SettingsSection& parent, const char* ke
         sensors.push_back(std::move(sensor));
       }
     }
-    section.finish();
+    section.warn_unknown_keys();
     if (!enabled)
       std::erase_if(sensors, [&, name = name](const SensorSettings& sensor) { return sensor.name == name; });
   }

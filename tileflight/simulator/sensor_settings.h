@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "tileflight/geometry/transform.h"
-#include "tileflight/simulator/own_types.h"
+#include "tileflight/simulator/extension_types.h"
 
 namespace tileflight::simulator {
 
-// AirSim's sensors with its keys and defaults.
+// Settings of AirSim's sensors with its keys and defaults.
 
-/// Of all sensors whose readings come at a rate: how old a reading is, and when the first is there.
+/// Timing of sensors with an update rate: age of a reading, and time of the first one.
 struct SensorTiming {
   double latency_s = 0.0;
   double frequency_hz = 50.0;
@@ -20,7 +20,7 @@ struct SensorTiming {
 
 struct BarometerSettings {
   SensorTiming timing;
-  double pressure_factor_sigma = 0.001825;  ///< share of the pressure by which the weather wanders
+  double pressure_factor_sigma = 0.001825;  ///< relative variation of the pressure by the weather
   double pressure_factor_tau_s = 3600.0;
   double noise_sigma_pa = 2.7;
   double qnh_hpa = 1013.25;
@@ -48,10 +48,10 @@ struct MagnetometerSettings {
   double bias_gauss = 0.0;
 };
 
-struct DistanceSettings {
-  geometry::SE3 T_body_sensor;  ///< looks along x
+struct DistanceSensorSettings {
+  geometry::SE3 T_body_sensor;  ///< measures along x
   double min_m = 0.2, max_m = 40.0;
-  double noise_sigma_m = 0.2;  ///< AirSim's, always on there; own key "NoiseSigma"
+  double noise_sigma_m = 0.2;  ///< AirSim's, which has no key for it; own key "NoiseSigma"
 };
 
 struct LidarSettings {
@@ -65,8 +65,8 @@ struct LidarSettings {
   bool in_sensor_frame = false;                                 ///< DataFrame "SensorLocalFrame"
 };
 
-using SensorKind =
-    std::variant<BarometerSettings, ImuSettings, GpsSettings, MagnetometerSettings, DistanceSettings, LidarSettings>;
+using SensorKind = std::variant<BarometerSettings, ImuSettings, GpsSettings, MagnetometerSettings,
+                                DistanceSensorSettings, LidarSettings>;
 
 struct SensorSettings {
   std::string name;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/settings_section.h"
@@ -16,8 +16,8 @@ using nlohmann::json;
 
 constexpr std::size_t kMaxVehicles = 64;
 
-/// Of AirSim's keys, those that concern what there is not here: a window, a graphics card, a game.
-const std::vector<std::string> kWithoutEffect{
+/// AirSim's keys for features that do not exist here: a window, a graphics card, a game.
+const std::vector<std::string> kIgnoredKeys{
     "SettingsVersion", "SeeDocsAt",   "ViewMode",          "ClockType",        "LogMessagesVisible",
     "RpcEnabled",      "EnableRpc",   "SubWindows",        "PawnPaths",        "TimeOfDay",
     "CameraDirector",  "RC",          "Material",          "InitialViewMode",  "SpeedUnitFactor",
@@ -28,7 +28,7 @@ geometry::Geodetic read_origin(SettingsSection section) {
   const geometry::Geodetic origin{section.number("Latitude", kDefaultOrigin.latitude_deg, -90.0, 90.0),
                                   section.number("Longitude", kDefaultOrigin.longitude_deg, -180.0, 180.0),
                                   {section.number("Altitude", kDefaultOrigin.height.m, -10000.0, 100000.0)}};
-  section.finish();
+  section.warn_unknown_keys();
   return origin;
 }
 
@@ -39,27 +39,27 @@ RecordingSettings read_recording(SettingsSection section) {
   recording.interval_s = section.number("RecordInterval", 0.05, 0.003, 3600.0);
   recording.folder = section.text("Folder", "");
   recording.dataset = section.boolean("Dataset", false);
-  std::vector<RecordedCamera> cameras;
+  std::vector<RecordingCamera> cameras;
   for (SettingsSection& entry : section.list("Cameras")) {
-    cameras.push_back({entry.text("CameraName", ""), entry.integer("ImageType", 0, 0, kImageTypes - 1),
+    cameras.push_back({entry.text("CameraName", ""), entry.integer("ImageType", 0, 0, kImageTypeCount - 1),
                        entry.boolean("PixelsAsFloat", false), entry.boolean("Compress", true),
                        entry.text("VehicleName", "")});
-    entry.without_effect({"Annotation"});
-    entry.finish();
+    entry.mark_ignored({"Annotation"});
+    entry.warn_unknown_keys();
   }
   if (!cameras.empty()) recording.cameras = std::move(cameras);
-  section.finish();
+  section.warn_unknown_keys();
   return recording;
 }
 
 void read_segmentation(SettingsSection section, Settings& settings) {
   const std::string method = section.choice("InitMethod", "CommonObjectsRandomIDs", {"None", "CommonObjectsRandomIDs"});
   settings.random_ids = method == "CommonObjectsRandomIDs";
-  section.without_effect({"MeshNamingMethod", "OverrideExisting"});
-  section.finish();
+  section.mark_ignored({"MeshNamingMethod", "OverrideExisting"});
+  section.warn_unknown_keys();
 }
 
-/// Those with a name of the list take its place, others come after.
+/// Replaces cameras of the same name, and appends the others.
 void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& cameras) {
   for (CameraSettings& camera : own) {
     const auto at = std::ranges::find(cameras, camera.name, &CameraSettings::name);
@@ -83,17 +83,17 @@ VehicleSettings read_vehicle(const std::string& name, SettingsSection section, c
   vehicle.start_ned = section.position();
   vehicle.R_ned_body = section.orientation();
   vehicle.armed = section.choice("DefaultVehicleState", "Inactive", {"Inactive", "Armed", ""}) == "Armed";
-  vehicle.api_always = section.boolean("AllowAPIAlways", false);
+  vehicle.allow_api_always = section.boolean("AllowAPIAlways", false);
   const bool passes = section.boolean("EnableCollisionPassthrogh", false);
-  vehicle.collides = section.boolean("EnableCollisions", true) && !passes;
+  vehicle.enable_collisions = section.boolean("EnableCollisions", true) && !passes;
   std::vector<CameraSettings> cameras;
   for (auto& [camera, entry] : section.members("Cameras"))
-    cameras.push_back(read_camera(camera_of_alias(camera), std::move(entry), settings.camera_defaults));
+    cameras.push_back(read_camera(resolve_camera_alias(camera), std::move(entry), settings.camera_defaults));
   put_cameras(std::move(cameras), vehicle.cameras);
   vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors);
-  section.without_effect({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC",
-                          "FollowDistance", "UseSerial", "Model"});
-  section.finish();
+  section.mark_ignored({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC",
+                        "FollowDistance", "UseSerial", "Model"});
+  section.warn_unknown_keys();
   return vehicle;
 }
 
@@ -123,7 +123,7 @@ void read_mode(SettingsSection& root, Settings& settings) {
   if (root.has("LocalHostIp")) settings.address = root.text("LocalHostIp", "");
 }
 
-json parsed(const std::string& text, const std::string& name) {
+json parse_settings_json(const std::string& text, const std::string& name) {
   if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == std::string::npos) return json::object();
   try {
     return json::parse(text, nullptr, true, true);
@@ -144,7 +144,7 @@ VehicleSettings default_vehicle(const std::string& name, bool flies, const Camer
 }
 
 Settings read_settings(const std::string& text, const std::string& name) {
-  const json document = parsed(text, name);
+  const json document = parse_settings_json(text, name);
   Settings settings;
   SettingsSection root(document, name, settings.warnings);
   read_mode(root, settings);
@@ -154,7 +154,7 @@ Settings read_settings(const std::string& text, const std::string& name) {
   if (auto wind = root.section("Wind")) {
     settings.wind_ned_m_s = wind->position();
     if (settings.wind_ned_m_s.norm() > 100.0) root.fail("Wind", "more than 100 m/s");
-    wind->finish();
+    wind->warn_unknown_keys();
   }
   if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
   if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
@@ -164,8 +164,8 @@ Settings read_settings(const std::string& text, const std::string& name) {
   read_vehicles(root, settings);
   for (auto& [camera, entry] : root.members("ExternalCameras"))
     settings.external_cameras.push_back(read_camera(camera, std::move(entry), settings.camera_defaults));
-  root.without_effect(kWithoutEffect);
-  root.finish();
+  root.mark_ignored(kIgnoredKeys);
+  root.warn_unknown_keys();
   return settings;
 }
 

@@ -4,8 +4,9 @@
 #include <cctype>
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/known_keys.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/known_keys.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/simulator/frames.h"
 
 namespace tileflight::simulator {
@@ -13,17 +14,12 @@ namespace {
 
 using nlohmann::json;
 
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
-std::string shown(double value) {
+std::string number_text(double value) {
   std::string text = json(value).dump();
   return text.ends_with(".0") ? text.substr(0, text.size() - 2) : text;
 }
 
-std::string joined(const std::vector<std::string>& words) {
+std::string join_words(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
   return text;
@@ -52,7 +48,7 @@ double SettingsSection::number(const char* key, double otherwise, double least, 
   if (!value->is_number()) fail(key, "must be a number");
   const double number = value->get<double>();
   if (!std::isfinite(number) || number < least || number > most)
-    fail(key, shown(number) + " is out of range: from " + shown(least) + " to " + shown(most));
+    fail(key, number_text(number) + " is out of range: from " + number_text(least) + " to " + number_text(most));
   return number;
 }
 
@@ -80,9 +76,9 @@ std::string SettingsSection::choice(const char* key, const std::string& otherwis
                                     const std::vector<std::string>& words) {
   const std::string value = text(key, otherwise);
   for (const std::string& word : words) {
-    if (lower(word) == lower(value)) return word;
+    if (base::to_lower(word) == base::to_lower(value)) return word;
   }
-  fail(key, "'" + value + "' is not known here: " + joined(words));
+  fail(key, "'" + value + "' is not known here: " + join_words(words));
 }
 
 std::vector<double> SettingsSection::numbers(const char* key, std::size_t most) {
@@ -137,19 +133,19 @@ geometry::Vec3 SettingsSection::position(const geometry::Vec3& otherwise) {
 Eigen::Quaterniond SettingsSection::orientation(const geometry::Vec3& otherwise_deg) {
   const auto angle = [&](const char* key, double value) { return radians(number(key, value, -3600.0, 3600.0)); };
   const double roll = angle("Roll", otherwise_deg.x()), pitch = angle("Pitch", otherwise_deg.y());
-  return rotation_of_angles(roll, pitch, angle("Yaw", otherwise_deg.z()));
+  return rotation_from_rpy(roll, pitch, angle("Yaw", otherwise_deg.z()));
 }
 
-void SettingsSection::without_effect(const std::vector<std::string>& keys) {
+void SettingsSection::mark_ignored(const std::vector<std::string>& keys) {
   for (const std::string& key : keys) known_.insert(key);
 }
 
-void SettingsSection::finish() {
+void SettingsSection::warn_unknown_keys() {
   const std::vector<std::string> known(known_.begin(), known_.end());
   for (const auto& [key, value] : json_.items()) {
     if (known_.contains(key)) continue;
     warnings_.push_back(where_ + ": the key '" + key + "' is not known and not heeded; nearest: '" +
-                        geometry::nearest_key(key, known) + "'");
+                        base::nearest_key(key, known) + "'");
   }
 }
 

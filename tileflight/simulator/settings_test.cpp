@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "tests/refusal.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/camera_settings.h"
 
 namespace tileflight::simulator {
@@ -117,18 +117,18 @@ TEST(Settings, LensesBeyondThePinhole) {
                                           "settings.json");
   EXPECT_THAT(settings.warnings, IsEmpty());
   const auto& captures = settings.vehicles[0].cameras[0].captures;
-  const imaging::Camera wide = lens_of(captures[0], "camera");
+  const imaging::Camera wide = make_lens(captures[0], "camera");
   EXPECT_NEAR(wide.horizontal_fov_deg(), 190.0, 0.5);
-  const auto model = std::get<imaging::KannalaBrandt>(lens_of(captures[1], "camera").model());
+  const auto model = std::get<imaging::KannalaBrandt>(make_lens(captures[1], "camera").model());
   EXPECT_NEAR(model.cx, 49.5, 1e-6) << "AirSim's pixel centres lie at +0.5, ours at integers";
   EXPECT_NEAR(model.k[0], 0.1, 1e-6);
 }
 
 TEST(Settings, TheLongerSideHasTheFieldOfView) {
   CaptureSettings portrait{100, 200, 90.0, {}};
-  EXPECT_NEAR(std::get<imaging::PinholeRadtan>(lens_of(portrait, "camera").model()).fx, 100.0, 1e-9);
+  EXPECT_NEAR(std::get<imaging::PinholeRadtan>(make_lens(portrait, "camera").model()).fx, 100.0, 1e-9);
   CaptureSettings landscape{200, 100, 90.0, {}};
-  const auto model = std::get<imaging::PinholeRadtan>(lens_of(landscape, "camera").model());
+  const auto model = std::get<imaging::PinholeRadtan>(make_lens(landscape, "camera").model());
   EXPECT_NEAR(model.fy, 100.0, 1e-9);
   EXPECT_NEAR(model.cx, 99.5, 1e-12);
 }

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/tiles/viewing.h"
+#include "tileflight/tiles/view_criteria.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -14,11 +14,11 @@ namespace {
 using imaging::Camera;
 
 constexpr std::array<const char*, 5> kDistortionNames{"K1", "K2", "K3", "P1", "P2"};
-constexpr double kMostDistortion = 100.0;
+constexpr double kMaxDistortion = 100.0;
 constexpr double kNearPlane_cm = 10.0;
 
-/// The same pinhole with Brown's distortion: OpenCV's order is k1 k2 p1 p2 k3.
-Camera distorted(const Camera& lens, const std::array<double, 5>& k) {
+/// The pinhole with Brown's distortion: OpenCV's order is k1 k2 p1 p2 k3.
+Camera with_distortion(const Camera& lens, const std::array<double, 5>& k) {
   const auto* pinhole = std::get_if<imaging::PinholeRadtan>(&lens.model());
   const bool any = std::ranges::any_of(k, [](double value) { return value != 0.0; });
   if (pinhole == nullptr || !any) return lens;
@@ -47,34 +47,34 @@ void SimCamera::set_distortion(const std::string& key, double value) {
   const auto at = std::ranges::find(kDistortionNames, key);
   if (at == kDistortionNames.end())
     throw InputError("camera '" + name() + "'", "'" + key.substr(0, 20) + "' is no distortion: K1, K2, K3, P1, P2");
-  if (!(std::abs(value) <= kMostDistortion))
+  if (!(std::abs(value) <= kMaxDistortion))
     throw InputError("camera '" + name() + "'", key + " must be from -100 to 100");
   distortion_[static_cast<std::size_t>(at - kDistortionNames.begin())] = value;
   pixels_per_rad_ = 0.0;
 }
 
 void SimCamera::set_lens(const LensDescription& lens) {
-  std::array<CaptureSettings, kImageTypes> captures = settings_.captures;
+  std::array<CaptureSettings, kImageTypeCount> captures = settings_.captures;
   for (CaptureSettings& capture : captures) {
     if (lens.width != 0) capture.width = lens.width;
     if (lens.height != 0) capture.height = lens.height;
     capture.lens = lens;
-    lens_of(capture, "camera '" + name() + "'");
+    make_lens(capture, "camera '" + name() + "'");
   }
   settings_.captures = captures;
   pixels_per_rad_ = 0.0;
 }
 
 Camera SimCamera::lens(int image_type) const {
-  return distorted(lens_of(capture(image_type), "camera '" + name() + "'"), distortion_);
+  return with_distortion(make_lens(capture(image_type), "camera '" + name() + "'"), distortion_);
 }
 
-/// AirSim's: Unreal's perspective with the depth reversed and no far plane, behind a change of axes that turns forward
-/// into backward, so that clip coordinates have w = -x (of x forward, y right, z down, 1). Both axes have the scale of
-/// the longer side.
+/// AirSim's projection matrix: Unreal's perspective with reversed depth and no far plane, after a change of axes that
+/// negates the forward axis, so that clip coordinates have w = -x (for x forward, y right, z down, 1). Both axes have
+/// the scale of the longer side.
 CameraInfo SimCamera::info(const geometry::SE3& T_ned_camera) const {
   CameraInfo info;
-  info.pose = wire(T_ned_camera);
+  info.pose = to_airsim(T_ned_camera);
   info.fov = static_cast<float>(fov_deg());
   const double scale = 1.0 / std::tan(0.5 * radians(fov_deg()));
   const double longer = std::max(width(0), height(0));
@@ -88,8 +88,8 @@ CameraInfo SimCamera::info(const geometry::SE3& T_ned_camera) const {
 
 double SimCamera::pixels_per_rad() const {
   if (pixels_per_rad_ > 0.0) return pixels_per_rad_;
-  for (int type = 0; type < kImageTypes; ++type)
-    pixels_per_rad_ = std::max(pixels_per_rad_, tiles::eye_of(lens(type)).pixels_per_rad);
+  for (int type = 0; type < kImageTypeCount; ++type)
+    pixels_per_rad_ = std::max(pixels_per_rad_, tiles::view_cone_of(lens(type)).pixels_per_rad);
   return pixels_per_rad_;
 }
 

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/sensors/earth_field.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/sensors/geomagnetic_field.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/simulator_impl.h"
@@ -17,15 +17,15 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr double kFar_m = 1e7;
-/// A vehicle whose start is below the ground by no more than this stands on it.
+constexpr double kMaxCoordinate_m = 1e7;
+/// A vehicle that starts at most this far below the ground is placed on it.
 constexpr double kBelowGround_m = 0.5;
-/// Between a vehicle that stands and the ground: rounding must not make it touch.
-constexpr double kStandsAbove_m = 0.005;
-/// What a vehicle's own surroundings need of the tiles where nothing sharper looks: collisions.
-constexpr double kLeastPixelsPerRad = 100.0;
+/// Distance of a standing vehicle from the ground, so that rounding does not cause contact.
+constexpr double kGroundClearance_m = 0.005;
+/// Minimum resolution of the tiles around a vehicle, for collisions.
+constexpr double kMinPixelsPerRad = 100.0;
 constexpr double kMagneticYear = 2025.5;
-constexpr double kTesla_to_gauss = 1e4;
+constexpr double kGaussPerTesla = 1e4;
 constexpr double kMicro = 1e-6;
 
 SimulatorOptions with_settings(SimulatorOptions options, const Settings& settings) {
@@ -36,25 +36,25 @@ SimulatorOptions with_settings(SimulatorOptions options, const Settings& setting
 }  // namespace
 
 Vec3 checked_position(const Vector3r& position, const char* what) {
-  const Vec3 p = vec3(position);
-  if (!p.allFinite() || p.cwiseAbs().maxCoeff() > kFar_m)
+  const Vec3 p = to_vec3(position);
+  if (!p.allFinite() || p.cwiseAbs().maxCoeff() > kMaxCoordinate_m)
     throw InputError(what, "a coordinate is not finite or farther than 10000 km");
   return p;
 }
 
 Eigen::Quaterniond checked_rotation(const Quaternionr& orientation, const char* what) {
-  const Eigen::Quaterniond q = quaternion(orientation);
+  const Eigen::Quaterniond q = to_quaternion(orientation);
   if (!q.coeffs().allFinite() || q.norm() < 1e-6) throw InputError(what, "the orientation is no quaternion");
   return q.normalized();
 }
 
-SE3 merged_pose(const Pose& pose, const SE3& before, const char* what) {
+SE3 merge_pose(const Pose& pose, const SE3& before, const char* what) {
   Vector3r position = pose.position;
-  const Vector3r old = wire(before.translation);
+  const Vector3r old = to_airsim(before.translation);
   if (std::isnan(position.x_val)) position.x_val = old.x_val;
   if (std::isnan(position.y_val)) position.y_val = old.y_val;
   if (std::isnan(position.z_val)) position.z_val = old.z_val;
-  const bool turned = !quaternion(pose.orientation).coeffs().hasNaN();
+  const bool turned = !to_quaternion(pose.orientation).coeffs().hasNaN();
   return {turned ? checked_rotation(pose.orientation, what) : before.rotation, checked_position(position, what)};
 }
 
@@ -62,126 +62,128 @@ Simulator::Impl::Impl(const SimulatorOptions& o, SimulatorLog l, const Progress&
     : options(o),
       log(std::move(l)),
       settings(read_settings(options.settings, options.settings_name)),
-      world(with_settings(options, settings), log, progress),
-      earth{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
-      files(options.files),
-      ids(settings.random_ids),
-      engine(state, settings.clock, hooks()) {
-  begin();
+      working_set(with_settings(options, settings), log, progress),
+      geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
+      file_access(options.output_root),
+      segmentation_ids(settings.random_ids),
+      clock(state_mutex, settings.clock, clock_hooks()) {
+  initialize();
 }
 
 Simulator::Impl::Impl(const SimulatorOptions& o, std::vector<imaging::TexturedMesh> meshes, SimulatorLog l)
     : options(o),
       log(std::move(l)),
       settings(read_settings(options.settings, options.settings_name)),
-      world(with_settings(options, settings), std::move(meshes), log),
-      earth{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
-      files(options.files),
-      ids(settings.random_ids),
-      engine(state, settings.clock, hooks()) {
-  begin();
+      working_set(with_settings(options, settings), std::move(meshes), log),
+      geodetic_frame{geometry::LocalFrame(kDefaultOrigin), {}, Vec3::Zero(), false},
+      file_access(options.output_root),
+      segmentation_ids(settings.random_ids),
+      clock(state_mutex, settings.clock, clock_hooks()) {
+  initialize();
 }
 
-void Simulator::Impl::say(const std::string& line) const {
+void Simulator::Impl::log_line(const std::string& line) const {
   if (log) log(line);
 }
 
-void Simulator::Impl::begin() {
+void Simulator::Impl::initialize() {
   warnings = settings.warnings;
-  warnings.insert(warnings.end(), world.warnings().begin(), world.warnings().end());
+  warnings.insert(warnings.end(), working_set.warnings().begin(), working_set.warnings().end());
   set_frames();
   wind_ned_m_s = settings.wind_ned_m_s;
   for (const CameraSettings& external : settings.external_cameras) external_cameras.emplace_back(external);
-  for (const VehicleSettings& vehicle : settings.vehicles) add_vehicle(vehicle, home_of(vehicle));
-  world.for_looks(looks());
-  obstacles_place = world.current();
+  for (const VehicleSettings& vehicle : settings.vehicles) add_vehicle(vehicle, find_home_pose(vehicle));
+  working_set.load_for(viewpoints());
+  obstacle_scene = working_set.current();
   if (settings.recording.enabled) begin_recording();
-  engine.start();
+  clock.start();
 }
 
-/// Where NED has its origin: as asked for, or on the surface at the frame's origin, or at the middle of the place.
+/// Sets NED's origin: as requested, else on the surface at the local frame's origin, else at the centre of the place.
 void Simulator::Impl::set_frames() {
-  Vec3 start = options.start_local.value_or(Vec3(0.0, 0.0, NAN));
+  Vec3 start = options.ned_origin_local.value_or(Vec3(0.0, 0.0, NAN));
   if (!start.head<2>().allFinite()) throw InputError("start", "its coordinates must be finite");
   const bool on_surface = !std::isfinite(start.z());
   if (on_surface && !settings.start_on_surface) start.z() = 0.0;
   if (!std::isfinite(start.z())) {
-    auto surface = world.surface_z(start.x(), start.y(), kFar_m);
-    if (!surface && !options.start_local) {
-      start.head<2>() = world.center().head<2>();
-      surface = world.surface_z(start.x(), start.y(), kFar_m);
+    auto surface = working_set.surface_z(start.x(), start.y(), kMaxCoordinate_m);
+    if (!surface && !options.ned_origin_local) {
+      start.head<2>() = working_set.center().head<2>();
+      surface = working_set.surface_z(start.x(), start.y(), kMaxCoordinate_m);
       warnings.push_back("there is no surface at the origin: vehicles start at the middle of the place");
     }
-    start.z() = surface.value_or(world.center().z());
+    start.z() = surface.value_or(working_set.center().z());
   }
   T_local_ned = T_local_ned_at(start);
-  earth.georeferenced = world.local_frame().has_value();
-  if (earth.georeferenced) earth.frame = *world.local_frame();
-  earth.T_local_ned = earth.georeferenced ? T_local_ned : T_local_ned_at(Vec3::Zero());
-  earth.field_ned_gauss =
-      ned_of_enu(sensors::earth_field_ut(earth.frame, earth.T_local_ned.translation, kMagneticYear)) * kMicro *
-      kTesla_to_gauss;
+  geodetic_frame.georeferenced = working_set.local_frame().has_value();
+  if (geodetic_frame.georeferenced) geodetic_frame.local_frame = *working_set.local_frame();
+  geodetic_frame.T_local_ned = geodetic_frame.georeferenced ? T_local_ned : T_local_ned_at(Vec3::Zero());
+  geodetic_frame.magnetic_field_ned_gauss =
+      ned_from_enu(sensors::geomagnetic_field_ut(geodetic_frame.local_frame, geodetic_frame.T_local_ned.translation,
+                                                 kMagneticYear)) *
+      kMicro * kGaussPerTesla;
 }
 
-/// A vehicle that flies stands on what is below its start; one that starts below the ground stands on the ground.
-SE3 Simulator::Impl::home_of(const VehicleSettings& vehicle) const {
+/// A flying vehicle stands on the surface below its start; one that starts below the ground stands on the ground.
+SE3 Simulator::Impl::find_home_pose(const VehicleSettings& vehicle) const {
   SE3 home(vehicle.R_ned_body, vehicle.start_ned);
   if (!vehicle.flies) return home;
   const Vec3 start = T_local_ned * vehicle.start_ned;
-  auto ground = world.surface_z(start.x(), start.y(), start.z() + kBelowGround_m);
-  if (!ground) ground = world.surface_z(start.x(), start.y(), kFar_m);
-  const double radius_m = flight::VehicleOptions{}.radius_m + kStandsAbove_m;
+  auto ground = working_set.surface_z(start.x(), start.y(), start.z() + kBelowGround_m);
+  if (!ground) ground = working_set.surface_z(start.x(), start.y(), kMaxCoordinate_m);
+  const double radius_m = vehicle::VehicleOptions{}.radius_m + kGroundClearance_m;
   if (ground) home.translation = T_local_ned.inverse() * Vec3(start.x(), start.y(), *ground + radius_m);
-  // It stands level.
+  // The vehicle stands level.
   home.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(heading_rad(vehicle.R_ned_body), Vec3::UnitZ()));
   return home;
 }
 
 void Simulator::Impl::add_vehicle(VehicleSettings vehicle, const SE3& home) {
-  auto added = std::make_unique<Fleet>();
-  added->craft = std::make_unique<Craft>(std::move(vehicle), T_local_ned, obstacles(), enu_of_ned(wind_ned_m_s));
-  added->craft->set_home(home);
-  fleet.push_back(std::move(added));
+  auto added = std::make_unique<VehicleSlot>();
+  added->vehicle =
+      std::make_unique<SimVehicle>(std::move(vehicle), T_local_ned, obstacle_query(), enu_from_ned(wind_ned_m_s));
+  added->vehicle->set_home(home);
+  vehicles.push_back(std::move(added));
 }
 
-/// Asked with the mutex held: in steps and by commands.
-flight::Obstacles Simulator::Impl::obstacles() {
-  return [this](const Vec3& from, const Vec3& to) -> std::optional<flight::SurfaceHit> {
+/// Called with the mutex held: in steps and by commands.
+vehicle::ObstacleQuery Simulator::Impl::obstacle_query() {
+  return [this](const Vec3& from, const Vec3& to) -> std::optional<vehicle::SurfaceHit> {
     const Vec3 way = to - from;
     const double length_m = way.norm();
-    if (!obstacles_place || length_m <= 0.0) return std::nullopt;
-    const scene::Scene& scene = obstacles_place->scene();
+    if (!obstacle_scene || length_m <= 0.0) return std::nullopt;
+    const scene::Scene& scene = obstacle_scene->scene();
     const auto hit = scene.intersect({from, way / length_m}, length_m);
     if (!hit) return std::nullopt;
     const Vec3 normal = scene.normal(*hit);
     if (normal.squaredNorm() <= 0.0) return std::nullopt;
-    return flight::SurfaceHit{scene.position(*hit), normal};
+    return vehicle::SurfaceHit{scene.position(*hit), normal};
   };
 }
 
-Engine::Hooks Simulator::Impl::hooks() {
-  Engine::Hooks hooks;
+SimulationClock::Hooks Simulator::Impl::clock_hooks() {
+  SimulationClock::Hooks hooks;
   hooks.step = [this](double time_s) {
     constexpr double kKeep_s = 0.5;
-    for (const auto& one : fleet) {
-      one->craft->step(time_s);
-      one->history.add(time_s, one->craft->state(), kKeep_s);
+    for (const auto& one : vehicles) {
+      one->vehicle->step(time_s);
+      one->history.add(time_s, one->vehicle->state(), kKeep_s);
     }
   };
-  hooks.busy = [this] { return std::ranges::any_of(fleet, [](const auto& one) { return one->craft->busy(); }); };
+  hooks.busy = [this] { return std::ranges::any_of(vehicles, [](const auto& one) { return one->vehicle->busy(); }); };
   hooks.after_step = [this](double time_s) {
-    if (world.follows()) {
-      std::vector<Look> wanted;
+    if (working_set.follows_sensors()) {
+      std::vector<SensorViewpoint> wanted;
       {
-        const std::lock_guard lock(state);
-        wanted = looks();
+        const std::lock_guard lock(state_mutex);
+        wanted = viewpoints();
       }
       try {
-        const auto place = world.for_looks(wanted);
-        const std::lock_guard lock(state);
-        obstacles_place = place;
+        const auto place = working_set.load_for(wanted);
+        const std::lock_guard lock(state_mutex);
+        obstacle_scene = place;
       } catch (const InputError& error) {
-        say(error.what());
+        log_line(error.what());
       }
     }
     record_if_due(time_s);
@@ -189,22 +191,22 @@ Engine::Hooks Simulator::Impl::hooks() {
   return hooks;
 }
 
-Fleet& Simulator::Impl::vehicle(const std::string& name) {
-  return const_cast<Fleet&>(std::as_const(*this).vehicle(name));
+VehicleSlot& Simulator::Impl::slot(const std::string& name) {
+  return const_cast<VehicleSlot&>(std::as_const(*this).slot(name));
 }
 
-const Fleet& Simulator::Impl::vehicle(const std::string& name) const {
-  if (name.empty()) return *fleet.front();
-  for (const auto& one : fleet) {
-    if (one->craft->name() == name) return *one;
+const VehicleSlot& Simulator::Impl::slot(const std::string& name) const {
+  if (name.empty()) return *vehicles.front();
+  for (const auto& one : vehicles) {
+    if (one->vehicle->name() == name) return *one;
   }
   throw std::runtime_error("Vehicle API for '" + name.substr(0, 100) +
                            "' is not available. This could either because this is simulation-only API or this vehicle "
                            "does not exist");
 }
 
-Craft& Simulator::Impl::flying(const std::string& name, const char* call) {
-  Craft& craft = *vehicle(name).craft;
+SimVehicle& Simulator::Impl::require_multirotor(const std::string& name, const char* call) {
+  SimVehicle& craft = *slot(name).vehicle;
   if (!craft.settings().flies) {
     throw std::runtime_error("Vehicle API for '" + craft.name() + "' is not available: " + call +
                              " is for vehicles that fly, and in the mode ComputerVision there are none");
@@ -218,9 +220,9 @@ SimCamera& Simulator::Impl::camera(const std::string& name, const std::string& v
 
 const SimCamera& Simulator::Impl::camera(const std::string& name, const std::string& vehicle_name,
                                          bool external) const {
-  const auto& cameras = external ? external_cameras : vehicle(vehicle_name).craft->cameras();
-  // A camera of the settings may be called "0"; else that stands for front_center.
-  for (const std::string& wanted : {name, camera_of_alias(name)}) {
+  const auto& cameras = external ? external_cameras : slot(vehicle_name).vehicle->cameras();
+  // A camera in the settings may be named "0"; otherwise this means front_center.
+  for (const std::string& wanted : {name, resolve_camera_alias(name)}) {
     const auto at = std::ranges::find(cameras, wanted, &SimCamera::name);
     if (at != cameras.end()) return *at;
   }
@@ -231,20 +233,20 @@ const SimCamera& Simulator::Impl::camera(const std::string& name, const std::str
 
 SE3 Simulator::Impl::T_ned_camera(const SimCamera& camera, const std::string& name, bool external) const {
   if (external) return camera.T_body_camera();
-  return vehicle(name).craft->state().T_ned_body * camera.T_body_camera();
+  return slot(name).vehicle->state().T_ned_body * camera.T_body_camera();
 }
 
-Vec3 Simulator::Impl::origin_of(const std::string& name, bool external) const {
-  return external ? Vec3(Vec3::Zero()) : vehicle(name).craft->start_ned();
+Vec3 Simulator::Impl::ned_origin(const std::string& name, bool external) const {
+  return external ? Vec3(Vec3::Zero()) : slot(name).vehicle->start_ned();
 }
 
-std::vector<Look> Simulator::Impl::looks() const {
-  if (!world.follows()) return {};
-  std::vector<Look> looks;
-  for (const auto& one : fleet) {
-    const Craft& craft = *one->craft;
+std::vector<SensorViewpoint> Simulator::Impl::viewpoints() const {
+  if (!working_set.follows_sensors()) return {};
+  std::vector<SensorViewpoint> looks;
+  for (const auto& one : vehicles) {
+    const SimVehicle& craft = *one->vehicle;
     const SE3 T_local_body = T_local_ned * craft.state().T_ned_body;
-    double least = kLeastPixelsPerRad;
+    double least = kMinPixelsPerRad;
     for (const SensorSettings& sensor : craft.settings().sensors) {
       if (const auto* lidar = std::get_if<LidarSettings>(&sensor.kind)) least = std::max(least, rays_per_rad(*lidar));
     }
@@ -267,10 +269,10 @@ Simulator::~Simulator() { stop(); }
 
 void Simulator::stop() {
   {
-    const std::lock_guard lock(impl_->state);
-    for (const auto& one : impl_->fleet) one->craft->cancel();
+    const std::lock_guard lock(impl_->state_mutex);
+    for (const auto& one : impl_->vehicles) one->vehicle->cancel();
   }
-  impl_->engine.stop();
+  impl_->clock.stop();
 }
 
 std::optional<int> Simulator::settings_port() const { return impl_->settings.port; }
@@ -283,47 +285,47 @@ int Simulator::get_min_required_client_version() const { return 1; }
 std::string Simulator::get_settings_string() const { return impl_->options.settings; }
 
 std::vector<std::string> Simulator::list_vehicles() const {
-  const std::lock_guard lock(impl_->state);
+  const std::lock_guard lock(impl_->state_mutex);
   std::vector<std::string> names;
-  for (const auto& one : impl_->fleet) names.push_back(one->craft->name());
+  for (const auto& one : impl_->vehicles) names.push_back(one->vehicle->name());
   return names;
 }
 
 void Simulator::reset() {
-  const std::lock_guard lock(impl_->state);
-  for (const auto& one : impl_->fleet) {
-    one->craft->reset();
+  const std::lock_guard lock(impl_->state_mutex);
+  for (const auto& one : impl_->vehicles) {
+    one->vehicle->reset();
     one->history.clear();
-    one->noises.clear();
+    one->sensor_noises.clear();
   }
   impl_->external_cameras.clear();
   for (const CameraSettings& camera : impl_->settings.external_cameras) impl_->external_cameras.emplace_back(camera);
-  impl_->last_pictures.clear();
-  impl_->engine.wake();
+  impl_->last_camera_poses.clear();
+  impl_->clock.wake();
 }
 
 void Simulator::sim_pause(bool is_paused) {
-  const std::lock_guard lock(impl_->state);
-  impl_->engine.set_paused(is_paused);
+  const std::lock_guard lock(impl_->state_mutex);
+  impl_->clock.set_paused(is_paused);
 }
 
 bool Simulator::sim_is_paused() const {
-  const std::lock_guard lock(impl_->state);
-  return impl_->engine.paused();
+  const std::lock_guard lock(impl_->state_mutex);
+  return impl_->clock.paused();
 }
 
 void Simulator::sim_continue_for_time(double seconds) {
   constexpr double kMost_s = 3600.0;
   if (!(seconds >= 0.0 && seconds <= kMost_s))
     throw InputError("simContinueForTime", "the time must be from 0 to 3600 seconds");
-  sim_continue_for_frames(static_cast<std::uint32_t>(std::ceil(seconds / Engine::kStep_s - 1e-6)));
+  sim_continue_for_frames(static_cast<std::uint32_t>(std::ceil(seconds / SimulationClock::kStep_s - 1e-6)));
 }
 
 void Simulator::sim_continue_for_frames(std::uint32_t frames) {
   constexpr std::uint32_t kMost = 1'200'000;
   if (frames > kMost) throw InputError("simContinueForFrames", "more than 1200000 steps");
-  std::unique_lock lock(impl_->state);
-  impl_->engine.run_steps(lock, frames);
+  std::unique_lock lock(impl_->state_mutex);
+  impl_->clock.run_steps(lock, frames);
 }
 
 }  // namespace tileflight::simulator

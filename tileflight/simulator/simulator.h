@@ -7,58 +7,60 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/geometry/progress.h"
+#include "tileflight/base/progress.h"
 #include "tileflight/simulator/airsim_types.h"
-#include "tileflight/simulator/own_types.h"
+#include "tileflight/simulator/extension_types.h"
 #include "tileflight/tiles/load.h"
 
 namespace tileflight::simulator {
 
-/// Which tiles are in memory.
-enum class Following {
-  kAuto,    ///< the region if it fits into half of the memory allowed, else what can be seen
-  kRegion,  ///< the whole region (or tileset), once
-  kFollow,  ///< what all sensors of all vehicles can see
+/// Policy for loading tiles.
+enum class TileResidency {
+  kAuto,    ///< the region if it fits into half of the memory limit, else the visible tiles
+  kRegion,  ///< the whole region (or tileset), loaded once
+  kFollow,  ///< everything visible to any sensor of any vehicle
 };
 
+/// Place, settings and limits of a simulator.
 struct SimulatorOptions {
   std::string source;       ///< SOURCE of the command line
-  tiles::LoadOptions load;  ///< region, geometric error, origin (that of the settings comes first), source options
+  tiles::LoadOptions load;  ///< region, geometric error, origin (the settings' origin takes precedence), source options
   std::string settings;     ///< text of a settings.json; empty: none
-  std::string settings_name = "settings.json";  ///< for messages
-  Following following = Following::kAuto;
-  double error_px = 1.0;  ///< pixels that a tile may err by in any picture, where tiles follow
-  std::uintmax_t max_memory_bytes = std::uintmax_t{2} << 30;  ///< of decoded tiles
-  /// Clients' file names lie below it. None: calls that write files are refused.
-  std::optional<std::filesystem::path> files;
-  /// Where NED has its origin, local frame (east, north, up); a z of NaN: on the surface. None: on the surface at the
-  /// local frame's origin, or where there is none at the middle of the place.
-  std::optional<geometry::Vec3> start_local;
+  std::string settings_name = "settings.json";  ///< used in messages
+  TileResidency residency = TileResidency::kAuto;
+  double error_px = 1.0;  ///< allowed error of a tile in any image, if tiles follow the sensors
+  std::uintmax_t max_memory_bytes = std::uintmax_t{2} << 30;  ///< for decoded tiles
+  /// Root of clients' file names. nullopt: calls that write files are refused.
+  std::optional<std::filesystem::path> output_root;
+  /// Origin of NED in the local frame (east, north, up); a z of NaN: on the surface. Default: on the surface at the
+  /// local frame's origin, or if there is none, at the centre of the place.
+  std::optional<geometry::Vec3> ned_origin_local;
 };
 
-/// Told one line of what happens that no caller hears of (tiles that fail, commands that are ignored). Any thread.
+/// Receives one-line messages about events not visible to a caller (tiles that fail, ignored commands). Called from any
+/// thread.
 using SimulatorLog = std::function<void(const std::string& line)>;
 
-/// The world behind AirSim's interface: one method for each of its calls, named as on the wire (simGetImages:
-/// sim_get_images), same arguments in the same order. All methods may be called from many threads at once; calls that
-/// move a vehicle (takeoff, moveToPosition, ...) block their thread until they are done (true), cancelled or timed out
-/// (false). Every call throws InputError or std::runtime_error with one line for what cannot be done.
+/// The world behind AirSim's interface: one method for each of its calls, named after it (simGetImages:
+/// sim_get_images), with the same arguments in the same order. All methods are thread-safe. Calls that move a vehicle
+/// (takeoff, moveToPosition, ...) block until they are finished (true), cancelled or timed out (false). Every call
+/// throws InputError or std::runtime_error with a one-line message on failure.
 class Simulator {
  public:
   /// Reads settings and tileset and starts the clock. Throws InputError.
   explicit Simulator(const SimulatorOptions& options, SimulatorLog log = {}, const Progress& progress = {});
-  /// A place that is given as meshes (local frame, east, north, up; `options.source` is not heeded).
+  /// Simulates a place given as meshes (local frame, east, north, up); `options.source` is ignored.
   Simulator(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log = {});
   ~Simulator();
   Simulator(const Simulator&) = delete;
   Simulator& operator=(const Simulator&) = delete;
 
-  /// Cancels all tasks and lets every waiting call return; moving calls answer false from then on.
+  /// Cancels all tasks and unblocks all waiting calls; moving calls then return false.
   void stop();
-  /// The port and address of the settings (ApiServerPort, LocalHostIp), if they give any.
+  /// Port and address in the settings (ApiServerPort, LocalHostIp), if given.
   std::optional<int> settings_port() const;
   std::optional<std::string> settings_address() const;
-  /// What was found in settings and place that a user should know, one line each.
+  /// Warnings about settings and place for the user, one line each.
   std::vector<std::string> warnings() const;
 
   // General.
@@ -71,13 +73,13 @@ class Simulator {
   bool arm_disarm(bool arm, const std::string& vehicle);
   void sim_pause(bool is_paused);
   bool sim_is_paused() const;
-  void sim_continue_for_time(double seconds);          ///< of simulation; blocks, ends paused
-  void sim_continue_for_frames(std::uint32_t frames);  ///< steps of the clock; blocks, ends paused
+  void sim_continue_for_time(double seconds);          ///< simulation time; blocks, then pauses
+  void sim_continue_for_frames(std::uint32_t frames);  ///< clock steps; blocks, then pauses
   GeoPoint get_home_geo_point(const std::string& vehicle) const;
   std::vector<std::string> list_vehicles() const;
   std::string get_settings_string() const;
 
-  // Pictures and cameras.
+  // Images and cameras.
   std::vector<ImageResponse> sim_get_images(const std::vector<ImageRequest>& requests, const std::string& vehicle,
                                             bool external);
   std::vector<std::uint8_t> sim_get_image(const std::string& camera, int image_type, const std::string& vehicle,
@@ -126,7 +128,7 @@ class Simulator {
   bool sim_test_line_of_sight_between_points(const GeoPoint& from, const GeoPoint& to);
   std::vector<GeoPoint> sim_get_world_extents();
 
-  // Detections: objects of the scene in a camera's picture.
+  // Detections: objects of the scene in a camera's image.
   void sim_add_detection_filter_mesh_name(const std::string& camera, int image_type, const std::string& mesh_name,
                                           const std::string& vehicle, bool external);
   void sim_set_detection_filter_radius(const std::string& camera, int image_type, float radius_cm,
@@ -158,8 +160,8 @@ class Simulator {
                  float adaptive_lookahead, const std::string& vehicle);
   bool move_to_gps(float latitude, float longitude, float altitude, float velocity, float timeout_s, int drivetrain,
                    const YawMode& yaw_mode, float lookahead, float adaptive_lookahead, const std::string& vehicle);
-  /// Radians: roll the right side down, pitch the nose up, yaw clockwise from north. A throttle of 1: all that the
-  /// rotors give.
+  /// Angles in radians: roll right side down, pitch nose up, yaw clockwise from north. Throttle 1: full thrust of the
+  /// rotors.
   bool move_by_roll_pitch_yaw_z(float roll, float pitch, float yaw, float z, float duration_s,
                                 const std::string& vehicle);
   bool move_by_roll_pitch_yaw_throttle(float roll, float pitch, float yaw, float throttle, float duration_s,
@@ -180,19 +182,19 @@ class Simulator {
   void stop_recording();
   bool is_recording() const;
 
-  // The rest of AirSim's.
+  // Remaining AirSim calls.
   void sim_set_wind(const Vector3r& wind);
   bool sim_add_vehicle(const std::string& name, const std::string& type, const Pose& pose,
                        const std::string& pawn_path);
   bool sim_run_console_command(const std::string& command);
   void sim_print_log_message(const std::string& message, const std::string& parameter, int severity);
-  /// Calls that have no effect here and none on what a client reads: they are answered with nothing (simPlot...,
-  /// simFlushPersistentMarkers, simSetTraceLine, simEnableWeather(false), controller gains). `name`: that on the wire.
+  /// Accepts calls without effect here or on anything a client reads (simPlot..., simFlushPersistentMarkers,
+  /// simSetTraceLine, simEnableWeather(false), controller gains). `name`: the call's name in AirSim's interface.
   void accept_without_effect(const std::string& name);
-  /// Throws std::runtime_error that says why this call of AirSim's is not served.
+  /// Throws std::runtime_error that states why this AirSim call is not supported.
   [[noreturn]] void refuse(const std::string& name) const;
 
-  // Beyond AirSim's.
+  // Extensions of AirSim's interface.
   LoadedRegion tf_load_region(const Vector3r& center, const Vector3r& size, float error_m);  ///< global NED
   Coverage tf_coverage(const std::string& camera, const std::string& vehicle, bool external);
   GroundTruthReport tf_ground_truth(const Vector3r& center, const Vector3r& size, float error_m, float voxel_m,

@@ -12,47 +12,47 @@
 #include <utility>
 #include <vector>
 
-#include "tileflight/simulator/craft.h"
+#include "tileflight/simulator/client_file_access.h"
 #include "tileflight/simulator/detection.h"
-#include "tileflight/simulator/engine.h"
-#include "tileflight/simulator/file_access.h"
+#include "tileflight/simulator/image_renderer.h"
 #include "tileflight/simulator/lidar_scanner.h"
-#include "tileflight/simulator/picture.h"
 #include "tileflight/simulator/recorder.h"
 #include "tileflight/simulator/segmentation_ids.h"
-#include "tileflight/simulator/sensor_unit.h"
+#include "tileflight/simulator/sensor_readings.h"
 #include "tileflight/simulator/settings.h"
+#include "tileflight/simulator/sim_vehicle.h"
+#include "tileflight/simulator/simulation_clock.h"
 #include "tileflight/simulator/simulator.h"
 #include "tileflight/simulator/working_set.h"
 
 namespace tileflight::simulator {
 
-/// A vehicle with what belongs to it.
-struct Fleet {
-  std::unique_ptr<Craft> craft;
+/// A vehicle with its state history and sensor noise.
+struct VehicleSlot {
+  std::unique_ptr<SimVehicle> vehicle;
   StateHistory history;
-  std::map<std::string, SensorNoise> noises;  ///< by the sensor's name
+  std::map<std::string, SensorNoiseState> sensor_noises;  ///< by the sensor's name
 };
 
-/// A picture that was asked for, cut loose from the simulator's state.
-struct PlannedPicture {
+/// A requested image, independent of the simulator's state.
+struct PlannedImage {
   ImageRequest request;
   ImageType type = ImageType::kScene;
-  Shot shot;
-  std::vector<double> key;  ///< equal for what one pass can render
-  Pose pose;                ///< of the camera, as answered
+  CameraView view;
+  std::vector<double> key;  ///< images with equal keys can be rendered in one pass
+  Pose pose;                ///< camera pose, as returned to the client
 };
 
-/// All pictures of a call, at one moment.
-struct PlannedPictures {
-  std::vector<PlannedPicture> pictures;
-  std::vector<Look> looks;
-  std::map<std::string, geometry::SE3> cameras;  ///< by vehicle and camera: where it is, local
+/// All images of a call, at one time.
+struct PlannedImages {
+  std::vector<PlannedImage> images;
+  std::vector<SensorViewpoint> viewpoints;
+  std::map<std::string, geometry::SE3> camera_poses;  ///< by vehicle and camera: current pose, local frame
   std::uint64_t time_ns = 0;
 };
 
-/// The simulator's state. One mutex guards all that moves; rendering, scans and reading of tiles happen without it,
-/// from copies of what they need.
+/// The simulator's state. One mutex guards all mutable state; rendering, scans and tile loading run without it, on
+/// copies of the data they need.
 struct Simulator::Impl {
   Impl(const SimulatorOptions& options, SimulatorLog log, const Progress& progress);
   Impl(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log);
@@ -60,73 +60,74 @@ struct Simulator::Impl {
   SimulatorOptions options;
   SimulatorLog log;
   Settings settings;
-  WorkingSet world;
+  WorkingSet working_set;
   std::vector<std::string> warnings;
-  EarthFrame earth;
+  GeodeticFrame geodetic_frame;
   geometry::SE3 T_local_ned;
-  FileAccess files;
-  SegmentationIds ids;
-  PictureRenderer renderer;
+  ClientFileAccess file_access;
+  SegmentationIds segmentation_ids;
+  ImageRenderer renderer;
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   std::atomic<std::uint64_t> images{0};
   std::atomic<double> image_seconds{0.0}, last_image_seconds{0.0};
 
-  std::mutex recording;      ///< held while files of a recording are written; before `state` where both are
-  mutable std::mutex state;  ///< guards what follows
-  std::vector<std::unique_ptr<Fleet>> fleet;
+  std::mutex recording_mutex;      ///< held while recording files are written; locked before `state_mutex`
+  mutable std::mutex state_mutex;  ///< guards the members below
+  std::vector<std::unique_ptr<VehicleSlot>> vehicles;
   std::vector<SimCamera> external_cameras;
-  std::map<std::string, geometry::SE3> last_pictures;  ///< by vehicle and camera: where the camera was, local
-  std::map<std::string, DetectionFilter> detections;   ///< by vehicle, camera and kind of picture
-  std::shared_ptr<const Place> obstacles_place;        ///< what vehicles run into
+  std::map<std::string, geometry::SE3> last_camera_poses;    ///< by vehicle and camera: previous pose, local
+  std::map<std::string, DetectionFilter> detection_filters;  ///< by vehicle, camera and image type
+  std::shared_ptr<const ResidentScene> obstacle_scene;       ///< obstacles of the vehicles
   geometry::Vec3 wind_ned_m_s = geometry::Vec3::Zero();
   std::unique_ptr<Recorder> recorder;
   double next_record_s = 0.0;
-  Engine engine;  ///< last: its thread ends first
+  SimulationClock clock;  ///< last member: its thread ends first
 
-  // Setting up (simulator.cpp).
-  void begin();
+  // Setup (simulator.cpp).
+  void initialize();
   void set_frames();
   void add_vehicle(VehicleSettings vehicle, const geometry::SE3& T_ned_home);
-  geometry::SE3 home_of(const VehicleSettings& vehicle) const;
-  flight::Obstacles obstacles();
-  Engine::Hooks hooks();
-  void say(const std::string& line) const;
+  geometry::SE3 find_home_pose(const VehicleSettings& vehicle) const;
+  vehicle::ObstacleQuery obstacle_query();
+  SimulationClock::Hooks clock_hooks();
+  void log_line(const std::string& line) const;
 
-  // Lookups, with the mutex held. Throw InputError or std::runtime_error.
-  Fleet& vehicle(const std::string& name);
-  const Fleet& vehicle(const std::string& name) const;
-  Craft& flying(const std::string& name, const char* call);
+  // Lookups; the mutex must be held. Throw InputError or std::runtime_error.
+  VehicleSlot& slot(const std::string& name);
+  const VehicleSlot& slot(const std::string& name) const;
+  SimVehicle& require_multirotor(const std::string& name, const char* call);
   SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external);
   const SimCamera& camera(const std::string& camera, const std::string& vehicle, bool external) const;
   geometry::SE3 T_ned_camera(const SimCamera& camera, const std::string& vehicle, bool external) const;
-  /// Of a pose in a vehicle's local NED, and back.
-  geometry::Vec3 origin_of(const std::string& vehicle, bool external) const;
-  std::vector<Look> looks() const;
+  /// Origin of a vehicle's local NED in global NED; of external cameras zero.
+  geometry::Vec3 ned_origin(const std::string& vehicle, bool external) const;
+  std::vector<SensorViewpoint> viewpoints() const;
 
-  // Pictures (pictures.cpp).
-  PlannedPictures plan(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;
-  /// Flow in the next pictures is from these.
-  void note_taken(const PlannedPictures& planned);
-  std::vector<ImageResponse> take(const PlannedPictures& planned);
+  // Images (api_images.cpp).
+  PlannedImages plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle, bool external) const;
+  /// Stores the poses from which the next images' optical flow is computed.
+  void remember_camera_poses(const PlannedImages& planned);
+  std::vector<ImageResponse> render_images(const PlannedImages& planned);
 
-  // Detections (detecting.cpp).
+  // Detections (api_detection.cpp).
   DetectionFilter& detection_filter(const std::string& camera, int image_type, const std::string& vehicle,
                                     bool external);
 
-  // Flight (flight.cpp).
-  bool fly(const std::string& vehicle, const char* call, const std::function<flight::Command(Craft&)>& command);
+  // Flight (api_flight.cpp).
+  bool run_command(const std::string& vehicle, const char* call,
+                   const std::function<vehicle::Command(SimVehicle&)>& command);
 
-  // Recording (recording.cpp).
+  // Recording (api_recording.cpp).
   void begin_recording();
   void record_if_due(double time_s);
-  std::vector<RecordedMoment> recorded_moments();
+  std::vector<RecordingFrame> capture_recording_frames();
 };
 
-/// Throws InputError where a number of a client's is not finite or farther than 10000 km.
+/// Throws InputError if a client's number is not finite or beyond 10000 km.
 geometry::Vec3 checked_position(const Vector3r& position, const char* what);
-/// Unit length; throws InputError where it has none.
+/// Normalized rotation; throws InputError if its length is zero.
 Eigen::Quaterniond checked_rotation(const Quaternionr& orientation, const char* what);
-/// A pose in which what is not a number leaves `before` as it is.
-geometry::SE3 merged_pose(const Pose& pose, const geometry::SE3& before, const char* what);
+/// Converts a client's pose; components that are NaN keep those of `before`.
+geometry::SE3 merge_pose(const Pose& pose, const geometry::SE3& before, const char* what);
 
 }  // namespace tileflight::simulator

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/ground_truth/voxelize.h"
 
 namespace tileflight::simulator {
@@ -13,18 +13,18 @@ namespace {
 using geometry::Box3;
 using geometry::Vec3;
 
-constexpr double kLongestSide_m = 1e5;
-constexpr double kMostOccupied = 5e7;  // 12 bytes each
-constexpr double kCellsAnArea = 3.0;   ///< that a surface as large as a cell's face touches, at most about
+constexpr double kMaxSide_m = 1e5;
+constexpr double kMaxOccupied = 5e7;  // 12 bytes per cell
+constexpr double kCellsAnArea = 3.0;  ///< touched by a surface as large as a cell's face, at most about
 
-WantedGrid checked_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
+VoxelGridSpec checked_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
   if (!center_local.allFinite() || center_local.cwiseAbs().maxCoeff() > 1e7)
     throw InputError("voxel grid", "its centre is not finite or too far away");
-  if (!(edge_m >= 1e-3 && edge_m <= kLongestSide_m))
+  if (!(edge_m >= 1e-3 && edge_m <= kMaxSide_m))
     throw InputError("voxel grid", "the resolution must be at least 0.001 m");
-  if (!size_m.allFinite() || size_m.minCoeff() < 0.0 || size_m.maxCoeff() > kLongestSide_m)
+  if (!size_m.allFinite() || size_m.minCoeff() < 0.0 || size_m.maxCoeff() > kMaxSide_m)
     throw InputError("voxel grid", "its edges must be from 0 to 100000 m");
-  WantedGrid grid{center_local, size_m, edge_m, {}, {}};
+  VoxelGridSpec grid{center_local, size_m, edge_m, {}, {}};
   double product = 1.0;
   for (int axis = 0; axis < 3; ++axis) {
     grid.cells[static_cast<std::size_t>(axis)] = std::llround(size_m[axis] / edge_m);
@@ -36,14 +36,14 @@ WantedGrid checked_grid(const Vec3& center_local, const Vec3& size_m, double edg
   return grid;
 }
 
-void set_box(WantedGrid& grid, const Vec3& low) {
+void set_box(VoxelGridSpec& grid, const Vec3& low) {
   const Vec3 cells(static_cast<double>(grid.cells[0]), static_cast<double>(grid.cells[1]),
                    static_cast<double>(grid.cells[2]));
-  grid.box = Box3(low, low + grid.edge_m * cells);
+  grid.box = Box3(low, low + grid.voxel_size_m * cells);
 }
 
-/// The triangles that may touch the box, and about how much of their area lies in it.
-geometry::TriangleMesh near_box(const geometry::TriangleMesh& mesh, const Box3& box, double& area_m2) {
+/// The triangles that may touch the box, and their approximate area inside it.
+geometry::TriangleMesh triangles_near_box(const geometry::TriangleMesh& mesh, const Box3& box, double& area_m2) {
   geometry::TriangleMesh near;
   for (const geometry::Triangle& t : mesh.triangles) {
     Box3 own;
@@ -61,10 +61,10 @@ geometry::TriangleMesh near_box(const geometry::TriangleMesh& mesh, const Box3& 
   return near;
 }
 
-/// Run-length pairs (value, count) of the cells whose indices are given in order.
-class Runs {
+/// Writes run-length pairs (value, count) of cells whose indices are added in order.
+class RunLengthWriter {
  public:
-  explicit Runs(std::ostream& out) : out_(out) {}
+  explicit RunLengthWriter(std::ostream& out) : out_(out) {}
 
   void occupied_at(std::int64_t index) {
     if (index > end_) {
@@ -92,43 +92,43 @@ class Runs {
   }
 
   std::ostream& out_;
-  std::int64_t begin_ = 0, end_ = 0;  ///< of the occupied run
+  std::int64_t begin_ = 0, end_ = 0;  ///< current occupied run
 };
 
 }  // namespace
 
-WantedGrid airsim_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
-  WantedGrid grid = checked_grid(center_local, size_m, edge_m, most_cells);
+VoxelGridSpec make_airsim_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
+  VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, most_cells);
   const Vec3 halves(static_cast<double>(grid.cells[0] / 2), static_cast<double>(grid.cells[1] / 2),
                     static_cast<double>(grid.cells[2] / 2));
   set_box(grid, center_local - edge_m * (halves + Vec3::Constant(0.5)));
   return grid;
 }
 
-WantedGrid centered_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
-  WantedGrid grid = checked_grid(center_local, size_m, edge_m, most_cells);
+VoxelGridSpec make_centered_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
+  VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, most_cells);
   const Vec3 cells(static_cast<double>(grid.cells[0]), static_cast<double>(grid.cells[1]),
                    static_cast<double>(grid.cells[2]));
   set_box(grid, center_local - 0.5 * edge_m * cells);
   return grid;
 }
 
-geometry::VoxelGrid occupied(const geometry::TriangleMesh& mesh, const WantedGrid& grid) {
+geometry::VoxelGrid voxelize_grid(const geometry::TriangleMesh& mesh, const VoxelGridSpec& grid) {
   double area_m2 = 0.0;
-  const geometry::TriangleMesh near = near_box(mesh, grid.box, area_m2);
-  const double likely =
-      std::min(static_cast<double>(grid.count()), kCellsAnArea * area_m2 / (grid.edge_m * grid.edge_m) + 1.0);
-  if (likely > kMostOccupied)
+  const geometry::TriangleMesh near = triangles_near_box(mesh, grid.box, area_m2);
+  const double likely = std::min(static_cast<double>(grid.count()),
+                                 kCellsAnArea * area_m2 / (grid.voxel_size_m * grid.voxel_size_m) + 1.0);
+  if (likely > kMaxOccupied)
     throw InputError("voxel grid", "too many cells would be occupied; ask for a smaller box or larger cells");
   if (near.triangles.empty()) {
     const auto side = [&](std::size_t axis) { return static_cast<std::int32_t>(grid.cells[axis]); };
-    return {grid.box.min(), grid.edge_m, {side(0), side(1), side(2)}, {}};
+    return {grid.box.min(), grid.voxel_size_m, {side(0), side(1), side(2)}, {}};
   }
-  return ground_truth::voxelize(near, grid.box, grid.edge_m);
+  return ground_truth::voxelize(near, grid.box, grid.voxel_size_m);
 }
 
-bool write_airsim_binvox(const std::filesystem::path& file, const geometry::VoxelGrid& grid, const WantedGrid& wanted,
-                         bool inverted_scale) {
+bool write_airsim_binvox(const std::filesystem::path& file, const geometry::VoxelGrid& grid,
+                         const VoxelGridSpec& wanted, bool inverted_scale) {
   const auto [east, north, up] = wanted.cells;
   std::vector<std::int64_t> order;
   order.reserve(grid.occupied.size());
@@ -140,21 +140,22 @@ bool write_airsim_binvox(const std::filesystem::path& file, const geometry::Voxe
   out << "#binvox 1\ndim " << north << ' ' << up << ' ' << east << "\ntranslate " << -size.y() / 2 << ' '
       << -size.x() / 2 << ' ' << -size.z() / 2 << "\nscale " << (inverted_scale ? 1.0 / size.y() : size.y())
       << "\ndata\n";
-  Runs runs(out);
+  RunLengthWriter runs(out);
   for (const std::int64_t index : order) runs.occupied_at(index);
   runs.finish(wanted.count());
   out.flush();
   return out.good();
 }
 
-VoxelGridData grid_data(const geometry::VoxelGrid& grid, const WantedGrid& wanted, const geometry::SE3& T_local_ned) {
+VoxelGridData to_voxel_grid_data(const geometry::VoxelGrid& grid, const VoxelGridSpec& wanted,
+                                 const geometry::SE3& T_local_ned) {
   const auto [east, north, up] = wanted.cells;
   VoxelGridData data;
   data.dims = {static_cast<int>(north), static_cast<int>(east), static_cast<int>(up)};
   const Vec3 low = wanted.box.min(), high = wanted.box.max();
   const Vec3 corner = T_local_ned.inverse() * Vec3(low.x(), low.y(), high.z());
   data.origin = {static_cast<float>(corner.x()), static_cast<float>(corner.y()), static_cast<float>(corner.z())};
-  data.resolution = static_cast<float>(wanted.edge_m);
+  data.resolution = static_cast<float>(wanted.voxel_size_m);
   data.occupied.assign(static_cast<std::size_t>(wanted.count()), 0);
   for (const geometry::Cell& cell : grid.occupied) {
     const std::int64_t index = (cell.y * east + cell.x) * up + (up - 1 - cell.z);

@@ -12,103 +12,106 @@
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
-#include "tileflight/simulator/place.h"
+#include "tileflight/simulator/resident_scene.h"
 #include "tileflight/simulator/simulator.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/selection.h"
-#include "tileflight/tiles/tile_source.h"
+#include "tileflight/transport/tile_source.h"
 
 namespace tileflight::simulator {
 
-/// Where a sensor looks from, all around, and how sharply.
-struct Look {
+/// Position and angular resolution of a sensor that may look in any direction.
+struct SensorViewpoint {
   geometry::Vec3 position = geometry::Vec3::Zero();  ///< local frame
   double pixels_per_rad = 100.0;
 };
 
-/// The tiles that are in memory, which follow what sensors can see.
+/// The tiles in memory, which follow what sensors can see.
 ///
-/// A cut of the tree is made for the looks' cells: cubes of kCell_m. In each, every tile errs by at most `error_px`
-/// pixels from anywhere in the cell, in all directions. So there is never a hole or a coarser level in a picture,
-/// whichever way a vehicle turns; what a picture shows depends on where the sensors are and not on how they came there;
-/// and nothing is read or built anew before a sensor enters another cell. Tiles that the next cut has too are kept,
-/// with all that has been worked out of their textures.
+/// The tile cut is computed for the cells, cubes of kCellSize_m, that contain the viewpoints: every tile has an error
+/// of at most `error_px` pixels from anywhere in the cell, in all directions. So images have no holes and no coarser
+/// levels, however a vehicle turns; an image depends only on where the sensors are, not on how they got there; and
+/// nothing is loaded or rebuilt until a sensor enters another cell. Tiles that are also in the next cut are kept, with
+/// all data derived from their textures.
 ///
-/// Where a cut does not fit into the memory allowed, the error allowed is raised until it does, and stays so.
+/// If a cut does not fit into the memory limit, the allowed error is raised until it does, and stays raised.
 class WorkingSet {
  public:
-  static constexpr double kCell_m = 24.0;
+  static constexpr double kCellSize_m = 24.0;
 
-  /// Opens the source and decides where the local frame is. Throws InputError.
+  /// Opens the source and determines the local frame. Throws InputError.
   WorkingSet(const SimulatorOptions& options, SimulatorLog log, const Progress& progress);
-  /// A place that is all there is.
+  /// A place that consists of the given meshes.
   WorkingSet(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log);
 
   const std::optional<geometry::LocalFrame>& local_frame() const { return placement_.local_frame; }
-  /// The middle of the region, local frame.
+  /// Centre of the region, local frame.
   geometry::Vec3 center() const { return placement_.region.center; }
   geometry::Box3 bounds() const { return placement_.region.box(); }
-  bool follows() const { return follows_; }
+  bool follows_sensors() const { return follows_sensors_; }
   double error_px() const { return error_px_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
   std::vector<std::string> attribution() const;
-  std::uint64_t places_built() const { return places_built_; }
+  std::uint64_t scenes_built() const { return scenes_built_; }
   std::uint64_t tiles_read() const { return tiles_read_; }
 
-  /// What the sensors need, read now if it is not there. Throws InputError where not even the coarsest tiles fit.
-  std::shared_ptr<const Place> for_looks(std::span<const Look> looks);
-  /// What is there; of for_looks() the latest.
-  std::shared_ptr<const Place> current() const;
-  /// From now on this is in memory too, as fine as that; of such regions the latest 32. Throws InputError.
-  LoadedRegion add_region(const geometry::Box3& box_local, double error_m, std::span<const Look> looks);
-  /// Every triangle near the box, the finest there are (`error_m` 0), whatever is in memory. Throws InputError: tiles
-  /// that cannot be read, too many.
+  /// Returns a scene with everything that the sensors need, loading it if necessary. Throws InputError if not even the
+  /// coarsest tiles fit.
+  std::shared_ptr<const ResidentScene> load_for(std::span<const SensorViewpoint> looks);
+  /// The scene of the latest load_for().
+  std::shared_ptr<const ResidentScene> current() const;
+  /// Also keeps this region in memory from now on, at this error; only the latest 32 regions are kept. Throws
+  /// InputError.
+  LoadedRegion add_region(const geometry::Box3& box_local, double error_m, std::span<const SensorViewpoint> looks);
+  /// Every triangle near the box at the error given (0: the finest available), independent of the tiles in memory.
+  /// Throws InputError: unreadable tiles, too many triangles.
   geometry::TriangleMesh triangles_in(const geometry::Box3& box_local, double error_m) const;
-  /// The highest surface above or below a point of the local frame's plane that is not above `below_z`.
+  /// Height of the highest surface at a horizontal position of the local frame, not above `below_z`.
   std::optional<double> surface_z(double x, double y, double below_z) const;
 
  private:
-  struct Pinned {
+  struct PinnedRegion {
     tiles::Region region;
     double error_m = 0.0;
   };
-  using Cell = std::array<double, 4>;  ///< middle x, y, z and pixels per radian
+  using Cell = std::array<double, 4>;  ///< centre x, y, z and pixels per radian
 
   void open(const Progress& progress);
-  void choose_mode(const Progress& progress);
-  bool origin_is_elsewhere(const std::string& name) const;
-  std::vector<Cell> cells_of(std::span<const Look> looks) const;
-  tiles::Wanted wanted(const std::vector<Cell>& cells) const;
-  std::shared_ptr<const Place> load(const std::vector<Cell>& cells, const Progress& progress);
-  std::optional<std::shared_ptr<const Place>> try_load(const std::vector<Cell>& cells, const Progress& progress);
-  bool read_missing(const tiles::TileCut& cut, const std::vector<std::size_t>& missing, std::vector<PlacedTile>& tiles,
-                    LoadedRegion& loaded, const Progress& progress);
+  void choose_residency(const Progress& progress);
+  bool is_default_origin_elsewhere(const std::string& name) const;
+  std::vector<Cell> cells_around(std::span<const SensorViewpoint> looks) const;
+  tiles::RefinementCriterion refinement_criterion(const std::vector<Cell>& cells) const;
+  std::shared_ptr<const ResidentScene> load(const std::vector<Cell>& cells, const Progress& progress);
+  std::optional<std::shared_ptr<const ResidentScene>> try_load(const std::vector<Cell>& cells,
+                                                               const Progress& progress);
+  bool read_missing(const tiles::TileCut& cut, const std::vector<std::size_t>& missing,
+                    std::vector<ResidentTile>& tiles, LoadedRegion& loaded, const Progress& progress);
   enum class Broken { kRefused, kLeftOut };
   geometry::TriangleMesh read_triangles(const geometry::Box3& box_local, double error_m, Broken tiles) const;
-  void keep(std::shared_ptr<const Place> place);
-  void say(const std::string& line) const;
+  void set_current(std::shared_ptr<const ResidentScene> place);
+  void log_line(const std::string& line) const;
   geometry::Vec3 anchor() const;
   bool may_retry();
-  std::uintmax_t place_limit_bytes() const { return options_.max_memory_bytes / 2; }
+  std::uintmax_t scene_limit_bytes() const { return options_.max_memory_bytes / 2; }
 
   SimulatorOptions options_;
   SimulatorLog log_;
-  mutable std::mutex loading_;  ///< guards tree, cells_ and what is read
-  std::unique_ptr<tiles::TileSource> source_;
+  mutable std::mutex loading_mutex_;  ///< guards tree, cells_ and loading
+  std::unique_ptr<transport::TileSource> source_;
   std::unique_ptr<tiles::TilesetTree> tree_;
   tiles::Placement placement_;
-  bool follows_ = false;
+  bool follows_sensors_ = false;
   std::atomic<double> error_px_{1.0};
-  std::vector<Pinned> pinned_;
-  std::vector<Cell> cells_;  ///< of the current place
-  std::string cut_hash_;     ///< likewise
+  std::vector<PinnedRegion> pinned_;
+  std::vector<Cell> cells_;  ///< of the current scene
+  std::string cut_hash_;     ///< of the current scene
   std::chrono::steady_clock::time_point last_failure_{};
   std::vector<std::string> warnings_;
   std::vector<std::string> attribution_;
-  std::atomic<std::uint64_t> places_built_{0}, tiles_read_{0};
+  std::atomic<std::uint64_t> scenes_built_{0}, tiles_read_{0};
   mutable std::mutex current_mutex_;
-  std::shared_ptr<const Place> current_;
+  std::shared_ptr<const ResidentScene> current_;
 };
 
 }  // namespace tileflight::simulator

@@ -1,4 +1,4 @@
-#include "tileflight/tiles/archive_source.h"
+#include "tileflight/transport/archive_source.h"
 
 #include <gmock/gmock.h>
 #include <sqlite3.h>
@@ -10,23 +10,23 @@
 #include <random>
 
 #include "tests/test_data.h"
+#include "tileflight/base/decompress.h"
+#include "tileflight/base/md5.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/md5.h"
-#include "tileflight/tiles/open_source.h"
-#include "tileflight/tiles/test_tilesets.h"
-#include "tileflight/tiles/unpack.h"
+#include "tileflight/transport/open_source.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
 namespace fs = std::filesystem;
+using base::testing::error_of;
+using base::testing::to_bytes;
+using base::testing::to_text;
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::to_bytes;
-using testing::to_text;
-using testing::ZipEntry;
+using transport::testing::ZipEntry;
 
 /// zlib's stream: -15 raw, 31 gzip.
 std::string deflated(const std::string& text, int window_bits) {
@@ -56,34 +56,39 @@ std::string words(std::size_t count) {
   return out;
 }
 
-TEST(Unpack, gzip_round_trip_and_bounds) {
+TEST(Unpack, GzipRoundTripAndBounds) {
   for (const std::size_t count : {0U, 1U, 10000U}) {
     const std::string text = words(count);
-    const auto packed = to_bytes(deflated(text, 31));
-    EXPECT_TRUE(is_gzip(packed));
-    EXPECT_EQ(to_text(gunzip(packed, text.size(), "t")), text);
+    const auto packed = base::testing::to_bytes(deflated(text, 31));
+    EXPECT_TRUE(base::is_gzip(packed));
+    EXPECT_EQ(base::testing::to_text(base::gunzip(packed, text.size(), "t")), text);
     if (!text.empty()) {
-      EXPECT_THAT(error_of([&] { gunzip(packed, text.size() - 1, "t"); }), HasSubstr("the limit"));
-      EXPECT_THAT(error_of([&] { gunzip(std::span(packed).first(packed.size() / 2), 1 << 20, "t"); }),
-                  HasSubstr("cut short"));
+      EXPECT_THAT(base::testing::error_of([&] { base::gunzip(packed, text.size() - 1, "t"); }), HasSubstr("the limit"));
+      EXPECT_THAT(
+          base::testing::error_of([&] { base::gunzip(std::span(packed).first(packed.size() / 2), 1 << 20, "t"); }),
+          HasSubstr("cut short"));
     }
   }
-  EXPECT_EQ(to_text(gunzip(to_bytes(deflated("ab", 31) + deflated("cd", 31)), 4, "t")), "abcd");
+  EXPECT_EQ(
+      base::testing::to_text(base::gunzip(base::testing::to_bytes(deflated("ab", 31) + deflated("cd", 31)), 4, "t")),
+      "abcd");
 }
 
-/// Zeros, a thousand times as many as their gzip: refused at the limit, not after.
-TEST(Unpack, a_bomb_stops_at_the_limit) {
-  const auto bomb = to_bytes(deflated(std::string(std::size_t{1} << 26, '\0'), 31));
+/// Zeros, a thousand times the size of their gzip: rejected at the limit, not after.
+TEST(Unpack, ABombStopsAtTheLimit) {
+  const auto bomb = base::testing::to_bytes(deflated(std::string(std::size_t{1} << 26, '\0'), 31));
   EXPECT_LT(bomb.size(), 100000U);
-  EXPECT_THAT(error_of([&] { gunzip(bomb, 1 << 20, "t"); }), HasSubstr("more than 1048576 bytes"));
-  EXPECT_THAT(error_of([&] { unpack_zstd(to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t"); }), HasSubstr("declares"));
+  EXPECT_THAT(base::testing::error_of([&] { base::gunzip(bomb, 1 << 20, "t"); }), HasSubstr("more than 1048576 bytes"));
+  EXPECT_THAT(base::testing::error_of(
+                  [&] { base::decompress_zstd(base::testing::to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t"); }),
+              HasSubstr("declares"));
 }
 
 /// RFC 1321, appendix A.5.
-TEST(Md5, the_vectors_of_its_rfc) {
+TEST(Md5, TheVectorsOfItsRfc) {
   const auto hex = [](const std::string& text) {
     std::string out;
-    for (const std::uint8_t byte : md5(text)) {
+    for (const std::uint8_t byte : base::md5(text)) {
       char two[3];
       std::snprintf(two, sizeof two, "%02x", byte);
       out += two;
@@ -96,20 +101,20 @@ TEST(Md5, the_vectors_of_its_rfc) {
             "57edf4a22be3c955ac49da2e2107b67a");
 }
 
-ZipArchive open(const std::string& zip, const ZipLimits& limits = {}) {
+transport::ZipArchive open(const std::string& zip, const transport::ZipLimits& limits = {}) {
   return {[zip](std::uint64_t offset, std::size_t length) {
-            return to_bytes(zip.substr(static_cast<std::size_t>(offset), length));
+            return base::testing::to_bytes(zip.substr(static_cast<std::size_t>(offset), length));
           },
           zip.size(), "a.3tz", limits};
 }
 
-/// Archive of these files with an index that is right.
+/// An archive of these files with a correct index.
 std::string indexed(std::vector<ZipEntry> entries) {
   std::vector<std::uint64_t> offsets;
-  testing::zip_of(entries, &offsets);
+  transport::testing::make_zip(entries, &offsets);
   std::vector<std::pair<std::pair<std::uint64_t, std::uint64_t>, std::uint64_t>> index;
   for (std::size_t i = 0; i < entries.size(); ++i) {
-    const auto digest = md5(entries[i].path);
+    const auto digest = base::md5(entries[i].path);
     std::pair<std::uint64_t, std::uint64_t> hash;
     std::memcpy(&hash.first, digest.data(), 8);
     std::memcpy(&hash.second, digest.data() + 8, 8);
@@ -117,9 +122,10 @@ std::string indexed(std::vector<ZipEntry> entries) {
   }
   std::sort(index.begin(), index.end());
   std::string bytes;
-  for (const auto& [hash, offset] : index) bytes += testing::raw<std::uint64_t>({hash.first, hash.second, offset});
+  for (const auto& [hash, offset] : index)
+    bytes += base::testing::to_raw_bytes<std::uint64_t>({hash.first, hash.second, offset});
   entries.push_back({"@3dtilesIndex1@", bytes});
-  return testing::zip_of(entries);
+  return transport::testing::make_zip(entries);
 }
 
 std::vector<ZipEntry> three_files() {
@@ -127,73 +133,81 @@ std::vector<ZipEntry> three_files() {
   return {{"tileset.json", "{}"}, {"sub/a.b3dm", text, deflated(text, -15), 8}, {"b.glb", text, zstd(text), 93}};
 }
 
-TEST(ZipArchive, stored_deflated_and_zstandard) {
-  const ZipArchive archive = open(indexed(three_files()));
+TEST(ZipArchive, StoredDeflatedAndZstandard) {
+  const transport::ZipArchive archive = open(indexed(three_files()));
   EXPECT_THAT(archive.warnings(), IsEmpty());
   for (const ZipEntry& entry : three_files()) {
-    EXPECT_EQ(to_text(archive.read(entry.path)), entry.content);
+    EXPECT_EQ(base::testing::to_text(archive.read(entry.path)), entry.content);
     EXPECT_EQ(archive.size(entry.path), entry.content.size());
   }
-  EXPECT_THAT(error_of([&] { archive.read("c.glb"); }), HasSubstr("c.glb: is missing in a.3tz"));
+  EXPECT_THAT(base::testing::error_of([&] { archive.read("c.glb"); }), HasSubstr("c.glb: is missing in a.3tz"));
 }
 
-TEST(ZipArchive, an_index_that_misleads_is_warned_of_and_not_followed) {
-  EXPECT_THAT(open(testing::zip_of(three_files())).warnings(), ElementsAre(HasSubstr("no index")));
+TEST(ZipArchive, AnIndexThatMisleadsIsWarnedOfAndNotFollowed) {
+  EXPECT_THAT(open(transport::testing::make_zip(three_files())).warnings(), ElementsAre(HasSubstr("no index")));
   std::string zip = indexed(three_files());
   const std::size_t at = zip.find("@3dtilesIndex1@") + 15 + 16;
   zip[at] = static_cast<char>(zip[at] + 1);
-  // The index's own checksum has to fit, or the archive is damaged, which is another fault.
-  EXPECT_THAT(error_of([&] { open(zip); }), HasSubstr("its checksum differs"));
+  // The index's own checksum must be correct; otherwise another fault (a damaged archive) is reported.
+  EXPECT_THAT(base::testing::error_of([&] { open(zip); }), HasSubstr("its checksum differs"));
   std::vector<ZipEntry> entries = three_files();
   entries.push_back({"@3dtilesIndex1@", std::string(72, '\x01')});
-  const ZipArchive archive = open(testing::zip_of(entries));
+  const transport::ZipArchive archive = open(transport::testing::make_zip(entries));
   EXPECT_THAT(archive.warnings(), ElementsAre(HasSubstr("does not lead to")));
-  EXPECT_EQ(to_text(archive.read("tileset.json")), "{}");
+  EXPECT_EQ(base::testing::to_text(archive.read("tileset.json")), "{}");
 }
 
-TEST(ZipArchive, faults_are_named) {
+TEST(ZipArchive, FaultsAreNamed) {
   const std::string good = indexed(three_files());
   for (std::size_t length = 0; length < good.size(); length += 1 + good.size() / 40) {
-    EXPECT_THAT(error_of([&] { open(good.substr(0, length)); }), HasSubstr("a.3tz")) << length;
+    EXPECT_THAT(base::testing::error_of([&] { open(good.substr(0, length)); }), HasSubstr("a.3tz")) << length;
   }
-  EXPECT_THAT(error_of([&] { open(testing::zip_of({{"a", "1"}, {"a", "2"}})); }), HasSubstr("holds 'a' twice"));
-  EXPECT_THAT(error_of([&] { open(testing::zip_of({{"a", "12", "12", 14}})).read("a"); }), HasSubstr("method 14"));
-  EXPECT_THAT(error_of([&] {
-                open(testing::zip_of({{"a", "12", "\xff\xff\xff", 8}})).read("a");
+  EXPECT_THAT(base::testing::error_of([&] {
+                open(transport::testing::make_zip({{"a", "1"}, {"a", "2"}}));
+              }),
+              HasSubstr("holds 'a' twice"));
+  EXPECT_THAT(base::testing::error_of([&] {
+                open(transport::testing::make_zip({{"a", "12", "12", 14}})).read("a");
+              }),
+              HasSubstr("method 14"));
+  EXPECT_THAT(base::testing::error_of([&] {
+                open(transport::testing::make_zip({{"a", "12", "\xff\xff\xff", 8}})).read("a");
               }),
               HasSubstr("malformed"));
-  EXPECT_THAT(error_of([&] {
-                open(testing::zip_of({{"a", "123", deflated("12", -15), 8}})).read("a");
+  EXPECT_THAT(base::testing::error_of([&] {
+                open(transport::testing::make_zip({{"a", "123", deflated("12", -15), 8}})).read("a");
               }),
               HasSubstr("fewer bytes"));
-  EXPECT_THAT(error_of([&] {
-                open(testing::zip_of({{"a", "12"}}), {.max_file_bytes = 1}).read("a");
+  EXPECT_THAT(base::testing::error_of([&] {
+                open(transport::testing::make_zip({{"a", "12"}}), {.max_file_bytes = 1}).read("a");
               }),
               HasSubstr("at most 1 are read"));
-  EXPECT_THAT(error_of([&] {
-                open(testing::zip_of({{"a", "12"}, {"b", "1"}}), {.max_entries = 1});
+  EXPECT_THAT(base::testing::error_of([&] {
+                open(transport::testing::make_zip({{"a", "12"}, {"b", "1"}}), {.max_entries = 1});
               }),
               HasSubstr("limit of 1"));
-  std::string damaged = testing::zip_of({{"a", "content"}});
+  std::string damaged = transport::testing::make_zip({{"a", "content"}});
   damaged[damaged.find("content")] = 'C';
-  EXPECT_THAT(error_of([&] { open(damaged).read("a"); }), HasSubstr("its checksum differs"));
+  EXPECT_THAT(base::testing::error_of([&] { open(damaged).read("a"); }), HasSubstr("its checksum differs"));
   std::mt19937 random(3);
   for (int i = 0; i < 150; ++i) {
     std::string broken = good;
     for (int k = 0; k < 3; ++k) broken[broken.size() - 1 - random() % 400] = static_cast<char>(random());
-    EXPECT_THAT(error_of([&] {
-                  const ZipArchive archive = open(broken);
+    EXPECT_THAT(base::testing::error_of([&] {
+                  const transport::ZipArchive archive = open(broken);
                   for (const ZipEntry& entry : three_files()) archive.read(entry.path);
                 }),
                 ::testing::Not(HasSubstr("\n")));
   }
 }
 
-TEST(ArchiveSource, no_path_leaves_the_archive) {
-  EXPECT_EQ(path_in_archive("sub/a%20b.glb?v=1", "x"), "sub/a b.glb");
+TEST(ArchiveSource, NoPathLeavesTheArchive) {
+  EXPECT_EQ(transport::path_in_archive("sub/a%20b.glb?v=1", "x"), "sub/a b.glb");
   for (const char* uri : {"../a", "/etc/passwd", "file:///etc/passwd", "http://host/a", "//host/a", "a/%2e%2e/../b",
                           "a/../../b", "..", "a/..", "%2Fa"}) {
-    EXPECT_THAT(error_of([&] { path_in_archive(uri, "x.3tz"); }), HasSubstr("leaves the archive x.3tz")) << uri;
+    EXPECT_THAT(base::testing::error_of([&] { transport::path_in_archive(uri, "x.3tz"); }),
+                HasSubstr("leaves the archive x.3tz"))
+        << uri;
   }
 }
 
@@ -231,7 +245,9 @@ class ArchiveFiles : public ::testing::Test {
   }
 
   static std::string tileset() {
-    return testing::tileset(testing::tile(testing::box_volume(0, 0, 0, 2, 2, 2), 0, "sub/a.glb")).dump();
+    return transport::testing::tileset(
+               transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "sub/a.glb"))
+        .dump();
   }
 
   fs::path folder_;
@@ -239,8 +255,8 @@ class ArchiveFiles : public ::testing::Test {
 
 constexpr char kMedia[] = "CREATE TABLE media (key TEXT PRIMARY KEY, content BLOB)";
 
-TEST_F(ArchiveFiles, one_place_in_a_folder_in_3tz_and_in_3dtiles) {
-  const std::string glb = testing::triangle_glb();
+TEST_F(ArchiveFiles, OnePlaceInAFolderIn3tzAndIn3dtiles) {
+  const std::string glb = transport::testing::triangle_glb();
   const fs::path zip = write("a.3tz", indexed({{"tileset.json", tileset()}, {"sub/a.glb", deflated(glb, 31)}}));
   const fs::path sqlite =
       database("a.3dtiles", {kMedia}, {{"tileset.json", deflated(tileset(), 31)}, {"sub/a.glb", glb}});
@@ -255,34 +271,40 @@ TEST_F(ArchiveFiles, one_place_in_a_folder_in_3tz_and_in_3dtiles) {
     EXPECT_EQ(tiles.cut_hash, expected.cut_hash);
     EXPECT_EQ(tiles.meshes[0].mesh.vertices, expected.meshes[0].mesh.vertices);
     EXPECT_THAT(tiles.warnings, IsEmpty());
-    EXPECT_GT(open_source(file.string())->size("sub/a.glb").value_or(0), 0U);
-    EXPECT_FALSE(open_source(file.string())->size("b.glb").has_value());
+    EXPECT_GT(transport::open_source(file.string())->size("sub/a.glb").value_or(0), 0U);
+    EXPECT_FALSE(transport::open_source(file.string())->size("b.glb").has_value());
   }
 }
 
-TEST_F(ArchiveFiles, what_is_no_archive_is_named) {
-  EXPECT_THAT(error_of([&] { open_source(write("a.3tz", "nothing").string()); }), HasSubstr("no end record"));
-  EXPECT_THAT(error_of([&] {
-                open_source(write("b.3tz", testing::zip_of({{"a", "1"}})).string());
+TEST_F(ArchiveFiles, WhatIsNoArchiveIsNamed) {
+  EXPECT_THAT(base::testing::error_of([&] { transport::open_source(write("a.3tz", "nothing").string()); }),
+              HasSubstr("no end record"));
+  EXPECT_THAT(base::testing::error_of([&] {
+                transport::open_source(write("b.3tz", transport::testing::make_zip({{"a", "1"}})).string());
               }),
               HasSubstr("no tileset.json"));
-  EXPECT_THAT(error_of([&] { open_source(database("c.3dtiles", {"CREATE TABLE m (a TEXT)"}).string()); }),
+  EXPECT_THAT(base::testing::error_of(
+                  [&] { transport::open_source(database("c.3dtiles", {"CREATE TABLE m (a TEXT)"}).string()); }),
               HasSubstr("no table 'media'"));
-  EXPECT_THAT(error_of([&] { open_source(database("d.3dtiles", {kMedia}).string()); }), HasSubstr("no tileset.json"));
-  EXPECT_THAT(error_of([&] { open_source(database("e.3dtiles", {"CREATE TABLE media (key TEXT)"}).string()); }),
+  EXPECT_THAT(base::testing::error_of([&] { transport::open_source(database("d.3dtiles", {kMedia}).string()); }),
+              HasSubstr("no tileset.json"));
+  EXPECT_THAT(base::testing::error_of(
+                  [&] { transport::open_source(database("e.3dtiles", {"CREATE TABLE media (key TEXT)"}).string()); }),
               HasSubstr("no such column: content"));
-  // A view could compute without end.
+  // A view could compute endlessly.
   EXPECT_THAT(
-      error_of([&] {
-        open_source(
+      base::testing::error_of([&] {
+        transport::open_source(
             database("f.3dtiles", {"CREATE VIEW media AS SELECT 'tileset.json' AS key, 'x' AS content"}).string());
       }),
       HasSubstr("no table 'media'"));
-  EXPECT_THAT(error_of([&] { open_source(write("g.3dtiles", "SQLite format 3" + std::string(900, '\7')).string()); }),
+  EXPECT_THAT(base::testing::error_of([&] {
+                transport::open_source(write("g.3dtiles", "SQLite format 3" + std::string(900, '\7')).string());
+              }),
               HasSubstr("g.3dtiles"));
 }
 
-TEST(ArchiveSource, real_archives) {
+TEST(ArchiveSource, RealArchives) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs");
   for (const char* stem : {"basicProcessing", "implicitProcessing"}) {
     const LoadedTiles expected = load_region((folder / "tilesetProcessing" / stem).string(), {});
@@ -294,9 +316,12 @@ TEST(ArchiveSource, real_archives) {
       EXPECT_THAT(tiles.warnings, IsEmpty());
     }
   }
+  int packages = 0;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder / "packages")) {
+    ++packages;
     const std::string name = entry.path().filename();
-    const std::string message = error_of([&] { open_source(entry.path().string())->read("tileset.json"); });
+    const std::string message =
+        base::testing::error_of([&] { transport::open_source(entry.path().string())->read("tileset.json"); });
     if (name.starts_with("valid.")) {
       EXPECT_EQ(message, "") << name;
     } else if (name.ends_with(".3tz")) {
@@ -304,9 +329,10 @@ TEST(ArchiveSource, real_archives) {
     }
     EXPECT_THAT(message, ::testing::Not(HasSubstr("\n")));
   }
+  EXPECT_GE(packages, 10);
 }
 
-TEST(ArchiveSource, archives_of_gzip_files) {
+TEST(ArchiveSource, ArchivesOfGzipFiles) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets/packages");
   for (const char* name : {"validTilesetPackage.3tz", "validTilesetPackage.3dtiles", "validTilesetPackageZipped.3tz",
                            "validTilesetPackageZipped.3dtiles", "tilesetPackageWithWarnings.3tz"}) {

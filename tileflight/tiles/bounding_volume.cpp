@@ -17,7 +17,8 @@ using geometry::Mat4;
 using geometry::SE3;
 using geometry::Vec3;
 
-/// Earth-centred doubles carry about a nanometre of rounding; a tile that is nearer than this counts as met.
+/// Earth-centred doubles have a rounding error of about a nanometre; a tile closer than this tolerance counts as
+/// touching.
 constexpr double kSlack_m = 1e-6;
 
 OrientedBox in_local(const OrientedBox& box, const SE3& T_local_tileset) {
@@ -34,9 +35,9 @@ Vec3 ecef(double latitude_rad, double longitude_rad, double height_m) {
   return geometry::ecef_from_geodetic({latitude_rad * kDegrees, longitude_rad * kDegrees, {height_m}});
 }
 
-/// Samples of the patch on a grid, plus what a curved surface can leave the grid's convex hull by: linear interpolation
-/// over a step d misses a function with second derivative M by at most M d^2 / 8, and both second derivatives of a
-/// point on the ellipsoid (and at a height above it) stay under the largest radius of curvature.
+/// Samples of the patch on a grid, enlarged by the maximum distance of the curved surface from the grid's convex hull:
+/// linear interpolation over a step d misses a function with second derivative M by at most M d^2 / 8, and both second
+/// derivatives of a point on the ellipsoid (or at a height above it) are bounded by the largest radius of curvature.
 Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset) {
   constexpr int kSteps = 8;
   constexpr double kLargestRadius_m = 6.5e6;
@@ -56,7 +57,7 @@ Box3 bounds_of_region(const GeographicRegion& region, const SE3& T_local_tileset
   return {box.min() - Vec3::Constant(bulge_m), box.max() + Vec3::Constant(bulge_m)};
 }
 
-/// The point of the ellipsoid (and at a height above it) where its normal is `normal`.
+/// The point on the ellipsoid (or at a height above it) where its normal is `normal`.
 Vec3 ecef(const Vec3& normal, double height_m) {
   constexpr double kSemiMajor_m = 6378137.0;
   constexpr double kFlattening = 1 / 298.257223563;
@@ -66,10 +67,10 @@ Vec3 ecef(const Vec3& normal, double height_m) {
   return scaled / std::sqrt(normal.dot(scaled)) + height_m * normal;
 }
 
-/// A box about an S2 cell, upright where the cell's middle is and turned as its edges are: samples on a grid, plus what
-/// the surface can leave their hull by (as above). On the cube's face, with u and v from -1 to 1, the normal's first
-/// and second derivatives stay under 1 and 1.2, and with them the point's second derivative under 1.3 times the largest
-/// radius of curvature.
+/// A box around an S2 cell, with its up axis at the cell's centre and its sides along the cell's edges: samples on a
+/// grid, enlarged by the surface's distance from their hull (as above). On the cube's face, with u and v from -1 to 1,
+/// the normal's first and second derivatives are below 1 and 1.2, and so the point's second derivative below 1.3 times
+/// the largest radius of curvature.
 OrientedBox box_around(const S2Volume& volume) {
   constexpr int kSteps = 8;
   constexpr double kLargestRadius_m = 6.5e6;
@@ -96,17 +97,17 @@ OrientedBox box_around(const S2Volume& volume) {
   return {axes * box.center(), axes * half_size.asDiagonal()};
 }
 
-/// Whether the axis separates: the projections of both bodies on it, as intervals about their centres.
+/// Whether the axis separates the bodies: their projections on it are intervals around their centres.
 bool separated_along(const Vec3& axis, const Vec3& offset, const Mat3& half_axes, const Vec3& half_size) {
   const double length = axis.norm();
-  if (!(length > 0)) return false;  // parallel edges or a flat box: no axis
+  if (!(length > 0)) return false;  // parallel edges or a flat box give no axis
   const double reach = (half_axes.transpose() * axis).cwiseAbs().sum() + half_size.dot(axis.cwiseAbs());
   return std::abs(offset.dot(axis)) > reach + kSlack_m * length;
 }
 
-/// Separating axis theorem for a parallelepiped and an upright box: their face normals and the cross products of their
-/// edges.
-bool box_meets(const OrientedBox& a, const Box3& box) {
+/// Separating axis theorem for a parallelepiped and an axis-aligned box: their face normals and the cross products of
+/// their edges.
+bool boxes_intersect(const OrientedBox& a, const Box3& box) {
   const Vec3 offset = a.center - box.center();
   const Vec3 half_size = box.sizes() / 2;
   const auto separates = [&](const Vec3& axis) { return separated_along(axis, offset, a.half_axes, half_size); };
@@ -151,7 +152,7 @@ Vec3 center_of(const BoundingVolume& volume) {
               (region.min_height_m + region.max_height_m) / 2);
 }
 
-Box3 bounds_local(const BoundingVolume& volume, const SE3& T_local_tileset) {
+Box3 local_bounding_box(const BoundingVolume& volume, const SE3& T_local_tileset) {
   if (const auto* box = std::get_if<OrientedBox>(&volume)) {
     const OrientedBox local = in_local(*box, T_local_tileset);
     const Vec3 reach = local.half_axes.cwiseAbs().rowwise().sum();
@@ -161,19 +162,20 @@ Box3 bounds_local(const BoundingVolume& volume, const SE3& T_local_tileset) {
     const Vec3 center = T_local_tileset * sphere->center;
     return {center - Vec3::Constant(sphere->radius_m), center + Vec3::Constant(sphere->radius_m)};
   }
-  if (const auto* s2 = std::get_if<S2Volume>(&volume)) return bounds_local(box_around(*s2), T_local_tileset);
+  if (const auto* s2 = std::get_if<S2Volume>(&volume)) return local_bounding_box(box_around(*s2), T_local_tileset);
   return bounds_of_region(std::get<GeographicRegion>(volume), T_local_tileset);
 }
 
-bool meets(const BoundingVolume& volume, const SE3& T_local_tileset, const Box3& box_local) {
-  if (const auto* box = std::get_if<OrientedBox>(&volume)) return box_meets(in_local(*box, T_local_tileset), box_local);
+bool intersects(const BoundingVolume& volume, const SE3& T_local_tileset, const Box3& box_local) {
+  if (const auto* box = std::get_if<OrientedBox>(&volume))
+    return boxes_intersect(in_local(*box, T_local_tileset), box_local);
   if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) {
     return box_local.exteriorDistance(T_local_tileset * sphere->center) <= sphere->radius_m + kSlack_m;
   }
   if (const auto* s2 = std::get_if<S2Volume>(&volume)) {
-    return box_meets(in_local(box_around(*s2), T_local_tileset), box_local);
+    return boxes_intersect(in_local(box_around(*s2), T_local_tileset), box_local);
   }
-  return intervals_meet(bounds_local(volume, T_local_tileset), box_local);
+  return intervals_meet(local_bounding_box(volume, T_local_tileset), box_local);
 }
 
 }  // namespace tileflight::tiles

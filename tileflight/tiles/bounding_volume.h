@@ -8,11 +8,11 @@
 
 namespace tileflight::tiles {
 
-/// Parallelepiped: center + half_axes * u for u in [-1, 1]^3. Half-axes may be negative, zero, or (after a transform
-/// that shears) not orthogonal.
+/// Parallelepiped: center + half_axes * u for u in [-1, 1]^3. Half-axes may be reflected, zero, or (after a shearing
+/// transform) not orthogonal.
 struct OrientedBox {
   geometry::Vec3 center = geometry::Vec3::Zero();
-  geometry::Mat3 half_axes = geometry::Mat3::Zero();  ///< one a column, metres
+  geometry::Mat3 half_axes = geometry::Mat3::Zero();  ///< one per column, metres
 };
 
 struct BoundingSphere {
@@ -20,8 +20,8 @@ struct BoundingSphere {
   double radius_m = 0.0;
 };
 
-/// Between two parallels, two meridians and two heights above WGS84. West of east: it crosses the antimeridian.
-/// Always earth-fixed: no transform applies (3D Tiles 1.1, section "Tile transforms").
+/// The region between two parallels, two meridians and two heights above WGS84. west_rad > east_rad: it crosses the
+/// antimeridian. Always earth-fixed: no transform applies (3D Tiles 1.1, section "Tile transforms").
 struct GeographicRegion {
   double west_rad = 0.0;
   double south_rad = 0.0;
@@ -41,20 +41,20 @@ struct S2Volume {
 
 using BoundingVolume = std::variant<OrientedBox, BoundingSphere, GeographicRegion, S2Volume>;
 
-/// The volume in frame a, given it in frame b (affine). A sphere grows by the largest stretch; earth-fixed volumes
-/// stay.
+/// Transforms the volume from frame b to frame a (affine). A sphere's radius is scaled by the largest stretch;
+/// earth-fixed volumes do not change.
 BoundingVolume transformed(const geometry::Mat4& T_a_b, const BoundingVolume& volume_b);
 
-/// Middle of the volume, in the tileset's frame (earth-centred for earth-fixed ones).
+/// Centre of the volume, in the tileset's frame (earth-centred for earth-fixed volumes).
 geometry::Vec3 center_of(const BoundingVolume& volume);
 
-/// Upright box in the local frame that holds all of the volume (given in the tileset's frame). Tight for oriented boxes
-/// and spheres; a geographic region or S2 cell it holds for certain and is loose by less than the patch's own curvature
-/// (of an S2 cell it holds the box that stands as the cell does).
-geometry::Box3 bounds_local(const BoundingVolume& volume, const geometry::SE3& T_local_tileset);
+/// Axis-aligned bounding box of the volume (given in the tileset's frame) in the local frame. Tight for oriented boxes
+/// and spheres; conservative for a geographic region or S2 cell, with an excess below the patch's own curvature (for an
+/// S2 cell, it bounds the box oriented like the cell).
+geometry::Box3 local_bounding_box(const BoundingVolume& volume, const geometry::SE3& T_local_tileset);
 
-/// Whether the volume and an upright box of the local frame share a point; touching counts, and a micrometre of
-/// rounding too. Exact for boxes (separating axes) and spheres; for earth-fixed ones never wrongly false.
-bool meets(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const geometry::Box3& box_local);
+/// Whether the volume and an axis-aligned box of the local frame share a point; touching counts, with a tolerance of a
+/// micrometre. Exact for boxes (separating axes) and spheres; never falsely negative for earth-fixed volumes.
+bool intersects(const BoundingVolume& volume, const geometry::SE3& T_local_tileset, const geometry::Box3& box_local);
 
 }  // namespace tileflight::tiles

@@ -31,7 +31,7 @@ std::vector<Vec3> clipped(const std::vector<Vec3>& polygon, int axis, double sig
   return out;
 }
 
-/// Another way to the same answer: some face of the parallelepiped reaches into the box, or one body holds the other.
+/// Alternative method: some face of the parallelepiped intersects the box, or one body contains the other.
 bool meets_by_clipping(const OrientedBox& a, const Box3& box) {
   for (int axis = 0; axis < 3; ++axis) {
     for (const double side : {-1.0, 1.0}) {
@@ -60,7 +60,7 @@ class Random {
   std::mt19937 engine_{7};
 };
 
-TEST(BoundingVolume, boxes_meet_as_clipping_says) {
+TEST(BoundingVolume, BoxesMeetAsClippingSays) {
   Random random;
   const Box3 box(Vec3(-1, -2, -0.5), Vec3(1, 1, 0.7));
   int met = 0;
@@ -70,37 +70,37 @@ TEST(BoundingVolume, boxes_meet_as_clipping_says) {
     const SE3 T_local_tileset = random.motion(3);
     OrientedBox local{T_local_tileset * a.center, T_local_tileset.rotation.toRotationMatrix() * a.half_axes};
     const bool wanted = meets_by_clipping(local, box);
-    ASSERT_EQ(meets(a, T_local_tileset, box), wanted) << i;
+    ASSERT_EQ(intersects(a, T_local_tileset, box), wanted) << i;
     met += wanted ? 1 : 0;
   }
   EXPECT_GT(met, 800);
   EXPECT_LT(met, 7200);
 }
 
-TEST(BoundingVolume, flat_boxes_lines_and_points) {
+TEST(BoundingVolume, FlatBoxesLinesAndPoints) {
   const Box3 box(Vec3(0, 0, 0), Vec3(1, 1, 1));
   OrientedBox flat{Vec3(2, 2, 0.5), Mat3::Zero()};
-  EXPECT_FALSE(meets(flat, SE3(), box));
+  EXPECT_FALSE(intersects(flat, SE3(), box));
   flat.half_axes.col(0) = Vec3(1, -1, 0);  // passes the corner (1, 1) at a distance of 1 / sqrt 2
-  EXPECT_FALSE(meets(flat, SE3(), box));
+  EXPECT_FALSE(intersects(flat, SE3(), box));
   flat.center = Vec3(1, 1, 0.5);
-  EXPECT_TRUE(meets(flat, SE3(), box));
+  EXPECT_TRUE(intersects(flat, SE3(), box));
   flat.half_axes.col(1) = Vec3(1, 1, 0);
   flat.center = Vec3(1.9, 1.9, 0.5);
-  EXPECT_TRUE(meets(flat, SE3(), box));
+  EXPECT_TRUE(intersects(flat, SE3(), box));
   flat.center = Vec3(2.1, 2.1, 0.5);
-  EXPECT_FALSE(meets(flat, SE3(), box));
+  EXPECT_FALSE(intersects(flat, SE3(), box));
 }
 
-TEST(BoundingVolume, touching_counts) {
+TEST(BoundingVolume, TouchingCounts) {
   const Box3 box(Vec3(0, 0, 0), Vec3(1, 1, 1));
   const OrientedBox beside{Vec3(2, 0.5, 0.5), Mat3::Identity()};
-  EXPECT_TRUE(meets(beside, SE3(), box));
-  EXPECT_TRUE(meets(BoundingSphere{Vec3(3, 0.5, 0.5), 2.0}, SE3(), box));
-  EXPECT_FALSE(meets(BoundingSphere{Vec3(3, 0.5, 0.5), 1.99}, SE3(), box));
+  EXPECT_TRUE(intersects(beside, SE3(), box));
+  EXPECT_TRUE(intersects(BoundingSphere{Vec3(3, 0.5, 0.5), 2.0}, SE3(), box));
+  EXPECT_FALSE(intersects(BoundingSphere{Vec3(3, 0.5, 0.5), 1.99}, SE3(), box));
 }
 
-TEST(BoundingVolume, transforms_hold_what_they_held) {
+TEST(BoundingVolume, TransformsHoldWhatTheyHeld) {
   Random random;
   for (int i = 0; i < 2000; ++i) {
     Mat4 T = Mat4::Identity();
@@ -120,7 +120,7 @@ TEST(BoundingVolume, transforms_hold_what_they_held) {
   }
 }
 
-TEST(BoundingVolume, geographic_regions_hold_all_their_points) {
+TEST(BoundingVolume, GeographicRegionsHoldAllTheirPoints) {
   Random random;
   constexpr double kDegrees = 180 / std::numbers::pi;
   for (int i = 0; i < 300; ++i) {
@@ -134,7 +134,7 @@ TEST(BoundingVolume, geographic_regions_hold_all_their_points) {
     region.min_height_m = random.in(-100, 100);
     region.max_height_m = region.min_height_m + random.in(0, 3000);
     const geometry::LocalFrame frame({random.in(-90, 90), random.in(-180, 180), {0}});
-    const Box3 box = bounds_local(region, frame.T_local_ecef());
+    const Box3 box = local_bounding_box(region, frame.T_local_ecef());
     for (int j = 0; j < 100; ++j) {
       const double latitude = random.in(region.south_rad, region.north_rad) * kDegrees;
       const double longitude = (region.west_rad + random.in(0, reach)) * kDegrees;
@@ -143,12 +143,12 @@ TEST(BoundingVolume, geographic_regions_hold_all_their_points) {
       ASSERT_LE(box.exteriorDistance(point), 1e-6) << i;
     }
     if (reach < 1e-3) {
-      EXPECT_LT(
-          (bounds_local(region, geometry::LocalFrame(geometry::geodetic_from_ecef(center_of(region))).T_local_ecef())
-               .sizes()
-               .head<2>()
-               .maxCoeff()),
-          1.2 * reach * 6.4e6 + 1);
+      EXPECT_LT((local_bounding_box(
+                     region, geometry::LocalFrame(geometry::geodetic_from_ecef(center_of(region))).T_local_ecef())
+                     .sizes()
+                     .head<2>()
+                     .maxCoeff()),
+                1.2 * reach * 6.4e6 + 1);
     }
   }
 }

@@ -8,11 +8,11 @@
 #include <set>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/tiles/content.h"
-#include "tileflight/tiles/placed.h"
-#include "tileflight/tiles/shared_images.h"
-#include "tileflight/tiles/uri.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/content.h"
+#include "tileflight/tile_contents/content_transform.h"
+#include "tileflight/tile_contents/shared_image_cache.h"
+#include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -20,32 +20,33 @@ namespace {
 using geometry::Mat4;
 using imaging::TexturedMesh;
 
-/// One file that the cut needs, and all places where it stands: it is read and decoded once.
-struct WantedFile {
+/// A file that the cut needs, and all contents that refer to it: it is read and decoded once.
+struct ContentFile {
   std::string uri;
-  std::string name;  ///< the first tile that names it, for messages
-  UpAxis up_axis = UpAxis::kY;
-  std::vector<std::size_t> places;  ///< indices into the cut
+  std::string name;  ///< of the first tile that refers to it, for messages
+  tile_contents::UpAxis up_axis = tile_contents::UpAxis::kY;
+  std::vector<std::size_t> cut_indices;  ///< indices into the cut
 };
 
-std::vector<WantedFile> distinct_files(const TilesetTree& tree, const TileCut& cut) {
-  std::map<std::pair<std::string, UpAxis>, std::size_t> known;
-  std::vector<WantedFile> files;
+std::vector<ContentFile> distinct_files(const TilesetTree& tree, const TileCut& cut) {
+  std::map<std::pair<std::string, tile_contents::UpAxis>, std::size_t> known;
+  std::vector<ContentFile> files;
   for (std::size_t i = 0; i < cut.contents.size(); ++i) {
     const CutContent& content = cut.contents[i];
-    const UpAxis up_axis = tree.tileset(content.node).gltf_up_axis;
+    const tile_contents::UpAxis up_axis = tree.tileset(content.node).gltf_up_axis;
     const auto [it, is_new] = known.try_emplace({content.uri, up_axis}, files.size());
     if (is_new) files.push_back({content.uri, content.name, up_axis, {}});
-    files[it->second].places.push_back(i);
+    files[it->second].cut_indices.push_back(i);
   }
   return files;
 }
 
-/// Reads the files of a cut in parallel; results stand in the cut's order whatever the threads do.
+/// Reads the files of a cut in parallel; results are in the cut's order.
 class CutReader {
  public:
-  CutReader(TileSource& source, const TilesetTree& tree, const TileCut& cut, const geometry::SE3& T_local_tileset,
-            bool textures, const Progress& progress, std::uintmax_t max_memory_bytes)
+  CutReader(transport::TileSource& source, const TilesetTree& tree, const TileCut& cut,
+            const geometry::SE3& T_local_tileset, bool textures, const Progress& progress,
+            std::uintmax_t max_memory_bytes)
       : source_(source),
         tree_(tree),
         cut_(cut),
@@ -55,19 +56,19 @@ class CutReader {
         max_memory_bytes_(max_memory_bytes),
         images_(source) {}
 
-  std::vector<ReadContent> run() {
-    const std::vector<WantedFile> files = distinct_files(tree_, cut_);
+  std::vector<LoadedContent> run() {
+    const std::vector<ContentFile> files = distinct_files(tree_, cut_);
     contents_.resize(cut_.contents.size());
     std::vector<std::string> uris;
-    for (const WantedFile& file : files) uris.push_back(file.uri);
+    for (const ContentFile& file : files) uris.push_back(file.uri);
     source_.prefetch(uris);
-    // Threads take the files in the order in which they were announced, so that none waits for what comes last.
+    // Threads take the files in the announced order, so that none waits for the last ones.
     std::atomic<std::size_t> next = 0;
     tbb::parallel_for(std::size_t{0}, files.size(), [&](std::size_t) {
-      const WantedFile& file = files[next++];
+      const ContentFile& file = files[next++];
       if (memory_bytes_ > max_memory_bytes_) return;
       read(file);
-      advance(file.places.size());
+      advance(file.cut_indices.size());
     });
     if (memory_bytes_ <= max_memory_bytes_) return std::move(contents_);
     source_.prefetch({});
@@ -75,43 +76,43 @@ class CutReader {
   }
 
  private:
-  void read(const WantedFile& file) {
+  void read(const ContentFile& file) {
     try {
-      const std::vector<std::byte> bytes = read_uri(source_, file.uri);
-      DecodedContent decoded = decode(file, bytes);
-      for (std::size_t i = 0; i < file.places.size(); ++i) {
-        ReadContent& content = contents_[file.places[i]];
+      const std::vector<std::byte> bytes = transport::read_uri(source_, file.uri);
+      tile_contents::DecodedContent decoded = decode(file, bytes);
+      for (std::size_t i = 0; i < file.cut_indices.size(); ++i) {
+        LoadedContent& content = contents_[file.cut_indices[i]];
         content.bytes = static_cast<std::int64_t>(bytes.size());
-        const bool last = i + 1 == file.places.size();
+        const bool last = i + 1 == file.cut_indices.size();
         content.meshes = last ? std::move(decoded.meshes) : decoded.meshes;
         content.clouds = last ? std::move(decoded.clouds) : decoded.clouds;
         content.copyrights = decoded.copyrights;
         content.warnings = decoded.warnings;
-        const Mat4 T_local_tile = T_local_tileset_ * tree_.node(cut_.contents[file.places[i]].node).T_tileset_tile;
+        const Mat4 T_local_tile = T_local_tileset_ * tree_.node(cut_.contents[file.cut_indices[i]].node).T_tileset_tile;
         count(content);
-        for (TexturedMesh& mesh : content.meshes) place_mesh(T_local_tile, mesh);
-        for (geometry::PointCloud& cloud : content.clouds) place_cloud(T_local_tile, cloud);
+        for (TexturedMesh& mesh : content.meshes) tile_contents::transform_mesh(T_local_tile, mesh);
+        for (geometry::PointCloud& cloud : content.clouds) tile_contents::transform_cloud(T_local_tile, cloud);
       }
     } catch (const InputError& error) {
-      for (const std::size_t place : file.places) contents_[place].failure = error.what();
+      for (const std::size_t place : file.cut_indices) contents_[place].failure = error.what();
     }
   }
 
-  DecodedContent decode(const WantedFile& file, const std::vector<std::byte>& bytes) {
-    ContentOptions content_options;
+  tile_contents::DecodedContent decode(const ContentFile& file, const std::vector<std::byte>& bytes) {
+    tile_contents::ContentOptions content_options;
     content_options.textures = textures_;
     content_options.up_axis = file.up_axis;
     content_options.read_resource = [&](const std::string& uri) {
-      return read_uri(source_, resolve_uri(file.uri, uri));
+      return transport::read_uri(source_, transport::resolve_uri(file.uri, uri));
     };
     content_options.read_image = [&](const std::string& uri) {
-      return images_.read(resolve_uri(file.uri, uri), content_options.limits.max_texture_pixels);
+      return images_.read(transport::resolve_uri(file.uri, uri), content_options.limits.max_texture_pixels);
     };
-    return decode_content(bytes, uri_for_message(file.uri), content_options);
+    return tile_contents::decode_content(bytes, transport::uri_for_message(file.uri), content_options);
   }
 
-  /// Adds to the memory that is held; an image that meshes share counts once.
-  void count(const ReadContent& content) {
+  /// Adds to the memory in use; an image shared by meshes counts once.
+  void count(const LoadedContent& content) {
     std::uintmax_t bytes = 0;
     for (const geometry::PointCloud& cloud : content.clouds) bytes += cloud.size() * sizeof(geometry::Vec3);
     for (const TexturedMesh& mesh : content.meshes) bytes += memory_bytes(mesh);
@@ -129,15 +130,15 @@ class CutReader {
     report_progress(progress_, done_, static_cast<std::int64_t>(cut_.contents.size()), "reading tiles");
   }
 
-  TileSource& source_;
+  transport::TileSource& source_;
   const TilesetTree& tree_;
   const TileCut& cut_;
   Mat4 T_local_tileset_;
   bool textures_;
   const Progress& progress_;
   std::uintmax_t max_memory_bytes_;
-  SharedImages images_;
-  std::vector<ReadContent> contents_;
+  tile_contents::SharedImageCache images_;
+  std::vector<LoadedContent> contents_;
   std::atomic<std::uintmax_t> memory_bytes_ = 0;
   std::mutex textures_mutex_;
   std::set<const imaging::RgbImage*> counted_textures_;
@@ -148,15 +149,15 @@ class CutReader {
 }  // namespace
 
 std::uintmax_t memory_bytes(const TexturedMesh& mesh) {
-  constexpr std::uintmax_t kTreeBytes = 180;  // of both of a scene's trees for a triangle, with their own corners
+  constexpr std::uintmax_t kTreeBytes = 180;  // per triangle, both trees of a scene, with copies of its corners
   return mesh.mesh.vertices.size() * sizeof(geometry::Vec3) + mesh.uv.size() * sizeof(mesh.uv[0]) +
          mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]) +
          mesh.mesh.triangles.size() * (sizeof(mesh.mesh.triangles[0]) + kTreeBytes);
 }
 
-std::vector<ReadContent> read_cut(TileSource& source, const TilesetTree& tree, const TileCut& cut,
-                                  const geometry::SE3& T_local_tileset, bool textures, const Progress& progress,
-                                  std::uintmax_t max_memory_bytes) {
+std::vector<LoadedContent> read_cut(transport::TileSource& source, const TilesetTree& tree, const TileCut& cut,
+                                    const geometry::SE3& T_local_tileset, bool textures, const Progress& progress,
+                                    std::uintmax_t max_memory_bytes) {
   return CutReader(source, tree, cut, T_local_tileset, textures, progress, max_memory_bytes).run();
 }
 

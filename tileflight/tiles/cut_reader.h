@@ -5,31 +5,31 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/base/progress.h"
 #include "tileflight/geometry/point_cloud.h"
-#include "tileflight/geometry/progress.h"
 #include "tileflight/imaging/textured_mesh.h"
 #include "tileflight/tiles/selection.h"
 
 namespace tileflight::tiles {
 
-/// What became of a content of a cut.
-struct ReadContent {
+/// A content of a cut, loaded or failed.
+struct LoadedContent {
   std::vector<imaging::TexturedMesh> meshes;  ///< in the local frame
   std::vector<geometry::PointCloud> clouds;   ///< likewise
   std::vector<std::string> copyrights;
   std::vector<std::string> warnings;
-  std::string failure;     ///< empty: none
-  std::int64_t bytes = 0;  ///< of its file, as it is fetched
+  std::string failure;     ///< empty: loaded
+  std::int64_t bytes = 0;  ///< file size as fetched
 };
 
-/// What a mesh takes, and the trees that rays through it need, without its texture.
+/// Memory of a mesh and of the acceleration structures over it, without its texture.
 std::uintmax_t memory_bytes(const imaging::TexturedMesh& mesh);
 
-/// Reads the contents of a cut, each file once, in parallel; what comes back stands in the cut's order whatever the
-/// threads do. A file that cannot be read is a failure of its contents, not an exception. Where meshes (memory_bytes),
-/// their textures and points take more than `max_memory_bytes` together, reading stops and nothing comes back.
-std::vector<ReadContent> read_cut(TileSource& source, const TilesetTree& tree, const TileCut& cut,
-                                  const geometry::SE3& T_local_tileset, bool textures, const Progress& progress = {},
-                                  std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max());
+/// Reads the contents of a cut in parallel, each file once; the result is in the cut's order, independent of threads.
+/// An unreadable file sets `failure` of its contents instead of throwing. If meshes (memory_bytes), textures and points
+/// together exceed `max_memory_bytes`, reading stops and the result is empty.
+std::vector<LoadedContent> read_cut(transport::TileSource& source, const TilesetTree& tree, const TileCut& cut,
+                                    const geometry::SE3& T_local_tileset, bool textures, const Progress& progress = {},
+                                    std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max());
 
 }  // namespace tileflight::tiles

@@ -5,20 +5,20 @@
 #include <sstream>
 
 #include "tests/test_data.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/tiles/content.h"
+#include "tileflight/base/files.h"
+#include "tileflight/tile_contents/content.h"
+#include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tiles/inspect.h"
-#include "tileflight/tiles/json_reader.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/subtree.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
-/// What becomes of every broken file that there is: read, or one line.
+/// Outcome for every available broken file: read, or one error line.
 namespace tileflight::tiles {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::error_of;
+using base::testing::error_of;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -44,24 +44,25 @@ void read_subtree(const fs::path& file) {
   tiling->available_levels = 6;
   tiling->content_templates = {"content"};
   tiling->root_volume = OrientedBox{geometry::Vec3::Zero(), geometry::Mat3::Identity()};
-  parse_subtree(geometry::read_bytes(file), {tiling, {}}, file.filename(),
-                [&](const std::string& uri) { return geometry::read_bytes(file.parent_path() / uri); });
+  parse_subtree(base::read_bytes(file), {tiling, {}}, file.filename(),
+                [&](const std::string& uri) { return base::read_bytes(file.parent_path() / uri); });
 }
 
 void read_content(const fs::path& file) {
-  ContentOptions options;
-  options.read_resource = [&](const std::string& uri) { return geometry::read_bytes(file.parent_path() / uri); };
+  tile_contents::ContentOptions options;
+  options.read_resource = [&](const std::string& uri) { return base::read_bytes(file.parent_path() / uri); };
   options.read_image = [&](const std::string&) { return std::make_shared<imaging::RgbImage>(1, 1); };
-  decode_content(geometry::read_bytes(file), file.filename(), options);
+  tile_contents::decode_content(base::read_bytes(file), file.filename(), options);
 }
 
-/// Empty: read.
+/// Error message of reading a file; empty: it was read.
 std::string fate_of(const fs::path& file, Kind kind) {
-  return error_of([&] {
+  return base::testing::error_of([&] {
     if (kind == Kind::kSubtree) return read_subtree(file);
     if (kind == Kind::kContent) return read_content(file);
     if (kind == Kind::kSchema) {
-      parse_metadata_schema(parse_json(geometry::read_text(file), file.filename()), file.filename());
+      tile_contents::parse_metadata_schema(tile_contents::parse_json(base::read_text(file), file.filename()),
+                                           file.filename());
       return;
     }
     inspect_tileset(file.string());
@@ -69,10 +70,10 @@ std::string fate_of(const fs::path& file, Kind kind) {
   });
 }
 
-/// How many faults the validator's authors expect to be found in each file.
+/// Number of faults in each file according to the validator's authors.
 std::map<std::string, int> expected_issues(const fs::path& table) {
   std::map<std::string, int> out;
-  std::istringstream lines(geometry::read_text(table));
+  std::istringstream lines(base::read_text(table));
   for (std::string line; std::getline(lines, line);) {
     const std::size_t tab = line.find('\t');
     if (tab != std::string::npos) out[line.substr(0, tab)] = std::atoi(line.c_str() + tab + 1);
@@ -80,8 +81,8 @@ std::map<std::string, int> expected_issues(const fs::path& table) {
   return out;
 }
 
-/// With TILEFLIGHT_FAULT_TABLE=FILE the table is written there: file, faults that its authors know of, what was said.
-TEST(FaultTable, every_file_is_read_or_named_in_one_line) {
+/// With TILEFLIGHT_FAULT_TABLE=FILE a table is written there: file, number of faults known to its authors, message.
+TEST(FaultTable, EveryFileIsReadOrNamedInOneLine) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs");
   const std::map<std::string, int> issues = expected_issues(folder / "EXPECTED_ISSUES.tsv");
   std::vector<fs::path> files;
@@ -109,7 +110,7 @@ TEST(FaultTable, every_file_is_read_or_named_in_one_line) {
   EXPECT_GT(files.size(), 550U);
   EXPECT_GT(counts[Kind::kTileset][1], 100);
   EXPECT_GT(counts[Kind::kContent][0], 20);
-  if (const char* out = std::getenv("TILEFLIGHT_FAULT_TABLE")) geometry::write_file(out, table);
+  if (const char* out = std::getenv("TILEFLIGHT_FAULT_TABLE")) base::write_file(out, table);
 }
 
 }  // namespace

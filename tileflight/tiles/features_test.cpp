@@ -5,42 +5,44 @@
 
 #include "tests/test_data.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/tile_contents/pnts.h"
+#include "tileflight/tile_contents/property_table.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/pnts.h"
-#include "tileflight/tiles/property_table.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
-/// Which building a triangle belongs to: batch tables, EXT_mesh_features, EXT_instance_features.
+/// Assignment of triangles to buildings: batch tables, EXT_mesh_features, EXT_instance_features.
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
+using base::testing::to_raw_bytes;
 using imaging::kNoFeature;
 using imaging::TexturedMesh;
 using ::testing::ElementsAre;
-using testing::error_of;
-using testing::GltfWriter;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::Json;
-using testing::raw;
+using transport::testing::GltfWriter;
+using transport::testing::Json;
 
-MetadataSchema schema(const Json& properties, const Json& enums = Json::object()) {
-  return parse_metadata_schema({{"classes", {{"c", {{"properties", properties}}}}}, {"enums", enums}}, "schema");
+tile_contents::MetadataSchema schema(const Json& properties, const Json& enums = Json::object()) {
+  return tile_contents::parse_metadata_schema({{"classes", {{"c", {{"properties", properties}}}}}, {"enums", enums}},
+                                              "schema");
 }
 
 /// A table over these columns, each a bufferView.
-PropertyTable table(const Json& properties, std::size_t count, const Json& columns,
-                    const std::vector<std::string>& views, const Json& enums = Json::object()) {
+tile_contents::PropertyTable table(const Json& properties, std::size_t count, const Json& columns,
+                                   const std::vector<std::string>& views, const Json& enums = Json::object()) {
   const auto view = [&](std::size_t i) { return std::as_bytes(std::span(views.at(i))); };
-  return PropertyTable({{"class", "c"}, {"count", count}, {"properties", columns}}, schema(properties, enums), view,
-                       "t");
+  return tile_contents::PropertyTable({{"class", "c"}, {"count", count}, {"properties", columns}},
+                                      schema(properties, enums), view, "t");
 }
 
-TEST(PropertyTable, numbers_of_any_type) {
-  const std::vector<std::string> views = {raw<std::int16_t>({-3, 32767}),
-                                          raw<std::uint64_t>({1, 18446744073709551615U}),
-                                          raw<float>({1, 2, 3, 4, 5, 6}), raw<std::uint8_t>({0, 255})};
-  const PropertyTable t = table(
+TEST(PropertyTable, NumbersOfAnyType) {
+  const std::vector<std::string> views = {base::testing::to_raw_bytes<std::int16_t>({-3, 32767}),
+                                          base::testing::to_raw_bytes<std::uint64_t>({1, 18446744073709551615U}),
+                                          base::testing::to_raw_bytes<float>({1, 2, 3, 4, 5, 6}),
+                                          base::testing::to_raw_bytes<std::uint8_t>({0, 255})};
+  const tile_contents::PropertyTable t = table(
       {{"a", {{"type", "SCALAR"}, {"componentType", "INT16"}}},
        {"b", {{"type", "SCALAR"}, {"componentType", "UINT64"}}},
        {"c", {{"type", "VEC3"}, {"componentType", "FLOAT32"}}},
@@ -55,14 +57,14 @@ TEST(PropertyTable, numbers_of_any_type) {
   EXPECT_FALSE(t.numbers(0, 2).has_value());
 }
 
-TEST(PropertyTable, strings_booleans_enums_and_arrays) {
+TEST(PropertyTable, StringsBooleansEnumsAndArrays) {
   const std::vector<std::string> views = {"hallbarn",
-                                          raw<std::uint8_t>({0, 4, 8}),
+                                          base::testing::to_raw_bytes<std::uint8_t>({0, 4, 8}),
                                           std::string("\x02"),
-                                          raw<std::uint8_t>({1, 9}),
-                                          raw<std::uint16_t>({5, 6, 7}),
-                                          raw<std::uint32_t>({0, 1, 3})};
-  const PropertyTable t =
+                                          base::testing::to_raw_bytes<std::uint8_t>({1, 9}),
+                                          base::testing::to_raw_bytes<std::uint16_t>({5, 6, 7}),
+                                          base::testing::to_raw_bytes<std::uint32_t>({0, 1, 3})};
+  const tile_contents::PropertyTable t =
       table({{"a", {{"type", "STRING"}}},
              {"b", {{"type", "BOOLEAN"}}},
              {"c", {{"type", "ENUM"}, {"enumType", "kind"}}},
@@ -83,24 +85,29 @@ TEST(PropertyTable, strings_booleans_enums_and_arrays) {
   EXPECT_EQ(t.text(3, 1), "6 7");
 }
 
-TEST(PropertyTable, faults_are_named) {
+TEST(PropertyTable, FaultsAreNamed) {
   const Json number = {{"a", {{"type", "SCALAR"}, {"componentType", "UINT32"}}}};
   const Json text = {{"a", {{"type", "STRING"}}}};
   const auto message = [](const Json& properties, const Json& column, const std::vector<std::string>& views) {
-    return error_of([&] { table(properties, 2, {{"a", column}}, views); });
+    return base::testing::error_of([&] { table(properties, 2, {{"a", column}}, views); });
   };
   EXPECT_THAT(message(number, {{"values", 0}}, {"1234567"}), HasSubstr("property a: needs 2 elements"));
   EXPECT_THAT(message(number, Json::object(), {}), HasSubstr("values is missing"));
   EXPECT_THAT(message(text, {{"values", 0}}, {"ab"}), HasSubstr("stringOffsets is missing"));
-  EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}}, {"ab", raw<std::uint32_t>({0, 2, 1})}),
+  EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}},
+                      {"ab", base::testing::to_raw_bytes<std::uint32_t>({0, 2, 1})}),
               HasSubstr("offsets decrease"));
-  EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}}, {"ab", raw<std::uint32_t>({0, 1, 9})}),
+  EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}},
+                      {"ab", base::testing::to_raw_bytes<std::uint32_t>({0, 1, 9})}),
               HasSubstr("needs 9 elements"));
-  EXPECT_THAT(error_of([&] {
+  EXPECT_THAT(base::testing::error_of([&] {
                 table(number, 1, {{"b", {{"values", 0}}}}, {"1234"});
               }),
               HasSubstr("is not one of class"));
-  EXPECT_THAT(error_of([] { schema({{"a", {{"type", "VEC9"}, {"componentType", "UINT8"}}}}); }), HasSubstr("'VEC9'"));
+  EXPECT_THAT(base::testing::error_of([] {
+                schema({{"a", {{"type", "VEC9"}, {"componentType", "UINT8"}}}});
+              }),
+              HasSubstr("'VEC9'"));
 }
 
 /// Two triangles; the first belongs to feature 1, the second to feature 0.
@@ -113,18 +120,20 @@ GltfWriter two_buildings(const std::string& attribute) {
   return writer;
 }
 
-DecodedContent decode(const std::string& bytes) { return decode_content(testing::to_bytes(bytes), "f"); }
+tile_contents::DecodedContent decode(const std::string& bytes) {
+  return tile_contents::decode_content(base::testing::to_bytes(bytes), "f");
+}
 
-TEST(Features, batch_table_of_a_b3dm) {
+TEST(Features, BatchTableOfAB3dm) {
   const std::string bytes =
-      testing::container("b3dm",
-                         {{{"BATCH_LENGTH", 2}},
-                          "",
-                          {{"name", {"Kelvin Hall", "Mill"}},
-                           {"height", {{"byteOffset", 0}, {"componentType", "DOUBLE"}, {"type", "SCALAR"}}},
-                           {"tags", {{{"a", 1}}, nullptr}}},
-                          raw<double>({20.5, 7})},
-                         two_buildings("_BATCHID").glb());
+      transport::testing::container("b3dm",
+                                    {{{"BATCH_LENGTH", 2}},
+                                     "",
+                                     {{"name", {"Kelvin Hall", "Mill"}},
+                                      {"height", {{"byteOffset", 0}, {"componentType", "DOUBLE"}, {"type", "SCALAR"}}},
+                                      {"tags", {{{"a", 1}}, nullptr}}},
+                                     base::testing::to_raw_bytes<double>({20.5, 7})},
+                                    two_buildings("_BATCHID").glb());
   const TexturedMesh mesh = decode(bytes).meshes.at(0);
   EXPECT_THAT(mesh.feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
   ASSERT_NE(mesh.features, nullptr);
@@ -136,11 +145,11 @@ TEST(Features, batch_table_of_a_b3dm) {
   EXPECT_THAT(mesh.features->properties.at("tags"), ElementsAre("{\"a\":1}", ""));
 }
 
-TEST(Features, a_broken_batch_table_costs_the_names_not_the_tile) {
-  const std::string bytes = testing::container(
+TEST(Features, ABrokenBatchTableCostsTheNamesNotTheTile) {
+  const std::string bytes = transport::testing::container(
       "b3dm", {{{"BATCH_LENGTH", 2}}, "", {{"height", {{"byteOffset", 8}, {"componentType", "DOUBLE"}}}}, "short"},
       two_buildings("_BATCHID").glb());
-  const DecodedContent content = decode(bytes);
+  const tile_contents::DecodedContent content = decode(bytes);
   EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("features are without names")));
   EXPECT_EQ(content.meshes.at(0).features, nullptr);
   EXPECT_THAT(content.meshes.at(0).feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
@@ -158,28 +167,28 @@ void add_names(GltfWriter& writer) {
          {"properties", {{"name", {{"values", names}, {"stringOffsets", ends}}}}}}}}};
 }
 
-TEST(Features, mesh_features_with_a_property_table) {
+TEST(Features, MeshFeaturesWithAPropertyTable) {
   GltfWriter writer = two_buildings("_FEATURE_ID_0");
   add_names(writer);
   writer.json()["meshes"][0]["primitives"][0]["extensions"]["EXT_mesh_features"]["featureIds"] = {
       {{"featureCount", 2}, {"texture", {{"index", 0}}}},
       {{"featureCount", 2}, {"attribute", 0}, {"propertyTable", 0}, {"nullFeatureId", 0}}};
-  const DecodedContent content = decode(writer.glb());
+  const tile_contents::DecodedContent content = decode(writer.glb());
   const TexturedMesh& mesh = content.meshes.at(0);
   EXPECT_THAT(mesh.feature_ids, ElementsAre(1, 1, 1, kNoFeature, kNoFeature, kNoFeature));
   EXPECT_EQ(mesh.features->name(1), "Silo");
   EXPECT_THAT(content.warnings, IsEmpty());
 }
 
-TEST(Features, implicit_ids) {
+TEST(Features, ImplicitIds) {
   GltfWriter writer = two_buildings("_FEATURE_ID_0");
   Json& primitive = writer.json()["meshes"][0]["primitives"][0];
   primitive["extensions"]["EXT_mesh_features"]["featureIds"] = {{{"featureCount", 6}}};
   EXPECT_THAT(decode(writer.glb()).meshes.at(0).feature_ids, ElementsAre(0, 1, 2, 3, 4, 5));
 }
 
-/// A square of two triangles that share an edge, over a picture of two texels: 258 on the left, 1 on the right.
-TEST(Features, ids_in_a_texture) {
+/// A square of two triangles that share an edge, over an image of two texels: 258 on the left, 1 on the right.
+TEST(Features, IdsInATexture) {
   GltfWriter writer;
   const std::size_t positions = writer.add_accessor(std::vector<float>{0, 0, 0, 9, 0, 0, 0, 9, 0, 9, 9, 0}, 3);
   const std::size_t coords = writer.add_accessor(std::vector<float>{0.1F, 0, 0.6F, 0, 0.1F, 1, 0.9F, 1}, 2);
@@ -193,7 +202,7 @@ TEST(Features, ids_in_a_texture) {
   writer.add_primitive({{"attributes", {{"POSITION", positions}, {"TEXCOORD_1", coords}}}, {"indices", corners}});
   Json& sets = writer.json()["meshes"][0]["primitives"][0]["extensions"]["EXT_mesh_features"]["featureIds"];
   sets = {{{"featureCount", 2}, {"texture", {{"index", 0}, {"texCoord", 1}, {"channels", {0, 2}}}}}};
-  const DecodedContent content = decode(writer.glb());
+  const tile_contents::DecodedContent content = decode(writer.glb());
   const TexturedMesh& mesh = content.meshes.at(0);
   ASSERT_EQ(mesh.mesh.vertices.size(), 6U);  // the shared edge stands twice
   ASSERT_EQ(mesh.feature_ids.size(), 6U);
@@ -207,10 +216,10 @@ TEST(Features, ids_in_a_texture) {
   sets[0]["texture"]["channels"] = {3};
   EXPECT_THAT(decode(writer.glb()).warnings, ElementsAre("feature ids in a texture's fourth channel are not read"));
   sets[0]["texture"]["channels"] = {4};
-  EXPECT_THAT(error_of([&] { decode(writer.glb()); }), HasSubstr("a channel that no texture has"));
+  EXPECT_THAT(base::testing::error_of([&] { decode(writer.glb()); }), HasSubstr("a channel that no texture has"));
 }
 
-TEST(Features, instances_have_ids_of_their_own) {
+TEST(Features, InstancesHaveIdsOfTheirOwn) {
   GltfWriter writer = two_buildings("COLOR_9");
   add_names(writer);
   const std::size_t places = writer.add_accessor(std::vector<float>{0, 0, 0, 9, 0, 0}, 3);
@@ -218,26 +227,26 @@ TEST(Features, instances_have_ids_of_their_own) {
   writer.json()["nodes"][0]["extensions"] = {
       {"EXT_mesh_gpu_instancing", {{"attributes", {{"TRANSLATION", places}, {"_FEATURE_ID_0", ids}}}}},
       {"EXT_instance_features", {{"featureIds", {{{"featureCount", 2}, {"attribute", 0}, {"propertyTable", 0}}}}}}};
-  const DecodedContent content = decode(writer.glb());
+  const tile_contents::DecodedContent content = decode(writer.glb());
   ASSERT_EQ(content.meshes.size(), 2U);
   EXPECT_EQ(content.meshes[0].features->name(content.meshes[0].feature_ids[0]), "Silo");
   EXPECT_EQ(content.meshes[1].features->name(content.meshes[1].feature_ids[5]), "Barn");
 }
 
-TEST(Features, points_of_a_gltf) {
+TEST(Features, PointsOfAGltf) {
   GltfWriter writer = two_buildings("_FEATURE_ID_0");
   writer.json()["meshes"][0]["primitives"][0]["mode"] = 0;
-  const DecodedContent content = decode(writer.glb());
+  const tile_contents::DecodedContent content = decode(writer.glb());
   EXPECT_TRUE(content.meshes.empty());
   ASSERT_EQ(content.clouds.size(), 1U);
   EXPECT_EQ(content.clouds[0].positions[4], geometry::Vec3(6, 0, 0));
   EXPECT_EQ(content.clouds[0].positions[5], geometry::Vec3(5, 0, 1));  // turned z up
-  EXPECT_THAT(content.clouds[0].scalars.at(kFeatureIdScalar), ElementsAre(1, 1, 1, 0, 0, 0));
+  EXPECT_THAT(content.clouds[0].scalars.at(tile_contents::kFeatureIdScalar), ElementsAre(1, 1, 1, 0, 0, 0));
   EXPECT_EQ(content.clouds[0].colors[0], (std::array<std::uint8_t, 3>{255, 255, 255}));
 }
 
 /// Ten buildings with a table of names.
-TEST(Features, real_batch_tables) {
+TEST(Features, RealBatchTables) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Batched");
   for (const char* name : {"BatchedWithBatchTable", "BatchedWithBatchTableBinary"}) {
     LoadOptions options;

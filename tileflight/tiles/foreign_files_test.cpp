@@ -5,20 +5,20 @@
 #include <random>
 
 #include "tests/test_data.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/tiles/content.h"
+#include "tileflight/base/files.h"
+#include "tileflight/tile_contents/content.h"
 #include "tileflight/tiles/inspect.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/subtree.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
-/// Files by others, good and broken: each gives a correct read or one clear line.
+/// Third-party files, valid and broken: each is read correctly or gives one clear error line.
 namespace tileflight::tiles {
 namespace {
 
 namespace fs = std::filesystem;
+using base::testing::error_of;
 using geometry::Vec3;
-using testing::error_of;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -34,29 +34,29 @@ std::vector<fs::path> files_below(const fs::path& folder, const std::vector<std:
 
 LoadedTiles load(const fs::path& file, const LoadOptions& options = {}) { return load_region(file.string(), options); }
 
-TEST(ForeignFiles, every_tileset_of_the_validator_is_read_or_named) {
+TEST(ForeignFiles, EveryTilesetOfTheValidatorIsReadOrNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs");
   int read = 0;
   int refused = 0;
   int inspectable = 0;
   for (const fs::path& file : files_below(folder, {".json"})) {
     SCOPED_TRACE(file);
-    const std::string message = error_of([&] { load(file); });
-    const std::string inspected = error_of([&] { inspect_tileset(file.string()); });
+    const std::string message = base::testing::error_of([&] { load(file); });
+    const std::string inspected = base::testing::error_of([&] { inspect_tileset(file.string()); });
     ++(message.empty() ? read : refused);
     inspectable += inspected.empty() ? 1 : 0;
     EXPECT_THAT(message, Not(HasSubstr("\n")));
     EXPECT_THAT(inspected, Not(HasSubstr("\n")));
     EXPECT_LT(message.size(), 1000U);
   }
-  // Most tilesets name contents that do not come with them.
+  // Most tilesets refer to contents that are not in the repository.
   EXPECT_GE(read, 16);
   EXPECT_GT(refused, 100);
   EXPECT_GT(inspectable, 100);
 }
 
-/// Faults that change what would be loaded, and a word of the line that names each.
-TEST(ForeignFiles, faults_of_the_validator_are_named) {
+/// Faults that change what would be loaded, and a word of the expected message.
+TEST(ForeignFiles, FaultsOfTheValidatorAreNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets");
   const std::pair<const char*, const char*> cases[] = {
       {"assetVersionInvalidType.json", "asset: version is number, a string wanted"},
@@ -78,53 +78,58 @@ TEST(ForeignFiles, faults_of_the_validator_are_named) {
       {"extensionRequiredButNotUsed.json", "needs extensions that are not supported"}};
   for (const auto& [file, wanted] : cases) {
     const std::filesystem::path path = folder / file;
-    EXPECT_THAT(error_of([&] { load(path); }), HasSubstr(wanted)) << file;
+    EXPECT_THAT(base::testing::error_of([&] { load(path); }), HasSubstr(wanted)) << file;
   }
 }
 
-TEST(ForeignFiles, what_the_validator_calls_valid_is_read) {
+TEST(ForeignFiles, WhatTheValidatorCallsValidIsRead) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets");
   for (const char* file : {"validTilesetWithValidB3dm.json", "validTilesetWithValidGltf.json"}) {
     EXPECT_GT(load(folder / file).triangles, 0) << file;
   }
-  // Their only fault is in how their parts are aligned.
+  // Their only fault is the alignment of their parts.
   EXPECT_EQ(load(folder / "validTilesetWithInvalidPnts.json").points, 1000);
   EXPECT_GE(load(folder / "validTilesetWithInvalidI3dm.json").meshes.size(), 25U);
 }
 
-TEST(ForeignFiles, every_content_is_read_or_named) {
+TEST(ForeignFiles, EveryContentIsReadOrNamed) {
   for (const char* name : {"invalid/validator_specs", "tilesets/cesiumjs_specs_data", "tilesets/cesium_native_testdata",
                            "tilesets/tools_specs", "tilesets/cesium_3d_tiles_samples"}) {
     TILEFLIGHT_REQUIRE_TEST_DATA(folder, name);
-    for (const fs::path& file :
-         files_below(folder, {".b3dm", ".glb", ".gltf", ".cmpt", ".i3dm", ".pnts", ".vctr", ".geom"})) {
-      const std::vector<std::byte> bytes = geometry::read_bytes(file);
-      ContentOptions options;
-      options.read_resource = [&](const std::string& uri) { return geometry::read_bytes(file.parent_path() / uri); };
+    const std::vector<fs::path> files =
+        files_below(folder, {".b3dm", ".glb", ".gltf", ".cmpt", ".i3dm", ".pnts", ".vctr", ".geom"});
+    ASSERT_GE(files.size(), 100U) << name;
+    for (const fs::path& file : files) {
+      const std::vector<std::byte> bytes = base::read_bytes(file);
+      tile_contents::ContentOptions options;
+      options.read_resource = [&](const std::string& uri) { return base::read_bytes(file.parent_path() / uri); };
       options.textures = false;
-      const std::string message = error_of([&] { decode_content(bytes, "tile", options); });
+      const std::string message =
+          base::testing::error_of([&] { tile_contents::decode_content(bytes, "tile", options); });
       EXPECT_THAT(message, Not(HasSubstr("\n"))) << file;
     }
   }
 }
 
-TEST(ForeignFiles, a_real_tile_cut_short_or_damaged) {
+TEST(ForeignFiles, ARealTileCutShortOrDamaged) {
   TILEFLIGHT_REQUIRE_TEST_DATA(file, "tilesets/machangara_photogrammetry/4/02502.b3dm");
-  const std::vector<std::byte> whole = geometry::read_bytes(file);
-  EXPECT_EQ(error_of([&] { decode_content(whole, "tile"); }), "");
+  const std::vector<std::byte> whole = base::read_bytes(file);
+  EXPECT_EQ(base::testing::error_of([&] { tile_contents::decode_content(whole, "tile"); }), "");
   for (std::size_t length = 0; length < whole.size(); length += 1 + length / 64) {
-    EXPECT_NE(error_of([&] { decode_content(std::span(whole).first(length), "tile"); }), "") << length;
+    EXPECT_NE(base::testing::error_of([&] { tile_contents::decode_content(std::span(whole).first(length), "tile"); }),
+              "")
+        << length;
   }
   std::mt19937 random(1);
   for (int i = 0; i < 100; ++i) {
     std::vector<std::byte> damaged = whole;
     for (int k = 0; k < 3; ++k) damaged[random() % damaged.size()] = static_cast<std::byte>(random());
-    EXPECT_THAT(error_of([&] { decode_content(damaged, "tile"); }), Not(HasSubstr("\n")));
+    EXPECT_THAT(base::testing::error_of([&] { tile_contents::decode_content(damaged, "tile"); }), Not(HasSubstr("\n")));
   }
 }
 
 /// Buildings of Cesium's own test tilesets stand near longitude -75.61, latitude 40.04 (degrees).
-TEST(ForeignFiles, cesium_batched_tilesets_stand_where_they_should) {
+TEST(ForeignFiles, CesiumBatchedTilesetsStandWhereTheyShould) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Batched");
   int read = 0;
   for (const char* name :
@@ -148,7 +153,7 @@ TEST(ForeignFiles, cesium_batched_tilesets_stand_where_they_should) {
   EXPECT_EQ(read, 12);
 }
 
-TEST(ForeignFiles, cesium_tileset_trees) {
+TEST(ForeignFiles, CesiumTilesetTrees) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Tilesets");
   EXPECT_EQ(load(folder / "Tileset" / "tileset.json").tiles_loaded, 5);  // ADD: the parent and its four children
   LoadOptions coarse;
@@ -157,22 +162,24 @@ TEST(ForeignFiles, cesium_tileset_trees) {
   EXPECT_EQ(load(folder / "TilesetOfTilesets" / "tileset.json").tiles_loaded, 5);
 }
 
-/// The same place on two ways: a tile's own transform must not move what it does not belong to.
-TEST(ForeignFiles, external_tilesets_with_transforms) {
+/// The same site in two ways: a tile's own transform must not affect what does not belong to it.
+TEST(ForeignFiles, ExternalTilesetsWithTransforms) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/combineTilesets/externalsWithTransform");
   const LoadedTiles tiles = load(folder / "tileset.json");
   EXPECT_EQ(tiles.tiles_loaded, 3);
+  ASSERT_FALSE(tiles.meshes.empty());
   for (const imaging::TexturedMesh& mesh : tiles.meshes) {
     EXPECT_LT(tiles.region.box().exteriorDistance(geometry::bounds(mesh.mesh).center()), 1e-3) << mesh.name;
   }
 }
 
-/// One model that was drawn in four conventions and brought to glTF 2.0; some with CESIUM_RTC.
-TEST(ForeignFiles, models_of_any_up_axis_stand_upright) {
+/// One model exported in four conventions and converted to glTF 2.0; some with CESIUM_RTC.
+TEST(ForeignFiles, ModelsOfAnyUpAxisStandUpright) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/upgradeTileset/upAxisHandling/golden");
   for (const char* name : {"glTF1-x-up-with-gltfUpAxis-x", "glTF1-y-up", "glTF1-y-up-with-gltfUpAxis-y",
                            "glTF1-z-up-with-gltfUpAxis-z", "glTF2"}) {
     const LoadedTiles tiles = load(folder / name);
+    ASSERT_FALSE(tiles.meshes.empty()) << name;
     geometry::Box3 box;
     for (const imaging::TexturedMesh& mesh : tiles.meshes) box.extend(geometry::bounds(mesh.mesh));
     EXPECT_LT((box.min() - Vec3(0, -1, 0)).norm(), 1e-3) << name;
@@ -180,22 +187,22 @@ TEST(ForeignFiles, models_of_any_up_axis_stand_upright) {
   }
 }
 
-TEST(ForeignFiles, models_of_gltf_1_are_refused) {
+TEST(ForeignFiles, ModelsOfGltf1AreRefused) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/upgradeTileset/upAxisHandling/input");
   for (const char* name : {"glTF1-x-up", "glTF1-y-up-with-gltfUpAxis-y", "glTF1-z-up-instanced"}) {
-    EXPECT_THAT(error_of([&] { load(folder / name); }), HasSubstr("upgrade the tileset")) << name;
+    EXPECT_THAT(base::testing::error_of([&] { load(folder / name); }), HasSubstr("upgrade the tileset")) << name;
   }
 }
 
-DecodedContent decoded(const fs::path& file) {
-  return decode_content(geometry::read_bytes(file), file.filename(), {.textures = false});
+tile_contents::DecodedContent decoded(const fs::path& file) {
+  return tile_contents::decode_content(base::read_bytes(file), file.filename(), {.textures = false});
 }
 
 /// A hexagon of radius 1, drawn in each of the seven modes.
-TEST(ForeignFiles, a_hexagon_in_every_primitive_mode) {
+TEST(ForeignFiles, AHexagonInEveryPrimitiveMode) {
   TILEFLIGHT_REQUIRE_TEST_DATA(
       file, "tilesets/cesium_native_testdata/CesiumGltfReader/test/data/MeshPrimitiveModes/MeshPrimitiveModes.gltf");
-  const DecodedContent content = decoded(file);
+  const tile_contents::DecodedContent content = decoded(file);
   ASSERT_EQ(content.meshes.size(), 3U);
   for (const imaging::TexturedMesh& mesh : content.meshes) {
     EXPECT_NEAR(geometry::surface_area_m2(mesh.mesh), 1.5 * std::sqrt(3.0), 1e-3);
@@ -206,10 +213,10 @@ TEST(ForeignFiles, a_hexagon_in_every_primitive_mode) {
 }
 
 /// One model, plain and packed with positions of 9, 12 and 15 bits.
-TEST(ForeignFiles, a_duck_plain_and_meshopt) {
+TEST(ForeignFiles, ADuckPlainAndMeshopt) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_native_testdata/CesiumGltfReader/test/data/DucksMeshopt");
   const auto duck = [&](const char* name) {
-    const DecodedContent content = decoded(folder / name);
+    const tile_contents::DecodedContent content = decoded(folder / name);
     EXPECT_EQ(content.meshes.size(), 1U) << name;
     return content.meshes.at(0).mesh;
   };
@@ -228,21 +235,25 @@ TEST(ForeignFiles, a_duck_plain_and_meshopt) {
 }
 
 /// Boxes that hold cubes of exactly the size that the file's name says.
-TEST(ForeignFiles, contents_fill_their_bounding_boxes) {
+TEST(ForeignFiles, ContentsFillTheirBoundingBoxes) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/BoundingBoxTests");
+  int tilesets = 0;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
     if (!entry.is_directory()) continue;
+    ++tilesets;
     const LoadedTiles tiles = load(entry.path() / "tileset.json");
+    ASSERT_FALSE(tiles.meshes.empty()) << entry.path();
     geometry::Box3 box;
     for (const imaging::TexturedMesh& mesh : tiles.meshes) box.extend(geometry::bounds(mesh.mesh));
     EXPECT_LT((box.min() - tiles.region.box().min()).norm(), 1e-3) << entry.path();
     EXPECT_LT((box.max() - tiles.region.box().max()).norm(), 1e-3) << entry.path();
   }
+  EXPECT_EQ(tilesets, 6);
 }
 
-TEST(ForeignFiles, a_leaf_that_is_missing_is_named) {
+TEST(ForeignFiles, ALeafThatIsMissingIsNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.0/TilesetWithDiscreteLOD");
-  EXPECT_THAT(error_of([&] { load(folder); }), HasSubstr("dragon_high.b3dm: is missing"));
+  EXPECT_THAT(base::testing::error_of([&] { load(folder); }), HasSubstr("dragon_high.b3dm: is missing"));
   LoadOptions options;
   options.allow_incomplete = true;
   EXPECT_EQ(load(folder, options).tiles_failed, 1);
@@ -251,23 +262,24 @@ TEST(ForeignFiles, a_leaf_that_is_missing_is_named) {
   EXPECT_TRUE(load(folder, options).complete);
 }
 
-TEST(ForeignFiles, an_archive_that_holds_nothing) {
+TEST(ForeignFiles, AnArchiveThatHoldsNothing) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/packages");
-  EXPECT_THAT(error_of([&] { load(folder / "valid.3tz"); }),
+  EXPECT_THAT(base::testing::error_of([&] { load(folder / "valid.3tz"); }),
               HasSubstr("holds nothing: none of its tiles has a content"));
 }
 
-TEST(ForeignFiles, textures_in_ktx2) {
+TEST(ForeignFiles, TexturesInKtx2) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/matterport_cedarcreek_ktx2/mesh_tiles");
   const LoadedTiles tiles = load(folder / "3.json");
   EXPECT_TRUE(tiles.complete);
   EXPECT_EQ(tiles.tiles_loaded, 12);
   EXPECT_GT(tiles.triangles, 10000);
+  ASSERT_FALSE(tiles.meshes.empty());
   for (const imaging::TexturedMesh& mesh : tiles.meshes) EXPECT_NE(mesh.texture, nullptr);
 }
 
 /// Every subtree of the validator, as that of a quadtree of three levels with one content.
-TEST(ForeignFiles, every_subtree_of_the_validator_is_read_or_named) {
+TEST(ForeignFiles, EverySubtreeOfTheValidatorIsReadOrNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/subtrees");
   auto tiling = std::make_shared<ImplicitTiling>();
   tiling->subtree_levels = 3;
@@ -275,12 +287,14 @@ TEST(ForeignFiles, every_subtree_of_the_validator_is_read_or_named) {
   tiling->content_templates = {"content"};
   tiling->root_volume = OrientedBox{Vec3::Zero(), geometry::Mat3::Identity()};
   const auto message_of = [&](const char* name) {
-    return error_of([&] {
-      parse_subtree(geometry::read_bytes(folder / name), {tiling, {}}, name,
-                    [&](const std::string& uri) { return geometry::read_bytes(folder / uri); });
+    return base::testing::error_of([&] {
+      parse_subtree(base::read_bytes(folder / name), {tiling, {}}, name,
+                    [&](const std::string& uri) { return base::read_bytes(folder / uri); });
     });
   };
-  for (const fs::path& file : files_below(folder, {".json", ".subtree"})) {
+  const std::vector<fs::path> files = files_below(folder, {".json", ".subtree"});
+  ASSERT_GE(files.size(), 25U);
+  for (const fs::path& file : files) {
     EXPECT_THAT(message_of(file.filename().c_str()), Not(HasSubstr("\n"))) << file;
   }
   const std::pair<const char*, const char*> cases[] = {
@@ -297,7 +311,7 @@ TEST(ForeignFiles, every_subtree_of_the_validator_is_read_or_named) {
 }
 
 /// Composites inside each other, and one of instances.
-TEST(ForeignFiles, real_composites) {
+TEST(ForeignFiles, RealComposites) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Composite");
   const LoadedTiles plain = load(folder / "Composite" / "tileset.json");
   const LoadedTiles nested = load(folder / "CompositeOfComposite" / "tileset.json");
@@ -306,15 +320,15 @@ TEST(ForeignFiles, real_composites) {
   EXPECT_GT(load(folder / "CompositeOfInstanced" / "tileset.json").meshes.size(), 25U);
 }
 
-TEST(ForeignFiles, several_contents_of_one_tile) {
+TEST(ForeignFiles, SeveralContentsOfOneTile) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/MultipleContents");
   const LoadedTiles tiles = load(folder / "tileset.json");
   EXPECT_EQ(tiles.tiles_loaded, tiles.tiles_wanted);
   EXPECT_GT(tiles.tiles_loaded, 1);
 }
 
-/// A cloud that a viewer sees from near by, beside buildings.
-TEST(ForeignFiles, points_and_buildings_beside_each_other) {
+/// A point cloud seen from close up by a viewer, beside buildings.
+TEST(ForeignFiles, PointsAndBuildingsBesideEachOther) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.0/TilesetWithRequestVolume");
   const LoadedTiles tiles = load(folder / "tileset.json");
   EXPECT_TRUE(tiles.complete);

@@ -1,36 +1,36 @@
-#include "tileflight/tiles/http_source.h"
+#include "tileflight/transport/http_source.h"
 
 #include <gmock/gmock.h>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/tiles/inspect.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/test_http_place.h"
+#include "tileflight/tiles/test_http_tileset.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
+using base::testing::to_text;
 using std::chrono::milliseconds;
 using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
-using testing::HttpPlace;
-using testing::MemorySource;
 using ::testing::Not;
-using testing::ServedConnection;
-using testing::ServedRequest;
-using testing::TestHttpServer;
-using testing::to_text;
+using testing::TestHttpTileset;
+using transport::testing::MemorySource;
+using transport::testing::ServedConnection;
+using transport::testing::ServedRequest;
+using transport::testing::TestHttpServer;
 
 class HttpSourceTest : public ::testing::Test {
  protected:
   HttpSourceTest() { place_.add_tileset(); }
 
-  HttpSource open(const std::vector<std::string>& headers = {}) { return open_at(place_.root(), headers); }
-  HttpSource open_at(const std::string& url, const std::vector<std::string>& headers = {}) {
-    return HttpSource(std::make_unique<PlainProvider>(url, headers), options_);
+  transport::HttpSource open(const std::vector<std::string>& headers = {}) { return open_at(place_.root(), headers); }
+  transport::HttpSource open_at(const std::string& url, const std::vector<std::string>& headers = {}) {
+    return transport::HttpSource(std::make_unique<transport::UrlProvider>(url, headers), options_);
   }
   LoadOptions load_options() const {
     LoadOptions options;
@@ -40,11 +40,11 @@ class HttpSourceTest : public ::testing::Test {
   }
   LoadedTiles load() { return load_region(place_.root(), load_options()); }
 
-  HttpSourceOptions options_ = testing::quick_source_options();
-  HttpPlace place_;
+  transport::HttpSourceOptions options_ = testing::quick_source_options();
+  TestHttpTileset place_;
 };
 
-TEST_F(HttpSourceTest, a_region_is_the_same_as_from_files) {
+TEST_F(HttpSourceTest, ARegionIsTheSameAsFromFiles) {
   MemorySource memory;
   for (const auto& [path, content] : place_.files()) memory.add(path.substr(std::string("/place/").size()), content);
   const LoadedTiles expected = load_region(memory, "memory", {});
@@ -61,8 +61,8 @@ TEST_F(HttpSourceTest, a_region_is_the_same_as_from_files) {
   for (const auto& [path, content] : place_.files()) EXPECT_EQ(place_.server().count(path), 1) << path;
 }
 
-TEST_F(HttpSourceTest, a_folder_is_its_tileset_and_an_inspection_fetches_few_tiles_for_their_copyright) {
-  SourceOptions options;
+TEST_F(HttpSourceTest, AFolderIsItsTilesetAndAnInspectionFetchesFewTilesForTheirCopyright) {
+  transport::SourceOptions options;
   options.http = options_;
   const TilesetSummary summary = inspect_tileset(place_.url("/place/"), options);
   EXPECT_EQ(summary.content_files, 2);
@@ -72,17 +72,18 @@ TEST_F(HttpSourceTest, a_folder_is_its_tileset_and_an_inspection_fetches_few_til
   EXPECT_EQ(place_.server().requests().size(), 4U) << "two tilesets, and both tiles for whose they are";
 }
 
-TEST_F(HttpSourceTest, statuses_are_named_with_the_reason_given) {
+TEST_F(HttpSourceTest, StatusesAreNamedWithTheReasonGiven) {
   place_.stage("/gone", [](const ServedRequest&, ServedConnection& c) {
     return c.answer(403, R"({"error": {"code": 403, "message": "key SECRETSECRET is not enabled"}})");
   });
-  HttpSource source = open_at(place_.root() + "?key=SECRETSECRET");
-  EXPECT_THAT(error_of([&] { source.read(place_.url("/none.glb")); }), HasSubstr("status 404 (not found)"));
-  EXPECT_THAT(error_of([&] { source.read(place_.url("/gone")); }),
+  transport::HttpSource source = open_at(place_.root() + "?key=SECRETSECRET");
+  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/none.glb")); }),
+              HasSubstr("status 404 (not found)"));
+  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/gone")); }),
               AllOf(HasSubstr("403 (forbidden"), HasSubstr("key … is not enabled"), Not(HasSubstr("SECRET"))));
 }
 
-TEST_F(HttpSourceTest, each_fault_gives_the_bytes_or_one_error) {
+TEST_F(HttpSourceTest, EachFaultGivesTheBytesOrOneError) {
   std::atomic<int> count = 0;
   const std::map<std::string, TestHttpServer::Handler> faults = {
       {"404", [](const ServedRequest&, ServedConnection& c) { return c.answer(404, "no"); }},
@@ -142,7 +143,7 @@ TEST_F(HttpSourceTest, each_fault_gives_the_bytes_or_one_error) {
   for (const auto& [name, fault] : faults) {
     SCOPED_TRACE(name);
     count = 0;
-    HttpPlace place;
+    TestHttpTileset place;
     place.add_tileset();
     place.stage("/place/east.glb", fault);
     const LoadedTiles tiles = load_region(place.root(), load_options());
@@ -158,33 +159,34 @@ TEST_F(HttpSourceTest, each_fault_gives_the_bytes_or_one_error) {
   }
 }
 
-TEST_F(HttpSourceTest, a_tileset_cannot_send_its_reader_elsewhere) {
-  testing::Json root = testing::tile(testing::box_volume(0, 0, 0, 9, 9, 9), 5);
+TEST_F(HttpSourceTest, ATilesetCannotSendItsReaderElsewhere) {
+  transport::testing::Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 9, 9, 9), 5);
   for (const std::string uri : {"file:///etc/passwd", "http://localhost:9/a.glb", "//127.0.0.2/a.glb", "ftp://h/a.glb",
                                 "https://127.0.0.1/a.glb"}) {
-    root["children"].push_back(testing::tile(testing::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
+    root["children"].push_back(transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
   }
-  place_.add("/place/tileset.json", testing::tileset(root).dump());
+  place_.add("/place/tileset.json", transport::testing::tileset(root).dump());
   const LoadedTiles tiles = load();
   EXPECT_EQ(tiles.tiles_loaded, 0);
   EXPECT_EQ(tiles.failures.size(), 5U);
   EXPECT_THAT(tiles.failures, Each(::testing::AnyOf(HasSubstr("may not name"), HasSubstr("is on another host"))));
 }
 
-TEST_F(HttpSourceTest, headers_and_parameters_go_to_the_own_origin_alone) {
-  HttpPlace other;
+TEST_F(HttpSourceTest, HeadersAndParametersGoToTheOwnOriginAlone) {
+  TestHttpTileset other;
   other.add("/b.glb", "other");
   const std::string elsewhere = "http://localhost:" + std::to_string(other.server().port()) + "/b.glb";
   place_.stage("/place/moved", [&](const ServedRequest&, ServedConnection& c) {
     return c.answer(302, "", {"Location: " + elsewhere});
   });
   options_.allowed_hosts = {"localhost"};
-  HttpSource source = open_at(place_.root() + "?v=3&sig=SECRETSECRET", {"Authorization: Bearer SECRET"});
+  transport::HttpSource source = open_at(place_.root() + "?v=3&sig=SECRETSECRET", {"Authorization: Bearer SECRET"});
   EXPECT_EQ(source.root_uri(), place_.root() + "?v=3");
   source.read(source.root_uri());
   source.read(place_.url("/place/east.glb"));
-  EXPECT_EQ(to_text(source.read(elsewhere)), "other");
-  EXPECT_EQ(to_text(source.read(place_.url("/place/moved"))), "other");
+  EXPECT_EQ(base::testing::to_text(source.read(elsewhere)), "other");
+  EXPECT_EQ(base::testing::to_text(source.read(place_.url("/place/moved"))), "other");
+  ASSERT_FALSE(place_.server().requests().empty());
   for (const ServedRequest& request : place_.server().requests()) {
     EXPECT_EQ(request.header("authorization"), "Bearer SECRET");
     EXPECT_THAT(request.target, ::testing::EndsWith("?v=3&sig=SECRETSECRET"));
@@ -196,23 +198,24 @@ TEST_F(HttpSourceTest, headers_and_parameters_go_to_the_own_origin_alone) {
   }
 }
 
-TEST_F(HttpSourceTest, a_header_is_one_line_with_a_name) {
+TEST_F(HttpSourceTest, AHeaderIsOneLineWithAName) {
   for (const char* header : {"no colon", ": value", "A b: c", "A: b\r\nC: d"}) {
-    EXPECT_THAT(error_of([&] { PlainProvider(place_.root(), {header}); }), HasSubstr("--header: is written"));
+    EXPECT_THAT(base::testing::error_of([&] { transport::UrlProvider(place_.root(), {header}); }),
+                HasSubstr("--header: is written"));
   }
 }
 
-/// Waits until the server has seen this many requests and no more come.
-std::size_t settled_requests(HttpPlace& place, std::size_t expected) {
+/// Waits until the server has received this many requests and no more arrive.
+std::size_t settled_requests(TestHttpTileset& place, std::size_t expected) {
   for (int i = 0; i < 500 && place.server().requests().size() < expected; ++i) place.server().wait(milliseconds(10));
   place.server().wait(milliseconds(50));
   return place.server().requests().size();
 }
 
-TEST_F(HttpSourceTest, requests_run_ahead_of_the_readers_within_the_budget) {
+TEST_F(HttpSourceTest, RequestsRunAheadOfTheReadersWithinTheBudget) {
   options_.http.max_parallel = 2;
-  options_.max_ahead_bytes = 50'000;
-  HttpSource source = open();
+  options_.max_prefetch_bytes = 50'000;
+  transport::HttpSource source = open();
   std::vector<std::string> uris;
   for (int i = 0; i < 20; ++i) {
     const std::string path = "/" + std::to_string(i) + ".bin";
@@ -222,17 +225,18 @@ TEST_F(HttpSourceTest, requests_run_ahead_of_the_readers_within_the_budget) {
   source.prefetch(uris);
   EXPECT_EQ(settled_requests(place_, 5), 5U) << "five of 10 kB fill the budget";
   for (int i = 0; i < 20; ++i) {
-    EXPECT_EQ(to_text(source.read(uris[static_cast<std::size_t>(i)])), std::string(10'000, static_cast<char>('a' + i)));
+    EXPECT_EQ(base::testing::to_text(source.read(uris[static_cast<std::size_t>(i)])),
+              std::string(10'000, static_cast<char>('a' + i)));
   }
   EXPECT_EQ(place_.server().requests().size(), 20U) << "each once";
   source.read(uris[3]);
   EXPECT_EQ(place_.server().requests().size(), 21U) << "nothing is kept after it was read";
 }
 
-TEST_F(HttpSourceTest, reading_against_the_order_works_and_what_is_taken_back_is_not_fetched) {
+TEST_F(HttpSourceTest, ReadingAgainstTheOrderWorksAndWhatIsTakenBackIsNotFetched) {
   options_.http.max_parallel = 1;
-  options_.max_ahead_bytes = 1000;
-  HttpSource source = open();
+  options_.max_prefetch_bytes = 1000;
+  transport::HttpSource source = open();
   std::vector<std::string> uris;
   for (int i = 0; i < 6; ++i) {
     place_.add("/" + std::to_string(i), std::string(900, 'x'));
@@ -246,16 +250,16 @@ TEST_F(HttpSourceTest, reading_against_the_order_works_and_what_is_taken_back_is
   EXPECT_EQ(source.read(uris[0]).size(), 900U);
 }
 
-TEST_F(HttpSourceTest, faults_of_what_was_fetched_ahead_reach_their_reader_alone) {
+TEST_F(HttpSourceTest, FaultsOfWhatWasFetchedAheadReachTheirReaderAlone) {
   place_.stage("/bad", [](const ServedRequest&, ServedConnection& c) { return c.answer(404, ""); });
-  HttpSource source = open();
+  transport::HttpSource source = open();
   source.prefetch({place_.url("/place/east.glb"), place_.url("/bad"), "http://localhost:9/x", "data:,x"});
-  EXPECT_THAT(error_of([&] { source.read(place_.url("/bad")); }), HasSubstr("404"));
-  EXPECT_THAT(error_of([&] { source.read("http://localhost:9/x"); }), HasSubstr("--allow-host"));
-  EXPECT_EQ(to_text(source.read(place_.url("/place/east.glb"))), place_.files().at("/place/east.glb"));
+  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/bad")); }), HasSubstr("404"));
+  EXPECT_THAT(base::testing::error_of([&] { source.read("http://localhost:9/x"); }), HasSubstr("--allow-host"));
+  EXPECT_EQ(base::testing::to_text(source.read(place_.url("/place/east.glb"))), place_.files().at("/place/east.glb"));
 }
 
-/// A source with a cache before a server that can be made to change its mind.
+/// A source with a cache, and a server whose responses can be changed.
 class CachedHttpSource : public HttpSourceTest {
  protected:
   CachedHttpSource() {
@@ -266,11 +270,11 @@ class CachedHttpSource : public HttpSourceTest {
       return connection.answer(200, "content of " + etag_, headers);
     });
   }
-  HttpSource open_cached() {
-    return HttpSource(std::make_unique<PlainProvider>(place_.root() + "?key=SECRETSECRET"), options_,
-                      std::make_unique<HttpCache>(folder_.path()));
+  transport::HttpSource open_cached() {
+    return transport::HttpSource(std::make_unique<transport::UrlProvider>(place_.root() + "?key=SECRETSECRET"),
+                                 options_, std::make_unique<transport::HttpCache>(folder_.path()));
   }
-  std::string read(HttpSource& source) { return to_text(source.read(place_.url("/a.glb"))); }
+  std::string read(transport::HttpSource& source) { return base::testing::to_text(source.read(place_.url("/a.glb"))); }
   int requests() { return place_.server().count("/a.glb"); }
 
   tests::TemporaryFolder folder_;
@@ -279,22 +283,22 @@ class CachedHttpSource : public HttpSourceTest {
   std::atomic<bool> broken_ = false;
 };
 
-TEST_F(CachedHttpSource, what_is_fresh_is_not_asked_for_even_ahead) {
+TEST_F(CachedHttpSource, WhatIsFreshIsNotAskedForEvenAhead) {
   {
-    HttpSource source = open_cached();
+    transport::HttpSource source = open_cached();
     EXPECT_EQ(read(source), "content of \"1\"");
     EXPECT_EQ(read(source), "content of \"1\"") << "though it may not be stored yet";
   }
-  HttpSource later = open_cached();
+  transport::HttpSource later = open_cached();
   EXPECT_EQ(read(later), "content of \"1\"");
   later.prefetch({place_.url("/a.glb")});
   EXPECT_EQ(read(later), "content of \"1\"");
   EXPECT_EQ(requests(), 1);
 }
 
-TEST_F(CachedHttpSource, what_is_stale_is_asked_about) {
+TEST_F(CachedHttpSource, WhatIsStaleIsAskedAbout) {
   cache_control_ = "max-age=0";
-  HttpSource source = open_cached();
+  transport::HttpSource source = open_cached();
   EXPECT_EQ(read(source), "content of \"1\"");
   EXPECT_EQ(read(source), "content of \"1\"");
   EXPECT_EQ(requests(), 2);
@@ -306,9 +310,9 @@ TEST_F(CachedHttpSource, what_is_stale_is_asked_about) {
   EXPECT_EQ(requests(), 3) << "fresh again, by what the last answer said";
 }
 
-TEST_F(CachedHttpSource, what_has_changed_is_replaced) {
+TEST_F(CachedHttpSource, WhatHasChangedIsReplaced) {
   cache_control_ = "no-cache";
-  HttpSource source = open_cached();
+  transport::HttpSource source = open_cached();
   read(source);
   etag_ = "\"2\"";
   EXPECT_EQ(read(source), "content of \"2\"");
@@ -316,8 +320,8 @@ TEST_F(CachedHttpSource, what_has_changed_is_replaced) {
   EXPECT_EQ(requests(), 3);
 }
 
-TEST_F(CachedHttpSource, no_store_is_heeded_and_takes_back_what_was_stored) {
-  HttpSource source = open_cached();
+TEST_F(CachedHttpSource, NoStoreIsHeededAndTakesBackWhatWasStored) {
+  transport::HttpSource source = open_cached();
   cache_control_ = "max-age=0";
   read(source);
   cache_control_ = "no-store";
@@ -328,9 +332,9 @@ TEST_F(CachedHttpSource, no_store_is_heeded_and_takes_back_what_was_stored) {
   EXPECT_EQ(place_.server().requests().back().header("if-none-match"), "") << "nothing is kept";
 }
 
-TEST_F(CachedHttpSource, a_stale_copy_serves_while_the_server_does_not_unless_it_must_be_asked) {
+TEST_F(CachedHttpSource, AStaleCopyServesWhileTheServerDoesNotUnlessItMustBeAsked) {
   cache_control_ = "max-age=0";
-  HttpSource source = open_cached();
+  transport::HttpSource source = open_cached();
   read(source);
   broken_ = true;
   EXPECT_EQ(read(source), "content of \"1\"");
@@ -340,10 +344,10 @@ TEST_F(CachedHttpSource, a_stale_copy_serves_while_the_server_does_not_unless_it
   etag_ = "\"2\"";
   read(source);
   broken_ = true;
-  EXPECT_THAT(error_of([&] { read(source); }), HasSubstr("503"));
+  EXPECT_THAT(base::testing::error_of([&] { read(source); }), HasSubstr("503"));
 }
 
-TEST_F(CachedHttpSource, bodies_that_carry_secrets_are_not_kept) {
+TEST_F(CachedHttpSource, BodiesThatCarrySecretsAreNotKept) {
   const auto fresh = [](const std::string& body) {
     return [body](const ServedRequest&, ServedConnection& c) {
       return c.answer(200, body, {"Cache-Control: max-age=1000"});
@@ -352,7 +356,7 @@ TEST_F(CachedHttpSource, bodies_that_carry_secrets_are_not_kept) {
   place_.stage("/session.json", fresh(" {\"uri\": \"a.glb?session=abc\"}"));
   place_.stage("/echo.bin", fresh("you are SECRETSECRET"));
   place_.stage("/plain.bin", fresh("session=, but no JSON"));
-  HttpSource source = open_cached();
+  transport::HttpSource source = open_cached();
   for (int i = 0; i < 2; ++i) {
     for (const char* path : {"/session.json", "/echo.bin", "/plain.bin"}) source.read(place_.url(path));
   }
@@ -361,19 +365,19 @@ TEST_F(CachedHttpSource, bodies_that_carry_secrets_are_not_kept) {
   EXPECT_EQ(place_.server().count("/plain.bin"), 1);
 }
 
-TEST_F(HttpSourceTest, files_that_the_tree_goes_on_in_are_fetched_level_by_level) {
-  testing::Json root = testing::tile(testing::box_volume(0, 0, 0, 90, 9, 9), 5);
+TEST_F(HttpSourceTest, FilesThatTheTreeGoesOnInAreFetchedLevelByLevel) {
+  transport::testing::Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 90, 9, 9), 5);
   for (int i = 0; i < 8; ++i) {
     const std::string name = std::to_string(i);
-    const auto box = testing::box_volume(10 * i - 35, 0, 0, 4, 4, 4);
-    root["children"].push_back(testing::tile(box, 4, name + ".json"));
+    const auto box = transport::testing::box_volume(10 * i - 35, 0, 0, 4, 4, 4);
+    root["children"].push_back(transport::testing::tile(box, 4, name + ".json"));
     place_.stage("/place/" + name + ".json", [box, name](const ServedRequest&, ServedConnection& c) {
       c.wait(milliseconds(30));
-      return c.answer(200, testing::tileset(testing::tile(box, 0, name + ".glb")).dump());
+      return c.answer(200, transport::testing::tileset(transport::testing::tile(box, 0, name + ".glb")).dump());
     });
-    if (i != 5) place_.add("/place/" + name + ".glb", testing::triangle_glb());
+    if (i != 5) place_.add("/place/" + name + ".glb", transport::testing::triangle_glb());
   }
-  place_.add("/place/tileset.json", testing::tileset(root).dump());
+  place_.add("/place/tileset.json", transport::testing::tileset(root).dump());
   const LoadedTiles tiles = load();
   EXPECT_EQ(tiles.tiles_loaded, 7);
   EXPECT_THAT(tiles.failures, ElementsAre(HasSubstr("5.glb")));
@@ -381,18 +385,18 @@ TEST_F(HttpSourceTest, files_that_the_tree_goes_on_in_are_fetched_level_by_level
   for (int i = 0; i < 8; ++i) EXPECT_EQ(place_.server().count("/place/" + std::to_string(i) + ".json"), 1);
 }
 
-TEST_F(HttpSourceTest, cancel_ends_the_readers) {
+TEST_F(HttpSourceTest, CancelEndsTheReaders) {
   place_.stage("/slow", [](const ServedRequest&, ServedConnection& c) {
     c.wait(milliseconds(60'000));
     return false;
   });
-  HttpSource source = open();
+  transport::HttpSource source = open();
   source.prefetch({place_.url("/slow"), place_.url("/slow?2")});
   std::thread canceller([&] {
     std::this_thread::sleep_for(milliseconds(30));
     source.cancel();
   });
-  EXPECT_THAT(error_of([&] { source.read(place_.url("/slow")); }), HasSubstr("cancelled"));
+  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/slow")); }), HasSubstr("cancelled"));
   canceller.join();
 }
 

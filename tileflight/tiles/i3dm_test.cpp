@@ -1,31 +1,32 @@
-#include "tileflight/tiles/i3dm.h"
+#include "tileflight/tile_contents/i3dm.h"
 
 #include <gmock/gmock.h>
 
 #include "tests/test_data.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
+using base::testing::to_raw_bytes;
 using geometry::Vec3;
 using ::testing::Each;
-using testing::error_of;
 using ::testing::HasSubstr;
-using testing::Json;
-using testing::raw;
+using transport::testing::Json;
 
-/// A triangle (0 0 0), (1 0 0), (0 1 0) of the tile: the model is y up, and lies down when it is turned.
-std::string flat_triangle() { return testing::triangle_glb({0, 0, 0, 1, 0, 0, 0, 0, -1}); }
+/// A triangle (0 0 0), (1 0 0), (0 1 0) in the tile's frame: the y-up model becomes horizontal when rotated to z-up.
+std::string flat_triangle() { return transport::testing::triangle_glb({0, 0, 0, 1, 0, 0, 0, 0, -1}); }
 
-std::string i3dm(const testing::Tables& tables, const std::string& body = flat_triangle(), std::uint32_t format = 1) {
-  return testing::container("i3dm", tables, body, testing::GltfWriter::u32(format));
+std::string i3dm(const transport::testing::Tables& tables, const std::string& body = flat_triangle(),
+                 std::uint32_t format = 1) {
+  return transport::testing::container("i3dm", tables, body, transport::testing::GltfWriter::u32(format));
 }
 
-DecodedContent read(const std::string& bytes, const ContentOptions& options = {}) {
-  return decode_content(testing::to_bytes(bytes), "i", options);
+tile_contents::DecodedContent read(const std::string& bytes, const tile_contents::ContentOptions& options = {}) {
+  return tile_contents::decode_content(base::testing::to_bytes(bytes), "i", options);
 }
 
 void expect_corners(const imaging::TexturedMesh& mesh, const std::array<Vec3, 3>& corners) {
@@ -35,67 +36,68 @@ void expect_corners(const imaging::TexturedMesh& mesh, const std::array<Vec3, 3>
   }
 }
 
-TEST(I3dm, places_scales_and_turns) {
-  const std::string positions = raw<float>({10, 0, 0, 0, 20, 0});
-  const std::string up = raw<float>({0, 1, 0, 0, 0, 1});  // the second one stands: its y points up
-  const std::string right = raw<float>({1, 0, 0, 1, 0, 0});
-  const std::string scale = raw<float>({1, 3});
-  const DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 2},
-                                             {"POSITION", {{"byteOffset", 0}}},
-                                             {"NORMAL_UP", {{"byteOffset", 24}}},
-                                             {"NORMAL_RIGHT", {{"byteOffset", 48}}},
-                                             {"SCALE", {{"byteOffset", 72}}},
-                                             {"RTC_CENTER", {0, 0, 100}}},
-                                            positions + up + right + scale}));
+TEST(I3dm, PlacesScalesAndTurns) {
+  const std::string positions = base::testing::to_raw_bytes<float>({10, 0, 0, 0, 20, 0});
+  const std::string up =
+      base::testing::to_raw_bytes<float>({0, 1, 0, 0, 0, 1});  // the second one stands: its y points up
+  const std::string right = base::testing::to_raw_bytes<float>({1, 0, 0, 1, 0, 0});
+  const std::string scale = base::testing::to_raw_bytes<float>({1, 3});
+  const tile_contents::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 2},
+                                                            {"POSITION", {{"byteOffset", 0}}},
+                                                            {"NORMAL_UP", {{"byteOffset", 24}}},
+                                                            {"NORMAL_RIGHT", {{"byteOffset", 48}}},
+                                                            {"SCALE", {{"byteOffset", 72}}},
+                                                            {"RTC_CENTER", {0, 0, 100}}},
+                                                           positions + up + right + scale}));
   ASSERT_EQ(content.meshes.size(), 2U);
   expect_corners(content.meshes[0], {Vec3(10, 0, 100), Vec3(11, 0, 100), Vec3(10, 1, 100)});
   expect_corners(content.meshes[1], {Vec3(0, 20, 100), Vec3(3, 20, 100), Vec3(0, 20, 103)});
   EXPECT_THAT(content.meshes[1].feature_ids, Each(1U));
 }
 
-TEST(I3dm, quantised_places_and_octahedral_directions) {
-  const std::string positions = raw<std::uint16_t>({65535, 0, 0});
+TEST(I3dm, QuantisedPlacesAndOctahedralDirections) {
+  const std::string positions = base::testing::to_raw_bytes<std::uint16_t>({65535, 0, 0});
   // Octahedral +z is the middle, +x the right end of the middle row.
-  const std::string up = raw<std::uint16_t>({32768, 32768});
-  const std::string right = raw<std::uint16_t>({65535, 32768});
-  const DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
-                                             {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
-                                             {"QUANTIZED_VOLUME_OFFSET", {0, 5, 0}},
-                                             {"QUANTIZED_VOLUME_SCALE", {10, 1, 1}},
-                                             {"NORMAL_UP_OCT32P", {{"byteOffset", 8}}},
-                                             {"NORMAL_RIGHT_OCT32P", {{"byteOffset", 12}}},
-                                             {"SCALE_NON_UNIFORM", {2, 4, 1}}},
-                                            positions + "  " + up + right}));
+  const std::string up = base::testing::to_raw_bytes<std::uint16_t>({32768, 32768});
+  const std::string right = base::testing::to_raw_bytes<std::uint16_t>({65535, 32768});
+  const tile_contents::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
+                                                            {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
+                                                            {"QUANTIZED_VOLUME_OFFSET", {0, 5, 0}},
+                                                            {"QUANTIZED_VOLUME_SCALE", {10, 1, 1}},
+                                                            {"NORMAL_UP_OCT32P", {{"byteOffset", 8}}},
+                                                            {"NORMAL_RIGHT_OCT32P", {{"byteOffset", 12}}},
+                                                            {"SCALE_NON_UNIFORM", {2, 4, 1}}},
+                                                           positions + "  " + up + right}));
   expect_corners(content.meshes.at(0), {Vec3(10, 5, 0), Vec3(12, 5, 0), Vec3(10, 5, 4)});
 }
 
-TEST(I3dm, east_north_up_of_its_place) {
+TEST(I3dm, EastNorthUpOfItsPlace) {
   const geometry::LocalFrame frame({35.31, -80.74, {200}});
   const Vec3 place = frame.T_ecef_local().translation;
-  const DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
-                                             {"POSITION", {0, 0, 0}},
-                                             {"RTC_CENTER", {place.x(), place.y(), place.z()}},
-                                             {"EAST_NORTH_UP", true}},
-                                            ""}));
+  const tile_contents::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
+                                                            {"POSITION", {0, 0, 0}},
+                                                            {"RTC_CENTER", {place.x(), place.y(), place.z()}},
+                                                            {"EAST_NORTH_UP", true}},
+                                                           ""}));
   expect_corners(content.meshes.at(0),
                  {place, frame.T_ecef_local() * Vec3(1, 0, 0), frame.T_ecef_local() * Vec3(0, 1, 0)});
 }
 
-TEST(I3dm, batch_ids_name_the_instances) {
-  const DecodedContent content = read(i3dm(
+TEST(I3dm, BatchIdsNameTheInstances) {
+  const tile_contents::DecodedContent content = read(i3dm(
       {{{"INSTANCES_LENGTH", 2},
         {"POSITION", {0, 0, 0, 5, 0, 0}},
         {"BATCH_ID", {{"byteOffset", 0}, {"componentType", "UNSIGNED_BYTE"}}}},
-       raw<std::uint8_t>({1, 0}),
+       base::testing::to_raw_bytes<std::uint8_t>({1, 0}),
        {{"name", {"oak", "lime"}}, {"height", {{"byteOffset", 0}, {"componentType", "FLOAT"}, {"type", "SCALAR"}}}},
-       raw<float>({12.5F, 7})}));
+       base::testing::to_raw_bytes<float>({12.5F, 7})}));
   const imaging::TexturedMesh& first = content.meshes.at(0);
   EXPECT_EQ(first.features->name(first.feature_ids[0]), "lime");
   EXPECT_EQ(first.features->properties.at("height")[0], "12.5");
 }
 
-TEST(I3dm, a_model_at_a_uri_and_its_own_files) {
-  ContentOptions options;
+TEST(I3dm, AModelAtAUriAndItsOwnFiles) {
+  tile_contents::ContentOptions options;
   std::vector<std::string> asked;
   Json gltf = Json::parse(R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
       "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
@@ -103,19 +105,20 @@ TEST(I3dm, a_model_at_a_uri_and_its_own_files) {
       "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"uri":"tree.bin","byteLength":36}]})");
   options.read_resource = [&](const std::string& uri) {
     asked.push_back(uri);
-    return testing::to_bytes(uri == "models/tree.gltf" ? gltf.dump() : raw<float>({0, 0, 0, 1, 0, 0, 0, 0, -1}));
+    return base::testing::to_bytes(
+        uri == "models/tree.gltf" ? gltf.dump() : base::testing::to_raw_bytes<float>({0, 0, 0, 1, 0, 0, 0, 0, -1}));
   };
   const Json table = {{"INSTANCES_LENGTH", 1}, {"POSITION", {1, 2, 3}}};
-  const DecodedContent content = read(i3dm({table}, "models/tree.gltf   ", 0), options);
+  const tile_contents::DecodedContent content = read(i3dm({table}, "models/tree.gltf   ", 0), options);
   expect_corners(content.meshes.at(0), {Vec3(1, 2, 3), Vec3(2, 2, 3), Vec3(1, 3, 3)});
   EXPECT_THAT(asked, ::testing::ElementsAre("models/tree.gltf", "models/tree.bin"));
-  EXPECT_THAT(error_of([&] { read(i3dm({table}, "models/tree.gltf", 0)); }), HasSubstr("another file"));
+  EXPECT_THAT(base::testing::error_of([&] { read(i3dm({table}, "models/tree.gltf", 0)); }), HasSubstr("another file"));
 }
 
-TEST(I3dm, faults_are_named) {
-  const auto message = [](const testing::Tables& tables, const std::string& body = flat_triangle(),
-                          std::uint32_t format = 1, const ContentOptions& options = {}) {
-    return error_of([&] { read(i3dm(tables, body, format), options); });
+TEST(I3dm, FaultsAreNamed) {
+  const auto message = [](const transport::testing::Tables& tables, const std::string& body = flat_triangle(),
+                          std::uint32_t format = 1, const tile_contents::ContentOptions& options = {}) {
+    return base::testing::error_of([&] { read(i3dm(tables, body, format), options); });
   };
   EXPECT_THAT(message({}), HasSubstr("INSTANCES_LENGTH is missing"));
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}}}), HasSubstr("neither POSITION"));
@@ -125,17 +128,17 @@ TEST(I3dm, faults_are_named) {
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, flat_triangle(), 3),
               HasSubstr("gltfFormat is 3"));
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, "", 0), HasSubstr("names no model"));
-  ContentOptions few;
+  tile_contents::ContentOptions few;
   few.limits.max_vertices = 5;
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 2}, {"POSITION", {0, 0, 0, 0, 0, 0}}}}, flat_triangle(), 1, few),
               HasSubstr("more than the limits allow"));
-  // Inside itself a model cannot hold tiles.
+  // A model must not contain tiles.
   const std::string inner = i3dm({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}});
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, inner), HasSubstr("is no glTF"));
 }
 
-/// Cesium's instanced tilesets: 25 models in five rows about one place, in every form that there is.
-TEST(I3dm, real_instances_stand_in_one_place) {
+/// Cesium's instanced tilesets: 25 models in five rows around one location, in all encodings.
+TEST(I3dm, RealInstancesStandInOnePlace) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/Instanced");
   int read = 0;
   LoadOptions options;

@@ -3,29 +3,29 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/tiles/json_reader.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/json_reader.h"
 
 namespace tileflight::tiles {
 namespace {
 
 /// Coordinates are 32-bit numbers.
-constexpr std::size_t kMostLevels = 32;
+constexpr std::size_t kMaxLevels = 32;
 
-/// Offset in 0..1 of a tile along each axis, and its share of the root's length.
-struct Share {
+/// Offset of a tile along each axis, 0..1, and its size, relative to the root volume.
+struct RelativeExtent {
   double size = 1.0;
   std::array<double, 3> from{0, 0, 0};
 };
 
-Share share_of(const TileCoordinates& tile) {
-  Share share;
+RelativeExtent relative_extent(const TileCoordinates& tile) {
+  RelativeExtent share;
   share.size = std::ldexp(1.0, -static_cast<int>(tile.level));
-  for (std::size_t i = 0; i < 3; ++i) share.from[i] = tile.at[i] * share.size;
+  for (std::size_t i = 0; i < 3; ++i) share.from[i] = tile.xyz[i] * share.size;
   return share;
 }
 
-OrientedBox part_of(const OrientedBox& root, const Share& share, bool octree) {
+OrientedBox subdivide(const OrientedBox& root, const RelativeExtent& share, bool octree) {
   OrientedBox box = root;
   for (int i = 0; i < (octree ? 3 : 2); ++i) {
     const double middle = share.from[static_cast<std::size_t>(i)] + share.size / 2;  // 0..1
@@ -39,7 +39,7 @@ double wrapped(double longitude_rad) {
   return longitude_rad > std::numbers::pi ? longitude_rad - 2 * std::numbers::pi : longitude_rad;
 }
 
-GeographicRegion part_of(const GeographicRegion& root, const Share& share, bool octree) {
+GeographicRegion subdivide(const GeographicRegion& root, const RelativeExtent& share, bool octree) {
   double width = root.east_rad - root.west_rad;
   if (width < 0) width += 2 * std::numbers::pi;
   const double depth = root.north_rad - root.south_rad;
@@ -55,12 +55,12 @@ GeographicRegion part_of(const GeographicRegion& root, const Share& share, bool 
   return region;
 }
 
-/// x runs along the face's u and y along its v, whichever way the Hilbert curve goes there.
-S2Volume part_of(const S2Volume& root, const TileCoordinates& tile, bool octree) {
+/// x runs along the face's u and y along its v, regardless of the Hilbert curve's orientation.
+S2Volume subdivide(const S2Volume& root, const TileCoordinates& tile, bool octree) {
   S2Volume out = root;
-  out.cell = s2_descendant(root.cell, tile.level, tile.at[0], tile.at[1]);
+  out.cell = s2_descendant(root.cell, tile.level, tile.xyz[0], tile.xyz[1]);
   if (!octree) return out;
-  const Share share = share_of(tile);
+  const RelativeExtent share = relative_extent(tile);
   const double height = root.max_height_m - root.min_height_m;
   out.min_height_m = root.min_height_m + height * share.from[2];
   out.max_height_m = root.min_height_m + height * (share.from[2] + share.size);
@@ -69,50 +69,54 @@ S2Volume part_of(const S2Volume& root, const TileCoordinates& tile, bool octree)
 
 }  // namespace
 
-ImplicitTiling parse_implicit_tiling(const Json& json, const std::string& where) {
+ImplicitTiling parse_implicit_tiling(const tile_contents::Json& json, const std::string& where) {
   ImplicitTiling out;
-  const std::string scheme = required(find_string(json, "subdivisionScheme", where), "subdivisionScheme", where);
+  const std::string scheme = tile_contents::require_value(tile_contents::find_string(json, "subdivisionScheme", where),
+                                                          "subdivisionScheme", where);
   if (scheme != "QUADTREE" && scheme != "OCTREE") {
     throw InputError(where, "subdivisionScheme is '" + scheme + "'; QUADTREE or OCTREE wanted");
   }
   out.octree = scheme == "OCTREE";
-  const auto subtree_levels = required(find_index(json, "subtreeLevels", where), "subtreeLevels", where);
-  auto available = find_index(json, "availableLevels", where);
-  if (const auto last = find_index(json, "maximumLevel", where); last && !available) available = *last + 1;
-  const std::size_t levels = required(available, "availableLevels", where);
+  const auto subtree_levels =
+      tile_contents::require_value(tile_contents::find_index(json, "subtreeLevels", where), "subtreeLevels", where);
+  auto available = tile_contents::find_index(json, "availableLevels", where);
+  if (const auto last = tile_contents::find_index(json, "maximumLevel", where); last && !available)
+    available = *last + 1;
+  const std::size_t levels = tile_contents::require_value(available, "availableLevels", where);
   if (subtree_levels < 1 || subtree_levels > (out.octree ? 8U : 12U)) {
     throw InputError(where, "subtreeLevels is " + std::to_string(subtree_levels) + "; 1 to " +
                                 (out.octree ? "8 (octree)" : "12 (quadtree)") + " are read");
   }
-  if (levels < 1 || levels > kMostLevels) {
+  if (levels < 1 || levels > kMaxLevels) {
     throw InputError(where, "availableLevels is " + std::to_string(levels) + "; 1 to 32 are read");
   }
   out.subtree_levels = static_cast<std::uint32_t>(subtree_levels);
   out.available_levels = static_cast<std::uint32_t>(levels);
-  const Json* subtrees = find_object(json, "subtrees", where);
+  const tile_contents::Json* subtrees = tile_contents::find_object(json, "subtrees", where);
   if (subtrees == nullptr) throw InputError(where, "subtrees are missing");
-  out.subtree_template = required(find_string(*subtrees, "uri", where), "subtrees.uri", where);
+  out.subtree_template =
+      tile_contents::require_value(tile_contents::find_string(*subtrees, "uri", where), "subtrees.uri", where);
   return out;
 }
 
-TileCoordinates child_of(const TileCoordinates& parent, std::uint32_t child) {
+TileCoordinates child_coordinates(const TileCoordinates& parent, std::uint32_t child) {
   TileCoordinates out{parent.level + 1, {}};
-  for (std::size_t i = 0; i < 3; ++i) out.at[i] = 2 * parent.at[i] + (child >> i & 1U);
+  for (std::size_t i = 0; i < 3; ++i) out.xyz[i] = 2 * parent.xyz[i] + (child >> i & 1U);
   return out;
 }
 
 BoundingVolume implicit_volume(const ImplicitTiling& tiling, const TileCoordinates& tile) {
-  const Share share = share_of(tile);
-  if (const auto* box = std::get_if<OrientedBox>(&tiling.root_volume)) return part_of(*box, share, tiling.octree);
-  if (const auto* s2 = std::get_if<S2Volume>(&tiling.root_volume)) return part_of(*s2, tile, tiling.octree);
-  return part_of(std::get<GeographicRegion>(tiling.root_volume), share, tiling.octree);
+  const RelativeExtent share = relative_extent(tile);
+  if (const auto* box = std::get_if<OrientedBox>(&tiling.root_volume)) return subdivide(*box, share, tiling.octree);
+  if (const auto* s2 = std::get_if<S2Volume>(&tiling.root_volume)) return subdivide(*s2, tile, tiling.octree);
+  return subdivide(std::get<GeographicRegion>(tiling.root_volume), share, tiling.octree);
 }
 
 double implicit_geometric_error_m(const ImplicitTiling& tiling, const TileCoordinates& tile) {
   return std::ldexp(tiling.root_geometric_error_m, -static_cast<int>(tile.level));
 }
 
-std::string filled_template(const std::string& text, const ImplicitTiling& tiling, const TileCoordinates& tile,
+std::string expand_template(const std::string& text, const ImplicitTiling& tiling, const TileCoordinates& tile,
                             const std::string& where) {
   std::string out;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -125,7 +129,7 @@ std::string filled_template(const std::string& text, const ImplicitTiling& tilin
     if (variable == "level") {
       out += std::to_string(tile.level);
     } else if (variable == "x" || variable == "y" || (variable == "z" && tiling.octree)) {
-      out += std::to_string(tile.at[static_cast<std::size_t>(variable[0] - 'x')]);
+      out += std::to_string(tile.xyz[static_cast<std::size_t>(variable[0] - 'x')]);
     } else {
       throw InputError(where, "the template '" + text + "' has a variable {" + variable + "} that there is not");
     }
@@ -134,10 +138,10 @@ std::string filled_template(const std::string& text, const ImplicitTiling& tilin
   return out;
 }
 
-std::string text_of(const TileCoordinates& tile, bool octree) {
-  std::string out =
-      "level " + std::to_string(tile.level) + ", x " + std::to_string(tile.at[0]) + ", y " + std::to_string(tile.at[1]);
-  if (octree) out += ", z " + std::to_string(tile.at[2]);
+std::string coordinates_text(const TileCoordinates& tile, bool octree) {
+  std::string out = "level " + std::to_string(tile.level) + ", x " + std::to_string(tile.xyz[0]) + ", y " +
+                    std::to_string(tile.xyz[1]);
+  if (octree) out += ", z " + std::to_string(tile.xyz[2]);
   return out;
 }
 

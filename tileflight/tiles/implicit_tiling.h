@@ -9,19 +9,19 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/tile_contents/metadata_schema.h"
 #include "tileflight/tiles/bounding_volume.h"
-#include "tileflight/tiles/metadata_schema.h"
 
 namespace tileflight::tiles {
 
-/// A tile's place in an implicit tree (3D Tiles 1.1, section "Tile Coordinates"): x, y, z count from the root volume's
-/// minimum corner; z is 0 in a quadtree.
+/// A tile's coordinates in an implicit tree (3D Tiles 1.1, section "Tile Coordinates"): x, y, z count from the root
+/// volume's minimum corner; z is 0 in a quadtree.
 struct TileCoordinates {
   std::uint32_t level = 0;
-  std::array<std::uint32_t, 3> at{0, 0, 0};
+  std::array<std::uint32_t, 3> xyz{0, 0, 0};
 };
 
-/// A tree that is given by a rule instead of a list of tiles.
+/// A tree defined by a subdivision rule instead of a list of tiles.
 struct ImplicitTiling {
   bool octree = false;
   std::uint32_t subtree_levels = 0;
@@ -30,34 +30,34 @@ struct ImplicitTiling {
   std::vector<std::string> content_templates;
   BoundingVolume root_volume;  ///< a box, a geographic region or an S2 cell, in the root tile's frame
   double root_geometric_error_m = 0.0;
-  std::shared_ptr<const MetadataSchema> schema;  ///< of the tileset; may be null
+  std::shared_ptr<const tile_contents::MetadataSchema> schema;  ///< of the tileset; may be null
 
   std::uint32_t children_per_tile() const { return octree ? 8 : 4; }
 };
 
-/// The part of an implicit tree that one subtree file describes, before that is read.
-struct ImplicitPlace {
+/// The part of an implicit tree that one subtree file describes, before that file is read.
+struct ImplicitSubtree {
   std::shared_ptr<const ImplicitTiling> tiling;
   TileCoordinates root;  ///< of the subtree
 };
 
-/// Reads `implicitTiling` or 3DTILES_implicit_tiling, without what the tile itself says (volume, error, contents).
+/// Reads `implicitTiling` or 3DTILES_implicit_tiling, without the members of the tile itself (volume, error, contents).
 /// Throws InputError.
-ImplicitTiling parse_implicit_tiling(const Json& json, const std::string& where);
+ImplicitTiling parse_implicit_tiling(const tile_contents::Json& json, const std::string& where);
 
-/// A child's coordinates; `child` counts as Morton order does: x is the lowest bit.
-TileCoordinates child_of(const TileCoordinates& parent, std::uint32_t child);
+/// A child's coordinates; `child` is in Morton order: x is the lowest bit.
+TileCoordinates child_coordinates(const TileCoordinates& parent, std::uint32_t child);
 
-/// The part of the root volume that a tile has (3D Tiles 1.1, section "Subdivision Rules").
+/// A tile's part of the root volume (3D Tiles 1.1, section "Subdivision Rules").
 BoundingVolume implicit_volume(const ImplicitTiling& tiling, const TileCoordinates& tile);
 double implicit_geometric_error_m(const ImplicitTiling& tiling, const TileCoordinates& tile);
 
-/// "content/{level}/{x}/{y}.glb" with the numbers filled in. Throws InputError where an octree's {z} stands in a
-/// quadtree's template, or another variable that there is not.
-std::string filled_template(const std::string& text, const ImplicitTiling& tiling, const TileCoordinates& tile,
+/// Expands a template such as "content/{level}/{x}/{y}.glb". Throws InputError for {z} in a quadtree's template or an
+/// unknown variable.
+std::string expand_template(const std::string& text, const ImplicitTiling& tiling, const TileCoordinates& tile,
                             const std::string& where);
 
 /// "level 3, x 5, y 2".
-std::string text_of(const TileCoordinates& tile, bool octree);
+std::string coordinates_text(const TileCoordinates& tile, bool octree);
 
 }  // namespace tileflight::tiles

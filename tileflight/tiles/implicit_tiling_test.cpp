@@ -9,18 +9,18 @@
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/selection.h"
 #include "tileflight/tiles/subtree.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
+using base::testing::to_bytes;
 using geometry::Vec3;
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
-using testing::Json;
-using testing::MemorySource;
-using testing::to_bytes;
+using transport::testing::Json;
+using transport::testing::MemorySource;
 
 ImplicitTiling box_tiling(bool octree, std::uint32_t subtree_levels = 2, std::uint32_t available_levels = 4) {
   ImplicitTiling tiling;
@@ -36,15 +36,15 @@ ImplicitTiling box_tiling(bool octree, std::uint32_t subtree_levels = 2, std::ui
   return tiling;
 }
 
-ImplicitPlace place_of(const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
+ImplicitSubtree place_of(const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
   return {std::make_shared<const ImplicitTiling>(tiling), root};
 }
 
 Subtree parse(const std::string& bytes, const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
-  return parse_subtree(to_bytes(bytes), place_of(tiling, root), "s");
+  return parse_subtree(base::testing::to_bytes(bytes), place_of(tiling, root), "s");
 }
 
-TEST(ImplicitTiling, a_box_is_divided_into_halves) {
+TEST(ImplicitTiling, ABoxIsDividedIntoHalves) {
   const ImplicitTiling quadtree = box_tiling(false);
   const auto box = std::get<OrientedBox>(implicit_volume(quadtree, {2, {3, 0, 0}}));
   EXPECT_LT((box.center - Vec3(6, -6, 0)).norm(), 1e-12);
@@ -55,8 +55,8 @@ TEST(ImplicitTiling, a_box_is_divided_into_halves) {
   EXPECT_DOUBLE_EQ(implicit_geometric_error_m(quadtree, {3, {}}), 2.0);
 }
 
-/// The children of a tile cover it without a gap and without overlap, also across the antimeridian.
-TEST(ImplicitTiling, a_region_is_divided_across_the_antimeridian) {
+/// The children of a tile cover it without gaps or overlaps, also across the antimeridian.
+TEST(ImplicitTiling, ARegionIsDividedAcrossTheAntimeridian) {
   ImplicitTiling tiling = box_tiling(true);
   tiling.root_volume = GeographicRegion{3.0, 0.5, -3.0, 0.7, -10, 30};
   const auto west = std::get<GeographicRegion>(implicit_volume(tiling, {1, {0, 0, 0}}));
@@ -71,12 +71,14 @@ TEST(ImplicitTiling, a_region_is_divided_across_the_antimeridian) {
   EXPECT_NEAR(east.min_height_m, 10, 1e-12);
 }
 
-TEST(ImplicitTiling, templates) {
+TEST(ImplicitTiling, Templates) {
   const ImplicitTiling quadtree = box_tiling(false);
-  EXPECT_EQ(filled_template("{level}/{x}/{y}.glb", quadtree, {4, {11, 2, 0}}, "t"), "4/11/2.glb");
-  EXPECT_EQ(filled_template("{z}{x", box_tiling(true), {4, {11, 2, 7}}, "t"), "7{x");
-  EXPECT_THAT(error_of([&] { filled_template("{z}.glb", quadtree, {}, "t"); }), HasSubstr("a variable {z}"));
-  EXPECT_THAT(error_of([&] { filled_template("{lod}.glb", quadtree, {}, "t"); }), HasSubstr("a variable {lod}"));
+  EXPECT_EQ(expand_template("{level}/{x}/{y}.glb", quadtree, {4, {11, 2, 0}}, "t"), "4/11/2.glb");
+  EXPECT_EQ(expand_template("{z}{x", box_tiling(true), {4, {11, 2, 7}}, "t"), "7{x");
+  EXPECT_THAT(base::testing::error_of([&] { expand_template("{z}.glb", quadtree, {}, "t"); }),
+              HasSubstr("a variable {z}"));
+  EXPECT_THAT(base::testing::error_of([&] { expand_template("{lod}.glb", quadtree, {}, "t"); }),
+              HasSubstr("a variable {lod}"));
 }
 
 /// Two levels of a quadtree, bits in Morton order: the root, its children (1, 0) and (0, 1), and of the sixteen child
@@ -103,41 +105,42 @@ std::string two_levels_binary() {
 void expect_two_levels(const Subtree& subtree) {
   ASSERT_EQ(subtree.tiles.size(), 3U);
   EXPECT_THAT(subtree.tiles[0].children, ElementsAre(1U, 2U));
-  EXPECT_THAT(subtree.tiles[1].coordinates.at, ElementsAre(1, 0, 0));
-  EXPECT_THAT(subtree.tiles[2].coordinates.at, ElementsAre(0, 1, 0));
+  EXPECT_THAT(subtree.tiles[1].coordinates.xyz, ElementsAre(1, 0, 0));
+  EXPECT_THAT(subtree.tiles[2].coordinates.xyz, ElementsAre(0, 1, 0));
   ASSERT_EQ(subtree.tiles[1].subtrees.size(), 1U);
   EXPECT_EQ(subtree.tiles[1].subtrees[0].level, 2U);
-  EXPECT_THAT(subtree.tiles[1].subtrees[0].at, ElementsAre(3, 1, 0));
+  EXPECT_THAT(subtree.tiles[1].subtrees[0].xyz, ElementsAre(3, 1, 0));
   ASSERT_EQ(subtree.tiles[2].subtrees.size(), 1U);
-  EXPECT_THAT(subtree.tiles[2].subtrees[0].at, ElementsAre(1, 2, 0));
+  EXPECT_THAT(subtree.tiles[2].subtrees[0].xyz, ElementsAre(1, 2, 0));
   EXPECT_EQ(subtree.tiles[0].contents.size(), 1U);
   EXPECT_DOUBLE_EQ(subtree.tiles[2].geometric_error_m, 8.0);
 }
 
-TEST(Subtree, bits_are_in_morton_order) {
-  expect_two_levels(parse(testing::subtree(two_levels(), two_levels_binary()), box_tiling(false)));
+TEST(Subtree, BitsAreInMortonOrder) {
+  expect_two_levels(parse(transport::testing::subtree(two_levels(), two_levels_binary()), box_tiling(false)));
 }
 
-TEST(Subtree, as_json_with_a_buffer_beside_it) {
+TEST(Subtree, AsJsonWithABufferBesideIt) {
   Json json = two_levels();
   json["buffers"][0]["uri"] = "bits.bin";
   const auto read = [](const std::string& uri) {
     EXPECT_EQ(uri, "bits.bin");
-    return to_bytes(two_levels_binary());
+    return base::testing::to_bytes(two_levels_binary());
   };
-  expect_two_levels(parse_subtree(to_bytes(json.dump()), place_of(box_tiling(false)), "s", read));
-  EXPECT_THAT(error_of([&] { parse(json.dump(), box_tiling(false)); }), HasSubstr("lies in another file"));
+  expect_two_levels(parse_subtree(base::testing::to_bytes(json.dump()), place_of(box_tiling(false)), "s", read));
+  EXPECT_THAT(base::testing::error_of([&] { parse(json.dump(), box_tiling(false)); }),
+              HasSubstr("lies in another file"));
 }
 
-TEST(Subtree, as_before_1_1) {
+TEST(Subtree, AsBefore11) {
   Json json = two_levels();
   json["tileAvailability"] = {{"bufferView", 0}};
   json["childSubtreeAvailability"] = {{"bufferView", 1}};
   json["contentAvailability"] = {{"constant", 1}};
-  expect_two_levels(parse(testing::subtree(json, two_levels_binary()), box_tiling(false)));
+  expect_two_levels(parse(transport::testing::subtree(json, two_levels_binary()), box_tiling(false)));
 }
 
-TEST(Subtree, ends_where_the_tree_ends) {
+TEST(Subtree, EndsWhereTheTreeEnds) {
   const ImplicitTiling shallow = box_tiling(false, 2, 1);
   Json json = {{"tileAvailability", {{"constant", 1}}}, {"childSubtreeAvailability", {{"constant", 1}}}};
   EXPECT_EQ(parse(json.dump(), shallow).tiles.size(), 1U);
@@ -146,19 +149,20 @@ TEST(Subtree, ends_where_the_tree_ends) {
   EXPECT_EQ(parse(json.dump(), box_tiling(true)).tiles[8].subtrees.size(), 8U);
 }
 
-TEST(Subtree, several_contents) {
+TEST(Subtree, SeveralContents) {
   ImplicitTiling tiling = box_tiling(false);
   tiling.content_templates.push_back("b/{level}.{x}.{y}.glb");
   Json json = two_levels();
   json["contentAvailability"] = {{{"constant", 0}}, {{"bitstream", 0}}};
-  const Subtree read = parse(testing::subtree(json, two_levels_binary()), tiling);
+  const Subtree read = parse(transport::testing::subtree(json, two_levels_binary()), tiling);
+  ASSERT_EQ(read.tiles.size(), 3U);
   for (const SubtreeTile& tile : read.tiles) {
     ASSERT_EQ(tile.contents.size(), 1U);
     EXPECT_EQ(tile.contents[0].template_index, 1U);
   }
 }
 
-TEST(Subtree, metadata_give_volumes_and_errors) {
+TEST(Subtree, MetadataGiveVolumesAndErrors) {
   ImplicitTiling tiling = box_tiling(false);
   const Json schema = {
       {"classes",
@@ -173,12 +177,13 @@ TEST(Subtree, metadata_give_volumes_and_errors) {
             {"error", {{"type", "SCALAR"}, {"componentType", "UINT8"}, {"semantic", "TILE_GEOMETRIC_ERROR"}}},
             {"refine", {{"type", "SCALAR"}, {"componentType", "UINT8"}, {"semantic", "TILE_REFINE"}}}}}}},
         {"content", {{"properties", {{"uri", {{"type", "STRING"}, {"semantic", "CONTENT_URI"}}}}}}}}}};
-  tiling.schema = std::make_shared<const MetadataSchema>(parse_metadata_schema(schema, "schema"));
+  tiling.schema =
+      std::make_shared<const tile_contents::MetadataSchema>(tile_contents::parse_metadata_schema(schema, "schema"));
   std::vector<double> boxes;
   for (const double x : {0.0, 4.0, -4.0}) {
     for (const double v : {x, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0}) boxes.push_back(v);
   }
-  std::string binary = two_levels_binary() + testing::raw(boxes);
+  std::string binary = two_levels_binary() + base::testing::to_raw_bytes(boxes);
   Json json = two_levels();
   const auto add_view = [&](const std::string& bytes) {
     json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", binary.size()}, {"byteLength", bytes.size()}});
@@ -192,14 +197,14 @@ TEST(Subtree, metadata_give_volumes_and_errors) {
   const auto errors = add_view({'\x0a', '\x05', '\x04'});
   const auto refine = add_view({'\x00', '\x01', '\x01'});
   const auto uris = add_view("root.glbx1.glby1.glb");
-  const auto ends = add_view(testing::raw<std::uint32_t>({0, 8, 14, 20}));
+  const auto ends = add_view(base::testing::to_raw_bytes<std::uint32_t>({0, 8, 14, 20}));
   json["propertyTables"] = {
       {{"class", "tile"},
        {"count", 3},
        {"properties", {{"box", {{"values", 2}}}, {"error", {{"values", errors}}}, {"refine", {{"values", refine}}}}}},
       {{"class", "content"}, {"count", 3}, {"properties", {{"uri", {{"values", uris}, {"stringOffsets", ends}}}}}}};
   json["buffers"][0]["byteLength"] = binary.size();
-  const Subtree read = parse(testing::subtree(json, binary), tiling);
+  const Subtree read = parse(transport::testing::subtree(json, binary), tiling);
   ASSERT_EQ(read.tiles.size(), 3U);
   const auto box = std::get<OrientedBox>(read.tiles[2].bounding_volume);
   EXPECT_LT((box.center - Vec3(-4, 0, 1)).norm(), 1e-12);
@@ -211,11 +216,12 @@ TEST(Subtree, metadata_give_volumes_and_errors) {
   EXPECT_EQ(read.tiles[1].contents[0].uri, "x1.glb");
 }
 
-TEST(Subtree, faults_are_named) {
+TEST(Subtree, FaultsAreNamed) {
   const auto message = [](const std::function<void(Json&)>& change) {
     Json json = two_levels();
     change(json);
-    return error_of([&] { parse(testing::subtree(json, two_levels_binary()), box_tiling(false)); });
+    return base::testing::error_of(
+        [&] { parse(transport::testing::subtree(json, two_levels_binary()), box_tiling(false)); });
   };
   EXPECT_EQ(message([](Json&) {}), "");
   EXPECT_THAT(message([](Json& j) { j.erase("tileAvailability"); }), HasSubstr("tileAvailability is missing"));
@@ -226,45 +232,45 @@ TEST(Subtree, faults_are_named) {
   EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteOffset"] = 15; }), HasSubstr("outside of its buffer"));
   EXPECT_THAT(message([](Json& j) { j["buffers"][0]["byteLength"] = 99; }), HasSubstr("binary part"));
   EXPECT_THAT(message([](Json& j) { j["contentAvailability"].push_back({{"constant", 1}}); }), HasSubstr("2 contents"));
-  const std::string whole = testing::subtree(two_levels(), two_levels_binary());
+  const std::string whole = transport::testing::subtree(two_levels(), two_levels_binary());
   for (std::size_t length = 0; length < whole.size(); length += 5) {
-    EXPECT_NE(error_of([&] { parse(whole.substr(0, length), box_tiling(false)); }), "") << length;
+    EXPECT_NE(base::testing::error_of([&] { parse(whole.substr(0, length), box_tiling(false)); }), "") << length;
   }
   ImplicitTiling deep = box_tiling(true, 8, 32);
-  EXPECT_THAT(error_of([&] {
+  EXPECT_THAT(base::testing::error_of([&] {
                 parse(R"({"tileAvailability":{"constant":1},"childSubtreeAvailability":{"constant":1}})", deep);
               }),
               HasSubstr("more than 1048576 tiles"));
 }
 
 Json implicit_tileset() {
-  Json root = testing::tile(testing::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
   root["refine"] = "REPLACE";
   root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"},
                             {"subtreeLevels", 2},
                             {"availableLevels", 4},
                             {"subtrees", {{"uri", "s/{level}.{x}.{y}.subtree"}}}};
-  return testing::tileset(root);
+  return transport::testing::tileset(root);
 }
 
 /// Two levels of subtrees, with a triangle for each of their tiles.
 class ImplicitSource : public MemorySource {
  public:
-  explicit ImplicitSource(const Json& tileset = implicit_tileset()) : MemorySource(tileset) {
-    add("s/0.0.0.subtree", testing::subtree(two_levels(), two_levels_binary()));
+  explicit ImplicitSource(const Json& tileset = implicit_tileset()) : transport::testing::MemorySource(tileset) {
+    add("s/0.0.0.subtree", transport::testing::subtree(two_levels(), two_levels_binary()));
     const Json leaf = {{"tileAvailability", {{"constant", 1}}},
                        {"contentAvailability", {{{"constant", 1}}}},
                        {"childSubtreeAvailability", {{"constant", 0}}}};
     add("s/2.3.1.subtree", leaf.dump());
-    add("s/2.1.2.subtree", testing::subtree(leaf));
+    add("s/2.1.2.subtree", transport::testing::subtree(leaf));
     for (const char* tile : {"0.0.0", "1.1.0", "1.0.1", "2.3.1", "2.1.2", "3.6.2", "3.7.2", "3.6.3", "3.7.3", "3.2.4",
                              "3.3.4", "3.2.5", "3.3.5"}) {
-      add("a/" + std::string(tile) + ".glb", testing::triangle_glb());
+      add("a/" + std::string(tile) + ".glb", transport::testing::triangle_glb());
     }
   }
 };
 
-TEST(ImplicitTiling, the_finest_cut_is_read_from_two_levels_of_subtrees) {
+TEST(ImplicitTiling, TheFinestCutIsReadFromTwoLevelsOfSubtrees) {
   ImplicitSource source;
   const LoadedTiles tiles = load_region(source, "t", {});
   EXPECT_TRUE(tiles.complete);
@@ -278,7 +284,7 @@ TEST(ImplicitTiling, the_finest_cut_is_read_from_two_levels_of_subtrees) {
   EXPECT_EQ(again.reads().count("s/2.3.1.subtree"), 0U);  // not needed, not read
 }
 
-TEST(ImplicitTiling, only_the_subtrees_of_the_region_are_read) {
+TEST(ImplicitTiling, OnlyTheSubtreesOfTheRegionAreRead) {
   ImplicitSource source;
   LoadOptions options;
   options.center_local = Vec3(7, -3, 0);
@@ -289,7 +295,7 @@ TEST(ImplicitTiling, only_the_subtrees_of_the_region_are_read) {
   EXPECT_EQ(source.reads().count("a/3.7.2.glb"), 1U);
 }
 
-TEST(ImplicitTiling, the_extension_of_1_0_reads_alike) {
+TEST(ImplicitTiling, TheExtensionOf10ReadsAlike) {
   Json tileset = implicit_tileset();
   tileset["asset"]["version"] = "1.0";
   tileset["extensionsRequired"] = {"3DTILES_implicit_tiling"};
@@ -302,10 +308,10 @@ TEST(ImplicitTiling, the_extension_of_1_0_reads_alike) {
   EXPECT_EQ(load_region(source, "t", {}).tiles_loaded, 8);
 }
 
-TEST(ImplicitTiling, a_missing_subtree_is_named_and_counted) {
+TEST(ImplicitTiling, AMissingSubtreeIsNamedAndCounted) {
   ImplicitSource source;
   source.remove("s/2.1.2.subtree");
-  EXPECT_THAT(error_of([&] { load_region(source, "t", {}); }),
+  EXPECT_THAT(base::testing::error_of([&] { load_region(source, "t", {}); }),
               HasSubstr("tile root: level 2, x 1, y 2: s/2.1.2.subtree: is missing"));
   const TilesetSummary summary = inspect_tileset(source);
   EXPECT_EQ(summary.failures.size(), 1U);
@@ -316,7 +322,7 @@ TEST(ImplicitTiling, a_missing_subtree_is_named_and_counted) {
   EXPECT_EQ(tiles.tiles_loaded, 4);
 }
 
-TEST(ImplicitTiling, inspect_counts_its_tiles) {
+TEST(ImplicitTiling, InspectCountsItsTiles) {
   ImplicitSource source;
   const TilesetSummary summary = inspect_tileset(source);
   EXPECT_EQ(summary.tiles, 13);
@@ -327,25 +333,28 @@ TEST(ImplicitTiling, inspect_counts_its_tiles) {
   EXPECT_EQ(summary.content_files_missing, 0);
 }
 
-TEST(ImplicitTiling, what_cannot_be_divided_is_refused) {
+TEST(ImplicitTiling, WhatCannotBeDividedIsRefused) {
   const auto message = [](const std::function<void(Json&)>& change) {
     Json tileset = implicit_tileset();
     change(tileset["root"]);
     ImplicitSource source(tileset);
-    return error_of([&] { load_region(source, "t", {}); });
+    return base::testing::error_of([&] { load_region(source, "t", {}); });
   };
   EXPECT_THAT(message([](Json& r) { r["boundingVolume"] = {{"sphere", {0, 0, 0, 1}}}; }), HasSubstr("is a sphere"));
-  EXPECT_THAT(
-      message([](Json& r) { r["children"] = Json::array({testing::tile(testing::box_volume(0, 0, 0, 1, 1, 1), 1)}); }),
-      HasSubstr("both implicitTiling and children"));
+  EXPECT_THAT(message([](Json& r) {
+                r["children"] =
+                    Json::array({transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1)});
+              }),
+              HasSubstr("both implicitTiling and children"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subdivisionScheme"] = "KD"; }), HasSubstr("'KD'"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subtreeLevels"] = 0; }), HasSubstr("subtreeLevels is 0"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["availableLevels"] = 99; }), HasSubstr("availableLevels"));
   EXPECT_THAT(message([](Json& r) { r["content"]["uri"] = "{w}.glb"; }), HasSubstr("{w}"));
 }
 
-TEST(ImplicitTiling, explicit_tiles_take_volumes_from_their_metadata) {
-  Json tileset = testing::tileset(testing::tile(testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb"));
+TEST(ImplicitTiling, ExplicitTilesTakeVolumesFromTheirMetadata) {
+  Json tileset = transport::testing::tileset(
+      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb"));
   tileset["schema"] = {
       {"classes",
        {{"t",
@@ -363,7 +372,7 @@ TEST(ImplicitTiling, explicit_tiles_take_volumes_from_their_metadata) {
   EXPECT_EQ(sphere.center, Vec3(1, 2, 3));
   EXPECT_EQ(sphere.radius_m, 4);
   EXPECT_EQ(read.tiles[0].geometric_error_m, 0.5);
-  // The same with the schema in a file of its own, and without warning or volume where that cannot be read.
+  // The same with the schema in a separate file, and with a warning and no volume if it cannot be read.
   Json outside = tileset;
   outside.erase("schema");
   outside["schemaUri"] = "schema.json";
@@ -379,16 +388,16 @@ TEST(ImplicitTiling, explicit_tiles_take_volumes_from_their_metadata) {
   EXPECT_THAT(without.warnings, ElementsAre(HasSubstr("schema.json: is missing")));
 }
 
-TEST(Selection, a_viewer_outside_of_the_request_volume_sees_nothing) {
-  Json root = testing::tile(testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb");
+TEST(Selection, AViewerOutsideOfTheRequestVolumeSeesNothing) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb");
   root["viewerRequestVolume"] = {{"sphere", {0, 0, 0, 20}}};
-  MemorySource source(testing::tileset(root));
+  MemorySource source(transport::testing::tileset(root));
   TilesetTree tree(source);
-  Wanted wanted = wanted_region({Vec3::Zero(), Vec3::Constant(100)}, geometry::SE3(), 0);
-  EXPECT_EQ(select_cut(tree, wanted).contents.size(), 1U);  // nobody looks: it is part of the place
+  RefinementCriterion wanted = region_criterion({Vec3::Zero(), Vec3::Constant(100)}, geometry::SE3(), 0);
+  EXPECT_EQ(select_cut(tree, wanted).contents.size(), 1U);  // no viewer: it is part of the site
   const auto viewer_at = [&](double x) {
-    wanted.holds_viewer = [x](const BoundingVolume& volume) {
-      return meets(volume, geometry::SE3(), geometry::Box3(Vec3(x, 0, 0), Vec3(x, 0, 0)));
+    wanted.contains_viewer = [x](const BoundingVolume& volume) {
+      return intersects(volume, geometry::SE3(), geometry::Box3(Vec3(x, 0, 0), Vec3(x, 0, 0)));
     };
     return select_cut(tree, wanted).contents.size();
   };
@@ -398,14 +407,16 @@ TEST(Selection, a_viewer_outside_of_the_request_volume_sees_nothing) {
 
 LoadedTiles load(const std::filesystem::path& file) { return load_region(file.string(), {}); }
 
-/// Every content of these stands inside its tile: the cells of a sparse cube, each a quarter or so of its cell.
-TEST(ImplicitTiling, real_sparse_trees) {
+/// Every content lies inside its tile: the cells of a sparse cube, each about a quarter of its cell.
+TEST(ImplicitTiling, RealSparseTrees) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1");
   const LoadedTiles quadtree = load(folder / "SparseImplicitQuadtree" / "tileset.json");
   EXPECT_EQ(quadtree.tiles_loaded, 32);
   const LoadedTiles octree = load(folder / "SparseImplicitOctree" / "tileset.json");
+  EXPECT_GT(octree.tiles_loaded, 0);
   EXPECT_EQ(octree.tiles_loaded, octree.tiles_wanted);
   for (const LoadedTiles* tiles : {&quadtree, &octree}) {
+    ASSERT_FALSE(tiles->meshes.empty());
     geometry::Box3 box;
     for (const imaging::TexturedMesh& mesh : tiles->meshes) box.extend(geometry::bounds(mesh.mesh));
     EXPECT_LT((box.min() - tiles->region.box().min()).norm(), 0.1);

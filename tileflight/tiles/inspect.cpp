@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <set>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/tiles/attribution.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/attribution.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/tileset_tree.h"
-#include "tileflight/tiles/uri.h"
+#include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -18,18 +18,19 @@ void add_distinct(const std::vector<std::string>& from, std::vector<std::string>
   }
 }
 
-/// Walks a whole tree, external tilesets included.
-class Inspection {
+/// Traverses a whole tree, including external tilesets.
+class TilesetInspector {
  public:
-  Inspection(TileSource& source, const Progress& progress) : source_(source), progress_(progress), tree_(source) {}
+  TilesetInspector(transport::TileSource& source, const Progress& progress)
+      : source_(source), progress_(progress), tree_(source) {}
 
   TilesetSummary run() {
     const Tileset& root = tree_.tileset(tree_.root());
     out_.version = root.version;
     out_.generator = root.generator;
     out_.geometric_error_m = root.geometric_error_m;
-    describe_place();
-    if (tree_.reading_waits()) read_ahead();
+    describe_location();
+    if (tree_.is_high_latency()) read_ahead();
     walk();
     describe_files();
     describe_contents();
@@ -37,7 +38,7 @@ class Inspection {
   }
 
  private:
-  void describe_place() {
+  void describe_location() {
     out_.georeferenced = is_georeferenced(tree_);
     const BoundingVolume volume = tree_.volume(tree_.root());
     geometry::SE3 T_local_tileset = out_.georeferenced ? geometry::SE3() : T_own_tileset(tree_);
@@ -45,25 +46,25 @@ class Inspection {
       out_.center = geometry::geodetic_from_ecef(center_of(volume));
       T_local_tileset = geometry::LocalFrame(*out_.center).T_local_ecef();
     }
-    out_.bounds_local = bounds_local(volume, T_local_tileset);
+    out_.bounds_local = local_bounding_box(volume, T_local_tileset);
   }
 
-  /// Files that the tree goes on in are read level by level, all of a level at once.
+  /// Reads nested files level by level, all files of a level at once.
   void read_ahead() {
     std::set<std::pair<NodeId, std::optional<std::size_t>>> tried;
     while (true) {
-      std::vector<TilesetTree::Branch> level = unread_branches();
+      std::vector<TilesetTree::NestedFile> level = unread_branches();
       std::erase_if(level, [&](const auto& branch) { return !tried.emplace(branch.node, branch.content).second; });
       if (level.empty()) return;
       report_progress(progress_, static_cast<std::int64_t>(tried.size()), 0, "reading the tree");
-      tree_.read_branches(level);
+      tree_.read_nested_files(level);
     }
   }
 
-  std::vector<TilesetTree::Branch> unread_branches() {
-    std::vector<TilesetTree::Branch> unread;
+  std::vector<TilesetTree::NestedFile> unread_branches() {
+    std::vector<TilesetTree::NestedFile> unread;
     std::vector<NodeId> pending = {tree_.root()};
-    const auto go_on = [&](const TilesetTree::Branch& branch) {
+    const auto go_on = [&](const TilesetTree::NestedFile& branch) {
       if (!tree_.is_read(branch)) return unread.push_back(branch);
       pending.push_back(branch.content ? tree_.external_root(branch.node, *branch.content)
                                        : tree_.implicit_root(branch.node));
@@ -71,13 +72,13 @@ class Inspection {
     while (!pending.empty()) {
       const NodeId id = pending.back();
       pending.pop_back();
-      if (tree_.tile(id).implicit) {
+      if (tree_.tile(id).implicit_subtree) {
         go_on({id, std::nullopt});
         continue;
       }
       for (const NodeId child : tree_.children(id)) pending.push_back(child);
       for (std::size_t content = 0; content < tree_.tile(id).contents.size(); ++content) {
-        if (uri_ending(tree_.tile(id).contents[content].uri) == "json") go_on({id, content});
+        if (transport::uri_extension(tree_.tile(id).contents[content].uri) == "json") go_on({id, content});
       }
     }
     return unread;
@@ -88,7 +89,7 @@ class Inspection {
     while (!pending.empty()) {
       const auto [id, level] = pending.back();
       pending.pop_back();
-      if (tree_.tile(id).implicit) {
+      if (tree_.tile(id).implicit_subtree) {
         if (const auto root = implicit_root(id)) pending.emplace_back(*root, level);
         continue;
       }
@@ -130,12 +131,12 @@ class Inspection {
     }
   }
 
-  /// Counts a content; the root of the tree below it, where it is an external tileset that can be read.
+  /// Counts a content; returns the root of the tree below it if it is a readable external tileset.
   std::optional<NodeId> visit_content(NodeId id, std::size_t content) {
     try {
       if (!tree_.is_external_tileset(id, content)) {
         const std::string uri = tree_.content_uri(id, content);
-        const std::string ending = uri_ending(uri);
+        const std::string ending = transport::uri_extension(uri);
         ++out_.contents[ending.empty() ? "unknown" : ending];
         if (content_uris_.insert(uri).second) contents_in_order_.push_back(uri);
         return std::nullopt;
@@ -149,7 +150,7 @@ class Inspection {
   }
 
   void describe_files() {
-    Attribution attribution;
+    tile_contents::AttributionCollector attribution;
     for (const auto& [uri, tileset] : tree_.files_read()) {
       attribution.add(tileset->copyright);
       add_distinct(tileset->extensions_used, out_.extensions_used);
@@ -161,10 +162,11 @@ class Inspection {
     out_.external_tilesets = static_cast<std::int64_t>(tree_.files_read().size()) - 1;
     for (const std::string& uri : sample_of_contents()) add_copyrights(uri, attribution);
     out_.attribution = source_.attribution();
-    add_distinct(attribution.sorted(), out_.attribution);
+    add_distinct(attribution.sorted_holders(), out_.attribution);
   }
 
-  /// Files that are there, or few from a server; none of one whose provider says itself who is to be named.
+  /// Contents to read for attribution: up to 64 local files, or 5 from a server; none if the provider itself states
+  /// whom to credit.
   std::vector<std::string> sample_of_contents() {
     constexpr std::size_t kOfFiles = 64, kOfServer = 5;
     constexpr std::uintmax_t kLargest_bytes = 64 << 20;
@@ -174,17 +176,18 @@ class Inspection {
     std::vector<std::string> sample;
     for (std::size_t i = 0; i < wanted; ++i) {
       const std::string& uri = contents_in_order_[i * all / wanted];
-      if (!is_here || is_data_uri(uri) || source_.size(uri).value_or(kLargest_bytes + 1) <= kLargest_bytes)
+      if (!is_here || transport::is_data_uri(uri) || source_.size(uri).value_or(kLargest_bytes + 1) <= kLargest_bytes)
         sample.push_back(uri);
     }
     return sample;
   }
 
-  void add_copyrights(const std::string& uri, Attribution& attribution) {
+  void add_copyrights(const std::string& uri, tile_contents::AttributionCollector& attribution) {
     try {
-      for (const std::string& copyright : copyrights_in(read_uri(source_, uri))) attribution.add(copyright);
+      for (const std::string& copyright : tile_contents::find_copyrights(transport::read_uri(source_, uri)))
+        attribution.add(copyright);
       ++out_.contents_read;
-    } catch (const InputError&) {  // whoever loads the tile is told
+    } catch (const InputError&) {  // reported to the caller that loads the tile
     }
   }
 
@@ -193,14 +196,14 @@ class Inspection {
     out_.content_sizes_known = source_.knows_sizes();
     if (!out_.content_sizes_known) return;
     for (const std::string& uri : content_uris_) {
-      if (is_data_uri(uri)) continue;
+      if (transport::is_data_uri(uri)) continue;
       const std::optional<std::uintmax_t> bytes = source_.size(uri);
       out_.content_bytes += static_cast<std::int64_t>(bytes.value_or(0));
       if (!bytes) ++out_.content_files_missing;
     }
   }
 
-  TileSource& source_;
+  transport::TileSource& source_;
   const Progress& progress_;
   TilesetTree tree_;
   TilesetSummary out_;
@@ -210,12 +213,13 @@ class Inspection {
 
 }  // namespace
 
-TilesetSummary inspect_tileset(TileSource& source, const Progress& progress) {
-  return Inspection(source, progress).run();
+TilesetSummary inspect_tileset(transport::TileSource& source, const Progress& progress) {
+  return TilesetInspector(source, progress).run();
 }
 
-TilesetSummary inspect_tileset(const std::string& source, const SourceOptions& options, const Progress& progress) {
-  const std::unique_ptr<TileSource> files = open_source(source, options);
+TilesetSummary inspect_tileset(const std::string& source, const transport::SourceOptions& options,
+                               const Progress& progress) {
+  const std::unique_ptr<transport::TileSource> files = transport::open_source(source, options);
   return inspect_tileset(*files, progress);
 }
 

@@ -3,34 +3,36 @@
 #include <gmock/gmock.h>
 
 #include "tests/test_data.h"
-#include "tileflight/tiles/attribution.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/tile_contents/attribution.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
-using testing::box_volume;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::Json;
-using testing::MemorySource;
 using ::testing::Pair;
-using testing::tile;
 using ::testing::UnorderedElementsAre;
+using transport::testing::box_volume;
+using transport::testing::Json;
+using transport::testing::MemorySource;
+using transport::testing::tile;
 
-TEST(InspectTileset, counts_what_is_there) {
-  Json root = tile(box_volume(0, 0, 0, 10, 20, 30), 8);
-  root["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 4, "a.glb"), tile(box_volume(0, 0, 0, 1, 1, 1), 2, "t.json"),
-                      tile(box_volume(0, 0, 0, 1, 1, 1), 3, "none.json")};
-  Json json = testing::tileset(root);
+TEST(InspectTileset, CountsWhatIsThere) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 20, 30), 8);
+  root["children"] = {transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 4, "a.glb"),
+                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 2, "t.json"),
+                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 3, "none.json")};
+  Json json = transport::testing::tileset(root);
   json["asset"]["copyright"] = "A";
   json["extensionsUsed"] = {"X", "Y"};
   json["extensionsRequired"] = {"Y"};
   MemorySource source(json);
-  Json inner = tile(box_volume(0, 0, 0, 1, 1, 1), 1, "a.glb");
+  Json inner = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "a.glb");
   inner["refine"] = "ADD";
-  inner["children"] = Json::array({tile(box_volume(0, 0, 0, 1, 1, 1), 0, "b.b3dm")});
-  Json external = testing::tileset(inner);
+  inner["children"] =
+      Json::array({transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, "b.b3dm")});
+  Json external = transport::testing::tileset(inner);
   external["asset"]["copyright"] = "B; A";
   source.add("t.json", external.dump());
   source.add("a.glb", std::string("12345"));
@@ -74,11 +76,12 @@ std::string with_copyright(const std::string& holder) {
   return Json{{"asset", {{"version", "2.0"}, {"copyright", holder}}}}.dump();
 }
 
-TEST(InspectTileset, attribution_is_that_of_tiles_too) {
-  Json root = tile(box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
-  root["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 4, "b.b3dm"), tile(box_volume(0, 0, 0, 1, 1, 1), 2, "c.gltf"),
-                      tile(box_volume(0, 0, 0, 1, 1, 1), 2, "broken.glb")};
-  MemorySource source(testing::tileset(root));
+TEST(InspectTileset, AttributionIsThatOfTilesToo) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
+  root["children"] = {transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 4, "b.b3dm"),
+                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 2, "c.gltf"),
+                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 2, "broken.glb")};
+  MemorySource source(transport::testing::tileset(root));
   source.add("root.glb", glb(with_copyright("Survey; City")));
   source.add("b.b3dm", "b3dm, whose header and tables do not matter here" + glb(with_copyright("City")));
   source.add("c.gltf", with_copyright("Other"));
@@ -88,31 +91,31 @@ TEST(InspectTileset, attribution_is_that_of_tiles_too) {
   EXPECT_EQ(s.contents_read, 4);
 }
 
-TEST(InspectTileset, attribution_is_of_a_sample_where_there_are_many_tiles) {
-  Json root = tile(box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
+TEST(InspectTileset, AttributionIsOfASampleWhereThereAreManyTiles) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
   root["children"] = Json::array();
   MemorySource source;
   for (int i = 0; i < 1000; ++i) {
     const std::string uri = std::to_string(i) + ".glb";
-    root["children"].push_back(tile(box_volume(0, 0, 0, 1, 1, 1), 0, uri));
+    root["children"].push_back(transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, uri));
     source.add(uri, glb(with_copyright("City")));
   }
   source.add("root.glb", glb(with_copyright("Root")));
-  source.add("tileset.json", testing::tileset(root).dump());
+  source.add("tileset.json", transport::testing::tileset(root).dump());
   const TilesetSummary s = inspect_tileset(source);
   EXPECT_THAT(s.attribution, ElementsAre("City", "Root"));
   EXPECT_EQ(s.contents_read, 64);
   EXPECT_EQ(s.content_files, 1001);
 }
 
-TEST(CopyrightsIn, survive_every_cut_of_a_tile) {
+TEST(CopyrightsIn, SurviveEveryCutOfATile) {
   const std::string whole = "b3dm" + std::string(24, '\0') + glb(with_copyright("A"));
   const auto bytes = std::as_bytes(std::span(whole.data(), whole.size()));
-  EXPECT_THAT(copyrights_in(bytes), ElementsAre("A"));
-  for (std::size_t size = 0; size < whole.size(); ++size) copyrights_in(bytes.first(size));
+  EXPECT_THAT(tile_contents::find_copyrights(bytes), ElementsAre("A"));
+  for (std::size_t size = 0; size < whole.size(); ++size) tile_contents::find_copyrights(bytes.first(size));
 }
 
-/// A source for which reading means waiting, and what it was told to read.
+/// A source with latency that records what it was asked to read.
 class SlowSource : public MemorySource {
  public:
   using MemorySource::MemorySource;
@@ -123,14 +126,16 @@ class SlowSource : public MemorySource {
   std::vector<std::vector<std::string>> announced;
 };
 
-TEST(InspectTileset, external_tilesets_of_a_level_are_asked_for_together) {
-  const Json volume = box_volume(0, 0, 0, 1, 1, 1);
-  Json root = tile(volume, 8);
-  root["children"] = {tile(volume, 4, "a.json"), tile(volume, 4, "gone.json"), tile(volume, 4, "b.json")};
-  SlowSource source(testing::tileset(root));
-  source.add("a.json", testing::tileset(tile(volume, 2, "c.json")).dump());
-  source.add("b.json", testing::tileset(tile(volume, 2, "d.json")).dump());
-  for (const char* name : {"c.json", "d.json"}) source.add(name, testing::tileset(tile(volume, 1, "e.glb")).dump());
+TEST(InspectTileset, ExternalTilesetsOfALevelAreAskedForTogether) {
+  const Json volume = transport::testing::box_volume(0, 0, 0, 1, 1, 1);
+  Json root = transport::testing::tile(volume, 8);
+  root["children"] = {transport::testing::tile(volume, 4, "a.json"), transport::testing::tile(volume, 4, "gone.json"),
+                      transport::testing::tile(volume, 4, "b.json")};
+  SlowSource source(transport::testing::tileset(root));
+  source.add("a.json", transport::testing::tileset(transport::testing::tile(volume, 2, "c.json")).dump());
+  source.add("b.json", transport::testing::tileset(transport::testing::tile(volume, 2, "d.json")).dump());
+  for (const char* name : {"c.json", "d.json"})
+    source.add(name, transport::testing::tileset(transport::testing::tile(volume, 1, "e.glb")).dump());
   const TilesetSummary s = inspect_tileset(source);
   EXPECT_EQ(s.external_tilesets, 4);
   EXPECT_EQ(s.tiles, 8);
@@ -140,19 +145,19 @@ TEST(InspectTileset, external_tilesets_of_a_level_are_asked_for_together) {
   EXPECT_THAT(source.announced[1], UnorderedElementsAre("c.json", "d.json"));
 }
 
-TEST(InspectTileset, machangara) {
+TEST(InspectTileset, Machangara) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/machangara_photogrammetry");
   const TilesetSummary s = inspect_tileset(folder.string());
   EXPECT_EQ(s.contents.at("b3dm"), 637);
   EXPECT_EQ(s.leaves, 462);
   EXPECT_EQ(s.content_files_missing, 0);
   EXPECT_FALSE(s.georeferenced);
-  // Its own frame is that of the survey, not the one that puts its middle at 0.
+  // Its own frame is that of the survey, not the one whose origin is its centre.
   EXPECT_NEAR(s.bounds_local.center().x(), 347.79, 0.01);
   EXPECT_NEAR(s.bounds_local.center().z(), 2891.59, 0.01);
 }
 
-TEST(InspectTileset, georeferenced) {
+TEST(InspectTileset, Georeferenced) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/paphos_agora_meshopt");
   const TilesetSummary s = inspect_tileset(folder.string());
   EXPECT_TRUE(s.georeferenced);
@@ -160,7 +165,7 @@ TEST(InspectTileset, georeferenced) {
   EXPECT_NEAR(s.center->longitude_deg, 32.41, 0.01);
 }
 
-TEST(InspectTileset, implicit_tiling_is_counted) {
+TEST(InspectTileset, ImplicitTilingIsCounted) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.1/SparseImplicitQuadtree");
   const TilesetSummary s = inspect_tileset(folder.string());
   EXPECT_EQ(s.tiles_unsupported, 0);
@@ -170,7 +175,7 @@ TEST(InspectTileset, implicit_tiling_is_counted) {
   EXPECT_EQ(s.content_files_missing, 0);
 }
 
-TEST(InspectTileset, a_full_quadtree_before_1_1) {
+TEST(InspectTileset, AFullQuadtreeBefore11) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/FullQuadtree");
   const TilesetSummary s = inspect_tileset(folder.string());
   EXPECT_EQ(s.subtrees, 1);

@@ -5,14 +5,14 @@
 #include <sstream>
 #include <utility>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/tiles/attribution.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/attribution.h"
 #include "tileflight/tiles/bounding_volume.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/selection.h"
-#include "tileflight/tiles/tile_source.h"
-#include "tileflight/tiles/uri.h"
+#include "tileflight/transport/tile_source.h"
+#include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -25,8 +25,8 @@ void add_distinct(const std::vector<std::string>& from, std::vector<std::string>
   }
 }
 
-/// Appends a content that was read to the result.
-void collect(ReadContent&& content, LoadedTiles& out, Attribution& attribution) {
+/// Appends a loaded content to the result.
+void collect(LoadedContent&& content, LoadedTiles& out, tile_contents::AttributionCollector& attribution) {
   ++out.tiles_loaded;
   for (TexturedMesh& mesh : content.meshes) {
     out.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
@@ -53,64 +53,67 @@ std::string gigabytes(std::uintmax_t bytes) {
   return text.str();
 }
 
-/// Whether no file of the tree that was read names anything to be shown.
+/// Whether no file read from the tree refers to any content.
 bool holds_nothing(const TilesetTree& tree) {
   const auto files = tree.files_read();
   return std::all_of(files.begin(), files.end(), [](const auto& file) {
     const std::vector<Tile>& tiles = file.second->tiles;
     return std::all_of(tiles.begin(), tiles.end(),
-                       [](const Tile& tile) { return tile.contents.empty() && !tile.implicit; });
+                       [](const Tile& tile) { return tile.contents.empty() && !tile.implicit_subtree; });
   });
 }
 
-/// Why a flight's pictures see no tile, and what to do.
-std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<Eye>& eyes) {
+/// Explains why a flight's images see no tile, and what to do.
+std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<ViewCone>& eyes) {
   geometry::Box3 flown;
-  for (const Eye& eye : eyes) flown.extend(eye.position);
-  const geometry::Box3 tileset = bounds_local(tree.volume(tree.root()), placement.T_local_tileset);
-  return "the flight sees nothing of the tileset: " + apart_text(flown, tileset, placement.local_frame);
+  for (const ViewCone& eye : eyes) flown.extend(eye.position);
+  const geometry::Box3 tileset = local_bounding_box(tree.volume(tree.root()), placement.T_local_tileset);
+  return "the flight sees nothing of the tileset: " + describe_separation(flown, tileset, placement.local_frame);
 }
 
-Wanted wanted(const Placement& placement, const LoadOptions& options, const EyeRange& part) {
-  if (!options.flight) return wanted_region(placement.region, placement.T_local_tileset, options.error_m);
-  return no_finer_than(wanted_flight(options.flight->eyes, placement.T_local_tileset, options.flight->error_px, part),
-                       options.error_m);
+RefinementCriterion make_criterion(const Placement& placement, const LoadOptions& options, const ViewConeRange& part) {
+  if (!options.flight) return region_criterion(placement.region, placement.T_local_tileset, options.error_m);
+  return limit_refinement(
+      flight_criterion(options.flight->view_cones, placement.T_local_tileset, options.flight->error_px, part),
+      options.error_m);
 }
 
-bool is_part(const LoadOptions& options) {
-  return options.flight && (options.flight->part.begin > 0 || options.flight->part.end < options.flight->eyes.size());
+bool is_partial_flight(const LoadOptions& options) {
+  return options.flight &&
+         (options.flight->part.begin > 0 || options.flight->part.end < options.flight->view_cones.size());
 }
 
-/// The cut that is read. A part's goes by the name of the whole flight's.
-TileCut cut_of(TilesetTree& tree, const Placement& placement, const LoadOptions& options, LoadedTiles& out) {
-  TileCut cut = select_cut(tree, wanted(placement, options, {}));
+/// Selects the cut to read. The cut of a part keeps the name (hash) of the whole flight's cut.
+TileCut select_flight_cut(TilesetTree& tree, const Placement& placement, const LoadOptions& options, LoadedTiles& out) {
+  TileCut cut = select_cut(tree, make_criterion(placement, options, {}));
   out.cut_hash = cut.hash;
   out.cut_size = static_cast<std::int64_t>(cut.contents.size());
-  return is_part(options) ? select_cut(tree, wanted(placement, options, options.flight->part)) : cut;
+  return is_partial_flight(options) ? select_cut(tree, make_criterion(placement, options, options.flight->part)) : cut;
 }
 
 }  // namespace
 
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress) {
-  const std::unique_ptr<TileSource> files = open_source(source, options.source);
-  return load_region(*files, shown_source(source), options, progress);
+  const std::unique_ptr<transport::TileSource> files = transport::open_source(source, options.source);
+  return load_region(*files, transport::redact_source(source), options, progress);
 }
 
-LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,
+LoadedTiles load_region(transport::TileSource& source, const std::string& name, const LoadOptions& options,
                         const Progress& progress) {
-  for (const Use use : options.uses) require_permitted(source.terms(), use, options.source.terms_accepted, name);
-  CountingSource counted(source);
+  for (const transport::Use use : options.uses)
+    transport::require_permitted(source.terms(), use, options.source.terms_accepted, name);
+  transport::CountingSource counted(source);
   report_progress(progress, 0, 0, "reading the tileset");
   TilesetTree tree(counted);
   require_supported_extensions(tree.tileset(tree.root()), name);
-  const Placement placement = place(tree, options, name);
+  const Placement placement = resolve_placement(tree, options, name);
   LoadedTiles out;
-  const TileCut cut = cut_of(tree, placement, options, out);
-  if (cut.contents.empty() && cut.failures.empty() && !is_part(options)) {
+  const TileCut cut = select_flight_cut(tree, placement, options, out);
+  if (cut.contents.empty() && cut.failures.empty() && !is_partial_flight(options)) {
     if (holds_nothing(tree)) throw InputError(name, "the tileset holds nothing: none of its tiles has a content");
-    if (options.flight) throw InputError(name, nothing_seen(tree, placement, options.flight->eyes));
-    throw InputError(name, "no tile with content meets the region " + extent_text(placement.region.box()) +
-                               "; the tileset spans " + extent_text(tree));
+    if (options.flight) throw InputError(name, nothing_seen(tree, placement, options.flight->view_cones));
+    throw InputError(name, "no tile with content meets the region " + describe_extent(placement.region.box()) +
+                               "; the tileset spans " + describe_extent(tree));
   }
 
   out.local_frame = placement.local_frame;
@@ -121,15 +124,16 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   add_distinct(source.warnings(), out.warnings);
   for (const std::string& failure : cut.failures) fail(failure, options, out);
 
-  Attribution attribution;
-  std::vector<ReadContent> contents =
+  tile_contents::AttributionCollector attribution;
+  std::vector<LoadedContent> contents =
       read_cut(counted, tree, cut, placement.T_local_tileset, options.textures, progress, options.max_memory_bytes);
   if (contents.size() < cut.contents.size()) {
-    throw MemoryExceeded(name, "what is wanted needs more than " + gigabytes(options.max_memory_bytes) +
-                                   " of memory: ask for less (--size), for coarser tiles (--error, --pixel-error), or "
-                                   "allow more (--memory)");
+    throw MemoryLimitExceeded(name,
+                              "what is wanted needs more than " + gigabytes(options.max_memory_bytes) +
+                                  " of memory: ask for less (--size), for coarser tiles (--error, --pixel-error), or "
+                                  "allow more (--memory)");
   }
-  for (ReadContent& content : contents) {
+  for (LoadedContent& content : contents) {
     if (content.failure.empty()) {
       collect(std::move(content), out, attribution);
     } else {
@@ -138,10 +142,10 @@ LoadedTiles load_region(TileSource& source, const std::string& name, const LoadO
   }
   for (const auto& [uri, tileset] : tree.files_read()) attribution.add(tileset->copyright);
   add_distinct(tree.warnings(), out.warnings);
-  add_distinct(source.warnings(), out.warnings);  // of reading, too
+  add_distinct(source.warnings(), out.warnings);  // including warnings of the reads
   out.terms = source.terms();
   out.attribution = source.attribution();
-  add_distinct(attribution.sorted(), out.attribution);
+  add_distinct(attribution.sorted_holders(), out.attribution);
   out.complete = out.tiles_failed == 0;
   out.bytes_read = counted.bytes();
   return out;

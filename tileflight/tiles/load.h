@@ -8,94 +8,94 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/progress.h"
 #include "tileflight/geometry/geodesy.h"
-#include "tileflight/geometry/input_error.h"
 #include "tileflight/geometry/point_cloud.h"
-#include "tileflight/geometry/progress.h"
 #include "tileflight/imaging/textured_mesh.h"
-#include "tileflight/tiles/open_source.h"
 #include "tileflight/tiles/region.h"
-#include "tileflight/tiles/viewing.h"
+#include "tileflight/tiles/view_criteria.h"
+#include "tileflight/transport/open_source.h"
 
 namespace tileflight::tiles {
 
-/// A flight whose pictures a load has to serve (viewing.h).
-struct FlightNeed {
-  std::vector<Eye> eyes;  ///< local frame; one a picture
-  double error_px = 1.0;  ///< a tile may err by so many pixels where the flight is nearest to it
-  EyeRange part;          ///< read only what these eyes look at, out of the one cut for all
+/// A flight whose images a loaded scene must support (view_criteria.h).
+struct FlightSelection {
+  std::vector<ViewCone> view_cones;  ///< local frame; one per image
+  double error_px = 1.0;             ///< allowed error of a tile, pixels, where the flight is nearest to it
+  ViewConeRange part;                ///< loads only the tiles of the common cut that these view cones see
 };
 
-/// What is wanted does not fit into LoadOptions::max_memory_bytes.
-class MemoryExceeded : public InputError {
+/// The selected contents do not fit into LoadOptions::max_memory_bytes.
+class MemoryLimitExceeded : public InputError {
  public:
   using InputError::InputError;
 };
 
-/// What part of which place, how fine.
+/// Which part of which site to load, at which level of detail.
 struct LoadOptions {
-  /// Where the region is, one of: a geodetic centre, or a local one (tileset that is not georeferenced, or local to
-  /// `origin`). A height (z) of NaN means that none was given: the middle of the tileset's own extent is taken.
+  /// Centre of the region, either geodetic or local (for a tileset that is not georeferenced, or relative to `origin`).
+  /// A height (z) of NaN means unspecified: the centre of the tileset's extent is used.
   std::optional<geometry::Geodetic> center;
   std::optional<geometry::Vec3> center_local;
-  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, else InputError.
-  /// An up of 0 or NaN means that none was given: the region is as high as the tileset. A size without a centre lies
-  /// about the tileset's middle; a centre without a size is an InputError.
+  /// Metres east, north, up. Without centre and size: the whole tileset if it covers less than 4 km2, otherwise
+  /// InputError. An up of 0 or NaN means unspecified: the region has the tileset's height. A size without a centre is
+  /// placed at the tileset's centre; a centre without a size is an InputError.
   std::optional<geometry::Vec3> size;
-  bool whole_however_large = false;  ///< the whole tileset may cover more than that
-  /// Polygons instead of the box: what lies in any of them is wanted, and `center` and `size` only place the frame and
-  /// give the heights that an area does not name. They need a frame on the Earth.
+  bool allow_large_area = false;  ///< the whole tileset may exceed that limit
+  /// Polygons instead of the box: the region is their union; `center` and `size` only place the frame and give heights
+  /// that an area does not state. Requires a georeferenced frame.
   std::vector<GeographicArea> areas;
-  /// Geometric error wanted, metres; 0: the finest there is.
+  /// Requested geometric error, metres; 0: the finest level.
   double error_m = 0.0;
-  /// Origin of the local frame of a georeferenced tileset; default: the region's centre on the ellipsoid
-  /// (height = the region's centre height), else the centre of the root's bounding volume. With a tileset that is not
-  /// georeferenced: its frame is taken as the east-north-up frame at this origin (whose height is that of its z = 0).
+  /// Origin of the local frame of a georeferenced tileset; default: the region's centre on the ellipsoid (height = the
+  /// region's centre height), else the centre of the root's bounding volume. For a tileset that is not georeferenced:
+  /// its frame is taken as the east-north-up frame at this origin (whose height is that of its z = 0).
   std::optional<geometry::Geodetic> origin;
-  /// Instead of what a region holds: what a flight looks at, as fine as it sees. No tile is refined beyond `error_m`.
-  /// Centre and size then only place the local frame, and are not needed.
-  std::optional<FlightNeed> flight;
-  /// Missing or broken tiles: false, throw InputError that names the first; true, go on without, `complete` is false.
+  /// Instead of a region: selects what a flight sees, at the resolution it needs. No tile is refined beyond `error_m`.
+  /// Centre and size then only place the local frame, and are optional.
+  std::optional<FlightSelection> flight;
+  /// Missing or broken tiles: false, throw InputError for the first; true, continue without them, `complete` is false.
   bool allow_incomplete = false;
-  /// Of what is read, with the trees that rays need (memory_bytes of cut_reader.h). What needs more is a
-  /// MemoryExceeded, told before it is all there.
+  /// Memory limit for loaded contents, including acceleration structures (memory_bytes of cut_reader.h). Throws
+  /// MemoryLimitExceeded before everything is read.
   std::uintmax_t max_memory_bytes = std::numeric_limits<std::uintmax_t>::max();
-  /// Read textures (off for ground truth only).
+  /// Whether to read textures (not needed for ground truth).
   bool textures = true;
-  /// How a source that is named is opened, and whether its terms are accepted.
-  SourceOptions source;
-  /// What the tiles are for: refused before any is read where the source's terms forbid it.
-  std::vector<Use> uses;
+  /// How `source` is opened, and whether its terms are accepted.
+  transport::SourceOptions source;
+  /// Intended uses of the tiles: refused before any tile is read if the source's terms forbid one.
+  std::vector<transport::Use> uses;
 };
 
-/// A cut of the tree as meshes in the local frame, and whether it is whole.
+/// A cut of the tree as meshes in the local frame, and whether it is complete.
 struct LoadedTiles {
-  std::vector<imaging::TexturedMesh> meshes;  ///< local frame, in the cut's defined order
-  std::vector<geometry::PointCloud> clouds;   ///< points that carry no surface, likewise
+  std::vector<imaging::TexturedMesh> meshes;  ///< local frame, in the order of the cut
+  std::vector<geometry::PointCloud> clouds;   ///< points without surface, likewise
   std::optional<geometry::LocalFrame>
-      local_frame;                ///< nullopt: not georeferenced, local is the tileset's own z-up frame
+      local_frame;                ///< nullopt: not georeferenced; local is the tileset's own z-up frame
   Region region;                  ///< in the local frame
   std::int64_t tiles_wanted = 0;  ///< contents of the cut, and parts of the tree that could not be followed
   std::int64_t tiles_loaded = 0;
   std::int64_t tiles_failed = 0;
-  std::vector<std::string> failures;  ///< one line a failed tile
+  std::vector<std::string> failures;  ///< one line per failed tile
   bool complete = false;
   double geometric_error_max_m = 0.0;  ///< largest geometric error in the cut
   std::int64_t triangles = 0;
   std::int64_t points = 0;  ///< of all clouds
   std::int64_t bytes_read = 0;
-  std::int64_t cut_size = 0;             ///< contents of the cut that cut_hash names
-  std::string cut_hash;                  ///< SHA-256 over the ordered tile identities; of the whole cut for a flight
+  std::int64_t cut_size = 0;             ///< number of contents covered by cut_hash
+  std::string cut_hash;                  ///< SHA-256 over the ordered tile identities; for a flight, of the whole cut
   std::vector<std::string> attribution;  ///< distinct, most frequent first
-  Terms terms;                           ///< of the source
+  transport::TermsOfUse terms;           ///< of the source
   std::vector<std::string> warnings;     ///< distinct
 };
 
-/// Selects and reads the cut that covers the region at the error wanted. Only contents of the cut are read, no
-/// ancestors. `source`: as open_source takes it (open_source.h). Throws InputError.
+/// Selects and reads the cut that covers the region at the requested error. Only contents of the cut are read, not
+/// those of ancestors. `source`: as in open_source (open_source.h). Throws InputError.
 LoadedTiles load_region(const std::string& source, const LoadOptions& options, const Progress& progress = {});
-/// The same from any source of bytes; `name` stands in messages.
-LoadedTiles load_region(TileSource& source, const std::string& name, const LoadOptions& options,
+/// Overload for any byte source; `name` is used in messages.
+LoadedTiles load_region(transport::TileSource& source, const std::string& name, const LoadOptions& options,
                         const Progress& progress = {});
 
 }  // namespace tileflight::tiles

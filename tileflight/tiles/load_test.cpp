@@ -8,51 +8,53 @@
 
 #include "tests/test_data.h"
 #include "tileflight/imaging/image_files.h"
-#include "tileflight/tiles/test_tilesets.h"
-#include "tileflight/tiles/tile_source.h"
+#include "tileflight/transport/test_tilesets.h"
+#include "tileflight/transport/tile_source.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
 using geometry::Box3;
 using geometry::Vec3;
-using testing::b3dm;
-using testing::box_volume;
 using ::testing::ElementsAre;
-using testing::error_of;
-using testing::GltfWriter;
 using ::testing::HasSubstr;
-using testing::Json;
-using testing::MemorySource;
-using testing::tile;
-using testing::triangle_glb;
+using transport::testing::b3dm;
+using transport::testing::box_volume;
+using transport::testing::GltfWriter;
+using transport::testing::Json;
+using transport::testing::MemorySource;
+using transport::testing::tile;
+using transport::testing::triangle_glb;
 
 LoadedTiles load(MemorySource& source, const LoadOptions& options = {}) {
   return load_region(source, "place", options);
 }
 
-/// A triangle of 2 m about x, in a tile of its own.
-Json leaf(double x, const std::string& uri) { return tile(box_volume(x, 0, 0, 2, 2, 2), 0, uri); }
+/// A triangle of 2 m around x, in its own tile.
+Json leaf(double x, const std::string& uri) {
+  return transport::testing::tile(transport::testing::box_volume(x, 0, 0, 2, 2, 2), 0, uri);
+}
 
-std::string triangle_at(float x) { return triangle_glb({x - 1, 0, 0, x + 1, 0, 0, x, 1, 0}); }
+std::string triangle_at(float x) { return transport::testing::triangle_glb({x - 1, 0, 0, x + 1, 0, 0, x, 1, 0}); }
 
 /// Two leaves side by side below a coarse root.
 class LoadRegion : public ::testing::Test {
  protected:
   LoadRegion() {
-    Json root = tile(box_volume(0, 0, 0, 10, 2, 2), 5, "root.glb");
+    Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5, "root.glb");
     root["children"] = {leaf(-5, "west.b3dm"), leaf(5, "east.glb")};
-    Json json = testing::tileset(root);
+    Json json = transport::testing::tileset(root);
     json["asset"]["copyright"] = "Survey; City";
     source_.add("tileset.json", json.dump());
     source_.add("root.glb", triangle_at(0));
-    source_.add("west.b3dm", b3dm(triangle_at(-5)));
+    source_.add("west.b3dm", transport::testing::b3dm(triangle_at(-5)));
     source_.add("east.glb", triangle_at(5));
   }
   MemorySource source_;
 };
 
-TEST_F(LoadRegion, whole_tileset_in_order) {
+TEST_F(LoadRegion, WholeTilesetInOrder) {
   const LoadedTiles tiles = load(source_);
   EXPECT_EQ(tiles.tiles_wanted, 2);
   EXPECT_EQ(tiles.tiles_loaded, 2);
@@ -68,7 +70,7 @@ TEST_F(LoadRegion, whole_tileset_in_order) {
   EXPECT_EQ(tiles.region.size, Vec3(20, 4, 4));
 }
 
-TEST_F(LoadRegion, reads_only_the_cut) {
+TEST_F(LoadRegion, ReadsOnlyTheCut) {
   LoadOptions options;
   options.center_local = Vec3(5, 0, 0);
   options.size = Vec3(4, 4, 4);
@@ -83,9 +85,9 @@ TEST_F(LoadRegion, reads_only_the_cut) {
   EXPECT_NE(coarse.cut_hash, tiles.cut_hash);
 }
 
-TEST_F(LoadRegion, missing_tile_is_named_or_counted) {
+TEST_F(LoadRegion, MissingTileIsNamedOrCounted) {
   source_.remove("west.b3dm");
-  EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("west.b3dm: is missing"));
+  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is missing"));
   LoadOptions options;
   options.allow_incomplete = true;
   const LoadedTiles tiles = load(source_, options);
@@ -96,17 +98,18 @@ TEST_F(LoadRegion, missing_tile_is_named_or_counted) {
   EXPECT_THAT(tiles.failures, ElementsAre("west.b3dm: is missing"));
 }
 
-TEST_F(LoadRegion, first_failure_is_named_whatever_the_threads_do) {
+TEST_F(LoadRegion, FirstFailureIsNamedWhateverTheThreadsDo) {
   source_.add("west.b3dm", std::string("garbage garbage"));
   source_.remove("east.glb");
-  for (int i = 0; i < 20; ++i) EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("west.b3dm: is no tile"));
+  for (int i = 0; i < 20; ++i)
+    EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is no tile"));
 }
 
-TEST_F(LoadRegion, missing_external_tileset_is_named_or_counted) {
-  Json root = tile(box_volume(0, 0, 0, 10, 2, 2), 5);
+TEST_F(LoadRegion, MissingExternalTilesetIsNamedOrCounted) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5);
   root["children"] = {leaf(-5, "west.json"), leaf(5, "east.glb")};
-  source_.add("tileset.json", testing::tileset(root).dump());
-  EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("tile root/0: west.json: is missing"));
+  source_.add("tileset.json", transport::testing::tileset(root).dump());
+  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("tile root/0: west.json: is missing"));
   LoadOptions options;
   options.allow_incomplete = true;
   const LoadedTiles tiles = load(source_, options);
@@ -115,22 +118,22 @@ TEST_F(LoadRegion, missing_external_tileset_is_named_or_counted) {
   EXPECT_EQ(tiles.tiles_failed, 1);
 }
 
-TEST_F(LoadRegion, empty_region_names_the_extent) {
+TEST_F(LoadRegion, EmptyRegionNamesTheExtent) {
   LoadOptions options;
   options.center_local = Vec3(500, 0, 0);
   options.size = Vec3(4, 4, 4);
-  const std::string message = error_of([&] { load(source_, options); });
+  const std::string message = base::testing::error_of([&] { load(source_, options); });
   EXPECT_THAT(message, HasSubstr("no tile with content meets the region x 498.0 … 502.0"));
   EXPECT_THAT(message, HasSubstr("spans x -10.0 … 10.0"));
 }
 
-TEST_F(LoadRegion, flight_that_sees_nothing_is_told_where_it_is) {
+TEST_F(LoadRegion, FlightThatSeesNothingIsToldWhereItIs) {
   LoadOptions options;
   const auto message_from = [&](const std::vector<Vec3>& positions) {
-    options.flight = FlightNeed{};
+    options.flight = FlightSelection{};
     for (const Vec3& position : positions)
-      options.flight->eyes.push_back({position, Vec3::UnitZ(), 0.5, 1000.0});  // upwards
-    return error_of([&] { load(source_, options); });
+      options.flight->view_cones.push_back({position, Vec3::UnitZ(), 0.5, 1000.0});  // upwards
+    return base::testing::error_of([&] { load(source_, options); });
   };
   const std::string far = message_from({Vec3(500, 0, 30), Vec3(510, 5, 31)});
   EXPECT_THAT(far, HasSubstr("the flight sees nothing of the tileset: it flies at x 500.0 … 510.0, y 0.0 … 5.0, z 30.0 "
@@ -140,16 +143,18 @@ TEST_F(LoadRegion, flight_that_sees_nothing_is_told_where_it_is) {
   EXPECT_THAT(above, HasSubstr(", 10 m away; check where it looks (pitch_deg -90 is straight down"));
 }
 
-TEST_F(LoadRegion, tileset_without_content_says_so) {
-  source_.add("tileset.json", testing::tileset(tile(box_volume(0, 0, 0, 10, 2, 2), 5)).dump());
-  EXPECT_THAT(error_of([&] { load(source_); }), HasSubstr("the tileset holds nothing"));
+TEST_F(LoadRegion, TilesetWithoutContentSaysSo) {
+  source_.add("tileset.json", transport::testing::tileset(
+                                  transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5))
+                                  .dump());
+  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("the tileset holds nothing"));
 }
 
-TEST_F(LoadRegion, wrong_options_are_told) {
+TEST_F(LoadRegion, WrongOptionsAreTold) {
   const auto message = [&](const auto& change) {
     LoadOptions options;
     change(options);
-    return error_of([&] { load(source_, options); });
+    return base::testing::error_of([&] { load(source_, options); });
   };
   EXPECT_THAT(message([](LoadOptions& o) {
                 o.center = geometry::Geodetic{1, 2, {0}};
@@ -167,7 +172,7 @@ TEST_F(LoadRegion, wrong_options_are_told) {
               HasSubstr("not both"));
 }
 
-TEST_F(LoadRegion, height_not_given_spans_the_tileset) {
+TEST_F(LoadRegion, HeightNotGivenSpansTheTileset) {
   LoadOptions options;
   options.center_local = Vec3(5, 0, NAN);
   options.size = Vec3(4, 4, 0);
@@ -178,7 +183,7 @@ TEST_F(LoadRegion, height_not_given_spans_the_tileset) {
   EXPECT_EQ(load(source_, options).region.size.z(), 6);  // as far below 1 as the tileset reaches
 }
 
-TEST_F(LoadRegion, origin_gives_a_place_to_a_tileset_without_one) {
+TEST_F(LoadRegion, OriginGivesAPlaceToATilesetWithoutOne) {
   LoadOptions options;
   options.origin = geometry::Geodetic{-0.24, -78.52, {0}};
   options.size = Vec3(4, 4, 4);
@@ -191,15 +196,15 @@ TEST_F(LoadRegion, origin_gives_a_place_to_a_tileset_without_one) {
   EXPECT_EQ(tiles.meshes.at(0).mesh.vertices[0], Vec3(4, 0, 0));
 }
 
-/// A georeferenced place: the tree's frame is the Earth's, by a transform that also scales.
-TEST(LoadRegionOnEarth, local_frame_is_east_north_up_at_the_centre) {
+/// A georeferenced site: the tree's frame is earth-centred, by a transform that also scales.
+TEST(LoadRegionOnEarth, LocalFrameIsEastNorthUpAtTheCentre) {
   const geometry::LocalFrame site({48.0, 11.0, {500}});
-  Json root = tile(box_volume(0, 0, 0, 10, 10, 10), 0, "a.glb");
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 10, 10), 0, "a.glb");
   geometry::Mat4 T = site.T_ecef_local().matrix();
   T.topLeftCorner<3, 3>() *= 2;
   root["transform"] = std::vector<double>(T.data(), T.data() + 16);
-  MemorySource source(testing::tileset(root));
-  source.add("a.glb", triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10}));
+  MemorySource source(transport::testing::tileset(root));
+  source.add("a.glb", transport::testing::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10}));
   const LoadedTiles whole = load(source);
   ASSERT_TRUE(whole.local_frame.has_value());
   EXPECT_NEAR(whole.local_frame->origin().latitude_deg, 48, 1e-9);
@@ -226,33 +231,34 @@ TEST(LoadRegionOnEarth, local_frame_is_east_north_up_at_the_centre) {
   LoadOptions local;
   local.center_local = Vec3(0, 0, 0);
   local.size = Vec3(1, 1, 1);
-  EXPECT_THAT(error_of([&] { load(source, local); }), HasSubstr("is georeferenced: give --center"));
+  EXPECT_THAT(base::testing::error_of([&] { load(source, local); }), HasSubstr("is georeferenced: give --center"));
 }
 
-TEST(LoadRegionOnEarth, a_large_place_wants_a_centre) {
-  MemorySource source(testing::tileset(tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
-  const std::string message = error_of([&] { load(source); });
+TEST(LoadRegionOnEarth, ALargePlaceWantsACentre) {
+  MemorySource source(
+      transport::testing::tileset(transport::testing::tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
+  const std::string message = base::testing::error_of([&] { load(source); });
   EXPECT_THAT(message, HasSubstr("more than 4 km²; give --center and --size"));
   EXPECT_THAT(message, HasSubstr("about latitude 46.1"));
 }
 
-TEST(LoadRegionOnEarth, the_globe_does_not_tell_the_height_of_the_ground) {
-  Json root = tile(box_volume(0, 0, 0, 7e6, 7e6, 7e6), 1e6);
-  MemorySource source(testing::tileset(root));
+TEST(LoadRegionOnEarth, TheGlobeDoesNotTellTheHeightOfTheGround) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 7e6, 7e6, 7e6), 1e6);
+  MemorySource source(transport::testing::tileset(root));
   LoadOptions options;
   options.center = geometry::Geodetic{48, 11, {NAN}};
   options.size = Vec3(100, 100, 0);
-  EXPECT_THAT(error_of([&] { load(source, options); }), HasSubstr("give the height"));
+  EXPECT_THAT(base::testing::error_of([&] { load(source, options); }), HasSubstr("give the height"));
 }
 
-TEST(LoadRegionFiles, one_file_in_many_places_is_read_once) {
-  Json root = tile(box_volume(0, 0, 0, 100, 100, 100), 5);
+TEST(LoadRegionFiles, OneFileInManyPlacesIsReadOnce) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 100), 5);
   for (int i = 0; i < 10; ++i) {
-    Json child = tile(box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb");
+    Json child = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb");
     child["transform"] = {i % 2 == 0 ? 1 : -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10 * i, 0, 0, 1};
     root["children"].push_back(child);
   }
-  MemorySource source(testing::tileset(root));
+  MemorySource source(transport::testing::tileset(root));
   source.add("a.glb", triangle_at(0));
   const LoadedTiles tiles = load(source);
   EXPECT_EQ(source.reads().at("a.glb"), 1);
@@ -262,12 +268,12 @@ TEST(LoadRegionFiles, one_file_in_many_places_is_read_once) {
   EXPECT_EQ(tiles.meshes[5].mesh.triangles[0], (geometry::Triangle{0, 2, 1}));
 }
 
-TEST(LoadRegionFiles, a_texture_that_tiles_share_is_decoded_once) {
-  Json root = tile(box_volume(0, 0, 0, 100, 100, 100), 5);
+TEST(LoadRegionFiles, ATextureThatTilesShareIsDecodedOnce) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 100), 5);
   MemorySource source;
   for (int i = 0; i < 8; ++i) {
     const std::string uri = "sub/" + std::to_string(i) + ".glb";
-    root["children"].push_back(tile(box_volume(0, 0, 0, 2, 2, 2), 0, uri));
+    root["children"].push_back(transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
     GltfWriter writer;
     writer.json()["images"] = {{{"uri", "../shared.png"}}};
     writer.json()["textures"] = {{{"source", 0}}};
@@ -277,47 +283,52 @@ TEST(LoadRegionFiles, a_texture_that_tiles_share_is_decoded_once) {
     writer.add_primitive({{"attributes", {{"POSITION", positions}, {"TEXCOORD_0", uv}}}, {"material", 0}});
     source.add(uri, writer.glb());
   }
-  source.add("tileset.json", testing::tileset(root).dump());
+  source.add("tileset.json", transport::testing::tileset(root).dump());
   source.add("shared.png", imaging::encode_png(imaging::RgbImage(4, 4, {1, 2, 3})));
   const LoadedTiles tiles = load(source);
   EXPECT_EQ(source.reads().at("shared.png"), 1);
+  ASSERT_GT(tiles.meshes.size(), 1U);
   for (const imaging::TexturedMesh& mesh : tiles.meshes) EXPECT_EQ(mesh.texture, tiles.meshes[0].texture);
   source.add("shared.png", std::string("garbage"));
-  EXPECT_THAT(error_of([&] { load(source); }), HasSubstr("shared.png"));
+  EXPECT_THAT(base::testing::error_of([&] { load(source); }), HasSubstr("shared.png"));
   LoadOptions bare;
   bare.textures = false;
   EXPECT_TRUE(load(source, bare).complete);
 }
 
-TEST(LoadRegionFiles, tilesets_up_axis_turns_its_contents) {
-  Json json = testing::tileset(tile(box_volume(0, 0, 0, 9, 9, 9), 0, "a.glb"));
+TEST(LoadRegionFiles, TilesetsUpAxisTurnsItsContents) {
+  Json json = transport::testing::tileset(
+      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 9, 9, 9), 0, "a.glb"));
   json["asset"]["gltfUpAxis"] = "Z";
   MemorySource source(json);
-  source.add("a.glb", triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 9}));
+  source.add("a.glb", transport::testing::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 9}));
   EXPECT_EQ(load(source).meshes.at(0).mesh.vertices[0], Vec3(1, 2, 3));
 }
 
-TEST(LoadRegionFiles, data_uri_as_content) {
-  // triangle_glb in base64 would hide what is tested; percent escapes carry any byte too.
+TEST(LoadRegionFiles, DataUriAsContent) {
+  // Percent escapes can carry any byte; base64 would hide the tested characters.
   std::string escaped;
-  for (const char c : triangle_glb()) {
+  for (const char c : transport::testing::triangle_glb()) {
     char code[4];
     std::snprintf(code, sizeof code, "%%%02X", static_cast<unsigned char>(c));
     escaped += code;
   }
-  MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 2, 2, 2), 0, "data:model/gltf-binary," + escaped)));
+  MemorySource source(transport::testing::tileset(transport::testing::tile(
+      transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "data:model/gltf-binary," + escaped)));
   EXPECT_EQ(load(source).triangles, 1);
 }
 
-TEST(LoadRegionFiles, required_extensions_are_refused_by_name) {
-  Json json = testing::tileset(tile(box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb"));
+TEST(LoadRegionFiles, RequiredExtensionsAreRefusedByName) {
+  Json json = transport::testing::tileset(
+      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb"));
   json["extensionsRequired"] = {"ACME_secret"};
   MemorySource source(json);
-  EXPECT_THAT(error_of([&] { load(source); }), HasSubstr("ACME_secret"));
+  EXPECT_THAT(base::testing::error_of([&] { load(source); }), HasSubstr("ACME_secret"));
 }
 
-TEST(LoadRegionFiles, progress_reaches_the_end) {
-  MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb")));
+TEST(LoadRegionFiles, ProgressReachesTheEnd) {
+  MemorySource source(transport::testing::tileset(
+      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb")));
   source.add("a.glb", triangle_at(0));
   std::int64_t last = 0;
   load_region(source, "place", {}, [&](std::int64_t done, std::int64_t total, std::string_view) {
@@ -341,8 +352,8 @@ double area_of(const LoadedTiles& tiles) {
   return area_m2;
 }
 
-/// Counts and area by another program: docs of the test data.
-TEST(LoadRegionRealData, machangara_whole) {
+/// Counts and area from another program: see the docs of the test data.
+TEST(LoadRegionRealData, MachangaraWhole) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/machangara_photogrammetry");
   LoadOptions options;
   options.textures = false;
@@ -355,7 +366,7 @@ TEST(LoadRegionRealData, machangara_whole) {
   EXPECT_NEAR(bounds_of(tiles).center().z(), 2891.5, 1);
 }
 
-TEST(LoadRegionRealData, machangara_middle) {
+TEST(LoadRegionRealData, MachangaraMiddle) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/machangara_photogrammetry");
   LoadOptions options;
   options.center_local = Vec3(347.8, -131.4, 2893);
@@ -375,7 +386,7 @@ TEST(LoadRegionRealData, machangara_middle) {
   EXPECT_EQ(touching, 838435);
 }
 
-TEST(LoadRegionRealData, same_result_for_any_number_of_threads) {
+TEST(LoadRegionRealData, SameResultForAnyNumberOfThreads) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/machangara_photogrammetry");
   LoadOptions options;
   options.center_local = Vec3(347.8, -131.4, 2893);
@@ -393,7 +404,7 @@ TEST(LoadRegionRealData, same_result_for_any_number_of_threads) {
   }
 }
 
-TEST(LoadRegionRealData, meshopt_and_quantised_and_webp) {
+TEST(LoadRegionRealData, MeshoptAndQuantisedAndWebp) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/paphos_agora_meshopt");
   const LoadedTiles tiles = load_region(folder.string(), {});
   EXPECT_EQ(tiles.tiles_loaded, 7);

@@ -9,12 +9,12 @@
 
 #include "tests/temporary_folder.h"
 #include "tests/test_data.h"
-#include "tileflight/tiles/http_source.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/test_http_place.h"
+#include "tileflight/tiles/test_http_tileset.h"
+#include "tileflight/transport/http_source.h"
 
-/// End to end over the loopback device against a real nginx: HTTP/2 over TLS, gzip, validators. Skipped where there is
-/// no nginx or no openssl.
+/// End to end over the loopback device against a real nginx: HTTP/2 over TLS, gzip, validators. Skipped if nginx or
+/// openssl is not installed.
 namespace tileflight::tiles {
 namespace {
 
@@ -34,13 +34,14 @@ fs::path program(const std::string& name) {
   return {};
 }
 
-/// A port that was free a moment ago.
+/// A port that was free just before.
 int free_port() {
-  return testing::TestHttpServer([](const testing::ServedRequest&, testing::ServedConnection&) { return false; })
+  return transport::testing::TestHttpServer(
+             [](const transport::testing::ServedRequest&, transport::testing::ServedConnection&) { return false; })
       .port();
 }
 
-/// nginx in the foreground with a configuration of its own in a temporary folder.
+/// nginx in the foreground with its own configuration in a temporary folder.
 class Nginx {
  public:
   explicit Nginx(const fs::path& served) : port_(free_port()) {
@@ -104,11 +105,11 @@ class NginxTest : public ::testing::Test {
     ASSERT_FALSE(program("nginx").empty() || program("openssl").empty()) << "wanted here: .ci/set-up installs both";
   }
 
-  SourceOptions options(const Nginx& nginx) const {
-    SourceOptions options;
+  transport::SourceOptions options(const Nginx& nginx) const {
+    transport::SourceOptions options;
     options.http = testing::quick_source_options();
     options.http.http.retry.max_tries = 20;  // until it listens
-    options.http.http.retry.longest_wait = std::chrono::milliseconds(200);
+    options.http.http.retry.max_backoff = std::chrono::milliseconds(200);
     options.http.http.ca_file = nginx.certificate();
     return options;
   }
@@ -120,8 +121,8 @@ class NginxTest : public ::testing::Test {
   }
 };
 
-TEST_F(NginxTest, a_tileset_over_http2_and_again_from_the_cache) {
-  testing::HttpPlace place;
+TEST_F(NginxTest, ATilesetOverHttp2AndAgainFromTheCache) {
+  testing::TestHttpTileset place;
   place.add_tileset();
   const tests::TemporaryFolder served;
   const tests::TemporaryFolder cache;
@@ -133,7 +134,7 @@ TEST_F(NginxTest, a_tileset_over_http2_and_again_from_the_cache) {
   const Nginx nginx(served.path());
   LoadOptions load;
   load.source = options(nginx);
-  load.source.cache = cache.path();
+  load.source.cache_folder = cache.path();
 
   const LoadedTiles first = load_region(nginx.url("place/tileset.json"), load);
   EXPECT_EQ(first.tiles_loaded, 2) << nginx.error_log();
@@ -148,13 +149,14 @@ TEST_F(NginxTest, a_tileset_over_http2_and_again_from_the_cache) {
   EXPECT_EQ(count(nginx.access_log(), "304 HTTP/2.0"), 4) << "asked about, not sent again";
 
   load.source.http.http.ca_file.clear();
-  load.source.cache.clear();
+  load.source.cache_folder.clear();
   load.source.http.http.retry.max_tries = 1;
-  EXPECT_THAT(testing::error_of([&] { load_region(nginx.url("place/tileset.json"), load); }), HasSubstr("certificate"))
+  EXPECT_THAT(base::testing::error_of([&] { load_region(nginx.url("place/tileset.json"), load); }),
+              HasSubstr("certificate"))
       << "a certificate that nobody vouches for is no server";
 }
 
-TEST_F(NginxTest, a_real_place_is_the_same_as_from_its_folder) {
+TEST_F(NginxTest, ARealPlaceIsTheSameAsFromItsFolder) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/paphos_agora_meshopt");
   const Nginx nginx(fs::canonical(folder));
   LoadOptions load;

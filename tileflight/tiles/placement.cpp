@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/geometry/geodesy.h"
-#include "tileflight/geometry/input_error.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -16,9 +16,9 @@ using geometry::LocalFrame;
 using geometry::SE3;
 using geometry::Vec3;
 
-/// A tileset is loaded whole without being asked twice up to here.
+/// Largest area of a tileset that is loaded whole without confirmation.
 constexpr double kLargestWhole_m2 = 4e6;
-/// A root volume higher than this is one of a continent or the globe, and says nothing of the ground at a place.
+/// A higher root volume covers a continent or the globe, and tells nothing about ground height.
 constexpr double kTallestKnown_m = 2e4;
 constexpr double kEarthRadius_m = 6.2e6;  ///< less than the polar radius
 
@@ -28,7 +28,7 @@ std::string format(const char* pattern, double a, double b) {
   return text;
 }
 
-/// A LocalFrame in place, since Placement wants it optional.
+/// Builds a LocalFrame in place, because Placement holds an optional one.
 LocalFrame frame_at(const Geodetic& origin, const std::string& source) {
   const bool valid =
       std::abs(origin.latitude_deg) <= 90 && std::abs(origin.longitude_deg) <= 360 && std::isfinite(origin.height.m);
@@ -37,7 +37,7 @@ LocalFrame frame_at(const Geodetic& origin, const std::string& source) {
 }
 
 Box3 root_bounds(const TilesetTree& tree, const SE3& T_local_tileset) {
-  return bounds_local(tree.volume(tree.root()), T_local_tileset);
+  return local_bounding_box(tree.volume(tree.root()), T_local_tileset);
 }
 
 Box3 bounds_in_frame(const TilesetTree& tree, const LocalFrame& frame) {
@@ -61,8 +61,7 @@ void check_options(const LoadOptions& options, const std::string& source) {
   }
 }
 
-/// The region about `center` (z NaN: not given). What the user did not say of the height, the tileset's own extent
-/// gives.
+/// The region around `center` (z NaN: not given). Heights that the user did not give come from the tileset's extent.
 Region region_about(const Vec3& center, const LoadOptions& options, const Box3& tileset, const std::string& source) {
   const bool has_height = std::isfinite(center.z()) && wants_height(options);
   if (!has_height && tileset.sizes().z() > kTallestKnown_m) {
@@ -75,7 +74,7 @@ Region region_about(const Vec3& center, const LoadOptions& options, const Box3& 
   region.center = center;
   if (!std::isfinite(center.z())) region.center.z() = tileset.center().z();
   if (wants_height(options)) return region;
-  // Keep the given centre height: the box reaches as far as the tileset does on its farther side.
+  // Keeps the given centre height: the box extends to the tileset's farther limit.
   const double up = std::max(tileset.max().z() - region.center.z(), region.center.z() - tileset.min().z());
   region.size.z() = 2 * std::max(up, 0.5);
   return region;
@@ -85,9 +84,9 @@ Region whole_tileset(const Box3& tileset, const LoadOptions& options, const Tile
                      const std::string& source) {
   if (options.size) return region_about(tileset.center(), options, tileset, source);
   const double area_m2 = tileset.sizes().x() * tileset.sizes().y();
-  if (area_m2 > kLargestWhole_m2 && !options.whole_however_large) {
+  if (area_m2 > kLargestWhole_m2 && !options.allow_large_area) {
     throw InputError(source, "the whole tileset covers " + format("%.1f km²", area_m2 / 1e6, 0) +
-                                 ", more than 4 km²; give --center and --size. It spans " + extent_text(tree));
+                                 ", more than 4 km²; give --center and --size. It spans " + describe_extent(tree));
   }
   return {tileset.center(), tileset.sizes()};
 }
@@ -103,19 +102,19 @@ Geodetic origin_on_earth(const TilesetTree& tree, const LoadOptions& options, co
   return origin;
 }
 
-/// The frame, without the region.
+/// Determines the frame, without the region.
 Placement frame_of(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
   const bool georeferenced = is_georeferenced(tree);
   if (georeferenced && options.center_local && !options.origin) {
     throw InputError(source,
                      "the tileset is georeferenced: give --center LAT,LON[,H] instead of --center-local. It spans " +
-                         extent_text(tree));
+                         describe_extent(tree));
   }
   if (!georeferenced && options.center && !options.origin) {
     throw InputError(source,
                      "the tileset is not georeferenced: give --center-local X,Y,Z in its own frame instead of "
                      "--center. It spans " +
-                         extent_text(tree));
+                         describe_extent(tree));
   }
   Placement placement;
   if (georeferenced) {
@@ -133,19 +132,19 @@ Placement frame_of(const TilesetTree& tree, const LoadOptions& options, const st
   return placement;
 }
 
-/// The centre that the user gave, in the local frame; z is NaN where they gave no height.
+/// The user's centre in the local frame; z is NaN if no height was given.
 Vec3 center_in_frame(const LoadOptions& options, const Placement& placement, const std::string& source) {
   if (options.center_local) return *options.center_local;
   Geodetic center = *options.center;
   const bool has_height = std::isfinite(center.height.m);
   if (!has_height) center.height = placement.local_frame->origin().height;
-  frame_at(center, source);  // throws where it is no place
+  frame_at(center, source);  // throws if it is not a valid position
   Vec3 center_local = placement.local_frame->local_from_geodetic(center);
   if (!has_height) center_local.z() = NAN;
   return center_local;
 }
 
-/// The region of polygons, and the box about them.
+/// The region of the polygons, and their bounding box.
 Region region_of_areas(const LoadOptions& options, const Placement& placement, const std::string& source) {
   if (!placement.local_frame) {
     throw InputError(source, "polygons are places on the Earth, and the tileset is not: give its --origin");
@@ -153,7 +152,7 @@ Region region_of_areas(const LoadOptions& options, const Placement& placement, c
   Region region = placement.region;
   Box3 around;
   for (const GeographicArea& area : options.areas) {
-    region.parts.push_back(prism_of(area, *placement.local_frame, region.box()));
+    region.parts.push_back(to_local_prism(area, *placement.local_frame, region.box()));
     around.extend(geometry::bounds(region.parts.back()));
   }
   if (!(around.sizes().minCoeff() > 0)) throw InputError(source, "a polygon's heights or its area are empty");
@@ -169,7 +168,7 @@ bool is_georeferenced(const TilesetTree& tree) {
   if (std::holds_alternative<GeographicRegion>(volume) || std::holds_alternative<S2Volume>(volume)) return true;
   if (!tree.tileset(tree.root()).georeferenced.value_or(true)) return false;
   const Vec3 center = center_of(volume);
-  const double radius_m = bounds_local(volume, SE3()).sizes().norm() / 2;
+  const double radius_m = local_bounding_box(volume, SE3()).sizes().norm() / 2;
   if (center.norm() < radius_m && radius_m > kEarthRadius_m) return true;
   if (center.norm() < kEarthRadius_m) return false;
   return std::abs(geometry::geodetic_from_ecef(center).height.m) < 1e5 + radius_m;
@@ -186,24 +185,24 @@ SE3 T_own_tileset(const TilesetTree& tree) {
   return SE3(linear, T_tileset_model.topRightCorner<3, 1>()).inverse();
 }
 
-std::string extent_text(const Box3& box) {
+std::string describe_extent(const Box3& box) {
   return "x " + format("%.1f … %.1f", box.min().x(), box.max().x()) + ", y " +
          format("%.1f … %.1f", box.min().y(), box.max().y()) + ", z " +
          format("%.1f … %.1f m", box.min().z(), box.max().z());
 }
 
-std::string extent_text(const TilesetTree& tree) {
+std::string describe_extent(const TilesetTree& tree) {
   const BoundingVolume volume = tree.volume(tree.root());
-  if (!is_georeferenced(tree)) return extent_text(bounds_local(volume, T_own_tileset(tree)));
+  if (!is_georeferenced(tree)) return describe_extent(local_bounding_box(volume, T_own_tileset(tree)));
   const Geodetic center = geometry::geodetic_from_ecef(center_of(volume));
-  const Vec3 size = bounds_local(volume, LocalFrame(center).T_local_ecef()).sizes();
+  const Vec3 size = local_bounding_box(volume, LocalFrame(center).T_local_ecef()).sizes();
   return format("%.0f m × %.0f m", size.x(), size.y()) +
          format(" about latitude %.6f, longitude %.6f", center.latitude_deg, center.longitude_deg) +
          format(", heights %.1f … %.1f m", center.height.m - size.z() / 2, center.height.m + size.z() / 2);
 }
 
-std::string apart_text(const Box3& flown, const Box3& tileset, const std::optional<LocalFrame>& frame) {
-  std::string text = "it flies at " + extent_text(flown) + ", and the tileset spans " + extent_text(tileset) +
+std::string describe_separation(const Box3& flown, const Box3& tileset, const std::optional<LocalFrame>& frame) {
+  std::string text = "it flies at " + describe_extent(flown) + ", and the tileset spans " + describe_extent(tileset) +
                      " of the same local frame";
   if (frame) {
     const Geodetic& origin = frame->origin();
@@ -222,7 +221,7 @@ std::string apart_text(const Box3& flown, const Box3& tileset, const std::option
          "it flies";
 }
 
-Placement place(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
+Placement resolve_placement(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {
   check_options(options, source);
   Placement placement = frame_of(tree, options, source);
   const Box3 tileset = root_bounds(tree, placement.T_local_tileset);

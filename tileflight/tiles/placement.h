@@ -10,7 +10,7 @@
 
 namespace tileflight::tiles {
 
-/// The local frame of a load, and the region in it.
+/// The local frame of a loaded tileset, and the region in it.
 struct Placement {
   std::optional<geometry::LocalFrame> local_frame;
   geometry::SE3 T_local_tileset;
@@ -18,29 +18,28 @@ struct Placement {
   std::vector<std::string> warnings;
 };
 
-/// Whether a tileset's frame is the Earth's: its root has a geographic region or an S2 cell, or its bounding volume
-/// holds the Earth or has its middle within 100 km (and its own radius) of the ellipsoid; unless the tileset itself
-/// says that it is not.
+/// Whether a tileset's frame is earth-centred: its root has a geographic region or an S2 cell, or its bounding volume
+/// contains the Earth or is centred within 100 km (plus its own radius) of the ellipsoid; unless the tileset itself
+/// states otherwise.
 bool is_georeferenced(const TilesetTree& tree);
 
-/// From the tileset's frame to the local frame of a tileset that is not georeferenced. That is the tileset's own frame,
-/// with one exception: a model without a place that Cesium ion has made "movable" (asset.extras.ion) stands below an
-/// empty root in a tile whose transform only says where it was put down, by default with its middle at 0. Coordinates
-/// of the survey (its flights, its control points) are those inside that tile, so its transform, if it is a rigid
-/// motion, is undone.
+/// Transform from the tileset's frame to the local frame of a tileset that is not georeferenced. This is the identity,
+/// with one exception: Cesium ion places an unlocated model marked "movable" (asset.extras.ion) below an empty root, in
+/// a tile whose transform is an arbitrary placement, by default with its centre at 0. Survey coordinates (flights,
+/// control points) refer to the frame inside that tile, so its transform, if rigid, is undone.
 geometry::SE3 T_own_tileset(const TilesetTree& tree);
 
-/// "x 0 … 600 m, y …, z …" of a box.
-std::string extent_text(const geometry::Box3& box);
-/// Where a tileset lies, for a message: in its own frame, or geodetic.
-std::string extent_text(const TilesetTree& tree);
+/// Text "x 0 … 600 m, y …, z …" for a box.
+std::string describe_extent(const geometry::Box3& box);
+/// Extent of a tileset for messages: in its own frame, or geodetic.
+std::string describe_extent(const TilesetTree& tree);
 
-/// Where a flight is and where the tileset is that it does not see, both in the local frame, how far apart, and what to
-/// do: the end of a message.
-std::string apart_text(const geometry::Box3& flown, const geometry::Box3& tileset,
-                       const std::optional<geometry::LocalFrame>& frame);
+/// Positions, in the local frame, of a flight and of the tileset that it does not see, their distance, and what to do:
+/// the end of a message.
+std::string describe_separation(const geometry::Box3& flown, const geometry::Box3& tileset,
+                                const std::optional<geometry::LocalFrame>& frame);
 
-/// Resolves what a user asked for against where the tileset lies (see LoadOptions). Throws InputError.
-Placement place(const TilesetTree& tree, const LoadOptions& options, const std::string& source);
+/// Resolves the requested region against the tileset's extent (see LoadOptions). Throws InputError.
+Placement resolve_placement(const TilesetTree& tree, const LoadOptions& options, const std::string& source);
 
 }  // namespace tileflight::tiles

@@ -1,36 +1,36 @@
-#include "tileflight/tiles/pnts.h"
+#include "tileflight/tile_contents/pnts.h"
 
 #include <gmock/gmock.h>
 
 #include "tests/test_data.h"
+#include "tileflight/tile_contents/octahedral.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiles/octahedral.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
+using base::testing::to_raw_bytes;
 using geometry::PointCloud;
 using geometry::Vec3;
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
-using testing::Json;
-using testing::raw;
+using transport::testing::Json;
 using Color = std::array<std::uint8_t, 3>;
 
-PointCloud read(const Json& table, const std::string& binary, const ContentOptions& options = {}) {
-  const DecodedContent content =
-      decode_content(testing::to_bytes(testing::container("pnts", {table, binary})), "p", options);
+PointCloud read(const Json& table, const std::string& binary, const tile_contents::ContentOptions& options = {}) {
+  const tile_contents::DecodedContent content = tile_contents::decode_content(
+      base::testing::to_bytes(transport::testing::container("pnts", {table, binary})), "p", options);
   EXPECT_TRUE(content.meshes.empty());
   return content.clouds.at(0);
 }
 
-TEST(Pnts, floats_with_colours_normals_and_ids) {
-  const std::string positions = raw<float>({1, 2, 3, 4, 5, 6});
-  const std::string colors = raw<std::uint8_t>({255, 0, 1, 2, 3, 4});
-  const std::string normals = raw<float>({0, 0, 1, 0, 1, 0});
-  const std::string ids = raw<std::uint8_t>({7, 200});
+TEST(Pnts, FloatsWithColoursNormalsAndIds) {
+  const std::string positions = base::testing::to_raw_bytes<float>({1, 2, 3, 4, 5, 6});
+  const std::string colors = base::testing::to_raw_bytes<std::uint8_t>({255, 0, 1, 2, 3, 4});
+  const std::string normals = base::testing::to_raw_bytes<float>({0, 0, 1, 0, 1, 0});
+  const std::string ids = base::testing::to_raw_bytes<std::uint8_t>({7, 200});
   const PointCloud cloud = read({{"POINTS_LENGTH", 2},
                                  {"POSITION", {{"byteOffset", 0}}},
                                  {"RGB", {{"byteOffset", 24}}},
@@ -41,13 +41,14 @@ TEST(Pnts, floats_with_colours_normals_and_ids) {
   EXPECT_THAT(cloud.positions, ElementsAre(Vec3(11, 22, 33), Vec3(14, 25, 36)));
   EXPECT_THAT(cloud.colors, ElementsAre(Color{255, 0, 1}, Color{2, 3, 4}));
   EXPECT_EQ(cloud.normals[1], Eigen::Vector3f(0, 1, 0));
-  EXPECT_THAT(cloud.scalars.at(kFeatureIdScalar), ElementsAre(7, 200));
+  EXPECT_THAT(cloud.scalars.at(tile_contents::kFeatureIdScalar), ElementsAre(7, 200));
 }
 
-TEST(Pnts, quantised_with_565_and_octahedral_normals) {
-  const std::string positions = raw<std::uint16_t>({0, 65535, 13107, 65535, 0, 0});
-  const std::string colors = raw<std::uint16_t>({0xF800, 0x07E1});  // red; green and a little blue
-  const std::string normals = raw<std::uint8_t>({128, 128, 255, 128});
+TEST(Pnts, QuantisedWith565AndOctahedralNormals) {
+  const std::string positions = base::testing::to_raw_bytes<std::uint16_t>({0, 65535, 13107, 65535, 0, 0});
+  const std::string colors =
+      base::testing::to_raw_bytes<std::uint16_t>({0xF800, 0x07E1});  // red; green and a little blue
+  const std::string normals = base::testing::to_raw_bytes<std::uint8_t>({128, 128, 255, 128});
   const PointCloud cloud = read({{"POINTS_LENGTH", 2},
                                  {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
                                  {"QUANTIZED_VOLUME_OFFSET", {100, 0, -1}},
@@ -62,14 +63,14 @@ TEST(Pnts, quantised_with_565_and_octahedral_normals) {
   EXPECT_LT((cloud.normals[1] - Eigen::Vector3f(1, 0, 0)).norm(), 0.02F);
 }
 
-TEST(Pnts, one_colour_for_all_and_positions_in_the_json) {
+TEST(Pnts, OneColourForAllAndPositionsInTheJson) {
   const PointCloud cloud =
       read({{"POINTS_LENGTH", 2}, {"POSITION", {0, 0, 0, 1, 1, 1}}, {"CONSTANT_RGBA", {9, 8, 7, 6}}}, "");
   EXPECT_THAT(cloud.colors, ElementsAre(Color{9, 8, 7}, Color{9, 8, 7}));
 }
 
 /// Encoding is the inverse: the octahedron's folded lower half included.
-TEST(Octahedral, round_trip) {
+TEST(Octahedral, RoundTrip) {
   for (double z = -0.99; z < 1; z += 0.11) {
     for (double angle = 0.05; angle < 6.28; angle += 0.31) {
       const double r = std::sqrt(1 - z * z);
@@ -80,34 +81,39 @@ TEST(Octahedral, round_trip) {
       }
       const double u = std::round((p.x() + 1) / 2 * 65535);
       const double v = std::round((p.y() + 1) / 2 * 65535);
-      EXPECT_LT((unit_from_octahedral(u, v, 65535) - n).norm(), 1e-4);
+      EXPECT_LT((tile_contents::decode_octahedral(u, v, 65535) - n).norm(), 1e-4);
     }
   }
 }
 
-TEST(Pnts, faults_are_named) {
-  const auto message = [](const Json& table, const std::string& binary, const ContentOptions& options = {}) {
-    return error_of([&] { read(table, binary, options); });
+TEST(Pnts, FaultsAreNamed) {
+  const auto message = [](const Json& table, const std::string& binary,
+                          const tile_contents::ContentOptions& options = {}) {
+    return base::testing::error_of([&] { read(table, binary, options); });
   };
-  const std::string two = raw<float>({0, 0, 0, 1, 1, 1});
+  const std::string two = base::testing::to_raw_bytes<float>({0, 0, 0, 1, 1, 1});
   EXPECT_THAT(message(Json::object(), two), HasSubstr("POINTS_LENGTH is missing"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 2}}, two), HasSubstr("neither POSITION nor POSITION_QUANTIZED"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 3}, {"POSITION", {{"byteOffset", 0}}}}, two), HasSubstr("POSITION: lies"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 4000000000U}, {"POSITION", {{"byteOffset", 0}}}}, two), HasSubstr("points"));
-  EXPECT_THAT(message({{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, raw<float>({0, 0, 0, 0, NAN, 0})),
+  EXPECT_THAT(message({{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}},
+                      base::testing::to_raw_bytes<float>({0, 0, 0, 0, NAN, 0})),
               HasSubstr("not finite"));
-  ContentOptions few;
+  tile_contents::ContentOptions few;
   few.limits.max_points = 1;
   EXPECT_THAT(message({{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, two, few), HasSubstr("the limit"));
   const std::string whole =
-      testing::container("pnts", {{{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, two});
+      transport::testing::container("pnts", {{{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, two});
   for (std::size_t length = 0; length < whole.size(); ++length) {
-    EXPECT_NE(error_of([&] { decode_content(testing::to_bytes(whole.substr(0, length)), "p"); }), "") << length;
+    EXPECT_NE(base::testing::error_of(
+                  [&] { tile_contents::decode_content(base::testing::to_bytes(whole.substr(0, length)), "p"); }),
+              "")
+        << length;
   }
 }
 
-/// Cesium's point clouds: a thousand points in a ball of 5 m about one place, in every form that there is.
-TEST(Pnts, real_point_clouds_stand_in_one_place) {
+/// Cesium's point clouds: a thousand points in a ball of 5 m around one location, in all encodings.
+TEST(Pnts, RealPointCloudsStandInOnePlace) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/PointCloud");
   int read = 0;
   for (const char* name :
@@ -133,8 +139,8 @@ TEST(Pnts, real_point_clouds_stand_in_one_place) {
   EXPECT_EQ(read, 16);
 }
 
-/// The same cloud by another way: Draco and plain, quantised and plain.
-TEST(Pnts, compressed_forms_give_the_same_points) {
+/// The same cloud in two encodings: Draco and uncompressed, quantised and not.
+TEST(Pnts, CompressedFormsGiveTheSamePoints) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesiumjs_specs_data/PointCloud");
   const auto cloud = [&](const char* name) {
     return load_region((folder / name / "tileset.json").string(), {}).clouds.at(0);

@@ -16,7 +16,7 @@ using geometry::Vec3;
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-/// The convex hull by chains along x (Andrew, 1979), counter-clockwise.
+/// Convex hull by monotone chains along x (Andrew, 1979), counter-clockwise.
 Ring hull_of(Ring points) {
   std::sort(points.begin(), points.end(),
             [](const Vector2d& a, const Vector2d& b) { return std::pair(a.x(), a.y()) < std::pair(b.x(), b.y()); });
@@ -26,7 +26,7 @@ Ring hull_of(Ring points) {
       while (out.size() > 1 && cross(out.back() - out[out.size() - 2], point - out.back()) <= 0) out.pop_back();
       out.push_back(point);
     }
-    out.pop_back();  // begins the other chain
+    out.pop_back();  // it begins the other chain
     return out;
   };
   Ring hull = chain(points);
@@ -36,7 +36,7 @@ Ring hull_of(Ring points) {
   return hull;
 }
 
-Ring shadow_of(const OrientedBox& box, const SE3& T_local_tileset) {
+Ring ground_projection(const OrientedBox& box, const SE3& T_local_tileset) {
   Ring corners;
   for (int corner = 0; corner < 8; ++corner) {
     const Vec3 signs((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1, (corner & 4) != 0 ? 1 : -1);
@@ -45,24 +45,25 @@ Ring shadow_of(const OrientedBox& box, const SE3& T_local_tileset) {
   return hull_of(std::move(corners));
 }
 
-Ring shadow_of(const Box3& box) {
+Ring ground_projection(const Box3& box) {
   const Vec3 low = box.min();
   const Vec3 high = box.max();
   return {{low.x(), low.y()}, {high.x(), low.y()}, {high.x(), high.y()}, {low.x(), high.y()}};
 }
 
-bool shadow_meets(const BoundingVolume& volume, const SE3& T_local_tileset, const geometry::PolygonArea& area) {
+bool projection_intersects(const BoundingVolume& volume, const SE3& T_local_tileset,
+                           const geometry::PolygonArea& area) {
   if (const auto* sphere = std::get_if<BoundingSphere>(&volume)) {
     constexpr double kSlack_m = 1e-6;
     return area.distance_m((T_local_tileset * sphere->center).head<2>()) <= sphere->radius_m + kSlack_m;
   }
   const auto* box = std::get_if<OrientedBox>(&volume);
-  return area.meets(box != nullptr ? shadow_of(*box, T_local_tileset)
-                                   : shadow_of(bounds_local(volume, T_local_tileset)));
+  return area.intersects(box != nullptr ? ground_projection(*box, T_local_tileset)
+                                        : ground_projection(local_bounding_box(volume, T_local_tileset)));
 }
 
-/// A line that is straight in longitude and latitude bends in the frame: over 100 m by a fifth of a millimetre at 60
-/// degrees of latitude.
+/// A line that is straight in longitude and latitude is curved in the frame: by a fifth of a millimetre over 100 m at
+/// 60 degrees of latitude.
 Ring local_ring(const Ring& lon_lat, const geometry::LocalFrame& frame) {
   constexpr double kStep_m = 100.0;
   constexpr double kMostSteps = 1000.0;
@@ -82,14 +83,15 @@ Ring local_ring(const Ring& lon_lat, const geometry::LocalFrame& frame) {
 
 }  // namespace
 
-bool meets(const BoundingVolume& volume, const SE3& T_local_tileset, const Region& region) {
-  if (region.parts.empty()) return meets(volume, T_local_tileset, region.box());
+bool intersects(const BoundingVolume& volume, const SE3& T_local_tileset, const Region& region) {
+  if (region.parts.empty()) return intersects(volume, T_local_tileset, region.box());
   return std::any_of(region.parts.begin(), region.parts.end(), [&](const Prism& part) {
-    return meets(volume, T_local_tileset, geometry::bounds(part)) && shadow_meets(volume, T_local_tileset, part.base);
+    return intersects(volume, T_local_tileset, geometry::bounds(part)) &&
+           projection_intersects(volume, T_local_tileset, part.base);
   });
 }
 
-Prism prism_of(const GeographicArea& area, const geometry::LocalFrame& frame, const Box3& box) {
+Prism to_local_prism(const GeographicArea& area, const geometry::LocalFrame& frame, const Box3& box) {
   std::vector<Ring> rings;
   Eigen::AlignedBox2d lon_lat;
   for (const Ring& ring : area.rings) {

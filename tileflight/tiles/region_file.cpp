@@ -6,8 +6,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -17,7 +17,7 @@ using Eigen::Vector2d;
 using geometry::Ring;
 using nlohmann::json;
 
-/// An area drawn by hand has a few thousand corners; a larger file is not one.
+/// A hand-drawn area has a few thousand corners; larger files are rejected.
 constexpr std::uintmax_t kLargestFileBytes = 64 << 20;
 constexpr int kDeepestNesting = 16;
 
@@ -32,7 +32,7 @@ Vector2d position_of(const json& position) {
   return out;
 }
 
-/// RFC 7946, section 3.1.6: four positions or more, the last the same as the first.
+/// RFC 7946, section 3.1.6: four positions or more, the last equal to the first.
 Ring ring_of(const json& positions) {
   if (!positions.is_array() || positions.size() < 4) throw std::runtime_error("a ring has fewer than four positions");
   Ring ring;
@@ -52,7 +52,7 @@ void add_polygon(const json& rings, GeographicArea& area) {
   for (const json& ring : rings) area.rings.push_back(ring_of(ring));
 }
 
-/// The polygons of a geometry, with the heights of the Feature that it belongs to.
+/// Adds the polygons of a geometry, with the heights of its Feature.
 void add_geometry(const json& object, const GeographicArea& heights, int depth, std::vector<GeographicArea>& areas) {
   if (!object.is_object() || depth > kDeepestNesting) throw std::runtime_error("not a GeoJSON object");
   const std::string type = object.value("type", "");
@@ -102,7 +102,7 @@ AlignedBox2d extent_of(const std::vector<GeographicArea>& areas) {
   return out;
 }
 
-/// Areas on both sides of the antimeridian lie side by side when those of the west count on beyond 180 degrees.
+/// Joins areas on both sides of the antimeridian by continuing western longitudes beyond 180 degrees.
 void join_at_antimeridian(std::vector<GeographicArea>& areas) {
   if (!(extent_of(areas).sizes().x() > 180)) return;
   std::vector<GeographicArea> turned = areas;
@@ -115,7 +115,7 @@ void join_at_antimeridian(std::vector<GeographicArea>& areas) {
   if (extent_of(turned).sizes().x() <= 180) areas = std::move(turned);
 }
 
-/// The least and the greatest height, where every area has both.
+/// The minimum and maximum height, if every area has both.
 std::optional<std::pair<double, double>> heights_of(const std::vector<GeographicArea>& areas) {
   std::pair out{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
   for (const GeographicArea& area : areas) {
@@ -127,10 +127,10 @@ std::optional<std::pair<double, double>> heights_of(const std::vector<Geographic
 
 }  // namespace
 
-std::vector<GeographicArea> read_areas(const std::filesystem::path& file) {
+std::vector<GeographicArea> read_geojson_areas(const std::filesystem::path& file) {
   std::vector<GeographicArea> areas;
   try {
-    add_object(json::parse(geometry::read_text(file, kLargestFileBytes)), 0, areas);
+    add_object(json::parse(base::read_text(file, kLargestFileBytes)), 0, areas);
   } catch (const InputError&) {
     throw;
   } catch (const std::exception& fault) {
@@ -142,7 +142,7 @@ std::vector<GeographicArea> read_areas(const std::filesystem::path& file) {
 
 void set_region_from_geojson(const std::vector<std::filesystem::path>& files, LoadOptions& load) {
   for (const std::filesystem::path& file : files) {
-    const std::vector<GeographicArea> areas = read_areas(file);
+    const std::vector<GeographicArea> areas = read_geojson_areas(file);
     load.areas.insert(load.areas.end(), areas.begin(), areas.end());
   }
   if (load.areas.empty()) return;
@@ -152,7 +152,8 @@ void set_region_from_geojson(const std::vector<std::filesystem::path>& files, Lo
   const Vector2d middle = extent.center();
   geometry::Geodetic center{middle.y(), middle.x(),
                             geometry::EllipsoidalHeight{heights ? (heights->first + heights->second) / 2 : 0.0}};
-  // The widest east-west side of a box in longitude and latitude is the one nearest the equator: take all corners.
+  // The widest east-west side of a box in longitude and latitude is the one nearest the equator, so all corners are
+  // used.
   const geometry::LocalFrame local(center);
   AlignedBox2d box;
   for (const auto corner :

@@ -7,16 +7,17 @@
 #include <random>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/region_file.h"
 #include "tileflight/tiles/selection.h"
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
 using Eigen::Vector2d;
 using geometry::Box3;
 using geometry::Geodetic;
@@ -26,10 +27,9 @@ using geometry::Prism;
 using geometry::Ring;
 using geometry::SE3;
 using geometry::Vec3;
-using testing::error_of;
 using ::testing::HasSubstr;
-using testing::Json;
-using testing::MemorySource;
+using transport::testing::Json;
+using transport::testing::MemorySource;
 
 class Random {
  public:
@@ -56,8 +56,8 @@ bool holds(const Region& region, const Vec3& point) {
   return std::any_of(region.parts.begin(), region.parts.end(), [&](const Prism& p) { return contains(p, point); });
 }
 
-/// No volume that has a point of a polygon in it may be left out, and few that have none are taken.
-TEST(Region, volumes_that_hold_a_point_of_a_polygon_meet_it) {
+/// No volume that contains a point of a polygon may be left out, and few without any may be selected.
+TEST(Region, VolumesThatHoldAPointOfAPolygonMeetIt) {
   Random random;
   const Region region = two_parts();
   int met = 0;
@@ -68,8 +68,8 @@ TEST(Region, volumes_that_hold_a_point_of_a_polygon_meet_it) {
     OrientedBox box{T_local_tileset.inverse() * Vec3(random.vector(30) + Vec3(10, 10, 5)), geometry::Mat3::Zero()};
     for (int k = 0; k < 3; ++k) box.half_axes.col(k) = random.vector(4);
     const BoundingSphere sphere{box.center, random.in(0, 6)};
-    const bool box_met = meets(box, T_local_tileset, region);
-    const bool sphere_met = meets(sphere, T_local_tileset, region);
+    const bool box_met = intersects(box, T_local_tileset, region);
+    const bool sphere_met = intersects(sphere, T_local_tileset, region);
     bool box_sampled = false;
     bool sphere_sampled = false;
     for (int k = 0; k < 200; ++k) {
@@ -87,9 +87,9 @@ TEST(Region, volumes_that_hold_a_point_of_a_polygon_meet_it) {
   EXPECT_LT(met, 2 * met_and_sampled);
 }
 
-/// A quadtree of 8 x 8 leaves of 10 m: the leaves that a polygon's edges and inside reach, and no others.
-TEST(Region, the_cut_of_a_polygon) {
-  Json root = testing::tile({{"box", {40, 40, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10);
+/// A quadtree of 8 x 8 leaves of 10 m: only the leaves that intersect a polygon's edges or interior are selected.
+TEST(Region, TheCutOfAPolygon) {
+  Json root = transport::testing::tile({{"box", {40, 40, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10);
   root["children"] = Json::array();
   for (int i = 0; i < 64; ++i) {
     const double x = 10 * (i % 8) + 5;
@@ -98,11 +98,11 @@ TEST(Region, the_cut_of_a_polygon) {
                                 {"geometricError", 0},
                                 {"content", {{"uri", std::to_string(i) + ".glb"}}}});
   }
-  MemorySource source(testing::tileset(root));
+  MemorySource source(transport::testing::tileset(root));
   const auto cut_of = [&](const Region& region) {
     TilesetTree tree(source);
     std::vector<std::string> uris;
-    for (const CutContent& content : select_cut(tree, wanted_region(region, SE3(), 0)).contents)
+    for (const CutContent& content : select_cut(tree, region_criterion(region, SE3(), 0)).contents)
       uris.push_back(content.uri);
     return uris;
   };
@@ -118,16 +118,17 @@ TEST(Region, the_cut_of_a_polygon) {
   EXPECT_TRUE(cut_of(above).empty());
 
   TilesetTree tree(source);
-  const Wanted both = wanted_union(wanted_region(corner, SE3(), 0), wanted_region(ring, SE3(), 100));
+  const RefinementCriterion both =
+      union_criterion(region_criterion(corner, SE3(), 0), region_criterion(ring, SE3(), 100));
   EXPECT_EQ(select_cut(tree, both).contents.size(), 29U - 1U);  // the corner's three are among the ring's
 }
 
-/// Edges are straight in longitude and latitude: places just inside and outside of them say so.
-TEST(Region, a_prism_of_a_map_s_polygon) {
+/// Edges are straight in longitude and latitude: checked with points just inside and outside of them.
+TEST(Region, APrismOfAMapSPolygon) {
   Random random;
   const GeographicArea area{{rectangle(24.5, 60.0, 25.5, 60.4), rectangle(24.9, 60.1, 25.1, 60.2)}, 20, std::nullopt};
   const LocalFrame frame({60.2, 25.0, {10}});
-  const Prism prism = prism_of(area, frame, Box3(Vec3(-1e5, -1e5, -30), Vec3(1e5, 1e5, 900)));
+  const Prism prism = to_local_prism(area, frame, Box3(Vec3(-1e5, -1e5, -30), Vec3(1e5, 1e5, 900)));
   EXPECT_NEAR(prism.bottom_m, 10, 1e-6);
   EXPECT_EQ(prism.top_m, 900);
   for (int i = 0; i < 20000; ++i) {
@@ -150,7 +151,7 @@ TEST(Region, a_prism_of_a_map_s_polygon) {
 class RegionFile : public ::testing::Test {
  protected:
   std::filesystem::path file(const Json& json, const std::string& name = "area.geojson") {
-    geometry::write_file(folder_.path() / name, json.dump());
+    base::write_file(folder_.path() / name, json.dump());
     return folder_.path() / name;
   }
 
@@ -171,7 +172,7 @@ class RegionFile : public ::testing::Test {
   tests::TemporaryFolder folder_;
 };
 
-TEST_F(RegionFile, features_with_heights_of_their_own) {
+TEST_F(RegionFile, FeaturesWithHeightsOfTheirOwn) {
   const Json low = feature(polygon({rectangle(8, 47, 8.01, 47.01), rectangle(8.002, 47.002, 8.004, 47.004)}),
                            {{"min_height", 400}, {"max_height", 450}});
   const Json multi = {{"type", "MultiPolygon"},
@@ -196,7 +197,7 @@ TEST_F(RegionFile, features_with_heights_of_their_own) {
   EXPECT_TRUE(std::isnan(two_files.center->height.m));
 }
 
-TEST_F(RegionFile, areas_on_both_sides_of_the_antimeridian) {
+TEST_F(RegionFile, AreasOnBothSidesOfTheAntimeridian) {
   const Json fiji = {{"type", "MultiPolygon"},
                      {"coordinates",
                       {polygon({rectangle(179.9, -17, 180, -16.9)})["coordinates"],
@@ -205,14 +206,14 @@ TEST_F(RegionFile, areas_on_both_sides_of_the_antimeridian) {
   set_region_from_geojson({file(fiji)}, load);
   EXPECT_NEAR(load.center->longitude_deg, 180, 1e-9);
   EXPECT_LT(load.size->x(), 22000);
-  EXPECT_THAT(error_of([&] {
-                read_areas(file(polygon({{{179.9, -17}, {-179.9, -17}, {-179.9, -16}, {179.9, -16}}})));
+  EXPECT_THAT(base::testing::error_of([&] {
+                read_geojson_areas(file(polygon({{{179.9, -17}, {-179.9, -17}, {-179.9, -16}, {179.9, -16}}})));
               }),
               HasSubstr("crosses the antimeridian"));
 }
 
-TEST_F(RegionFile, faults_are_named) {
-  const auto fault = [&](const Json& json) { return error_of([&] { read_areas(file(json)); }); };
+TEST_F(RegionFile, FaultsAreNamed) {
+  const auto fault = [&](const Json& json) { return base::testing::error_of([&] { read_geojson_areas(file(json)); }); };
   EXPECT_THAT(fault({{"type", "Point"}, {"coordinates", {1, 2}}}), HasSubstr("has no Polygon"));
   EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}}}),
               HasSubstr("not closed"));
@@ -225,15 +226,16 @@ TEST_F(RegionFile, faults_are_named) {
               HasSubstr("not usable GeoJSON"));
 }
 
-/// A tileset in a local frame has no polygons, unless it is told where it stands.
-TEST_F(RegionFile, the_region_of_a_place_that_is_not_on_the_earth) {
-  MemorySource source(testing::tileset(testing::tile({{"box", {0, 0, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10)));
+/// A tileset in a local frame cannot be cut by polygons unless its position is given.
+TEST_F(RegionFile, TheRegionOfAPlaceThatIsNotOnTheEarth) {
+  MemorySource source(
+      transport::testing::tileset(transport::testing::tile({{"box", {0, 0, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10)));
   TilesetTree tree(source);
   LoadOptions load;
   set_region_from_geojson({file(polygon({rectangle(8, 47, 8.0002, 47.0002)}))}, load);
-  EXPECT_THAT(error_of([&] { place(tree, load, "s"); }), HasSubstr("not georeferenced"));
+  EXPECT_THAT(base::testing::error_of([&] { resolve_placement(tree, load, "s"); }), HasSubstr("not georeferenced"));
   load.origin = Geodetic{47, 8, {300}};
-  const Placement placed = place(tree, load, "s");
+  const Placement placed = resolve_placement(tree, load, "s");
   ASSERT_EQ(placed.region.parts.size(), 1U);
   EXPECT_NEAR(placed.region.parts[0].base.bounds().min().norm(), 0, 1e-3);
   EXPECT_NEAR(placed.region.box().max().y(), 22.24, 0.05);  // 0.0002 degrees of latitude

@@ -7,14 +7,14 @@
 namespace tileflight::tiles {
 namespace {
 
-/// Along the Hilbert curve the four quarters of a cell come in one of four orders, by the cell's orientation; each
-/// quarter is 2 i + j. Quarters have orientations of their own.
+/// The four quarters of a cell, each numbered 2 i + j, are visited by the Hilbert curve in one of four orders, given by
+/// the cell's orientation. Each quarter has its own orientation.
 constexpr unsigned kSwapped = 1;
 constexpr unsigned kInverted = 2;
 constexpr std::array<std::array<unsigned, 4>, 4> kQuarters = {{{0, 1, 3, 2}, {0, 2, 3, 1}, {3, 2, 0, 1}, {3, 1, 0, 2}}};
 constexpr std::array<unsigned, 4> kTurns = {kSwapped, 0, 0, kSwapped | kInverted};
 
-/// The quadratic projection: from 0..1 on the grid to -1..1 on the cube, such that cells are alike in size.
+/// The quadratic projection: from 0..1 on the grid to -1..1 on the cube, such that cells have similar sizes.
 double cube_from_grid(double s) { return s >= 0.5 ? (4 * s * s - 1) / 3 : (1 - 4 * (1 - s) * (1 - s)) / 3; }
 
 geometry::Vec3 direction(std::uint32_t face, double u, double v) {
@@ -36,13 +36,13 @@ geometry::Vec3 direction(std::uint32_t face, double u, double v) {
 
 }  // namespace
 
-std::optional<S2Cell> s2_cell_of_id(std::uint64_t id) {
-  constexpr std::uint64_t kEnds = 0x1555555555555555;  // where the 1 can stand that ends an id
+std::optional<S2Cell> s2_cell_from_id(std::uint64_t id) {
+  constexpr std::uint64_t kEnds = 0x1555555555555555;  // possible positions of the terminating 1 bit of an id
   const std::uint64_t end = id & (~id + 1);
   if ((end & kEnds) == 0 || id >> 61U > 5) return std::nullopt;
   S2Cell cell;
   cell.face = static_cast<std::uint32_t>(id >> 61U);
-  cell.level = kFinestS2Level - static_cast<std::uint32_t>(std::countr_zero(end)) / 2;
+  cell.level = kMaxS2Level - static_cast<std::uint32_t>(std::countr_zero(end)) / 2;
   unsigned orientation = cell.face & kSwapped;
   for (std::uint32_t level = 1; level <= cell.level; ++level) {
     const auto position = static_cast<unsigned>(id >> (61 - 2 * level)) & 3U;
@@ -54,7 +54,7 @@ std::optional<S2Cell> s2_cell_of_id(std::uint64_t id) {
   return cell;
 }
 
-std::optional<S2Cell> s2_cell_of_token(std::string_view token) {
+std::optional<S2Cell> s2_cell_from_token(std::string_view token) {
   constexpr std::size_t kDigits = 16;
   if (token.empty() || token.size() > kDigits) return std::nullopt;
   std::uint64_t id = 0;
@@ -64,7 +64,7 @@ std::optional<S2Cell> s2_cell_of_token(std::string_view token) {
     if (!is_number && !is_letter) return std::nullopt;
     id = id << 4U | static_cast<unsigned>(is_number ? c - '0' : (c | 0x20) - 'a' + 10);
   }
-  return s2_cell_of_id(id << (4 * (kDigits - token.size())));
+  return s2_cell_from_id(id << (4 * (kDigits - token.size())));
 }
 
 S2Cell s2_descendant(const S2Cell& cell, std::uint32_t levels, std::uint32_t x, std::uint32_t y) {

@@ -10,58 +10,56 @@
 
 namespace tileflight::tiles {
 
-/// What is wanted of a tree, whatever the reason (a region here; a flight's lenses or one camera's view later). Both
-/// are pure functions of a volume in the tileset's frame, so a cut depends on nothing but the tree and what is wanted.
-struct Wanted {
-  std::function<bool(const BoundingVolume&)> meets;  ///< whether anything inside the volume is wanted
-  /// Whether a tile of this geometric error (metres, as the file says) will do there.
-  std::function<bool(const BoundingVolume&, double geometric_error_m)> fine_enough;
-  /// Whether a viewer is inside a tile's viewerRequestVolume; empty: there is no viewer, and the volume is not heeded.
-  std::function<bool(const BoundingVolume&)> holds_viewer = {};
+/// Criterion for selecting tiles (a region, a flight's lenses or a single camera's view). Both functions depend only on
+/// a volume in the tileset's frame, so a cut depends only on the tree and the criterion.
+struct RefinementCriterion {
+  std::function<bool(const BoundingVolume&)> intersects;  ///< whether anything inside the volume is requested
+  /// Whether a tile of this geometric error (metres, as in the file) is fine enough there.
+  std::function<bool(const BoundingVolume&, double geometric_error_m)> is_fine_enough;
+  /// Whether a viewer is inside a tile's viewerRequestVolume; empty: no viewer, and the volume is ignored.
+  std::function<bool(const BoundingVolume&)> contains_viewer = {};
 };
 
-/// Everything that meets the region, at a geometric error of at most `error_m` where the tree has that.
-Wanted wanted_region(const Region& region, const geometry::SE3& T_local_tileset, double error_m);
+/// Everything that intersects the region, at a geometric error of at most `error_m` where the tree provides it.
+RefinementCriterion region_criterion(const Region& region, const geometry::SE3& T_local_tileset, double error_m);
 
-/// What either wants, as fine as whoever wants it there wants it. There is no viewer any more.
-Wanted wanted_union(Wanted a, Wanted b);
+/// Union of two criteria, at the finer resolution of those that request a volume. The viewers are dropped.
+RefinementCriterion union_criterion(RefinementCriterion a, RefinementCriterion b);
 
-/// A content of the cut.
+/// A content selected by a cut.
 struct CutContent {
   NodeId node = 0;
   std::size_t content = 0;  ///< index into the tile's contents
   std::string uri;          ///< resolved
   std::string name;         ///< for messages: the tile and its URI
-  std::string identity;     ///< file, tile path and URI, from the root on: what the cut's hash is made of
+  std::string identity;     ///< file, tile path and URI, from the root on: input of the cut's hash
   double geometric_error_m = 0.0;
 };
 
 struct TileCut {
-  std::vector<CutContent> contents;    ///< depth first, children in the file's order, ADD parents before their children
+  std::vector<CutContent> contents;    ///< depth first, children in file order, ADD parents before their children
   std::vector<std::string> failures;   ///< parts of the tree that could not be followed, one line each
   double geometric_error_max_m = 0.0;  ///< of the tiles where refinement stopped
   std::string hash;                    ///< SHA-256 over the identities in order, lower-case hexadecimal
 };
 
-/// The cut of the tree that gives what is wanted (3D Tiles 1.1, section "Refinement"), reading external tilesets on the
-/// way but no contents:
-/// - A tile whose volume does not meet what is wanted is left out with all below it (children lie inside their parent's
-/// volume).
-/// - A tile is refined when it is not fine enough and has children. REPLACE: the children stand for it. Those that are
-///   not met are left out; where none is met, there is nothing to take, since the children together hold everything
+/// Selects the cut of the tree for a criterion (3D Tiles 1.1, section "Refinement"). Reads external tilesets on the
+/// way, but no contents:
+/// - A tile whose volume does not intersect the request is skipped with its descendants (children lie inside their
+///   parent's volume).
+/// - A tile is refined if it is not fine enough and has children. REPLACE: the children replace it. Those that do not
+///   intersect are skipped; if none intersects, nothing is selected, since the children together contain everything
 ///   that the tile shows. ADD: its own content and the children.
-/// - Refinement stops at the first tile on the way down that is fine enough: a child that claims a larger error than
-/// its
-///   parent (broken, but found) is not reached through a parent that will do. Errors like 2^53 - 1 need no special
-///   treatment.
-/// - A leaf is taken whatever its error is.
-/// - A tile without content shows nothing, so it is passed through even if it is fine enough.
-/// - An external tileset is its tile's content: where that tile's content would be taken, the external root is visited
-///   by these same rules with its own volume, error and transform.
-/// - A content whose own bounding volume does not meet what is wanted is left out.
-/// - A tile of an implicit tree that waits for its subtree file stands for that subtree's root.
-/// - A tile with a `viewerRequestVolume` that does not hold the viewer is left out with all below it, where there is a
-///   viewer.
-TileCut select_cut(TilesetTree& tree, const Wanted& wanted);
+/// - Refinement stops at the first tile on the way down that is fine enough: a child with a larger error than its
+///   parent (invalid, but found in practice) is not reached through a parent that is fine enough. Errors like 2^53 - 1
+///   need no special treatment.
+/// - A leaf is selected whatever its error.
+/// - A tile without content shows nothing, so it is refined even if it is fine enough.
+/// - An external tileset is its tile's content: where that content would be selected, the external root is visited by
+///   the same rules with its own volume, error and transform.
+/// - A content whose own bounding volume does not intersect the request is skipped.
+/// - A tile of an implicit tree whose subtree file is not yet read stands for that subtree's root.
+/// - If there is a viewer, a tile whose `viewerRequestVolume` does not contain it is skipped with its descendants.
+TileCut select_cut(TilesetTree& tree, const RefinementCriterion& wanted);
 
 }  // namespace tileflight::tiles

@@ -2,27 +2,27 @@
 
 #include <gmock/gmock.h>
 
-#include "tileflight/tiles/test_tilesets.h"
+#include "tileflight/transport/test_tilesets.h"
 
 namespace tileflight::tiles {
 namespace {
 
+using base::testing::error_of;
 using geometry::Vec3;
-using testing::box_volume;
 using ::testing::ElementsAre;
-using testing::error_of;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::Json;
-using testing::MemorySource;
-using testing::tile;
+using transport::testing::box_volume;
+using transport::testing::Json;
+using transport::testing::MemorySource;
+using transport::testing::tile;
 
 constexpr double kWorld = 1000;
 
 TileCut cut_of(MemorySource& source, const Region& region = {Vec3::Zero(), Vec3::Constant(2 * kWorld)},
                double error_m = 0) {
   TilesetTree tree(source);
-  return select_cut(tree, wanted_region(region, geometry::SE3(), error_m));
+  return select_cut(tree, region_criterion(region, geometry::SE3(), error_m));
 }
 
 std::vector<std::string> uris(const TileCut& cut) {
@@ -33,22 +33,23 @@ std::vector<std::string> uris(const TileCut& cut) {
 
 /// Four quarters of a square of 200 m, each with two halves; errors 20, 10, 0.
 Json quadtree(const std::string& refine) {
-  Json root = tile(box_volume(0, 0, 0, 100, 100, 10), 20, "root.glb");
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 10), 20, "root.glb");
   root["refine"] = refine;
   int i = 0;
   for (const double y : {-50.0, 50.0}) {
     for (const double x : {-50.0, 50.0}) {
       const std::string name = "q" + std::to_string(i++);
-      Json quarter = tile(box_volume(x, y, 0, 50, 50, 10), 10, name + ".glb");
-      quarter["children"] = {tile(box_volume(x - 25, y, 0, 25, 50, 10), 0, name + "w.glb"),
-                             tile(box_volume(x + 25, y, 0, 25, 50, 10), 0, name + "e.glb")};
+      Json quarter = transport::testing::tile(transport::testing::box_volume(x, y, 0, 50, 50, 10), 10, name + ".glb");
+      quarter["children"] = {
+          transport::testing::tile(transport::testing::box_volume(x - 25, y, 0, 25, 50, 10), 0, name + "w.glb"),
+          transport::testing::tile(transport::testing::box_volume(x + 25, y, 0, 25, 50, 10), 0, name + "e.glb")};
       root["children"].push_back(quarter);
     }
   }
-  return testing::tileset(root);
+  return transport::testing::tileset(root);
 }
 
-TEST(SelectCut, replace_takes_the_finest_that_is_wanted) {
+TEST(SelectCut, ReplaceTakesTheFinestThatIsWanted) {
   MemorySource source(quadtree("REPLACE"));
   EXPECT_THAT(uris(cut_of(source)),
               ElementsAre("q0w.glb", "q0e.glb", "q1w.glb", "q1e.glb", "q2w.glb", "q2e.glb", "q3w.glb", "q3e.glb"));
@@ -58,27 +59,27 @@ TEST(SelectCut, replace_takes_the_finest_that_is_wanted) {
   EXPECT_THAT(uris(cut_of(source, {Vec3::Zero(), Vec3::Constant(2 * kWorld)}, 20)), ElementsAre("root.glb"));
 }
 
-TEST(SelectCut, leaves_out_what_does_not_meet_the_region) {
+TEST(SelectCut, LeavesOutWhatDoesNotMeetTheRegion) {
   MemorySource source(quadtree("REPLACE"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)})), ElementsAre("q3e.glb"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(60, -60, 0), Vec3(50, 10, 10)})), ElementsAre("q1w.glb", "q1e.glb"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(0, 0, 50), Vec3(10, 10, 10)})), IsEmpty());
 }
 
-TEST(SelectCut, add_keeps_the_ancestors) {
+TEST(SelectCut, AddKeepsTheAncestors) {
   MemorySource source(quadtree("ADD"));
   const TileCut cut = cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)});
   EXPECT_THAT(uris(cut), ElementsAre("root.glb", "q3.glb", "q3e.glb"));
   EXPECT_EQ(cut.geometric_error_max_m, 0);  // of where refinement stopped
 }
 
-TEST(SelectCut, reads_no_contents) {
+TEST(SelectCut, ReadsNoContents) {
   MemorySource source(quadtree("REPLACE"));
   cut_of(source);
   EXPECT_THAT(source.reads(), ElementsAre(::testing::Pair("tileset.json", 1)));
 }
 
-TEST(SelectCut, hash_names_the_cut) {
+TEST(SelectCut, HashNamesTheCut) {
   MemorySource source(quadtree("REPLACE"));
   const std::string all = cut_of(source).hash;
   EXPECT_EQ(all, cut_of(source).hash);
@@ -86,7 +87,7 @@ TEST(SelectCut, hash_names_the_cut) {
   EXPECT_NE(all, cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)}).hash);
 }
 
-TEST(SelectCut, passes_through_tiles_without_content) {
+TEST(SelectCut, PassesThroughTilesWithoutContent) {
   Json json = quadtree("REPLACE");
   json["root"].erase("content");
   json["root"]["children"][3]["content"] = nullptr;
@@ -96,7 +97,7 @@ TEST(SelectCut, passes_through_tiles_without_content) {
               ElementsAre("q0.glb", "q1.glb", "q2.glb", "q3w.glb", "q3e.glb"));
 }
 
-TEST(SelectCut, child_with_a_larger_error_than_its_parent) {
+TEST(SelectCut, ChildWithALargerErrorThanItsParent) {
   Json json = quadtree("REPLACE");
   json["root"]["geometricError"] = 5;
   MemorySource source(json);
@@ -104,59 +105,64 @@ TEST(SelectCut, child_with_a_larger_error_than_its_parent) {
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)}, 4)), ElementsAre("q3e.glb"));
 }
 
-TEST(SelectCut, enormous_error_is_only_a_number) {
+TEST(SelectCut, EnormousErrorIsOnlyANumber) {
   Json json = quadtree("REPLACE");
   json["root"]["geometricError"] = 9007199254740991.0;
   MemorySource source(json);
   EXPECT_EQ(cut_of(source).contents.size(), 8U);
 }
 
-TEST(SelectCut, children_that_miss_the_region_stand_for_nothing_there) {
+TEST(SelectCut, ChildrenThatMissTheRegionStandForNothingThere) {
   Json json = quadtree("REPLACE");
   json["root"]["children"].erase(3);  // nothing of the quarter is there, though the root's box says so
   MemorySource source(json);
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 90, 0), Vec3(10, 10, 10)})), IsEmpty());
 }
 
-TEST(SelectCut, transforms_move_volumes) {
-  Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 10);
+TEST(SelectCut, TransformsMoveVolumes) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 10);
   root["transform"] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 100, 0, 0, 1};  // quarter turn, twice as large, then east
-  root["children"] = Json::array({tile(box_volume(10, 0, 0, 1, 1, 1), 0, "a.glb")});  // at (100, 20, 0) +- 2
-  root["boundingVolume"] = box_volume(0, 0, 0, 20, 20, 20);
-  MemorySource source(testing::tileset(root));
+  root["children"] = Json::array({transport::testing::tile(transport::testing::box_volume(10, 0, 0, 1, 1, 1), 0,
+                                                           "a.glb")});  // at (100, 20, 0) +- 2
+  root["boundingVolume"] = transport::testing::box_volume(0, 0, 0, 20, 20, 20);
+  MemorySource source(transport::testing::tileset(root));
   EXPECT_THAT(uris(cut_of(source, {Vec3(100, 21.9, 0), Vec3(1, 0.1, 1)})), ElementsAre("a.glb"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(100, 22.2, 0), Vec3(1, 0.1, 1)})), IsEmpty());
   EXPECT_THAT(uris(cut_of(source, {Vec3(110, 0, 0), Vec3(1, 1, 1)})), IsEmpty());
 }
 
-TEST(SelectCut, a_scaling_transform_scales_the_error_from_1_1_on) {
+TEST(SelectCut, AScalingTransformScalesTheErrorFrom11On) {
   for (const auto& [version, wanted_m] : {std::pair("1.0", 5.0), std::pair("1.1", 15.0)}) {
-    Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 5, "a.glb");
+    Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 5, "a.glb");
     root["transform"] = {2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1};
-    MemorySource source(testing::tileset(root, version));
+    MemorySource source(transport::testing::tileset(root, version));
     EXPECT_NEAR(cut_of(source).geometric_error_max_m, wanted_m, 1e-12) << version;
   }
 }
 
-TEST(SelectCut, content_volumes_tighten) {
-  Json root = tile(box_volume(0, 0, 0, 10, 10, 10), 0);
-  root["contents"] = {{{"uri", "a.glb"}, {"boundingVolume", box_volume(-5, 0, 0, 1, 1, 1)}}, {{"uri", "b.glb"}}};
-  MemorySource source(testing::tileset(root));
+TEST(SelectCut, ContentVolumesTighten) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 10, 10), 0);
+  root["contents"] = {{{"uri", "a.glb"}, {"boundingVolume", transport::testing::box_volume(-5, 0, 0, 1, 1, 1)}},
+                      {{"uri", "b.glb"}}};
+  MemorySource source(transport::testing::tileset(root));
   EXPECT_THAT(uris(cut_of(source, {Vec3(5, 0, 0), Vec3(1, 1, 1)})), ElementsAre("b.glb"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(-5, 0, 0), Vec3(1, 1, 1)})), ElementsAre("a.glb", "b.glb"));
 }
 
-TEST(SelectCut, external_tilesets_are_followed_where_they_are_wanted) {
-  Json root = tile(box_volume(0, 0, 0, 100, 100, 10), 50);
+TEST(SelectCut, ExternalTilesetsAreFollowedWhereTheyAreWanted) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 10), 50);
   root["refine"] = "ADD";
-  root["children"] = {tile(box_volume(-50, 0, 0, 50, 100, 10), 20, "west/t.json"),
-                      tile(box_volume(50, 0, 0, 50, 100, 10), 20, "east/t.json?v=2")};
+  root["children"] = {
+      transport::testing::tile(transport::testing::box_volume(-50, 0, 0, 50, 100, 10), 20, "west/t.json"),
+      transport::testing::tile(transport::testing::box_volume(50, 0, 0, 50, 100, 10), 20, "east/t.json?v=2")};
   root["children"][1]["transform"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 50, 0, 0, 1};
-  root["children"][1]["boundingVolume"] = box_volume(0, 0, 0, 50, 100, 10);
-  MemorySource source(testing::tileset(root));
-  Json east = tile(box_volume(0, 0, 0, 50, 100, 10), 10, "a.glb");  // no refine: ADD from outside
-  east["children"] = Json::array({tile(box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
-  source.add("east/t.json?v=2", testing::tileset(east).dump());
+  root["children"][1]["boundingVolume"] = transport::testing::box_volume(0, 0, 0, 50, 100, 10);
+  MemorySource source(transport::testing::tileset(root));
+  Json east = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 50, 100, 10), 10,
+                                       "a.glb");  // no refine: ADD from outside
+  east["children"] =
+      Json::array({transport::testing::tile(transport::testing::box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
+  source.add("east/t.json?v=2", transport::testing::tileset(east).dump());
 
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 0, 0), Vec3(5, 5, 5)})), ElementsAre("east/a.glb", "b%20c.glb"));
   EXPECT_EQ(source.reads().count("west/t.json"), 0U);
@@ -165,45 +171,58 @@ TEST(SelectCut, external_tilesets_are_followed_where_they_are_wanted) {
   EXPECT_EQ(all.contents.size(), 2U);
 }
 
-TEST(SelectCut, external_tileset_without_a_telling_name) {
-  MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "node?id=7")));
-  source.add("node?id=7", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 0, "node?id=8")).dump());
-  source.add("node?id=8", testing::triangle_glb());
+TEST(SelectCut, ExternalTilesetWithoutATellingName) {
+  MemorySource source(transport::testing::tileset(
+      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "node?id=7")));
+  source.add("node?id=7",
+             transport::testing::tileset(
+                 transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, "node?id=8"))
+                 .dump());
+  source.add("node?id=8", transport::testing::triangle_glb());
   EXPECT_THAT(uris(cut_of(source)), ElementsAre("node?id=8"));
 }
 
-TEST(SelectCut, cycles_are_named) {
-  MemorySource source(testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "a/b.json")));
-  source.add("a/b.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json")).dump());
+TEST(SelectCut, CyclesAreNamed) {
+  MemorySource source(transport::testing::tileset(
+      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "a/b.json")));
+  source.add("a/b.json",
+             transport::testing::tileset(
+                 transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json"))
+                 .dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: tileset.json → a/b.json → tileset.json")));
-  source.add("a/b.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json")).dump());
+  source.add("a/b.json", transport::testing::tileset(
+                             transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json"))
+                             .dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: a/b.json → a/b.json")));
 }
 
-TEST(SelectCut, one_file_may_stand_in_several_places) {
-  Json root = tile(box_volume(0, 0, 0, 100, 100, 10), 50);
+TEST(SelectCut, OneFileMayStandInSeveralPlaces) {
+  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 10), 50);
   for (const double x : {0.0, 10.0}) {
-    Json child = tile(box_volume(0, 0, 0, 1, 1, 1), 20, "t.json");
+    Json child = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 20, "t.json");
     child["transform"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, 0, 0, 1};
     root["children"].push_back(child);
   }
-  MemorySource source(testing::tileset(root));
-  source.add("t.json", testing::tileset(tile(box_volume(0, 0, 0, 1, 1, 1), 0, "a.glb")).dump());
+  MemorySource source(transport::testing::tileset(root));
+  source.add("t.json", transport::testing::tileset(
+                           transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, "a.glb"))
+                           .dump());
   EXPECT_EQ(cut_of(source).contents.size(), 2U);
   EXPECT_EQ(cut_of(source, {Vec3(10, 0, 0), Vec3(1, 1, 1)}).contents.size(), 1U);
   EXPECT_EQ(source.reads().at("t.json"), 2);  // once a tree
 }
 
-TEST(SelectCut, limits_on_external_tilesets) {
+TEST(SelectCut, LimitsOnExternalTilesets) {
   // Each level names the next twice: 2^40 tiles without a limit.
   MemorySource source;
   for (int i = 0; i < 40; ++i) {
-    Json root = tile(box_volume(0, 0, 0, 1, 1, 1), 1);
+    Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1);
     const std::string next = "t" + std::to_string(i + 1) + ".json";
-    root["children"] = {tile(box_volume(0, 0, 0, 1, 1, 1), 1, next), tile(box_volume(0, 0, 0, 1, 1, 1), 1, next)};
-    source.add(i == 0 ? "tileset.json" : "t" + std::to_string(i) + ".json", testing::tileset(root).dump());
+    root["children"] = {transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, next),
+                        transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, next)};
+    source.add(i == 0 ? "tileset.json" : "t" + std::to_string(i) + ".json", transport::testing::tileset(root).dump());
   }
-  const Wanted everything = wanted_region({Vec3::Zero(), Vec3::Constant(kWorld)}, geometry::SE3(), 0);
+  const RefinementCriterion everything = region_criterion({Vec3::Zero(), Vec3::Constant(kWorld)}, geometry::SE3(), 0);
   TilesetTree narrow(source, {.file = {}, .max_external_chain = 5});
   const TileCut chain = select_cut(narrow, everything);
   EXPECT_EQ(chain.failures.size(), 32U);
@@ -212,8 +231,8 @@ TEST(SelectCut, limits_on_external_tilesets) {
   EXPECT_THAT(select_cut(small, everything).failures, ::testing::Contains(HasSubstr("more than 1000 tiles")));
 }
 
-/// Where such a tile lies is unknown: it is named wherever one looks.
-TEST(SelectCut, names_the_tile_that_needs_what_is_lacking) {
+/// The position of such a tile is unknown: it is reported for every request.
+TEST(SelectCut, NamesTheTileThatNeedsWhatIsLacking) {
   Json json = quadtree("REPLACE");
   json["root"]["children"][2]["boundingVolume"] = {{"extensions", {{"ACME_cone", {{"half_angle", 1}}}}}};
   MemorySource source(json);

@@ -5,8 +5,8 @@
 #include <map>
 #include <string_view>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/tiles/json_reader.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tiles/tile_semantics.h"
 
 namespace tileflight::tiles {
@@ -14,8 +14,8 @@ namespace {
 
 using Bytes = std::span<const std::byte>;
 
-/// What one file may make of a few bytes ("constant": 1 says that all tiles are there).
-constexpr std::size_t kMostTiles = std::size_t{1} << 20;
+/// Limit of tiles per file, because a few bytes can declare many ("constant": 1 makes all tiles available).
+constexpr std::size_t kMaxTiles = std::size_t{1} << 20;
 
 std::string_view as_text(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
@@ -46,18 +46,20 @@ SubtreeParts parts_of(Bytes bytes, const std::string& name) {
 /// The buffers of a subtree and the views into them.
 class SubtreeBuffers {
  public:
-  SubtreeBuffers(const Json& json, Bytes binary, const std::string& name,
+  SubtreeBuffers(const tile_contents::Json& json, Bytes binary, const std::string& name,
                  const std::function<std::vector<std::byte>(const std::string&)>& read_resource)
       : json_(json), binary_(binary), name_(name), read_resource_(read_resource) {}
 
   Bytes view(std::size_t index) {
     const std::string where = name_ + ": bufferViews[" + std::to_string(index) + "]";
-    const Json* views = find_array(json_, "bufferViews", name_);
+    const tile_contents::Json* views = tile_contents::find_array(json_, "bufferViews", name_);
     if (views == nullptr || index >= views->size()) throw InputError(where, "is not there");
-    const Json& json = (*views)[index];
-    const Bytes bytes = buffer(required(find_index(json, "buffer", where), "buffer", where));
-    const std::size_t offset = find_index(json, "byteOffset", where).value_or(0);
-    const std::size_t length = required(find_index(json, "byteLength", where), "byteLength", where);
+    const tile_contents::Json& json = (*views)[index];
+    const Bytes bytes =
+        buffer(tile_contents::require_value(tile_contents::find_index(json, "buffer", where), "buffer", where));
+    const std::size_t offset = tile_contents::find_index(json, "byteOffset", where).value_or(0);
+    const std::size_t length =
+        tile_contents::require_value(tile_contents::find_index(json, "byteLength", where), "byteLength", where);
     if (offset > bytes.size() || length > bytes.size() - offset) {
       throw InputError(where, "lies outside of its buffer of " + std::to_string(bytes.size()) + " bytes");
     }
@@ -67,10 +69,11 @@ class SubtreeBuffers {
  private:
   Bytes buffer(std::size_t index) {
     const std::string where = name_ + ": buffers[" + std::to_string(index) + "]";
-    const Json* buffers = find_array(json_, "buffers", name_);
+    const tile_contents::Json* buffers = tile_contents::find_array(json_, "buffers", name_);
     if (buffers == nullptr || index >= buffers->size()) throw InputError(where, "is not there");
-    const std::optional<std::string> uri = find_string((*buffers)[index], "uri", where);
-    const std::size_t length = required(find_index((*buffers)[index], "byteLength", where), "byteLength", where);
+    const std::optional<std::string> uri = tile_contents::find_string((*buffers)[index], "uri", where);
+    const std::size_t length = tile_contents::require_value(
+        tile_contents::find_index((*buffers)[index], "byteLength", where), "byteLength", where);
     if (!uri) {
       if (length > binary_.size()) throw InputError(where, "is longer than the file's binary part");
       return binary_.first(length);
@@ -84,7 +87,7 @@ class SubtreeBuffers {
     return Bytes(it->second).first(length);
   }
 
-  const Json& json_;
+  const tile_contents::Json& json_;
   Bytes binary_;
   std::string name_;
   const std::function<std::vector<std::byte>(const std::string&)>& read_resource_;
@@ -95,11 +98,12 @@ class SubtreeBuffers {
 class Availability {
  public:
   Availability() = default;
-  /// `bits`: how many there are.
-  Availability(const Json& json, std::size_t bits, SubtreeBuffers& buffers, const std::string& where) : bits_(bits) {
-    auto stream = find_index(json, "bitstream", where);
-    if (!stream) stream = find_index(json, "bufferView", where);  // before 1.1
-    const auto constant = find_index(json, "constant", where, 1);
+  /// `bits`: number of bits.
+  Availability(const tile_contents::Json& json, std::size_t bits, SubtreeBuffers& buffers, const std::string& where)
+      : bits_(bits) {
+    auto stream = tile_contents::find_index(json, "bitstream", where);
+    if (!stream) stream = tile_contents::find_index(json, "bufferView", where);  // before 1.1
+    const auto constant = tile_contents::find_index(json, "constant", where, 1);
     if (!stream && !constant) throw InputError(where, "has neither bitstream nor constant");
     if (stream && constant) throw InputError(where, "has both bitstream and constant");
     constant_ = constant.value_or(0) == 1;
@@ -115,7 +119,7 @@ class Availability {
     if (stream_.empty()) return constant_;
     return (std::to_integer<unsigned>(stream_[index / 8]) >> (index % 8) & 1U) != 0;
   }
-  /// Of the first `bits`, how many are set.
+  /// Number of set bits among the first `bits`.
   std::size_t count(std::size_t bits) const {
     if (stream_.empty()) return constant_ ? bits : 0;
     std::size_t set = 0;
@@ -130,7 +134,7 @@ class Availability {
   Bytes stream_;
 };
 
-/// Which row of its metadata an available entry has: the number of available ones before it. Asked in rising order.
+/// Row of an available entry in its metadata: the number of available entries before it. Queried in increasing order.
 class Rank {
  public:
   std::size_t of(const Availability& availability, std::size_t index) {
@@ -146,14 +150,15 @@ class Rank {
 /// Reads one file; one object per file.
 class SubtreeParser {
  public:
-  SubtreeParser(const Json& json, SubtreeBuffers& buffers, const ImplicitPlace& place, const std::string& name)
+  SubtreeParser(const tile_contents::Json& json, SubtreeBuffers& buffers, const ImplicitSubtree& place,
+                const std::string& name)
       : json_(json), buffers_(buffers), tiling_(*place.tiling), root_(place.root), name_(name) {}
 
   Subtree parse() {
     read_availability();
     read_metadata();
     if (!tiles_.at(0)) throw InputError(name_, "its own root is not available, though it is named as one that is");
-    std::vector<std::size_t> row = {0};  // indices within a level, rising
+    std::vector<std::size_t> row = {0};  // indices within a level, ascending
     add_tile(root_, 0, 0);
     for (std::uint32_t level = 0; level + 1 < levels_ && !row.empty(); ++level) row = add_level(level, row);
     if (levels_ == tiling_.subtree_levels) add_child_subtrees(row);
@@ -178,38 +183,40 @@ class SubtreeParser {
     }
     level_start_.push_back(bits_);
     const auto read = [&](const char* key, std::size_t bits) {
-      const Json* json = find_object(json_, key, name_);
+      const tile_contents::Json* json = tile_contents::find_object(json_, key, name_);
       if (json == nullptr) throw InputError(name_, std::string(key) + " is missing");
       return availability(*json, bits, name_ + ": " + key);
     };
     tiles_ = read("tileAvailability", bits_);
-    if (tiles_.count(level_start_[levels_]) > kMostTiles) {
-      throw InputError(name_, "the subtree has more than " + std::to_string(kMostTiles) + " tiles");
+    if (tiles_.count(level_start_[levels_]) > kMaxTiles) {
+      throw InputError(name_, "the subtree has more than " + std::to_string(kMaxTiles) + " tiles");
     }
     subtrees_ = read("childSubtreeAvailability", in_level);
     read_content_availability();
   }
 
-  Availability availability(const Json& json, std::size_t bits, const std::string& where) {
+  Availability availability(const tile_contents::Json& json, std::size_t bits, const std::string& where) {
     const Availability out(json, bits, buffers_, where);
-    const auto count = find_index(json, "availableCount", where);
+    const auto count = tile_contents::find_index(json, "availableCount", where);
     if (count && *count != out.count()) warn("an availableCount does not go with its bits; the bits are taken");
     return out;
   }
 
-  /// A list since 1.1; before it an object, or a list in an extension where there were several.
+  /// A list since 1.1; previously an object, or a list in an extension if there were several.
   void read_content_availability() {
-    const Json* extensions = find_object(json_, "extensions", name_);
-    const Json* several = extensions == nullptr ? nullptr : find_member(*extensions, "3DTILES_multiple_contents");
-    const Json* contents = several == nullptr ? nullptr : find_member(*several, "contentAvailability");
-    if (contents == nullptr) contents = find_member(json_, "contentAvailability");
+    const tile_contents::Json* extensions = tile_contents::find_object(json_, "extensions", name_);
+    const tile_contents::Json* several =
+        extensions == nullptr ? nullptr : tile_contents::find_member(*extensions, "3DTILES_multiple_contents");
+    const tile_contents::Json* contents =
+        several == nullptr ? nullptr : tile_contents::find_member(*several, "contentAvailability");
+    if (contents == nullptr) contents = tile_contents::find_member(json_, "contentAvailability");
     if (contents == nullptr) return;
     const std::string where = name_ + ": contentAvailability";
     if (!contents->is_array()) {
       contents_.push_back(availability(*contents, bits_, where));
       return;
     }
-    for (const Json& content : *contents) contents_.push_back(availability(content, bits_, where));
+    for (const tile_contents::Json& content : *contents) contents_.push_back(availability(content, bits_, where));
     if (contents_.size() > tiling_.content_templates.size()) {
       throw InputError(where, "tells of " + std::to_string(contents_.size()) + " contents, the tileset of " +
                                   std::to_string(tiling_.content_templates.size()));
@@ -217,16 +224,16 @@ class SubtreeParser {
   }
 
   void read_metadata() {
-    const Json* tables = find_array(json_, "propertyTables", name_);
+    const tile_contents::Json* tables = tile_contents::find_array(json_, "propertyTables", name_);
     if (tables == nullptr || !tiling_.schema) return;
     const auto table = [&](std::size_t index) {
       const std::string where = name_ + ": propertyTables[" + std::to_string(index) + "]";
       if (index >= tables->size()) throw InputError(where, "is not there");
-      return PropertyTable((*tables)[index], *tiling_.schema, [&](std::size_t view) { return buffers_.view(view); },
-                           where);
+      return tile_contents::PropertyTable((*tables)[index], *tiling_.schema,
+                                          [&](std::size_t view) { return buffers_.view(view); }, where);
     };
-    if (const auto index = find_index(json_, "tileMetadata", name_)) tile_metadata_ = table(*index);
-    if (const auto indices = find_numbers(json_, "contentMetadata", 0, name_)) {
+    if (const auto index = tile_contents::find_index(json_, "tileMetadata", name_)) tile_metadata_ = table(*index);
+    if (const auto indices = tile_contents::find_numbers(json_, "contentMetadata", 0, name_)) {
       for (const double index : *indices) {
         if (!(index >= 0 && index < 1e6)) throw InputError(name_, "contentMetadata names a table that is not there");
         content_metadata_.push_back(table(static_cast<std::size_t>(index)));
@@ -235,7 +242,7 @@ class SubtreeParser {
     content_ranks_.resize(contents_.size());
   }
 
-  static TileSemantics semantics(const PropertyTable& table, std::size_t row, const std::string& prefix,
+  static TileSemantics semantics(const tile_contents::PropertyTable& table, std::size_t row, const std::string& prefix,
                                  const std::string& where) {
     const auto find = [&](const std::string& semantic) -> std::optional<std::size_t> {
       for (std::size_t i = 0; i < table.columns().size(); ++i) {
@@ -255,7 +262,7 @@ class SubtreeParser {
     return read_semantics(prefix, values, where);
   }
 
-  /// The available children of a level's tiles, in order; returns their indices within their level.
+  /// Adds the available children of a level's tiles, in order; returns their indices within their level.
   std::vector<std::size_t> add_level(std::uint32_t level, const std::vector<std::size_t>& parents) {
     std::vector<std::size_t> row;
     const std::size_t first_parent = out_.tiles.size() - parents.size();
@@ -264,7 +271,7 @@ class SubtreeParser {
         const std::size_t index = parents[i] * tiling_.children_per_tile() + child;
         if (!tiles_.at(level_start_[level + 1] + index)) continue;
         out_.tiles[first_parent + i].children.push_back(static_cast<std::uint32_t>(out_.tiles.size()));
-        add_tile(child_of(out_.tiles[first_parent + i].coordinates, child), level + 1, index);
+        add_tile(child_coordinates(out_.tiles[first_parent + i].coordinates, child), level + 1, index);
         row.push_back(index);
       }
     }
@@ -278,7 +285,7 @@ class SubtreeParser {
       SubtreeTile& tile = out_.tiles[first_parent + i];
       for (std::uint32_t child = 0; child < tiling_.children_per_tile(); ++child) {
         if (!subtrees_.at(parents[i] * tiling_.children_per_tile() + child)) continue;
-        tile.subtrees.push_back(child_of(tile.coordinates, child));
+        tile.subtrees.push_back(child_coordinates(tile.coordinates, child));
       }
     }
   }
@@ -290,11 +297,11 @@ class SubtreeParser {
     tile.coordinates = coordinates;
     tile.bounding_volume = implicit_volume(tiling_, coordinates);
     tile.geometric_error_m = implicit_geometric_error_m(tiling_, coordinates);
-    const std::string where = name_ + ": tile " + text_of(coordinates, tiling_.octree);
+    const std::string where = name_ + ": tile " + coordinates_text(coordinates, tiling_.octree);
     if (tile_metadata_) {
       const TileSemantics own = semantics(*tile_metadata_, tile_rank_.of(tiles_, index), "TILE", where);
       if (own.has_transform) warn(kTransformWarning);
-      tile.bounding_volume = with_semantics(tile.bounding_volume, own);
+      tile.bounding_volume = apply_semantics(tile.bounding_volume, own);
       tile.geometric_error_m = own.geometric_error_m.value_or(tile.geometric_error_m);
       tile.refine = own.refine;
     }
@@ -311,26 +318,26 @@ class SubtreeParser {
         const TileSemantics own = semantics(content_metadata_[i], row, "CONTENT", where);
         content.uri = own.uri;
         if (own.bounding_volume || own.s2_cell || own.min_height_m || own.max_height_m) {
-          content.bounding_volume = with_semantics(tile.bounding_volume, own);
+          content.bounding_volume = apply_semantics(tile.bounding_volume, own);
         }
       }
       tile.contents.push_back(std::move(content));
     }
   }
 
-  const Json& json_;
+  const tile_contents::Json& json_;
   SubtreeBuffers& buffers_;
   const ImplicitTiling& tiling_;
   TileCoordinates root_;
   std::string name_;
   Subtree out_;
-  std::uint32_t levels_ = 0;  ///< of this subtree that lie inside the tree
+  std::uint32_t levels_ = 0;  ///< levels of this subtree that lie inside the tree
   std::size_t bits_ = 0;
   std::vector<std::size_t> level_start_;
   Availability tiles_, subtrees_;
   std::vector<Availability> contents_;
-  std::optional<PropertyTable> tile_metadata_;
-  std::vector<PropertyTable> content_metadata_;
+  std::optional<tile_contents::PropertyTable> tile_metadata_;
+  std::vector<tile_contents::PropertyTable> content_metadata_;
   Rank tile_rank_;
   std::vector<Rank> content_ranks_;
   std::size_t reached_ = 0;
@@ -338,10 +345,10 @@ class SubtreeParser {
 
 }  // namespace
 
-Subtree parse_subtree(Bytes bytes, const ImplicitPlace& place, const std::string& name,
+Subtree parse_subtree(Bytes bytes, const ImplicitSubtree& place, const std::string& name,
                       const std::function<std::vector<std::byte>(const std::string&)>& read_resource) {
   const SubtreeParts parts = parts_of(bytes, name);
-  const Json json = parse_json(parts.json, name, {.max_depth = 64});
+  const tile_contents::Json json = tile_contents::parse_json(parts.json, name, {.max_depth = 64});
   if (!json.is_object()) throw InputError(name, "is not a subtree: a JSON object is wanted");
   SubtreeBuffers buffers(json, parts.binary, name, read_resource);
   return SubtreeParser(json, buffers, place, name).parse();

@@ -8,18 +8,18 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/tile_contents/property_table.h"
 #include "tileflight/tiles/implicit_tiling.h"
-#include "tileflight/tiles/property_table.h"
 #include "tileflight/tiles/tileset.h"
 
 namespace tileflight::tiles {
 
-/// Which tiles of a part of an implicit tree there are, and what each of them shows (3D Tiles 1.1, section "Subtrees").
+/// Availability and contents of the tiles in a part of an implicit tree (3D Tiles 1.1, section "Subtrees").
 
 /// A content of an available tile.
 struct SubtreeContent {
   std::size_t template_index = 0;  ///< which of the tiling's content templates
-  std::optional<std::string> uri;  ///< where metadata names another file than the template does
+  std::optional<std::string> uri;  ///< set if metadata names another file than the template
   std::optional<BoundingVolume> bounding_volume;
 };
 
@@ -28,10 +28,10 @@ struct SubtreeTile {
   TileCoordinates coordinates;
   BoundingVolume bounding_volume;
   double geometric_error_m = 0.0;
-  std::optional<Refine> refine;  ///< where metadata says so
+  std::optional<Refine> refine;  ///< set if metadata states it
   std::vector<SubtreeContent> contents;
   std::vector<std::uint32_t> children;    ///< indices into the subtree's tiles
-  std::vector<TileCoordinates> subtrees;  ///< roots of the child subtrees that there are
+  std::vector<TileCoordinates> subtrees;  ///< roots of the available child subtrees
 };
 
 struct Subtree {
@@ -39,9 +39,9 @@ struct Subtree {
   std::vector<std::string> warnings;
 };
 
-/// Reads a .subtree file, binary or JSON. `read_resource` takes the URIs of outside buffers as they stand in the file.
-/// Everything is checked before it is allocated. Throws InputError (name, part, cause).
-Subtree parse_subtree(std::span<const std::byte> bytes, const ImplicitPlace& place, const std::string& name,
+/// Parses a .subtree file, binary or JSON. `read_resource` receives the URIs of external buffers as written in the
+/// file. Sizes are checked before allocation. Throws InputError (name, part, cause).
+Subtree parse_subtree(std::span<const std::byte> bytes, const ImplicitSubtree& place, const std::string& name,
                       const std::function<std::vector<std::byte>(const std::string& uri)>& read_resource = {});
 
 }  // namespace tileflight::tiles

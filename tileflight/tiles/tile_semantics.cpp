@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -29,9 +29,9 @@ std::optional<BoundingVolume> volume_of(const std::string& prefix, const Semanti
     if (!usable) throw InputError(where, prefix + kind + " is not " + std::to_string(count) + " finite numbers");
     return numbers;
   };
-  if (const auto v = read("_BOUNDING_BOX", 12)) return box_of(*v);
-  if (const auto v = read("_BOUNDING_REGION", 6)) return region_of(*v, where);
-  if (const auto v = read("_BOUNDING_SPHERE", 4)) return sphere_of(*v, where);
+  if (const auto v = read("_BOUNDING_BOX", 12)) return parse_box(*v);
+  if (const auto v = read("_BOUNDING_REGION", 6)) return parse_region(*v, where);
+  if (const auto v = read("_BOUNDING_SPHERE", 4)) return parse_sphere(*v, where);
   return std::nullopt;
 }
 
@@ -41,26 +41,26 @@ std::optional<S2Cell> s2_cell_of(const std::string& semantic, const SemanticValu
   std::uint64_t id = 0;
   const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), id);
   const bool is_number = error == std::errc() && end == text->data() + text->size();
-  const std::optional<S2Cell> cell = is_number ? s2_cell_of_id(id) : std::nullopt;
+  const std::optional<S2Cell> cell = is_number ? s2_cell_from_id(id) : std::nullopt;
   if (!cell) throw InputError(where, semantic + " is no S2 cell");
   return cell;
 }
 
 }  // namespace
 
-OrientedBox box_of(const std::vector<double>& v) {
+OrientedBox parse_box(const std::vector<double>& v) {
   OrientedBox box;
   box.center = Vec3(v[0], v[1], v[2]);
   box.half_axes << v[3], v[6], v[9], v[4], v[7], v[10], v[5], v[8], v[11];
   return box;
 }
 
-BoundingSphere sphere_of(const std::vector<double>& v, const std::string& where) {
+BoundingSphere parse_sphere(const std::vector<double>& v, const std::string& where) {
   if (v[3] < 0) throw InputError(where, "the radius of the bounding sphere is negative");
   return {Vec3(v[0], v[1], v[2]), v[3]};
 }
 
-GeographicRegion region_of(const std::vector<double>& v, const std::string& where) {
+GeographicRegion parse_region(const std::vector<double>& v, const std::string& where) {
   constexpr double kRounding_rad = 1e-6;
   constexpr double kPole_rad = std::numbers::pi / 2;
   constexpr double kMeridian_rad = std::numbers::pi;
@@ -96,13 +96,13 @@ TileSemantics read_semantics(const std::string& prefix, const SemanticValues& va
   return out;
 }
 
-BoundingVolume with_semantics(const BoundingVolume& volume, const TileSemantics& semantics) {
+BoundingVolume apply_semantics(const BoundingVolume& volume, const TileSemantics& semantics) {
   BoundingVolume out = semantics.bounding_volume.value_or(volume);
   const auto set_heights = [&](auto& earth_fixed) {
     earth_fixed.min_height_m = semantics.min_height_m.value_or(earth_fixed.min_height_m);
     earth_fixed.max_height_m = semantics.max_height_m.value_or(earth_fixed.max_height_m);
   };
-  const auto heights = heights_of(out);
+  const auto heights = height_range(out);
   const bool has_heights = heights || (semantics.min_height_m && semantics.max_height_m);
   if (semantics.s2_cell && has_heights) {
     const auto [low_m, high_m] = heights.value_or(std::pair{0.0, 0.0});
@@ -113,7 +113,7 @@ BoundingVolume with_semantics(const BoundingVolume& volume, const TileSemantics&
   return out;
 }
 
-std::optional<std::pair<double, double>> heights_of(const BoundingVolume& volume) {
+std::optional<std::pair<double, double>> height_range(const BoundingVolume& volume) {
   if (const auto* region = std::get_if<GeographicRegion>(&volume)) {
     return std::pair{region->min_height_m, region->max_height_m};
   }

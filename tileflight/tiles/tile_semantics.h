@@ -11,8 +11,7 @@
 
 namespace tileflight::tiles {
 
-/// What metadata can say of a tile or of a content instead of its JSON (3D Metadata Semantic Reference 1.0, "Tiles" and
-/// "Contents").
+/// Metadata of a tile or content that overrides its JSON (3D Metadata Semantic Reference 1.0, "Tiles" and "Contents").
 struct TileSemantics {
   std::optional<BoundingVolume> bounding_volume;
   std::optional<S2Cell> s2_cell;                     ///< needs heights, of its own or of the volume that it replaces
@@ -20,29 +19,29 @@ struct TileSemantics {
   std::optional<double> geometric_error_m;
   std::optional<Refine> refine;
   std::optional<std::string> uri;  ///< CONTENT_URI
-  bool has_transform = false;      ///< TILE_TRANSFORM, which is not heeded
+  bool has_transform = false;      ///< TILE_TRANSFORM is present; it is ignored
 };
 
 inline constexpr const char* kTransformWarning = "TILE_TRANSFORM in metadata is not heeded: tiles stand by their JSON";
 
-/// Numbers and text of a value by its semantic; nullopt: there is none.
+/// Accessors for numbers and text by semantic; nullopt if there is no value.
 struct SemanticValues {
   std::function<std::optional<std::vector<double>>(const std::string& semantic)> numbers;
   std::function<std::optional<std::string>(const std::string& semantic)> text;
 };
 
-/// `prefix`: "TILE" or "CONTENT". Throws InputError for values that cannot be meant.
+/// `prefix`: "TILE" or "CONTENT". Throws InputError for invalid values.
 TileSemantics read_semantics(const std::string& prefix, const SemanticValues& values, const std::string& where);
 
-/// The volume with the semantics' own in its place, or with its heights.
-BoundingVolume with_semantics(const BoundingVolume& volume, const TileSemantics& semantics);
+/// The volume, replaced by the semantics' volume or with its heights.
+BoundingVolume apply_semantics(const BoundingVolume& volume, const TileSemantics& semantics);
 
-/// A box of twelve numbers, a region of six, a sphere of four, as 3D Tiles writes them. Throws InputError.
-OrientedBox box_of(const std::vector<double>& numbers);
-GeographicRegion region_of(const std::vector<double>& numbers, const std::string& where);
-BoundingSphere sphere_of(const std::vector<double>& numbers, const std::string& where);
+/// Volumes from 3D Tiles' arrays: a box of twelve numbers, a region of six, a sphere of four. Throws InputError.
+OrientedBox parse_box(const std::vector<double>& numbers);
+GeographicRegion parse_region(const std::vector<double>& numbers, const std::string& where);
+BoundingSphere parse_sphere(const std::vector<double>& numbers, const std::string& where);
 
-/// The heights of an earth-fixed volume; nullopt: it is another.
-std::optional<std::pair<double, double>> heights_of(const BoundingVolume& volume);
+/// Minimum and maximum height of an earth-fixed volume; nullopt for other volumes.
+std::optional<std::pair<double, double>> height_range(const BoundingVolume& volume);
 
 }  // namespace tileflight::tiles

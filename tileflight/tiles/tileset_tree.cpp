@@ -4,9 +4,9 @@
 #include <array>
 #include <string_view>
 
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/tiles/subtree.h"
-#include "tileflight/tiles/uri.h"
+#include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -18,25 +18,24 @@ std::string_view as_text(const std::vector<std::byte>& bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// JSON with a member "root", which a glTF has not: enough to tell the two apart without parsing.
+/// Whether it is JSON with a member "root", which glTF lacks: distinguishes the two without parsing.
 bool looks_like_tileset(std::string_view text) {
   const std::size_t start = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   return start != std::string_view::npos && text[start] == '{' && text.find("\"root\"") != std::string_view::npos;
 }
 
-/// A tile of a subtree as if it were written in a tileset.json. Child subtrees become tiles of their own that wait for
-/// their files.
-class SubtreeTiles {
+/// Converts a tile of a subtree to the form of a tileset.json. Child subtrees become tiles that wait for their files.
+class SubtreeConverter {
  public:
-  SubtreeTiles(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where)
-      : subtree_(subtree), tiling_(stands_at.implicit->tiling), stands_at_(stands_at), where_(where) {
+  SubtreeConverter(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where)
+      : subtree_(subtree), tiling_(stands_at.implicit_subtree->tiling), anchor_(stands_at), where_(where) {
     out_.version = named_by.version;
     out_.gltf_up_axis = named_by.gltf_up_axis;
     out_.is_subtree = true;
     out_.warnings = subtree.warnings;
   }
 
-  Tileset run() {
+  Tileset convert() {
     out_.tiles.resize(subtree_.tiles.size());
     for (std::size_t i = 0; i < subtree_.tiles.size(); ++i) fill(i);
     return std::move(out_);
@@ -54,7 +53,7 @@ class SubtreeTiles {
     for (const TileCoordinates& root : from.subtrees) {
       tile.children.push_back(static_cast<std::uint32_t>(out_.tiles.size()));
       out_.tiles.push_back(tile_at(root));
-      out_.tiles.back().implicit = ImplicitPlace{tiling_, root};
+      out_.tiles.back().implicit_subtree = ImplicitSubtree{tiling_, root};
     }
     out_.tiles[index] = std::move(tile);
   }
@@ -63,26 +62,26 @@ class SubtreeTiles {
     Tile tile;
     tile.bounding_volume = implicit_volume(*tiling_, coordinates);
     tile.geometric_error_m = implicit_geometric_error_m(*tiling_, coordinates);
-    tile.path = stands_at_.path.substr(0, stands_at_.path.find(':')) + ": " + text_of(coordinates, tiling_->octree);
+    tile.path = anchor_.path.substr(0, anchor_.path.find(':')) + ": " + coordinates_text(coordinates, tiling_->octree);
     tile.level = static_cast<int>(coordinates.level);
     return tile;
   }
 
   Content content_of(const SubtreeContent& content, const TileCoordinates& at) const {
     if (content.uri) return {*content.uri, content.bounding_volume};
-    return {filled_template(tiling_->content_templates[content.template_index], *tiling_, at, where_),
+    return {expand_template(tiling_->content_templates[content.template_index], *tiling_, at, where_),
             content.bounding_volume};
   }
 
   const Subtree& subtree_;
   std::shared_ptr<const ImplicitTiling> tiling_;
-  const Tile& stands_at_;
+  const Tile& anchor_;
   std::string where_;
   Tileset out_;
 };
 
-Tileset tileset_of(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where) {
-  return SubtreeTiles(subtree, stands_at, named_by, where).run();
+Tileset to_tileset(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where) {
+  return SubtreeConverter(subtree, stands_at, named_by, where).convert();
 }
 
 }  // namespace
@@ -95,7 +94,7 @@ void require_supported_extensions(const Tileset& tileset, const std::string& nam
   throw InputError(name, "needs extensions that are not supported: " + list);
 }
 
-TilesetTree::TilesetTree(TileSource& source, const TreeLimits& limits) : source_(source), limits_(limits) {
+TilesetTree::TilesetTree(transport::TileSource& source, const TreeLimits& limits) : source_(source), limits_(limits) {
   add_file(source.root_uri(), read_tileset(source.root_uri()), std::nullopt);
 }
 
@@ -128,21 +127,21 @@ std::optional<BoundingVolume> TilesetTree::viewer_request_volume(NodeId id) cons
 }
 
 std::string TilesetTree::content_uri(NodeId id, std::size_t content) const {
-  return resolve_uri(files_[nodes_[id].file].uri, tile(id).contents[content].uri);
+  return transport::resolve_uri(files_[nodes_[id].file].uri, tile(id).contents[content].uri);
 }
 
 std::string TilesetTree::name(NodeId id) const {
-  return uri_for_message(files_[nodes_[id].file].uri) + ": tile " + tile(id).path;
+  return transport::uri_for_message(files_[nodes_[id].file].uri) + ": tile " + tile(id).path;
 }
 
 bool TilesetTree::is_external_tileset(NodeId id, std::size_t content) {
   const std::string uri = content_uri(id, content);
-  const std::string ending = uri_ending(uri);
+  const std::string ending = transport::uri_extension(uri);
   if (ending == "json") return true;
   if (std::find(kTileEndings.begin(), kTileEndings.end(), ending) != kTileEndings.end()) return false;
   const auto known = sniffed_.find(uri);
   if (known != sniffed_.end()) return known->second;
-  return sniffed_[uri] = looks_like_tileset(as_text(read_uri(source_, uri)));
+  return sniffed_[uri] = looks_like_tileset(as_text(transport::read_uri(source_, uri)));
 }
 
 NodeId TilesetTree::external_root(NodeId id, std::size_t content) {
@@ -164,14 +163,14 @@ NodeId TilesetTree::implicit_root(NodeId id) {
   return root;
 }
 
-bool TilesetTree::is_read(const Branch& branch) const {
+bool TilesetTree::is_read(const NestedFile& branch) const {
   return branch.content ? external_roots_.contains({branch.node, *branch.content})
                         : implicit_roots_.contains(branch.node);
 }
 
-void TilesetTree::read_branches(const std::vector<Branch>& branches) {
+void TilesetTree::read_nested_files(const std::vector<NestedFile>& branches) {
   std::vector<std::string> uris;
-  for (const Branch& branch : branches) {
+  for (const NestedFile& branch : branches) {
     try {
       uris.push_back(branch.content ? content_uri(branch.node, *branch.content) : subtree_uri(branch.node));
     } catch (const InputError&) {
@@ -179,7 +178,7 @@ void TilesetTree::read_branches(const std::vector<Branch>& branches) {
     }
   }
   source_.prefetch(uris);
-  for (const Branch& branch : branches) {
+  for (const NestedFile& branch : branches) {
     try {
       if (branch.content) {
         external_root(branch.node, *branch.content);
@@ -187,7 +186,7 @@ void TilesetTree::read_branches(const std::vector<Branch>& branches) {
         implicit_root(branch.node);
       }
     } catch (const InputError&) {
-      continue;  // whoever goes that way is told
+      continue;  // the error is reported when that branch is visited
     }
   }
 }
@@ -210,25 +209,25 @@ std::shared_ptr<const Tileset> TilesetTree::read_tileset(const std::string& uri)
   for (const auto& [read_uri_, tileset] : files_read_) {
     if (read_uri_ == uri) return tileset;
   }
-  const std::vector<std::byte> bytes = read_uri(source_, uri);
-  const ReadText read_text = [&](const std::string& reference) {
-    return std::string(as_text(read_uri(source_, resolve_uri(uri, reference))));
+  const std::vector<std::byte> bytes = transport::read_uri(source_, uri);
+  const TextReader read_text = [&](const std::string& reference) {
+    return std::string(as_text(transport::read_uri(source_, transport::resolve_uri(uri, reference))));
   };
   auto tileset = std::make_shared<const Tileset>(
-      parse_tileset_json(as_text(bytes), uri_for_message(uri), limits_.file, read_text));
+      parse_tileset_json(as_text(bytes), transport::uri_for_message(uri), limits_.file, read_text));
   files_read_.emplace_back(uri, tileset);
   return tileset;
 }
 
 void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
   std::vector<std::string> chain = {uri};
-  for (std::optional<NodeId> id = named_by; id; id = files_[nodes_[*id].file].named_by) {
+  for (std::optional<NodeId> id = named_by; id; id = files_[nodes_[*id].file].referenced_by) {
     if (tileset(*id).is_subtree) continue;
     const std::string& outer = files_[nodes_[*id].file].uri;
     chain.push_back(outer);
     if (outer != uri) continue;
-    std::string way = uri_for_message(chain.back());
-    for (std::size_t i = chain.size() - 1; i-- > 0;) way += " → " + uri_for_message(chain[i]);
+    std::string way = transport::uri_for_message(chain.back());
+    for (std::size_t i = chain.size() - 1; i-- > 0;) way += " → " + transport::uri_for_message(chain[i]);
     throw InputError(name(named_by), "external tilesets form a cycle: " + way);
   }
   if (chain.size() > static_cast<std::size_t>(limits_.max_external_chain)) {
@@ -238,33 +237,34 @@ void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
 }
 
 std::string TilesetTree::subtree_uri(NodeId id) const {
-  const ImplicitPlace& place = *tile(id).implicit;
-  return resolve_uri(files_[nodes_[id].file].uri,
-                     filled_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
+  const ImplicitSubtree& place = *tile(id).implicit_subtree;
+  return transport::resolve_uri(files_[nodes_[id].file].uri,
+                                expand_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
 }
 
 std::shared_ptr<const Tileset> TilesetTree::read_subtree(NodeId id) {
   const Tile& stands_at = tile(id);
-  const ImplicitPlace& place = *stands_at.implicit;
+  const ImplicitSubtree& place = *stands_at.implicit_subtree;
   const std::string uri = subtree_uri(id);
-  const Subtree subtree = parse_subtree(read_uri(source_, uri), place, uri_for_message(uri),
-                                        [&](const std::string& r) { return read_uri(source_, resolve_uri(uri, r)); });
-  return std::make_shared<const Tileset>(tileset_of(subtree, stands_at, tileset(id), name(id)));
+  const Subtree subtree =
+      parse_subtree(transport::read_uri(source_, uri), place, transport::uri_for_message(uri),
+                    [&](const std::string& r) { return transport::read_uri(source_, transport::resolve_uri(uri, r)); });
+  return std::make_shared<const Tileset>(to_tileset(subtree, stands_at, tileset(id), name(id)));
 }
 
 NodeId TilesetTree::add_file(const std::string& uri, std::shared_ptr<const Tileset> added,
                              std::optional<NodeId> named_by) {
   const std::shared_ptr<const Tileset> tileset = std::move(added);
   if (nodes_.size() + tileset->tiles.size() > limits_.max_nodes) {
-    throw InputError(uri_for_message(uri), "the tree with its external tilesets has more than " +
-                                               std::to_string(limits_.max_nodes) + " tiles");
+    throw InputError(transport::uri_for_message(uri), "the tree with its external tilesets has more than " +
+                                                          std::to_string(limits_.max_nodes) + " tiles");
   }
   const auto file = static_cast<std::uint32_t>(files_.size());
   const auto first = static_cast<NodeId>(nodes_.size());
   files_.push_back({uri, tileset, first, named_by});
   nodes_.resize(nodes_.size() + tileset->tiles.size());
   nodes_[first].parent = named_by;
-  for (std::uint32_t i = 0; i < tileset->tiles.size(); ++i) {  // parents stand before their children
+  for (std::uint32_t i = 0; i < tileset->tiles.size(); ++i) {  // parents precede children
     const Tile& tile = tileset->tiles[i];
     TreeNode& node = nodes_[first + i];
     node.file = file;

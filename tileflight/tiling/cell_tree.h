@@ -7,23 +7,23 @@
 
 namespace tileflight::tiling {
 
-/// A tree of cells that shares weighted places out evenly: each cell is halved by weight across its longer extent, and
-/// each half again, so that a cell has four children and all leaves are equally deep (a k-d tree; Bentley 1975). Cells
-/// of a level are numbered so that cell i has the children 4 i to 4 i + 3.
+/// A balanced tree of cells over weighted points: each cell is split into halves of equal weight across its longest
+/// extent, and each half again, so that a cell has four children and all leaves have the same depth (a k-d tree;
+/// Bentley 1975). Cells of a level are numbered so that cell i has the children 4 i to 4 i + 3.
 class CellTree {
  public:
-  /// `places` and `weights`: one an item; `depth`: levels below the root, at most 12. The same input gives the same
-  /// tree whatever the number of threads.
+  /// `places` and `weights`: one per item; `depth`: levels below the root, at most 12. The result does not depend on
+  /// the number of threads.
   CellTree(const std::vector<geometry::Vec3>& places, const std::vector<float>& weights, int depth);
 
   int depth() const { return depth_; }
-  /// Items of each leaf, ascending; 4^depth of them, some perhaps empty.
+  /// Items of each leaf, ascending; 4^depth leaves, some possibly empty.
   const std::vector<std::vector<std::uint32_t>>& leaves() const { return leaves_; }
-  /// The cell of a level (0: root) in which a place lies.
+  /// The cell of a level (0: root) that contains a point.
   std::uint32_t cell_of(const geometry::Vec3& place, int level) const;
 
  private:
-  /// Places whose coordinate is below the value lie in the first half.
+  /// Points with a smaller coordinate than `value` lie in the first half.
   struct Split {
     int axis = 0;
     double value = 0.0;
@@ -33,7 +33,7 @@ class CellTree {
   void split(const Items& items, std::size_t begin, std::size_t end, std::size_t node);
 
   int depth_;
-  std::vector<Split> splits_;  ///< two for each level, as a heap: node 1 is the root, n has the halves 2 n and 2 n + 1
+  std::vector<Split> splits_;  ///< two per level, as a heap: node 1 is the root, the halves of n are 2 n and 2 n + 1
   std::vector<std::vector<std::uint32_t>> leaves_;
 };
 

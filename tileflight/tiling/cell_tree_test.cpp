@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "tileflight/tiling/noise.h"
+#include "tileflight/base/noise.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -15,8 +15,8 @@ TEST(CellTree, SharesWeightOutEvenlyAndFindsEachItemAgain) {
   std::vector<Vec3> places;
   std::vector<float> weights;
   for (int i = 0; i < 3000; ++i) {
-    const double x = value_noise(0.37 * i, 1.0, 1), y = value_noise(0.53 * i, 2.0, 2),
-                 z = value_noise(0.71 * i, 3.0, 3);
+    const double x = base::value_noise(0.37 * i, 1.0, 1), y = base::value_noise(0.53 * i, 2.0, 2),
+                 z = base::value_noise(0.71 * i, 3.0, 3);
     places.emplace_back(100 * x, 30 * y, 10 * z);
     weights.push_back(i % 3 == 0 ? 5.0F : 1.0F);
   }
@@ -39,6 +39,7 @@ TEST(CellTree, SharesWeightOutEvenlyAndFindsEachItemAgain) {
 
 TEST(CellTree, ManyItemsAtOnePlaceAreStillSharedOut) {
   const CellTree tree(std::vector<Vec3>(100, Vec3::Ones()), std::vector<float>(100, 1.0F), 1);
+  ASSERT_EQ(tree.leaves().size(), 4U);
   for (const auto& leaf : tree.leaves()) EXPECT_EQ(leaf.size(), 25U);
   EXPECT_EQ(CellTree({}, {}, 2).leaves().size(), 16U);
 }

@@ -14,7 +14,7 @@ std::size_t cells_along(double length_m, double cell_m) {
 
 }  // namespace
 
-std::vector<double> even_places(double length_m, std::size_t count) {
+std::vector<double> even_positions(double length_m, std::size_t count) {
   std::vector<double> places(count + 1);
   for (std::size_t i = 0; i <= count; ++i) places[i] = length_m * static_cast<double>(i) / static_cast<double>(count);
   return places;
@@ -29,8 +29,8 @@ std::vector<double> arc_lengths(const std::vector<Vec3>& points) {
 Chart make_panel(const Vec3& corner, const Vec3& along_s, const Vec3& along_t, Painter paint, double cell_m) {
   Chart chart;
   const double width_m = along_s.norm(), height_m = along_t.norm();
-  chart.s_m = even_places(width_m, cells_along(width_m, cell_m));
-  chart.t_m = even_places(height_m, cells_along(height_m, cell_m));
+  chart.s_m = even_positions(width_m, cells_along(width_m, cell_m));
+  chart.t_m = even_positions(height_m, cells_along(height_m, cell_m));
   for (const double t : chart.t_m)
     for (const double s : chart.s_m) chart.vertices.push_back(corner + s / width_m * along_s + t / height_m * along_t);
   chart.paint = std::move(paint);
@@ -41,7 +41,7 @@ Chart make_sweep(const Vec3& start, const Vec3& sweep, const Vec3& out, const st
                  double cell_m) {
   Chart chart;
   const double length_m = sweep.norm();
-  chart.s_m = even_places(length_m, cells_along(length_m, cell_m));
+  chart.s_m = even_positions(length_m, cells_along(length_m, cell_m));
   std::vector<Vec3> places;
   for (const Vec2& p : profile) places.push_back(start + p.x() * out + p.y() * Vec3::UnitZ());
   chart.t_m = arc_lengths(places);
@@ -66,7 +66,7 @@ std::vector<Chart> make_box(const Vec3& low, const Vec3& high, const Painter& wa
 
 Chart make_post(const Vec3& foot, double height_m, double radius_m, int sides, Painter paint) {
   Chart chart;
-  chart.s_m = even_places(2 * std::numbers::pi * radius_m, static_cast<std::size_t>(sides));
+  chart.s_m = even_positions(2 * std::numbers::pi * radius_m, static_cast<std::size_t>(sides));
   chart.t_m = {0.0, height_m, height_m + radius_m};
   for (const double t : chart.t_m) {
     const double radius = t > height_m ? 0.0 : radius_m;

@@ -31,10 +31,10 @@ enum : int {
   kRepeat = 10497
 };
 
-/// y up from z up: (x, y, z) becomes (x, z, -y).
+/// Converts z up to y up: (x, y, z) becomes (x, z, -y).
 Vec3 y_up(const Vec3& p) { return {p.x(), p.z(), -p.y()}; }
 
-/// The document under construction: JSON beside its binary chunk.
+/// The document under construction: JSON and its binary chunk.
 class Document {
  public:
   explicit Document(const GlbOptions& options) : options_(options) {
@@ -162,7 +162,7 @@ class Document {
                              {"extensions", {{"KHR_materials_unlit", json::object()}}}});
   }
 
-  /// One image however many meshes share it.
+  /// Adds an image once, however many meshes share it.
   std::size_t add_texture(const TexturedMesh& mesh) {
     const auto found = image_of_.find(mesh.texture.get());
     std::size_t image = 0;

@@ -8,8 +8,8 @@
 #include <memory>
 #include <span>
 
+#include "tileflight/base/noise.h"
 #include "tileflight/imaging/image_files.h"
-#include "tileflight/tiling/noise.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -17,7 +17,7 @@ namespace {
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
-/// The images stay as bytes; the reader under test is glTF's, not JPEG's.
+/// Images are kept as bytes: only the glTF is tested, not JPEG.
 bool keep_bytes(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes, int size,
                 void*) {
   image->image.assign(bytes, bytes + size);
@@ -48,7 +48,7 @@ std::vector<T> values(const tinygltf::Model& model, int accessor_index, std::siz
 /// `count` random triangles around `center`.
 TexturedMesh random_mesh(const Vec3& center, std::size_t count, std::shared_ptr<const imaging::RgbImage> texture,
                          std::uint32_t seed) {
-  Random random(seed);
+  base::HashRandom random(seed);
   TexturedMesh mesh;
   for (std::uint32_t i = 0; i < 3 * count; ++i) {
     mesh.mesh.vertices.push_back(center +

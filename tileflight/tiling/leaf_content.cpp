@@ -6,7 +6,7 @@
 #include <numeric>
 #include <unordered_map>
 
-#include "tileflight/tiling/pack.h"
+#include "tileflight/tiling/rectangle_packing.h"
 #include "tileflight/tiling/texel_window.h"
 
 namespace tileflight::tiling {
@@ -15,10 +15,10 @@ namespace {
 using geometry::Triangle;
 using imaging::TexturedMesh;
 
-/// Texels around a window that a filter may reach.
+/// Margin around a window for filtering, texels.
 constexpr int kMargin_px = 1;
 
-/// A mesh with only these of its triangles and what they use.
+/// A mesh with a subset of its triangles and the vertices they use.
 TexturedMesh part_of(const TexturedMesh& mesh, const std::vector<std::size_t>& triangles) {
   TexturedMesh out;
   out.texture = mesh.uv.empty() ? nullptr : mesh.texture;
@@ -42,8 +42,8 @@ TexturedMesh part_of(const TexturedMesh& mesh, const std::vector<std::size_t>& t
   return out;
 }
 
-/// For each vertex the chart that it lies on: vertices that triangles join are on one.
-std::vector<std::size_t> charts_of(const geometry::TriangleMesh& mesh, std::size_t& count) {
+/// The chart of each vertex: vertices connected by triangles are on the same chart.
+std::vector<std::size_t> find_charts(const geometry::TriangleMesh& mesh, std::size_t& count) {
   std::vector<std::size_t> parent(mesh.vertices.size());
   std::iota(parent.begin(), parent.end(), std::size_t{0});
   const auto root = [&](std::size_t i) {
@@ -64,7 +64,7 @@ std::vector<std::size_t> charts_of(const geometry::TriangleMesh& mesh, std::size
   return chart_of;
 }
 
-/// Place of a texture coordinate in texels; far beyond any picture it stands still.
+/// Texture coordinate in texels, clamped far outside any image.
 Eigen::Vector2d texel_place(const TexturedMesh& mesh, std::size_t vertex) {
   constexpr double kFar = 1e8;
   const Eigen::Vector2d at =
@@ -72,7 +72,7 @@ Eigen::Vector2d texel_place(const TexturedMesh& mesh, std::size_t vertex) {
   return at.cwiseMax(-kFar).cwiseMin(kFar);
 }
 
-/// What bilinear filtering between these corners (texels) can reach, and a margin.
+/// The texels that bilinear filtering between these corners (texels) can reach, plus a margin.
 TexelWindow window_of(const Eigen::AlignedBox2d& box) {
   const auto first = [](double low) { return static_cast<std::int64_t>(std::floor(low - 0.5)) - kMargin_px; };
   const auto last = [](double high) { return static_cast<std::int64_t>(std::floor(high - 0.5)) + 1 + kMargin_px; };
@@ -80,7 +80,7 @@ TexelWindow window_of(const Eigen::AlignedBox2d& box) {
   return {x, y, last(box.max().x()) - x + 1, last(box.max().y()) - y + 1};
 }
 
-/// The windows of one part on the sheet.
+/// The windows of one part in the atlas.
 struct PartWindows {
   std::vector<TexelWindow> windows;
   std::vector<std::size_t> window_of_vertex;
@@ -88,26 +88,26 @@ struct PartWindows {
 
 PartWindows windows_of(const TexturedMesh& part) {
   std::size_t charts = 0;
-  const std::vector<std::size_t> chart_of = charts_of(part.mesh, charts);
+  const std::vector<std::size_t> chart_of = find_charts(part.mesh, charts);
   std::vector<Eigen::AlignedBox2d> boxes(charts);
   for (std::size_t i = 0; i < chart_of.size(); ++i) boxes[chart_of[i]].extend(texel_place(part, i));
   std::vector<TexelWindow> windows;
   for (const Eigen::AlignedBox2d& box : boxes) windows.push_back(window_of(box));
-  JoinedWindows joined = join_overlapping(windows);
+  MergedWindows joined = merge_overlapping(windows);
   PartWindows out{std::move(joined.windows), {}};
-  for (const std::size_t chart : chart_of) out.window_of_vertex.push_back(joined.window_of[chart]);
+  for (const std::size_t chart : chart_of) out.window_of_vertex.push_back(joined.merged_index[chart]);
   return out;
 }
 
-/// The sheet's plan: each window's size on it and its place.
-struct SheetPlan {
+/// Layout of the atlas: size and position of each window.
+struct AtlasPlan {
   double scale = 1.0;
   std::vector<PixelSize> sizes;
-  Packing packing;
+  RectanglePacking packing;
 };
 
-SheetPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int sheet_px) {
-  SheetPlan plan{scale, {}, {}};
+AtlasPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int sheet_px) {
+  AtlasPlan plan{scale, {}, {}};
   const auto scaled = [&](std::int64_t length) {
     return static_cast<int>(std::clamp(std::ceil(static_cast<double>(length) * scale), 1.0, double{1.0 * sheet_px}));
   };
@@ -116,11 +116,12 @@ SheetPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int she
   return plan;
 }
 
-/// As fine as the sheet allows, at most as fine as the source. Windows that do not fit at one texel each are let be.
-SheetPlan plan_sheet(const std::vector<TexelWindow>& windows, int sheet_px) {
+/// The largest scale that fits the atlas, at most the source's. If the windows do not fit even at one texel each, the
+/// oversized plan is kept.
+AtlasPlan plan_atlas(const std::vector<TexelWindow>& windows, int sheet_px) {
   double area = 0;
   for (const TexelWindow& w : windows) area += static_cast<double>(w.width) * static_cast<double>(w.height);
-  SheetPlan plan = plan_at(windows, std::min(1.0, sheet_px / std::sqrt(std::max(1.0, area))), sheet_px);
+  AtlasPlan plan = plan_at(windows, std::min(1.0, sheet_px / std::sqrt(std::max(1.0, area))), sheet_px);
   for (int attempt = 0; attempt < 64; ++attempt) {
     if (std::max(plan.packing.size.width, plan.packing.size.height) <= sheet_px) break;
     plan = plan_at(windows, 0.93 * plan.scale, sheet_px);
@@ -128,8 +129,8 @@ SheetPlan plan_sheet(const std::vector<TexelWindow>& windows, int sheet_px) {
   return plan;
 }
 
-/// Moves a part's texture coordinates to the sheet. `first`: the part's first window in the plan.
-void move_uv(const PartWindows& windows, const SheetPlan& plan, std::size_t first, TexturedMesh& part) {
+/// Maps a part's texture coordinates to the atlas. `first`: the part's first window in the plan.
+void move_uv(const PartWindows& windows, const AtlasPlan& plan, std::size_t first, TexturedMesh& part) {
   const Eigen::Vector2d sheet(plan.packing.size.width, plan.packing.size.height);
   for (std::size_t i = 0; i < part.uv.size(); ++i) {
     const std::size_t own = windows.window_of_vertex[i], planned = first + own;
@@ -138,14 +139,14 @@ void move_uv(const PartWindows& windows, const SheetPlan& plan, std::size_t firs
         texel_place(part, i) - Eigen::Vector2d(static_cast<double>(w.x), static_cast<double>(w.y));
     const Eigen::Vector2d size(plan.sizes[planned].width, plan.sizes[planned].height);
     const Eigen::Vector2d whole(static_cast<double>(w.width), static_cast<double>(w.height));
-    const Eigen::Vector2d corner(plan.packing.places[planned].x, plan.packing.places[planned].y);
+    const Eigen::Vector2d corner(plan.packing.positions[planned].x, plan.packing.positions[planned].y);
     const Eigen::Vector2d uv = (corner + within.cwiseProduct(size).cwiseQuotient(whole)).cwiseQuotient(sheet);
     part.uv[i] = uv.cwiseMax(0.0).cwiseMin(1.0).cast<float>();
   }
 }
 
 /// One texture for all textured parts.
-double put_on_one_sheet(std::vector<TexturedMesh>& parts, int sheet_px) {
+double pack_into_atlas(std::vector<TexturedMesh>& parts, int sheet_px) {
   std::vector<PartWindows> windows(parts.size());
   std::vector<TexelWindow> all;
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -153,13 +154,13 @@ double put_on_one_sheet(std::vector<TexturedMesh>& parts, int sheet_px) {
     all.insert(all.end(), windows[i].windows.begin(), windows[i].windows.end());
   }
   if (all.empty()) return 1.0;
-  const SheetPlan plan = plan_sheet(all, sheet_px);
+  const AtlasPlan plan = plan_atlas(all, sheet_px);
   const auto sheet = std::make_shared<imaging::RgbImage>(plan.packing.size.width, plan.packing.size.height);
   std::size_t first = 0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (!parts[i].texture) continue;
     for (std::size_t w = 0; w < windows[i].windows.size(); ++w)
-      draw_window(parts[i], windows[i].windows[w], plan.packing.places[first + w], plan.sizes[first + w], *sheet);
+      draw_window(parts[i], windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w], *sheet);
     move_uv(windows[i], plan, first, parts[i]);
     parts[i].texture = sheet;
     parts[i].wrap_u = parts[i].wrap_v = imaging::Wrap::kClampToEdge;
@@ -180,7 +181,7 @@ void append(const TexturedMesh& part, TexturedMesh& to) {
   for (const Triangle& t : part.mesh.triangles) to.mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
 }
 
-/// One mesh for all parts that differ in nothing but geometry.
+/// Merges parts that differ only in geometry.
 std::vector<TexturedMesh> merged(std::vector<TexturedMesh> parts) {
   std::vector<TexturedMesh> out;
   for (TexturedMesh& part : parts) {
@@ -196,20 +197,20 @@ std::vector<TexturedMesh> merged(std::vector<TexturedMesh> parts) {
 
 }  // namespace
 
-TriangleNumbers::TriangleNumbers(const std::vector<TexturedMesh>& meshes) {
+TriangleNumbering::TriangleNumbering(const std::vector<TexturedMesh>& meshes) {
   first_.push_back(0);
   for (const TexturedMesh& m : meshes)
     first_.push_back(first_.back() + static_cast<std::uint32_t>(m.mesh.triangles.size()));
 }
 
-TriangleNumbers::Place TriangleNumbers::operator()(std::uint32_t number) const {
+TriangleNumbering::TriangleRef TriangleNumbering::operator()(std::uint32_t number) const {
   const auto next = std::upper_bound(first_.begin(), first_.end(), number);
   const auto mesh = static_cast<std::size_t>(next - first_.begin()) - 1;
   return {mesh, number - first_[mesh]};
 }
 
-LeafContent leaf_content(const std::vector<TexturedMesh>& meshes, const TriangleNumbers& numbers,
-                         const std::vector<std::uint32_t>& triangles, int sheet_px) {
+LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes, const TriangleNumbering& numbers,
+                               const std::vector<std::uint32_t>& triangles, int sheet_px) {
   std::vector<TexturedMesh> parts;
   for (std::size_t i = 0; i < triangles.size();) {
     const std::size_t mesh = numbers(triangles[i]).mesh;
@@ -218,7 +219,7 @@ LeafContent leaf_content(const std::vector<TexturedMesh>& meshes, const Triangle
       own.push_back(numbers(triangles[i]).triangle);
     parts.push_back(part_of(meshes[mesh], own));
   }
-  const double scale = put_on_one_sheet(parts, sheet_px);
+  const double scale = pack_into_atlas(parts, sheet_px);
   return {merged(std::move(parts)), scale};
 }
 

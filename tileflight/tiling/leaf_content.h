@@ -7,32 +7,32 @@
 
 namespace tileflight::tiling {
 
-/// All triangles of several meshes under one number each: those of mesh 0 first, then those of mesh 1, ….
-class TriangleNumbers {
+/// Consecutive numbers for all triangles of several meshes: those of mesh 0 first, then those of mesh 1, ….
+class TriangleNumbering {
  public:
-  explicit TriangleNumbers(const std::vector<imaging::TexturedMesh>& meshes);
+  explicit TriangleNumbering(const std::vector<imaging::TexturedMesh>& meshes);
 
-  struct Place {
+  struct TriangleRef {
     std::size_t mesh = 0, triangle = 0;
   };
 
   std::uint32_t count() const { return first_.back(); }
-  Place operator()(std::uint32_t number) const;
+  TriangleRef operator()(std::uint32_t number) const;
 
  private:
-  std::vector<std::uint32_t> first_;  ///< of each mesh, and the count of all
+  std::vector<std::uint32_t> first_;  ///< first number of each mesh, then the total count
 };
 
-/// What a tile shows of the source as it is.
+/// Content of a leaf tile: unsimplified source geometry.
 struct LeafContent {
-  std::vector<imaging::TexturedMesh> meshes;  ///< textured ones share one sheet
-  double texture_scale = 1.0;                 ///< of the source's texels, so that the sheet is no larger than allowed
+  std::vector<imaging::TexturedMesh> meshes;  ///< textured ones share one atlas
+  double texture_scale = 1.0;                 ///< relative to the source's texels, limited by the atlas size
 };
 
-/// The triangles with these numbers (ascending), each exactly once and where it was, with the parts of the textures
-/// that they use on one new sheet of at most `sheet_px` texels a side: triangles that share vertices keep lying
-/// together, in a window of texels copied from the source.
-LeafContent leaf_content(const std::vector<imaging::TexturedMesh>& meshes, const TriangleNumbers& numbers,
-                         const std::vector<std::uint32_t>& triangles, int sheet_px);
+/// Extracts the triangles with these numbers (ascending), unchanged, and copies the parts of the textures that they use
+/// to a new atlas of at most `sheet_px` texels a side: triangles that share vertices stay together, in a window of
+/// texels copied from the source.
+LeafContent build_leaf_content(const std::vector<imaging::TexturedMesh>& meshes, const TriangleNumbering& numbers,
+                               const std::vector<std::uint32_t>& triangles, int sheet_px);
 
 }  // namespace tileflight::tiling

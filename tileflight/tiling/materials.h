@@ -9,18 +9,18 @@ namespace tileflight::tiling {
 /// Red, green, blue in 0..1, encoded as images are (sRGB-like), before light and shadow.
 using Color = Eigen::Array3f;
 
-inline Color mixed(const Color& a, const Color& b, float share_of_b) { return a + share_of_b * (b - a); }
+inline Color mix_colors(const Color& a, const Color& b, float share_of_b) { return a + share_of_b * (b - a); }
 
-/// 1 inside (negative distance), 0 outside, soft over `softness_m`: the antialiasing of painted edges.
-inline float coverage(double signed_distance_m, double softness_m = 0.05) {
+/// 1 inside (negative distance), 0 outside, blended over `softness_m`: antialiasing of painted edges.
+inline float edge_coverage(double signed_distance_m, double softness_m = 0.05) {
   return static_cast<float>(std::clamp(0.5 - signed_distance_m / softness_m, 0.0, 1.0));
 }
 
 /// Coverage of the band of `width_m` around multiples of `spacing_m` along one axis (joints, painted lines).
-float band(double position_m, double spacing_m, double width_m, double softness_m = 0.04);
+float band_coverage(double position_m, double spacing_m, double width_m, double softness_m = 0.04);
 
-/// What things are made of, as colours over a surface's own metres (x, y). Each has structure from metres down to the
-/// texel, without repetition; `seed` tells one surface of the same material from another.
+/// Colours of materials as functions of surface coordinates (x, y) in metres. Each has structure from metres down to
+/// the texel, without repetition; `seed` varies surfaces of the same material.
 namespace material {
 Color lawn(double x, double y, std::uint32_t seed);
 Color forest_floor(double x, double y, std::uint32_t seed);

@@ -4,15 +4,15 @@
 #include <cctype>
 #include <cmath>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
-#include "tileflight/tiles/content.h"
-#include "tileflight/tiles/gltf_meshes.h"
-#include "tileflight/tiles/ktx2.h"
-#include "tileflight/tiles/uri.h"
+#include "tileflight/imaging/ktx2.h"
+#include "tileflight/tile_contents/content.h"
+#include "tileflight/tile_contents/gltf_meshes.h"
 #include "tileflight/tiling/obj_meshes.h"
 #include "tileflight/tiling/ply_meshes.h"
+#include "tileflight/transport/uri.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using geometry::Triangle;
 using geometry::Vec3;
 using imaging::TexturedMesh;
-using tiles::UpAxis;
+using tile_contents::UpAxis;
 
 std::string ending_of(const fs::path& file) {
   std::string ending = file.extension().string();
@@ -30,32 +30,32 @@ std::string ending_of(const fs::path& file) {
 }
 
 MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
-  tiles::ContentOptions content;
+  tile_contents::ContentOptions content;
   content.textures = options.textures;
   content.up_axis = options.up.value_or(UpAxis::kY);
-  const auto beside = [&](const std::string& uri) { return file.parent_path() / tiles::uri_path(uri); };
-  content.read_resource = [&](const std::string& uri) { return geometry::read_bytes(beside(uri)); };
+  const auto beside = [&](const std::string& uri) { return file.parent_path() / transport::uri_path(uri); };
+  content.read_resource = [&](const std::string& uri) { return base::read_bytes(beside(uri)); };
   content.read_image = [&](const std::string& uri) {
-    return std::make_shared<const imaging::RgbImage>(tiles::decode_texture(
-        geometry::read_bytes(beside(uri)), beside(uri).string(), content.limits.max_texture_pixels));
+    return std::make_shared<const imaging::RgbImage>(imaging::decode_texture(
+        base::read_bytes(beside(uri)), beside(uri).string(), content.limits.max_texture_pixels));
   };
   content.limits.max_texture_pixels = imaging::DecodeLimits{}.max_pixels;
-  const std::vector<std::byte> bytes = geometry::read_bytes(file);
-  if (const std::string kind = tiles::content_kind(bytes); kind != "glb" && kind != "JSON")
+  const std::vector<std::byte> bytes = base::read_bytes(file);
+  if (const std::string kind = tile_contents::detect_content_format(bytes); kind != "glb" && kind != "JSON")
     throw InputError(file.string(), "is not a glTF file, by its first bytes");
-  tiles::DecodedContent decoded = tiles::decode_content(bytes, file.string(), content);
+  tile_contents::DecodedContent decoded = tile_contents::decode_content(bytes, file.string(), content);
   if (decoded.meshes.empty() && !decoded.clouds.empty())
     throw InputError(file.string(), "holds points without surface; a mesh is needed");
   return {std::move(decoded.meshes), std::move(decoded.copyrights), std::move(decoded.warnings)};
 }
 
-/// Whether the triangle has an area that floats can tell from none.
+/// Whether the triangle's area is distinguishable from zero in float precision.
 bool has_area(const geometry::TriangleMesh& mesh, const Triangle& t) {
   const Vec3 ab = mesh.vertices[t[1]] - mesh.vertices[t[0]], ac = mesh.vertices[t[2]] - mesh.vertices[t[0]];
   return ab.cross(ac).squaredNorm() > 0;
 }
 
-/// Leaves out triangles without area, then meshes without triangles; how many triangles went.
+/// Removes degenerate triangles, then meshes without triangles; returns the number of removed triangles.
 std::int64_t drop_flat_triangles(std::vector<TexturedMesh>& meshes) {
   std::int64_t dropped = 0;
   for (TexturedMesh& m : meshes) {
@@ -65,22 +65,22 @@ std::int64_t drop_flat_triangles(std::vector<TexturedMesh>& meshes) {
   return dropped;
 }
 
-/// Turns and scales; positions stay what they are where there is nothing to do.
+/// Rotates and scales; positions stay bit-identical if there is nothing to do.
 void place(std::vector<TexturedMesh>& meshes, UpAxis up, double metres_per_unit) {
-  const geometry::Mat3 turn = metres_per_unit * tiles::R_tile_gltf(up);
+  const geometry::Mat3 turn = metres_per_unit * tile_contents::R_tile_gltf(up);
   if (turn.isIdentity(0)) return;
   for (TexturedMesh& m : meshes)
     for (Vec3& vertex : m.mesh.vertices) vertex = turn * vertex;
 }
 
-/// Texture coordinates that a scale or an offset has made infinite are read as 0.
+/// Sets texture coordinates that became infinite by a scale or an offset to 0.
 void hold_texture_coordinates(std::vector<TexturedMesh>& meshes) {
   for (TexturedMesh& m : meshes)
     for (Eigen::Vector2f& uv : m.uv)
       if (!uv.allFinite()) uv.setZero();
 }
 
-/// Coordinates that neither boxes nor floats can hold are no place on Earth.
+/// Rejects coordinates too large for boxes or floats.
 void check_extent(const std::vector<TexturedMesh>& meshes, const std::string& file) {
   constexpr double kMost_m = 1e8;
   for (const TexturedMesh& m : meshes)

@@ -6,14 +6,14 @@
 #include <cmath>
 #include <mutex>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/simplification/simplify.h"
+#include "tileflight/simplification/surface_simplification.h"
 #include "tileflight/tiling/cell_tree.h"
-#include "tileflight/tiling/coarser_surface.h"
 #include "tileflight/tiling/glb_writer.h"
 #include "tileflight/tiling/leaf_content.h"
 #include "tileflight/tiling/painted_surface.h"
-#include "tileflight/tiling/simplify.h"
 #include "tileflight/tiling/tileset_json.h"
 
 namespace tileflight::tiling {
@@ -25,12 +25,12 @@ using geometry::TriangleMesh;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
-constexpr int kMostDepth = 9;
+constexpr int kMaxDepth = 9;
 
-/// How full sheets are, of windows and the gaps between them.
-constexpr double kSheetFill = 0.6;
+/// Fill factor of atlases, with windows and the gaps between them.
+constexpr double kAtlasFill = 0.6;
 
-/// Texels that a vertex colour or a plain colour is worth, for a triangle.
+/// Texels that a triangle with vertex colours or a plain colour counts for.
 constexpr double kTexelsOfColors = 2.0;
 
 double area_m2(const TexturedMesh& m, const Triangle& t) {
@@ -45,9 +45,9 @@ double texels_of(const TexturedMesh& m, const Triangle& t) {
   return area < 1e9 ? area : 1e9;
 }
 
-/// What the source asks of the tree.
-struct Measure {
-  std::vector<Vec3> middles;   ///< of each triangle
+/// Measurements of the source that determine the tree.
+struct MeshMeasures {
+  std::vector<Vec3> middles;   ///< centre of each triangle
   std::vector<float> weights;  ///< in leaves: 1 fills one
   double weight = 0, area_m2 = 0, texels = 0;
 
@@ -55,9 +55,9 @@ struct Measure {
   double texel_m() const { return std::sqrt(area_m2 / std::max(texels, 1.0)); }
 };
 
-Measure measure(const std::vector<TexturedMesh>& meshes, const MeshTilesetOptions& options) {
-  const double sheet = kSheetFill * options.sheet_px * options.sheet_px;
-  Measure out;
+MeshMeasures measure(const std::vector<TexturedMesh>& meshes, const MeshTilesetOptions& options) {
+  const double sheet = kAtlasFill * options.max_atlas_px * options.max_atlas_px;
+  MeshMeasures out;
   for (const TexturedMesh& m : meshes)
     for (const Triangle& t : m.mesh.triangles) {
       const double texels = texels_of(m, t), on_sheet = m.texture ? std::min(texels, sheet) / sheet : 0.0;
@@ -70,14 +70,14 @@ Measure measure(const std::vector<TexturedMesh>& meshes, const MeshTilesetOption
   return out;
 }
 
-int depth_for(const Measure& measure, const MeshTilesetOptions& options) {
-  if (options.levels) return std::clamp(*options.levels - 1, 0, kMostDepth);
+int depth_for(const MeshMeasures& measure, const MeshTilesetOptions& options) {
+  if (options.levels) return std::clamp(*options.levels - 1, 0, kMaxDepth);
   int depth = 0;
-  while (depth < kMostDepth && measure.weight > std::pow(4.0, depth)) ++depth;
+  while (depth < kMaxDepth && measure.weight > std::pow(4.0, depth)) ++depth;
   return depth;
 }
 
-/// What a tile became.
+/// A written tile.
 struct WrittenTile {
   std::string uri;  ///< empty: the tile has no content
   Box3 box;
@@ -95,7 +95,7 @@ std::string uri_of(int level, std::size_t cell) {
   return "tiles/" + std::to_string(level) + "-" + std::to_string(cell) + ".glb";
 }
 
-/// One object a tileset.
+/// One object per tileset.
 class MeshTiler {
  public:
   MeshTiler(const std::filesystem::path& folder, const std::vector<TexturedMesh>& meshes,
@@ -117,7 +117,7 @@ class MeshTiler {
   }
 
   MeshTilesetSummary write() {
-    measure_.middles = {};  // the tree is made
+    measure_.middles = {};  // frees memory: the tree is built
     measure_.weights = {};
     std::filesystem::create_directories(folder_ / "tiles");
     write_leaves();
@@ -136,8 +136,8 @@ class MeshTiler {
     const std::string glb = write_glb(content, {options_.jpeg_quality, options_.copyright});
     WrittenTile& tile = tiles_[static_cast<std::size_t>(level)][cell];
     tile = {uri_of(level, cell), box_of(content), static_cast<std::int64_t>(glb.size())};
-    geometry::write_file(folder_ / tile.uri, glb);
-    const imaging::RgbImage* counted = nullptr;  // a tile's textured meshes share one sheet
+    base::write_file(folder_ / tile.uri, glb);
+    const imaging::RgbImage* counted = nullptr;  // a tile's textured meshes share one atlas
     for (const TexturedMesh& m : content) {
       tile.triangles += static_cast<std::int64_t>(m.mesh.triangles.size());
       if (m.texture && m.texture.get() != counted) tile.texels += static_cast<std::int64_t>(m.texture->pixels.size());
@@ -150,7 +150,7 @@ class MeshTiler {
     std::vector<double> scales(leaves.size(), 1.0);
     tbb::parallel_for(std::size_t{0}, leaves.size(), [&](std::size_t i) {
       if (!leaves[i].empty()) {
-        const LeafContent leaf = leaf_content(meshes_, numbers_, leaves[i], options_.sheet_px);
+        const LeafContent leaf = build_leaf_content(meshes_, numbers_, leaves[i], options_.max_atlas_px);
         scales[i] = leaf.texture_scale;
         write_tile(depth_, i, leaf.meshes);
       }
@@ -160,16 +160,16 @@ class MeshTiler {
     summary_.levels.back().texel_m = measure_.texel_m();
   }
 
-  /// From the finest but one up to the root: each simplified and painted from the level below it.
+  /// From the second finest level up to the root: each is simplified and painted from the level below it.
   void write_coarse_levels() {
     if (depth_ == 0) return;
-    const TriangleMesh finest = welded(meshes_);
-    // Half a texel is less than the error that the level above may have.
-    TriangleMesh surface = borders_joined(finest, measure_.texel_m() / 2);
+    const TriangleMesh finest = simplification::weld_vertices(meshes_);
+    // Half a texel is less than the error allowed for the level above.
+    TriangleMesh surface = simplification::join_borders(finest, measure_.texel_m() / 2);
     std::vector<TexturedMesh> below;
     for (int level = depth_ - 1; level >= 0; --level) {
       report_progress(progress_, done_, total_, "simplifying");
-      surface = coarser(surface, std::max<std::size_t>(1, surface.triangles.size() / 4));
+      surface = simplification::simplify_to_count(surface, std::max<std::size_t>(1, surface.triangles.size() / 4));
       std::vector<TexturedMesh> painted_tiles = paint_level(level, surface, below.empty() ? meshes_ : below);
       set_error(level, surface, finest);
       below = std::move(painted_tiles);
@@ -181,18 +181,18 @@ class MeshTiler {
     std::vector<const TexturedMesh*> sources;
     for (const TexturedMesh& m : below) sources.push_back(&m);
     const SurfaceColors colors(std::move(sources));
-    const PaintOptions paint{measure_.texel_m() * std::pow(2.0, depth_ - level), options_.sheet_px};
+    const PaintOptions paint{measure_.texel_m() * std::pow(2.0, depth_ - level), options_.max_atlas_px};
     const std::vector<TriangleMesh> parts = parts_of(level, surface);
-    std::vector<PaintedSurface> out(parts.size());
+    std::vector<TexturedSurface> out(parts.size());
     tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) {
       if (!parts[i].triangles.empty()) {
-        out[i] = painted(parts[i], colors, paint);
+        out[i] = transfer_colors(parts[i], colors, paint);
         write_tile(level, i, {out[i].mesh});
       }
       advance("painting coarser tiles");
     });
     std::vector<TexturedMesh> tiles;
-    for (PaintedSurface& tile : out) {
+    for (TexturedSurface& tile : out) {
       double& texel_m = summary_.levels[static_cast<std::size_t>(level)].texel_m;
       texel_m = std::max(texel_m, tile.texel_m);
       if (!tile.mesh.mesh.triangles.empty()) tiles.push_back(std::move(tile.mesh));
@@ -200,7 +200,7 @@ class MeshTiler {
     return tiles;
   }
 
-  /// The triangles of each cell of a level, by their middles.
+  /// The triangles of each cell of a level, assigned by their centres.
   std::vector<TriangleMesh> parts_of(int level, const TriangleMesh& surface) const {
     std::vector<std::vector<Triangle>> members(tiles_[static_cast<std::size_t>(level)].size());
     for (const Triangle& t : surface.triangles) {
@@ -208,19 +208,21 @@ class MeshTiler {
       members[cells_.cell_of(middle, level)].push_back(t);
     }
     std::vector<TriangleMesh> parts(members.size());
-    tbb::parallel_for(std::size_t{0}, parts.size(),
-                      [&](std::size_t cell) { parts[cell] = with_triangles(surface, members[cell]); });
+    tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t cell) {
+      parts[cell] = simplification::extract_triangles(surface, members[cell]);
+    });
     return parts;
   }
 
-  /// Never smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
+  /// Not smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
   void set_error(int level, const TriangleMesh& surface, const TriangleMesh& finest) {
     TilesetLevel& own = summary_.levels[static_cast<std::size_t>(level)];
     const TilesetLevel& finer = summary_.levels[static_cast<std::size_t>(level) + 1];
-    own.geometric_error_m = surface_distance_m(surface, finest, std::max(finer.geometric_error_m, own.texel_m));
+    own.geometric_error_m =
+        simplification::hausdorff_distance_m(surface, finest, std::max(finer.geometric_error_m, own.texel_m));
   }
 
-  /// The part of the tree below a cell; without tiles where the source has no triangle.
+  /// The part of the tree below a cell; nullopt if the source has no triangle there.
   std::optional<TileEntry> entry_of(std::size_t level, std::size_t cell) const {
     const WrittenTile& tile = tiles_[level][cell];
     TileEntry out{tile.uri, tile.box, summary_.levels[level].geometric_error_m, {}};
@@ -239,9 +241,9 @@ class MeshTiler {
         summary_.bytes += tile.bytes;
       }
     TileEntry root = *entry_of(0, 0);
-    set_bounds(root);
+    compute_bounds(root);
     const std::string text = tileset_json(root, options_.T_ecef_local);
-    geometry::write_file(folder_ / "tileset.json", text);
+    base::write_file(folder_ / "tileset.json", text);
     summary_.bytes += static_cast<std::int64_t>(text.size());
   }
 
@@ -249,8 +251,8 @@ class MeshTiler {
   const std::vector<TexturedMesh>& meshes_;
   const MeshTilesetOptions& options_;
   const Progress& progress_;
-  TriangleNumbers numbers_;
-  Measure measure_;
+  TriangleNumbering numbers_;
+  MeshMeasures measure_;
   int depth_;
   CellTree cells_;
   std::vector<std::vector<WrittenTile>> tiles_;  ///< [level][cell]

@@ -1,6 +1,8 @@
 #include "tileflight/tiling/mesh_tileset.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -11,12 +13,12 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/srgb.h"
 #include "tileflight/geometry/triangle_index.h"
+#include "tileflight/simplification/simplify.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiling/simplify.h"
-#include "tileflight/tiling/srgb.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -26,23 +28,25 @@ using geometry::Vec3;
 using imaging::RgbImage;
 using imaging::TexturedMesh;
 using nlohmann::json;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-constexpr int kSheets = 4, kCells = 12;  ///< sheets along a side of the place, cells along a side of a sheet
+constexpr int kSheets = 4, kCells = 12;  ///< sheets along a side of the site, cells along a side of a sheet
 constexpr double kEdge_m = 20.0;
-constexpr int kSlot_px = 128, kInset_px = 4;  ///< a sheet's square in its atlas, and the border that it does not use
+constexpr int kSlot_px = 128, kInset_px = 4;  ///< square of a sheet in its atlas, and its unused border
 
-/// Heights that floats hold exactly, so that surfaces can be compared exactly.
+/// Heights that are exact in floats, so that surfaces can be compared exactly.
 double height(double x, double y) {
   const double z = 2.0 * std::sin(0.11 * x) + 1.3 * std::cos(0.17 * y) + 0.4 * std::sin(0.9 * x) * std::sin(0.7 * y);
   return std::round(64 * z) / 64;
 }
 
-/// What the place looks like, as displayed.
+/// Colour of the site, sRGB.
 std::array<double, 3> color(double x, double y) {
   return {128 + 80 * std::sin(0.09 * x), 128 + 80 * std::cos(0.11 * y), 128 + 60 * std::sin(0.05 * (x + y))};
 }
 
-/// Sheet (i, j) in slot `slot` of an atlas of `columns` columns; odd slots are turned by a right angle.
+/// Sheet (i, j) in slot `slot` of an atlas of `columns` columns; odd slots are rotated by 90 degrees.
 struct Slot {
   int column = 0, row = 0;
   bool turned = false;
@@ -55,7 +59,7 @@ struct Slot {
         x0(kEdge_m * (i - kSheets / 2)),
         y0(kEdge_m * (j - kSheets / 2)) {}
 
-  /// Texels of the atlas of a place.
+  /// Atlas texel of a position in the site.
   Eigen::Vector2d texel(double x, double y) const {
     const double s = (x - x0) / kEdge_m, t = (y - y0) / kEdge_m, inner = kSlot_px - 2 * kInset_px;
     return {column * kSlot_px + kInset_px + inner * (turned ? t : s),
@@ -95,8 +99,8 @@ void add_sheet(int i, int j, TexturedMesh& mesh, const Attribute& attribute) {
     }
 }
 
-/// Rows `from` to `to` of sheets on one atlas whose unused parts are magenta. `shift`: whole repeats of the picture by
-/// which the texture coordinates are off.
+/// Rows `from` to `to` of sheets on one atlas whose unused parts are magenta. `shift`: integer offset of the texture
+/// coordinates (whole repeats).
 TexturedMesh textured_rows(int from, int to, float shift) {
   TexturedMesh mesh;
   const auto atlas = std::make_shared<RgbImage>(3 * kSlot_px, 3 * kSlot_px, imaging::Rgb8{255, 0, 255});
@@ -119,7 +123,7 @@ std::vector<TexturedMesh> make_place() {
   for (int i = 0; i < kSheets; ++i)
     add_sheet(i, 3, colored, [&](double x, double y) {
       const auto c = color(x, y);
-      colored.colors.push_back(linear_bytes(
+      colored.colors.push_back(base::linear_rgba_from_srgb(
           {static_cast<float>(c[0] / 255), static_cast<float>(c[1] / 255), static_cast<float>(c[2] / 255)}));
     });
   return {textured_rows(0, 2, 0.0F), textured_rows(2, 3, 1.0F), colored};
@@ -139,7 +143,7 @@ tiles::LoadedTiles load(const std::filesystem::path& folder, double error_m) {
   return tiles::load_region(folder.string(), options);
 }
 
-/// Each triangle by its corners' places, from its smallest corner on: equal lists are equal surfaces, winding included.
+/// Positions of each triangle's corners, starting at the smallest: equal lists mean equal surfaces, winding included.
 std::vector<std::array<double, 9>> places_of(const geometry::TriangleMesh& mesh) {
   std::vector<std::array<double, 9>> out;
   for (const Triangle& t : mesh.triangles) {
@@ -153,7 +157,7 @@ std::vector<std::array<double, 9>> places_of(const geometry::TriangleMesh& mesh)
   return out;
 }
 
-/// Farthest of many points of `from` (corners, and points within each triangle) from `to`.
+/// Largest distance of sampled points of `from` (corners, and points within each triangle) to `to`.
 double sampled_distance_m(const geometry::TriangleMesh& from, const geometry::TriangleMesh& to) {
   const geometry::TriangleIndex index(to);
   double farthest_m = 0;
@@ -166,7 +170,7 @@ double sampled_distance_m(const geometry::TriangleMesh& from, const geometry::Tr
   return farthest_m;
 }
 
-/// The colour that a mesh shows at a point of a triangle: texel, or vertex colours.
+/// Displayed colour of a mesh at a point of a triangle: texel, or vertex colours.
 std::array<double, 3> shown(const TexturedMesh& mesh, const Triangle& t, const Vec3& weights) {
   std::array<double, 3> out{};
   if (!mesh.texture) {
@@ -174,7 +178,7 @@ std::array<double, 3> shown(const TexturedMesh& mesh, const Triangle& t, const V
       double linear = 0;
       for (std::size_t k = 0; k < 3; ++k)
         linear += weights[static_cast<Eigen::Index>(k)] * mesh.colors[t[k]][c] / 255.0;
-      out[c] = 255.0 * static_cast<double>(srgb_from_linear(static_cast<float>(linear)));
+      out[c] = 255.0 * static_cast<double>(base::srgb_from_linear(static_cast<float>(linear)));
     }
     return out;
   }
@@ -187,7 +191,7 @@ std::array<double, 3> shown(const TexturedMesh& mesh, const Triangle& t, const V
   return out;
 }
 
-/// Largest and mean difference, in grey levels, between what is shown and what the place looks like.
+/// Largest and mean difference, in grey levels, between the displayed colours and those of the site.
 struct ColorDifference {
   double largest = 0, mean = 0;
 };
@@ -228,7 +232,8 @@ TEST_F(MeshTileset, LeavesHoldEachTriangleOnce) {
   EXPECT_EQ(loaded.geometric_error_max_m, 0.0);
   EXPECT_EQ(loaded.tiles_loaded, 16);
   EXPECT_EQ(loaded.attribution.front(), "a test, CC0");
-  EXPECT_EQ(places_of(joined(loaded.meshes)), places_of(joined(source_)));
+  EXPECT_EQ(places_of(simplification::merge_meshes(loaded.meshes)), places_of(simplification::merge_meshes(source_)));
+  ASSERT_FALSE(loaded.meshes.empty());
   for (const TexturedMesh& mesh : loaded.meshes) EXPECT_LE(mesh.mesh.triangles.size(), 350U);
 }
 
@@ -241,13 +246,13 @@ TEST_F(MeshTileset, LeavesLookLikeTheSource) {
 
 TEST_F(MeshTileset, EachLevelIsWithinItsErrorAndLooksLikeTheSource) {
   ASSERT_EQ(summary_.levels.size(), 3U);
-  const geometry::TriangleMesh source = joined(source_);
+  const geometry::TriangleMesh source = simplification::merge_meshes(source_);
   double finer_m = 0.0;
   std::int64_t finer_triangles = summary_.levels.back().triangles;
   for (std::size_t i = 2; i-- > 0;) {
     const TilesetLevel& level = summary_.levels[i];
     const tiles::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
-    const geometry::TriangleMesh surface = joined(loaded.meshes);
+    const geometry::TriangleMesh surface = simplification::merge_meshes(loaded.meshes);
     EXPECT_EQ(loaded.triangles, level.triangles);
     EXPECT_EQ(loaded.tiles_loaded, level.tiles);
     EXPECT_LE(sampled_distance_m(surface, source), level.geometric_error_m);
@@ -263,7 +268,7 @@ TEST_F(MeshTileset, EachLevelIsWithinItsErrorAndLooksLikeTheSource) {
   }
 }
 
-/// How often each edge of the surface is used, by its ends' places.
+/// Number of triangles that use each edge, by the positions of its ends.
 std::map<std::array<double, 6>, int> edge_uses(const geometry::TriangleMesh& mesh) {
   std::map<std::array<double, 6>, int> uses;
   for (const Triangle& t : mesh.triangles)
@@ -276,11 +281,14 @@ std::map<std::array<double, 6>, int> edge_uses(const geometry::TriangleMesh& mes
 }
 
 TEST_F(MeshTileset, NoLevelHasCracksBetweenItsTiles) {
+  ASSERT_EQ(summary_.levels.size(), 3U);
   for (const TilesetLevel& level : summary_.levels) {
     const double outline_m = kEdge_m * kSheets / 2 - level.geometric_error_m - 1e-6;
-    for (const auto& [edge, count] : edge_uses(joined(load(folder_ / "place", level.geometric_error_m).meshes))) {
+    const auto uses = edge_uses(simplification::merge_meshes(load(folder_ / "place", level.geometric_error_m).meshes));
+    ASSERT_FALSE(uses.empty());
+    for (const auto& [edge, count] : uses) {
       EXPECT_LE(count, 2);
-      if (count == 2) continue;  // else it lies along the outline of the whole place
+      if (count == 2) continue;  // otherwise it must lie on the outline of the site
       EXPECT_TRUE(std::max(std::fabs(edge[0]), std::fabs(edge[1])) >= outline_m) << edge[0] << " " << edge[1];
       EXPECT_TRUE(std::max(std::fabs(edge[3]), std::fabs(edge[4])) >= outline_m) << edge[3] << " " << edge[4];
     }
@@ -304,19 +312,24 @@ void check_tile(const json& tile, const json* parent) {
 }
 
 TEST_F(MeshTileset, TheTreeIsValid) {
-  const json tileset = json::parse(geometry::read_text(folder_ / "place" / "tileset.json"));
+  const json tileset = json::parse(base::read_text(folder_ / "place" / "tileset.json"));
   EXPECT_EQ(tileset["root"]["refine"], "REPLACE");
   EXPECT_GE(tileset["geometricError"].get<double>(), tileset["root"]["geometricError"].get<double>());
   check_tile(tileset["root"], nullptr);
 }
 
 TEST_F(MeshTileset, BytesDoNotDependOnTheNumberOfThreads) {
+  constexpr int kThreads = 8;  // more than there may be cores
+  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, kThreads);
   tbb::task_arena(1).execute([&] { write_mesh_tileset(folder_ / "serial", source_, small_tiles()); });
+  tbb::task_arena(kThreads).execute([&] { write_mesh_tileset(folder_ / "parallel", source_, small_tiles()); });
   std::size_t files = 0;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_ / "place")) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_ / "serial")) {
     if (!entry.is_regular_file()) continue;
-    const std::filesystem::path other = folder_ / "serial" / std::filesystem::relative(entry.path(), folder_ / "place");
-    EXPECT_EQ(geometry::sha256_hex_of_file(entry.path()), geometry::sha256_hex_of_file(other)) << entry.path();
+    const std::filesystem::path name = std::filesystem::relative(entry.path(), folder_ / "serial");
+    const std::string hash = base::sha256_hex_of_file(entry.path());
+    EXPECT_EQ(base::sha256_hex_of_file(folder_ / "parallel" / name), hash) << name;
+    EXPECT_EQ(base::sha256_hex_of_file(folder_ / "place" / name), hash) << name;
     ++files;
   }
   EXPECT_EQ(files, 1U + 1 + 4 + 16);
@@ -324,16 +337,19 @@ TEST_F(MeshTileset, BytesDoNotDependOnTheNumberOfThreads) {
 
 TEST_F(MeshTileset, TexturesShrinkToTheSizeAllowed) {
   MeshTilesetOptions options = small_tiles();
-  options.sheet_px = 96;
+  options.max_atlas_px = 96;
   options.levels = 3;
   const MeshTilesetSummary summary = write_mesh_tileset(folder_ / "small", source_, options);
   EXPECT_LT(summary.texture_scale, 0.9);
   const tiles::LoadedTiles loaded = load(folder_ / "small", 0.0);
+  int textured = 0;
   for (const TexturedMesh& mesh : loaded.meshes) {
     if (!mesh.texture) continue;
+    ++textured;
     EXPECT_LE(mesh.texture->width, 96);
     EXPECT_LE(mesh.texture->height, 96);
   }
+  EXPECT_GT(textured, 0);
   EXPECT_LT(color_difference(loaded.meshes).mean, 2.5);
 }
 
@@ -365,16 +381,23 @@ TEST(MeshTilesetWriter, WildTextureCoordinatesAreHeld) {
   mesh.uv = {{0, 0}, {1e30F, 0}, {0, -1e30F}, {50, 50}};
   mesh.texture = std::make_shared<RgbImage>(4, 4, imaging::Rgb8{10, 200, 90});
   MeshTilesetOptions options;
-  options.sheet_px = 256;
+  options.max_atlas_px = 256;
   options.levels = 2;
   EXPECT_LT(write_mesh_tileset(folder / "x", {mesh}, options).texture_scale, 1.0);
-  for (const TexturedMesh& m : load(folder / "x", 0.0).meshes) EXPECT_NEAR((*m.texture)(0, 0)[1], 200, 2);
+  const std::vector<TexturedMesh> meshes = load(folder / "x", 0.0).meshes;
+  ASSERT_FALSE(meshes.empty());
+  for (const TexturedMesh& m : meshes) {
+    ASSERT_NE(m.texture, nullptr);
+    EXPECT_NEAR((*m.texture)(0, 0)[1], 200, 2);
+  }
 }
 
 TEST(MeshTilesetWriter, RefusesAnEmptyPlace) {
   const tests::TemporaryFolder folder;
-  EXPECT_THROW(write_mesh_tileset(folder / "x", {}, {}), InputError);
-  EXPECT_THROW(write_mesh_tileset(folder / "x", {TexturedMesh{}}, {}), InputError);
+  EXPECT_THAT([&] { write_mesh_tileset(folder / "x", {}, {}); },
+              ThrowsMessage<InputError>(HasSubstr("there is no triangle to write")));
+  EXPECT_THAT([&] { write_mesh_tileset(folder / "x", {TexturedMesh{}}, {}); },
+              ThrowsMessage<InputError>(HasSubstr("there is no triangle to write")));
 }
 
 }  // namespace

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -18,34 +18,34 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
 }
 
-/// A number at the front of `line` is taken off it.
+/// Takes a number from the front of `line`.
 bool take_number(std::string_view& line, float& value) {
   std::string_view rest = line;
-  const auto number = geometry::parse_number<float>(geometry::take_field(rest));
+  const auto number = base::parse_number<float>(base::take_field(rest));
   if (!number || !std::isfinite(*number)) return false;
   value = *number;
   line = rest;
   return true;
 }
 
-/// Up to three numbers, of which two count.
+/// Reads up to three numbers, of which the first two are used.
 void take_pair(std::string_view& line, std::array<float, 2>& pair) {
   float third = 0;
   if (take_number(line, pair[0]) && take_number(line, pair[1])) take_number(line, third);
 }
 
-/// How many words follow an option of a texture map.
+/// Number of arguments of a texture map option.
 int argument_count(std::string_view option) {
   if (option == "-mm") return 2;
   return 1;
 }
 
-/// Options come before the file name, which is the rest of the line.
+/// Options precede the file name, which is the rest of the line.
 void read_map(std::string_view line, MtlMaterial& material) {
   line = trimmed(line);
   while (line.starts_with('-')) {
     std::string_view rest = line;
-    const std::string_view option = geometry::take_field(rest);
+    const std::string_view option = base::take_field(rest);
     if (option == "-s") {
       take_pair(rest, material.scale);
     } else if (option == "-o") {
@@ -54,9 +54,9 @@ void read_map(std::string_view line, MtlMaterial& material) {
       std::array<float, 2> turbulence{};
       take_pair(rest, turbulence);
     } else if (option == "-clamp") {
-      material.clamp = geometry::take_field(rest) == "on";
+      material.clamp = base::take_field(rest) == "on";
     } else {
-      for (int i = 0; i < argument_count(option); ++i) geometry::take_field(rest);
+      for (int i = 0; i < argument_count(option); ++i) base::take_field(rest);
     }
     line = trimmed(rest);
   }
@@ -81,9 +81,9 @@ std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::s
   std::map<std::string, MtlMaterial> out;
   MtlMaterial* material = nullptr;
   std::int64_t line_number = 0;
-  while (auto line = geometry::take_line(text)) {
+  while (auto line = base::take_line(text)) {
     const std::string where = name + ", line " + std::to_string(++line_number);
-    const std::string_view key = geometry::take_field(*line);
+    const std::string_view key = base::take_field(*line);
     if (key == "newmtl") material = &out[std::string(trimmed(*line))];
     if (material == nullptr) continue;
     if (key == "Kd" && !trimmed(*line).starts_with("spectral") && !trimmed(*line).starts_with("xyz"))

@@ -6,8 +6,8 @@
 #include <map>
 #include <optional>
 
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -22,7 +22,7 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
 }
 
-/// One object a file.
+/// One object per file.
 class ObjParser {
  public:
   ObjParser(std::string_view text, const std::string& name) : text_(text), name_(name) {}
@@ -39,15 +39,15 @@ class ObjParser {
     throw InputError(name_ + ", line " + std::to_string(line_number_), what);
   }
 
-  /// A line, joined with those that it is continued on.
+  /// Reads a line, joined with its continuation lines.
   std::optional<std::string_view> next_line() {
-    auto line = geometry::take_line(text_);
+    auto line = base::take_line(text_);
     ++line_number_;
     if (!line || !line->ends_with('\\')) return line;
     joined_.clear();
     while (line && line->ends_with('\\')) {
       joined_.append(line->substr(0, line->size() - 1)).push_back(' ');
-      line = geometry::take_line(text_);
+      line = base::take_line(text_);
       ++line_number_;
     }
     if (line) joined_.append(*line);
@@ -55,7 +55,7 @@ class ObjParser {
   }
 
   void read_line(std::string_view line) {
-    const std::string_view key = geometry::take_field(line);
+    const std::string_view key = base::take_field(line);
     if (key == "v") return read_position(line);
     if (key == "vt") return read_uv(line);
     if (key == "f") return read_face(line);
@@ -64,18 +64,18 @@ class ObjParser {
   }
 
   double number(std::string_view field) const {
-    const auto value = geometry::parse_number<double>(field);
+    const auto value = base::parse_number<double>(field);
     if (!value) fail("'" + std::string(field.substr(0, 40)) + "' is not a number");
     return *value;
   }
 
-  /// `v x y z`, `v x y z w` (the weight of rational curves, meaningless here), `v x y z r g b`, with or without alpha.
+  /// `v x y z`, `v x y z w` (w, the weight of rational curves, is ignored), `v x y z r g b`, with or without alpha.
   void read_position(std::string_view line) {
-    if (faces_.positions.size() >= kNoIndex) fail("more vertices than can be counted");
+    if (faces_.positions.size() >= simplification::kInvalidIndex) fail("more vertices than can be counted");
     std::array<double, 7> values{};
     std::size_t count = 0;
     while (count < values.size()) {
-      const std::string_view field = geometry::take_field(line);
+      const std::string_view field = base::take_field(line);
       if (field.empty() || field.starts_with('#')) break;
       values[count++] = number(field);
     }
@@ -88,7 +88,7 @@ class ObjParser {
     for (std::size_t c = 0; c < 3; ++c) faces_.colors.back()[c] = static_cast<float>(values[3 + c]);
   }
 
-  /// Colours beyond 1 are out of 255.
+  /// If a colour exceeds 1, colours are in 0..255.
   void finish_colors() {
     faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
     float highest = 0;
@@ -99,8 +99,8 @@ class ObjParser {
   }
 
   void read_uv(std::string_view line) {
-    if (faces_.uv.size() >= kNoIndex) fail("more texture coordinates than can be counted");
-    const std::string_view u = geometry::take_field(line), v = geometry::take_field(line);
+    if (faces_.uv.size() >= simplification::kInvalidIndex) fail("more texture coordinates than can be counted");
+    const std::string_view u = base::take_field(line), v = base::take_field(line);
     if (u.empty()) fail("a texture coordinate needs a number");
     Eigen::Vector2f uv(static_cast<float>(number(u)), v.empty() ? 0.0F : static_cast<float>(number(v)));
     if (!uv.allFinite()) {
@@ -110,9 +110,9 @@ class ObjParser {
     faces_.uv.push_back(uv);
   }
 
-  /// An index as it is written: from 1, or from the last one backwards if negative.
+  /// Converts an index as written: from 1, or backwards from the last one if negative.
   std::uint32_t index(std::string_view field, std::size_t count, const char* what) const {
-    const auto value = geometry::parse_number<std::int64_t>(field);
+    const auto value = base::parse_number<std::int64_t>(field);
     if (!value) fail("'" + std::string(field.substr(0, 40)) + "' is not an index");
     const auto size = static_cast<std::int64_t>(count);
     const std::int64_t at = *value < 0 ? size + *value : *value - 1;
@@ -123,9 +123,10 @@ class ObjParser {
   }
 
   /// `v`, `v/vt`, `v/vt/vn` or `v//vn`.
-  FaceCorner corner(std::string_view field) const {
+  simplification::FaceCorner corner(std::string_view field) const {
     const std::size_t slash = field.find('/');
-    FaceCorner out{index(field.substr(0, slash), faces_.positions.size(), "vertex"), kNoIndex};
+    simplification::FaceCorner out{index(field.substr(0, slash), faces_.positions.size(), "vertex"),
+                                   simplification::kInvalidIndex};
     if (slash == std::string_view::npos) return out;
     field.remove_prefix(slash + 1);
     field = field.substr(0, field.find('/'));
@@ -135,15 +136,15 @@ class ObjParser {
 
   void read_face(std::string_view line) {
     corners_.clear();
-    for (std::string_view field = geometry::take_field(line); !field.empty() && !field.starts_with('#');
-         field = geometry::take_field(line))
+    for (std::string_view field = base::take_field(line); !field.empty() && !field.starts_with('#');
+         field = base::take_field(line))
       corners_.push_back(corner(field));
     if (corners_.size() < 3) {
       ++out_.faces_left_out;
       return;
     }
     if (group_ == kNoGroup) use_material("");
-    add_face(corners_, faces_.positions, faces_.groups[group_]);
+    simplification::add_face(corners_, faces_.positions, faces_.groups[group_]);
   }
 
   void use_material(const std::string& material) {
@@ -158,11 +159,11 @@ class ObjParser {
   const std::string& name_;
   std::int64_t line_number_ = 0;
   std::string joined_;
-  std::vector<FaceCorner> corners_;
+  std::vector<simplification::FaceCorner> corners_;
   std::map<std::string, std::size_t> group_of_;
   std::size_t group_ = kNoGroup;
   ObjFile out_;
-  IndexedFaces& faces_ = out_.faces;
+  simplification::IndexedFaces& faces_ = out_.faces;
 };
 
 }  // namespace

@@ -5,13 +5,13 @@
 #include <memory>
 #include <set>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
-#include "tileflight/geometry/text_fields.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/srgb.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/tiling/mtl_file.h"
 #include "tileflight/tiling/obj_file.h"
-#include "tileflight/tiling/srgb.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -19,11 +19,11 @@ namespace {
 namespace fs = std::filesystem;
 using imaging::TexturedMesh;
 
-/// Text of meshes of a hundred million triangles.
-constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 36;
+/// Size limit: text of meshes of a hundred million triangles.
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
 
-/// A file that another one names: relative to it, with slashes of either kind. A path of another machine is looked for
-/// beside the file by its last part.
+/// Path of a referenced file: relative to the referring file, with either kind of slash. If that does not exist (a path
+/// of another machine), a file of the same name beside the referring file is used.
 fs::path named_file(const fs::path& naming, std::string name) {
   std::replace(name.begin(), name.end(), '\\', '/');
   const fs::path path = naming.parent_path() / name;
@@ -32,7 +32,7 @@ fs::path named_file(const fs::path& naming, std::string name) {
   return !fs::exists(path, ignored) && fs::exists(beside, ignored) ? beside : path;
 }
 
-/// The material libraries of a file, later ones first.
+/// The material libraries of a file; later ones take precedence.
 class Materials {
  public:
   Materials(const fs::path& obj, const std::vector<std::string>& libraries) {
@@ -41,7 +41,7 @@ class Materials {
       if (fs::exists(named_file(obj, line), ignored)) {
         add(named_file(obj, line));
       } else {
-        for (const std::string_view name : geometry::split_fields(line)) add(library(obj, line, std::string(name)));
+        for (const std::string_view name : base::split_fields(line)) add(library(obj, line, std::string(name)));
       }
     }
   }
@@ -51,7 +51,7 @@ class Materials {
     fs::path library;
   };
 
-  /// nullptr if no library has it.
+  /// nullptr if no library defines it.
   const Entry* find(const std::string& name) const {
     const auto at = entries_.find(name);
     return at == entries_.end() ? nullptr : &at->second;
@@ -68,15 +68,15 @@ class Materials {
   }
 
   void add(const fs::path& file) {
-    for (auto& [name, material] : parse_mtl(geometry::read_text(file), file.string()))
+    for (auto& [name, material] : parse_mtl(base::read_text(file), file.string()))
       entries_[name] = {std::move(material), file};
   }
 
   std::map<std::string, Entry> entries_;
 };
 
-/// Each picture is decoded once.
-class Pictures {
+/// Decodes each image once.
+class TextureCache {
  public:
   std::shared_ptr<const imaging::RgbImage> read(const Materials::Entry& entry, const std::string& material) {
     const fs::path file = named_file(entry.library, entry.material.texture);
@@ -94,7 +94,7 @@ class Pictures {
   std::map<fs::path, std::shared_ptr<const imaging::RgbImage>> pictures_;
 };
 
-/// Texture coordinates as glTF has them: v down.
+/// Texture coordinates in glTF's convention: v down.
 void add_texture(const MtlMaterial& material, std::shared_ptr<const imaging::RgbImage> picture, TexturedMesh& mesh) {
   mesh.texture = std::move(picture);
   mesh.wrap_u = mesh.wrap_v = material.clamp ? imaging::Wrap::kClampToEdge : imaging::Wrap::kRepeat;
@@ -102,26 +102,26 @@ void add_texture(const MtlMaterial& material, std::shared_ptr<const imaging::Rgb
     uv = {material.offset[0] + material.scale[0] * uv.x(), 1.0F - (material.offset[1] + material.scale[1] * uv.y())};
 }
 
-void color_plainly(const MtlMaterial& material, TexturedMesh& mesh) {
+void apply_material_color(const MtlMaterial& material, TexturedMesh& mesh) {
   mesh.uv.clear();
   if (!mesh.colors.empty()) return;
-  for (std::size_t c = 0; c < 3; ++c) mesh.base_color[c] = linear_from_srgb(material.color[c]);
+  for (std::size_t c = 0; c < 3; ++c) mesh.base_color[c] = base::linear_from_srgb(material.color[c]);
 }
 
-/// One object a file.
+/// One object per file.
 class ObjMeshes {
  public:
   ObjMeshes(const fs::path& file, bool textures)
       : textures_(textures),
-        obj_(parse_obj(geometry::read_text(file, kMostBytes), file.string())),
+        obj_(parse_obj(base::read_text(file, kMaxBytes), file.string())),
         materials_(file, textures ? obj_.libraries : std::vector<std::string>{}) {}
 
   MeshSource take() {
-    VertexJoiner joiner(obj_.faces);
-    for (const FaceGroup& group : obj_.faces.groups) {
+    simplification::VertexDeduplicator joiner(obj_.faces);
+    for (const simplification::FaceGroup& group : obj_.faces.groups) {
       const Materials::Entry* entry = entry_of(group.material);
-      add(joiner.join(group, true), entry, group.material);
-      add(joiner.join(group, false), entry, group.material);
+      add(joiner.build_mesh(group, true), entry, group.material);
+      add(joiner.build_mesh(group, false), entry, group.material);
     }
     warn_of_counts();
     return {std::move(meshes_), {}, {warnings_.begin(), warnings_.end()}};
@@ -144,7 +144,7 @@ class ObjMeshes {
     } else {
       if (has_picture)
         warnings_.insert("faces of the textured material '" + name + "' lack texture coordinates; they get its colour");
-      color_plainly(entry != nullptr ? entry->material : MtlMaterial{}, mesh);
+      apply_material_color(entry != nullptr ? entry->material : MtlMaterial{}, mesh);
     }
     meshes_.push_back(std::move(mesh));
   }
@@ -158,7 +158,7 @@ class ObjMeshes {
   bool textures_;
   ObjFile obj_;
   Materials materials_;
-  Pictures pictures_;
+  TextureCache pictures_;
   std::vector<TexturedMesh> meshes_;
   std::set<std::string> warnings_;
 };

@@ -6,8 +6,8 @@
 
 namespace tileflight::tiling {
 
-/// The surfaces of an OBJ with its material libraries and their pictures, in the file's own units and axes. A texture
-/// hides Kd, as exporters mean it. Throws InputError; a library or picture that is missing is one.
+/// Reads the surfaces of an OBJ with its material libraries and textures, in the file's units and axes. A texture
+/// replaces Kd, as exporters intend. Throws InputError, also for a missing library or texture.
 MeshSource read_obj_meshes(const std::filesystem::path& file, bool textures);
 
 }  // namespace tileflight::tiling

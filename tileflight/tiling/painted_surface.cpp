@@ -1,5 +1,5 @@
-// Notation: a chart is a set of triangles of one facing that meet; (s, t) are metres on its plane; a slot is its
-// rectangle on the sheet, a gutter of kGutter_px around it included.
+// Notation: a chart is a connected set of triangles of one facing; (s, t) are metres on its plane; a slot is its
+// rectangle in the atlas, including a gutter of kGutter_px around it.
 #include "tileflight/tiling/painted_surface.h"
 
 #include <tbb/parallel_for.h>
@@ -12,7 +12,7 @@
 #include <numeric>
 #include <unordered_map>
 
-#include "tileflight/tiling/pack.h"
+#include "tileflight/tiling/rectangle_packing.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -37,14 +37,14 @@ Facing facing_of(const TriangleMesh& mesh, const Triangle& t) {
   return n.y() > 0 ? Facing::kNorth : Facing::kSouth;
 }
 
-/// Place on the plane that a facing looks out of.
+/// Position on the plane perpendicular to the facing's axis.
 Vec2 flat(Facing facing, const Vec3& p) {
   if (facing == Facing::kUp || facing == Facing::kDown) return {p.x(), -p.y()};
   if (facing == Facing::kEast || facing == Facing::kWest) return {p.y(), -p.z()};
   return {p.x(), -p.z()};
 }
 
-/// How far out a place lies as seen from where the facing looks.
+/// Distance outwards along the facing's axis.
 double outwards(Facing facing, const Vec3& p) {
   switch (facing) {
     case Facing::kUp:
@@ -68,8 +68,8 @@ struct FlatChart {
   Eigen::AlignedBox2d box;  ///< (s, t), metres
 };
 
-/// Triangles of one facing that share vertices, in order of their first triangle.
-std::vector<FlatChart> charts_of(const TriangleMesh& mesh) {
+/// Connected sets of triangles of one facing, in order of their first triangle.
+std::vector<FlatChart> find_charts(const TriangleMesh& mesh) {
   std::vector<Facing> facing;
   std::vector<std::uint32_t> parent(mesh.triangles.size());
   std::iota(parent.begin(), parent.end(), 0U);
@@ -77,7 +77,7 @@ std::vector<FlatChart> charts_of(const TriangleMesh& mesh) {
     while (parent[i] != i) i = parent[i] = parent[parent[i]];
     return i;
   };
-  std::unordered_map<std::uint64_t, std::uint32_t> user;  // of a vertex, by facing: the triangle that used it first
+  std::unordered_map<std::uint64_t, std::uint32_t> user;  // by vertex and facing: the triangle that used it first
   for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
     facing.push_back(facing_of(mesh, mesh.triangles[i]));
     for (const std::uint32_t corner : mesh.triangles[i]) {
@@ -98,21 +98,21 @@ std::vector<FlatChart> charts_of(const TriangleMesh& mesh) {
   return charts;
 }
 
-/// Where everything lies on the sheet.
-struct Plan {
+/// Positions of all charts in the atlas.
+struct ChartLayout {
   double texel_m = 0.0;
   std::vector<PixelSize> slots;
-  Packing packing;
+  RectanglePacking packing;
 
-  /// Of a place on a chart: pixels of the sheet, where pixel i reaches from i to i + 1.
+  /// Atlas pixel of a point on a chart, where pixel i covers i to i + 1.
   Vec2 pixel(const FlatChart& chart, std::size_t number, const Vec3& p) const {
-    const PixelPlace at = packing.places[number];
+    const PixelPosition at = packing.positions[number];
     return (flat(chart.facing, p) - chart.box.min()) / texel_m + Vec2(at.x + kGutter_px + 0.5, at.y + kGutter_px + 0.5);
   }
 };
 
-Plan plan_at(const std::vector<FlatChart>& charts, double texel_m, int sheet_px) {
-  Plan plan{texel_m, {}, {}};
+ChartLayout plan_at(const std::vector<FlatChart>& charts, double texel_m, int sheet_px) {
+  ChartLayout plan{texel_m, {}, {}};
   const auto texels = [&](double length_m) {
     return static_cast<int>(std::min(std::ceil(length_m / texel_m), 2.0 * sheet_px)) + 1 + 2 * kGutter_px;
   };
@@ -122,17 +122,17 @@ Plan plan_at(const std::vector<FlatChart>& charts, double texel_m, int sheet_px)
   return plan;
 }
 
-Plan plan_sheet(const std::vector<FlatChart>& charts, const PaintOptions& options) {
-  Plan plan = plan_at(charts, options.texel_m, options.sheet_px);
+ChartLayout plan_atlas(const std::vector<FlatChart>& charts, const PaintOptions& options) {
+  ChartLayout plan = plan_at(charts, options.texel_m, options.max_atlas_px);
   for (int attempt = 0; attempt < 400; ++attempt) {
-    if (std::max(plan.packing.size.width, plan.packing.size.height) <= options.sheet_px) break;
-    plan = plan_at(charts, 1.08 * plan.texel_m, options.sheet_px);
+    if (std::max(plan.packing.size.width, plan.packing.size.height) <= options.max_atlas_px) break;
+    plan = plan_at(charts, 1.08 * plan.texel_m, options.max_atlas_px);
   }
   return plan;
 }
 
-/// Which triangle paints each pixel of a slot, and from where.
-struct Owner {
+/// The triangle that paints a pixel of a slot, and the point that it shows.
+struct TexelOwner {
   double distance_px = std::numeric_limits<double>::infinity();  ///< from the triangle; 0: inside
   double outwards_m = 0.0;
   Vec3 place = Vec3::Zero();  ///< the triangle's point nearest to the pixel
@@ -140,7 +140,7 @@ struct Owner {
 
 class SlotPainter {
  public:
-  SlotPainter(const TriangleMesh& mesh, const Plan& plan, const FlatChart& chart, std::size_t number)
+  SlotPainter(const TriangleMesh& mesh, const ChartLayout& plan, const FlatChart& chart, std::size_t number)
       : mesh_(mesh),
         plan_(plan),
         chart_(chart),
@@ -150,11 +150,11 @@ class SlotPainter {
   }
 
   void paint(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted) const {
-    const PixelPlace at = plan_.packing.places[number_];
+    const PixelPosition at = plan_.packing.positions[number_];
     tbb::parallel_for(0, size().height, [&](int y) {
-      SurfaceColors::Walk walk(colors);
+      SurfaceColors::CoherentSampler walk(colors);
       for (int x = 0; x < size().width; ++x) {
-        const Owner& owner = owners_[index(x, y)];
+        const TexelOwner& owner = owners_[index(x, y)];
         if (owner.distance_px > kGutter_px) continue;
         sheet(at.x + x, at.y + y) = walk.at(owner.place);
         is_painted(at.x + x, at.y + y) = 1;
@@ -168,9 +168,9 @@ class SlotPainter {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(size().width) + static_cast<std::size_t>(x);
   }
 
-  /// Offers all pixels within a gutter's width to the triangle.
+  /// Offers the triangle to all pixels within a gutter's width of it.
   void claim(const Triangle& t) {
-    const PixelPlace at = plan_.packing.places[number_];
+    const PixelPosition at = plan_.packing.positions[number_];
     std::array<Vec3, 3> corners;
     Eigen::AlignedBox2d box;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -185,7 +185,7 @@ class SlotPainter {
         offer(Vec3(x + 0.5, y + 0.5, 0), t, corners, owners_[index(x, y)]);
   }
 
-  void offer(const Vec3& pixel, const Triangle& t, const std::array<Vec3, 3>& c, Owner& owner) const {
+  void offer(const Vec3& pixel, const Triangle& t, const std::array<Vec3, 3>& c, TexelOwner& owner) const {
     const Vec3 nearest = geometry::closest_point_on_triangle(pixel, c[0], c[1], c[2]);
     const double distance_px = (nearest - pixel).norm() < 1e-9 ? 0.0 : (nearest - pixel).norm();
     if (distance_px > owner.distance_px) return;
@@ -200,13 +200,13 @@ class SlotPainter {
   }
 
   const TriangleMesh& mesh_;
-  const Plan& plan_;
+  const ChartLayout& plan_;
   const FlatChart& chart_;
   std::size_t number_;
-  std::vector<Owner> owners_;
+  std::vector<TexelOwner> owners_;
 };
 
-void add_chart(const TriangleMesh& mesh, const Plan& plan, const FlatChart& chart, std::size_t number,
+void add_chart(const TriangleMesh& mesh, const ChartLayout& plan, const FlatChart& chart, std::size_t number,
                TexturedMesh& out) {
   const Vec2 sheet(plan.packing.size.width, plan.packing.size.height);
   std::unordered_map<std::uint32_t, std::uint32_t> index_of;
@@ -225,7 +225,7 @@ void add_chart(const TriangleMesh& mesh, const Plan& plan, const FlatChart& char
   }
 }
 
-/// What no triangle uses is coloured like the rest, so that compression does not ring at the charts' edges.
+/// Fills unused pixels with the mean colour, to avoid compression artefacts at the charts' edges.
 void fill_unused(const imaging::GrayImage& is_painted, imaging::RgbImage& sheet) {
   std::array<std::uint64_t, 3> sum{};
   std::uint64_t count = 0;
@@ -242,12 +242,12 @@ void fill_unused(const imaging::GrayImage& is_painted, imaging::RgbImage& sheet)
 
 }  // namespace
 
-PaintedSurface painted(const TriangleMesh& surface, const SurfaceColors& colors, const PaintOptions& options) {
-  const std::vector<FlatChart> charts = charts_of(surface);
-  const Plan plan = plan_sheet(charts, options);
+TexturedSurface transfer_colors(const TriangleMesh& surface, const SurfaceColors& colors, const PaintOptions& options) {
+  const std::vector<FlatChart> charts = find_charts(surface);
+  const ChartLayout plan = plan_atlas(charts, options);
   const auto sheet = std::make_shared<imaging::RgbImage>(plan.packing.size.width, plan.packing.size.height);
   imaging::GrayImage is_painted(plan.packing.size.width, plan.packing.size.height);
-  PaintedSurface out;
+  TexturedSurface out;
   out.texel_m = plan.texel_m;
   for (std::size_t i = 0; i < charts.size(); ++i) {
     SlotPainter(surface, plan, charts[i], i).paint(colors, *sheet, is_painted);

@@ -6,19 +6,20 @@
 namespace tileflight::tiling {
 
 struct PaintOptions {
-  double texel_m = 0.1;  ///< edge of a texel on surfaces that face an axis
-  int sheet_px = 4096;   ///< longest side of the sheet; texels grow until all fit
+  double texel_m = 0.1;     ///< edge of a texel on surfaces that face an axis
+  int max_atlas_px = 4096;  ///< longest side of the atlas; texels grow until all charts fit
 };
 
-struct PaintedSurface {
+struct TexturedSurface {
   imaging::TexturedMesh mesh;
-  double texel_m = 0.0;  ///< as it became
+  double texel_m = 0.0;  ///< actual texel size
 };
 
-/// Gives a surface a texture of its own, with the colours of another surface near it. Triangles that face alike (up
-/// within 60 degrees, else down or sideways) and meet make a chart, seen along its axis; each texel takes the colour of
-/// the other surface's nearest point. Where a chart lies over itself, the outer triangle paints the texel. Vertices
-/// that several charts use are repeated; positions stay.
-PaintedSurface painted(const geometry::TriangleMesh& surface, const SurfaceColors& colors, const PaintOptions& options);
+/// Textures a surface with the colours of another surface near it. Connected triangles that face the same way (up
+/// within 60 degrees, else down or sideways) form a chart, projected along its axis; each texel takes the colour of the
+/// other surface's nearest point. Where a chart overlaps itself, the outer triangle paints the texel. Vertices used by
+/// several charts are duplicated; positions do not change.
+TexturedSurface transfer_colors(const geometry::TriangleMesh& surface, const SurfaceColors& colors,
+                                const PaintOptions& options);
 
 }  // namespace tileflight::tiling

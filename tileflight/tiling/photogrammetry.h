@@ -8,16 +8,16 @@
 namespace tileflight::tiling {
 
 struct PhotogrammetryOptions {
-  double simplification_m = 0.085;  ///< detail that is lost
+  double simplification_m = 0.085;  ///< size of detail that is lost
   double noise_m = 0.035;           ///< standard deviation of the surface's error along each axis
-  double noise_length_m = 2.2;      ///< over which that error is alike
-  int texture_reduction = 2;  ///< texels of the source along each axis that become one, before a blur of one texel
+  double noise_length_m = 2.2;      ///< correlation length of that error
+  int texture_reduction = 2;        ///< source texels along each axis merged into one, before a blur of one texel
   std::uint32_t seed = 1;
 };
 
-/// What a reconstruction from photographs keeps of a place: coarser geometry with smooth error, blurred textures. What
-/// met still meets (the error depends on the place alone).
-std::vector<imaging::TexturedMesh> photogrammetric(const std::vector<imaging::TexturedMesh>& meshes,
-                                                   const PhotogrammetryOptions& options);
+/// Simulates a reconstruction from photographs: coarser geometry with smooth error, blurred textures. Meshes that touch
+/// still touch (the error depends only on position).
+std::vector<imaging::TexturedMesh> simulate_photogrammetry(const std::vector<imaging::TexturedMesh>& meshes,
+                                                           const PhotogrammetryOptions& options);
 
 }  // namespace tileflight::tiling

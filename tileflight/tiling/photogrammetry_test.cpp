@@ -5,8 +5,8 @@
 #include <cmath>
 #include <memory>
 
-#include "tileflight/tiling/noise.h"
-#include "tileflight/tiling/simplify.h"
+#include "tileflight/base/noise.h"
+#include "tileflight/simplification/simplify.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -20,7 +20,7 @@ TexturedMesh rough_sheet(double x0) {
   constexpr std::uint32_t kRow = 61;
   for (std::uint32_t j = 0; j < kRow; ++j) {
     for (std::uint32_t i = 0; i < kRow; ++i) {
-      out.mesh.vertices.emplace_back(x0 + i, j, 2.0 * value_noise(0.7 * (x0 + i), 0.7 * j, 8));
+      out.mesh.vertices.emplace_back(x0 + i, j, 2.0 * base::value_noise(0.7 * (x0 + i), 0.7 * j, 8));
       out.uv.emplace_back(static_cast<float>(i) / (kRow - 1), static_cast<float>(j) / (kRow - 1));
       if (i + 1 == kRow || j + 1 == kRow) continue;
       const std::uint32_t a = j * kRow + i;
@@ -37,10 +37,10 @@ TEST(Photogrammetry, ErrorHasTheDeviationAskedForAndIsSmooth) {
   PhotogrammetryOptions options;
   options.simplification_m = 1e-4;
   options.noise_m = 0.05;
-  const TexturedMesh out = photogrammetric({sheet}, options).front();
+  const TexturedMesh out = simulate_photogrammetry({sheet}, options).front();
   PhotogrammetryOptions still = options;
   still.noise_m = 0.0;
-  const TexturedMesh same = photogrammetric({sheet}, still).front();
+  const TexturedMesh same = simulate_photogrammetry({sheet}, still).front();
   ASSERT_EQ(out.mesh.vertices.size(), same.mesh.vertices.size());
   double squares = 0, steps = 0;
   Vec3 last = Vec3::Zero();
@@ -56,7 +56,7 @@ TEST(Photogrammetry, ErrorHasTheDeviationAskedForAndIsSmooth) {
 }
 
 TEST(Photogrammetry, WhatMetStillMeets) {
-  const auto out = photogrammetric({rough_sheet(0), rough_sheet(60)}, {});
+  const auto out = simulate_photogrammetry({rough_sheet(0), rough_sheet(60)}, {});
   std::size_t shared = 0;
   for (const Vec3& a : out[0].mesh.vertices)
     for (const Vec3& b : out[1].mesh.vertices) shared += a == b;
@@ -65,8 +65,8 @@ TEST(Photogrammetry, WhatMetStillMeets) {
 
 TEST(Photogrammetry, StaysWithinCentimetresOfTheWorld) {
   const TexturedMesh sheet = rough_sheet(0);
-  const TexturedMesh out = photogrammetric({sheet}, {}).front();
-  EXPECT_LT(surface_distance_m(out.mesh, sheet.mesh), 0.6);
+  const TexturedMesh out = simulate_photogrammetry({sheet}, {}).front();
+  EXPECT_LT(simplification::hausdorff_distance_m(out.mesh, sheet.mesh), 0.6);
   EXPECT_EQ(out.texture->width, 32);
   EXPECT_EQ((*out.texture)(7, 9), (imaging::Rgb8{100, 120, 140}));
 }

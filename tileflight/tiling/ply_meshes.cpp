@@ -8,12 +8,12 @@
 #include <optional>
 #include <unordered_map>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/geometry/ply.h"
-#include "tileflight/geometry/text_fields.h"
 #include "tileflight/imaging/image_files.h"
-#include "tileflight/tiling/indexed_faces.h"
+#include "tileflight/simplification/indexed_faces.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -23,9 +23,9 @@ using geometry::PlyElement;
 using geometry::PlyProperty;
 using geometry::PlyType;
 
-constexpr std::uintmax_t kMostBytes = std::uintmax_t{1} << 36;
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
 
-/// Index of the first of these properties that the element has.
+/// Index of the first of these properties that exists in the element.
 std::optional<std::size_t> find(const PlyElement& element, std::initializer_list<std::string_view> names) {
   for (const std::string_view name : names)
     for (std::size_t i = 0; i < element.properties.size(); ++i)
@@ -33,27 +33,27 @@ std::optional<std::size_t> find(const PlyElement& element, std::initializer_list
   return std::nullopt;
 }
 
-/// What a value is divided by to lie in 0..1.
+/// Divisor that scales a colour value to 0..1.
 float color_range(PlyType type) {
   if (type == PlyType::kFloat32 || type == PlyType::kFloat64) return 1.0F;
   return type == PlyType::kUint16 ? 65535.0F : 255.0F;
 }
 
-/// Pictures that "comment TextureFile NAME" lines of the header name.
+/// Images named by "comment TextureFile NAME" lines of the header.
 std::vector<std::string> texture_files(std::string_view header) {
   constexpr std::string_view kStart = "comment TextureFile ";
   std::vector<std::string> names;
-  while (const auto line = geometry::take_line(header))
+  while (const auto line = base::take_line(header))
     if (line->starts_with(kStart)) names.emplace_back(line->substr(kStart.size()));
   return names;
 }
 
-/// One object a file.
+/// One object per file.
 class PlyMeshes {
  public:
   PlyMeshes(const fs::path& file, bool textures)
       : file_(file.string()),
-        bytes_(geometry::read_text(file, kMostBytes)),
+        bytes_(base::read_text(file, kMaxBytes)),
         header_(geometry::parse_ply_header(bytes_, file_)) {
     geometry::check_ply_sizes(bytes_, header_, file_);
     if (textures) pictures_ = texture_files(std::string_view(bytes_).substr(0, header_.size_bytes));
@@ -68,11 +68,11 @@ class PlyMeshes {
     read_vertices(vertex);
     read_faces(*face);
     bytes_ = {};
-    VertexJoiner joiner(faces_);
+    simplification::VertexDeduplicator joiner(faces_);
     MeshSource source;
     for (std::size_t i = 0; i < faces_.groups.size(); ++i) {
       for (const bool with_uv : {true, false}) {
-        imaging::TexturedMesh mesh = joiner.join(faces_.groups[i], with_uv);
+        imaging::TexturedMesh mesh = joiner.build_mesh(faces_.groups[i], with_uv);
         if (mesh.mesh.triangles.empty()) continue;
         if (with_uv) add_texture(std::stoul(faces_.groups[i].material), mesh);
         source.meshes.push_back(std::move(mesh));
@@ -145,7 +145,7 @@ class PlyMeshes {
                                     std::to_string(static_cast<std::int64_t>(std::clamp(value, -1e15, 1e15))) + " of " +
                                     std::to_string(faces_.positions.size()));
       const auto index = static_cast<std::uint32_t>(value);
-      corners_.push_back({index, vertex_uv_ ? index : kNoIndex});
+      corners_.push_back({index, vertex_uv_ ? index : simplification::kInvalidIndex});
     }
   }
 
@@ -155,19 +155,20 @@ class PlyMeshes {
         corners_[k].uv = uv_index(finite(corner_uv_[2 * k]), finite(corner_uv_[2 * k + 1]));
     if (!(picture_ >= 0 && picture_ < std::max<double>(1.0, static_cast<double>(pictures_.size()))))
       throw InputError(file_, "face " + std::to_string(row) + " names a texture that the header does not");
-    if (corners_.size() >= 3) add_face(corners_, faces_.positions, group_of(static_cast<std::size_t>(picture_)));
+    if (corners_.size() >= 3)
+      simplification::add_face(corners_, faces_.positions, group_of(static_cast<std::size_t>(picture_)));
     corners_.clear();
     corner_uv_.clear();
     picture_ = 0;
   }
 
-  FaceGroup& group_of(std::size_t picture) {
+  simplification::FaceGroup& group_of(std::size_t picture) {
     const auto [at, is_new] = group_of_.try_emplace(picture, faces_.groups.size());
     if (is_new) faces_.groups.push_back({std::to_string(picture), {}});
     return faces_.groups[at->second];
   }
 
-  /// Equal coordinates share one entry, so that triangles that meet in the picture also share vertices.
+  /// Equal coordinates share an entry, so that triangles adjacent in the image also share vertices.
   std::uint32_t uv_index(float u, float v) {
     const std::uint64_t key =
         std::uint64_t{std::bit_cast<std::uint32_t>(u)} << 32U | std::uint64_t{std::bit_cast<std::uint32_t>(v)};
@@ -197,12 +198,12 @@ class PlyMeshes {
   std::vector<std::string> pictures_;
   std::map<std::size_t, std::shared_ptr<const imaging::RgbImage>> decoded_;
   bool vertex_uv_ = false;
-  IndexedFaces faces_;
-  std::map<std::size_t, std::size_t> group_of_;  ///< of each picture
+  simplification::IndexedFaces faces_;
+  std::map<std::size_t, std::size_t> group_of_;  ///< by image
   std::unordered_map<std::uint64_t, std::uint32_t> uv_of_;
-  std::vector<FaceCorner> corners_;  ///< of the face being read
-  std::vector<double> corner_uv_;    ///< likewise
-  double picture_ = 0;               ///< likewise
+  std::vector<simplification::FaceCorner> corners_;  ///< of the face being read
+  std::vector<double> corner_uv_;                    ///< likewise
+  double picture_ = 0;                               ///< likewise
 };
 
 }  // namespace

@@ -7,7 +7,7 @@
 namespace tileflight::tiling {
 namespace {
 
-constexpr double kNormalOffset_m = 0.25;  ///< starts off the surface, so that it does not shadow itself
+constexpr double kNormalOffset_m = 0.25;  ///< offset of the shadow test from the surface, to avoid self-shadowing
 constexpr float kDepthBias_m = 0.25F;
 
 double cross2(const Vec3& a, const Vec3& b, const Vec3& c) {
@@ -46,15 +46,15 @@ Sunlight::Sunlight(const Vec3& toward_sun, const std::vector<Chart>& charts, dou
   height_ = static_cast<int>((high.y() - low_.y()) / cell_m_) + 2;
   depth_m_.assign(static_cast<std::size_t>(width_) * height_, -std::numeric_limits<float>::infinity());
   for (const Chart& chart : charts)
-    for_each_triangle(chart, [&](const Vec3& a, const Vec3& b, const Vec3& c) { cast(a, b, c); });
+    for_each_triangle(chart, [&](const Vec3& a, const Vec3& b, const Vec3& c) { rasterize_shadow(a, b, c); });
 }
 
-Vec3 Sunlight::in_map(const Vec3& p) const {
+Vec3 Sunlight::to_shadow_map(const Vec3& p) const {
   return {(axis_u_.dot(p) - low_.x()) / cell_m_, (axis_v_.dot(p) - low_.y()) / cell_m_, toward_sun_.dot(p)};
 }
 
-void Sunlight::cast(const Vec3& a_site, const Vec3& b_site, const Vec3& c_site) {
-  const Vec3 a = in_map(a_site), b = in_map(b_site), c = in_map(c_site);
+void Sunlight::rasterize_shadow(const Vec3& a_site, const Vec3& b_site, const Vec3& c_site) {
+  const Vec3 a = to_shadow_map(a_site), b = to_shadow_map(b_site), c = to_shadow_map(c_site);
   const double area = cross2(a, b, c);
   if (std::fabs(area) < 1e-12) return;
   const int x0 = static_cast<int>(std::min({a.x(), b.x(), c.x()})),
@@ -73,7 +73,7 @@ void Sunlight::cast(const Vec3& a_site, const Vec3& b_site, const Vec3& c_site) 
 }
 
 float Sunlight::lit_share(const Vec3& position) const {
-  const Vec3 p = in_map(position);
+  const Vec3 p = to_shadow_map(position);
   const double x = std::clamp(p.x() - 0.5, 0.0, width_ - 1.001), y = std::clamp(p.y() - 0.5, 0.0, height_ - 1.001);
   const int ix = static_cast<int>(x), iy = static_cast<int>(y);
   const float* cell =
@@ -84,7 +84,7 @@ float Sunlight::lit_share(const Vec3& position) const {
   return (1 - v) * ((1 - u) * lit(0) + u * lit(1)) + v * ((1 - u) * lit(width_) + u * lit(width_ + 1));
 }
 
-float Sunlight::light(const Vec3& position, const Vec3& normal) const {
+float Sunlight::light_factor(const Vec3& position, const Vec3& normal) const {
   const float facing = static_cast<float>(std::max(0.0, normal.dot(toward_sun_)));
   const float sky = 0.40F + 0.08F * static_cast<float>(normal.z());
   if (facing <= 0.0F) return sky;

@@ -6,19 +6,19 @@
 
 namespace tileflight::tiling {
 
-/// Sun and sky that are baked into the textures, as photogrammetry finds them. Shadows by a depth map seen from the sun
-/// (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978), filtered between its cells.
+/// Sunlight and skylight baked into the textures, as photogrammetry captures them. Shadows by a depth map seen from the
+/// sun (Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978), filtered between its cells.
 class Sunlight {
  public:
-  /// `toward_sun`: any length, site frame. The shadows are cast by the charts given.
+  /// `toward_sun`: any length, site frame. `charts` cast the shadows.
   Sunlight(const Vec3& toward_sun, const std::vector<Chart>& charts, double cell_m);
 
-  /// Share of full light, about 0.4 (shadow) to 1.1 (facing the sun).
-  float light(const Vec3& position, const Vec3& normal) const;
+  /// Factor on the unlit colour, about 0.4 (shadow) to 1.1 (facing the sun).
+  float light_factor(const Vec3& position, const Vec3& normal) const;
 
  private:
-  void cast(const Vec3& a, const Vec3& b, const Vec3& c);
-  Vec3 in_map(const Vec3& position) const;
+  void rasterize_shadow(const Vec3& a, const Vec3& b, const Vec3& c);
+  Vec3 to_shadow_map(const Vec3& position) const;
   float lit_share(const Vec3& position) const;
 
   Vec3 toward_sun_, axis_u_, axis_v_;

@@ -18,20 +18,21 @@ TEST(Sunlight, TheShadowOfAWallEndsWhereGeometrySays) {
   const std::vector<Chart> charts = floor_and_wall();
   const Sunlight sun({-1, 0, 1}, charts, 0.1);
   const Vec3 up = Vec3::UnitZ();
-  const float lit = sun.light({-5, 0, 0}, up), shaded = sun.light({5, 0, 0}, up);
+  const float lit = sun.light_factor({-5, 0, 0}, up), shaded = sun.light_factor({5, 0, 0}, up);
   EXPECT_GT(lit, 1.4F * shaded);
-  EXPECT_FLOAT_EQ(sun.light({12.0, 3, 0}, up), lit);  // the roof's far edge (x = 1, z = 10) shades up to x = 11
-  EXPECT_FLOAT_EQ(sun.light({10.3, 3, 0}, up), shaded);
-  EXPECT_FLOAT_EQ(sun.light({1, 0, 5}, Vec3::UnitX()), sun.light({1, 4, 8}, Vec3::UnitX()));  // the lee side
+  EXPECT_FLOAT_EQ(sun.light_factor({12.0, 3, 0}, up), lit);  // the roof's far edge (x = 1, z = 10) shades up to x = 11
+  EXPECT_FLOAT_EQ(sun.light_factor({10.3, 3, 0}, up), shaded);
+  EXPECT_FLOAT_EQ(sun.light_factor({1, 0, 5}, Vec3::UnitX()),
+                  sun.light_factor({1, 4, 8}, Vec3::UnitX()));  // the lee side
 }
 
 TEST(Sunlight, SurfacesDoNotShadeThemselves) {
   const std::vector<Chart> charts = floor_and_wall();
   const Sunlight sun({-1, 0.2, 0.7}, charts, 0.2);
-  const float wall = sun.light({0, 0, 5}, -Vec3::UnitX());
-  for (double y = -15; y < 15; y += 0.37) EXPECT_FLOAT_EQ(sun.light({0, y, 6 + 0.1 * y}, -Vec3::UnitX()), wall);
-  const float floor = sun.light({-9, 0, 0}, Vec3::UnitZ());
-  for (double x = -18; x < -2; x += 0.31) EXPECT_FLOAT_EQ(sun.light({x, x / 2, 0}, Vec3::UnitZ()), floor);
+  const float wall = sun.light_factor({0, 0, 5}, -Vec3::UnitX());
+  for (double y = -15; y < 15; y += 0.37) EXPECT_FLOAT_EQ(sun.light_factor({0, y, 6 + 0.1 * y}, -Vec3::UnitX()), wall);
+  const float floor = sun.light_factor({-9, 0, 0}, Vec3::UnitZ());
+  for (double x = -18; x < -2; x += 0.31) EXPECT_FLOAT_EQ(sun.light_factor({x, x / 2, 0}, Vec3::UnitZ()), floor);
 }
 
 }  // namespace

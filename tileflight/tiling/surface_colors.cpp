@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "tileflight/tiling/srgb.h"
+#include "tileflight/base/srgb.h"
 #include "tileflight/tiling/texel_window.h"
 
 namespace tileflight::tiling {
@@ -24,7 +24,7 @@ geometry::TriangleMesh joined(const std::vector<const TexturedMesh*>& meshes) {
   return out;
 }
 
-/// Weights of the corners at a point of a triangle, by areas; a triangle without area counts as its first corner.
+/// Barycentric weights of a point of a triangle, by areas; for a degenerate triangle, its first corner.
 std::array<double, 3> weights_at(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 normal = (b - a).cross(c - a);
   const double area2 = normal.squaredNorm();
@@ -34,9 +34,9 @@ std::array<double, 3> weights_at(const Vec3& p, const Vec3& a, const Vec3& b, co
   return {1 - wb - wc, wb, wc};
 }
 
-using Color = std::array<double, 3>;  ///< as displayed, 0..255
+using Color = std::array<double, 3>;  ///< sRGB, 0..255
 
-/// Bilinear, of the texels around (x, y) in texels.
+/// Bilinear interpolation at (x, y) in texels.
 Color bilinear(const TexturedMesh& mesh, double x, double y) {
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   const double across = x - 0.5 - left, down = y - 0.5 - top;
@@ -50,7 +50,7 @@ Color bilinear(const TexturedMesh& mesh, double x, double y) {
   return out;
 }
 
-/// The texture as a level with texels twice as long shows it: a mean over two texels across and down.
+/// The texture at half resolution: a mean over two texels across and down.
 Color texture_color(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights) {
   Eigen::Vector2d uv = Eigen::Vector2d::Zero();
   for (std::size_t k = 0; k < 3; ++k) uv += weights[k] * mesh.uv[t[k]].cast<double>();
@@ -66,7 +66,7 @@ Color texture_color(const TexturedMesh& mesh, const Triangle& t, const std::arra
   return out;
 }
 
-/// Times what multiplies it in linear light.
+/// Multiplies by vertex and base colours in linear light.
 void tint(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights, Color& color) {
   for (std::size_t c = 0; c < 3; ++c) {
     double factor = static_cast<double>(mesh.base_color[c]);
@@ -76,8 +76,8 @@ void tint(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 
       factor *= own / 255;
     }
     if (factor == 1.0) continue;
-    const float linear = linear_from_srgb(static_cast<float>(color[c] / 255)) * static_cast<float>(factor);
-    color[c] = 255.0 * static_cast<double>(srgb_from_linear(std::clamp(linear, 0.0F, 1.0F)));
+    const float linear = base::linear_from_srgb(static_cast<float>(color[c] / 255)) * static_cast<float>(factor);
+    color[c] = 255.0 * static_cast<double>(base::srgb_from_linear(std::clamp(linear, 0.0F, 1.0F)));
   }
 }
 
@@ -92,21 +92,21 @@ SurfaceColors::SurfaceColors(std::vector<const TexturedMesh*> meshes)
   }
 }
 
-SurfaceColors::Place SurfaceColors::place_of(std::size_t number) const {
+SurfaceColors::TriangleRef SurfaceColors::locate_triangle(std::size_t number) const {
   const auto next = std::upper_bound(first_.begin(), first_.end(), number);
   const auto mesh = static_cast<std::size_t>(next - first_.begin()) - 1;
   return {mesh, number - first_[mesh]};
 }
 
 double SurfaceColors::distance_m(std::size_t number, const Vec3& place) const {
-  const Place at = place_of(number);
+  const TriangleRef at = locate_triangle(number);
   const auto& v = meshes_[at.mesh]->mesh.vertices;
   const Triangle& t = meshes_[at.mesh]->mesh.triangles[at.triangle];
   return (place - geometry::closest_point_on_triangle(place, v[t[0]], v[t[1]], v[t[2]])).norm();
 }
 
 imaging::Rgb8 SurfaceColors::color(std::size_t number, const Vec3& on_surface) const {
-  const Place at = place_of(number);
+  const TriangleRef at = locate_triangle(number);
   const TexturedMesh& mesh = *meshes_[at.mesh];
   const Triangle& t = mesh.mesh.triangles[at.triangle];
   const auto& v = mesh.mesh.vertices;
@@ -119,8 +119,8 @@ imaging::Rgb8 SurfaceColors::color(std::size_t number, const Vec3& on_surface) c
   return out;
 }
 
-imaging::Rgb8 SurfaceColors::Walk::at(const Vec3& place) {
-  // A little more than the distance of some triangle: the nearest is always within it.
+imaging::Rgb8 SurfaceColors::CoherentSampler::at(const Vec3& place) {
+  // Slightly more than the distance to some triangle: the nearest one is always within it.
   const double radius_m =
       has_last_ ? colors_.distance_m(last_, place) * (1 + 1e-6) + 1e-9 : std::numeric_limits<double>::infinity();
   const geometry::SurfacePoint nearest = *colors_.index_.nearest(place, radius_m);

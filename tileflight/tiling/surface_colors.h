@@ -7,18 +7,18 @@
 
 namespace tileflight::tiling {
 
-/// What a surface looks like near any place: texture times vertex colours times base colour at its nearest point, as
-/// displayed. Queries are const and may run in parallel.
+/// Colour of a surface near any point: texture times vertex colours times base colour at the nearest surface point,
+/// sRGB. Queries are const and may run in parallel.
 class SurfaceColors {
  public:
-  /// The meshes must outlive this; they are not all empty.
+  /// The meshes must outlive this object and must not all be empty.
   explicit SurfaceColors(std::vector<const imaging::TexturedMesh*> meshes);
 
-  /// A row of queries close to each other: each begins with the triangle that the last one found. What they find does
-  /// not depend on it.
-  class Walk {
+  /// Faster for consecutive queries close to each other: each search starts at the triangle found last. Results do not
+  /// depend on it.
+  class CoherentSampler {
    public:
-    explicit Walk(const SurfaceColors& colors) : colors_(colors) {}
+    explicit CoherentSampler(const SurfaceColors& colors) : colors_(colors) {}
     imaging::Rgb8 at(const geometry::Vec3& place);
 
    private:
@@ -28,11 +28,11 @@ class SurfaceColors {
   };
 
  private:
-  struct Place {
+  struct TriangleRef {
     std::size_t mesh = 0, triangle = 0;
   };
 
-  Place place_of(std::size_t number) const;
+  TriangleRef locate_triangle(std::size_t number) const;
   double distance_m(std::size_t number, const geometry::Vec3& place) const;
   imaging::Rgb8 color(std::size_t number, const geometry::Vec3& on_surface) const;
 

@@ -17,7 +17,7 @@ std::int64_t wrapped(std::int64_t at, std::int64_t size, Wrap wrap) {
   return within < size ? within : period - 1 - within;
 }
 
-/// Texels along an axis that pixel `i` of `to` covers out of `from`: at most eight of them, evenly.
+/// Texels of `from` sampled for pixel `i` of `to` along an axis: at most eight, evenly spread.
 struct Samples {
   std::array<std::int64_t, 8> at{};
   int count = 0;
@@ -49,35 +49,35 @@ imaging::Rgb8 mean(const imaging::TexturedMesh& mesh, const TexelWindow& window,
 
 }  // namespace
 
-TexelWindow around(const TexelWindow& a, const TexelWindow& b) {
+TexelWindow bounding_window(const TexelWindow& a, const TexelWindow& b) {
   TexelWindow out{std::min(a.x, b.x), std::min(a.y, b.y), 0, 0};
   out.width = std::max(a.x + a.width, b.x + b.width) - out.x;
   out.height = std::max(a.y + a.height, b.y + b.height) - out.y;
   return out;
 }
 
-JoinedWindows join_overlapping(const std::vector<TexelWindow>& windows) {
+MergedWindows merge_overlapping(const std::vector<TexelWindow>& windows) {
   std::vector<std::size_t> order(windows.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return windows[a].x < windows[b].x; });
-  JoinedWindows out;
-  out.window_of.resize(windows.size());
-  // Windows come from left to right; those that end before the next begins can grow no more.
+  MergedWindows out;
+  out.merged_index.resize(windows.size());
+  // Windows are sorted from left to right; those that end before the next one begins cannot grow any more.
   std::vector<std::size_t> open;
   for (const std::size_t i : order) {
     const TexelWindow& next = windows[i];
     std::erase_if(open, [&](std::size_t w) { return out.windows[w].x + out.windows[w].width <= next.x; });
     const auto joinable = std::find_if(open.begin(), open.end(), [&](std::size_t w) {
-      return around(out.windows[w], next).area() <= out.windows[w].area() + next.area();
+      return bounding_window(out.windows[w], next).area() <= out.windows[w].area() + next.area();
     });
     if (joinable == open.end()) {
       open.push_back(out.windows.size());
-      out.window_of[i] = out.windows.size();
+      out.merged_index[i] = out.windows.size();
       out.windows.push_back(next);
     } else {
-      out.windows[*joinable] = around(out.windows[*joinable], next);
-      out.window_of[i] = *joinable;
+      out.windows[*joinable] = bounding_window(out.windows[*joinable], next);
+      out.merged_index[i] = *joinable;
     }
   }
   return out;
@@ -89,7 +89,7 @@ imaging::Rgb8 wrapped_texel(const imaging::TexturedMesh& mesh, std::int64_t x, s
                static_cast<int>(wrapped(y, image.height, mesh.wrap_v)));
 }
 
-void draw_window(const imaging::TexturedMesh& mesh, const TexelWindow& window, PixelPlace at, PixelSize size,
+void draw_window(const imaging::TexturedMesh& mesh, const TexelWindow& window, PixelPosition at, PixelSize size,
                  imaging::RgbImage& sheet) {
   const bool as_it_is = size.width == window.width && size.height == window.height;
   for (int y = 0; y < size.height; ++y) {

@@ -4,11 +4,11 @@
 #include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
-#include "tileflight/tiling/pack.h"
+#include "tileflight/tiling/rectangle_packing.h"
 
 namespace tileflight::tiling {
 
-/// A rectangle of texels of a picture, which may reach beyond its edges.
+/// A rectangle of texels of an image; it may extend beyond the edges.
 struct TexelWindow {
   std::int64_t x = 0, y = 0;           ///< top left texel
   std::int64_t width = 0, height = 0;  ///< texels
@@ -16,23 +16,22 @@ struct TexelWindow {
   std::int64_t area() const { return width * height; }
 };
 
-/// Smallest window around both.
-TexelWindow around(const TexelWindow& a, const TexelWindow& b);
+/// Smallest window that contains both.
+TexelWindow bounding_window(const TexelWindow& a, const TexelWindow& b);
 
-/// The windows with those joined that overlap so much that one around them is no larger than both; `window_of` has for
-/// each of the given ones the joined one that holds it.
-struct JoinedWindows {
+/// Result of merge_overlapping(): windows are merged if their bounding window is no larger than both together;
+/// `merged_index` holds, for each input window, the index of the merged window that contains it.
+struct MergedWindows {
   std::vector<TexelWindow> windows;
-  std::vector<std::size_t> window_of;
+  std::vector<std::size_t> merged_index;
 };
-JoinedWindows join_overlapping(const std::vector<TexelWindow>& windows);
+MergedWindows merge_overlapping(const std::vector<TexelWindow>& windows);
 
-/// The texel at (x, y) of a picture that goes on beyond its edges as its wrapping says.
+/// The texel at (x, y) of the mesh's texture; beyond the edges, by its wrap modes.
 imaging::Rgb8 wrapped_texel(const imaging::TexturedMesh& mesh, std::int64_t x, std::int64_t y);
 
-/// Draws the window of a mesh's texture into a sheet: texel by texel where the size is the window's, else each pixel is
-/// the mean of what it covers.
-void draw_window(const imaging::TexturedMesh& mesh, const TexelWindow& window, PixelPlace at, PixelSize size,
+/// Draws a window of a mesh's texture into an atlas: a copy if `size` is the window's, otherwise area-averaged.
+void draw_window(const imaging::TexturedMesh& mesh, const TexelWindow& window, PixelPosition at, PixelSize size,
                  imaging::RgbImage& sheet);
 
 }  // namespace tileflight::tiling

@@ -7,7 +7,7 @@
 namespace tileflight::tiling {
 namespace {
 
-/// The source pixels that one target pixel covers along an axis, and how much of each (fixed point, sum 2^16).
+/// The source pixels that a target pixel covers along an axis, and their weights (fixed point, sum 2^16).
 struct Span {
   int first = 0;
   std::vector<std::uint32_t> weights;
@@ -34,7 +34,7 @@ std::vector<Span> area_spans(int from, int to) {
 
 using Sums = std::array<std::uint32_t, 3>;
 
-/// One row of the source, its pixels gathered along x: sums scaled by 2^8.
+/// Filters one source row along x: sums scaled by 2^8.
 void gather_row(const imaging::Rgb8* row, const std::vector<Span>& spans, std::vector<Sums>& out) {
   for (std::size_t x = 0; x < spans.size(); ++x) {
     Sums sum{};
@@ -47,7 +47,7 @@ void gather_row(const imaging::Rgb8* row, const std::vector<Span>& spans, std::v
 
 }  // namespace
 
-imaging::RgbImage shrunk(const imaging::RgbImage& image, int width, int height) {
+imaging::RgbImage resize_area(const imaging::RgbImage& image, int width, int height) {
   const std::vector<Span> across = area_spans(image.width, width), down = area_spans(image.height, height);
   imaging::RgbImage out(width, height);
   std::vector<Sums> row(static_cast<std::size_t>(width));
@@ -67,7 +67,7 @@ imaging::RgbImage shrunk(const imaging::RgbImage& image, int width, int height) 
   return out;
 }
 
-imaging::RgbImage blurred(const imaging::RgbImage& image) {
+imaging::RgbImage blur_binomial(const imaging::RgbImage& image) {
   imaging::RgbImage out(image.width, image.height);
   const auto column = [&](int x, int y0, int y1, int y2, std::size_t c) {
     const int at = std::clamp(x, 0, image.width - 1);

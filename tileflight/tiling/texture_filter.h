@@ -4,10 +4,10 @@
 
 namespace tileflight::tiling {
 
-/// The image at another, not larger size; each pixel is the mean of the area that it covers.
-imaging::RgbImage shrunk(const imaging::RgbImage& image, int width, int height);
+/// Resizes an image to equal or smaller size; each pixel is the mean of the area that it covers.
+imaging::RgbImage resize_area(const imaging::RgbImage& image, int width, int height);
 
-/// Each pixel the mean of its 3 x 3 neighbourhood with binomial weights (1 2 1); the edge is repeated beyond itself.
-imaging::RgbImage blurred(const imaging::RgbImage& image);
+/// 3 x 3 binomial blur (weights 1 2 1); edge pixels are repeated beyond the edge.
+imaging::RgbImage blur_binomial(const imaging::RgbImage& image);
 
 }  // namespace tileflight::tiling

@@ -24,10 +24,10 @@ json tile_json(const TileEntry& tile) {
 
 }  // namespace
 
-void set_bounds(TileEntry& tile) {
+void compute_bounds(TileEntry& tile) {
   tile.bounds = tile.content;
   for (TileEntry& child : tile.children) {
-    set_bounds(child);
+    compute_bounds(child);
     tile.bounds.extend(child.bounds);
   }
 }
@@ -37,7 +37,7 @@ std::string tileset_json(const TileEntry& root, const std::optional<geometry::SE
   tile["refine"] = "REPLACE";
   if (T_ecef_local) {
     const geometry::Mat4 m = T_ecef_local->matrix();
-    tile["transform"] = std::vector<double>(m.data(), m.data() + 16);  // column-major, as the specification wants
+    tile["transform"] = std::vector<double>(m.data(), m.data() + 16);  // column-major, as in the specification
   }
   const json tileset{{"asset", {{"version", "1.1"}, {"generator", "tileflight"}}},
                      {"geometricError", std::max(root.bounds.diagonal().norm(), root.geometric_error_m)},

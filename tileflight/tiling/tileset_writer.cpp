@@ -7,11 +7,11 @@
 #include <map>
 #include <mutex>
 
-#include "tileflight/geometry/files.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/simplification/simplify.h"
 #include "tileflight/tiling/glb_writer.h"
-#include "tileflight/tiling/simplify.h"
-#include "tileflight/tiling/texture_sheet.h"
+#include "tileflight/tiling/texture_atlas.h"
 #include "tileflight/tiling/tileset_json.h"
 
 namespace tileflight::tiling {
@@ -21,7 +21,7 @@ using geometry::Box3;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
-/// A square of the quadtree: level 0 is the root; x, y count its squares from the south-west.
+/// A cell of the quadtree: level 0 is the root; x, y count cells from the south-west.
 struct TileId {
   int level = 0, x = 0, y = 0;
   friend auto operator<=>(const TileId&, const TileId&) = default;
@@ -33,7 +33,7 @@ struct TileId {
 };
 
 struct Tile {
-  std::vector<std::size_t> meshes;  ///< of the input, in its order
+  std::vector<std::size_t> meshes;  ///< indices into the input, in input order
   Box3 content;
 };
 
@@ -46,7 +46,7 @@ Box3 box_of(const TexturedMesh& mesh) {
   return box;
 }
 
-/// Which meshes each tile of each level holds.
+/// Assigns the meshes to the tiles of each level.
 Tree make_tree(const std::vector<TexturedMesh>& meshes, int depth) {
   std::vector<Box3> boxes;
   Box3 all;
@@ -67,9 +67,9 @@ Tree make_tree(const std::vector<TexturedMesh>& meshes, int depth) {
   return tree;
 }
 
-/// The finest meshes, and for each level of the tree the meshes as it shows them.
+/// The finest meshes, and the simplified meshes for each coarser level of the tree.
 struct Levels {
-  std::vector<std::vector<TexturedMesh>> coarse;  ///< from the root; the finest level is not among them
+  std::vector<std::vector<TexturedMesh>> coarse;  ///< from the root; without the finest level
   const std::vector<TexturedMesh>& finest;
 
   const std::vector<TexturedMesh>& at(int level) const {
@@ -80,18 +80,20 @@ struct Levels {
 
 Levels simplify_levels(const std::vector<TexturedMesh>& meshes, const TilesetOptions& options) {
   Levels levels{std::vector<std::vector<TexturedMesh>>(options.level_errors_m.size()), meshes};
-  tbb::parallel_for(std::size_t{0}, levels.coarse.size(),
-                    [&](std::size_t i) { levels.coarse[i] = simplified(meshes, options.level_errors_m[i]); });
+  tbb::parallel_for(std::size_t{0}, levels.coarse.size(), [&](std::size_t i) {
+    levels.coarse[i] = simplification::simplify_meshes(meshes, options.level_errors_m[i]);
+  });
   return levels;
 }
 
-/// Measured errors, never smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
+/// Measured errors, monotone: not smaller at a coarser level than at a finer one (3D Tiles 1.1, section 7.3).
 std::vector<double> measure_errors(const Levels& levels) {
-  const geometry::TriangleMesh finest = joined(levels.finest);
+  const geometry::TriangleMesh finest = simplification::merge_meshes(levels.finest);
   std::vector<double> errors_m(levels.coarse.size() + 1, 0.0);
   for (int level = levels.depth() - 1; level >= 0; --level) {
     const auto i = static_cast<std::size_t>(level);
-    errors_m[i] = std::max(errors_m[i + 1], surface_distance_m(joined(levels.coarse[i]), finest));
+    errors_m[i] = std::max(
+        errors_m[i + 1], simplification::hausdorff_distance_m(simplification::merge_meshes(levels.coarse[i]), finest));
   }
   return errors_m;
 }
@@ -101,7 +103,7 @@ std::vector<TexturedMesh> tile_content(const Tile& tile, const TileId& id, const
   std::vector<const TexturedMesh*> parts;
   for (const std::size_t i : tile.meshes) parts.push_back(&levels.at(id.level)[i]);
   if (id.level < levels.depth()) {
-    content.push_back(on_one_sheet(parts, levels.depth() - id.level));
+    content.push_back(merge_into_atlas(parts, levels.depth() - id.level));
   } else {
     for (const TexturedMesh* part : parts) content.push_back(*part);
   }
@@ -116,7 +118,7 @@ Written write_tile(const std::filesystem::path& folder, const TileId& id, Tile& 
                    const TilesetOptions& options) {
   const std::vector<TexturedMesh> content = tile_content(tile, id, levels);
   const std::string glb = write_glb(content, {options.jpeg_quality, options.copyright});
-  geometry::write_file(folder / id.uri(), glb);
+  base::write_file(folder / id.uri(), glb);
   Written written{static_cast<std::int64_t>(glb.size()), 0, 0};
   for (const TexturedMesh& mesh : content) {
     tile.content.extend(box_of(mesh));
@@ -137,7 +139,7 @@ TileEntry entry_of(const TileId& id, const Tree& tree, const std::vector<double>
 
 }  // namespace
 
-geometry::UnmarkedFolder unmarked_tileset() {
+base::LegacyFolderPattern legacy_tileset_folder() {
   return {.key_file = "tileset.json", .key_text = "tileflight", .files = {"tileset.json", "tiles/*.glb"}};
 }
 
@@ -161,9 +163,9 @@ TilesetSummary write_tileset(const std::filesystem::path& folder, const std::vec
     report_progress(progress, ++done, total, "writing tiles");
   });
   TileEntry root = entry_of({}, tree, errors_m);
-  set_bounds(root);
+  compute_bounds(root);
   const std::string text = tileset_json(root, options.T_ecef_local);
-  geometry::write_file(folder / "tileset.json", text);
+  base::write_file(folder / "tileset.json", text);
   TilesetSummary summary{std::vector<TilesetLevel>(errors_m.size()), static_cast<std::int64_t>(text.size())};
   for (std::size_t i = 0; i < errors_m.size(); ++i) summary.levels[i].geometric_error_m = errors_m[i];
   for (std::size_t i = 0; i < order.size(); ++i) {

@@ -1,6 +1,8 @@
 #include "tileflight/tiling/tileset_writer.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <array>
@@ -8,14 +10,16 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <thread>
 
 #include "tests/temporary_folder.h"
-#include "tileflight/geometry/files.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/noise.h"
 #include "tileflight/geometry/geodesy.h"
-#include "tileflight/geometry/input_error.h"
+#include "tileflight/simplification/simplify.h"
 #include "tileflight/tiles/load.h"
-#include "tileflight/tiling/noise.h"
-#include "tileflight/tiling/simplify.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -23,13 +27,15 @@ namespace {
 using geometry::Vec3;
 using imaging::TexturedMesh;
 using nlohmann::json;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr double kLatitudeDeg = 35.31, kLongitudeDeg = -80.74, kHeight_m = 190.0;
 constexpr double kEdge_m = 20.0;
 constexpr int kSide = 4, kCells = 12;
 
 double hills(double x, double y) {
-  return 2.0 * std::sin(0.11 * x) + 1.3 * std::cos(0.17 * y) + 0.3 * value_noise(x / 2, y / 2, 3);
+  return 2.0 * std::sin(0.11 * x) + 1.3 * std::cos(0.17 * y) + 0.3 * base::value_noise(x / 2, y / 2, 3);
 }
 
 TexturedMesh make_sheet(double x0, double y0) {
@@ -53,7 +59,7 @@ TexturedMesh make_sheet(double x0, double y0) {
   return out;
 }
 
-/// 4 x 4 sheets of hills that meet, 80 m x 80 m around the origin; each has a colour of its own.
+/// 4 x 4 adjacent sheets of hills, 80 m x 80 m around the origin, each of a different colour.
 std::vector<TexturedMesh> make_place() {
   std::vector<TexturedMesh> sheets;
   for (int j = 0; j < kSide; ++j)
@@ -93,14 +99,15 @@ TEST_F(Tileset, TheFinestLevelComesBackInItsPlaceOnEarth) {
   EXPECT_EQ(loaded.geometric_error_max_m, 0.0);
   ASSERT_FALSE(loaded.attribution.empty());
   EXPECT_EQ(loaded.attribution.front(), "a test, CC0");
-  const geometry::TriangleMesh before = joined(sheets_), after = joined(loaded.meshes);
+  const geometry::TriangleMesh before = simplification::merge_meshes(sheets_),
+                               after = simplification::merge_meshes(loaded.meshes);
   EXPECT_NEAR(surface_area_m2(after), surface_area_m2(before), 0.01);
-  EXPECT_LT(surface_distance_m(after, before), 2e-3);
+  EXPECT_LT(simplification::hausdorff_distance_m(after, before), 2e-3);
 }
 
 TEST_F(Tileset, EachLevelIsWithinItsGeometricErrorBothWays) {
   ASSERT_EQ(summary_.levels.size(), 3U);
-  const geometry::TriangleMesh finest = joined(sheets_);
+  const geometry::TriangleMesh finest = simplification::merge_meshes(sheets_);
   double last_m = 1e9;
   std::int64_t last_triangles = 0;
   for (const TilesetLevel& level : summary_.levels) {
@@ -111,12 +118,13 @@ TEST_F(Tileset, EachLevelIsWithinItsGeometricErrorBothWays) {
     const tiles::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
     EXPECT_EQ(loaded.triangles, level.triangles);
     EXPECT_EQ(loaded.tiles_loaded, level.tiles);
-    EXPECT_LE(surface_distance_m(joined(loaded.meshes), finest), 1.02 * level.geometric_error_m + 3e-3);
+    EXPECT_LE(simplification::hausdorff_distance_m(simplification::merge_meshes(loaded.meshes), finest),
+              1.02 * level.geometric_error_m + 3e-3);
   }
   EXPECT_EQ(last_m, 0.0);
 }
 
-/// How often each edge of the surface is used, by its ends' positions.
+/// Number of triangles that use each edge, by the positions of its ends.
 std::map<std::array<std::array<double, 3>, 2>, int> edge_uses(const geometry::TriangleMesh& mesh) {
   std::map<std::array<std::array<double, 3>, 2>, int> uses;
   const auto place = [&](std::uint32_t vertex) {
@@ -134,11 +142,14 @@ std::map<std::array<std::array<double, 3>, 2>, int> edge_uses(const geometry::Tr
 }
 
 TEST_F(Tileset, NoLevelHasCracksBetweenTiles) {
+  ASSERT_EQ(summary_.levels.size(), 3U);
   for (const TilesetLevel& level : summary_.levels) {
     const tiles::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
-    for (const auto& [edge, count] : edge_uses(joined(loaded.meshes))) {
+    const auto uses = edge_uses(simplification::merge_meshes(loaded.meshes));
+    ASSERT_FALSE(uses.empty());
+    for (const auto& [edge, count] : uses) {
       if (count == 2) continue;
-      EXPECT_EQ(count, 1);  // only along the outline of the whole place
+      EXPECT_EQ(count, 1);  // only along the outline of the site
       const double half_mm = 1000 * kEdge_m * kSide / 2;
       const bool on_x = std::fabs(std::fabs(edge[0][0]) - half_mm) < 2 && std::fabs(edge[0][0] - edge[1][0]) < 2;
       const bool on_y = std::fabs(std::fabs(edge[0][1]) - half_mm) < 2 && std::fabs(edge[0][1] - edge[1][1]) < 2;
@@ -153,8 +164,11 @@ double plan_area_m2(const geometry::TriangleMesh& mesh, const geometry::Triangle
 }
 
 TEST_F(Tileset, TexturesKeepTheirPlaceAtEveryLevel) {
+  ASSERT_EQ(summary_.levels.size(), 3U);
   for (const TilesetLevel& level : summary_.levels) {
-    for (const TexturedMesh& mesh : load(folder_ / "place", level.geometric_error_m).meshes) {
+    const tiles::LoadedTiles loaded = load(folder_ / "place", level.geometric_error_m);
+    ASSERT_FALSE(loaded.meshes.empty());
+    for (const TexturedMesh& mesh : loaded.meshes) {
       ASSERT_TRUE(mesh.texture);
       for (const geometry::Triangle& t : mesh.mesh.triangles) {
         const Vec3 middle = (mesh.mesh.vertices[t[0]] + mesh.mesh.vertices[t[1]] + mesh.mesh.vertices[t[2]]) / 3;
@@ -185,26 +199,52 @@ void check_tile(const json& tile, const json* parent) {
 }
 
 TEST_F(Tileset, TheTreeIsValid) {
-  const json tileset = json::parse(geometry::read_text(folder_ / "place" / "tileset.json"));
+  const json tileset = json::parse(base::read_text(folder_ / "place" / "tileset.json"));
   EXPECT_EQ(tileset["asset"]["version"], "1.1");
   EXPECT_EQ(tileset["root"]["refine"], "REPLACE");
   EXPECT_GE(tileset["geometricError"].get<double>(), tileset["root"]["geometricError"].get<double>());
   check_tile(tileset["root"], nullptr);
 }
 
+/// Of each file below a folder, by its name there.
+std::map<std::string, std::string> hashes_of(const std::filesystem::path& folder) {
+  std::map<std::string, std::string> hashes;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (!entry.is_regular_file()) continue;
+    hashes[std::filesystem::relative(entry.path(), folder).string()] = base::sha256_hex_of_file(entry.path());
+  }
+  return hashes;
+}
+
 TEST_F(Tileset, BytesDoNotDependOnTheNumberOfThreads) {
   tbb::task_arena(1).execute([&] { write_tileset(folder_ / "serial", sheets_, place_options()); });
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_ / "place")) {
-    if (!entry.is_regular_file()) continue;
-    const std::filesystem::path other = folder_ / "serial" / std::filesystem::relative(entry.path(), folder_ / "place");
-    EXPECT_EQ(geometry::sha256_hex_of_file(entry.path()), geometry::sha256_hex_of_file(other)) << entry.path();
+  const auto serial = hashes_of(folder_ / "serial");
+  EXPECT_EQ(serial.size(), 1U + 1 + 4 + 16) << "the tree, and the tiles of three levels";
+
+  // More threads than there may be cores; until two of them have written tiles, as a busy core may leave it to one.
+  constexpr int kThreads = 8, kMaxRounds = 100;
+  const tbb::global_control allowed(tbb::global_control::max_allowed_parallelism, kThreads);
+  tbb::task_arena arena(kThreads);
+  std::set<std::thread::id> writers;
+  for (int round = 0; round < kMaxRounds && writers.size() < 2; ++round) {
+    arena.execute([&] {
+      write_tileset(folder_ / "parallel", sheets_, place_options(),
+                    [&](std::int64_t done, std::int64_t, std::string_view) {
+                      if (done > 0) writers.insert(std::this_thread::get_id());
+                    });
+    });
   }
+  EXPECT_GE(writers.size(), 2U);
+  EXPECT_EQ(hashes_of(folder_ / "parallel"), serial);
+  EXPECT_EQ(hashes_of(folder_ / "place"), serial);
 }
 
 TEST(TilesetWriter, RefusesAnEmptyPlace) {
   const tests::TemporaryFolder folder;
-  EXPECT_THROW(write_tileset(folder / "x", {}, {}), InputError);
-  EXPECT_THROW(write_tileset(folder / "x", {TexturedMesh{}}, {}), InputError);
+  EXPECT_THAT([&] { write_tileset(folder / "x", {}, {}); },
+              ThrowsMessage<InputError>(HasSubstr("there is no triangle to write")));
+  EXPECT_THAT([&] { write_tileset(folder / "x", {TexturedMesh{}}, {}); },
+              ThrowsMessage<InputError>(HasSubstr("there is no triangle to write")));
 }
 
 }  // namespace

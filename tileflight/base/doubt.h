@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tileflight {
+
+/// A condition, found by the program, that may make a result wrong; reported with the result.
+struct Doubt {
+  std::string what;        ///< one sentence, with the relevant numbers
+  std::string where;       ///< stage, frames or files
+  std::string how_sure;    ///< "certain", "likely" or "possible"
+  std::string what_to_do;  ///< one sentence
+};
+
+using Doubts = std::vector<Doubt>;
+
+/// True if no verdict may be given because of this doubt; a "possible" doubt is only reported beside the verdict.
+inline bool forbids_verdict(const Doubt& doubt) { return doubt.how_sure != "possible"; }
+
+}  // namespace tileflight

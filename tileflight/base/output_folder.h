@@ -1,0 +1,66 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tileflight::base {
+
+/// Describes the output folders of a command that were written before markers existed (folder_marker.h).
+struct LegacyFolderPattern {
+  std::string key_file;  ///< must exist ("dataset.yaml"); empty: none
+  std::string key_text;  ///< must occur in the key file, if other programs also write files of that name
+  /// All files that such a folder may hold, relative to it: '#' matches a digit, '*' any characters but '/'. Empty:
+  /// folders of the command are recognised by their marker alone.
+  std::vector<std::string> files;
+};
+
+/// A folder that a command writes, and what may be replaced there.
+struct OutputFolder {
+  std::filesystem::path folder;
+  std::string command;  ///< "render"; stored in the marker
+  bool replace = false;
+  std::vector<std::filesystem::path> inputs;  ///< files and folders that the command reads; missing ones are ignored
+  LegacyFolderPattern legacy;
+};
+
+/// Absolute path of a folder with links and ".." resolved, without a trailing slash.
+std::filesystem::path resolve_folder(const std::filesystem::path& folder);
+
+/// Throws InputError if the folder may not be written: it exists and `replace` is false, it holds files not written by
+/// this program, it contains an input, or it lies inside one. Restores a backup left by a process that was killed
+/// between two renames.
+void require_writable(const OutputFolder& output);
+
+/// Runs `fill` on a sibling temporary folder and moves it into place when it returns; removes it when it throws. At any
+/// moment the folder is entirely the old or entirely the new one. Throws as require_writable().
+void write_folder(const OutputFolder& output, const std::function<void(const std::filesystem::path& temporary)>& fill);
+
+/// Moves a folder that was built beside `output.folder` (on the same file system) into its place, with a marker in it.
+/// If foreign files have appeared in the old folder meanwhile, it is moved aside instead of removed, and InputError is
+/// thrown.
+void install_folder(const std::filesystem::path& built, const OutputFolder& output);
+
+/// The first file below `folder` that this program did not write: not listed in the folder's marker or, without a
+/// marker, not matched by `unmarked`. nullopt: there is none.
+std::optional<std::string> find_foreign_file(const std::filesystem::path& folder,
+                                             const LegacyFolderPattern& unmarked = {});
+
+/// Whether a command wrote this folder and it cannot be part of a tileset (a command's output can itself be a tileset).
+bool is_result_folder(const std::filesystem::path& folder);
+
+/// Whether a file name matches a pattern: '#' matches a digit, '*' any characters but '/'.
+bool matches_pattern(std::string_view name, std::string_view pattern);
+
+/// Removes a file, or a folder that holds only files written by this program. Throws InputError, naming the file, if it
+/// holds any other.
+void remove_output(const std::filesystem::path& path);
+
+/// Throws InputError if `file` is an input, or a file of an input folder: outputs never overwrite inputs. A file in a
+/// command's output folder that the command did not write is not an input.
+void require_not_input(const std::filesystem::path& file, const std::vector<std::filesystem::path>& inputs);
+
+}  // namespace tileflight::base

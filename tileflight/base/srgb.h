@@ -1,0 +1,24 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+namespace tileflight::base {
+
+/// Displayed intensity (sRGB, 0..1) to linear light and back (IEC 61966-2-1).
+template <class Real>
+Real linear_from_srgb(Real encoded) {
+  if (encoded <= static_cast<Real>(0.04045)) return encoded / static_cast<Real>(12.92);
+  return std::pow((encoded + static_cast<Real>(0.055)) / static_cast<Real>(1.055), static_cast<Real>(2.4));
+}
+template <class Real>
+Real srgb_from_linear(Real linear) {
+  if (linear <= static_cast<Real>(0.0031308)) return static_cast<Real>(12.92) * linear;
+  return static_cast<Real>(1.055) * std::pow(linear, Real{1} / static_cast<Real>(2.4)) - static_cast<Real>(0.055);
+}
+
+/// An sRGB colour (0..1) as a glTF vertex colour: linear, 8 bits a channel, opaque.
+std::array<std::uint8_t, 4> linear_rgba_from_srgb(const std::array<float, 3>& displayed);
+
+}  // namespace tileflight::base

@@ -1,0 +1,230 @@
+#include "tileflight/experiment/stage_options.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/base/text_parsing.h"
+
+namespace tileflight::experiment {
+namespace {
+
+constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
+
+double read_positive(YamlSection& section, const std::string& key, double otherwise) {
+  const double value = section.number(key).value_or(otherwise);
+  if (value <= 0) throw section.error(key, "must be positive");
+  return value;
+}
+
+int read_at_least(YamlSection& section, const std::string& key, int least, int otherwise) {
+  const int value = section.integer(key).value_or(otherwise);
+  if (value < least) throw section.error(key, "must be at least " + std::to_string(least));
+  return value;
+}
+
+/// `method: all-evidence`, or one of ICP's methods.
+void read_method(YamlSection& section, alignment::AlignMapOptions& options) {
+  using alignment::IcpMethod;
+  const auto word =
+      section.choice("method", {"all-evidence", "point-to-point", "point-to-plane", "point-to-mesh", "generalized"});
+  if (!word) return;
+  options.use_all_evidence = *word == "all-evidence";
+  if (*word == "generalized") options.icp.method = IcpMethod::kGeneralized;
+  if (*word == "point-to-point") options.icp.method = IcpMethod::kPointToPoint;
+  if (*word == "point-to-plane") options.icp.method = IcpMethod::kPointToPlane;
+  if (*word == "point-to-mesh") options.icp.method = IcpMethod::kPointToMesh;
+}
+
+/// The section's presence enables it.
+render::AutoExposure read_auto_exposure(YamlSection& section) {
+  constexpr double kMiddleGrey = 0.18;
+  render::AutoExposure a;
+  a.target = read_positive(section, "target", kMiddleGrey);
+  a.time_constant_s = section.number("time_constant").value_or(a.time_constant_s);
+  a.min_gain = read_positive(section, "min_gain", a.min_gain);
+  a.max_gain = read_positive(section, "max_gain", a.max_gain);
+  section.require_all_keys_used();
+  return a;
+}
+
+/// `light: {model: baked | sun-and-sky, time, turbidity, ground_albedo, exposure, white_balance}`.
+std::optional<render::DaylightOptions> read_light(YamlSection& section) {
+  const bool is_baked = section.choice("model", {"baked", "sun-and-sky"}).value_or("sun-and-sky") == "baked";
+  render::DaylightOptions light;
+  if (const auto time = section.text("time")) {
+    light.utc_s = base::parse_iso_time_s(*time);
+    if (!light.utc_s)
+      throw section.error("time", "must be a date and time that there is, such as 2024-03-20T17:00:00Z");
+  }
+  light.turbidity = section.number("turbidity").value_or(light.turbidity);
+  light.ground_albedo = section.number("ground_albedo").value_or(light.ground_albedo);
+  light.exposure_stops = section.number("exposure").value_or(light.exposure_stops);
+  if (section.choice("white_balance", {"ground", "daylight"}).value_or("ground") == "daylight")
+    light.white_balance = render::WhiteBalance::kDaylight;
+  section.require_all_keys_used();
+  return is_baked ? std::nullopt : std::optional(light);
+}
+
+/// `key: [red, green, blue]`, 0 to 255.
+std::optional<imaging::Rgb8> read_color(YamlSection& section, const std::string& key) {
+  const auto values = section.numbers(key, 3, 3);
+  if (!values) return std::nullopt;
+  imaging::Rgb8 color;
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (!((*values)[c] >= 0.0 && (*values)[c] <= 255.0))
+      throw section.error(key, "must be three numbers from 0 to 255");
+    color[c] = static_cast<std::uint8_t>(std::lround((*values)[c]));
+  }
+  return color;
+}
+
+/// `key: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
+std::vector<geometry::Box3> read_regions(YamlSection& section, const std::string& key) {
+  std::vector<geometry::Box3> regions;
+  for (YamlSection& region : section.sections(key)) {
+    const auto center = region.numbers("center", 3, 3);
+    const auto size = region.numbers("size", 3, 3);
+    if (!center) throw region.error("center", "is missing");
+    if (!size) throw region.error("size", "is missing");
+    const geometry::Vec3 c((*center)[0], (*center)[1], (*center)[2]);
+    const geometry::Vec3 half = 0.5 * geometry::Vec3((*size)[0], (*size)[1], (*size)[2]);
+    if (half.minCoeff() <= 0) throw region.error("size", "must be positive");
+    regions.emplace_back(c - half, c + half);
+    region.require_all_keys_used();
+  }
+  return regions;
+}
+
+}  // namespace
+
+/// Keys: light {read_light}, haze_visibility (m), haze_color, chromatic_red, chromatic_blue, exposure_time,
+/// exposure_samples, line_delay (s), vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain},
+/// exposure_drift, exposure_drift_period (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons,
+/// gamma, sharpening, sharpening_radius (px).
+render::ImageFormation read_image_formation(YamlSection& section) {
+  render::ImageFormation f;
+  const auto number = [&section](const std::string& key, double& value) {
+    value = section.number(key).value_or(value);
+  };
+  if (auto light = section.section("light")) f.light = read_light(*light);
+  number("haze_visibility", f.haze_visibility_m);
+  f.haze_color = read_color(section, "haze_color");
+  number("chromatic_red", f.chromatic_red);
+  number("chromatic_blue", f.chromatic_blue);
+  number("exposure_time", f.exposure_time_s);
+  f.exposure_samples = section.integer("exposure_samples").value_or(f.exposure_samples);
+  number("line_delay", f.line_delay_s);
+  number("vignetting", f.vignetting);
+  if (auto automatic = section.section("auto_exposure")) f.auto_exposure = read_auto_exposure(*automatic);
+  number("exposure_drift", f.exposure_drift);
+  number("exposure_drift_period", f.exposure_drift_period_s);
+  for (YamlSection& step : section.sections("exposure_steps")) {
+    f.exposure_steps.push_back({step.number("time").value_or(0.0), step.number("gain").value_or(1.0)});
+    step.require_all_keys_used();
+  }
+  number("white_electrons", f.white_electrons);
+  number("read_noise_electrons", f.read_noise_electrons);
+  number("gamma", f.gamma);
+  number("sharpening", f.sharpening);
+  number("sharpening_radius", f.sharpening_radius_px);
+  section.require_all_keys_used();
+  render::validate_image_formation(f);
+  return f;
+}
+
+namespace {
+
+alignment::RobustKernel read_kernel(YamlSection& section, alignment::RobustKernel kernel) {
+  using alignment::KernelType;
+  kernel.scale_m = read_positive(section, "kernel_scale", kernel.scale_m);
+  const auto word = section.choice("kernel", {"none", "huber", "tukey", "geman-mcclure"});
+  if (word && *word != "none") {
+    kernel.kind = *word == "huber"   ? KernelType::kHuber
+                  : *word == "tukey" ? KernelType::kTukey
+                                     : KernelType::kGemanMcClure;
+  }
+  return kernel;
+}
+
+/// `start: auto | as-it-is | geometry | true-poses`, or the path of a transform.json.
+void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
+  const std::string word = section.text("start").value_or("auto");
+  if (word == "auto") return;
+  if (word == "as-it-is") {
+    options.start = alignment::AlignmentStart::kAsItIs;
+  } else if (word == "geometry") {
+    options.start = alignment::AlignmentStart::kGeometry;
+  } else if (word == "true-poses") {
+    options.start = alignment::AlignmentStart::kTruePoses;
+  } else {
+    options.start = alignment::AlignmentStart::kGiven;
+    options.given_start = alignment::read_transform(*section.path("start")).T_target_source;
+  }
+}
+
+std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& otherwise) {
+  const auto seeds = section.numbers("scale_seeds", 1, 16);
+  if (!seeds) return otherwise;
+  for (const double seed : *seeds) {
+    if (!(seed > 0.0)) throw section.error("scale_seeds", "must be positive");
+  }
+  return *seeds;
+}
+
+}  // namespace
+
+alignment::AlignMapOptions read_alignment_options(YamlSection& section) {
+  alignment::AlignMapOptions options;
+  if (section.choice("preset", {"paper", "default"}).value_or("default") == "paper")
+    options = alignment::paper_options();
+  read_start(section, options);
+  options.icp.kernel = read_kernel(section, options.icp.kernel);
+  options.icp.kept_share = read_positive(section, "kept_share", options.icp.kept_share);
+  if (options.icp.kept_share > 1.0) throw section.error("kept_share", "must be at most 1");
+  options.scale_seeds = read_scale_seeds(section, options.scale_seeds);
+  read_method(section, options);
+  options.icp.radius_m = read_positive(section, "radius", options.icp.radius_m);
+  options.icp.rms_change_m = read_positive(section, "rms_change", options.icp.rms_change_m);
+  options.icp.max_iterations = read_at_least(section, "max_iterations", 1, options.icp.max_iterations);
+  if (section.choice("scale", {"estimated", "fixed"}).value_or("estimated") == "fixed") {
+    options.icp.scale = alignment::ScaleMode::kFixed;
+  }
+  options.icp.max_scale_change = read_positive(section, "max_scale_change", options.icp.max_scale_change);
+  if (options.icp.max_scale_change < 1) throw section.error("max_scale_change", "must be at least 1");
+  options.icp.regions = read_regions(section, "regions");
+  options.held_out = read_regions(section, "held_out");
+  options.find_regions = section.boolean("find_regions").value_or(false);
+  if (options.find_regions && !(options.icp.regions.empty() && options.held_out.empty()))
+    throw section.error("find_regions", "finds the regions; leave out `regions` and `held_out`, or this");
+  if (const auto radii = section.numbers("coarse_radii", 0, 16)) options.coarse_radii_m = *radii;
+  options.trajectory.estimate_time_offset =
+      section.boolean("estimate_time_offset").value_or(options.trajectory.estimate_time_offset);
+  section.require_all_keys_used();
+  return options;
+}
+
+odometry::OdometryOptions read_odometry_options(YamlSection& section) {
+  odometry::OdometryOptions options;
+  options.selection.points_per_keyframe =
+      read_at_least(section, "points_per_keyframe", 50, options.selection.points_per_keyframe);
+  options.window.active_points = read_at_least(section, "active_points", 100, options.window.active_points);
+  options.window.min_keyframes = read_at_least(section, "min_keyframes", 3, options.window.min_keyframes);
+  options.window.max_keyframes =
+      read_at_least(section, "max_keyframes", options.window.min_keyframes, options.window.max_keyframes);
+  options.window.iterations = read_at_least(section, "iterations", 1, options.window.iterations);
+  options.map.min_observations = read_at_least(section, "min_observations", 1, options.map.min_observations);
+  options.map.max_relative_sigma = read_positive(section, "max_relative_deviation", options.map.max_relative_sigma);
+  if (const auto deg = section.number("min_parallax")) {
+    if (!(*deg >= 0.0)) throw section.error("min_parallax", "must not be negative");
+    options.map.min_parallax_rad = *deg * kRadiansOfDegree;
+  }
+  options.loops.enabled = section.boolean("loop_closure").value_or(options.loops.enabled);
+  options.window.refine_intrinsics = !section.boolean("fixed_intrinsics").value_or(!options.window.refine_intrinsics);
+  options.map.dense = section.boolean("dense").value_or(options.map.dense);
+  options.initialization.seed =
+      static_cast<std::uint32_t>(read_at_least(section, "seed", 0, static_cast<int>(options.initialization.seed)));
+  return options;
+}
+
+}  // namespace tileflight::experiment

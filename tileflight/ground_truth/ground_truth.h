@@ -1,0 +1,55 @@
+#pragma once
+
+#include <filesystem>
+
+#include "tileflight/base/progress.h"
+#include "tileflight/geometry/prism.h"
+#include "tileflight/ground_truth/voxelize.h"
+#include "tileflight/scene/scene.h"
+
+namespace tileflight::ground_truth {
+
+/// Options of write_ground_truth(), which writes the output of `tileflight extract` except extract.json: mesh.glb
+/// (textured, triangles that intersect the box), surface.ply (samples with normals), voxels.binvox, voxels.ply,
+/// octree.bt (OctoMap).
+struct GroundTruthOptions {
+  double voxel_m = 1.0;
+  double samples_per_m2 = 16.0;
+  bool textured_mesh = true;
+  /// Polygons that restrict the box: keeps triangles that intersect any of them, points and surface samples inside one,
+  /// and cells whose centre is. Empty: the whole box.
+  std::vector<geometry::Prism> prisms = {};
+};
+
+/// Result of write_ground_truth().
+struct GroundTruthSummary {
+  geometry::VoxelGrid voxels;
+  std::size_t triangles = 0;  ///< that intersect the box
+  std::size_t surface_points = 0;
+  std::size_t cloud_points = 0;  ///< points of the clouds inside the box; they follow the samples in surface.ply
+  /// Distance of each point in surface.ply to the nearest voxel centre, metres: the errors of a perfect map. Empty if
+  /// no cell is occupied.
+  std::vector<double> quantization_floor_m;
+};
+
+/// Writes the ground truth of a box into a folder. `clouds`: points that represent surface without triangles (tiles of
+/// a point cloud). They occupy their cells and are written to surface.ply with their normals (zero if they have none).
+/// A region of points alone has no mesh.glb.
+GroundTruthSummary write_ground_truth(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Box3& box,
+                                      const GroundTruthOptions& options, const std::filesystem::path& folder,
+                                      const Progress& progress = {},
+                                      const std::vector<geometry::PointCloud>& clouds = {});
+
+/// The parts of a folder written by `extract` that scoring needs. Positions in the local frame.
+struct GroundTruth {
+  geometry::TriangleMesh mesh;         ///< mesh.glb; empty if only points were extracted
+  geometry::PointCloud voxel_centers;  ///< voxels.ply
+  double voxel_m = 1.0;
+};
+/// Reads the ground truth of a folder. Throws InputError.
+GroundTruth read_ground_truth(const std::filesystem::path& folder);
+
+/// Reads surface.ply, by far the largest part.
+geometry::PointCloud read_surface_samples(const std::filesystem::path& folder);
+
+}  // namespace tileflight::ground_truth

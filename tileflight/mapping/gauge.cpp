@@ -1,0 +1,25 @@
+#include "tileflight/mapping/gauge.h"
+
+#include <Eigen/QR>
+
+#include "tileflight/mapping/normal_equations.h"
+
+namespace tileflight::mapping {
+
+Eigen::MatrixXd gauge_nullspace(const photometry::Window& window) {
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(window.unknowns(), 7);
+  for (int i = 0; i < window.size(); ++i) {
+    const geometry::SE3& T = window.keyframes[i].T_camera_map_linear;
+    // T exp(-e) = exp(-Ad(T) e) T; scaling the map by 1 + ds moves the translation by t ds.
+    N.block<6, 6>(8 * i, 0) = -adjoint(T);
+    N.block<3, 1>(8 * i, 6) = T.translation;
+  }
+  return N;
+}
+
+Eigen::VectorXd remove_gauge_component(const Eigen::VectorXd& x, const Eigen::MatrixXd& directions) {
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(directions);
+  return x - directions * qr.solve(x);
+}
+
+}  // namespace tileflight::mapping

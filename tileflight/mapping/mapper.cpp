@@ -1,0 +1,222 @@
+#include "tileflight/mapping/mapper.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+#include "tileflight/mapping/densify.h"
+#include "tileflight/mapping/marginalization.h"
+#include "tileflight/mapping/normal_equations.h"
+#include "tileflight/mapping/tracer.h"
+#include "tileflight/photometry/pixel_selector.h"
+
+namespace tileflight::mapping {
+namespace {
+
+/// Prior information of the intrinsics, in units of the residuals' information. Neighbouring residuals have correlated
+/// errors (lens model, sampling, brightness); kAlike residuals count as one (chosen by hand).
+IntrinsicsInformation intrinsics_information(const photometry::WindowOptions& options, double residual_variance) {
+  constexpr double kAlike = 25.0;
+  const auto of = [&](double deviation) { return kAlike * residual_variance / (deviation * deviation); };
+  return {of(options.focal_sigma), of(options.aspect_sigma), of(options.principal_point_sigma)};
+}
+
+}  // namespace
+
+WindowResult Mapper::initialize(std::vector<photometry::Keyframe> keyframes) {
+  constexpr int kRounds = 3;
+  constexpr int kIterations = 8;
+  if (options_.window.refine_intrinsics) {
+    add_intrinsics_unknowns(window_, intrinsics_information(options_.window, residual_variance_));
+  }
+  for (photometry::Keyframe& keyframe : keyframes) mapping::add_keyframe(window_, std::move(keyframe));
+  spacing_.pixels = 0.5;
+  activate_points(window_, lens_.lenses[0], options_, spacing_);
+  WindowResult result;
+  for (int i = 0; i < kRounds; ++i) {
+    result = optimize_window(window_, lens_.lenses[0], options_.window, kIterations);
+    for (int slot = 0; slot < window_.size(); ++slot) {
+      update_energy_threshold(window_, slot);
+      relinearize(window_, slot);
+    }
+    relinearize_intrinsics(window_);
+  }
+  update_lens();
+  remove_bad_residuals(window_);
+  update_noise(result);
+  for (int slot = 0; slot < window_.size(); ++slot)
+    step_uncertainties_.push_back(step_uncertainty(window_, slot, residual_variance_));
+  return result;
+}
+
+photometry::Keyframe Mapper::make_keyframe(const KeyframeCandidate& source) {
+  photometry::Keyframe keyframe;
+  keyframe.id = next_id_++;
+  keyframe.frame_index = source.frame_index;
+  keyframe.time_s = source.time_s;
+  keyframe.pyramid = source.pyramid;
+  keyframe.T_camera_map_linear = source.T_camera_map;
+  keyframe.brightness_linear = source.brightness;
+  keyframe.brightness_prior = source.brightness_prior;
+  keyframe.brightness_information = source.brightness_information;
+  const photometry::PyramidLevel& level = source.pyramid->levels[0];
+  const photometry::Lens lens_linear = lens_.lenses[0].apply_delta(window_.intrinsics.linear);
+  for (const photometry::SelectedPixel& pixel :
+       photometry::select_pixels(*source.pyramid, lens_.rays[0], options_.selection.points_per_keyframe,
+                                 options_.selection, selection_block_px_)) {
+    auto patch = photometry::make_patch(level, lens_.lenses[0], Eigen::Vector2f(pixel.x, pixel.y),
+                                        options_.window.gradient_weight);
+    if (!patch) continue;
+    photometry::ImmaturePoint point;
+    point.patch = *patch;
+    if (window_.intrinsics.estimated) {
+      const auto ray = lens_linear.unproject(geometry::Vec2(pixel.x, pixel.y));
+      if (!ray) continue;
+      point.patch.ray_linear = ray->cast<float>();
+    }
+    point.scale = pixel.scale;
+    if (source.image != nullptr) point.color = (*source.image)(pixel.x, pixel.y);
+    keyframe.immature.push_back(point);
+  }
+  return keyframe;
+}
+
+void Mapper::trace(const photometry::Pyramid& picture, const geometry::SE3& T_camera_map,
+                   const photometry::AffineBrightness& light) {
+  for (photometry::Keyframe& keyframe : window_.keyframes) {
+    const photometry::PairTransform pair =
+        photometry::pair_transform(T_camera_map * keyframe.T_camera_map().inverse(), keyframe.brightness(), light);
+    trace_points(lens_.lenses[0], picture.levels[0], pair, options_.tracing, options_.window.huber, keyframe.immature);
+  }
+}
+
+WindowResult Mapper::add_keyframe(const KeyframeCandidate& source) {
+  trace(*source.pyramid, source.T_camera_map, source.brightness);
+  mapping::add_keyframe(window_, make_keyframe(source));
+  flag_for_marginalization(window_, lens_.lenses[0], options_.window);
+  observe_in_newest();
+  activate_points(window_, lens_.lenses[0], options_, spacing_);
+  const WindowResult result = optimize_window(window_, lens_.lenses[0], options_.window, options_.window.iterations);
+  relinearize(window_, window_.size() - 1);
+  systematic_residuals_.add(window_, window_.size() - 1, lens_.lenses[0]);
+  update_lens();
+  remove_bad_residuals(window_);
+  update_noise(result);
+  step_uncertainties_.push_back(step_uncertainty(window_, window_.size() - 1, residual_variance_));
+  retire_keyframes();
+  return result;
+}
+
+void Mapper::observe_in_newest() {
+  const int newest = window_.size() - 1;
+  for (int h = 0; h < newest; ++h) {
+    for (photometry::ActivePoint& point : window_.keyframes[h].points) {
+      photometry::Observation observation;
+      observation.target = newest;
+      point.observations.push_back(observation);
+    }
+  }
+}
+
+/// Updates everything derived from the lens, if the last optimisation moved any pixel by more than kNothing_px.
+void Mapper::update_lens() {
+  constexpr double kNothing_px = 0.01;
+  const photometry::IntrinsicsDelta delta = window_.intrinsics.value();
+  if (!window_.intrinsics.estimated ||
+      (delta - applied_delta_).cwiseAbs().maxCoeff() * lens_.lenses[0].focal_px() < kNothing_px) {
+    return;
+  }
+  applied_delta_ = delta;
+  photometry::set_intrinsics_delta(lens_, delta);
+  for (photometry::Keyframe& keyframe : window_.keyframes) {
+    for (auto* points : {&keyframe.immature, &keyframe.out_of_view}) {
+      tbb::parallel_for(std::size_t{0}, points->size(),
+                        [&](std::size_t i) { photometry::update_ray(lens_.lenses[0], (*points)[i].patch); });
+    }
+  }
+}
+
+void Mapper::retire_keyframes() {
+  std::vector<RetiredPoint> left;
+  retire_points(window_, options_.window, left);
+  for (const RetiredPoint& point : left) {
+    if (point.point.good_observations > 0) retired_points_.push_back(window_point(point.point, point.host));
+  }
+  for (int slot = window_.size() - 1; slot >= 0; --slot) {
+    const photometry::Keyframe& keyframe = window_.keyframes[slot];
+    if (!keyframe.to_marginalize) continue;
+    archive_dense_points(slot);
+    retired_keyframes_.push_back(
+        {keyframe.id, keyframe.frame_index, keyframe.time_s, keyframe.T_camera_map().inverse()});
+    remove_keyframe(window_, slot);
+  }
+}
+
+MapPoint Mapper::window_point(const photometry::ActivePoint& point, int host) const {
+  MapPoint out = make_map_point(point, window_.keyframes[host].id, residual_variance_);
+  out.observing_keyframes = find_observing_keyframes(point, window_);
+  return out;
+}
+
+void Mapper::archive_dense_points(int host) {
+  if (!options_.map.dense) return;
+  for (const photometry::ActivePoint& point : densify_keyframe(window_, lens_.lenses[0], host, options_)) {
+    const MapPoint out = window_point(point, host);
+    if (passes_filters(out, options_.map)) retired_points_.push_back(out);
+  }
+}
+
+void Mapper::update_noise(const WindowResult& result) {
+  if (result.good_residuals > 0) residual_variance_ = std::max(0.25, result.rmse * result.rmse);
+}
+
+std::vector<tracking::ReferencePoint> Mapper::reference_points(int slot) const {
+  std::vector<tracking::ReferencePoint> seen;
+  const std::vector<HostTargetPair> pairs = make_host_target_pairs(window_);
+  const photometry::Lens& lens = lens_.lenses[0];
+  for (int h = 0; h < window_.size(); ++h) {
+    for (const photometry::ActivePoint& point : window_.keyframes[h].points) {
+      if (h == slot) {
+        seen.push_back({point.patch.pixel, point.rho, std::sqrt(point.information)});
+        continue;
+      }
+      const bool good =
+          std::any_of(point.observations.begin(), point.observations.end(), [slot](const photometry::Observation& o) {
+            return o.target == slot && o.state == photometry::ResidualState::kGood;
+          });
+      if (!good) continue;
+      const photometry::PairTransform& T = pairs[h * window_.size() + slot].frame.current;
+      const Eigen::Vector3f X = T.R * point.patch.ray + point.rho * T.t;
+      Eigen::Vector2f pixel;
+      if (!lens.project<float>(X, pixel)) continue;
+      seen.push_back({pixel, point.rho / X.norm(), std::sqrt(point.information)});
+    }
+  }
+  return seen;
+}
+
+std::vector<KeyframeRecord> Mapper::keyframes() const {
+  std::vector<KeyframeRecord> all = retired_keyframes_;
+  for (const photometry::Keyframe& keyframe : window_.keyframes) {
+    all.push_back({keyframe.id, keyframe.frame_index, keyframe.time_s, keyframe.T_camera_map().inverse()});
+  }
+  std::sort(all.begin(), all.end(), [](const KeyframeRecord& a, const KeyframeRecord& b) { return a.id < b.id; });
+  return all;
+}
+
+std::vector<MapPoint> Mapper::points() const {
+  std::vector<MapPoint> all = retired_points_;
+  for (int host = 0; host < window_.size(); ++host) {
+    for (const photometry::ActivePoint& point : window_.keyframes[host].points)
+      all.push_back(window_point(point, host));
+  }
+  return all;
+}
+
+std::size_t Mapper::active_points() const {
+  std::size_t count = 0;
+  for (const photometry::Keyframe& keyframe : window_.keyframes) count += keyframe.points.size();
+  return count;
+}
+
+}  // namespace tileflight::mapping

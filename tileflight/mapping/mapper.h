@@ -1,0 +1,99 @@
+#pragma once
+
+// The back end: owns the sliding window, traces immature points, makes keyframes, and archives points and keyframes
+// that leave the window.
+
+#include <memory>
+#include <vector>
+
+#include "tileflight/imaging/image.h"
+#include "tileflight/mapping/activation.h"
+#include "tileflight/mapping/keyframe_policy.h"
+#include "tileflight/mapping/map.h"
+#include "tileflight/mapping/step_uncertainty.h"
+#include "tileflight/mapping/systematic_residuals.h"
+#include "tileflight/mapping/window_optimizer.h"
+
+namespace tileflight::mapping {
+
+/// A tracked image to be made a keyframe.
+struct KeyframeCandidate {
+  std::int64_t frame_index = 0;
+  double time_s = 0.0;
+  std::shared_ptr<const photometry::Pyramid> pyramid;
+  const imaging::RgbImage* image = nullptr;  ///< for point colours; only read during the call
+  geometry::SE3 T_camera_map;
+  photometry::AffineBrightness brightness;
+  photometry::AffineBrightness brightness_prior;
+  Eigen::Vector2d brightness_information = Eigen::Vector2d::Zero();
+};
+
+/// A keyframe of the trajectory; its pose is final once it has left the window.
+struct KeyframeRecord {
+  int id = 0;
+  std::int64_t frame_index = 0;
+  double time_s = 0.0;
+  geometry::SE3 T_map_camera;
+};
+
+class Mapper {
+ public:
+  /// `lens` must outlive the Mapper; it is updated when intrinsics are estimated.
+  Mapper(photometry::LensPyramid& lens, const photometry::OdometryOptions& options) : lens_(lens), options_(options) {}
+
+  /// Adds the first keyframes, with poses and already traced immature points; activates points and optimises them
+  /// jointly.
+  WindowResult initialize(std::vector<photometry::Keyframe> keyframes);
+  /// Makes a keyframe with new immature points; it is not added to the window.
+  photometry::Keyframe make_keyframe(const KeyframeCandidate& source);
+
+  /// Traces the immature points of the whole window in an image that is not a keyframe.
+  void trace(const photometry::Pyramid& picture, const geometry::SE3& T_camera_map,
+             const photometry::AffineBrightness& light);
+  /// Adds a keyframe: the steps of DSO, section 3, in order.
+  WindowResult add_keyframe(const KeyframeCandidate& source);
+
+  const photometry::Window& window() const { return window_; }
+  /// Change of focal lengths and principal point from the given ones; zero if they are not estimated.
+  photometry::IntrinsicsDelta intrinsics_delta() const { return window_.intrinsics.value(); }
+  const photometry::Keyframe& newest() const { return window_.keyframes.back(); }
+  /// Active points of the window projected into keyframe `slot`.
+  std::vector<tracking::ReferencePoint> reference_points(int slot) const;
+
+  /// All keyframes so far with their latest poses, in order of id.
+  std::vector<KeyframeRecord> keyframes() const;
+  /// All points so far: those that left the window and those in it.
+  std::vector<MapPoint> points() const;
+  std::size_t active_points() const;
+  /// Uncertainty of each keyframe so far (by id) relative to the previous one, at the time it was added; zero for the
+  /// first.
+  const std::vector<StepUncertainty>& step_uncertainties() const { return step_uncertainties_; }
+  /// Systematic part of the good residuals of all keyframes so far.
+  const SystematicResiduals& systematic_residuals() const { return systematic_residuals_; }
+
+ private:
+  void update_lens();
+  void retire_keyframes();
+  void observe_in_newest();
+  void update_noise(const WindowResult& result);
+  /// Map point of an active point.
+  MapPoint window_point(const photometry::ActivePoint& point, int host) const;
+  /// Archives the candidates of a leaving keyframe that were never activated (densify.h).
+  void archive_dense_points(int host);
+
+  photometry::LensPyramid& lens_;
+  photometry::IntrinsicsDelta applied_delta_ = photometry::IntrinsicsDelta::Zero();  ///< the change currently applied
+                                                                                     ///< to lens_
+  const photometry::OdometryOptions& options_;
+  photometry::Window window_;
+  ActivationSpacing spacing_;
+  int selection_block_px_ = 0;  ///< block size of the last keyframe (pixel_selector.h)
+  int next_id_ = 0;
+  double residual_variance_ = 25.0;
+  std::vector<StepUncertainty> step_uncertainties_;
+  SystematicResiduals systematic_residuals_;
+  std::vector<MapPoint> retired_points_;
+  std::vector<KeyframeRecord> retired_keyframes_;
+};
+
+}  // namespace tileflight::mapping

@@ -1,0 +1,122 @@
+#include "tileflight/mapping/marginalization.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+namespace tileflight::mapping {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Extrapolates residuals to the linearisation point: r(0) = r(delta) - J delta (b' = b - H x0 in DSO, eq. 15).
+void move_to_linearization_point(photometry::Linearization& lin, const photometry::Vec8& relative_delta,
+                                 const photometry::IntrinsicsDelta& lens_delta) {
+  const Eigen::Matrix<float, 8, 1> d = relative_delta.cast<float>();
+  const Eigen::Vector2f pixel = lin.d_pixel_d_pose * d.head<6>() + lin.d_pixel_d_intrinsics * lens_delta.cast<float>();
+  const Eigen::Vector2f light = d.tail<2>();
+  lin.sums.gr -= lin.sums.gg * pixel + lin.sums.gA * light;
+  lin.sums.Ar -= lin.sums.gA.transpose() * pixel + lin.sums.AA * light;
+}
+
+MatrixXd symmetric_pseudo_inverse(const Mat8& A) {
+  // Directions without information are excluded from the elimination (pseudo-inverse). The floor is chosen by hand.
+  const Eigen::SelfAdjointEigenSolver<Mat8> eigen(A);
+  constexpr double kRelativeFloor = 1e-12;
+  const double floor = kRelativeFloor * std::max(eigen.eigenvalues().maxCoeff(), 0.0);
+  photometry::Vec8 inverse;
+  for (int i = 0; i < 8; ++i) inverse[i] = eigen.eigenvalues()[i] > floor ? 1.0 / eigen.eigenvalues()[i] : 0.0;
+  return eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+}  // namespace
+
+void marginalize_points(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
+                        const std::vector<PointRef>& points, double weight) {
+  const int n = window.size();
+  for (const PointRef& ref : points) {
+    for (photometry::Observation& observation : window.keyframes[ref.host].points[ref.index].observations) {
+      const photometry::Vec8 relative =
+          window.keyframes[observation.target].delta +
+          pairs[ref.host * n + observation.target].d_relative_d_host * window.keyframes[ref.host].delta;
+      move_to_linearization_point(observation.linearization, relative, window.intrinsics.delta);
+    }
+  }
+  const NormalEquations system = build_normal_equations(window, pairs, points, 0.0);
+  window.H_prior += weight * system.H;
+  window.b_prior += weight * system.b;
+}
+
+QuadraticPrior marginalize_keyframe(const QuadraticPrior& prior, int slot) {
+  std::vector<int> order;
+  for (int i = 0; i < static_cast<int>(prior.b.size()); ++i) {
+    if (i / 8 != slot) order.push_back(i);
+  }
+  std::vector<int> out(8);
+  for (int i = 0; i < 8; ++i) out[i] = 8 * slot + i;
+  // DSO, eq. 16 to 18, scaled to a unit diagonal, since translation, rotation and brightness entries differ by many
+  // orders of magnitude.
+  const VectorXd scale = (prior.H.diagonal().cwiseAbs().array() + 1e-12).sqrt();
+  const MatrixXd H = scale.cwiseInverse().asDiagonal() * prior.H * scale.cwiseInverse().asDiagonal();
+  const VectorXd b = scale.cwiseInverse().asDiagonal() * prior.b;
+  const MatrixXd H_aa = H(order, order), H_ab = H(order, out);
+  const MatrixXd K = H_ab * symmetric_pseudo_inverse(H(out, out));
+  const VectorXd kept_scale = scale(order);
+  MatrixXd H_new = kept_scale.asDiagonal() * (H_aa - K * H_ab.transpose()) * kept_scale.asDiagonal();
+  const VectorXd b_new = kept_scale.asDiagonal() * (b(order) - K * b(out));
+  H_new = (0.5 * (H_new + H_new.transpose())).eval();
+  return {H_new, b_new};
+}
+
+void remove_keyframe(photometry::Window& window, int slot) {
+  const QuadraticPrior prior = marginalize_keyframe({window.H_prior, window.b_prior}, slot);
+  window.H_prior = prior.H;
+  window.b_prior = prior.b;
+  window.keyframes.erase(window.keyframes.begin() + slot);
+  for (photometry::Keyframe& keyframe : window.keyframes) {
+    for (photometry::ActivePoint& point : keyframe.points) {
+      std::erase_if(point.observations, [slot](const photometry::Observation& o) { return o.target == slot; });
+      for (photometry::Observation& observation : point.observations) {
+        if (observation.target > slot) --observation.target;
+      }
+    }
+  }
+}
+
+void add_intrinsics_unknowns(photometry::Window& window, const IntrinsicsInformation& information) {
+  assert(window.keyframes.empty());
+  window.intrinsics.estimated = true;
+  const photometry::IntrinsicsDelta both = photometry::IntrinsicsDelta(0.5, 0.5, 0.0, 0.0),
+                                    between = photometry::IntrinsicsDelta(1.0, -1.0, 0.0, 0.0);
+  const double principal_point = information.principal_point;
+  window.H_prior =
+      information.focal_length * both * both.transpose() + information.aspect * between * between.transpose();
+  window.H_prior.diagonal().tail<2>().setConstant(principal_point);
+  window.b_prior = VectorXd::Zero(window.intrinsics.unknowns());
+}
+
+void add_keyframe(photometry::Window& window, photometry::Keyframe keyframe) {
+  const int n = 8 * window.size(), lens = window.intrinsics.unknowns();
+  MatrixXd H = MatrixXd::Zero(n + 8 + lens, n + 8 + lens);
+  VectorXd b = VectorXd::Zero(n + 8 + lens);
+  H.topLeftCorner(n, n) = window.H_prior.topLeftCorner(n, n);
+  H.topRightCorner(n, lens) = window.H_prior.topRightCorner(n, lens);
+  H.bottomLeftCorner(lens, n) = window.H_prior.bottomLeftCorner(lens, n);
+  H.bottomRightCorner(lens, lens) = window.H_prior.bottomRightCorner(lens, lens);
+  b.head(n) = window.b_prior.head(n);
+  b.tail(lens) = window.b_prior.tail(lens);
+  window.H_prior = std::move(H);
+  window.b_prior = std::move(b);
+  window.H_prior(n + 6, n + 6) = keyframe.brightness_information[0];
+  window.H_prior(n + 7, n + 7) = keyframe.brightness_information[1];
+  window.b_prior[n + 6] =
+      keyframe.brightness_information[0] * (keyframe.brightness_linear.a - keyframe.brightness_prior.a);
+  window.b_prior[n + 7] =
+      keyframe.brightness_information[1] * (keyframe.brightness_linear.b - keyframe.brightness_prior.b);
+  window.keyframes.push_back(std::move(keyframe));
+}
+
+}  // namespace tileflight::mapping

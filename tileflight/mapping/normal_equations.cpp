@@ -1,0 +1,423 @@
+#include "tileflight/mapping/normal_equations.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstdint>
+
+#include "tileflight/base/float8.h"
+
+namespace tileflight::mapping {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr std::size_t kChunk = 16;         ///< points per task; few enough to be summed in float
+constexpr float kMinInformation = 1e-10F;  ///< of rho; below it a point carries no information. Chosen by hand
+
+/// Element of a std::vector of SIMD values; the bare vector type is not always allocated with its alignment.
+struct alignas(sizeof(base::Float8)) AlignedFloat8 {
+  base::Float8 value{};
+};
+
+/// Jacobian of a residual by the relative unknowns, one lane each (DSO, eq. 13: geometric and photometric part). With
+/// x, y: derivatives of the pixel by the pose (lanes 0 to 5), and p, q: sums of gradient times derivative by the
+/// brightness (lanes 6, 7), row i of its J^T W J (eq. 10) is
+///   (gg_00 x_i + gg_01 y_i) x + (gg_01 x_i + gg_11 y_i) y + x_i p + y_i q.
+struct RelativeJacobian8 {
+  base::Float8 x{}, y{}, p{}, q{};
+
+  explicit TILEFLIGHT_LANE_INLINE RelativeJacobian8(const photometry::Linearization& lin) {
+    for (int i = 0; i < 6; ++i) {
+      x[i] = lin.d_pixel_d_pose(0, i);
+      y[i] = lin.d_pixel_d_pose(1, i);
+    }
+    for (int i = 0; i < 2; ++i) {
+      p[6 + i] = lin.sums.gA(0, i);
+      q[6 + i] = lin.sums.gA(1, i);
+    }
+  }
+};
+
+/// Sums J^T W J and J^T W r of one pair by the relative unknowns; only the upper triangle of H is used.
+struct alignas(sizeof(base::Float8)) PairSums {
+  std::array<base::Float8, 8> H{};
+  base::Float8 b{};
+};
+
+constexpr int kLensUnknowns = 4;
+
+/// Sums of one pair by the intrinsics (c in DSO, eq. 11), in the first four lanes of each row.
+struct alignas(sizeof(base::Float8)) LensSums {
+  std::array<base::Float8, 8> by_relative{};  ///< a row for each relative unknown
+  std::array<base::Float8, kLensUnknowns> H{};
+  base::Float8 b{};
+};
+
+/// Derivatives of a residual's pixel by the intrinsics.
+struct LensJacobian8 {
+  base::Float8 x{}, y{};
+
+  explicit TILEFLIGHT_LANE_INLINE LensJacobian8(const photometry::Linearization& lin) {
+    for (int i = 0; i < kLensUnknowns; ++i) {
+      x[i] = lin.d_pixel_d_intrinsics(0, i);
+      y[i] = lin.d_pixel_d_intrinsics(1, i);
+    }
+  }
+};
+
+TILEFLIGHT_LANE_INLINE void add_lens(const photometry::Linearization& lin, const RelativeJacobian8& r,
+                                     const LensJacobian8& lens, LensSums& sums) {
+  const Eigen::Matrix2f& gg = lin.sums.gg;
+  const base::Float8 gradient_x = gg(0, 0) * lens.x + gg(0, 1) * lens.y,
+                     gradient_y = gg(0, 1) * lens.x + gg(1, 1) * lens.y;
+  for (int i = 0; i < 6; ++i) sums.by_relative[i] += r.x[i] * gradient_x + r.y[i] * gradient_y;
+  for (int i = 0; i < 2; ++i) sums.by_relative[6 + i] += lin.sums.gA(0, i) * lens.x + lin.sums.gA(1, i) * lens.y;
+  for (int i = 0; i < kLensUnknowns; ++i) sums.H[i] += lens.x[i] * gradient_x + lens.y[i] * gradient_y;
+  sums.b += lin.sums.gr[0] * lens.x + lin.sums.gr[1] * lens.y;
+}
+
+/// Off-diagonal entries of one residual's J^T W J between intrinsics and rho.
+TILEFLIGHT_LANE_INLINE void rho_lens_coupling(const photometry::Linearization& lin, const LensJacobian8& lens,
+                                              base::Float8& coupling) {
+  const Eigen::Vector2f gg_rho = lin.sums.gg * lin.d_pixel_d_rho;
+  coupling = gg_rho[0] * lens.x + gg_rho[1] * lens.y;
+}
+
+TILEFLIGHT_LANE_INLINE void add_residual(const photometry::Linearization& lin, const RelativeJacobian8& r,
+                                         PairSums& sums) {
+  const Eigen::Matrix2f& gg = lin.sums.gg;
+  for (int i = 0; i < 6; ++i) {
+    const float along_x = gg(0, 0) * r.x[i] + gg(0, 1) * r.y[i], along_y = gg(0, 1) * r.x[i] + gg(1, 1) * r.y[i];
+    // DSO, eq. 10: J^T W J with J = (grad I d(pixel)/d(pose), d(r)/d(a, b)) of eq. 13, summed over the pattern.
+    sums.H[i] += along_x * r.x + along_y * r.y + r.x[i] * r.p + r.y[i] * r.q;
+  }
+  // J^T W r: the negative of b in DSO, eq. 10.
+  base::Float8 b = lin.sums.gr[0] * r.x + lin.sums.gr[1] * r.y;
+  for (int i = 0; i < 2; ++i) {
+    b[6 + i] = lin.sums.Ar[i];
+    for (int j = i; j < 2; ++j) sums.H[6 + i][6 + j] += lin.sums.AA(i, j);
+  }
+  sums.b += b;
+}
+
+/// Off-diagonal entries of one residual's J^T W J between relative unknowns and rho.
+TILEFLIGHT_LANE_INLINE void rho_coupling(const photometry::Linearization& lin, const RelativeJacobian8& r,
+                                         base::Float8& coupling) {
+  const Eigen::Vector2f gg_rho = lin.sums.gg * lin.d_pixel_d_rho;
+  coupling = gg_rho[0] * r.x + gg_rho[1] * r.y + lin.d_pixel_d_rho[0] * r.p + lin.d_pixel_d_rho[1] * r.q;
+}
+
+/// The rows of a pair's d_relative_d_host.
+struct alignas(sizeof(base::Float8)) HostRows {
+  std::array<base::Float8, 8> rows{};
+};
+
+HostRows host_rows(const Mat8& relative_by_host) {
+  HostRows out;
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 8; ++j) out.rows[i][j] = static_cast<float>(relative_by_host(i, j));
+  }
+  return out;
+}
+
+/// Consecutive points of one host.
+struct Chunk {
+  int host = 0;
+  std::size_t begin = 0;
+  std::size_t end = 0;
+};
+
+std::vector<Chunk> make_chunks(const std::vector<PointRef>& points) {
+  std::vector<Chunk> chunks;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool fits = !chunks.empty() && chunks.back().host == points[i].host && i - chunks.back().begin < kChunk;
+    if (!fits) chunks.push_back({points[i].host, i, i});
+    chunks.back().end = i + 1;
+  }
+  return chunks;
+}
+
+/// Sums of a chunk: by target, and the Schur terms of its points (rows of lanes, n per row; diagonal and upper blocks
+/// only).
+struct ChunkSums {
+  int host = 0;
+  std::vector<PairSums> pairs;
+  std::vector<LensSums> lens;  ///< by target; empty where the lens is not estimated
+  std::vector<AlignedFloat8> H_schur;
+  std::vector<AlignedFloat8> b_schur;
+};
+
+/// Windows are small, so a point's coupling with all unknowns (eight numbers per keyframe, and a last block for the
+/// intrinsics) is kept on the stack.
+constexpr int kMaxBlocks = 32;
+
+class NormalEquationsBuilder {
+ public:
+  NormalEquationsBuilder(photometry::Window& window, const std::vector<HostTargetPair>& pairs, double rho_damping)
+      : window_(window),
+        pairs_(pairs),
+        n_(window.size()),
+        lens_(window.intrinsics.estimated),
+        blocks_(n_ + (lens_ ? 1 : 0)),
+        damping_(static_cast<float>(1.0 + rho_damping)) {
+    assert(blocks_ <= kMaxBlocks);
+    for (const HostTargetPair& pair : pairs) rows_.push_back(host_rows(pair.d_relative_d_host));
+  }
+
+  ChunkSums sum_chunk(const std::vector<PointRef>& points, const Chunk& chunk) const {
+    const std::size_t n = blocks_;
+    ChunkSums sums{chunk.host, std::vector<PairSums>(n_), std::vector<LensSums>(lens_ ? n_ : 0),
+                   std::vector<AlignedFloat8>(8 * n * n), std::vector<AlignedFloat8>(n)};
+    add_points(points, chunk, sums);
+    return sums;
+  }
+
+  NormalEquations assemble(const std::vector<ChunkSums>& chunks) const {
+    const int size = window_.unknowns();
+    NormalEquations system{MatrixXd::Zero(size, size), VectorXd::Zero(size)};
+    std::vector<Mat8> H(pairs_.size(), Mat8::Zero());
+    std::vector<photometry::Vec8> b(pairs_.size(), photometry::Vec8::Zero());
+    for (const ChunkSums& chunk : chunks) {
+      for (int target = 0; target < n_; ++target) {
+        const PairSums& pair = chunk.pairs[target];
+        const std::size_t p = static_cast<std::size_t>(chunk.host) * n_ + target;
+        for (int i = 0; i < 8; ++i) {
+          for (int j = i; j < 8; ++j) H[p](i, j) += pair.H[i][j];
+          b[p][i] += pair.b[i];
+        }
+      }
+      subtract_schur(chunk, system);
+    }
+    system.H.triangularView<Eigen::StrictlyLower>() = system.H.transpose();
+    for (int host = 0; host < n_; ++host) {
+      for (int target = 0; target < n_; ++target) {
+        if (host != target) add_pair(H[host * n_ + target], b[host * n_ + target], host, target, system);
+      }
+    }
+    if (lens_) add_lens_sums(chunks, system);
+    return system;
+  }
+
+ private:
+  void subtract_schur(const ChunkSums& chunk, NormalEquations& system) const {
+    const int size = window_.unknowns();
+    for (int row = 0; row < size; ++row) {
+      for (int column = row; column < size; ++column) {
+        // DSO, eq. 17 and 18: H_aa - H_ab H_bb^-1 H_ba, b_a - H_ab H_bb^-1 b_b.
+        system.H(row, column) -= chunk.H_schur[static_cast<std::size_t>(row) * blocks_ + column / 8].value[column % 8];
+      }
+      system.b[row] -= chunk.b_schur[row / 8].value[row % 8];
+    }
+  }
+
+  TILEFLIGHT_WIDE_VECTORS
+  void add_points(const std::vector<PointRef>& points, const Chunk& chunk, ChunkSums& sums) const {
+    for (std::size_t i = chunk.begin; i < chunk.end; ++i) {
+      photometry::ActivePoint& point = window_.keyframes[points[i].host].points[points[i].index];
+      std::array<base::Float8, kMaxBlocks> coupling;
+      for (int k = 0; k < blocks_; ++k) coupling[k] = base::Float8{};
+      float H_rho_rho = 0, b_rho = 0;
+      std::uint32_t touched = 0;
+      for (const photometry::Observation& observation : point.observations) {
+        if (observation.state != photometry::ResidualState::kGood) continue;
+        const photometry::Linearization& lin = observation.linearization;
+        const std::size_t p = static_cast<std::size_t>(chunk.host) * n_ + observation.target;
+        const RelativeJacobian8 relative(lin);
+        add_residual(lin, relative, sums.pairs[observation.target]);
+        base::Float8 by_rho;
+        rho_coupling(lin, relative, by_rho);
+        coupling[observation.target] += by_rho;
+        for (int k = 0; k < 8; ++k) coupling[chunk.host] += by_rho[k] * rows_[p].rows[k];
+        if (lens_) {
+          const LensJacobian8 lens(lin);
+          add_lens(lin, relative, lens, sums.lens[observation.target]);
+          base::Float8 lens_by_rho;
+          rho_lens_coupling(lin, lens, lens_by_rho);
+          coupling[n_] += lens_by_rho;
+        }
+        // H_bb and b_b of DSO, eq. 16, for the inverse distance: H_bb is diagonal, one number per point.
+        H_rho_rho += lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho);
+        b_rho += lin.d_pixel_d_rho.dot(lin.sums.gr);
+        touched |= (1U << observation.target) | (1U << chunk.host);
+      }
+      point.information = H_rho_rho;
+      if (H_rho_rho < kMinInformation) continue;
+      if (lens_) touched |= 1U << n_;
+      eliminate(coupling, touched, 1.0F / (H_rho_rho * damping_), b_rho, sums);
+    }
+  }
+
+  TILEFLIGHT_LANE_INLINE void eliminate(const std::array<base::Float8, kMaxBlocks>& coupling, std::uint32_t touched,
+                                        float inverse, float b_rho, ChunkSums& sums) const {
+    for (int i = 0; i < blocks_; ++i) {
+      if ((touched >> i & 1U) == 0) continue;
+      // DSO, eq. 17 and 18: H_ab H_bb^-1 H_ba and H_ab H_bb^-1 b_b.
+      const base::Float8 scaled = inverse * coupling[i];
+      sums.b_schur[i].value += scaled * b_rho;
+      for (int j = i; j < blocks_; ++j) {
+        if ((touched >> j & 1U) == 0) continue;
+        for (int k = 0; k < 8; ++k) {
+          sums.H_schur[(8 * static_cast<std::size_t>(i) + k) * blocks_ + j].value += scaled[k] * coupling[j];
+        }
+      }
+    }
+  }
+
+  void add_pair(const Mat8& upper, const photometry::Vec8& b, int host, int target, NormalEquations& system) const {
+    const Mat8 H = upper.selfadjointView<Eigen::Upper>();
+    const Mat8& M = pairs_[host * n_ + target].d_relative_d_host;
+    // DSO, eq. 12 by the chain rule: J_target = J_relative, J_host = J_relative M.
+    const Mat8 HM = H * M;
+    system.H.block<8, 8>(8 * target, 8 * target) += H;
+    system.H.block<8, 8>(8 * target, 8 * host) += HM;
+    system.H.block<8, 8>(8 * host, 8 * target) += HM.transpose();
+    system.H.block<8, 8>(8 * host, 8 * host) += M.transpose() * HM;
+    system.b.segment<8>(8 * target) += b;
+    system.b.segment<8>(8 * host) += M.transpose() * b;
+  }
+
+  void add_lens_sums(const std::vector<ChunkSums>& chunks, NormalEquations& system) const {
+    using Mat4 = Eigen::Matrix4d;
+    const int at = 8 * n_;
+    for (int host = 0; host < n_; ++host) {
+      for (int target = 0; target < n_; ++target) {
+        Eigen::Matrix<double, 8, kLensUnknowns> by_relative = Eigen::Matrix<double, 8, kLensUnknowns>::Zero();
+        Mat4 H = Mat4::Zero();
+        for (const ChunkSums& chunk : chunks) {
+          if (chunk.host != host) continue;
+          const LensSums& sums = chunk.lens[target];
+          for (int j = 0; j < kLensUnknowns; ++j) {
+            for (int i = 0; i < 8; ++i) by_relative(i, j) += sums.by_relative[i][j];
+            for (int i = 0; i < kLensUnknowns; ++i) H(i, j) += sums.H[i][j];
+            system.b[at + j] += sums.b[j];
+          }
+        }
+        const Eigen::Matrix<double, 8, kLensUnknowns> by_host =
+            pairs_[host * n_ + target].d_relative_d_host.transpose() * by_relative;
+        system.H.block<8, kLensUnknowns>(8 * target, at) += by_relative;
+        system.H.block<kLensUnknowns, 8>(at, 8 * target) += by_relative.transpose();
+        system.H.block<8, kLensUnknowns>(8 * host, at) += by_host;
+        system.H.block<kLensUnknowns, 8>(at, 8 * host) += by_host.transpose();
+        system.H.bottomRightCorner<kLensUnknowns, kLensUnknowns>() += H;
+      }
+    }
+  }
+
+  photometry::Window& window_;
+  const std::vector<HostTargetPair>& pairs_;
+  std::vector<HostRows> rows_;
+  int n_;
+  bool lens_;
+  int blocks_;  ///< blocks of eight unknowns: one per keyframe, and one for the intrinsics
+  float damping_;
+};
+
+}  // namespace
+
+Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T) {
+  const geometry::Mat3 R = T.rotation.toRotationMatrix();
+  Eigen::Matrix<double, 6, 6> A = Eigen::Matrix<double, 6, 6>::Zero();
+  A.topLeftCorner<3, 3>() = R;
+  A.bottomRightCorner<3, 3>() = R;
+  A.topRightCorner<3, 3>() = geometry::skew(T.translation) * R;
+  return A;
+}
+
+std::vector<HostTargetPair> make_host_target_pairs(const photometry::Window& window) {
+  const int n = window.size();
+  std::vector<geometry::SE3> poses, inverses;
+  for (const photometry::Keyframe& keyframe : window.keyframes) {
+    poses.push_back(keyframe.T_camera_map());
+    inverses.push_back(poses.back().inverse());
+  }
+  std::vector<HostTargetPair> pairs(static_cast<std::size_t>(n) * n);
+  for (int h = 0; h < n; ++h) {
+    const photometry::Keyframe& host = window.keyframes[h];
+    for (int t = 0; t < n; ++t) {
+      if (h == t) continue;
+      const photometry::Keyframe& target = window.keyframes[t];
+      HostTargetPair& pair = pairs[h * n + t];
+      pair.frame.current = photometry::pair_transform(poses[t] * inverses[h], host.brightness(), target.brightness());
+      // First-estimate Jacobians (DSO, section 2.3, below eq. 13): derivatives at the linearisation points. The
+      // relative pose is eq. 6, the gain that of eq. 4, whose exposure times are contained in the prior means of a.
+      const geometry::SE3 T_linear = target.T_camera_map_linear * host.T_camera_map_linear.inverse();
+      const double gain = std::exp(target.brightness_linear.a - host.brightness_linear.a);
+      pair.frame.R_linear = T_linear.rotation.toRotationMatrix().cast<float>();
+      pair.frame.t_linear = T_linear.translation.cast<float>();
+      pair.frame.gain_linear = static_cast<float>(gain);
+      pair.frame.host_b_linear = static_cast<float>(host.brightness_linear.b);
+      pair.d_relative_d_host.topLeftCorner<6, 6>() = -adjoint(T_linear);
+      pair.d_relative_d_host(6, 6) = -1.0;
+      pair.d_relative_d_host(7, 7) = -gain;
+    }
+  }
+  return pairs;
+}
+
+std::vector<PointRef> all_points(const photometry::Window& window) {
+  std::vector<PointRef> refs;
+  for (int host = 0; host < window.size(); ++host) {
+    for (int i = 0; i < static_cast<int>(window.keyframes[host].points.size()); ++i) refs.push_back({host, i});
+  }
+  return refs;
+}
+
+NormalEquations build_normal_equations(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
+                                       const std::vector<PointRef>& points, double rho_damping) {
+  const NormalEquationsBuilder builder(window, pairs, rho_damping);
+  const std::vector<Chunk> chunks = make_chunks(points);
+  std::vector<ChunkSums> sums(chunks.size());
+  tbb::parallel_for(std::size_t{0}, chunks.size(),
+                    [&](std::size_t c) { sums[c] = builder.sum_chunk(points, chunks[c]); });
+  return builder.assemble(sums);
+}
+
+void back_substitute(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
+                     const std::vector<PointRef>& points, const VectorXd& x, double rho_damping) {
+  const int n = window.size();
+  std::vector<AlignedFloat8> relative_step(pairs.size());
+  for (int h = 0; h < n; ++h) {
+    for (int t = 0; t < n; ++t) {
+      if (h == t) continue;
+      // Step of the pair's relative unknowns: x_target + M x_host.
+      const photometry::Vec8 step = x.segment<8>(8 * t) + pairs[h * n + t].d_relative_d_host * x.segment<8>(8 * h);
+      for (int i = 0; i < 8; ++i) relative_step[h * n + t].value[i] = static_cast<float>(step[i]);
+    }
+  }
+  const auto damping = static_cast<float>(1.0 + rho_damping);
+  Eigen::Vector4f lens_step = Eigen::Vector4f::Zero();
+  if (window.intrinsics.estimated) lens_step = x.tail<kLensUnknowns>().cast<float>();
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kChunk), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      photometry::ActivePoint& point = window.keyframes[points[i].host].points[points[i].index];
+      float H = 0, b = 0;
+      for (const photometry::Observation& observation : point.observations) {
+        if (observation.state != photometry::ResidualState::kGood) continue;
+        const photometry::Linearization& lin = observation.linearization;
+        base::Float8 coupling;
+        rho_coupling(lin, RelativeJacobian8(lin), coupling);
+        H += lin.d_pixel_d_rho.dot(lin.sums.gg * lin.d_pixel_d_rho);
+        b += lin.d_pixel_d_rho.dot(lin.sums.gr) +
+             base::horizontal_sum(coupling * relative_step[points[i].host * n + observation.target].value);
+        if (window.intrinsics.estimated)
+          b += (lin.sums.gg * lin.d_pixel_d_rho).dot(lin.d_pixel_d_intrinsics * lens_step);
+      }
+      // Second row of DSO, eq. 16: x_b = -H_bb^-1 (b_b + H_ba x_a), since b is of opposite sign here.
+      point.step = H < kMinInformation ? 0.0F : -b / (H * damping);
+    }
+  });
+}
+
+VectorXd stacked_delta(const photometry::Window& window) {
+  VectorXd delta(window.unknowns());
+  for (int i = 0; i < window.size(); ++i) delta.segment<8>(8 * i) = window.keyframes[i].delta;
+  if (window.intrinsics.estimated) delta.tail<kLensUnknowns>() = window.intrinsics.delta;
+  return delta;
+}
+
+}  // namespace tileflight::mapping

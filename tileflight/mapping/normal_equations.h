@@ -1,0 +1,56 @@
+#pragma once
+
+// Gauss-Newton system of the window: DSO, section 2.3, eq. 10. Unknowns: 8 per keyframe (left twist of T_camera_map, a,
+// b), 4 intrinsics if they are estimated, one inverse distance per point. A residual depends on host and target only
+// through their relative pose and brightness, so sums are kept per pair and transformed to both keyframes' unknowns
+// once:
+//   x_rel = x_target + M x_host,   M = diag(-Ad(T_target_host), -1, -gain).
+
+#include <vector>
+
+#include "tileflight/photometry/keyframe.h"
+
+namespace tileflight::mapping {
+
+using Mat8 = Eigen::Matrix<double, 8, 8>;
+
+/// Quantities shared by all residuals of one host and target.
+struct HostTargetPair {
+  photometry::HostTargetPrecalc frame;
+  Mat8 d_relative_d_host = Mat8::Zero();  ///< M above, at the linearisation point
+};
+
+/// All host-target pairs of a window, at index host * size + target.
+std::vector<HostTargetPair> make_host_target_pairs(const photometry::Window& window);
+
+/// Adjoint of a rigid motion on twists (translation first): T exp(x) = exp(Ad x) T.
+Eigen::Matrix<double, 6, 6> adjoint(const geometry::SE3& T);
+
+/// H x = -b over the unknowns of keyframes and intrinsics, with the points eliminated (Schur complement). b = J^T W r,
+/// the negative of DSO's b in eq. 10.
+struct NormalEquations {
+  Eigen::MatrixXd H;
+  Eigen::VectorXd b;
+};
+
+/// A point of the window, by host slot and index.
+struct PointRef {
+  int host = 0;
+  int index = 0;
+};
+std::vector<PointRef> all_points(const photometry::Window& window);
+
+/// Sums over the good observations of the points. In the elimination H_rho_rho is multiplied by 1 + `rho_damping`. Also
+/// sets each point's information. Fixed chunks are added in order, so the result does not depend on the number of
+/// threads.
+NormalEquations build_normal_equations(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
+                                       const std::vector<PointRef>& points, double rho_damping);
+
+/// Steps of the points' inverse distances for the step x of the other unknowns, written to ActivePoint::step.
+void back_substitute(photometry::Window& window, const std::vector<HostTargetPair>& pairs,
+                     const std::vector<PointRef>& points, const Eigen::VectorXd& x, double rho_damping);
+
+/// Stacked deltas of all keyframes, and of the intrinsics if estimated, from their linearisation points.
+Eigen::VectorXd stacked_delta(const photometry::Window& window);
+
+}  // namespace tileflight::mapping

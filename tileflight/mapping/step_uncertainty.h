@@ -1,0 +1,24 @@
+#pragma once
+
+// Uncertainty of a keyframe relative to the previous one: covariance of its pose and variance of the map's scale. Scale
+// is propagated by points with known distance that both keyframes see; if the camera turns away from them, or they are
+// few, the scale may drift.
+
+#include "tileflight/mapping/normal_equations.h"
+
+namespace tileflight::mapping {
+
+/// Uncertainty of the motion from one keyframe to the next, in map units.
+struct StepUncertainty {
+  Eigen::Matrix<double, 6, 6> pose = Eigen::Matrix<double, 6, 6>::Zero();  ///< covariance of the left twist of
+                                                                           ///< T_camera_before; translation first
+  double log_scale = 0.0;  ///< variance of log(scale at the keyframe / scale at the previous one)
+  int known_points = 0;    ///< points visible in the keyframe with a distance known to a tenth
+  int points = 0;          ///< all points of the window visible in the keyframe
+};
+
+/// Uncertainty of the window's keyframe `slot`, with residuals linearised at the present state. `residual_variance`: of
+/// one residual, squared grey values. For slot 0 only the point counts are set. The window is restored afterwards.
+StepUncertainty step_uncertainty(photometry::Window& window, int slot, double residual_variance);
+
+}  // namespace tileflight::mapping

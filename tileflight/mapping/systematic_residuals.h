@@ -1,0 +1,44 @@
+#pragma once
+
+// Detects from the images alone whether the calibration fits the camera. A slightly wrong lens model displaces image
+// points. Poses and distances absorb the part that looks like motion; the rest stays in the residuals and is the same
+// at the same place in the image for the same direction of motion. Noise does not repeat, so what two halves of the
+// keyframes have in common comes from the lens, the shutter, or wrong geometry (a false initialization).
+
+#include <array>
+#include <optional>
+
+#include "tileflight/photometry/keyframe.h"
+#include "tileflight/photometry/lens.h"
+
+namespace tileflight::mapping {
+
+/// Displacement common to the points of both halves of the keyframes.
+struct SystematicDisplacement {
+  double rms_px = 0.0;  ///< perpendicular to the motion in the image, over the cells; 0 if the halves disagree
+  double sigmas = 0.0;  ///< its square over the standard deviation of that square without a systematic pattern
+};
+
+class SystematicResiduals {
+ public:
+  /// Adds the good residuals in a window's keyframe, linearised at the present state.
+  void add(const photometry::Window& window, int slot, const photometry::Lens& lens);
+  /// nullopt if the halves share too few cells (image region and direction of motion).
+  std::optional<SystematicDisplacement> estimate() const;
+
+ private:
+  static constexpr int kColumns = 8, kRows = 6, kDirections = 8, kCells = kColumns * kRows * kDirections;
+
+  /// Weighted least-squares sums for one displacement.
+  struct Cell {
+    double information = 0.0;
+    double pull = 0.0;  ///< information times displacement
+    int residuals = 0;
+  };
+  static std::size_t cell_index(const photometry::PyramidLevel& picture, const Eigen::Vector2f& pixel,
+                                const Eigen::Vector2f& motion);
+
+  std::array<std::array<Cell, kCells>, 2> halves_{};  ///< points split by host: even and odd keyframes
+};
+
+}  // namespace tileflight::mapping

@@ -1,0 +1,283 @@
+#include "tileflight/mapping/window_optimizer.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/mapping/gauge.h"
+#include "tileflight/mapping/normal_equations.h"
+
+namespace tileflight::mapping {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr std::size_t kChunk = 64;  ///< points per task
+
+struct Energy {
+  double residuals = 0.0;
+  double prior = 0.0;
+  double good = 0.0;  ///< part of `residuals` from good residuals
+  int good_count = 0;
+
+  double total() const { return residuals + prior; }
+};
+
+double prior_energy(const photometry::Window& window) {
+  const VectorXd delta = stacked_delta(window);
+  return delta.dot(window.H_prior * delta) + 2.0 * window.b_prior.dot(delta);
+}
+
+/// Evaluates all observations at the current state, with derivatives.
+class Linearizer {
+ public:
+  Linearizer(photometry::Window& window, const photometry::Lens& lens, const photometry::WindowOptions& options)
+      : window_(window), lens_(lens), options_(options) {}
+
+  Energy linearize(const std::vector<HostTargetPair>& pairs, const std::vector<PointRef>& points) {
+    if (window_.intrinsics.estimated) {
+      lens_ = lens_.apply_delta(window_.intrinsics.value());
+      lens_linear_ = lens_.apply_delta(window_.intrinsics.linear);
+    }
+    return parallel_sum(points, [&](const PointRef& ref, Energy& energy) { linearize_point(ref, pairs, energy); });
+  }
+
+  /// Energy of already evaluated residuals, classified by the current thresholds.
+  Energy classify(const std::vector<PointRef>& points) const {
+    return parallel_sum(points, [&](const PointRef& ref, Energy& energy) {
+      const photometry::Keyframe& host = window_.keyframes[ref.host];
+      for (photometry::Observation& observation : window_.keyframes[ref.host].points[ref.index].observations) {
+        classify_observation(host, observation.state != photometry::ResidualState::kOutside, observation, energy);
+      }
+    });
+  }
+
+ private:
+  template <class Add>
+  Energy parallel_sum(const std::vector<PointRef>& points, const Add& add) const {
+    const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
+    std::vector<Energy> parts(chunks);
+    tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
+      const std::size_t end = std::min(points.size(), (c + 1) * kChunk);
+      for (std::size_t i = c * kChunk; i < end; ++i) add(points[i], parts[c]);
+    });
+    Energy total;
+    for (const Energy& part : parts) {
+      total.residuals += part.residuals;
+      total.good += part.good;
+      total.good_count += part.good_count;
+    }
+    total.prior = prior_energy(window_);
+    return total;
+  }
+
+  void linearize_point(const PointRef& ref, const std::vector<HostTargetPair>& pairs, Energy& energy) const {
+    photometry::Keyframe& host = window_.keyframes[ref.host];
+    photometry::ActivePoint& point = host.points[ref.index];
+    for (photometry::Observation& observation : point.observations) {
+      const photometry::Keyframe& target = window_.keyframes[observation.target];
+      const photometry::ResidualValue value = photometry::evaluate_residual(
+          lens_, target.pyramid->levels[0], point.patch, point.rho,
+          pairs[ref.host * window_.size() + observation.target].frame, options_.huber, &observation.linearization,
+          window_.intrinsics.estimated ? &lens_linear_ : nullptr);
+      observation.raw_energy = value.energy;
+      classify_observation(host, value.state == photometry::ResidualState::kGood, observation, energy);
+    }
+  }
+
+  void classify_observation(const photometry::Keyframe& host, bool inside, photometry::Observation& observation,
+                            Energy& energy) const {
+    const float threshold = std::max(host.energy_threshold, window_.keyframes[observation.target].energy_threshold);
+    observation.state = photometry::ResidualState::kOutside;
+    if (inside)
+      observation.state =
+          observation.raw_energy > threshold ? photometry::ResidualState::kOutlier : photometry::ResidualState::kGood;
+    // A residual that leaves the image keeps its last energy, so that leaving does not lower the total.
+    if (inside) observation.energy = std::min(observation.raw_energy, threshold);
+    energy.residuals += observation.energy;
+    if (observation.state != photometry::ResidualState::kGood) return;
+    energy.good += observation.energy;
+    ++energy.good_count;
+  }
+
+  photometry::Window& window_;
+  photometry::Lens lens_;
+  photometry::Lens lens_linear_;  ///< only used if the intrinsics are estimated
+  const photometry::WindowOptions& options_;
+};
+
+/// Step of the keyframes' and lens unknowns: (H + lambda diag H) x = -b (DSO, eq. 10 and 14, damped), solved with a
+/// unit diagonal and projected off the gauge directions.
+VectorXd solve_damped(const NormalEquations& system, const photometry::Window& window, double lambda) {
+  MatrixXd H = system.H + window.H_prior;
+  const VectorXd b = system.b + window.b_prior + window.H_prior * stacked_delta(window);
+  // The offset 10 (chosen by hand) keeps unknowns without information finite.
+  const VectorXd scale = (H.diagonal().array().max(0.0) + 10.0).sqrt().inverse();
+  H = scale.asDiagonal() * H * scale.asDiagonal();
+  H.diagonal().array() += lambda;
+  const VectorXd x = -(scale.asDiagonal() * H.ldlt().solve(scale.asDiagonal() * b));
+  // Projected in the scaled unknowns, in which lengths are comparable in every direction.
+  const VectorXd inverse_scale = scale.cwiseInverse();
+  const MatrixXd N = inverse_scale.asDiagonal() * gauge_nullspace(window);
+  return scale.asDiagonal() * remove_gauge_component(inverse_scale.asDiagonal() * x, N);
+}
+
+/// Recomputes the rays of all points after a change of the intrinsics.
+void update_rays(photometry::Window& window, const photometry::Lens& lens, const std::vector<PointRef>& points) {
+  if (!window.intrinsics.estimated) return;
+  const photometry::Lens moved = lens.apply_delta(window.intrinsics.value());
+  tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
+    photometry::update_ray(moved, window.keyframes[points[i].host].points[points[i].index].patch);
+  });
+}
+
+void save_state(photometry::Window& window) {
+  window.intrinsics.delta_backup = window.intrinsics.delta;
+  for (photometry::Keyframe& keyframe : window.keyframes) {
+    keyframe.delta_backup = keyframe.delta;
+    for (photometry::ActivePoint& point : keyframe.points) point.rho_backup = point.rho;
+  }
+}
+
+void apply_step(photometry::Window& window, const VectorXd& x) {
+  if (window.intrinsics.estimated) window.intrinsics.delta = window.intrinsics.delta_backup + x.tail<4>();
+  for (int i = 0; i < window.size(); ++i) {
+    photometry::Keyframe& keyframe = window.keyframes[i];
+    keyframe.delta = keyframe.delta_backup + x.segment<8>(8 * i);
+    for (photometry::ActivePoint& point : keyframe.points) point.rho = point.rho_backup + point.step;
+  }
+}
+
+void restore_state(photometry::Window& window) {
+  window.intrinsics.delta = window.intrinsics.delta_backup;
+  for (photometry::Keyframe& keyframe : window.keyframes) {
+    keyframe.delta = keyframe.delta_backup;
+    for (photometry::ActivePoint& point : keyframe.points) point.rho = point.rho_backup;
+  }
+}
+
+bool is_converged(const VectorXd& x, const photometry::Window& window, double focal_px) {
+  // Chosen by hand.
+  constexpr double kSmallest_px = 0.005;
+  double largest = window.intrinsics.estimated ? x.tail<4>().cwiseAbs().maxCoeff() : 0.0;
+  for (int i = 0; i < window.size(); ++i) largest = std::max(largest, x.segment<6>(8 * i).cwiseAbs().maxCoeff());
+  return largest * focal_px < kSmallest_px;
+}
+
+float angle_between(const Eigen::Vector3f& a, const Eigen::Vector3f& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+}  // namespace
+
+WindowResult optimize_window(photometry::Window& window, const photometry::Lens& lens,
+                             const photometry::WindowOptions& options, int iterations) {
+  constexpr double kSettledShare = 1e-4;  // share of the energy; iteration ends after a step that changes less. Chosen
+                                          // by hand
+  const std::vector<PointRef> points = all_points(window);
+  Linearizer linearizer(window, lens, options);
+  std::vector<HostTargetPair> pairs = make_host_target_pairs(window);
+  Energy energy = linearizer.linearize(pairs, points);
+  update_energy_threshold(window, window.size() - 1);
+  energy = linearizer.classify(points);
+  // Damping schedule, chosen by hand: x 0.25 after a better step, x 100 after a worse one. DSO uses none (section 2.3).
+  double lambda = 1e-4;
+  WindowResult result;
+  for (; result.iterations < iterations; ++result.iterations) {
+    const NormalEquations system = build_normal_equations(window, pairs, points, lambda);
+    const VectorXd x = solve_damped(system, window, lambda);
+    if (!x.allFinite()) break;
+    back_substitute(window, pairs, points, x, lambda);
+    save_state(window);
+    apply_step(window, x);
+    update_rays(window, lens, points);
+    pairs = make_host_target_pairs(window);
+    const Energy after = linearizer.linearize(pairs, points);
+    const bool settled = std::abs(energy.total() - after.total()) < kSettledShare * energy.residuals;
+    if (after.total() <= energy.total()) {
+      energy = after;
+      lambda *= 0.25;
+    } else {
+      restore_state(window);
+      update_rays(window, lens, points);
+      pairs = make_host_target_pairs(window);
+      energy = linearizer.linearize(pairs, points);
+      lambda = std::max(lambda, 1e-5) * 100.0;
+      if (lambda > 10.0) break;
+    }
+    if (settled || is_converged(x, window, lens.focal_px())) break;
+  }
+  result.good_residuals = energy.good_count;
+  result.rmse = energy.good_count > 0 ? std::sqrt(energy.good / (photometry::kPatternSize * energy.good_count)) : 0.0;
+  return result;
+}
+
+void relinearize(photometry::Window& window, int slot) {
+  photometry::Keyframe& keyframe = window.keyframes[slot];
+  window.b_prior += window.H_prior.middleCols<8>(8 * slot) * keyframe.delta;
+  keyframe.T_camera_map_linear = keyframe.T_camera_map();
+  keyframe.brightness_linear = keyframe.brightness();
+  keyframe.delta.setZero();
+}
+
+void relinearize_intrinsics(photometry::Window& window) {
+  if (!window.intrinsics.estimated) return;
+  window.b_prior += window.H_prior.rightCols<4>() * window.intrinsics.delta;
+  window.intrinsics.linear = window.intrinsics.value();
+  window.intrinsics.delta.setZero();
+  for (photometry::Keyframe& keyframe : window.keyframes) {
+    for (photometry::ActivePoint& point : keyframe.points) point.patch.ray_linear = point.patch.ray;
+    for (photometry::ImmaturePoint& point : keyframe.immature) point.patch.ray_linear = point.patch.ray;
+  }
+}
+
+void remove_bad_residuals(photometry::Window& window) {
+  const int newest = window.size() - 1;
+  const std::vector<HostTargetPair> pairs = make_host_target_pairs(window);
+  for (int h = 0; h < window.size(); ++h) {
+    for (photometry::ActivePoint& point : window.keyframes[h].points) {
+      for (photometry::Observation& observation : point.observations) {
+        if (observation.target == newest) point.recent_states = {observation.state, point.recent_states[0]};
+        if (observation.state != photometry::ResidualState::kGood || observation.counted) continue;
+        observation.counted = true;
+        ++point.good_observations;
+        point.last_frame = std::max(point.last_frame, window.keyframes[observation.target].frame_index);
+        const photometry::PairTransform& pair = pairs[h * window.size() + observation.target].frame.current;
+        const Eigen::Vector3f unrotated = pair.R.transpose() * (pair.R * point.patch.ray + point.rho * pair.t);
+        point.parallax_rad = std::max(point.parallax_rad, angle_between(unrotated, point.patch.ray));
+      }
+      std::erase_if(point.observations,
+                    [](const photometry::Observation& o) { return o.state != photometry::ResidualState::kGood; });
+    }
+    if (h == newest) continue;
+    std::erase_if(window.keyframes[h].points, [](const photometry::ActivePoint& p) { return p.observations.empty(); });
+  }
+}
+
+void update_energy_threshold(photometry::Window& window, int slot) {
+  // Values and formula of the authors' implementation (26, weight 0.5, 70th percentile, factor 1.5); the paper has
+  // none. 26^2 over 8 pixels is 9.2^2 squared grey values per pixel.
+  constexpr double kQuantile = 0.7;
+  constexpr float kFactor = 1.5F;
+  constexpr float kConstant = 26.0F;  ///< root of an energy per pattern; weighted 0.5
+  std::vector<float> energies;
+  for (const photometry::Keyframe& host : window.keyframes) {
+    for (const photometry::ActivePoint& point : host.points) {
+      for (const photometry::Observation& observation : point.observations) {
+        if (observation.target == slot && observation.state != photometry::ResidualState::kOutside) {
+          energies.push_back(observation.raw_energy);
+        }
+      }
+    }
+  }
+  if (energies.empty()) return;
+  const auto nth = energies.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(energies.size() - 1));
+  std::nth_element(energies.begin(), nth, energies.end());
+  const float root = 0.5F * kConstant + 0.5F * kFactor * std::sqrt(*nth);
+  window.keyframes[slot].energy_threshold = root * root;
+}
+
+}  // namespace tileflight::mapping

@@ -1,0 +1,37 @@
+#pragma once
+
+// Joint optimisation of all poses, brightness parameters, inverse distances and, if estimated, intrinsics of the
+// window: DSO, section 2.3.
+
+#include "tileflight/photometry/keyframe.h"
+#include "tileflight/photometry/options.h"
+
+namespace tileflight::mapping {
+
+struct WindowResult {
+  double rmse = 0.0;  ///< of good residuals, grey values per pixel
+  int good_residuals = 0;
+  int iterations = 0;
+};
+
+/// Gauss-Newton with light damping; a step that raises the energy is undone. Residuals above their keyframes' threshold
+/// contribute the threshold to the energy and nothing to the gradient. If the window estimates intrinsics, `lens` may
+/// be any lens of the camera: the window's own intrinsics are applied to it, and rays of active points are updated.
+WindowResult optimize_window(photometry::Window& window, const photometry::Lens& lens,
+                             const photometry::WindowOptions& options, int iterations);
+
+/// Moves the keyframe's linearisation point to its present value; allowed only while the prior does not depend on its
+/// pose.
+void relinearize(photometry::Window& window, int slot);
+
+/// Same for the intrinsics, if they are estimated.
+void relinearize_intrinsics(photometry::Window& window);
+
+/// After an optimisation: removes residuals that are not good, updates the points' counts, and removes points without
+/// residuals.
+void remove_bad_residuals(photometry::Window& window);
+
+/// Sets the outlier threshold on a keyframe's residual energies from their 70th percentile.
+void update_energy_threshold(photometry::Window& window, int slot);
+
+}  // namespace tileflight::mapping

@@ -1,0 +1,104 @@
+#include "tileflight/photometry/residual.h"
+
+#include "tileflight/base/float8.h"
+
+namespace tileflight::photometry {
+namespace {
+
+/// Geometric derivatives at the linearisation point (first estimate; DSO, eq. 13); false if the point projects outside
+/// the lens.
+bool linearize_geometry(const Lens& lens, const Patch& patch, float rho, const HostTargetPrecalc& frame,
+                        bool lens_is_estimated, Linearization& out) {
+  const Eigen::Vector3f X = frame.R_linear * patch.ray_linear + rho * frame.t_linear;
+  Eigen::Vector2f pixel;
+  Eigen::Matrix<float, 2, 3> pixel_by_X;
+  if (!lens.project<float>(X, pixel, pixel_by_X)) return false;
+  pixel_derivatives<float>(pixel_by_X, X, frame.t_linear, rho, out.d_pixel_d_pose, out.d_pixel_d_rho);
+  if (lens_is_estimated) {
+    const Eigen::Matrix2f target_by_host = pixel_by_X * (frame.R_linear * patch.d_ray_d_pixel);
+    out.d_pixel_d_intrinsics = intrinsics_jacobian<float>(lens, pixel, patch.pixel, target_by_host);
+  }
+  return true;
+}
+
+/// Samples of the target at the pattern's eight pixels.
+struct PatternSamples8 {
+  base::Float8 grey, gx, gy;
+};
+
+TILEFLIGHT_LANE_INLINE void sample_pattern(const PyramidLevel& target, const WarpedPatch& warped,
+                                           PatternSamples8& out) {
+  const Eigen::Matrix2f& A = warped.d_pixel_d_host_pixel;
+  const base::Float8 u = warped.pixel.x() + A(0, 0) * kPatternX + A(0, 1) * kPatternY;
+  const base::Float8 v = warped.pixel.y() + A(1, 0) * kPatternX + A(1, 1) * kPatternY;
+  for (int k = 0; k < kPatternSize; ++k) {
+    const Texel texel = target.sample(u[k], v[k]);
+    out.grey[k] = texel[kIntensity];
+    out.gx[k] = texel[kGradX];
+    out.gy[k] = texel[kGradY];
+  }
+}
+
+}  // namespace
+
+TILEFLIGHT_WIDE_VECTORS
+ResidualValue evaluate_residual(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
+                                const HostTargetPrecalc& frame, float huber, Linearization* linearization,
+                                const Lens* lens_linear) {
+  ResidualValue value;
+  WarpedPatch warped;
+  if (!warp_patch(lens, patch, frame.current.R, frame.current.t, rho, warped) || !pattern_inside(target, warped)) {
+    return value;
+  }
+  if (linearization != nullptr && !linearize_geometry(lens_linear != nullptr ? *lens_linear : lens, patch, rho, frame,
+                                                      lens_linear != nullptr, *linearization)) {
+    return value;
+  }
+  PatternSamples8 lanes;
+  sample_pattern(target, warped, lanes);
+  base::Float8 host, weight, robust;
+  base::load_float8(patch.intensity.data(), host);
+  base::load_float8(patch.weight.data(), weight);
+  const base::Float8 residual = lanes.grey - (frame.current.gain * host + frame.current.offset);
+  base::huber_weights(residual, huber, robust);
+  const base::Float8 w = weight * robust;
+  value.energy = base::horizontal_sum(w * residual * residual * (2.0F - robust));
+  value.state = ResidualState::kGood;
+  if (linearization == nullptr) return value;
+  const base::Float8 A = -frame.gain_linear * (host - frame.host_b_linear);
+  const base::Float8 wx = w * lanes.gx, wy = w * lanes.gy, wA = w * A;
+  PatternSums& sums = linearization->sums;
+  const float xy = base::horizontal_sum(wx * lanes.gy), A_one = -base::horizontal_sum(wA);
+  sums.gg << base::horizontal_sum(wx * lanes.gx), xy, xy, base::horizontal_sum(wy * lanes.gy);
+  sums.gA << base::horizontal_sum(wx * A), -base::horizontal_sum(wx), base::horizontal_sum(wy * A),
+      -base::horizontal_sum(wy);
+  sums.AA << base::horizontal_sum(wA * A), A_one, A_one, base::horizontal_sum(w);
+  sums.gr << base::horizontal_sum(wx * residual), base::horizontal_sum(wy * residual);
+  sums.Ar << base::horizontal_sum(wA * residual), -base::horizontal_sum(w * residual);
+  return value;
+}
+
+TILEFLIGHT_WIDE_VECTORS
+RhoLinearization evaluate_rho(const Lens& lens, const PyramidLevel& target, const Patch& patch, float rho,
+                              const PairTransform& pair, float huber) {
+  RhoLinearization out;
+  WarpedPatch warped;
+  if (!warp_patch(lens, patch, pair.R, pair.t, rho, warped) || !pattern_inside(target, warped)) return out;
+  const Eigen::Vector2f pixel_by_rho = warped.d_pixel_d_X * pair.t;
+  PatternSamples8 lanes;
+  sample_pattern(target, warped, lanes);
+  base::Float8 host, weight, robust;
+  base::load_float8(patch.intensity.data(), host);
+  base::load_float8(patch.weight.data(), weight);
+  const base::Float8 residual = lanes.grey - (pair.gain * host + pair.offset);
+  base::huber_weights(residual, huber, robust);
+  const base::Float8 w = weight * robust;
+  const base::Float8 J = lanes.gx * pixel_by_rho.x() + lanes.gy * pixel_by_rho.y();
+  out.energy = base::horizontal_sum(w * residual * residual * (2.0F - robust));
+  out.H = base::horizontal_sum(w * J * J);
+  out.b = base::horizontal_sum(w * J * residual);
+  out.state = ResidualState::kGood;
+  return out;
+}
+
+}  // namespace tileflight::photometry

@@ -1,0 +1,143 @@
+#pragma once
+
+// For tests: a relief with a procedural texture, rendered through any lens from known poses. Rays are intersected with
+// the relief by marching and bisection, independently of the odometry's own projection code.
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+#include "tileflight/imaging/camera.h"
+#include "tileflight/imaging/image.h"
+
+namespace tileflight::photometry::tests {
+
+using geometry::SE3;
+using geometry::Vec3;
+
+/// Smooth noise in 0..1 from a hash of the lattice (value noise with cubic blending).
+inline double lattice(std::int64_t x, std::int64_t y, std::uint32_t seed) {
+  std::uint64_t h = static_cast<std::uint64_t>(x) * 0x9E3779B97F4A7C15ULL ^
+                    static_cast<std::uint64_t>(y) * 0xC2B2AE3D27D4EB4FULL ^ seed;
+  h ^= h >> 31;
+  h *= 0xD6E8FEB86659FD93ULL;
+  h ^= h >> 32;
+  return static_cast<double>(h & 0xFFFFFF) / 0xFFFFFF;
+}
+inline double noise(double x, double y, std::uint32_t seed) {
+  const double fx = std::floor(x), fy = std::floor(y);
+  const auto ix = static_cast<std::int64_t>(fx), iy = static_cast<std::int64_t>(fy);
+  const double u = x - fx, v = y - fy, a = u * u * (3 - 2 * u), b = v * v * (3 - 2 * v);
+  const double top = lattice(ix, iy, seed) * (1 - a) + lattice(ix + 1, iy, seed) * a;
+  const double bottom = lattice(ix, iy + 1, seed) * (1 - a) + lattice(ix + 1, iy + 1, seed) * a;
+  return top * (1 - b) + bottom * b;
+}
+
+/// Ground with z up: height(x, y) and a texture, in metres.
+struct Relief {
+  std::function<double(double, double)> height_m = [](double, double) { return 0.0; };
+  double highest_m = 0.0;  ///< of height_m
+  double texel_m = 1.0;    ///< finest wavelength of the texture
+  double period_m = 0.0;   ///< period of the texture in x and y; 0: not periodic
+  double clouds = 0.0;     ///< amplitude of the sky's texture at infinity, grey values
+
+  /// Grey value of the sky in a direction.
+  double sky(const Vec3& ray) const {
+    return 200.0 + clouds * (noise(12.0 * ray.x() + 3.0 * ray.z(), 12.0 * ray.y(), 99U) - 0.5);
+  }
+
+  /// Grey value of the ground at (x, y). Octaves finer than the pixel footprint fade out, as in a lens.
+  double grey(double x, double y, double footprint_m) const {
+    if (period_m > 0) x -= period_m * std::floor(x / period_m), y -= period_m * std::floor(y / period_m);
+    double sum = 0;
+    for (int octave = 0; octave < 3; ++octave) {
+      const double size = texel_m * (1 << (2 * octave));
+      const double amplitude = std::clamp(size / (3.0 * footprint_m) - 0.3, 0.0, 1.0);
+      if (amplitude > 0) sum += amplitude * (noise(x / size, y / size, 7U + octave) - 0.5);
+    }
+    return std::clamp(125.0 + 75.0 * sum, 0.0, 255.0);
+  }
+};
+
+/// Distance along a unit ray to the relief; 0 where it meets none.
+inline double hit_distance(const Relief& relief, const Vec3& origin, const Vec3& ray) {
+  constexpr double kFar_m = 300.0;
+  const auto above = [&](double d) {
+    return origin.z() + d * ray.z() - relief.height_m(origin.x() + d * ray.x(), origin.y() + d * ray.y());
+  };
+  if (ray.z() >= 0 && origin.z() > relief.highest_m) return 0.0;
+  double near = ray.z() < 0 ? std::max(0.0, (origin.z() - relief.highest_m) / -ray.z()) : 0.0, far = near;
+  double near_above = above(near), far_above = near_above;
+  while (far_above > 0) {
+    near = far;
+    near_above = far_above;
+    far += std::max(0.25, 0.5 * far_above);
+    if (far > kFar_m) return 0.0;
+    far_above = above(far);
+  }
+  for (int i = 0; i < 10 && far > near; ++i) {
+    const double middle = 0.5 * (near + far), value = above(middle);
+    (value > 0 ? near : far) = middle;
+    (value > 0 ? near_above : far_above) = value;
+  }
+  return near + (far - near) * near_above / std::max(near_above - far_above, 1e-12);
+}
+
+/// Renders a relief through one camera, one ray per pixel.
+class ReliefCamera {
+ public:
+  ReliefCamera(const imaging::Camera& camera, Relief relief) : camera_(camera), relief_(std::move(relief)) {
+    for (int i = 0; i < camera.width() * camera.height(); ++i) {
+      rays_.push_back(camera.unproject({i % camera.width(), i / camera.width()}).value_or(Vec3::Zero()));
+    }
+    const int middle = camera.height() / 2 * camera.width() + camera.width() / 2;
+    pixel_rad_ = (rays_[middle] - rays_[middle + 1]).norm();
+  }
+
+  const imaging::Camera& camera() const { return camera_; }
+  const Relief& relief() const { return relief_; }
+
+  imaging::RgbImage render(const SE3& T_local_camera) const {
+    return render_by_rows([&](int) { return T_local_camera; });
+  }
+
+  /// Renders each row with its own pose T_local_camera (rolling shutter).
+  imaging::RgbImage render_by_rows(const std::function<SE3(int)>& pose_of_row) const {
+    imaging::RgbImage image(camera_.width(), camera_.height());
+    tbb::parallel_for(0, image.height, [&](int y) {
+      const SE3 T_local_camera = pose_of_row(y);
+      const geometry::Mat3 R = T_local_camera.rotation.toRotationMatrix();
+      for (int x = 0; x < image.width; ++x) {
+        const Vec3 ray = R * rays_[static_cast<std::size_t>(y) * image.width + x];
+        const double distance = hit_distance(relief_, T_local_camera.translation, ray);
+        const Vec3 p = T_local_camera.translation + distance * ray;
+        const double footprint = distance * pixel_rad_ / std::max(0.2, -ray.z());
+        const double value = distance > 0 ? relief_.grey(p.x(), p.y(), footprint) : relief_.sky(ray);
+        const auto grey = static_cast<std::uint8_t>(std::lround(value));
+        image(x, y) = {grey, grey, grey};
+      }
+    });
+    return image;
+  }
+
+ private:
+  imaging::Camera camera_;
+  Relief relief_;
+  std::vector<Vec3> rays_;
+  double pixel_rad_ = 0.0;
+};
+
+/// Camera pose looking along `forward`, with the world's z axis up in the image.
+inline SE3 look_along(const Vec3& position, const Vec3& forward) {
+  const Vec3 z = forward.normalized(), x = z.cross(Vec3::UnitZ()).normalized();
+  geometry::Mat3 R;
+  R << x, z.cross(x), z;
+  return SE3(R, position);
+}
+
+}  // namespace tileflight::photometry::tests

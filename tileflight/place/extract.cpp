@@ -1,0 +1,165 @@
+#include "tileflight/place/extract.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/evaluation/metrics.h"
+#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/suggested_voxel.h"
+#include "tileflight/place/version.h"
+#include "tileflight/transport/open_source.h"
+
+namespace tileflight::place {
+namespace {
+
+using nlohmann::json;
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+json to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+json frame_json(const std::optional<geometry::LocalFrame>& frame) {
+  if (!frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
+  const geometry::Geodetic& origin = frame->origin();
+  return {
+      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
+}
+
+/// Rings of the polygons that bound the region, if any, metres in the local frame.
+json region_json(const tiles::Region& region) {
+  json out = {{"center", to_json(region.center)}, {"size", to_json(region.size)}};
+  for (const geometry::Prism& part : region.parts) {
+    json rings = json::array();
+    for (const geometry::Ring& ring : part.base.rings()) {
+      rings.push_back(json::array());
+      for (const Eigen::Vector2d& corner : ring) rings.back().push_back({corner.x(), corner.y()});
+    }
+    out["polygons"].push_back({{"rings", rings}, {"bottom", part.bottom_m}, {"top", part.top_m}});
+  }
+  return out;
+}
+
+/// Extent of the meshes and clouds inside the region.
+geometry::Vec3 extent_of(const tiles::LoadedTiles& loaded) {
+  geometry::Box3 box;
+  for (const imaging::TexturedMesh& mesh : loaded.meshes) {
+    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
+  }
+  for (const geometry::PointCloud& cloud : loaded.clouds) {
+    for (const geometry::Vec3& point : cloud.positions) box.extend(point);
+  }
+  box = box.intersection(loaded.region.box());
+  return box.isEmpty() ? geometry::Vec3(geometry::Vec3::Zero()) : geometry::Vec3(box.sizes());
+}
+
+std::vector<std::string> collect_warnings(const ExtractSettings& settings, const tiles::LoadedTiles& loaded) {
+  std::vector<std::string> warnings = loaded.warnings;
+  if (const auto line = ground_truth::coarse_voxel_warning(extent_of(loaded), settings.voxel_m))
+    warnings.push_back(*line);
+  return warnings;
+}
+
+/// Errors of a perfect map, stored so that no evaluation needs to read the samples again.
+json quantization_floor_json(std::vector<double> floor_m) {
+  if (floor_m.empty()) return nullptr;
+  const double largest = *std::max_element(floor_m.begin(), floor_m.end());
+  const evaluation::DistanceStatistics s = evaluation::compute_statistics(std::move(floor_m));
+  return {{"count", s.count},   {"mean", s.mean}, {"std", s.std},
+          {"median", s.median}, {"rmse", s.rmse}, {"max", largest}};
+}
+
+json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
+              const ground_truth::GroundTruthSummary& truth) {
+  return {
+      {"source", transport::redact_source(settings.source)},
+      {"tiles_wanted", loaded.tiles_wanted},
+      {"tiles_loaded", loaded.tiles_loaded},
+      {"tiles_failed", loaded.tiles_failed},
+      {"failures", loaded.failures},
+      {"complete", loaded.complete},
+      {"geometric_error_wanted", settings.load.error_m},
+      {"geometric_error_max", loaded.geometric_error_max_m},
+      {"triangles", truth.triangles},
+      {"triangles_loaded", loaded.triangles},
+      {"points", truth.cloud_points},
+      {"bytes_read", loaded.bytes_read},
+      {"cut_sha256", loaded.cut_hash},
+      {"voxel_size", truth.voxels.edge_m},
+      {"voxel_dims", truth.voxels.dims},
+      {"voxels_occupied", truth.voxels.occupied.size()},
+      {"surface_points", truth.surface_points},
+      {"region", region_json(loaded.region)},
+      {"frame", frame_json(loaded.local_frame)},
+      {"attribution", loaded.attribution},
+      {"terms", {{"provider", loaded.terms.provider}, {"url", loaded.terms.url}}},
+      {"terms_accepted", settings.load.source.terms_accepted},
+      {"warnings", collect_warnings(settings, loaded)},
+      {"version", version()},
+  };
+}
+
+}  // namespace
+
+nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                       const Progress& progress) {
+  const auto start = std::chrono::steady_clock::now();
+  const base::OutputFolder output{
+      .folder = folder,
+      .command = "extract",
+      .replace = replace,
+      .inputs = {transport::local_path_of_source(settings.source)},
+      .legacy = {.key_file = "extract.json",
+                 .key_text = "tiles_wanted",
+                 .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+  base::require_writable(output);
+  tiles::LoadOptions load = settings.load;
+  load.uses = {transport::Use::kExtract};
+  const tiles::LoadedTiles loaded = tiles::load_region(settings.source, load, progress);
+  const double load_seconds = seconds_since(start);
+
+  json result;
+  base::write_folder(output, [&](const std::filesystem::path& temporary) {
+    const auto truth_start = std::chrono::steady_clock::now();
+    ground_truth::GroundTruthSummary truth = ground_truth::write_ground_truth(
+        loaded.meshes, loaded.region.box(),
+        {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2, .prisms = loaded.region.parts},
+        temporary, progress, loaded.clouds);
+    result = describe(settings, loaded, truth);
+    result["quantization_floor"] = quantization_floor_json(std::move(truth.quantization_floor_m));
+    result["seconds"] = {
+        {"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};
+    base::write_file(temporary / "extract.json", result.dump(2) + "\n");
+  });
+  return result;
+}
+
+nlohmann::json read_extract_json(const std::filesystem::path& folder) {
+  const std::filesystem::path file = folder / "extract.json";
+  const json result = json::parse(base::read_text(file), nullptr, false);
+  if (!result.is_object())
+    throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
+  return result;
+}
+
+std::optional<geometry::Geodetic> origin_from_json(const nlohmann::json& extract_json) {
+  const json frame = extract_json.value("frame", json::object());
+  if (!frame.is_object() || !frame.contains("origin_lat") || frame["origin_lat"].is_null()) return std::nullopt;
+  return geometry::Geodetic{frame.at("origin_lat").get<double>(), frame.at("origin_lon").get<double>(),
+                            geometry::EllipsoidalHeight{frame.at("origin_height").get<double>()}};
+}
+
+std::map<std::string, std::string> describe_frame(const std::optional<geometry::Geodetic>& origin) {
+  if (!origin) return {{"frame.kind", "tileset"}};
+  return {{"frame.kind", "east-north-up"},
+          {"frame.origin_lat", base::fixed_text(origin->latitude_deg)},
+          {"frame.origin_lon", base::fixed_text(origin->longitude_deg)},
+          {"frame.origin_height", base::fixed_text(origin->height.m)}};
+}
+
+}  // namespace tileflight::place

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "tileflight/base/progress.h"
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::place {
+
+/// Input and resolution of `tileflight extract`.
+struct ExtractSettings {
+  std::string source;       ///< SOURCE of the contract
+  tiles::LoadOptions load;  ///< region and geometric error
+  double voxel_m = 1.0;
+  double samples_per_m2 = 16.0;
+};
+
+/// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
+/// voxels.ply, octree.bt and extract.json, whose content is returned. Throws InputError.
+nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                       const Progress& progress = {});
+
+/// Reads extract.json of a folder written by extract().
+nlohmann::json read_extract_json(const std::filesystem::path& folder);
+
+/// The local frame's origin in an extract.json; nullopt if the place is not georeferenced.
+std::optional<geometry::Geodetic> origin_from_json(const nlohmann::json& extract_json);
+
+/// Entries of dataset.yaml that describe the local frame: `frame.kind` is east-north-up with `frame.origin_lat`,
+/// `origin_lon` (degrees) and `origin_height` (metres above the ellipsoid), or tileset: its own z-up frame.
+std::map<std::string, std::string> describe_frame(const std::optional<geometry::Geodetic>& origin);
+
+}  // namespace tileflight::place

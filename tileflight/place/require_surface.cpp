@@ -1,0 +1,25 @@
+#include "tileflight/place/require_surface.h"
+
+#include <algorithm>
+
+#include "tileflight/base/input_error.h"
+
+namespace tileflight::place {
+
+void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_points, const std::string& source) {
+  const auto has_triangle = [](const imaging::TexturedMesh& mesh) { return !mesh.mesh.triangles.empty(); };
+  if (std::ranges::any_of(meshes, has_triangle)) return;
+  if (has_points)
+    throw InputError(source, "holds points only there, which a camera does not see; `extract` makes voxels of them");
+  throw InputError(source, "holds no triangle there; is the region empty?");
+}
+
+std::vector<imaging::TexturedMesh> with_placeholder(std::vector<imaging::TexturedMesh> meshes) {
+  if (!meshes.empty()) return meshes;
+  imaging::TexturedMesh nothing;
+  nothing.mesh.vertices.assign(3, geometry::Vec3::Zero());
+  nothing.mesh.triangles.push_back({0, 1, 2});
+  return {nothing};
+}
+
+}  // namespace tileflight::place

@@ -1,0 +1,228 @@
+#include "tileflight/registration/registration_doubts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <numbers>
+
+namespace tileflight::registration {
+
+using geometry::Sim3;
+using geometry::Vec3;
+using geometry::Vec7;
+
+namespace {
+
+constexpr const char* kAlignment = "alignment";
+constexpr const char* kOdometry = "odometry";
+
+__attribute__((format(printf, 1, 2))) std::string format_number(const char* format, ...) {
+  char line[320];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(line, sizeof line, format, arguments);
+  va_end(arguments);
+  return line;
+}
+
+void add_doubt(RegistrationResult& r, const char* where, const char* how_sure, std::string what,
+               std::string what_to_do) {
+  r.doubts.push_back({std::move(what), where, how_sure, std::move(what_to_do)});
+}
+
+bool is_recognised(const RegistrationResult& r) { return r.method == "pictures"; }
+
+// ---- images ----
+
+/// Compares the path with its located images, to detect an odometry that drifts or jumps.
+void check_path(RegistrationResult& r) {
+  const PictureAgreement& p = *r.pictures;
+  constexpr double kPathShare = 0.005, kLeast_m = 0.05;
+  if (p.path_error_m > std::max(kLeast_m, kPathShare * p.path_length_m)) {
+    add_doubt(
+        r, kOdometry, p.path_error_m > 3.0 * kPathShare * p.path_length_m ? "certain" : "likely",
+        format_number(
+            "the path bends: %zu pictures that were found in the place lie %.2f m (RMS) from the best fit of a path of "
+            "%.1f m",
+            p.located, p.path_error_m, p.path_length_m),
+        "use only the stretch that fits, another start frame, or a flight with less rotation in place");
+  } else if (p.inliers < p.located && p.worst_m > std::max(kMinSegmentError_m, kSegmentErrorShare * p.path_length_m)) {
+    add_doubt(
+        r, kOdometry, "likely",
+        format_number(
+            "a part of the path is off by up to %.2f m (around %.2f s): %zu of %zu pictures lie there in the place "
+            "where "
+            "the path has them",
+            p.worst_m, p.worst_time_s, p.inliers, p.located),
+        "look at the pictures around that time; leave that stretch out");
+  }
+}
+
+void check_pictures(RegistrationResult& r) {
+  if (!r.pictures) return;
+  const PictureAgreement& p = *r.pictures;
+  if (!is_recognised(r)) {
+    if (2 * p.located >= p.tried) check_path(r);
+    add_doubt(r, kAlignment, "likely",
+              format_number(
+                  "%zu of %zu pictures were recognised in the textured place%s: the alignment rests on shapes alone",
+                  p.located, p.tried, p.located > 0 ? ", and not at one place together" : ""),
+              "check that place and pictures show the same (season, region, calibration), or give a start");
+    return;
+  }
+  if (3 * p.located < 2 * p.tried) {
+    add_doubt(r, kAlignment, "possible",
+              format_number("only %zu of %zu pictures were recognised in the place", p.located, p.tried),
+              "check the pictures that were not: another part of the place, blur, or a path that is off");
+  }
+  if (r.repetition_distance_m) {
+    add_doubt(
+        r, kAlignment, "likely",
+        format_number("the place's textures repeat: the pictures fit as well %.2f m away, and the shapes do not decide",
+                      *r.repetition_distance_m),
+        "fly over ground with relief, or compare with telemetry by hand");
+  }
+  check_path(r);
+}
+
+// ---- surface ----
+
+/// If only the surface determines the result: is the map well constrained, and is there another place for it?
+void check_shapes(RegistrationResult& r) {
+  if (is_recognised(r)) return;
+  if (!r.surface.converged) {
+    add_doubt(r, kAlignment, "likely",
+              format_number("the fit to the surface did not settle (its next step is %.3g m)", r.surface.last_step_m),
+              "give a better start, or a region with more relief");
+  }
+  if (!r.surface.constraint.well_constrained) {
+    add_doubt(r, kAlignment, "likely",
+              "the surface hardly holds " +
+                  (r.surface.constraint.weakest_motion.empty() ? std::string("any motion")
+                                                               : r.surface.constraint.weakest_motion) +
+                  ", and no picture was recognised that would",
+              "fly over a place with relief in several directions, or give pictures (--dataset) and a textured truth");
+  }
+  constexpr double kRivalShare = 0.85, kGoodRays = 0.5;
+  const double score = r.rays ? r.rays->score : r.surface.inlier_share;
+  if (r.runner_up_distance_m && r.runner_up_score > kRivalShare * score) {
+    add_doubt(r, kAlignment, "likely",
+              format_number("ambiguous: the map fits nearly as well %.1f m (RMS) away (%.2f against %.2f of the rays)",
+                            *r.runner_up_distance_m, r.runner_up_score, score),
+              "give telemetry, attitude or a start");
+  }
+  if (score < kGoodRays) {
+    add_doubt(
+        r, kAlignment, score < 0.5 * kGoodRays ? "certain" : "likely",
+        format_number(
+            "from its own viewpoints the map does not look like the place: %.0f %% of its points meet the surface "
+            "where "
+            "they are, %.0f %% lie behind one",
+            100.0 * (r.rays ? r.rays->agreeing_share : r.surface.inlier_share),
+            100.0 * (r.rays ? r.rays->blocked_share : 0.0)),
+        "check place, region and telemetry; give a start");
+  }
+}
+
+void check_ray_support(const ObservedPoints& points, RegistrationResult& r) {
+  constexpr std::size_t kFewPoints = 300;
+  constexpr double kLowShare = 0.25;
+  if (r.surface.points < kFewPoints) {
+    add_doubt(r, kAlignment, "possible",
+              format_number("only %zu of the map's %zu points lie over the ground truth's region", r.surface.points,
+                            points.size()),
+              "extract a larger region");
+  } else if (r.surface.inlier_share < kLowShare) {
+    add_doubt(
+        r, kAlignment, "likely",
+        format_number("only %.0f %% of the map's points over the region agree with the surface within their own noise",
+                      100.0 * r.surface.inlier_share),
+        "check that the truth is of this place and time, and complete");
+  }
+}
+
+void check_sigma(RegistrationResult& r) {
+  constexpr double kLoose_m = 0.1, kUseless_m = 0.2;  // maps are scored at 0.1 m
+  if (std::isnan(r.sigma_m)) {
+    add_doubt(r, kAlignment, "possible", "there are too few keyframes or pictures to tell how sure the transform is",
+              "fly farther, or at a higher frame rate");
+  } else if (r.sigma_m > kLoose_m) {
+    add_doubt(r, kAlignment, r.sigma_m > kUseless_m ? "certain" : "possible",
+              format_number("the transform is known to %.2f m (one sigma, RMS over the map's points) only", r.sigma_m),
+              "fly nearer, with a longer path, or over a place with more relief or texture");
+  }
+}
+
+// ---- telemetry ----
+
+/// Compares scale, height and position with telemetry, in units of its sigmas.
+void check_telemetry(const RegistrationEvidence& evidence, RegistrationResult& r) {
+  if (!r.telemetry) return;
+  const TelemetryEstimate by_positions =
+      estimate_from_telemetry(evidence.path, evidence.positions, *r.telemetry, std::nullopt);
+  Vec3 apart = Vec3::Zero();
+  const auto n = static_cast<double>(evidence.path.size());
+  for (const auto& pose : evidence.path.poses)
+    apart +=
+        (r.T_local_map * pose.T_local_camera.translation - r.telemetry->T_local_map * pose.T_local_camera.translation) /
+        n;
+  double horizontal_m = 0.0, vertical_m = 0.0;
+  for (const alignment::PositionFix& fix : evidence.positions) {
+    horizontal_m = std::max(horizontal_m, fix.horizontal_sigma_m);
+    vertical_m = std::max(vertical_m, fix.vertical_sigma_m);
+  }
+  constexpr double kSigmas = 5.0, kLeast_m = 3.0;
+  if (std::abs(apart.z()) > std::max(kLeast_m, kSigmas * vertical_m)) {
+    add_doubt(r, kAlignment, "likely",
+              format_number("telemetry's heights are %.1f m %s than where the map lies: another vertical datum?",
+                            std::abs(apart.z()), apart.z() > 0.0 ? "lower" : "higher"),
+              "check what the log's heights are above (--telemetry-height ellipsoid, sea-level or takeoff)");
+  }
+  if (apart.head<2>().norm() > std::max(kLeast_m, kSigmas * horizontal_m)) {
+    add_doubt(r, kAlignment, "likely",
+              format_number("telemetry's positions are %.1f m east and %.1f m north of where the map lies", -apart.x(),
+                            -apart.y()),
+              "check the truth's georeference and the log's clock");
+  }
+  const double log_scale = std::log(r.T_local_map.scale / r.telemetry->T_local_map.scale);
+  const double information = by_positions.estimate.information(6, 6);
+  const double sigma = information > 0.0 ? 1.0 / std::sqrt(information) : 1.0;
+  constexpr double kLeastScale = 0.03;
+  if (std::abs(log_scale) > std::max(kLeastScale, kSigmas * sigma)) {
+    add_doubt(r, kAlignment, "likely",
+              format_number("the scale is %.3g times telemetry's, which knows it to %.1f %%", std::exp(log_scale),
+                            100.0 * sigma),
+              "check the log against the video, and the calibration");
+  }
+}
+
+// ---- gravity ----
+
+/// Wrong axes of an inertial unit show only by comparison with the final transform.
+void check_gravity(const RegistrationEvidence& evidence, RegistrationResult& r) {
+  if (!evidence.up) return;
+  constexpr double kSigmas = 5.0, kLeast_rad = 0.1, kDegrees = 180.0 / std::numbers::pi;
+  const double cosine = (r.T_local_map.rotation * evidence.up->up_map.normalized()).z();
+  const double off_rad = std::acos(std::clamp(cosine, -1.0, 1.0));
+  if (off_rad < std::max(kLeast_rad, kSigmas * evidence.up->sigma_rad)) return;
+  add_doubt(r, kAlignment, is_recognised(r) ? "possible" : "likely",
+            format_number("up is %.0f degrees from where %s it", kDegrees * off_rad,
+                          evidence.up->given ? "--up has" : "the inertial unit's gravity has"),
+            evidence.up->given ? "check --up: against gravity, in the map's frame"
+                               : "check T_cam_imu of the calibration: the unit's axes, turned into the camera's");
+}
+
+}  // namespace
+
+void add_registration_doubts(const ObservedPoints& points, const RegistrationEvidence& evidence,
+                             RegistrationResult& registration) {
+  check_pictures(registration);
+  check_shapes(registration);
+  check_ray_support(points, registration);
+  check_sigma(registration);
+  check_telemetry(evidence, registration);
+  check_gravity(evidence, registration);
+}
+
+}  // namespace tileflight::registration

@@ -1,0 +1,224 @@
+#include "tileflight/render/block_tracer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/base/wide_vectors.h"
+#include "tileflight/render/footprint.h"
+#include "tileflight/render/linear_color.h"
+
+namespace tileflight::render {
+namespace {
+
+using scene::RayPacket8;
+
+TILEFLIGHT_LANE_INLINE void rotate_row(const RayBlock& rays, int row, const TracerPose& pose, RayPacket8& packet) {
+  const std::array<float, 9>& r = pose.rotation;
+  for (int i = row * RayBlock::kColumns; i < (row + 1) * RayBlock::kColumns; ++i) {
+    packet.origin_x[i] = pose.origin[0];
+    packet.origin_y[i] = pose.origin[1];
+    packet.origin_z[i] = pose.origin[2];
+    packet.direction_x[i] = r[0] * rays.x[i] + r[1] * rays.y[i] + r[2] * rays.z[i];
+    packet.direction_y[i] = r[3] * rays.x[i] + r[4] * rays.y[i] + r[5] * rays.z[i];
+    packet.direction_z[i] = r[6] * rays.x[i] + r[7] * rays.y[i] + r[8] * rays.z[i];
+  }
+}
+
+TILEFLIGHT_LANE_INLINE void fill_packet(const RayBlock& rays, std::uint8_t valid, const TracerPose& upper,
+                                        const TracerPose& lower, RayPacket8& packet) {
+  packet.reset();
+  rotate_row(rays, 0, upper, packet);
+  rotate_row(rays, 1, lower, packet);
+  if (valid == 0xFF) return;
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    if ((valid >> i & 1) == 0) packet.disable_lane(i);
+  }
+}
+
+TILEFLIGHT_LANE_INLINE void collect_blocks(const RayTable& table, int x, int y, TracedBeam& beam) {
+  const int right = std::min((x + TracedBeam::kColumns) / RayBlock::kColumns, table.block_columns());
+  const int bottom = std::min((y + TracedBeam::kRows) / RayBlock::kRows, table.block_rows());
+  beam.size = 0;
+  for (int row = y / RayBlock::kRows; row < bottom; ++row) {
+    for (int column = x / RayBlock::kColumns; column < right; ++column) {
+      const std::uint8_t valid = table.valid(column, row);
+      if (valid != 0) beam.blocks[beam.size++] = {column, row, valid};
+    }
+  }
+}
+
+/// Shading data of the hits; `material` is null in lanes without a hit.
+struct LaneTextures {
+  const Material* material[RayPacket8::kLanes];
+  const TriangleShading* shade[RayPacket8::kLanes];  ///< never null: lanes without texture point to an empty one
+};
+
+const TriangleShading kNoTexture{};
+
+TILEFLIGHT_LANE_INLINE LaneTextures textures_of(const RayPacket8& packet, const Appearance& appearance) {
+  LaneTextures lanes;
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    lanes.material[i] = nullptr;
+    lanes.shade[i] = &kNoTexture;
+    if (packet.mesh[i] == RayPacket8::kMiss) continue;
+    lanes.material[i] = &appearance.material(packet.mesh[i]);
+    if (lanes.material[i]->texture.pyramid == nullptr) continue;
+    lanes.shade[i] = &appearance.triangle_shading(*lanes.material[i], packet.triangle[i]);
+  }
+  return lanes;
+}
+
+TILEFLIGHT_LANE_INLINE TextureGradients8 gather_gradients(const LaneTextures& textures) {
+  TextureGradients8 lanes;
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    const TriangleShading& shade = *textures.shade[i];
+    const bool textured = &shade != &kNoTexture;
+    lanes.s_x[i] = shade.texel_s[0];
+    lanes.s_y[i] = shade.texel_s[1];
+    lanes.s_z[i] = shade.texel_s[2];
+    lanes.t_x[i] = shade.texel_t[0];
+    lanes.t_y[i] = shade.texel_t[1];
+    lanes.t_z[i] = shade.texel_t[2];
+    lanes.width[i] = textured ? textures.material[i]->texture.width : 1.0F;
+    lanes.height[i] = textured ? textures.material[i]->texture.height : 1.0F;
+    lanes.max_level[i] = static_cast<float>(shade.max_level);
+  }
+  return lanes;
+}
+
+TILEFLIGHT_LANE_INLINE TextureRead read_of(const TriangleShading& shade, const RayPacket8& packet,
+                                           const Footprints8& footprints, int lane) {
+  const float u = packet.u[lane];
+  const float v = packet.v[lane];
+  return {shade.s + u * shade.s_u + v * shade.s_v,
+          shade.t + u * shade.t_u + v * shade.t_v,
+          footprints.step_s[lane],
+          footprints.step_t[lane],
+          static_cast<int>(footprints.probes[lane]),
+          footprints.lod[lane]};
+}
+
+void prefetch_shading(const RayPacket8& packet, const Appearance& appearance) {
+  for (int i = 0; i < RayPacket8::kLanes; ++i) {
+    if (packet.mesh[i] == RayPacket8::kMiss) continue;
+    __builtin_prefetch(&appearance.triangle_shading(appearance.material(packet.mesh[i]), packet.triangle[i]));
+  }
+}
+
+/// glTF vertex colours at the hit: linear, interpolated over the triangle.
+LinearRgb vertex_colour(const imaging::TexturedMesh& mesh, std::uint32_t triangle, float u, float v) {
+  const geometry::Triangle& t = mesh.mesh.triangles[triangle];
+  LinearRgb light;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto value = [&](int corner) { return static_cast<float>(mesh.colors[t[corner]][c]) * (1.0F / 255.0F); };
+    light[c] = (1.0F - u - v) * value(0) + u * value(1) + v * value(2);
+  }
+  return light;
+}
+
+}  // namespace
+
+TracerPose::TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3& anchor) {
+  const geometry::Mat3 r = T_local_camera.rotation.toRotationMatrix();
+  const geometry::Vec3 relative = T_local_camera.translation - anchor;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) rotation[static_cast<std::size_t>(3 * i + j)] = static_cast<float>(r(i, j));
+    origin[static_cast<std::size_t>(i)] = static_cast<float>(relative[i]);
+  }
+}
+
+BlockTracer::BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
+                         double haze_per_m, const imaging::Rgb8& haze_color)
+    : scene_(scene), appearance_(appearance), haze_per_m_(static_cast<float>(haze_per_m)) {
+  for (std::size_t c = 0; c < 3; ++c) haze_[c] = SrgbTables::get().decode(haze_color[c]);
+  for (int c = 0; c < 3; ++c) {
+    background_squares_[c] = static_cast<float>(background[static_cast<std::size_t>(c)]) *
+                             static_cast<float>(background[static_cast<std::size_t>(c)]);
+  }
+  background_squares_[3] = 0.0F;
+}
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::cast(const RayTable& table, int x, int y, const RowPoses& poses,
+                                               TracedBeam& beam) const {
+  collect_blocks(table, x, y, beam);
+  const int n = table.samples_along_axis();
+  for (int k = 0; k < beam.size; ++k) {
+    const TracedBeam::Block& block = beam.blocks[k];
+    const int row = block.row * RayBlock::kRows;
+    fill_packet(table.block(block.column, block.row), block.valid, poses.at_row(row / n), poses.at_row((row + 1) / n),
+                beam.packets[k]);
+  }
+  const std::span packets(beam.packets.data(), static_cast<std::size_t>(beam.size));
+  if (poses.has_single_pose() && !packets.empty()) return scene_.intersect(packets);
+  for (RayPacket8& packet : packets) scene_.intersect(packet);
+}
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::compute_texture_reads(TracedBeam& beam) const {
+  const auto size = static_cast<std::size_t>(beam.size);
+  for (std::size_t k = 0; k < size; ++k) prefetch_shading(beam.packets[k], appearance_);
+  for (std::size_t k = 0; k < size; ++k) {
+    const RayPacket8& packet = beam.packets[k];
+    const LaneTextures textures = textures_of(packet, appearance_);
+    const Footprints8 footprints = compute_footprints(packet, gather_gradients(textures));
+    BlockTextureReads& reads = beam.reads[k];
+    for (std::size_t i = 0; i < reads.material.size(); ++i) {
+      reads.material[i] = textures.material[i];
+      if (textures.shade[i] == &kNoTexture) continue;
+      reads.read[i] = read_of(*textures.shade[i], packet, footprints, static_cast<int>(i));
+      prefetch_texels(textures.material[i]->texture, reads.read[i]);
+    }
+  }
+}
+
+TILEFLIGHT_WIDE_VECTORS void BlockTracer::shade(std::uint8_t valid, const RayPacket8& packet,
+                                                const BlockTextureReads& reads, SquaredColors8& shades) const {
+  for (std::size_t i = 0; i < shades.size(); ++i) {
+    if ((valid >> i & 1U) == 0) continue;
+    const Material* material = reads.material[i];
+    if (material == nullptr) {
+      shades[i] = background_squares_;
+      continue;
+    }
+    Float4 squares{};
+    if (material->texture.pyramid != nullptr) squares = sample_squares(material->texture, reads.read[i]);
+    const auto lane = static_cast<int>(i);
+    shades[i] = material->texture_only ? squares : apply_material_color(*material, packet, lane, squares);
+    if (haze_per_m_ > 0.0F) shades[i] = apply_haze(shades[i], packet.far[lane]);
+  }
+}
+
+/// Koschmieder's law in linear light.
+Float4 BlockTracer::apply_haze(const Float4& squares, float distance_m) const {
+  const SrgbTables& srgb = SrgbTables::get();
+  const float clear = std::exp(-haze_per_m_ * distance_m);
+  Float4 result{};
+  for (int c = 0; c < 3; ++c) {
+    const float light = srgb.decode(std::sqrt(squares[c]));
+    const float value = srgb.encode(clear * light + (1.0F - clear) * haze_[static_cast<std::size_t>(c)]);
+    result[c] = value * value;
+  }
+  return result;
+}
+
+/// Multiplies the texture (if any) by the mesh's colours, in linear light.
+Float4 BlockTracer::apply_material_color(const Material& material, const RayPacket8& packet, int lane,
+                                         const Float4& squares) const {
+  const SrgbTables& srgb = SrgbTables::get();
+  LinearRgb light = material.factor;
+  if (material.texture.pyramid != nullptr) {
+    for (int c = 0; c < 3; ++c) light[static_cast<std::size_t>(c)] *= srgb.decode(std::sqrt(squares[c]));
+  }
+  if (material.vertex_colors != nullptr) {
+    const imaging::TexturedMesh& mesh = scene_.meshes()[packet.mesh[lane]];
+    const LinearRgb colour = vertex_colour(mesh, packet.triangle[lane], packet.u[lane], packet.v[lane]);
+    for (std::size_t c = 0; c < 3; ++c) light[c] *= colour[c];
+  }
+  Float4 result{};
+  for (int c = 0; c < 3; ++c) {
+    const float value = srgb.encode(light[static_cast<std::size_t>(c)]);
+    result[c] = value * value;
+  }
+  return result;
+}
+
+}  // namespace tileflight::render

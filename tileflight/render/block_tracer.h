@@ -1,0 +1,96 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "tileflight/render/appearance.h"
+#include "tileflight/render/ray_table.h"
+#include "tileflight/scene/packets.h"
+#include "tileflight/scene/scene.h"
+
+namespace tileflight::render {
+
+/// A camera pose in floats, relative to the scene's anchor.
+struct TracerPose {
+  std::array<float, 9> rotation{};  ///< row-major, camera to local
+  std::array<float, 3> origin{};    ///< metres
+
+  TracerPose() = default;
+  TracerPose(const geometry::SE3& T_local_camera, const geometry::Vec3& anchor);
+};
+
+/// Camera poses during the readout of an image: one for all rows, or one for each row (rolling shutter).
+class RowPoses {
+ public:
+  /// One pose, or one per row.
+  RowPoses(std::span<const geometry::SE3> T_local_camera, const geometry::Vec3& anchor) {
+    for (const geometry::SE3& T : T_local_camera) poses_.emplace_back(T, anchor);
+  }
+  bool has_single_pose() const { return poses_.size() == 1; }
+  /// `row`: pixel row; rows beyond the last use the last pose.
+  const TracerPose& at_row(int row) const { return poses_[std::min(static_cast<std::size_t>(row), poses_.size() - 1)]; }
+
+ private:
+  std::vector<TracerPose> poses_;
+};
+
+/// Squared sRGB values, 0..255 squared, of a block's eight samples; only valid lanes are defined.
+using SquaredColors8 = std::array<Float4, 8>;
+
+/// Texture reads for a block's eight samples.
+struct BlockTextureReads {
+  std::array<const Material*, 8> material;  ///< null: no hit
+  std::array<TextureRead, 8> read;          ///< for samples with a texture
+};
+
+/// Up to 8 x 8 neighbouring samples: the blocks among them that have a valid lane.
+struct TracedBeam {
+  static constexpr int kColumns = 8;
+  static constexpr int kRows = 8;
+  struct Block {
+    int column, row;     ///< of the block in its RayTable
+    std::uint8_t valid;  ///< one bit per lane
+  };
+
+  int size = 0;
+  std::array<Block, scene::RayPacket8::kLanes> blocks;
+  std::array<scene::RayPacket8, 8> packets;  ///< `mesh` is kMiss if nothing is hit or the lane is not valid
+  std::array<BlockTextureReads, 8> reads;
+};
+
+/// Casts and shades blocks of samples. The inner loop of rendering: no allocation, no virtual call.
+class BlockTracer {
+ public:
+  /// `haze_per_m`, `haze_color`: see RenderOptions.
+  BlockTracer(const scene::Scene& scene, const Appearance& appearance, const imaging::Rgb8& background,
+              double haze_per_m, const imaging::Rgb8& haze_color);
+
+  /// Builds the scene's acceleration structure for such poses in advance, while all cores are available.
+  void prepare(const RowPoses& poses) const {
+    poses.has_single_pose() ? scene_.build_beam_tree() : scene_.build_ray_tree();
+  }
+  /// Intersects the samples from (x, y) of the table on; both are multiples of the beam's size.
+  void cast(const RayTable& table, int x, int y, const RowPoses& poses, TracedBeam& beam) const;
+  /// Computes `beam.reads` of a beam that was cast, and prefetches the texels that shading will read.
+  void compute_texture_reads(TracedBeam& beam) const;
+  /// Computes the colours of a packet's samples.
+  void shade(std::uint8_t valid, const scene::RayPacket8& packet, const BlockTextureReads& reads,
+             SquaredColors8& squares) const;
+
+ private:
+  Float4 apply_material_color(const Material& material, const scene::RayPacket8& packet, int lane,
+                              const Float4& squares) const;
+
+  Float4 apply_haze(const Float4& squares, float distance_m) const;
+
+  const scene::Scene& scene_;
+  const Appearance& appearance_;
+  Float4 background_squares_;
+  LinearRgb haze_;  ///< linear
+  float haze_per_m_;
+};
+
+}  // namespace tileflight::render

@@ -1,0 +1,368 @@
+#include "tileflight/render/camera_renderer.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/wide_vectors.h"
+#include "tileflight/render/appearance.h"
+#include "tileflight/render/block_tracer.h"
+#include "tileflight/render/daylight_shader.h"
+#include "tileflight/render/ray_table.h"
+
+namespace tileflight::render {
+namespace {
+
+constexpr int kTileWidth = 64;  // pixels; a multiple of a beam's columns; the height, of its rows
+constexpr int kTileHeight = 32;
+
+int samples_along_axis(int samples_per_pixel) {
+  for (int n = 1; n <= 4; ++n) {
+    if (n * n == samples_per_pixel) return n;
+  }
+  throw InputError("samples per pixel", "1, 4, 9 or 16 are possible, not " + std::to_string(samples_per_pixel));
+}
+
+struct PixelTile {
+  int x0, y0, x1, y1;  // pixels, end exclusive
+};
+
+/// Counts over the central rays of a part of the image; integer sums, so their order does not matter.
+struct ViewCounts {
+  float nearest_m = std::numeric_limits<float>::infinity();
+  std::int64_t valid = 0, surface = 0, back = 0;
+
+  void add(const ViewCounts& other) {
+    nearest_m = std::min(nearest_m, other.nearest_m);
+    valid += other.valid;
+    surface += other.surface;
+    back += other.back;
+  }
+  /// `lanes`: the lanes with central rays, one bit each.
+  TILEFLIGHT_LANE_INLINE void add_lanes(const scene::RayPacket8& packet, std::uint8_t lanes) {
+    std::int32_t hits = 0, backs = 0;
+    float nearest = std::numeric_limits<float>::infinity();
+    for (int i = 0; i < scene::RayPacket8::kLanes; ++i) {
+      const bool hit = (lanes >> i & 1) != 0 && packet.mesh[i] != scene::RayPacket8::kMiss;
+      const float slope = packet.normal_x[i] * packet.direction_x[i] + packet.normal_y[i] * packet.direction_y[i] +
+                          packet.normal_z[i] * packet.direction_z[i];
+      const float distance_m = hit ? packet.far[i] : std::numeric_limits<float>::infinity();
+      hits += hit ? 1 : 0;
+      backs += hit && slope > 0.0F ? 1 : 0;
+      nearest = distance_m < nearest ? distance_m : nearest;
+    }
+    valid += std::popcount(lanes);
+    surface += hits;
+    back += backs;
+    nearest_m = std::min(nearest_m, nearest);
+  }
+  ViewStatistics view() const {
+    const auto share = [](std::int64_t part, std::int64_t all) {
+      return all > 0 ? static_cast<double>(part) / static_cast<double>(all) : 0.0;
+    };
+    return {nearest_m, share(surface, valid), share(back, surface)};
+  }
+};
+
+TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_srgb(const Float4& squares) {
+  using Words = std::int32_t __attribute__((vector_size(16)));
+  Float4 roots;
+  for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
+  const Words values = __builtin_convertvector(roots + 0.5F, Words);
+  return {static_cast<std::uint8_t>(values[0]), static_cast<std::uint8_t>(values[1]),
+          static_cast<std::uint8_t>(values[2])};
+}
+
+SurfacePoint surface_point(const RayBlock& rays, const scene::RayPacket8& packet, int lane) {
+  SurfacePoint point;
+  point.ray_camera = {rays.x[lane], rays.y[lane], rays.z[lane]};
+  point.hit = packet.mesh[lane] != scene::RayPacket8::kMiss;
+  if (!point.hit) return point;
+  point.mesh = packet.mesh[lane];
+  point.triangle = packet.triangle[lane];
+  point.distance_m = packet.far[lane];
+  point.normal_local = {packet.normal_x[lane], packet.normal_y[lane], packet.normal_z[lane]};
+  return point;
+}
+
+/// Calls `work(x, y)` for the first sample of each beam of a tile; `n` x `n` samples a pixel.
+template <class Work>
+TILEFLIGHT_LANE_INLINE void for_each_beam(const PixelTile& tile, int n, const Work& work) {
+  for (int y = tile.y0 * n; y < tile.y1 * n; y += TracedBeam::kRows) {
+    for (int x = tile.x0 * n; x < tile.x1 * n; x += TracedBeam::kColumns) work(x, y);
+  }
+}
+
+/// Calls `work(lane, x, y)` for each valid sample of a block.
+template <class Work>
+TILEFLIGHT_LANE_INLINE void for_each_lane(const TracedBeam::Block& block, const Work& work) {
+  for (int i = 0; i < RayBlock::kLanes; ++i) {
+    if ((block.valid >> i & 1) == 0) continue;
+    work(i, block.column * RayBlock::kColumns + i % RayBlock::kColumns,
+         block.row * RayBlock::kRows + i / RayBlock::kColumns);
+  }
+}
+
+Haze haze_of(const RenderOptions& options) {
+  Haze haze{options.haze_per_m, {}};
+  if (!options.haze_color) return haze;
+  haze.color.emplace();
+  for (std::size_t c = 0; c < 3; ++c) (*haze.color)[c] = SrgbTables::get().decode((*options.haze_color)[c]);
+  return haze;
+}
+
+void require_a_pose_a_row(std::size_t poses, int height) {
+  if (poses != 1 && poses != static_cast<std::size_t>(height)) throw std::invalid_argument("one pose a row");
+}
+
+}  // namespace
+
+struct CameraRenderer::Impl {
+  const scene::Scene& scene;
+  std::shared_ptr<const Appearance> appearance;
+  imaging::Camera camera;
+  RenderOptions options;
+  BlockTracer tracer;
+  std::optional<DaylightShader> shader;  // set if `daylight` is used
+  RayTable central;                      // one ray per pixel
+  std::optional<RayTable> samples;       // set if there are several samples per pixel
+
+  Impl(const scene::Scene& s, std::shared_ptr<const Appearance> a, imaging::Camera c, const RenderOptions& o)
+      : scene(s),
+        appearance(std::move(a)),
+        camera(std::move(c)),
+        options(o),
+        tracer(scene, *appearance, options.background, options.daylight ? 0.0 : options.haze_per_m,
+               options.haze_color.value_or(options.background)),
+        central(camera, 1) {
+    if (options.daylight) shader.emplace(scene, options.daylight, haze_of(options));
+    const int n = samples_along_axis(options.samples_per_pixel);
+    if (n > 1) samples.emplace(camera, n);
+  }
+
+  int width() const { return camera.width(); }
+  int height() const { return camera.height(); }
+  PixelTile tile(int index) const;
+  int tile_count() const;
+  template <class Work>
+  ViewStatistics for_each_tile(const Work& work) const;
+
+  imaging::FloatImage empty_depth() const;
+  RowPoses rows_at(const ShutterPoses& poses, int moment) const;
+  ViewCounts trace_central(const PixelTile& tile, const RowPoses& poses, imaging::RgbImage* rgb,
+                           imaging::FloatImage* depth_m) const;
+  void visit_tile(const PixelTile& tile, const RowPoses& poses, const SurfaceVisitor& visitor) const;
+  TILEFLIGHT_LANE_INLINE void write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                                          imaging::FloatImage& depth_m) const;
+  std::array<LinearRgb, 8> shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
+                                       const SquaredColors8& squares) const;
+  void add_light(const PixelTile& tile, const RowPoses& poses, LinearImage& sum) const;
+  void scale_light(const PixelTile& tile, int moments, LinearImage& sum) const;
+  RenderedFrame render(std::span<const geometry::SE3> poses_of_rows) const;
+  LightFrame render_light(const ShutterPoses& poses) const;
+};
+
+int CameraRenderer::Impl::tile_count() const {
+  return ((width() + kTileWidth - 1) / kTileWidth) * ((height() + kTileHeight - 1) / kTileHeight);
+}
+
+PixelTile CameraRenderer::Impl::tile(int index) const {
+  const int columns = (width() + kTileWidth - 1) / kTileWidth;
+  const int x0 = index % columns * kTileWidth;
+  const int y0 = index / columns * kTileHeight;
+  return {x0, y0, std::min(width(), x0 + kTileWidth), std::min(height(), y0 + kTileHeight)};
+}
+
+template <class Work>
+ViewStatistics CameraRenderer::Impl::for_each_tile(const Work& work) const {
+  std::vector<ViewCounts> counts(static_cast<std::size_t>(tile_count()));
+  tbb::parallel_for(0, tile_count(), [&](int i) { counts[static_cast<std::size_t>(i)] = work(tile(i)); });
+  ViewCounts all;
+  for (const ViewCounts& part : counts) all.add(part);
+  return all.view();
+}
+
+imaging::FloatImage CameraRenderer::Impl::empty_depth() const {
+  if (!options.depth) return {};
+  return {width(), height(), std::numeric_limits<float>::quiet_NaN()};
+}
+
+RowPoses CameraRenderer::Impl::rows_at(const ShutterPoses& poses, int moment) const {
+  const std::span<const geometry::SE3> all(poses.T_local_camera);
+  const auto rows = static_cast<std::size_t>(poses.rows);
+  return {all.subspan(static_cast<std::size_t>(moment) * rows, rows), scene.anchor()};
+}
+
+void CameraRenderer::Impl::write_depth(const TracedBeam::Block& block, const scene::RayPacket8& packet,
+                                       imaging::FloatImage& depth_m) const {
+  const RayBlock& rays = central.block(block.column, block.row);
+  for_each_lane(block, [&](int i, int x, int y) {
+    const bool hit = packet.mesh[i] != scene::RayPacket8::kMiss;
+    depth_m(x, y) = hit ? packet.far[i] * rays.z[i] : std::numeric_limits<float>::infinity();
+  });
+}
+
+TILEFLIGHT_WIDE_VECTORS ViewCounts CameraRenderer::Impl::trace_central(const PixelTile& tile, const RowPoses& poses,
+                                                                       imaging::RgbImage* rgb,
+                                                                       imaging::FloatImage* depth_m) const {
+  ViewCounts counts;
+  TracedBeam beam;
+  SquaredColors8 squares;
+  for_each_beam(tile, 1, [&](int x, int y) {
+    tracer.cast(central, x, y, poses, beam);
+    if (rgb != nullptr) tracer.compute_texture_reads(beam);
+    for (int k = 0; k < beam.size; ++k) {
+      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+      const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+      counts.add_lanes(packet, block.valid);
+      if (depth_m != nullptr) write_depth(block, packet, *depth_m);
+      if (rgb == nullptr) continue;
+      tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+      for_each_lane(block, [&](int i, int column, int row) {
+        (*rgb)(column, row) = encode_srgb(squares[static_cast<std::size_t>(i)]);
+      });
+    }
+  });
+  return counts;
+}
+
+void CameraRenderer::Impl::visit_tile(const PixelTile& tile, const RowPoses& poses,
+                                      const SurfaceVisitor& visitor) const {
+  TracedBeam beam;
+  for_each_beam(tile, 1, [&](int x0, int y0) {
+    tracer.cast(central, x0, y0, poses, beam);
+    for (int k = 0; k < beam.size; ++k) {
+      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+      for_each_lane(block, [&](int i, int x, int y) {
+        SurfacePoint point =
+            surface_point(central.block(block.column, block.row), beam.packets[static_cast<std::size_t>(k)], i);
+        point.x = x;
+        point.y = y;
+        visitor(point);
+      });
+    }
+  });
+}
+
+std::array<LinearRgb, 8> CameraRenderer::Impl::shade_block(std::uint8_t valid, const scene::RayPacket8& packet,
+                                                           const SquaredColors8& squares) const {
+  if (shader) return shader->shade(valid, packet, squares);
+  const SrgbTables& srgb = SrgbTables::get();
+  std::array<LinearRgb, 8> lanes{};
+  for (std::size_t i = 0; i < lanes.size(); ++i) {
+    if ((valid >> i & 1U) == 0) continue;
+    for (int c = 0; c < 3; ++c) lanes[i][static_cast<std::size_t>(c)] = srgb.decode(std::sqrt(squares[i][c]));
+  }
+  return lanes;
+}
+
+void CameraRenderer::Impl::add_light(const PixelTile& tile, const RowPoses& poses, LinearImage& sum) const {
+  const RayTable& table = samples ? *samples : central;
+  const int n = table.samples_along_axis();
+  TracedBeam beam;
+  SquaredColors8 squares;
+  for_each_beam(tile, n, [&](int x0, int y0) {
+    tracer.cast(table, x0, y0, poses, beam);
+    tracer.compute_texture_reads(beam);
+    for (int k = 0; k < beam.size; ++k) {
+      const TracedBeam::Block& block = beam.blocks[static_cast<std::size_t>(k)];
+      const scene::RayPacket8& packet = beam.packets[static_cast<std::size_t>(k)];
+      tracer.shade(block.valid, packet, beam.reads[static_cast<std::size_t>(k)], squares);
+      const std::array<LinearRgb, 8> lanes = shade_block(block.valid, packet, squares);
+      for_each_lane(block, [&](int i, int x, int y) {
+        LinearRgb& light = sum(x / n, y / n);
+        for (std::size_t c = 0; c < 3; ++c) light[c] += lanes[static_cast<std::size_t>(i)][c];
+      });
+    }
+  });
+}
+
+void CameraRenderer::Impl::scale_light(const PixelTile& tile, int moments, LinearImage& sum) const {
+  const float scale = 1.0F / static_cast<float>(moments * options.samples_per_pixel);
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      for (float& light : sum(x, y)) light *= scale;
+    }
+  }
+}
+
+RenderedFrame CameraRenderer::Impl::render(std::span<const geometry::SE3> poses_of_rows) const {
+  const RowPoses poses(poses_of_rows, scene.anchor());
+  tracer.prepare(poses);
+  RenderedFrame frame{imaging::RgbImage(width(), height()), empty_depth(), {}};
+  imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
+  frame.view = for_each_tile([&](const PixelTile& tile) { return trace_central(tile, poses, &frame.rgb, depth_m); });
+  return frame;
+}
+
+LightFrame CameraRenderer::Impl::render_light(const ShutterPoses& shutter) const {
+  LightFrame frame{LinearImage(width(), height()), empty_depth(), {}};
+  std::vector<RowPoses> moments;
+  for (int k = 0; k < shutter.moments; ++k) moments.push_back(rows_at(shutter, k));
+  tracer.prepare(moments.front());
+  const RowPoses& middle = moments[static_cast<std::size_t>(shutter.moments / 2)];
+  imaging::FloatImage* depth_m = options.depth ? &frame.depth_m : nullptr;
+  frame.view = for_each_tile([&](const PixelTile& tile) {
+    for (const RowPoses& poses : moments) add_light(tile, poses, frame.light);
+    scale_light(tile, shutter.moments, frame.light);
+    return trace_central(tile, middle, nullptr, depth_m);
+  });
+  return frame;
+}
+
+CameraRenderer::CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options)
+    : CameraRenderer(scene, std::make_shared<const Appearance>(scene), std::move(camera), options) {}
+
+CameraRenderer::CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance,
+                               imaging::Camera camera, RenderOptions options)
+    : impl_(std::make_unique<Impl>(scene, std::move(appearance), std::move(camera), options)) {}
+
+CameraRenderer::~CameraRenderer() = default;
+
+const imaging::Camera& CameraRenderer::camera() const { return impl_->camera; }
+std::shared_ptr<const Appearance> CameraRenderer::appearance() const { return impl_->appearance; }
+
+RenderedFrame CameraRenderer::render(const geometry::SE3& T_local_camera) const {
+  return render_rows(std::span(&T_local_camera, 1));
+}
+
+RenderedFrame CameraRenderer::render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const {
+  const std::size_t rows = T_local_camera_of_row.size();
+  require_a_pose_a_row(rows, impl_->height());
+  if (!impl_->samples && !impl_->shader) return impl_->render(T_local_camera_of_row);
+  ShutterPoses shutter{1, static_cast<int>(rows), {T_local_camera_of_row.begin(), T_local_camera_of_row.end()}};
+  LightFrame light = impl_->render_light(shutter);
+  RenderedFrame frame{imaging::RgbImage(impl_->width(), impl_->height()), std::move(light.depth_m), light.view};
+  const SrgbTables& srgb = SrgbTables::get();
+  tbb::parallel_for(0, impl_->height(), [&](int y) {
+    for (int x = 0; x < frame.rgb.width; ++x) frame.rgb(x, y) = srgb.encode(light.light(x, y));
+  });
+  return frame;
+}
+
+LightFrame CameraRenderer::render_light(const ShutterPoses& poses) const {
+  const auto wanted = static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows);
+  if (poses.moments < 1 || poses.T_local_camera.size() != wanted ||
+      (poses.rows != 1 && poses.rows != impl_->height())) {
+    throw std::invalid_argument("ShutterPoses: times x (1 or height) poses are needed");
+  }
+  return impl_->render_light(poses);
+}
+
+void CameraRenderer::visit_surface(std::span<const geometry::SE3> T_local_camera_of_row,
+                                   const SurfaceVisitor& visitor) const {
+  require_a_pose_a_row(T_local_camera_of_row.size(), impl_->height());
+  const RowPoses poses(T_local_camera_of_row, impl_->scene.anchor());
+  impl_->tracer.prepare(poses);
+  tbb::parallel_for(0, impl_->tile_count(), [&](int i) { impl_->visit_tile(impl_->tile(i), poses, visitor); });
+}
+
+}  // namespace tileflight::render

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "tileflight/imaging/camera.h"
+#include "tileflight/imaging/image.h"
+#include "tileflight/render/linear_color.h"
+#include "tileflight/scene/scene.h"
+
+namespace tileflight::render {
+
+class Appearance;  // appearance.h
+class Daylight;    // daylight.h
+
+struct RenderOptions {
+  bool depth = true;
+  int samples_per_pixel = 1;                  ///< n x n grid for n^2 samples: 1, 4, 9, 16
+  imaging::Rgb8 background{135, 180, 225};    ///< colour where no surface is hit (sky)
+  double haze_per_m = 0.0;                    ///< light of a surface is attenuated by exp(-haze_per_m distance)
+  std::optional<imaging::Rgb8> haze_color{};  ///< default: the background, or daylight's horizon
+  /// Light by sun and sky: textures are taken as reflectance, and the sky is the background. Null: textures are shown
+  /// as they are.
+  std::shared_ptr<const Daylight> daylight{};
+};
+
+/// Statistics of the pixels' central rays, for checks of a flight.
+struct ViewStatistics {
+  double nearest_m = std::numeric_limits<double>::infinity();  ///< distance of the nearest surface seen
+  double surface_share = 0.0;    ///< of the pixels within the lens's valid cone, the fraction that see a surface
+  double back_face_share = 0.0;  ///< of the pixels that see a surface, the fraction that see its back face
+};
+
+struct RenderedFrame {
+  imaging::RgbImage rgb;  ///< black outside the lens's valid cone
+  imaging::FloatImage
+      depth_m;  ///< along the optical axis (negative behind the camera, for lenses beyond 180 degrees), for the ray
+                ///< through the pixel's centre; +infinity if nothing is hit, NaN outside the valid cone
+  ViewStatistics view;
+};
+
+/// A frame before exposure.
+struct LightFrame {
+  LinearImage light;
+  imaging::FloatImage depth_m;  ///< as in RenderedFrame, at moment moments / 2 of the exposure
+  ViewStatistics view;
+};
+
+/// Camera poses during one frame: the pose at each of `moments` times of the exposure, for the whole image or for each
+/// row (rolling shutter).
+struct ShutterPoses {
+  int moments = 1;
+  int rows = 1;                               ///< 1 or the image's height
+  std::vector<geometry::SE3> T_local_camera;  ///< moments x rows: moment k of row y is [k * rows + y]
+};
+
+/// Intersection of the ray through a pixel's centre.
+struct SurfacePoint {
+  int x = 0, y = 0;                     ///< pixel
+  bool hit = false;                     ///< false: nothing is hit, and all members below except ray_camera are 0
+  std::uint32_t mesh = 0;               ///< index into Scene::meshes()
+  std::uint32_t triangle = 0;           ///< index into that mesh's triangles
+  float distance_m = 0.0F;              ///< along the ray
+  std::array<float, 3> ray_camera{};    ///< unit, camera frame
+  std::array<float, 3> normal_local{};  ///< oriented by the triangle's winding, not unit length
+};
+
+/// Called once for each pixel within the lens's valid cone, from several threads at once and in any order.
+using SurfaceVisitor = std::function<void(const SurfacePoint& point)>;
+
+/// Renders frames of one camera in one scene by ray casting; textured, lit or unlit, both faces of surfaces. Texture
+/// reads are filtered over the pixel's footprint (mip levels, several trilinear probes along its long axis), which
+/// prevents aliasing and excessive blur on receding surfaces; samples, rows and moments are averaged in linear light.
+/// The scene must outlive it. Immutable: several threads may render at once. The result does not depend on the number
+/// of threads.
+class CameraRenderer {
+ public:
+  CameraRenderer(const scene::Scene& scene, imaging::Camera camera, RenderOptions options);
+  /// With an appearance shared with other cameras in the same scene.
+  CameraRenderer(const scene::Scene& scene, std::shared_ptr<const Appearance> appearance, imaging::Camera camera,
+                 RenderOptions options);
+  ~CameraRenderer();
+  CameraRenderer(const CameraRenderer&) = delete;
+  CameraRenderer& operator=(const CameraRenderer&) = delete;
+
+  const imaging::Camera& camera() const;
+  std::shared_ptr<const Appearance> appearance() const;
+
+  RenderedFrame render(const geometry::SE3& T_local_camera) const;
+  /// Renders each row from its own pose (rolling shutter): one pose per row.
+  RenderedFrame render_rows(std::span<const geometry::SE3> T_local_camera_of_row) const;
+  /// Linear light averaged over the exposure. Throws std::invalid_argument if the number of poses is wrong.
+  LightFrame render_light(const ShutterPoses& poses) const;
+  /// Geometry only, one ray per pixel: `T_local_camera_of_row` is one pose, or one per row.
+  void visit_surface(std::span<const geometry::SE3> T_local_camera_of_row, const SurfaceVisitor& visitor) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::render

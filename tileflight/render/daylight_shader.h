@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "tileflight/render/block_tracer.h"
+#include "tileflight/render/daylight.h"
+#include "tileflight/scene/scene.h"
+
+namespace tileflight::render {
+
+/// Air between the camera and surfaces.
+struct Haze {
+  double extinction_per_m = 0.0;   ///< a surface's light is attenuated by exp(-extinction_per_m distance)
+  std::optional<LinearRgb> color;  ///< linear; default: that of the sky at the horizon, by azimuth
+};
+
+/// Applies daylight to the hits of a BlockTracer: textures and colours are the reflectance of matt surfaces. The sun
+/// casts hard shadows; sky and ground light is not occluded. No allocation, no virtual call.
+class DaylightShader {
+ public:
+  /// The scene must outlive it.
+  DaylightShader(const scene::Scene& scene, std::shared_ptr<const Daylight> light, const Haze& haze)
+      : scene_(scene), daylight_(std::move(light)), haze_(haze) {}
+
+  /// Linear light of the valid lanes of a block that was cast and shaded without haze; may exceed 1.
+  std::array<LinearRgb, 8> shade(std::uint8_t valid, const scene::RayPacket8& packet,
+                                 const SquaredColors8& squares) const;
+
+ private:
+  LinearRgb apply_haze(const LinearRgb& light, const std::array<float, 3>& direction, float distance_m) const;
+
+  const scene::Scene& scene_;
+  std::shared_ptr<const Daylight> daylight_;
+  Haze haze_;
+};
+
+}  // namespace tileflight::render

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+
+#include "tileflight/imaging/image.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/render/scene_objects.h"
+
+namespace tileflight::render {
+
+/// Optional outputs of a frame besides colour and depth.
+struct OutputChannels {
+  bool range = false;
+  bool normals = false;
+  bool objects = false;
+  bool flow = false;
+  bool visibility = false;
+
+  bool any() const { return range || normals || objects || flow || visibility; }
+};
+
+/// Values for the ray through each pixel's centre, at the middle of the exposure, each row at its own time. Outputs
+/// that are not requested are empty.
+struct OutputImages {
+  imaging::FloatImage range_m;  ///< along the ray; +infinity where nothing is hit, NaN outside the lens's valid cone
+  imaging::Image<std::array<float, 3>> normals;  ///< unit, in the row's camera frame, visible face; NaN: no hit
+  imaging::Image<std::uint32_t> objects;         ///< 1 + index into SceneObjects::all(); 0 if nothing is hit
+  /// Optical flow to the next frame: pixels right and down. NaN if nothing is hit or the point leaves the image or the
+  /// lens's valid cone; not NaN if it is occluded there. Empty for the last frame.
+  imaging::Image<std::array<float, 2>> flow_px;
+  imaging::GrayImage visibility;  ///< 255 for visible surfaces inside the scored region, else 0
+};
+
+/// Whether a point of the local frame belongs to the scored region. Called from several threads at once.
+using RegionPredicate = std::function<bool(const geometry::Vec3& point)>;
+
+/// Projects a point of the local frame into a frame whose rows may have their own poses (one pose, or one per row):
+/// finds the pixel p for which the pose of row p.y projects the point to p. Between rows the projection is interpolated
+/// linearly (error well below a thousandth of a pixel). nullopt if p is outside the image (beyond half a pixel from the
+/// outer pixels' centres) or the lens's valid cone.
+std::optional<geometry::Vec2> project_by_rows(const imaging::Camera& camera,
+                                              std::span<const geometry::SE3> T_local_camera_of_row,
+                                              const geometry::Vec3& point);
+
+/// Renders the outputs of frames; several threads may each render one. Renderer and scene must outlive it.
+class OutputRenderer {
+ public:
+  /// `place`: scored region, used for visibility only; empty: everything counts.
+  OutputRenderer(const CameraRenderer& renderer, const scene::Scene& scene, const OutputChannels& outputs,
+                 RegionPredicate place = {});
+
+  /// The objects indexed by the object images; empty if these are not requested.
+  std::span<const SceneObject> objects() const;
+  /// `T_local_camera_of_row`: one pose, or one per row; `next`: the same for the next frame, empty for the last frame.
+  OutputImages render(std::span<const geometry::SE3> T_local_camera_of_row, std::span<const geometry::SE3> next) const;
+
+ private:
+  const CameraRenderer& renderer_;
+  OutputChannels outputs_;
+  RegionPredicate place_;
+  std::optional<SceneObjects> objects_;
+};
+
+}  // namespace tileflight::render

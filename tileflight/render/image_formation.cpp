@@ -1,0 +1,266 @@
+#include "tileflight/render/image_formation.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/random_numbers.h"
+
+namespace tileflight::render {
+namespace {
+
+constexpr std::uint64_t kSensorNoiseStream = 16;
+
+void require(bool holds, const char* option, const char* what) {
+  if (!holds) throw InputError(std::string("image formation: ") + option, what);
+}
+
+/// Response G of the formation, 0..1 to 0..255; tabulated if it is a power law.
+class Response {
+ public:
+  explicit Response(double gamma) : gamma_(gamma) {
+    for (std::size_t i = 0; gamma > 0.0 && i < power_.size(); ++i) {
+      const double root = static_cast<double>(i) / kSteps;
+      power_[i] = static_cast<float>(255.0 * std::pow(std::min(1.0, root * root), 1.0 / gamma));
+    }
+  }
+  float value(float light) const {
+    if (gamma_ <= 0.0) return SrgbTables::get().encode(light);
+    const float position = std::sqrt(std::clamp(light, 0.0F, 1.0F)) * kSteps;
+    const auto below = static_cast<std::size_t>(position);
+    return power_[below] + (position - static_cast<float>(below)) * (power_[below + 1] - power_[below]);
+  }
+
+ private:
+  static constexpr int kSteps = 4096;
+  double gamma_;
+  std::array<float, kSteps + 2> power_{};
+};
+
+/// Values 0..255 before rounding.
+using ValueImage = imaging::Image<std::array<float, 3>>;
+
+float luma(const std::array<float, 3>& value) { return 0.299F * value[0] + 0.587F * value[1] + 0.114F * value[2]; }
+
+/// Weights of the pixels at distance 0, 1, 2, ..., truncated; both sides together sum to 1.
+std::vector<float> gaussian_weights(double sigma_px) {
+  const int reach = std::max(1, static_cast<int>(std::ceil(3.0 * sigma_px)));
+  std::vector<float> weights;
+  double sum = 0.0;
+  for (int i = 0; i <= reach; ++i) {
+    const double weight = std::exp(-0.5 * i * i / (sigma_px * sigma_px));
+    weights.push_back(static_cast<float>(weight));
+    sum += i == 0 ? weight : 2.0 * weight;
+  }
+  for (float& weight : weights) weight /= static_cast<float>(sum);
+  return weights;
+}
+
+/// A Gaussian blur along one direction; border pixels are repeated.
+imaging::FloatImage blur_along(const imaging::FloatImage& image, const std::vector<float>& weights, int step_x,
+                               int step_y) {
+  imaging::FloatImage out(image.width, image.height);
+  const auto at = [&](int x, int y) {
+    return image(std::clamp(x, 0, image.width - 1), std::clamp(y, 0, image.height - 1));
+  };
+  tbb::parallel_for(0, image.height, [&](int y) {
+    for (int x = 0; x < image.width; ++x) {
+      float sum = weights[0] * image(x, y);
+      for (int i = 1; i < static_cast<int>(weights.size()); ++i) {
+        sum += weights[static_cast<std::size_t>(i)] *
+               (at(x - i * step_x, y - i * step_y) + at(x + i * step_x, y + i * step_y));
+      }
+      out(x, y) = sum;
+    }
+  });
+  return out;
+}
+
+/// Unsharp mask: the difference between the luma and its Gaussian blur is added to all three channels.
+void sharpen(ValueImage& values, double amount, double radius_px) {
+  imaging::FloatImage lumas(values.width, values.height);
+  std::transform(values.pixels.begin(), values.pixels.end(), lumas.pixels.begin(), luma);
+  const std::vector<float> weights = gaussian_weights(radius_px);
+  const imaging::FloatImage soft = blur_along(blur_along(lumas, weights, 1, 0), weights, 0, 1);
+  for (std::size_t i = 0; i < values.pixels.size(); ++i) {
+    const float detail = static_cast<float>(amount) * (lumas.pixels[i] - soft.pixels[i]);
+    for (float& value : values.pixels[i]) value += detail;
+  }
+}
+
+imaging::RgbImage rounded(const ValueImage& values) {
+  imaging::RgbImage image(values.width, values.height);
+  std::transform(values.pixels.begin(), values.pixels.end(), image.pixels.begin(),
+                 [](const std::array<float, 3>& value) {
+                   imaging::Rgb8 pixel;
+                   for (std::size_t c = 0; c < 3; ++c) {
+                     pixel[c] = static_cast<std::uint8_t>(std::clamp(value[c], 0.0F, 255.0F) + 0.5F);
+                   }
+                   return pixel;
+                 });
+  return image;
+}
+
+void check_auto_exposure(const AutoExposure& a) {
+  require(a.target >= 0.0 && a.target <= 1.0, "auto exposure's target", "must lie between 0 and 1");
+  require(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0, "auto exposure's time constant",
+          "must lie between 0 and 1000 s");
+  require(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6, "auto exposure's gains",
+          "must be positive, the least not above the largest");
+}
+
+/// Photon and read noise of one channel, in units of white. Photon counts are Poisson; their normal approximation has
+/// the same mean and variance, and read noise hides the difference at a few electrons.
+float with_noise(float light, float normal, const ImageFormation& formation) {
+  const auto white = static_cast<float>(formation.white_electrons);
+  const auto read = static_cast<float>(formation.read_noise_electrons);
+  const float electrons = std::max(0.0F, light) * white;
+  return (electrons + std::sqrt(electrons + read * read) * normal) / white;
+}
+
+}  // namespace
+
+void validate_image_formation(const ImageFormation& f) {
+  if (f.light) validate_daylight_options(*f.light);
+  require(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
+  require(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
+          "must lie between -0.05 and 0.05");
+  require(f.sharpening >= 0.0 && f.sharpening <= 10.0, "sharpening", "must lie between 0 and 10");
+  require(f.sharpening_radius_px >= 0.1 && f.sharpening_radius_px <= 20.0, "sharpening radius",
+          "must lie between 0.1 and 20 pixels");
+  check_auto_exposure(f.auto_exposure);
+  require(f.exposure_time_s >= 0.0 && f.exposure_time_s < 10.0, "exposure time", "must lie between 0 and 10 s");
+  require(f.exposure_samples >= 1 && f.exposure_samples <= 99 && f.exposure_samples % 2 == 1, "exposure samples",
+          "must be an odd number from 1 to 99");
+  require(std::abs(f.line_delay_s) < 0.1, "line delay", "must be below 0.1 s a row");
+  require(f.vignetting >= 0.0 && f.vignetting < 1.0, "vignetting", "must lie between 0 and 1");
+  require(f.exposure_drift >= 0.0 && f.exposure_drift < 1.0, "exposure drift", "must lie between 0 and 1");
+  require(f.exposure_drift_period_s > 0.0, "exposure drift period", "must be positive");
+  require(f.white_electrons >= 0.0, "white electrons", "must not be negative");
+  require(f.read_noise_electrons >= 0.0, "read noise", "must not be negative");
+  require(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "read noise", "needs the electrons of white");
+  require(f.gamma == 0.0 || (f.gamma >= 0.1 && f.gamma <= 10.0), "gamma",
+          "must lie between 0.1 and 10, or be 0 for sRGB");
+  double last_s = -std::numeric_limits<double>::infinity();
+  for (const ExposureStep& step : f.exposure_steps) {
+    require(step.gain > 0.0 && std::isfinite(step.gain), "exposure step", "its gain must be positive");
+    require(step.time_s > last_s, "exposure step", "times must increase");
+    last_s = step.time_s;
+  }
+}
+
+bool is_ideal(const ImageFormation& f) {
+  return f.exposure_time_s == 0.0 && f.line_delay_s == 0.0 && f.vignetting == 0.0 && f.exposure_drift == 0.0 &&
+         f.exposure_steps.empty() && f.white_electrons == 0.0 && f.gamma == 0.0 && f.chromatic_red == 0.0 &&
+         f.chromatic_blue == 0.0 && f.auto_exposure.target == 0.0 && f.sharpening == 0.0 &&
+         f.haze_visibility_m == 0.0 && !f.light;
+}
+
+double haze_per_m(const ImageFormation& formation) {
+  constexpr double kTwoPercent = 3.912;  // -ln 0.02
+  return formation.haze_visibility_m > 0.0 ? kTwoPercent / formation.haze_visibility_m : 0.0;
+}
+
+imaging::Camera scale_focal_length(const imaging::Camera& camera, double larger) {
+  const auto scaled = [&](auto lens) -> imaging::CameraModel {
+    lens.fx *= 1.0 + larger;
+    lens.fy *= 1.0 + larger;
+    return lens;
+  };
+  return {std::visit(scaled, camera.model()), camera.width(), camera.height()};
+}
+
+double exposure_gain(const ImageFormation& formation, double time_s) {
+  const double phase = 2.0 * std::numbers::pi * time_s / formation.exposure_drift_period_s;
+  double gain = 1.0 + formation.exposure_drift * std::sin(phase);
+  double step_gain = 1.0;
+  for (const ExposureStep& step : formation.exposure_steps) {
+    if (time_s >= step.time_s) step_gain = step.gain;
+  }
+  return gain * step_gain;
+}
+
+double max_exposure_gain(const ImageFormation& formation) {
+  double step = 1.0;
+  for (const ExposureStep& s : formation.exposure_steps) step = std::max(step, s.gain);
+  const AutoExposure& automatic = formation.auto_exposure;
+  return (1.0 + formation.exposure_drift) * step * (automatic.target > 0.0 ? automatic.max_gain : 1.0);
+}
+
+ShutterPoses shutter_poses(const ImageFormation& formation, const PoseFunction& pose_at, double time_s, int height,
+                           double gain) {
+  const double open_s = formation.exposure_time_s * gain;
+  ShutterPoses poses;
+  poses.moments = open_s > 0.0 ? formation.exposure_samples : 1;
+  poses.rows = formation.line_delay_s != 0.0 ? height : 1;
+  poses.T_local_camera.reserve(static_cast<std::size_t>(poses.moments) * static_cast<std::size_t>(poses.rows));
+  for (int k = 0; k < poses.moments; ++k) {
+    const double moment_s = open_s * ((k + 0.5) / poses.moments - 0.5);
+    for (int y = 0; y < poses.rows; ++y) {
+      const double row_s = poses.rows == 1 ? 0.0 : (y - 0.5 * (height - 1)) * formation.line_delay_s;
+      poses.T_local_camera.push_back(pose_at(time_s + moment_s + row_s));
+    }
+  }
+  return poses;
+}
+
+imaging::FloatImage make_vignette(const ImageFormation& formation, int width, int height) {
+  if (formation.vignetting == 0.0) return {};
+  imaging::FloatImage vignette(width, height);
+  const double cx = 0.5 * (width - 1);
+  const double cy = 0.5 * (height - 1);
+  const double corner_squared = std::max(1e-12, cx * cx + cy * cy);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const double squared = ((x - cx) * (x - cx) + (y - cy) * (y - cy)) / corner_squared;
+      vignette(x, y) = static_cast<float>(1.0 - formation.vignetting * squared);
+    }
+  }
+  return vignette;
+}
+
+imaging::RgbImage develop(const LinearImage& light, const imaging::FloatImage& vignette,
+                          const ImageFormation& formation, double gain, std::uint64_t frame) {
+  assert(vignette.empty() || vignette.pixels.size() == light.pixels.size());
+  ValueImage values(light.width, light.height);
+  const Response response(formation.gamma);
+  const std::uint64_t key = base::stream_key(base::stream_key(formation.seed, kSensorNoiseStream), frame);
+  const bool noisy = formation.white_electrons > 0.0;
+  tbb::parallel_for(0, light.height, [&](int y) {
+    for (int x = 0; x < light.width; ++x) {
+      const float falloff = vignette.empty() ? 1.0F : vignette(x, y);
+      const float factor = falloff * static_cast<float>(gain);
+      const auto index =
+          static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(light.width) + static_cast<std::uint64_t>(x);
+      const std::array<float, 4> normal = noisy ? base::normal_variates(key, index) : std::array<float, 4>{};
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float exposed = factor * light(x, y)[c];
+        values(x, y)[c] = response.value(noisy ? with_noise(exposed, normal[c], formation) : exposed);
+      }
+    }
+  });
+  if (formation.sharpening > 0.0) sharpen(values, formation.sharpening, formation.sharpening_radius_px);
+  return rounded(values);
+}
+
+imaging::PhotometricCalibration photometric_calibration(const ImageFormation& formation, int width, int height) {
+  imaging::PhotometricCalibration calibration;
+  for (std::size_t i = 0; i < calibration.inverse_response.size(); ++i) {
+    const auto value = static_cast<double>(i);
+    const double light = formation.gamma > 0.0 ? std::pow(value / 255.0, formation.gamma) : srgb_decode(value);
+    calibration.inverse_response[i] = static_cast<float>(255.0 * light);
+  }
+  calibration.vignette = make_vignette(formation, width, height);
+  return calibration;
+}
+
+}  // namespace tileflight::render

@@ -1,0 +1,45 @@
+#include "tileflight/render/linear_color.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tileflight/base/srgb.h"
+
+namespace tileflight::render {
+
+double srgb_encode(double linear) { return 255.0 * base::srgb_from_linear(std::clamp(linear, 0.0, 1.0)); }
+
+double srgb_decode(double encoded) { return base::linear_from_srgb(std::clamp(encoded / 255.0, 0.0, 1.0)); }
+
+const SrgbTables& SrgbTables::get() {
+  static const SrgbTables tables;
+  return tables;
+}
+
+SrgbTables::SrgbTables() {
+  for (int i = 0; i <= 256; ++i) linear_[i] = static_cast<float>(srgb_decode(std::min(i, 255)));
+  for (int i = 0; i <= kSteps + 1; ++i) {
+    const double root = static_cast<double>(i) / kSteps;
+    encoded_[i] = static_cast<float>(srgb_encode(root * root));
+  }
+}
+
+float SrgbTables::decode(float encoded) const {
+  const float clamped = std::clamp(encoded, 0.0F, 255.0F);
+  const int below = static_cast<int>(clamped);
+  return linear_[below] + (clamped - static_cast<float>(below)) * (linear_[below + 1] - linear_[below]);
+}
+
+float SrgbTables::encode(float linear) const {
+  const float position = std::sqrt(std::clamp(linear, 0.0F, 1.0F)) * static_cast<float>(kSteps);
+  const int below = static_cast<int>(position);
+  return encoded_[below] + (position - static_cast<float>(below)) * (encoded_[below + 1] - encoded_[below]);
+}
+
+imaging::Rgb8 SrgbTables::encode(const LinearRgb& light) const {
+  imaging::Rgb8 pixel;
+  for (int i = 0; i < 3; ++i) pixel[i] = static_cast<std::uint8_t>(encode(light[i]) + 0.5F);
+  return pixel;
+}
+
+}  // namespace tileflight::render

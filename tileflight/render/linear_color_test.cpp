@@ -1,0 +1,37 @@
+#include "tileflight/render/linear_color.h"
+
+#include <gtest/gtest.h>
+
+namespace tileflight::render {
+namespace {
+
+TEST(LinearColor, CurveHasItsPublishedPoints) {
+  EXPECT_DOUBLE_EQ(srgb_encode(0.0), 0.0);
+  EXPECT_NEAR(srgb_encode(1.0), 255.0, 1e-9);
+  EXPECT_NEAR(srgb_encode(0.18), 117.6, 0.2);  // middle grey
+  EXPECT_NEAR(srgb_decode(188.0), 0.5029, 1e-3);
+  for (int value = 0; value <= 255; ++value) EXPECT_NEAR(srgb_encode(srgb_decode(value)), value, 1e-3);
+}
+
+TEST(LinearColor, TablesFollowTheCurve) {
+  const SrgbTables& tables = SrgbTables::get();
+  for (int i = 0; i <= 20000; ++i) {
+    const double light = i / 20000.0;
+    EXPECT_NEAR(tables.encode(static_cast<float>(light)), srgb_encode(light), 0.005) << light;
+  }
+  for (int value = 0; value <= 255; ++value) {
+    EXPECT_FLOAT_EQ(tables.decode(static_cast<std::uint8_t>(value)), static_cast<float>(srgb_decode(value)));
+    EXPECT_FLOAT_EQ(tables.decode(static_cast<float>(value)), static_cast<float>(srgb_decode(value)));
+    const float light = tables.decode(static_cast<std::uint8_t>(value));
+    EXPECT_EQ(tables.encode(LinearRgb{light, light, light})[0], value);
+  }
+}
+
+TEST(LinearColor, OutOfRangeIsClamped) {
+  const SrgbTables& tables = SrgbTables::get();
+  EXPECT_EQ(tables.encode(LinearRgb{-1.0F, 2.0F, 1.0F}), (imaging::Rgb8{0, 255, 255}));
+  EXPECT_FLOAT_EQ(tables.decode(300.0F), 1.0F);
+}
+
+}  // namespace
+}  // namespace tileflight::render

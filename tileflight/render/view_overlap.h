@@ -1,0 +1,33 @@
+#pragma once
+
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+#include "tileflight/imaging/camera.h"
+#include "tileflight/scene/scene.h"
+
+namespace tileflight::render {
+
+/// Overlap of two views: of the rays of both that hit a surface, the fraction whose surface point is also visible in
+/// the other view (within its image and its lens's valid cone, not occluded). 1: both see the same; 0: nothing in
+/// common, or no surface at all. Symmetric. Rays form an even grid of pixels.
+class ViewOverlap {
+ public:
+  /// `grid`: rays along the longer side of an image. The scene must outlive it. Throws InputError if `grid` is below 2.
+  ViewOverlap(const scene::Scene& scene, const imaging::Camera& a, const imaging::Camera& b, int grid = 48);
+
+  double operator()(const geometry::SE3& T_local_a, const geometry::SE3& T_local_b) const;
+
+ private:
+  struct View {
+    imaging::Camera camera;
+    std::vector<geometry::Vec3> rays;  ///< unit, camera frame
+  };
+  static View view_of(const imaging::Camera& camera, int grid);
+  bool sees(const View& view, const geometry::SE3& T_local_camera, const geometry::Vec3& point) const;
+
+  const scene::Scene& scene_;
+  View a_, b_;
+};
+
+}  // namespace tileflight::render

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "tileflight/alignment/align_map.h"
+#include "tileflight/base/progress.h"
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/scoring/map_inputs.h"
+
+namespace tileflight::scoring {
+
+/// Aligns a map to ground truth: trajectory to positions by Umeyama if both are known (gps.csv, else true poses), then
+/// ICP. `target` is a folder written by extract(), or a point cloud. With a folder, `to_surface` is the same alignment
+/// refined against the triangles. Returns the content of transform.json and writes it to `out`. Throws InputError.
+nlohmann::json align(const MapInputs& map, const std::filesystem::path& target,
+                     const alignment::AlignMapOptions& options, const std::filesystem::path& out,
+                     const Progress& progress = {});
+
+}  // namespace tileflight::scoring

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tileflight/base/doubt.h"
+#include "tileflight/scoring/map_inputs.h"
+
+namespace tileflight::scoring {
+
+/// Reads the key `doubts` of a JSON file; empty if the file or the key is missing. Throws InputError.
+Doubts read_doubts(const std::filesystem::path& json_file);
+
+/// Doubts about a map before scoring: those of its odometry.json (its own doubts; tracking lost, frames without a
+/// pose), and for external programs without odometry.json the completeness of the path.
+Doubts odometry_doubts(const MapInputs& map);
+
+/// Doubts about the ground truth: missing or coarse tiles (extract.json).
+Doubts truth_doubts(const nlohmann::json& extract_json);
+
+/// Doubts about the images: warnings of `render` or `ingest` (dataset.yaml).
+Doubts dataset_doubts(const std::filesystem::path& dataset_folder);
+
+/// Appends doubts that are not yet in the list (compared by what and where).
+void append_distinct(Doubts& doubts, const Doubts& more);
+
+/// Prefixes each `where` with a flight's name, e.g. "real/odometry".
+Doubts prefix_with_flight(Doubts doubts, const std::string& flight);
+
+}  // namespace tileflight::scoring

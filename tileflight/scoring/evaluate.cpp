@@ -1,0 +1,342 @@
+#include "tileflight/scoring/evaluate.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "tileflight/alignment/normals.h"
+#include "tileflight/alignment/pose_alignment.h"
+#include "tileflight/alignment/region_list.h"
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/evaluation/distances.h"
+#include "tileflight/evaluation/evaluate.h"
+#include "tileflight/evaluation/metrics.h"
+#include "tileflight/evaluation/metrics_file.h"
+#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/morton_order.h"
+#include "tileflight/geometry/nearest.h"
+#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/surface_samples.h"
+#include "tileflight/imaging/camera.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/place/truth_region.h"
+#include "tileflight/scoring/doubts.h"
+
+namespace tileflight::scoring {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+/// Number of poses used to compute visibility: neighbouring frames see nearly the same.
+constexpr std::size_t kVisibilityPoses = 200;
+
+geometry::Trajectory subsample_poses(const geometry::Trajectory& trajectory) {
+  const std::size_t step = std::max<std::size_t>(1, trajectory.size() / kVisibilityPoses);
+  geometry::Trajectory result;
+  for (std::size_t i = 0; i < trajectory.size(); i += step) result.poses.push_back(trajectory.poses[i]);
+  return result;
+}
+
+/// The true poses if known, else the estimated ones, in the local frame.
+geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_local_map) {
+  if (!map.truth_trajectory.empty()) return geometry::read_tum(map.truth_trajectory);
+  if (!map.trajectory.empty()) return geometry::transformed(T_local_map, geometry::read_tum(map.trajectory));
+  return {};
+}
+
+/// The triangles that intersect the box, with all vertices.
+geometry::TriangleMesh crop_to_box(const geometry::TriangleMesh& mesh, const geometry::Box3& box) {
+  geometry::TriangleMesh part{mesh.vertices, {}};
+  for (const geometry::Triangle& t : mesh.triangles) {
+    geometry::Box3 around;
+    for (const std::uint32_t corner : t) around.extend(mesh.vertices[corner]);
+    if (box.intersects(around)) part.triangles.push_back(t);
+  }
+  return part;
+}
+
+/// Evenly distributed samples of the true surface that the flight's camera saw; all samples if camera or poses are
+/// unknown. Only the part of a large place within the camera's range is sampled and used for occlusion.
+geometry::PointCloud sample_seen_surface(const MapInputs& map, const geometry::TriangleMesh& mesh,
+                                         const place::TruthRegion& region, const geometry::Sim3& T_local_map,
+                                         double per_m2) {
+  const geometry::Trajectory poses = subsample_poses(local_poses(map, T_local_map));
+  if (map.camera.empty() || poses.empty())
+    return place::crop_to_region(ground_truth::sample_surface(mesh, region.box, per_m2), region);
+  const geometry::Box3 reach = ground_truth::view_range_bounds(poses);
+  const geometry::PointCloud samples =
+      place::crop_to_region(ground_truth::sample_surface_near(mesh, region.box, reach, per_m2), region);
+  imaging::TexturedMesh in_reach{.mesh = crop_to_box(mesh, reach)};
+  if (in_reach.mesh.triangles.empty()) return {};
+  const scene::Scene scene({std::move(in_reach)}, geometry::bounds(mesh).center());
+  const imaging::Camera camera = imaging::read_calibration(map.camera).camera;
+  return geometry::filter_points(samples, ground_truth::compute_visibility(scene, samples, poses, camera));
+}
+
+/// Estimated and true poses, if known.
+struct TrajectoryPair {
+  geometry::Trajectory estimate, truth;
+  bool has_both() const { return !estimate.empty() && !truth.empty(); }
+};
+
+TrajectoryPair read_poses(const MapInputs& map) {
+  TrajectoryPair poses;
+  if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
+  if (!map.truth_trajectory.empty()) poses.truth = geometry::read_tum(map.truth_trajectory);
+  return poses;
+}
+
+/// map to local for distances to voxel centres: `published` if align() stored it (the paper's last step), else the
+/// transform itself.
+geometry::Sim3 published_transform(const fs::path& transform_file) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  if (all.is_object() && all.contains("published")) {
+    return alignment::alignment_from_json(all["published"], transform_file.string() + ": published").T_target_source;
+  }
+  return alignment::read_transform(transform_file).T_target_source;
+}
+
+/// map to local for distances to the exact surface: `to_surface` if align() stored it, else the transform itself.
+geometry::Sim3 surface_transform(const fs::path& transform_file) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  if (all.is_object() && all.contains("to_surface")) {
+    return alignment::alignment_from_json(all["to_surface"], transform_file.string() + ": to_surface").T_target_source;
+  }
+  return alignment::read_transform(transform_file).T_target_source;
+}
+
+std::optional<double> number_of(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? std::optional(found->get<double>()) : std::nullopt;
+}
+
+/// Standard deviation of the aligned points due to noise, if the transform file states it.
+std::optional<double> alignment_sigma_m(const fs::path& transform_file) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  for (const char* place : {"/to_surface/uncertainty/rms_motion_sigma", "/uncertainty/rms_motion_sigma"}) {
+    const json::json_pointer pointer(place);
+    if (all.is_object() && all.contains(pointer) && all.at(pointer).is_number()) return all.at(pointer).get<double>();
+  }
+  return {};
+}
+
+/// RMS distance between the map's points as aligned and the points placed by the similarity that best fits the path's
+/// poses, including rotations, to the true ones.
+std::optional<double> distance_to_true_poses_m(const TrajectoryPair& poses, const geometry::Sim3& T_local_map,
+                                               const geometry::PointCloud& cloud) {
+  constexpr double kSameTime_s = 0.01;
+  std::vector<geometry::SE3> estimated, known;
+  for (const auto& [e, t] : geometry::associate(poses.estimate, poses.truth, kSameTime_s)) {
+    estimated.push_back(poses.estimate.poses[e].T_local_camera);
+    known.push_back(poses.truth.poses[t].T_local_camera);
+  }
+  if (estimated.size() < 3) return {};
+  const geometry::Sim3 T_true_map = alignment::fit_poses(estimated, known);
+  double squares = 0.0;
+  for (const geometry::Vec3& p : cloud.positions) squares += (T_local_map * p - T_true_map * p).squaredNorm();
+  return std::sqrt(squares / static_cast<double>(cloud.size()));
+}
+
+/// Drops everything but positions and normals.
+geometry::PointCloud positions_and_normals(const geometry::PointCloud& cloud) {
+  return {cloud.positions, cloud.normals, {}, {}};
+}
+
+/// The map's own normals, else normals estimated from neighbourhoods, at all points or at evenly chosen ones of a large
+/// map. `points`: index of the map's points.
+evaluation::NormalConsistency evaluate_normals(const geometry::PointCloud& map, const geometry::NearestIndex& points,
+                                               const geometry::TriangleMesh& surface,
+                                               const geometry::TriangleIndex& index, double within_m) {
+  constexpr std::size_t kNeighbors = 16, kMostPoints = 200000;
+  const bool own = !map.normals.empty();
+  const std::vector<std::uint32_t> chosen = geometry::sample_evenly(map.positions, kMostPoints);
+  geometry::PointCloud asked;
+  asked.positions.resize(chosen.size());
+  asked.normals.resize(chosen.size());
+  tbb::parallel_for(std::size_t{0}, chosen.size(), [&](std::size_t k) {
+    const geometry::Vec3& p = asked.positions[k] = map.positions[chosen[k]];
+    asked.normals[k] =
+        own ? map.normals[chosen[k]] : alignment::estimate_normal(map.positions, points, p, kNeighbors).cast<float>();
+  });
+  evaluation::NormalConsistency result =
+      evaluation::normal_consistency(asked, surface, index, within_m, own ? 0 : kNeighbors);
+  result.points = map.size();
+  return result;
+}
+
+/// Scores of the regions used for the alignment and of those held out, if transform.json lists any.
+std::optional<evaluation::RegionScores> evaluate_regions(const fs::path& transform_file,
+                                                         const geometry::PointCloud& on_surface,
+                                                         const std::vector<double>& surface_m) {
+  const json all = json::parse(base::read_text(transform_file), nullptr, false);
+  if (!all.is_object() || !all.contains("regions")) return std::nullopt;
+  const alignment::RegionList regions = alignment::regions_from_json(all["regions"], transform_file.string());
+  return evaluation::score_regions(on_surface.positions, surface_m, regions.aligned_on, regions.held_out);
+}
+
+/// Writes the samples that the camera saw, each with its distance to the map, beside metrics.json.
+void write_seen_surface(const fs::path& metrics_json, geometry::PointCloud seen, const std::vector<double>& seen_m) {
+  seen.scalars["map_distance"] = {seen_m.begin(), seen_m.end()};
+  geometry::write_cloud(seen_surface_file(metrics_json), seen);
+}
+
+/// Quantization floor measured by `extract` on its surface samples. nullopt for a folder of an older version, or if the
+/// cut-off is within its distances.
+std::optional<evaluation::DistanceStatistics> recorded_floor(const json& extract_json, double cutoff_m) {
+  const json floor = extract_json.value("quantization_floor", json());
+  if (!floor.is_object() || !floor.contains("max") || !(floor["max"].get<double>() <= cutoff_m)) return std::nullopt;
+  return evaluation::DistanceStatistics{floor.at("count"), floor.at("mean"), floor.at("std"), floor.at("median"),
+                                        floor.at("rmse")};
+}
+
+/// A ground truth folder and its metadata.
+struct TruthFolder {
+  fs::path folder;
+  json extract_json;  ///< extract.json
+  place::TruthRegion region;
+  ground_truth::GroundTruth parts;
+};
+
+TruthFolder read_truth(const fs::path& folder) {
+  json about = place::read_extract_json(folder);
+  const place::TruthRegion region = place::region_from_json(about);
+  return {folder, std::move(about), region, ground_truth::read_ground_truth(folder)};
+}
+
+/// The map's points over the region. Outside it there is no reference surface: such points count as map points, but not
+/// as errors.
+struct RegionPart {
+  std::vector<bool> is_over;  ///< for all of the map's points
+  geometry::PointCloud points;
+  std::vector<double> surface_m;  ///< of `points`
+};
+
+/// `surface_m`: for all points. Throws InputError if no point is over the region.
+RegionPart select_over_region(geometry::PointCloud on_surface, const std::vector<double>& surface_m,
+                              const TruthFolder& truth, const MapInputs& map) {
+  RegionPart part{.is_over = std::vector<bool>(on_surface.size())};
+  for (std::size_t i = 0; i < on_surface.size(); ++i) {
+    part.is_over[i] = truth.region.contains_horizontally(on_surface.positions[i]);
+    if (part.is_over[i]) part.surface_m.push_back(surface_m[i]);
+  }
+  if (part.surface_m.empty()) {
+    throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.string() +
+                                           ": the alignment is wrong, or map and truth are of different places");
+  }
+  const bool all = part.surface_m.size() == on_surface.size();
+  part.points = all ? std::move(on_surface) : geometry::filter_points(on_surface, part.is_over);
+  return part;
+}
+
+/// Scores without a surface: the paper's metric, the path, and the map's entropy. The cloud, in the map's frame, is
+/// moved into the score's errors; `index` becomes the index of its aligned points.
+evaluation::MapEvaluation score_without_surface(geometry::PointCloud cloud, const geometry::Sim3& T_local_map,
+                                                const TruthFolder& truth, const TrajectoryPair& poses,
+                                                const EvaluationSettings& settings, const Progress& progress,
+                                                std::optional<geometry::NearestIndex>& index) {
+  const auto floor = recorded_floor(truth.extract_json, settings.cutoff_m);
+  const geometry::PointCloud samples =
+      floor ? geometry::PointCloud() : ground_truth::read_surface_samples(truth.folder);
+  evaluation::MapEvaluation score =
+      evaluation::evaluate(geometry::transformed(T_local_map, std::move(cloud)),
+                           {.voxel_centers = &truth.parts.voxel_centers,
+                            .surface_samples = &samples,
+                            .estimate = poses.has_both() ? &poses.estimate : nullptr,
+                            .truth = poses.has_both() ? &poses.truth : nullptr,
+                            .floor = floor},
+                           {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
+  index.emplace(score.errors.aligned_map.positions);
+  score.metrics.entropy =
+      evaluation::map_entropy(score.errors.aligned_map, *index, {.radius_m = settings.entropy_radius_m});
+  return score;
+}
+
+/// All doubts about the scores: those of the map, its transform, the truth and the images, and those that the scores
+/// show.
+Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::path& transform_file,
+                    const evaluation::Metrics& metrics) {
+  Doubts doubts = read_doubts(transform_file);
+  append_distinct(doubts, odometry_doubts(map));
+  append_distinct(doubts, truth_doubts(about_truth));
+  append_distinct(doubts, dataset_doubts(map.dataset));
+  if (!metrics.surface) {
+    doubts.push_back({"the ground truth has no exact surface: distances to its cells' centres have a floor of " +
+                          std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
+                          " m, which hides what good maps differ in",
+                      "truth", "possible", "extract from meshes, or with smaller cells"});
+  }
+  constexpr double kFewNear = 0.5;
+  if (metrics.surface) {
+    const auto& accuracy = metrics.surface->accuracy;
+    if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
+      doubts.push_back({"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
+                            " % of the map's points over the region lie within " +
+                            std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
+                        "evaluation", "likely",
+                        "look at the map over the truth in the report: a wrong transform, or another place"});
+    }
+  }
+  return doubts;
+}
+
+}  // namespace
+
+fs::path seen_surface_file(const fs::path& metrics_json) { return metrics_json.parent_path() / "seen.ply"; }
+
+nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
+                        const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
+  geometry::PointCloud cloud = read_map(map.map);
+  const geometry::Sim3 T_published_map = published_transform(transform_file);
+  const geometry::Sim3 T_surface_map = surface_transform(transform_file);
+  const TruthFolder truth = read_truth(truth_folder);
+  const TrajectoryPair poses = read_poses(map);
+  const std::optional<double> path_m = distance_to_true_poses_m(poses, T_surface_map, cloud);
+  geometry::PointCloud on_surface = geometry::transformed(T_surface_map, positions_and_normals(cloud));
+
+  std::optional<geometry::NearestIndex> index;
+  evaluation::MapEvaluation score =
+      score_without_surface(std::move(cloud), T_published_map, truth, poses, settings, progress, index);
+  evaluation::Metrics& metrics = score.metrics;
+  // A truth of points alone has cells but no surface.
+  if (const geometry::TriangleMesh& mesh = truth.parts.mesh; !mesh.triangles.empty()) {
+    const geometry::TriangleIndex triangles(mesh);
+    score.errors.surface_m = evaluation::surface_distances(on_surface, triangles);
+    metrics.regions = evaluate_regions(transform_file, on_surface, score.errors.surface_m);
+    RegionPart part = select_over_region(std::move(on_surface), score.errors.surface_m, truth, map);
+    if (part.points.positions != score.errors.aligned_map.positions) index.emplace(part.points.positions);
+
+    const geometry::PointCloud seen =
+        sample_seen_surface(map, mesh, truth.region, T_surface_map, settings.completeness_samples_per_m2);
+    std::vector<double> seen_m;
+    if (!seen.empty()) seen_m = evaluation::cloud_distances(seen, *index, "surface samples");
+    metrics.surface = evaluation::score_surface(part.surface_m, seen_m, settings.thresholds_m);
+    metrics.surface->normals = evaluate_normals(part.points, *index, mesh, triangles, settings.cutoff_m);
+    metrics.error_budget =
+        evaluation::error_budget({.floor_rmse_m = metrics.map.quantization_floor.rmse,
+                                  .geometric_error_m = number_of(truth.extract_json, "geometric_error_max"),
+                                  .alignment_sigma_m = alignment_sigma_m(transform_file),
+                                  .rms_to_true_poses_m = path_m,
+                                  .surface_m = part.surface_m,
+                                  .within_m = settings.cutoff_m});
+    score.errors.over_region = std::move(part.is_over);
+    write_seen_surface(out, seen, seen_m);
+  }
+  metrics.doubts = score_doubts(map, truth.extract_json, transform_file, metrics);
+  evaluation::write_metrics(out, metrics, std::move(score.errors));
+  return evaluation::to_json(metrics);
+}
+
+evaluation::SeenSurface read_seen_surface(const fs::path& seen_ply) {
+  geometry::PointCloud cloud = geometry::read_cloud(seen_ply);
+  const auto distances = cloud.scalars.find("map_distance");
+  if (distances == cloud.scalars.end()) throw InputError(seen_ply.string(), "has no property 'map_distance'");
+  return {std::move(cloud.positions), {distances->second.begin(), distances->second.end()}};
+}
+
+}  // namespace tileflight::scoring

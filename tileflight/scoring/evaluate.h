@@ -1,0 +1,26 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/base/progress.h"
+#include "tileflight/evaluation/missed_places.h"
+#include "tileflight/scoring/evaluation_settings.h"
+#include "tileflight/scoring/map_inputs.h"
+
+namespace tileflight::scoring {
+
+/// The file in which evaluate() stores the samples of the true surface seen by the flight's camera, with the scalar
+/// `map_distance`: distance to the nearest map point over the region, metres.
+std::filesystem::path seen_surface_file(const std::filesystem::path& metrics_json);
+
+/// Scores an aligned map against a folder written by extract(). Writes metrics.json to `out`, and beside it the aligned
+/// map with its distances (errors.ply) and seen_surface_file(). Returns the content of metrics.json. Throws InputError.
+nlohmann::json evaluate(const MapInputs& map, const std::filesystem::path& truth,
+                        const std::filesystem::path& transform, const EvaluationSettings& settings,
+                        const std::filesystem::path& out, const Progress& progress = {});
+
+/// Reads the samples of seen_surface_file() with their distances to the map. Throws InputError.
+evaluation::SeenSurface read_seen_surface(const std::filesystem::path& seen_ply);
+
+}  // namespace tileflight::scoring

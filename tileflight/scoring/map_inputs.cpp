@@ -1,0 +1,33 @@
+#include "tileflight/scoring/map_inputs.h"
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/geometry/cloud_files.h"
+
+namespace tileflight::scoring {
+namespace fs = std::filesystem;
+
+MapInputs find_map_inputs(const fs::path& map, const fs::path& dataset_folder) {
+  const auto if_there = [](const fs::path& file) { return fs::exists(file) ? file : fs::path(); };
+  MapInputs inputs{.map = map};
+  if (fs::is_directory(map)) inputs.trajectory = if_there(map / "trajectory.txt");
+  if (dataset_folder.empty()) return inputs;
+  if (!fs::is_directory(dataset_folder)) throw InputError(dataset_folder.string(), "no such dataset folder");
+  inputs.truth_trajectory = if_there(dataset_folder / "groundtruth.txt");
+  inputs.gps = if_there(dataset_folder / "gps.csv");
+  inputs.attitude = if_there(dataset_folder / "attitude.csv");
+  inputs.camera = if_there(dataset_folder / "camera.yaml");
+  inputs.dataset = dataset_folder;
+  return inputs;
+}
+
+geometry::PointCloud read_map(const fs::path& map) {
+  const fs::path file = fs::is_directory(map) ? map / "map.ply" : map;
+  if (fs::is_directory(map) && !fs::exists(file))
+    throw InputError(map.string(),
+                     "holds no map.ply; name a folder that `odometry` wrote, or a cloud (.ply, .pcd, .xyz)");
+  geometry::PointCloud cloud = geometry::read_cloud(file);
+  if (cloud.empty()) throw InputError(file.string(), "the map has no points; there is nothing to score");
+  return cloud;
+}
+
+}  // namespace tileflight::scoring

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <type_traits>
+
+namespace tileflight::server {
+
+/// Replaces SimulatorCaller in tests of messages: has every method with its types, and returns default values.
+struct NullSimulatorCaller {
+  template <auto Method, class Result, class... Arguments>
+  Result call(Arguments&&...) const {
+    if constexpr (!std::is_void_v<Result>) return Result{};
+  }
+};
+
+}  // namespace tileflight::server

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tileflight/imaging/textured_mesh.h"
+
+namespace tileflight::simplification {
+
+inline constexpr std::uint32_t kInvalidIndex = std::numeric_limits<std::uint32_t>::max();
+
+/// A corner of a face: zero-based indices of its position and texture coordinates (kInvalidIndex: none).
+struct FaceCorner {
+  std::uint32_t position = 0;
+  std::uint32_t uv = kInvalidIndex;
+};
+
+/// All triangles of one material.
+struct FaceGroup {
+  std::string material;  ///< empty: unnamed
+  std::vector<std::array<FaceCorner, 3>> triangles;
+};
+
+/// Faces as in OBJ and PLY files: corners with separate indices of position and texture coordinates. All indices are
+/// valid.
+struct IndexedFaces {
+  std::vector<geometry::Vec3> positions;     ///< finite; in the file's units and axes
+  std::vector<std::array<float, 3>> colors;  ///< one a position, sRGB, 0..1; or empty
+  std::vector<Eigen::Vector2f> uv;           ///< finite; v points up
+  std::vector<FaceGroup> groups;             ///< in order of first use
+};
+
+/// Merges positions and texture coordinates into vertices: each distinct pair in a group becomes one vertex, in order
+/// of first use. One instance serves all groups.
+class VertexDeduplicator {
+ public:
+  /// `faces` must outlive this object.
+  explicit VertexDeduplicator(const IndexedFaces& faces)
+      : faces_(faces), newest_(faces.positions.size(), kInvalidIndex) {}
+
+  /// The triangles of a group whose corners all have texture coordinates (`with_uv`), or those where one lacks them;
+  /// the latter with vertex colours (linear) if the file has them, without texture. v still points up.
+  imaging::TexturedMesh build_mesh(const FaceGroup& group, bool with_uv);
+
+ private:
+  std::uint32_t vertex(const FaceCorner& corner, imaging::TexturedMesh& out);
+
+  const IndexedFaces& faces_;
+  std::vector<std::uint32_t> newest_;  ///< for each position: the last vertex created from it
+  std::vector<std::uint32_t> older_;   ///< for each vertex: the previous one at its position
+  std::vector<FaceCorner> vertices_;
+};
+
+/// Adds a face of any number of corners to a group, triangulated. Fewer than three corners add nothing.
+void add_face(const std::vector<FaceCorner>& corners, const std::vector<geometry::Vec3>& positions, FaceGroup& group);
+
+}  // namespace tileflight::simplification

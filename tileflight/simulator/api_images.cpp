@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/simulator/camera_settings.h"
+#include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/png_rgba.h"
+#include "tileflight/simulator/simulator_impl.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+
+constexpr std::size_t kMaxRequests = 256;
+constexpr double kMaxPixels = 64e6;  // per call
+
+ImageType to_image_type(int image_type) {
+  if (image_type < 0 || image_type >= kImageTypeCount)
+    throw InputError("image type " + std::to_string(image_type), "is not known: 0 (Scene) to 9 (OpticalFlowVis)");
+  return static_cast<ImageType>(image_type);
+}
+
+/// Equal for images that are rendered from the same rays.
+std::vector<double> make_render_key(const CameraView& shot, const std::string& camera) {
+  std::vector<double> key = lens_key(shot.lens);
+  const SE3& T = shot.T_local_camera;
+  key.insert(key.end(), T.translation.data(), T.translation.data() + 3);
+  key.insert(key.end(), T.rotation.coeffs().data(), T.rotation.coeffs().data() + 4);
+  for (const char c : camera) key.push_back(c);  // optical flow differs between cameras
+  return key;
+}
+
+std::vector<std::uint8_t> bgr_bytes(const imaging::RgbImage& image) {
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(image.pixels.size() * 3);
+  for (const imaging::Rgb8& p : image.pixels) bytes.insert(bytes.end(), {p[2], p[1], p[0]});
+  return bytes;
+}
+
+ImageResponse make_response(const PlannedImage& picture, const RenderLayers& layers, const std::vector<int>& ids) {
+  ImageResponse response;
+  response.camera_name = picture.request.camera_name;
+  response.camera_position = picture.pose.position;
+  response.camera_orientation = picture.pose.orientation;
+  response.pixels_as_float = picture.request.pixels_as_float;
+  response.compress = picture.request.compress;
+  response.width = picture.view.lens.width();
+  response.height = picture.view.lens.height();
+  response.image_type = picture.request.image_type;
+  if (response.pixels_as_float) {
+    response.image_data_float = to_float_pixels(picture.type, layers, picture.view.lens, ids);
+    return response;
+  }
+  const imaging::RgbImage image = to_colour_pixels(picture.type, layers, picture.view.lens, ids);
+  response.image_data_uint8 = response.compress ? encode_png_rgba(image) : bgr_bytes(image);
+  return response;
+}
+
+std::string missing_tiles_message(const ResidentScene& place) {
+  if (place.loaded().tiles_failed == 0) return {};
+  return std::to_string(place.loaded().tiles_failed) + " tiles could not be read: parts of the place may be missing";
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+}  // namespace
+
+/// Requires the mutex.
+PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
+                                           bool external) const {
+  if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 pictures in a call");
+  PlannedImages planned;
+  planned.time_ns = clock.time_ns();
+  planned.viewpoints = viewpoints();
+  const Vec3 origin = ned_origin(vehicle_name, external);
+  double pixels = 0.0;
+  for (const ImageRequest& request : requests) {
+    PlannedImage picture{request, to_image_type(request.image_type), {}, {}, {}};
+    const SimCamera& taken = camera(request.camera_name, vehicle_name, external);
+    const SE3 T_ned = T_ned_camera(taken, vehicle_name, external);
+    picture.pose = to_airsim(SE3(T_ned.rotation, T_ned.translation - origin));
+    picture.view.lens = taken.lens(request.image_type);
+    picture.view.T_local_camera = T_local_ned * T_ned * T_frd_optical();
+    const std::string owner = (external ? std::string("/") : slot(vehicle_name).vehicle->name() + "/") + taken.name();
+    if (const auto last = last_camera_poses.find(owner); last != last_camera_poses.end())
+      picture.view.T_local_previous = last->second;
+    planned.camera_poses.insert_or_assign(owner, picture.view.T_local_camera);
+    picture.key = make_render_key(picture.view, owner);
+    pixels += static_cast<double>(picture.view.lens.width()) * picture.view.lens.height();
+    planned.images.push_back(std::move(picture));
+  }
+  if (pixels > kMaxPixels) throw InputError("simGetImages", "more than 64 million pixels in a call");
+  return planned;
+}
+
+/// Requires the mutex.
+void Simulator::Impl::remember_camera_poses(const PlannedImages& planned) {
+  for (const auto& [owner, T_local_camera] : planned.camera_poses)
+    last_camera_poses.insert_or_assign(owner, T_local_camera);
+}
+
+/// Runs without the mutex. Images with the same rays are rendered once.
+std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& planned) {
+  const auto start = std::chrono::steady_clock::now();
+  const std::shared_ptr<const ResidentScene> place = working_set.load_for(planned.viewpoints);
+  std::vector<int> object_ids;
+  std::vector<ImageResponse> responses(planned.images.size());
+  std::vector<bool> done(planned.images.size(), false);
+  for (std::size_t i = 0; i < planned.images.size(); ++i) {
+    if (done[i]) continue;
+    std::vector<std::size_t> together;
+    LayerSelection wanted;
+    for (std::size_t k = i; k < planned.images.size(); ++k) {
+      if (planned.images[k].key != planned.images[i].key) continue;
+      together.push_back(k);
+      wanted.add(planned.images[k].type);
+    }
+    if (wanted.objects && object_ids.empty()) object_ids = segmentation_ids_by_object(*place, segmentation_ids);
+    const RenderLayers layers = renderer.render(place, planned.images[i].view, wanted);
+    for (const std::size_t k : together) {
+      responses[k] = make_response(planned.images[k], layers, object_ids);
+      responses[k].time_stamp = planned.time_ns;
+      responses[k].message = missing_tiles_message(*place);
+      done[k] = true;
+    }
+  }
+  images += responses.size();
+  const double seconds = seconds_since(start);
+  last_image_seconds = seconds;
+  image_seconds += seconds;
+  return responses;
+}
+
+std::vector<ImageResponse> Simulator::sim_get_images(const std::vector<ImageRequest>& requests,
+                                                     const std::string& vehicle, bool external) {
+  PlannedImages planned;
+  {
+    const std::lock_guard lock(impl_->state_mutex);
+    planned = impl_->plan_images(requests, vehicle, external);
+    impl_->remember_camera_poses(planned);
+  }
+  return impl_->render_images(planned);
+}
+
+std::vector<std::uint8_t> Simulator::sim_get_image(const std::string& camera, int image_type,
+                                                   const std::string& vehicle, bool external) {
+  return sim_get_images({{camera, image_type, false, true}}, vehicle, external).front().image_data_uint8;
+}
+
+/// A flying vehicle is placed as well, and stays there until its next command.
+void Simulator::sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle) {
+  const std::lock_guard lock(impl_->state_mutex);
+  SimVehicle& craft = *impl_->slot(vehicle).vehicle;
+  const SE3& before = craft.state().T_ned_body;
+  const SE3 own(before.rotation, before.translation - craft.start_ned());
+  SE3 wanted = merge_pose(pose, own, "simSetVehiclePose");
+  wanted.translation += craft.start_ned();
+  if (ignore_collision) {
+    craft.teleport({wanted});
+  } else {
+    craft.sweep_to(wanted, impl_->clock.time_s());
+  }
+  impl_->clock.wake();
+}
+
+Pose Simulator::sim_get_vehicle_pose(const std::string& vehicle) const {
+  const std::lock_guard lock(impl_->state_mutex);
+  const SimVehicle& craft = *impl_->slot(vehicle).vehicle;
+  const SE3& T = craft.state().T_ned_body;
+  return to_airsim(SE3(T.rotation, T.translation - craft.start_ned()));
+}
+
+CameraInfo Simulator::sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const {
+  const std::lock_guard lock(impl_->state_mutex);
+  const SimCamera& wanted = impl_->camera(camera, vehicle, external);
+  SE3 T = impl_->T_ned_camera(wanted, vehicle, external);
+  T.translation -= impl_->ned_origin(vehicle, external);
+  return wanted.info(T);
+}
+
+void Simulator::sim_set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle,
+                                    bool external) {
+  const std::lock_guard lock(impl_->state_mutex);
+  SimCamera& wanted = impl_->camera(camera, vehicle, external);
+  wanted.set_pose(merge_pose(pose, wanted.T_body_camera(), "simSetCameraPose"));
+}
+
+void Simulator::sim_set_camera_fov(const std::string& camera, float fov_degrees, const std::string& vehicle,
+                                   bool external) {
+  const std::lock_guard lock(impl_->state_mutex);
+  impl_->camera(camera, vehicle, external).set_fov(fov_degrees);
+}
+
+std::vector<float> Simulator::sim_get_distortion_params(const std::string& camera, const std::string& vehicle,
+                                                        bool external) const {
+  const std::lock_guard lock(impl_->state_mutex);
+  const auto& k = impl_->camera(camera, vehicle, external).distortion();
+  return {k.begin(), k.end()};
+}
+
+void Simulator::sim_set_distortion_param(const std::string& camera, const std::string& name, float value,
+                                         const std::string& vehicle, bool external) {
+  const std::lock_guard lock(impl_->state_mutex);
+  impl_->camera(camera, vehicle, external).set_distortion(name, value);
+}
+
+void Simulator::tf_set_lens(const std::string& camera, const LensDescription& lens, const std::string& vehicle,
+                            bool external) {
+  const std::lock_guard lock(impl_->state_mutex);
+  impl_->camera(camera, vehicle, external).set_lens(lens);
+}
+
+}  // namespace tileflight::simulator

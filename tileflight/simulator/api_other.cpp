@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/simulator_impl.h"
+
+namespace tileflight::simulator {
+namespace {
+
+constexpr std::size_t kMaxVehicles = 64;
+constexpr std::size_t kMaxNameLength = 100;
+
+constexpr const char* kNoManualControl =
+    "there are no sticks and no motors of one's own; use moveByVelocity or moveByAngleRatesThrottle";
+constexpr const char* kBakedLight =
+    "light and shadows are those of the tiles' pictures; tileflight render lights flights by sun and sky";
+constexpr const char* kBakedTextures = "tiles look as their pictures do; simSetSegmentationObjectID marks objects";
+
+/// Why an AirSim call is not supported, and the alternative.
+std::string unsupported_reason(const std::string& call) {
+  static const std::map<std::string, std::string> kReasons{
+      {"simSpawnObject",
+       "objects cannot be put into tiles; add them to the mesh, tile it (tileflight tile) and serve that"},
+      {"simLoadLevel", "the place is the one that the server was started with; start another server on another port"},
+      {"simSetTimeOfDay", kBakedLight},
+      {"simSetLightIntensity", kBakedLight},
+      {"simEnableWeather", "there is no weather; tileflight render adds haze to pictures, simSetWind moves vehicles"},
+      {"simSetWeatherParameter",
+       "there is no weather; tileflight render adds haze to pictures, simSetWind moves vehicles"},
+      {"simSetObjectMaterial", kBakedTextures},
+      {"simSetObjectMaterialFromTexture", kBakedTextures},
+      {"simSwapTextures", kBakedTextures},
+      {"simSetExtForce", "forces from outside are not simulated; simSetWind moves vehicles"},
+      {"moveByRC", kNoManualControl},
+      {"moveByManual", kNoManualControl},
+      {"moveByMotorPWMs", kNoManualControl},
+      {"setSafety", "there is no safety evaluation; tfGroundTruth and getDistanceSensorData tell what is in the way"},
+  };
+  if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
+  if (call.find("Car") != std::string::npos)
+    return "there are no cars; SimMode is Multirotor or ComputerVision in the settings";
+  return "cameras have no focus, aperture or film; simSetCameraFov and tfSetLens set their lenses";
+}
+
+}  // namespace
+
+void Simulator::refuse(const std::string& name) const {
+  throw std::runtime_error(name.substr(0, kMaxNameLength) + " is not served here: " + unsupported_reason(name));
+}
+
+void Simulator::accept_without_effect(const std::string& name) {
+  impl_->log_line(name.substr(0, kMaxNameLength) + ": accepted, without effect");
+}
+
+bool Simulator::sim_run_console_command(const std::string& /*command*/) { return false; }
+
+void Simulator::sim_print_log_message(const std::string& message, const std::string& parameter, int severity) {
+  constexpr std::size_t kLongest = 500;
+  std::string line = message.substr(0, kLongest) + " " + parameter.substr(0, kLongest);
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+  }
+  impl_->log_line("client (" + std::to_string(severity) + "): " + line);
+}
+
+bool Simulator::sim_add_vehicle(const std::string& name, const std::string& type, const Pose& pose,
+                                const std::string& /*pawn_path*/) {
+  const bool flies = type == "SimpleFlight" || type == "simpleflight";
+  if (!flies && type != "ComputerVision" && type != "computervision")
+    throw InputError("simAddVehicle",
+                     "the type '" + type.substr(0, kMaxNameLength) + "' is neither SimpleFlight nor ComputerVision");
+  if (flies == impl_->settings.computer_vision) return false;  // as AirSim: vehicles of the other mode are rejected
+  if (name.empty() || name.size() > kMaxNameLength) throw InputError("simAddVehicle", "the name is empty or too long");
+  VehicleSettings vehicle = default_vehicle(name, flies, impl_->settings.camera_defaults);
+  vehicle.start_ned = checked_position(pose.position, "simAddVehicle");
+  vehicle.R_ned_body = checked_rotation(pose.orientation, "simAddVehicle");
+  const geometry::SE3 home = impl_->find_home_pose(vehicle);
+  const std::lock_guard lock(impl_->state_mutex);
+  if (impl_->vehicles.size() >= kMaxVehicles) throw InputError("simAddVehicle", "there are 64 vehicles already");
+  const bool known =
+      std::ranges::any_of(impl_->vehicles, [&](const auto& one) { return one->vehicle->name() == name; });
+  if (known) return false;
+  impl_->add_vehicle(std::move(vehicle), home);
+  return true;
+}
+
+}  // namespace tileflight::simulator

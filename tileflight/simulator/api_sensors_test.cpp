@@ -1,0 +1,154 @@
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tileflight/simulator/frames.h"
+#include "tileflight/simulator/test_world.h"
+
+namespace tileflight::simulator {
+namespace {
+
+using namespace test_world;
+using std::numbers::pi;
+
+/// Ten readings a sensor kind, whatever the mode.
+constexpr const char* kSensors = R"("Sensors": {
+  "imu": {"SensorType": 2, "Enabled": true}, "gps": {"SensorType": 3, "Enabled": true},
+  "barometer": {"SensorType": 1, "Enabled": true}, "magnetometer": {"SensorType": 4, "Enabled": true},
+  "down": {"SensorType": 5, "Enabled": true, "Pitch": -90, "X": 0, "Y": 0, "Z": 0, "NoiseSigma": 0, "MaxDistance": 25},
+  "local": {"SensorType": 6, "Enabled": true, "NumberOfChannels": 8, "PointsPerSecond": 28800, "VerticalFOVUpper": 10,
+            "VerticalFOVLower": -25, "DataFrame": "SensorLocalFrame", "X": 0.5, "Y": 0, "Z": 0},
+  "world": {"SensorType": 6, "Enabled": true, "NumberOfChannels": 8, "PointsPerSecond": 28800, "VerticalFOVUpper": 10,
+            "VerticalFOVLower": -25, "X": 0.5, "Y": 0, "Z": 0}})";
+
+std::unique_ptr<Simulator> seeing() {
+  return simulator(R"({"SimMode": "ComputerVision", "StepOnDemand": true,
+    "OriginGeopoint": {"Latitude": -0.2, "Longitude": -78.5, "Altitude": 2800}, "Vehicles": {"Eye": {)" +
+                   std::string(kSensors) + "}}}");
+}
+
+TEST(Sensing, AnImuAtRestFeelsGravityUpwards) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");
+  const ImuData imu = world->get_imu_data("", "");
+  EXPECT_NEAR(imu.linear_acceleration.z_val, -9.80665, 0.5);
+  EXPECT_NEAR(imu.linear_acceleration.x_val, 0.0, 0.5);
+  EXPECT_NEAR(imu.angular_velocity.x_val, 0.0, 0.02);
+  EXPECT_NEAR(imu.orientation.z_val, std::sin(pi / 4), 1e-6);
+}
+
+TEST(Sensing, PlaceAndPressureAreThoseOfTheOrigin) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(100, 0, -10), true, "");
+  const GpsData gps = world->get_gps_data("", "");
+  EXPECT_TRUE(gps.is_valid);
+  EXPECT_EQ(gps.gnss.fix_type, 3);
+  constexpr double kMeridianRadius_m = 6335439.3;  // of WGS84 at the equator, a (1 - e^2)
+  EXPECT_NEAR(gps.gnss.geo_point.latitude, -0.2 + 100.0 / (kMeridianRadius_m + 2810.0) * 180 / pi, 3e-8);
+  EXPECT_NEAR(gps.gnss.geo_point.longitude, -78.5, 1e-9);
+  EXPECT_NEAR(gps.gnss.geo_point.altitude, 2810.0, 0.01);
+  EXPECT_NEAR(world->get_barometer_data("", "").altitude, 2810.0, 40.0) << "its factor may be 0.2 % off";
+  EXPECT_NEAR(world->sim_get_ground_truth_environment("").air_pressure, 71800.0, 300.0);
+  EXPECT_NEAR(world->get_home_geo_point("").latitude, -0.2, 1e-9);
+  const GeodeticPose own = world->tf_geodetic_pose("");
+  EXPECT_NEAR(own.altitude, 2810.0, 0.01);
+  EXPECT_NEAR(own.heading, 0.0, 1e-4);
+}
+
+TEST(Sensing, TheMagnetometerTurnsWithTheBody) {
+  const auto world = seeing();
+  const Vector3r north = world->get_magnetometer_data("", "").magnetic_field_body;
+  world->sim_set_vehicle_pose(pose(0, 0, 0, pi / 2), true, "");
+  const Vector3r east = world->get_magnetometer_data("", "").magnetic_field_body;
+  EXPECT_GT(north.x_val, 0.2) << "the field points north in Quito";
+  EXPECT_NEAR(east.y_val, -north.x_val, 0.05);
+  EXPECT_NEAR(east.x_val, north.y_val, 0.05);
+}
+
+TEST(Sensing, TheDistanceSensorMeasuresTheHeight) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(0, 0, -12.5F), true, "");
+  const DistanceSensorData data = world->get_distance_sensor_data("down", "");
+  EXPECT_NEAR(data.distance, 12.5, 1e-4);
+  EXPECT_FLOAT_EQ(data.max_distance, 25.0F);
+  world->sim_set_vehicle_pose(pose(0, 0, -80), true, "");
+  EXPECT_FLOAT_EQ(world->get_distance_sensor_data("down", "").distance, 25.0F) << "out of reach";
+}
+
+TEST(Sensing, EveryPointOfAScanLiesOnASurfaceAndInBothFramesItIsTheSame) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
+  const LidarData own = world->get_lidar_data("local", ""), all = world->get_lidar_data("world", "");
+  ASSERT_EQ(own.point_cloud.size(), all.point_cloud.size());
+  ASSERT_EQ(own.segmentation.size() * 3, own.point_cloud.size());
+  EXPECT_GT(own.segmentation.size(), 1000U) << "of 2880 rays";
+  const geometry::SE3 T(to_quaternion(own.pose.orientation), to_vec3(own.pose.position));
+  std::size_t on_wall = 0;
+  for (std::size_t i = 0; i + 2 < all.point_cloud.size(); i += 3) {
+    const geometry::Vec3 p(all.point_cloud[i], all.point_cloud[i + 1], all.point_cloud[i + 2]);
+    const double off = std::min({std::abs(p.x() - kWallNorth_m), std::abs(p.y() - kWallEast_m), std::abs(p.z()),
+                                 std::abs(p.y() - 25.0), std::abs(p.x() - 15.0)});
+    EXPECT_LT(off, 2e-4);
+    on_wall += std::abs(p.x() - kWallNorth_m) < 2e-4 ? 1 : 0;
+    const geometry::Vec3 moved = T * geometry::Vec3(own.point_cloud[i], own.point_cloud[i + 1], own.point_cloud[i + 2]);
+    EXPECT_LT((moved - p).norm(), 1e-3);
+  }
+  EXPECT_GT(on_wall, 100U);
+}
+
+TEST(Sensing, AScansRingsRiseAndItsFirstColumnIsAhead) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(0, 0, -6), true, "");
+  const LidarScanData scan = world->tf_lidar_scan("local", "");
+  ASSERT_EQ(scan.ring.size() * 3, scan.point_cloud.size());
+  ASSERT_EQ(scan.intensity.size(), scan.ring.size());
+  for (std::size_t i = 0; i < scan.ring.size(); ++i) {
+    const geometry::Vec3 p(scan.point_cloud[3 * i], scan.point_cloud[3 * i + 1], scan.point_cloud[3 * i + 2]);
+    const double elevation_deg = std::atan2(-p.z(), p.head<2>().norm()) * 180 / pi;
+    EXPECT_NEAR(elevation_deg, -25.0 + 5.0 * scan.ring[i], 1e-2);
+    EXPECT_GE(scan.intensity[i], 0.0F);
+    EXPECT_LE(scan.intensity[i], 1.0F);
+    if (scan.time_offset[i] == 0.0F) {
+      EXPECT_NEAR(p.y(), 0.0, 1e-4);
+    }
+    const double azimuth = std::fmod(std::atan2(p.y(), p.x()) + 2 * pi, 2 * pi);
+    if (azimuth < 6.0) {
+      EXPECT_NEAR(scan.time_offset[i], 0.1 * azimuth / (2 * pi), 1e-4) << "clockwise, ten turns a second";
+    }
+  }
+}
+
+TEST(Sensing, InFlightTheGpsIsLateAndTheImuFeelsTheThrust) {
+  const auto world = simulator(kMultirotor);
+  EXPECT_TRUE(world->get_gps_data("", "").is_valid);
+  world->enable_api_control(true, "");
+  world->arm_disarm(true, "");
+  world->takeoff(20, "");
+  EXPECT_NEAR(world->get_imu_data("", "").linear_acceleration.z_val, -9.8, 1.5);
+  const MultirotorState now = world->get_multirotor_state("");
+  const GpsData gps = world->get_gps_data("", "");
+  EXPECT_EQ(gps.gnss.fix_type, 3);
+  EXPECT_NEAR(static_cast<double>(now.timestamp - gps.time_stamp), 0.2e9, 0.025e9);
+}
+
+TEST(Sensing, SensorsThatAreNotThereAreNamed) {
+  const auto world = simulator(kComputerVision);
+  EXPECT_THROW(world->get_imu_data("", ""), std::runtime_error);
+  EXPECT_THROW(world->get_lidar_data("nope", ""), std::runtime_error);
+}
+
+TEST(Sensing, LinesOfSightEndAtWalls) {
+  const auto world = seeing();
+  world->sim_set_vehicle_pose(pose(0, 0, -5), true, "");
+  const GeoPoint here = world->tf_geodetic_pose("").geo_point;
+  world->sim_set_vehicle_pose(pose(15, 0, -5), true, "");
+  EXPECT_TRUE(world->sim_test_line_of_sight_to_point(here, ""));
+  const GeoPoint before = world->tf_geodetic_pose("").geo_point;
+  world->sim_set_vehicle_pose(pose(40, 0, -5), true, "");
+  EXPECT_FALSE(world->sim_test_line_of_sight_to_point(here, "")) << "behind the wall";
+  EXPECT_TRUE(world->sim_test_line_of_sight_between_points(here, before));
+}
+
+}  // namespace
+}  // namespace tileflight::simulator

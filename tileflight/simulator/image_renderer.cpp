@@ -1,0 +1,288 @@
+#include "tileflight/simulator/image_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <type_traits>
+#include <variant>
+
+namespace tileflight::simulator {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+using imaging::Camera;
+using imaging::Rgb8;
+
+constexpr std::size_t kMaxRenderers = 24;
+constexpr double kMaxCachedPixels = 48e6;  // 12 bytes per pixel
+constexpr float kDepthVisRange_m = 100.0F;
+constexpr double kFlowVisRange_px = 32.0;
+
+/// Horizontal focal length, for disparity; for lenses without one, pixels per radian at the image centre.
+double focal_px(const Camera& lens) {
+  return std::visit([](const auto& model) { return model.fx; }, lens.model());
+}
+
+std::array<float, 3> facing_normal(const render::SurfacePoint& point, const Vec3& ray_local) {
+  Vec3 normal(point.normal_local[0], point.normal_local[1], point.normal_local[2]);
+  const double length = normal.norm();
+  if (length <= 0.0) return {};
+  normal *= (normal.dot(ray_local) > 0.0 ? -1.0 : 1.0) / length;
+  return {static_cast<float>(normal.x()), static_cast<float>(normal.y()), static_cast<float>(normal.z())};
+}
+
+RenderLayers empty_layers(int width, int height, const LayerSelection& wanted) {
+  RenderLayers layers;
+  if (wanted.depth) layers.depth_m = {width, height, kSkyDistance_m};
+  if (wanted.range) layers.range_m = {width, height, kSkyDistance_m};
+  if (wanted.normals) layers.normals_local = {width, height};
+  if (wanted.objects) layers.objects = {width, height};
+  if (wanted.flow) layers.flow_px = {width, height};
+  return layers;
+}
+
+/// Writes the layers of one ray's hit.
+class LayerWriter {
+ public:
+  LayerWriter(const ResidentScene& place, const CameraView& shot, const LayerSelection& wanted, RenderLayers& layers)
+      : place_(place), view_(shot), wanted_(wanted), layers_(layers) {
+    if (shot.T_local_previous) T_previous_local_ = shot.T_local_previous->inverse();
+  }
+
+  void operator()(const render::SurfacePoint& point) const {
+    if (!point.hit) return;
+    const Vec3 ray(point.ray_camera[0], point.ray_camera[1], point.ray_camera[2]);
+    if (wanted_.depth) layers_.depth_m(point.x, point.y) = point.distance_m * point.ray_camera[2];
+    if (wanted_.range) layers_.range_m(point.x, point.y) = point.distance_m;
+    if (wanted_.objects) layers_.objects(point.x, point.y) = 1 + place_.objects().index_of(point.mesh, point.triangle);
+    if (!wanted_.normals && !wanted_.flow) return;
+    const Vec3 ray_local = view_.T_local_camera.rotation * ray;
+    if (wanted_.normals) layers_.normals_local(point.x, point.y) = facing_normal(point, ray_local);
+    if (wanted_.flow && view_.T_local_previous) {
+      write_flow(point, view_.T_local_camera.translation + point.distance_m * ray_local);
+    }
+  }
+
+ private:
+  void write_flow(const render::SurfacePoint& point, const Vec3& surface_local) const {
+    const auto before = view_.lens.project(T_previous_local_ * surface_local);
+    if (!before) return;
+    layers_.flow_px(point.x, point.y) = {static_cast<float>(point.x - before->x()),
+                                         static_cast<float>(point.y - before->y())};
+  }
+
+  const ResidentScene& place_;
+  const CameraView& view_;
+  const LayerSelection& wanted_;
+  RenderLayers& layers_;
+  SE3 T_previous_local_;
+};
+
+std::uint8_t to_byte(double share) { return static_cast<std::uint8_t>(std::clamp(share, 0.0, 1.0) * 255.0 + 0.5); }
+
+Rgb8 grey(double share) {
+  const std::uint8_t value = to_byte(share);
+  return {value, value, value};
+}
+
+/// Unreal's colours of world normals: x north, y east, z up, each from -1 to 1.
+Rgb8 normal_colour(const std::array<float, 3>& enu) {
+  if (enu == std::array<float, 3>{}) return {};
+  return {to_byte(0.5 + 0.5 * enu[1]), to_byte(0.5 + 0.5 * enu[0]), to_byte(0.5 + 0.5 * enu[2])};
+}
+
+std::uint8_t flow_byte(float pixels) {
+  return static_cast<std::uint8_t>(std::clamp(std::lround(pixels) + 128L, 0L, 255L));
+}
+
+/// Direction as hue, magnitude as brightness.
+Rgb8 flow_colour(const std::array<float, 2>& flow) {
+  const double sixths = (std::atan2(flow[1], flow[0]) / std::numbers::pi + 1.0) * 3.0;
+  const double value = std::hypot(flow[0], flow[1]) / kFlowVisRange_px;
+  const auto channel = [&](double offset) {
+    const double k = std::fmod(offset + sixths, 6.0);
+    return to_byte(value * (1.0 - std::clamp(std::min(k, 4.0 - k), 0.0, 1.0)));
+  };
+  return {channel(5.0), channel(3.0), channel(1.0)};
+}
+
+double disparity(float depth_m, const Camera& lens) {
+  return depth_m > 0.0F && depth_m < kSkyDistance_m ? focal_px(lens) * kStereoBaseline_m / depth_m / lens.width() : 0.0;
+}
+
+/// Applies a function to the pixels of a layer.
+template <class Out, class Pixel, class Function>
+std::vector<Out> transform_pixels(const imaging::Image<Pixel>& layer, const Function& of) {
+  std::vector<Out> out(layer.pixels.size());
+  std::ranges::transform(layer.pixels, out.begin(), of);
+  return out;
+}
+
+int palette_index(int id) { return std::clamp(id, 0, 255); }  // -1: hidden
+
+}  // namespace
+
+void LayerSelection::add(ImageType type) {
+  switch (type) {
+    case ImageType::kScene:
+      rgb = true;
+      break;
+    case ImageType::kDepthPlanar:
+    case ImageType::kDepthVis:
+    case ImageType::kDisparityNormalized:
+      depth = true;
+      break;
+    case ImageType::kDepthPerspective:
+      range = true;
+      break;
+    case ImageType::kSegmentation:
+    case ImageType::kInfrared:
+      objects = true;
+      break;
+    case ImageType::kSurfaceNormals:
+      normals = true;
+      break;
+    case ImageType::kOpticalFlow:
+    case ImageType::kOpticalFlowVis:
+      flow = true;
+      break;
+  }
+}
+
+std::vector<double> lens_key(const Camera& lens) {
+  std::vector<double> key{static_cast<double>(lens.model().index()), static_cast<double>(lens.width()),
+                          static_cast<double>(lens.height())};
+  std::visit(
+      [&](const auto& model) {
+        // All lens models consist of doubles only.
+        using Model = std::decay_t<decltype(model)>;
+        static_assert(std::is_trivially_copyable_v<Model> && sizeof(Model) % sizeof(double) == 0);
+        const auto* numbers = reinterpret_cast<const double*>(&model);
+        key.insert(key.end(), numbers, numbers + sizeof(Model) / sizeof(double));
+      },
+      lens.model());
+  return key;
+}
+
+std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
+    const std::shared_ptr<const ResidentScene>& place, const Camera& lens) {
+  std::vector<double> key = lens_key(lens);
+  {
+    const std::lock_guard lock(mutex_);
+    const auto at = std::ranges::find_if(
+        cache_, [&](const CachedRenderer& kept) { return kept.place == place && kept.lens == key; });
+    if (at != cache_.end()) {
+      cache_.splice(cache_.begin(), cache_, at);
+      return at->renderer;
+    }
+  }
+  auto made = std::make_shared<const render::CameraRenderer>(place->scene(), place->appearance(), lens,
+                                                             render::RenderOptions{.depth = false});
+  const std::lock_guard lock(mutex_);
+  std::erase_if(cache_, [&](const CachedRenderer& kept) { return kept.place != place; });
+  cache_.push_front({std::move(key), place, made});
+  double pixels = 0.0;
+  std::size_t count = 0;
+  std::erase_if(cache_, [&](const CachedRenderer& kept) {
+    pixels += static_cast<double>(kept.renderer->camera().width()) * kept.renderer->camera().height();
+    return ++count > 1 && (count > kMaxRenderers || pixels > kMaxCachedPixels);
+  });
+  return made;
+}
+
+RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
+                                   const LayerSelection& wanted) {
+  const auto renderer = this->camera_renderer(place, shot.lens);
+  RenderLayers layers = empty_layers(shot.lens.width(), shot.lens.height(), wanted);
+  if (wanted.rgb) layers.rgb = renderer->render(shot.T_local_camera).rgb;
+  if (wanted.geometry()) {
+    const LayerWriter notes(*place, shot, wanted, layers);
+    renderer->visit_surface(std::span(&shot.T_local_camera, 1), std::cref(notes));
+  }
+  return layers;
+}
+
+std::vector<int> segmentation_ids_by_object(const ResidentScene& place, const SegmentationIds& ids) {
+  std::vector<int> all = ids.lookup(place.object_names());
+  all.insert(all.begin(), 0);
+  return all;
+}
+
+std::vector<float> to_float_pixels(ImageType type, const RenderLayers& layers, const Camera& lens,
+                                   const std::vector<int>& ids) {
+  switch (type) {
+    case ImageType::kScene:
+      return transform_pixels<float>(layers.rgb, [](const Rgb8& p) { return p[0] / 255.0F; });
+    case ImageType::kDepthPlanar:
+      return layers.depth_m.pixels;
+    case ImageType::kDepthPerspective:
+      return layers.range_m.pixels;
+    case ImageType::kDepthVis:
+      return transform_pixels<float>(layers.depth_m,
+                                     [](float d) { return std::clamp(d / kDepthVisRange_m, 0.0F, 1.0F); });
+    case ImageType::kDisparityNormalized:
+      return transform_pixels<float>(layers.depth_m, [&](float d) { return static_cast<float>(disparity(d, lens)); });
+    case ImageType::kSegmentation:
+      return transform_pixels<float>(layers.objects, [&](std::uint32_t object) {
+        return segmentation_palette()[static_cast<std::size_t>(palette_index(ids[object]))][0] / 255.0F;
+      });
+    case ImageType::kInfrared:
+      return transform_pixels<float>(layers.objects,
+                                     [&](std::uint32_t object) { return palette_index(ids[object]) / 255.0F; });
+    case ImageType::kSurfaceNormals:
+      return transform_pixels<float>(layers.normals_local, [](const auto& n) { return normal_colour(n)[0] / 255.0F; });
+    case ImageType::kOpticalFlow:
+      return transform_pixels<float>(layers.flow_px, [](const auto& flow) { return flow[0]; });
+    case ImageType::kOpticalFlowVis:
+      return transform_pixels<float>(layers.flow_px, [](const auto& flow) { return flow_colour(flow)[0] / 255.0F; });
+  }
+  return {};
+}
+
+imaging::RgbImage to_colour_pixels(ImageType type, const RenderLayers& layers, const Camera& lens,
+                                   const std::vector<int>& ids) {
+  imaging::RgbImage image;
+  image.width = lens.width();
+  image.height = lens.height();
+  switch (type) {
+    case ImageType::kScene:
+      return layers.rgb;
+    case ImageType::kDepthPlanar:
+      image.pixels = transform_pixels<Rgb8>(layers.depth_m, [](float d) { return grey(d); });
+      break;
+    case ImageType::kDepthPerspective:
+      image.pixels = transform_pixels<Rgb8>(layers.range_m, [](float d) { return grey(d); });
+      break;
+    case ImageType::kDepthVis:
+      image.pixels = transform_pixels<Rgb8>(layers.depth_m, [](float d) { return grey(d / kDepthVisRange_m); });
+      break;
+    case ImageType::kDisparityNormalized:
+      image.pixels = transform_pixels<Rgb8>(layers.depth_m, [&](float d) { return grey(disparity(d, lens)); });
+      break;
+    case ImageType::kSegmentation:
+      image.pixels = transform_pixels<Rgb8>(layers.objects, [&](std::uint32_t object) {
+        return segmentation_palette()[static_cast<std::size_t>(palette_index(ids[object]))];
+      });
+      break;
+    case ImageType::kInfrared:
+      image.pixels = transform_pixels<Rgb8>(
+          layers.objects, [&](std::uint32_t object) { return grey(palette_index(ids[object]) / 255.0); });
+      break;
+    case ImageType::kSurfaceNormals:
+      image.pixels = transform_pixels<Rgb8>(layers.normals_local, normal_colour);
+      break;
+    case ImageType::kOpticalFlow:
+      image.pixels = transform_pixels<Rgb8>(layers.flow_px, [](const auto& flow) {
+        return Rgb8{flow_byte(flow[0]), flow_byte(flow[1]), 0};
+      });
+      break;
+    case ImageType::kOpticalFlowVis:
+      image.pixels = transform_pixels<Rgb8>(layers.flow_px, flow_colour);
+      break;
+  }
+  return image;
+}
+
+}  // namespace tileflight::simulator

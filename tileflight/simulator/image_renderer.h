@@ -1,0 +1,80 @@
+#pragma once
+
+#include <list>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "tileflight/imaging/camera.h"
+#include "tileflight/render/camera_renderer.h"
+#include "tileflight/simulator/resident_scene.h"
+#include "tileflight/simulator/segmentation_ids.h"
+
+namespace tileflight::simulator {
+
+/// Depth where there is no surface: the largest number that AirSim's depth can hold, metres.
+inline constexpr float kSkyDistance_m = 65504.0F;
+/// Baseline of the virtual stereo pair used for disparity.
+inline constexpr double kStereoBaseline_m = 0.25;
+
+/// A self-contained view to render, independent of the simulator's state.
+struct CameraView {
+  imaging::Camera lens;
+  geometry::SE3 T_local_camera;                   ///< camera axes of images: x right, y down, z forward
+  std::optional<geometry::SE3> T_local_previous;  ///< camera pose of the previous image, for optical flow
+};
+
+/// Results for the pixels' central rays; layers that were not requested are empty.
+struct RenderLayers {
+  imaging::RgbImage rgb;
+  imaging::FloatImage depth_m;                         ///< along the axis; kSkyDistance_m without a surface
+  imaging::FloatImage range_m;                         ///< along the ray
+  imaging::Image<std::array<float, 3>> normals_local;  ///< unit length, of the visible side; zero without a surface
+  imaging::Image<std::uint32_t> objects;               ///< 1 + index into ResidentScene::objects(); 0 without an object
+  imaging::Image<std::array<float, 2>> flow_px;        ///< from the previous image; zero if there is none
+};
+
+/// The layers from which an image of a type is computed.
+struct LayerSelection {
+  bool rgb = false, depth = false, range = false, normals = false, objects = false, flow = false;
+
+  void add(ImageType type);
+  bool geometry() const { return depth || range || normals || objects || flow; }
+};
+
+/// Renders images and caches renderers between them. Thread-safe; several images may be rendered at once.
+class ImageRenderer {
+ public:
+  /// Renders the requested layers: one pass over the pixels for colour, one for all geometric layers.
+  RenderLayers render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
+                      const LayerSelection& wanted);
+  /// The renderer for a lens.
+  std::shared_ptr<const render::CameraRenderer> camera_renderer(const std::shared_ptr<const ResidentScene>& place,
+                                                                const imaging::Camera& lens);
+
+ private:
+  struct CachedRenderer {
+    std::vector<double> lens;  ///< lens_key()
+    std::shared_ptr<const ResidentScene> place;
+    std::shared_ptr<const render::CameraRenderer> renderer;
+  };
+
+  std::mutex mutex_;
+  std::list<CachedRenderer> cache_;  ///< most recently used first
+};
+
+/// All parameters of a lens: equal lenses have equal keys.
+std::vector<double> lens_key(const imaging::Camera& lens);
+
+/// Segmentation id of each value of RenderLayers::objects; index 0 is "no object".
+std::vector<int> segmentation_ids_by_object(const ResidentScene& place, const SegmentationIds& ids);
+
+/// Converts to one number per pixel, top row first (AirSim's red channel).
+std::vector<float> to_float_pixels(ImageType type, const RenderLayers& layers, const imaging::Camera& lens,
+                                   const std::vector<int>& ids);
+/// Converts to colours.
+imaging::RgbImage to_colour_pixels(ImageType type, const RenderLayers& layers, const imaging::Camera& lens,
+                                   const std::vector<int>& ids);
+
+}  // namespace tileflight::simulator

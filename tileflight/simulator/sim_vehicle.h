@@ -1,0 +1,103 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/simulator/settings.h"
+#include "tileflight/simulator/sim_camera.h"
+#include "tileflight/vehicle/vehicle.h"
+
+namespace tileflight::simulator {
+
+/// Pose and velocities of a vehicle, global NED.
+struct VehicleState {
+  geometry::SE3 T_ned_body;  ///< body x forward, y right, z down
+  geometry::Vec3 velocity_m_s = geometry::Vec3::Zero();
+  geometry::Vec3 angular_velocity_rad_s = geometry::Vec3::Zero();  ///< body axes
+  geometry::Vec3 acceleration_m_s2 = geometry::Vec3::Zero();       ///< without gravity
+  geometry::Vec3 angular_acceleration_rad_s2 = geometry::Vec3::Zero();
+};
+
+/// The latest collision of a vehicle.
+struct VehicleCollision {
+  bool unread = false;  ///< not read by a client since
+  double time_s = 0.0;  ///< simulation time
+  geometry::Vec3 point_ned = geometry::Vec3::Zero();
+  geometry::Vec3 normal_ned = geometry::Vec3::Zero();
+  geometry::Vec3 position_ned = geometry::Vec3::Zero();
+  double depth_m = 0.0;
+};
+
+/// A simulated vehicle: flown by vehicle::Vehicle after the first command, or kept where it is placed. Not thread-safe:
+/// part of the simulator's state.
+class SimVehicle {
+ public:
+  /// `T_local_ned`: pose of NED in the scene. `obstacles`: of the scene, in its local frame.
+  SimVehicle(VehicleSettings settings, const geometry::SE3& T_local_ned, vehicle::ObstacleQuery obstacles,
+             const geometry::Vec3& wind_local_m_s);
+
+  const VehicleSettings& settings() const { return settings_; }
+  const std::string& name() const { return settings_.name; }
+  /// Origin of the vehicle's local NED, in global NED.
+  const geometry::Vec3& start_ned() const { return settings_.start_ned; }
+  /// Start pose, global NED; for flying vehicles above `start_ned` or on the ground there.
+  void set_home(const geometry::SE3& T_ned_body);
+  const geometry::SE3& home() const { return T_ned_home_; }
+  /// Radius of the collision sphere, metres.
+  double radius_m() const { return options_.radius_m; }
+
+  const VehicleState& state() const { return state_; }
+  /// Places the vehicle at rest. It stays there until the next command.
+  void teleport(const VehicleState& state);
+  /// Moves the vehicle towards a pose until it meets an obstacle.
+  void sweep_to(const geometry::SE3& T_ned_body, double time_s);
+
+  /// Starts a command. Throws InputError for a command that cannot be flown.
+  std::shared_ptr<const vehicle::Task> command(const vehicle::Command& command);
+  void cancel();
+  bool busy() const { return task_ && task_->outcome == vehicle::Outcome::kRunning; }
+  /// On the ground with its rotors off.
+  bool landed() const;
+  /// Moved by physics; otherwise it stays where it was placed.
+  bool is_flying() const { return flight_ != nullptr; }
+  double yaw_local_rad() const;  ///< counter-clockwise from east
+  geometry::Vec3 position_local() const { return T_local_ned_ * state_.T_ned_body.translation; }
+  const vehicle::VehicleOptions& options() const { return options_; }
+  /// Zero if it does not fly.
+  vehicle::RotorSpeeds rotor_speeds_rad_s() const;
+  /// Sets the mean wind, also in flight.
+  void set_wind(const geometry::Vec3& wind_local_m_s);
+
+  /// One physics step; `time_s`: simulation time after it.
+  void step(double time_s);
+  /// Returns to the start, disarmed, without API control.
+  void reset();
+
+  VehicleCollision& collision() { return collision_; }
+  const VehicleCollision& collision() const { return collision_; }
+  std::vector<SimCamera>& cameras() { return cameras_; }
+  const std::vector<SimCamera>& cameras() const { return cameras_; }
+
+  bool api_control = false;
+  bool armed = false;
+
+ private:
+  VehicleState simulated_state() const;
+  void record_collision(double time_s);
+
+  VehicleSettings settings_;
+  geometry::SE3 T_local_ned_;
+  vehicle::ObstacleQuery obstacles_;
+  vehicle::VehicleOptions options_;
+  geometry::SE3 T_ned_home_;
+  VehicleState state_;
+  std::unique_ptr<vehicle::Vehicle> flight_;  ///< null: it stays where it was placed
+  std::int64_t collisions_seen_ = 0;
+  std::shared_ptr<const vehicle::Task> task_;
+  VehicleCollision collision_;
+  std::vector<SimCamera> cameras_;
+};
+
+}  // namespace tileflight::simulator

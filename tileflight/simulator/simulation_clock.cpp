@@ -1,0 +1,116 @@
+#include "tileflight/simulator/simulation_clock.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace tileflight::simulator {
+namespace {
+
+/// A larger lag behind the wall clock is not caught up.
+constexpr std::chrono::milliseconds kMaxLag{100};
+constexpr int kMaxStepsWithoutYield = 8;  // steps
+constexpr std::chrono::microseconds kYieldSleep{20};
+/// Start time with StepOnDemand, instead of the wall clock, so that time stamps are reproducible.
+constexpr std::uint64_t kOnDemandStart_ns = 1'000'000'000;
+
+std::uint64_t wall_ns() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
+
+}  // namespace
+
+SimulationClock::SimulationClock(std::mutex& state, const ClockSettings& clock, Hooks hooks)
+    : state_(state),
+      clock_(clock),
+      hooks_(std::move(hooks)),
+      start_ns_(clock.on_demand ? kOnDemandStart_ns : wall_ns()) {}
+
+SimulationClock::~SimulationClock() { stop(); }
+
+void SimulationClock::start() {
+  next_step_ = WallClock::now();
+  thread_ = std::thread([this] { run(); });
+}
+
+void SimulationClock::stop() {
+  {
+    const std::lock_guard lock(state_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  step_done_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void SimulationClock::set_paused(bool paused) {
+  paused_ = paused;
+  run_until_.reset();
+  wake_.notify_all();
+  step_done_.notify_all();
+}
+
+bool SimulationClock::may_step() const {
+  if (run_until_) return true;
+  return !paused_ && (!clock_.on_demand || hooks_.busy());
+}
+
+bool SimulationClock::wait(std::unique_lock<std::mutex>& lock, const std::function<bool()>& done) {
+  wake_.notify_all();
+  step_done_.wait(lock, [&] { return stopping_ || done(); });
+  return done();
+}
+
+void SimulationClock::run_steps(std::unique_lock<std::mutex>& lock, std::int64_t steps) {
+  const std::int64_t until = steps_ + steps;
+  run_until_ = std::max(until, run_until_.value_or(until));
+  wake_.notify_all();
+  step_done_.wait(lock, [&] { return stopping_ || steps_ >= until || !run_until_; });
+}
+
+/// Sleeps until the next step is due by the wall clock; the mutex is released meanwhile.
+void SimulationClock::wait_until_due(std::unique_lock<std::mutex>& lock) {
+  if (clock_.on_demand) return;
+  const auto now = WallClock::now();
+  if (next_step_ < now - kMaxLag) next_step_ = now - kMaxLag;
+  if (next_step_ > now) {
+    wake_.wait_until(lock, next_step_, [&] { return stopping_; });
+    steps_without_rest_ = 0;
+  }
+  next_step_ += std::chrono::duration_cast<WallClock::duration>(std::chrono::duration<double>(kStep_s / clock_.speed));
+}
+
+void SimulationClock::run() {
+  std::unique_lock lock(state_);
+  while (!stopping_) {
+    if (!may_step()) {
+      wake_.wait(lock, [&] { return stopping_ || may_step(); });
+      next_step_ = WallClock::now();
+      continue;
+    }
+    wait_until_due(lock);
+    if (stopping_ || !may_step()) continue;
+    ++steps_;
+    hooks_.step(time_s());
+    const bool last = run_until_ && steps_ >= *run_until_;
+    if (last) {
+      run_until_.reset();
+      paused_ = true;
+    }
+    const double now_s = time_s();
+    lock.unlock();
+    if (hooks_.after_step) hooks_.after_step(now_s);
+    step_done_.notify_all();
+    yield_to_waiters();
+    lock.lock();
+  }
+}
+
+/// Without it, this thread would reacquire the mutex before a thread that it has notified.
+void SimulationClock::yield_to_waiters() {
+  if (++steps_without_rest_ < kMaxStepsWithoutYield) return;
+  steps_without_rest_ = 0;
+  std::this_thread::sleep_for(kYieldSleep);
+}
+
+}  // namespace tileflight::simulator

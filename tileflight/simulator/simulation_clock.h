@@ -1,0 +1,82 @@
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "tileflight/simulator/settings.h"
+
+namespace tileflight::simulator {
+
+/// The simulation's clock. It advances in steps of kStep_s, in step with the wall clock (times ClockSpeed), or on
+/// demand as fast as possible while there is work. Steps run with the mutex held, in the clock's own thread; nothing
+/// else advances time. On a slow machine simulation time runs slower, and no step is skipped.
+class SimulationClock {
+ public:
+  static constexpr double kStep_s = 0.003;  ///< AirSim's
+
+  struct Hooks {
+    std::function<void(double time_s)> step;  ///< advances everything to that time; mutex held
+    std::function<bool()> busy;               ///< whether a task is running; mutex held
+    /// Called after each step without the mutex; time does not advance meanwhile. Optional.
+    std::function<void(double time_s)> after_step;
+  };
+
+  /// `state`: the mutex that guards everything the hooks access, including the clock's own state.
+  SimulationClock(std::mutex& state, const ClockSettings& clock, Hooks hooks);
+  /// Stops.
+  ~SimulationClock();
+  SimulationClock(const SimulationClock&) = delete;
+  SimulationClock& operator=(const SimulationClock&) = delete;
+
+  void start();
+  /// Wakes all waiting threads; no further steps. May be called twice.
+  void stop();
+
+  // The following require the mutex to be held:
+  double time_s() const { return static_cast<double>(steps_) * kStep_s; }
+  std::uint64_t time_ns() const { return start_ns_ + static_cast<std::uint64_t>(steps_) * kStepNs; }
+  bool paused() const { return paused_; }
+  bool stopped() const { return stopping_; }
+  void set_paused(bool paused);
+  /// Notifies the clock of a change: a task has started or ended.
+  void wake() {
+    wake_.notify_all();
+    step_done_.notify_all();
+  }
+  /// Waits until the condition holds or the clock is stopped; the condition is checked after each step. Returns whether
+  /// it holds.
+  bool wait(std::unique_lock<std::mutex>& lock, const std::function<bool()>& done);
+  /// Runs this number of steps, then pauses. Returns when they are done, or the clock is stopped or paused by another
+  /// thread.
+  void run_steps(std::unique_lock<std::mutex>& lock, std::int64_t steps);
+
+ private:
+  using WallClock = std::chrono::steady_clock;
+  static constexpr std::uint64_t kStepNs = 3'000'000;
+
+  void run();
+  bool may_step() const;
+  void wait_until_due(std::unique_lock<std::mutex>& lock);
+  void yield_to_waiters();
+
+  std::mutex& state_;
+  ClockSettings clock_;
+  Hooks hooks_;
+  std::condition_variable wake_;       ///< for the clock's thread
+  std::condition_variable step_done_;  ///< for waiting threads
+  std::int64_t steps_ = 0;
+  std::uint64_t start_ns_ = 0;
+  bool paused_ = false;
+  std::optional<std::int64_t> run_until_;  ///< step number at which to pause
+  bool stopping_ = false;
+  WallClock::time_point next_step_{};
+  int steps_without_rest_ = 0;  ///< used only by the clock's thread
+  std::thread thread_;
+};
+
+}  // namespace tileflight::simulator

@@ -1,0 +1,357 @@
+#include "tileflight/survey/dataset_renderer.h"
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <numeric>
+
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/dataset/attitude_csv.h"
+#include "tileflight/dataset/encode_queue.h"
+#include "tileflight/dataset/video.h"
+#include "tileflight/imaging/photometric.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/place/memory_budget.h"
+#include "tileflight/place/require_surface.h"
+#include "tileflight/place/version.h"
+#include "tileflight/scene/scene.h"
+#include "tileflight/sensors/gnss.h"
+#include "tileflight/survey/flight_faults.h"
+#include "tileflight/survey/frame_output_writer.h"
+#include "tileflight/transport/open_source.h"
+
+namespace tileflight::survey {
+namespace fs = std::filesystem;
+namespace {
+
+/// Simulated receiver positions along the path, if the place is georeferenced.
+std::vector<dataset::GpsFix> simulate_gps(const PlannedFlight& mission,
+                                          const std::optional<geometry::LocalFrame>& frame, std::uint64_t seed) {
+  if (!frame || mission.frames.size() < 2) return {};
+  std::vector<dataset::GpsFix> fixes;
+  const sensors::GnssOptions options =
+      mission.sensor_recorder->suite().gnss.value_or(sensors::GnssOptions{.seed = seed});
+  for (const sensors::GnssFix& fix : sensors::simulate_gnss(mission.frames, options)) {
+    fixes.push_back(
+        {fix.time_s, frame->geodetic_from_local(fix.position), fix.horizontal_sigma_m, fix.vertical_sigma_m});
+  }
+  return fixes;
+}
+
+/// Simulated gimbal measurements of the camera's attitude, if the place is georeferenced.
+std::vector<dataset::CameraAttitude> simulate_camera_attitude(const PlannedFlight& mission,
+                                                              const std::optional<geometry::LocalFrame>& frame,
+                                                              std::uint64_t seed) {
+  if (!frame || mission.frames.size() < 2) return {};
+  const sensors::AttitudeOptions options =
+      mission.sensor_recorder->suite().attitude.value_or(sensors::AttitudeOptions{.seed = seed});
+  const auto times = render::make_sample_times("attitude", mission.frames.poses.front().time_s,
+                                               mission.frames.poses.back().time_s, options.rate_hz);
+  const auto pose_at = [&](double time_s) { return *geometry::interpolate(mission.frames, time_s); };
+  std::vector<dataset::CameraAttitude> attitudes;
+  for (const sensors::AttitudeSample& sample : sensors::simulate_attitude(pose_at, times, options))
+    attitudes.push_back(
+        {sample.time_s, sample.R_local_camera, sensors::tilt_sigma_deg(options), sensors::yaw_sigma_deg(options)});
+  return attitudes;
+}
+
+std::string join(const std::vector<std::string>& lines) {
+  return std::accumulate(lines.begin(), lines.end(), std::string(), [](std::string text, const std::string& line) {
+    return text + (text.empty() ? "" : "; ") + line;
+  });
+}
+
+std::map<std::string, std::string> description(const RenderSettings& settings, const tiles::LoadedTiles& tiles) {
+  return {{"made_by", "tileflight render " + place::version()},
+          {"source", transport::redact_source(settings.source)},
+          {"flight", settings.flight.flight.string()},
+          {"seed", std::to_string(settings.seed)},
+          {"cut_sha256", tiles.cut_hash},
+          {"tiles", std::to_string(tiles.cut_size - tiles.tiles_failed)},
+          {"attribution", join(tiles.attribution)},
+          {"terms_provider", tiles.terms.provider},
+          {"terms_accepted", settings.load.source.terms_accepted ? "true" : "false"}};
+}
+
+/// Frames arrive from several threads in any order; a video needs them in sequence.
+class FrameReorderBuffer {
+ public:
+  explicit FrameReorderBuffer(std::function<void(const imaging::RgbImage&)> take) : sink_(std::move(take)) {}
+
+  void add(std::size_t index, const imaging::RgbImage& image) {
+    const std::lock_guard lock(mutex_);
+    waiting_.emplace(index, image);
+    for (auto next = waiting_.find(next_); next != waiting_.end(); next = waiting_.find(next_)) {
+      sink_(next->second);
+      waiting_.erase(next);
+      ++next_;
+    }
+  }
+
+ private:
+  std::function<void(const imaging::RgbImage&)> sink_;
+  std::mutex mutex_;
+  std::map<std::size_t, imaging::RgbImage> waiting_;
+  std::size_t next_ = 0;
+};
+
+void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
+  for (const std::string& text : from) {
+    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
+  }
+}
+
+void merge_part(const render::FlightRenderReport& report, const tiles::LoadedTiles& tiles, RenderSummary& filmed) {
+  tiles::LoadedTiles& all = filmed.tiles;
+  all.local_frame = tiles.local_frame;
+  all.region = tiles.region;
+  all.terms = tiles.terms;
+  all.cut_hash = tiles.cut_hash;
+  all.cut_size = tiles.cut_size;
+  all.complete = tiles.complete && (filmed.parts == 0 || all.complete);
+  all.tiles_failed = std::max(all.tiles_failed, tiles.tiles_failed);
+  all.triangles = std::max(all.triangles, tiles.triangles);
+  add_distinct(tiles.attribution, all.attribution);
+  add_distinct(tiles.warnings, all.warnings);
+  filmed.exposure_after = report.exposure_after;
+  filmed.seconds += report.seconds;
+  ++filmed.parts;
+}
+
+/// Region of the output `visibility`.
+render::RegionPredicate visibility_region_test(const RenderSettings& settings, const tiles::Region& region) {
+  if (settings.scored) {
+    return [box = *settings.scored](const geometry::Vec3& point) { return box.contains(point); };
+  }
+  const tiles::LoadOptions& load = settings.load;
+  if (!load.center && !load.center_local && !load.size && load.areas.empty()) return {};
+  return [region](const geometry::Vec3& point) {
+    return region.box().contains(point) &&
+           (region.parts.empty() ||
+            std::ranges::any_of(region.parts, [&](const auto& part) { return geometry::contains(part, point); }));
+  };
+}
+
+/// Loads a flight's tiles and renders its frames, in as many parts as the memory limit requires.
+class PartRenderer {
+ public:
+  PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress)
+      : mission_(mission),
+        settings_(settings),
+        progress_(progress),
+        source_(transport::open_source(settings.source, settings.load.source)),
+        load_(settings.load) {
+    load_.uses = {transport::Use::kAnalyse};
+    load_.max_memory_bytes = settings.max_memory_bytes.value_or(place::default_memory_bytes());
+    if (settings.error_px) load_.flight = {flight_view_cones(mission), *settings.error_px, {}};
+  }
+
+  /// Frames of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
+  /// dataset's, for the data of other sensors.
+  RenderSummary run(const fs::path& folder, FrameAssignment& share, const render::FrameSink& sink) {
+    RenderSummary filmed;
+    bool any_surface = false, any_points = false;
+    const std::size_t frames = mission_.frames.size();
+    for (std::size_t begin = 0, count = frames; begin < frames; begin += count) {
+      tiles::LoadedTiles tiles = load(begin, count);
+      if (begin == 0) share.set_cut(tiles.cut_hash);
+      any_surface = any_surface || !tiles.meshes.empty();
+      any_points = any_points || tiles.points > 0;
+      if (count == frames) place::require_surface(tiles.meshes, any_points, transport::redact_source(settings_.source));
+      const scene::Scene scene(place::with_placeholder(std::move(tiles.meshes)), anchor());
+      render::FlightRenderOptions options = mission_.options;
+      options.first_frame = begin;
+      options.end_frame = begin + count;
+      if (tiles.local_frame) options.origin = tiles.local_frame->origin();
+      options.scored_region = visibility_region_test(settings_, tiles.region);
+      options.exposure_before = filmed.exposure_after;
+      if (share.store() != nullptr)
+        options.frame_filter = [&share](std::size_t index) { return share.is_assigned(index); };
+      if (share.is_first_rank()) {
+        mission_.sensor_recorder->record(scene, tiles.local_frame, begin, begin + count, folder);
+      }
+      const auto take = [&](const render::FlightFrame& frame) {
+        sink(frame);
+        share.add(frame);
+      };
+      merge_part(render::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
+                                       take, progress_),
+                 tiles, filmed);
+    }
+    if (!any_surface) place::require_surface({}, any_points, transport::redact_source(settings_.source));
+    return filmed;
+  }
+
+ private:
+  /// The same for all parts of a flight, so that surfaces are bit-identical in each.
+  geometry::Vec3 anchor() const { return mission_.frames.poses[mission_.frames.size() / 2].T_local_camera.translation; }
+
+  /// Loads tiles for `count` frames from `begin` on, halving `count` until they fit.
+  tiles::LoadedTiles load(std::size_t begin, std::size_t& count) {
+    count = std::min(count, mission_.frames.size() - begin);
+    while (true) {
+      if (load_.flight) {
+        const std::size_t eyes_a_frame = load_.flight->view_cones.size() / mission_.frames.size();
+        load_.flight->part = {begin * eyes_a_frame, (begin + count) * eyes_a_frame};
+      }
+      try {
+        return tiles::load_region(*source_, transport::redact_source(settings_.source), load_, progress_);
+      } catch (const tiles::MemoryLimitExceeded&) {
+        if (!load_.flight || count == 1) throw;
+        count = (count + 1) / 2;
+      }
+    }
+  }
+
+  const PlannedFlight& mission_;
+  const RenderSettings& settings_;
+  const Progress& progress_;
+  std::unique_ptr<transport::TileSource> source_;
+  tiles::LoadOptions load_;
+};
+
+/// Writes the inverse of the camera's response, and its vignetting.
+void write_photometric(const PlannedFlight& mission, const fs::path& folder) {
+  const imaging::Camera& camera = mission.calibration.camera;
+  const imaging::PhotometricCalibration calibration =
+      render::photometric_calibration(mission.options.formation, camera.width(), camera.height());
+  imaging::write_pcalib(folder / "pcalib.txt", calibration.inverse_response);
+  if (!calibration.vignette.empty()) imaging::write_vignette(folder / "vignette.png", calibration.vignette);
+}
+
+/// Writes the dataset's metadata.
+void write_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, const RenderSettings& settings,
+                    const RenderSummary& filmed, const std::vector<FrameRecord>& frames) {
+  if (settings.flight.outputs.photometric) write_photometric(mission, writer.temporary_folder());
+  writer.set_groundtruth(mission.frames);
+  const std::vector<dataset::GpsFix> gps = simulate_gps(mission, filmed.tiles.local_frame, settings.seed);
+  if (!gps.empty()) writer.set_gps(gps);
+  const auto attitudes = simulate_camera_attitude(mission, filmed.tiles.local_frame, settings.seed);
+  if (!attitudes.empty()) dataset::write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
+  for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
+  const std::optional<geometry::LocalFrame>& frame = filmed.tiles.local_frame;
+  for (const auto& [key, value] : place::describe_frame(frame ? std::optional(frame->origin()) : std::nullopt))
+    writer.describe(key, value);
+  const auto faults = render::find_flight_faults(frame_checks(frames), 0, mission.options.clearance_m);
+  for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
+  if (const auto& light = mission.options.formation.light)
+    writer.describe("light", describe_sun_position(make_daylight(*light, filmed.tiles.local_frame->origin())->sun()));
+  mission.sensor_recorder->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s,
+                                 writer.temporary_folder());
+  for (const auto& [key, value] : mission.sensor_recorder->description()) writer.describe(key, value);
+  if (!mission.vehicle.is_null()) {
+    base::write_file(writer.temporary_folder() / "vehicle.json", mission.vehicle.dump(2) + "\n");
+  }
+}
+
+double frame_rate(const geometry::Trajectory& frames) {
+  if (frames.size() < 2) return 30.0;
+  return (static_cast<double>(frames.size()) - 1.0) / (frames.poses.back().time_s - frames.poses.front().time_s);
+}
+
+/// Shifts times so that the video starts at 0.
+geometry::Trajectory to_video_clock(geometry::Trajectory frames) {
+  const double start_s = frames.poses.front().time_s;
+  for (geometry::StampedPose& pose : frames.poses) pose.time_s -= start_s;
+  return frames;
+}
+
+/// Adds the video's decoded frames to the dataset.
+void add_video_frames(const fs::path& video, const geometry::Trajectory& frames,
+                      const std::vector<double>& exposures_ms, dataset::DatasetWriter& writer) {
+  dataset::EncodeQueue queue(writer);
+  dataset::read_video(video, {}, [&](std::int64_t index, double, const imaging::RgbImage& image) {
+    const auto i = static_cast<std::size_t>(index);
+    queue.add(i, frames.poses[i].time_s, exposures_ms[i], image);
+    return true;
+  });
+  queue.finish();
+}
+
+}  // namespace
+
+struct DatasetRenderer::Impl {
+  Impl(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out, bool replace,
+       FrameAssignment& share, const Progress& progress)
+      : mission_(mission),
+        settings_(settings),
+        share_(share),
+        part_renderer_(mission_, settings, progress),
+        writer_(out, mission.calibration,
+                {.replace = replace,
+                 .command = "render",
+                 .inputs = render_input_files(settings),
+                 .png = settings.png,
+                 .build_folder = share.build_folder()}),
+        outputs_(writer_.temporary_folder(), settings.flight.outputs, share.segmentation_runs_folder()),
+        reorder_buffer_([this](const imaging::RgbImage& image) { video_->add(image); }) {
+    if (settings.flight.video && share.is_first_rank()) {
+      const imaging::Camera& camera = mission.calibration.camera;
+      video_.emplace(video_file(), camera.width(), camera.height(),
+                     dataset::VideoOptions{.frames_per_second = frame_rate(mission.frames),
+                                           .compression = *settings.flight.video});
+    }
+  }
+
+  /// Renders this process's frames.
+  void render() {
+    summary_ = part_renderer_.run(writer_.temporary_folder(), share_, [&](const render::FlightFrame& frame) {
+      outputs_.add(frame);
+      if (!settings_.flight.video) {
+        writer_.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
+      } else {
+        if (share_.store() != nullptr) share_.store()->add_picture(frame.index, frame.rgb);
+        if (share_.renders_all_frames()) reorder_buffer_.add(frame.index, frame.rgb);
+      }
+    });
+  }
+
+  /// Completes the dataset after every process has rendered its frames; called by the first rank.
+  std::vector<FrameRecord> finish() {
+    const std::vector<FrameRecord> frames = share_.collect_frames();
+    if (settings_.flight.video) apply_video_codec(frames);
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      writer_.add_existing_frame(i, mission_.frames.poses[i].time_s, frames[i].exposure_ms);
+    }
+    outputs_.finish();
+    write_metadata(writer_, mission_, settings_, summary_, frames);
+    writer_.finish();
+    return frames;
+  }
+
+  fs::path video_file() const { return writer_.temporary_folder() / "video.mp4"; }
+  void apply_video_codec(const std::vector<FrameRecord>& frames) {
+    for (std::size_t i = 0; !share_.renders_all_frames() && i < frames.size(); ++i)
+      video_->add(share_.store()->read_picture(i));
+    video_->finish();
+    mission_.frames = to_video_clock(mission_.frames);
+    std::vector<double> exposures_ms;
+    for (const FrameRecord& frame : frames) exposures_ms.push_back(frame.exposure_ms);
+    add_video_frames(video_file(), mission_.frames, exposures_ms, writer_);
+  }
+
+  PlannedFlight mission_;
+  const RenderSettings& settings_;
+  FrameAssignment& share_;
+  PartRenderer part_renderer_;
+  dataset::DatasetWriter writer_;
+  FrameOutputWriter outputs_;
+  std::optional<dataset::VideoWriter> video_;  ///< only on the first rank
+  FrameReorderBuffer reorder_buffer_;
+  RenderSummary summary_;
+};
+
+DatasetRenderer::DatasetRenderer(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
+                                 bool replace, FrameAssignment& share, const Progress& progress)
+    : impl_(std::make_unique<Impl>(mission, settings, out, replace, share, progress)) {}
+
+DatasetRenderer::~DatasetRenderer() = default;
+
+void DatasetRenderer::render() { impl_->render(); }
+
+std::vector<FrameRecord> DatasetRenderer::finish() { return impl_->finish(); }
+
+const RenderSummary& DatasetRenderer::summary() const { return impl_->summary_; }
+
+}  // namespace tileflight::survey

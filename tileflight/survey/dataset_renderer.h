@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "tileflight/render/render_flight.h"
+#include "tileflight/survey/frame_assignment.h"
+#include "tileflight/survey/planned_flight.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::survey {
+
+/// Result of rendering a flight, all its parts together.
+struct RenderSummary {
+  double seconds = 0.0;  ///< rendering time
+  std::optional<render::AutoExposureState> exposure_after;
+  tiles::LoadedTiles tiles;  ///< without their content; triangles: the largest number loaded at once
+  std::int64_t parts = 0;
+};
+
+/// Builds a flight's dataset: this process and others render frames, then the dataset is completed. With a video rate,
+/// the images are encoded to a video and decoded again, as in a recording camera: the dataset contains the decoded
+/// ones.
+class DatasetRenderer {
+ public:
+  /// Settings, frame assignment and progress must outlive it. Throws InputError.
+  DatasetRenderer(const PlannedFlight& mission, const RenderSettings& settings, const std::filesystem::path& out,
+                  bool replace, FrameAssignment& share, const Progress& progress);
+  ~DatasetRenderer();
+
+  /// Loads tiles and renders the frames assigned to this process. Throws InputError.
+  void render();
+  /// Completes the dataset and moves it to its final name, after every process has rendered its frames; called by the
+  /// first rank. Returns the record of each frame. Throws InputError.
+  std::vector<FrameRecord> finish();
+  /// Valid after render().
+  const RenderSummary& summary() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace tileflight::survey

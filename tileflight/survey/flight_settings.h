@@ -1,0 +1,51 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "tileflight/dataset/video.h"
+#include "tileflight/flight/smoothing.h"
+#include "tileflight/render/image_formation.h"
+#include "tileflight/survey/render_outputs.h"
+
+namespace tileflight::survey {
+
+/// Section `render:`: a flight rendered from the place's tiles. Keys: flight | follow, smooth, camera, source,
+/// resolution, samples_per_pixel, max_frames, outputs, degrade.
+struct RenderedFlightConfig {
+  std::filesystem::path flight;  ///< FLIGHT file; empty if another flight is followed
+  bool follows_real = false;     ///< follow: real: uses the estimated path of the second flight, with its lens
+  /// smooth: smoothing of the followed path ("auto", "none", seconds between knots); nullopt: interpolate every pose.
+  std::optional<flight::SmoothingOptions> smoothing = flight::SmoothingOptions{};
+  std::filesystem::path camera;      ///< calibration that replaces the flight's; empty: the flight's
+  std::string source;                ///< another model of the same place; empty: the place's source
+  std::optional<int> width, height;  ///< image size that replaces the camera's; both or neither
+  int samples_per_pixel = 1;
+  std::optional<int> max_frames;
+  RenderOutputs outputs;                          ///< outputs: a list of names, "depth, flow"
+  std::optional<render::ImageFormation> degrade;  ///< imperfections of the second flight's camera
+  std::optional<dataset::VideoCompression>
+      video;  ///< video_crf, video_bitrate: H.264 compression of the frames; nullopt: none
+};
+
+/// Section `ingest:`: a filmed flight. Keys: video, camera, camera_id, telemetry, telemetry_height, takeoff_height,
+/// telemetry_offset, groundtruth, from, to, every, fps.
+struct IngestedFlightConfig {
+  std::filesystem::path video;  ///< video file or folder of images
+  std::filesystem::path camera;
+  std::string
+      camera_id;  ///< which of several cameras in the file: COLMAP's CAMERA_ID, Kalibr's cam0; empty: the only one
+  std::filesystem::path telemetry;           ///< flight_logs::read_telemetry; empty: none
+  std::string telemetry_height;              ///< ellipsoid | sea-level | takeoff; height reference (datum) of the log
+  std::optional<double> takeoff_height_m;    ///< of the take-off point above the ellipsoid, for heights above it
+  std::optional<double> telemetry_offset_s;  ///< added to the log's times; none: estimated during alignment
+  bool estimates_telemetry_offset = false;   ///< telemetry_offset: auto; estimated from the motion seen by both
+  std::filesystem::path groundtruth;         ///< TUM poses for scoring; empty: none
+  double from_s = 0.0;
+  std::optional<double> to_s;
+  int every = 1;
+  std::optional<double> fps;  ///< frame rate of an image folder without times
+};
+
+}  // namespace tileflight::survey

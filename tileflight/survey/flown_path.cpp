@@ -1,0 +1,95 @@
+#include "tileflight/survey/flown_path.h"
+
+#include <algorithm>
+#include <memory>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/scene/scene.h"
+#include "tileflight/transport/open_source.h"
+#include "tileflight/vehicle/vehicle_flight.h"
+
+namespace tileflight::survey {
+namespace {
+
+using geometry::Vec3;
+using nlohmann::json;
+using vehicle::VehicleFlight;
+
+/// Interval of the positions around which tiles are loaded for collisions.
+constexpr double kLookingEvery_s = 0.5;
+
+json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+json vehicle_report(const VehicleFlight& flown) {
+  json report = {{"outcome", vehicle::outcome_text(flown.outcome)},
+                 {"duration_s", flown.path.end_s() - flown.path.start_s()},
+                 {"collisions", flown.collisions}};
+  if (flown.last_collision) {
+    const vehicle::Collision& c = *flown.last_collision;
+    report["last_collision"] = {
+        {"time_s", c.time_s}, {"point", numbers(c.point)}, {"normal", numbers(c.normal)}, {"impact_m_s", c.impact_m_s}};
+  }
+  if (flown.tracking) {
+    report["tracking"] = {{"rms_m", flown.tracking->rms_m},
+                          {"max_m", flown.tracking->max_m},
+                          {"waypoints_m", flown.tracking->nearest_to_waypoints_m}};
+  }
+  for (const vehicle::MissionResult& step : flown.mission) {
+    report["mission"].push_back({{"do", step.name},
+                                 {"outcome", vehicle::outcome_text(step.outcome)},
+                                 {"started_s", step.started_s},
+                                 {"ended_s", step.ended_s}});
+  }
+  return report;
+}
+
+/// View cones in all directions along the path as planned without obstacles.
+std::vector<tiles::ViewCone> surrounding_view_cones(const flight::Path& path, const imaging::Camera& camera) {
+  std::vector<geometry::SE3> poses;
+  for (double time_s = path.start_s(); time_s < path.end_s(); time_s += kLookingEvery_s)
+    poses.push_back(path.pose(time_s));
+  poses.push_back(path.pose(path.end_s()));
+  return tiles::widen_to_all_directions(tiles::view_cones_along(camera, poses));
+}
+
+std::shared_ptr<const scene::Scene> load_obstacle_scene(const vehicle::FlightPlan& plan, const RenderSettings& settings,
+                                                        const imaging::Camera& camera, const Progress& progress) {
+  tiles::LoadOptions load = settings.load;
+  load.uses = {transport::Use::kAnalyse};
+  load.textures = false;
+  if (settings.max_memory_bytes) load.max_memory_bytes = *settings.max_memory_bytes;
+  if (settings.error_px)
+    load.flight = {surrounding_view_cones(vehicle::build_path(plan), camera), *settings.error_px, {}};
+  const auto source = transport::open_source(settings.source, settings.load.source);
+  tiles::LoadedTiles tiles = tiles::load_region(*source, transport::redact_source(settings.source), load, progress);
+  if (tiles.meshes.empty()) return nullptr;
+  return std::make_shared<const scene::Scene>(std::move(tiles.meshes));
+}
+
+vehicle::ObstacleQuery make_obstacle_query(std::shared_ptr<const scene::Scene> place) {
+  if (!place) return {};
+  return [place = std::move(place)](const Vec3& from, const Vec3& to) -> std::optional<vehicle::SurfaceHit> {
+    const double length_m = (to - from).norm();
+    if (length_m <= 0.0) return std::nullopt;
+    const scene::Ray ray{from, (to - from) / length_m};
+    const auto hit = place->intersect(ray, length_m);
+    if (!hit || hit->distance_m > length_m) return std::nullopt;
+    const Vec3 normal = place->normal(*hit);
+    if (normal.squaredNorm() < 0.5) return std::nullopt;  // a triangle without area
+    return vehicle::SurfaceHit{ray.origin + hit->distance_m * ray.direction, normal};
+  };
+}
+
+}  // namespace
+
+FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
+                   const Progress& progress) {
+  if (!plan.vehicle) return {vehicle::build_path(plan), vehicle::frame_poses(plan), nullptr};
+  const bool collides = plan.vehicle->options.collision != vehicle::CollisionPolicy::kOff;
+  const vehicle::ObstacleQuery obstacles =
+      collides ? make_obstacle_query(load_obstacle_scene(plan, settings, camera, progress)) : nullptr;
+  const VehicleFlight flown = vehicle::fly(plan, obstacles);
+  return {flown.path, vehicle::sample_frames(flown.path, plan), vehicle_report(flown)};
+}
+
+}  // namespace tileflight::survey

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "tileflight/flight/path.h"
+#include "tileflight/imaging/camera.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/vehicle/flight_plan.h"
+
+namespace tileflight::survey {
+
+/// A camera's path on a flight.
+struct FlownPath {
+  flight::Path path;
+  geometry::Trajectory frames;  ///< a pose for each image
+  nlohmann::json vehicle;       ///< content of vehicle.json (docs/vehicles.md); null without a vehicle
+};
+
+/// The plan's own path, or the one that its vehicle flies. If collisions are enabled, the tiles around that path (as
+/// planned without obstacles), or of the settings' region, are loaded first and used as obstacles. Throws InputError,
+/// also if a flight ends before its first image.
+FlownPath fly_plan(const vehicle::FlightPlan& plan, const RenderSettings& settings, const imaging::Camera& camera,
+                   const Progress& progress);
+
+}  // namespace tileflight::survey

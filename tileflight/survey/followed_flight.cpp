@@ -1,0 +1,39 @@
+#include "tileflight/survey/followed_flight.h"
+
+#include "tileflight/alignment/transform_file.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/flight/smooth_path.h"
+#include "tileflight/geometry/trajectory.h"
+
+namespace tileflight::survey {
+namespace fs = std::filesystem;
+
+void write_followed_flight(const fs::path& real, const std::optional<flight::SmoothingOptions>& smoothing,
+                           const fs::path& out) {
+  const geometry::Trajectory estimate = geometry::read_tum(real / "odometry/trajectory.txt");
+  if (estimate.size() < 2)
+    throw InputError((real / "odometry/trajectory.txt").string(),
+                     "has fewer than two poses; there is no path to follow");
+  const geometry::Trajectory local =
+      geometry::transformed(alignment::read_transform(real / "transform.json").T_target_source, estimate);
+  const bool is_smoothed = local.size() >= flight::kMinPosesToSmooth;
+  const base::OutputFolder output{.folder = out,
+                                  .command = "run",
+                                  .replace = true,
+                                  .inputs = {real / "odometry", real / "dataset"},
+                                  .legacy = {.key_file = "flight.yaml",
+                                             .key_text = "the other flight",
+                                             .files = {"poses.txt", "camera.yaml", "flight.yaml"}}};
+  base::write_folder(output, [&](const fs::path& folder) {
+    geometry::write_tum(folder / "poses.txt", local);
+    fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");
+    base::write_file(folder / "flight.yaml",
+                     "# The path on which odometry found the other flight, at its pictures' times.\n"
+                     "camera: camera.yaml\ntrajectory: poses.txt\nsmooth: " +
+                         flight::smoothing_text(is_smoothed ? smoothing : std::nullopt) + "\n");
+  });
+}
+
+}  // namespace tileflight::survey

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tileflight/render/render_flight.h"
+#include "tileflight/survey/frame_store.h"
+#include "tileflight/survey/ranks.h"
+
+namespace tileflight::survey {
+
+/// The frames of a flight that this process renders: frames that earlier runs have not finished, distributed
+/// round-robin over the ranks.
+class FrameAssignment {
+ public:
+  /// `kept`: store that shares finished frames with other ranks and later runs, the same for all ranks; null: this
+  /// process renders all frames and stores none. Waits for the other ranks. Ranks and `kept` must outlive it.
+  FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames);
+
+  bool is_first_rank() const { return ranks_.rank() == 0; }
+  const FrameStore* store() const { return store_; }
+  /// Build folder for DatasetWriter: the store's, or empty.
+  std::filesystem::path build_folder() const { return store_ == nullptr ? "" : store_->dataset_folder(); }
+  /// Folder for the segmentation data of finished frames, or empty.
+  std::filesystem::path segmentation_runs_folder() const {
+    return store_ == nullptr ? "" : store_->segmentation_runs_folder();
+  }
+
+  /// Whether this process renders every frame itself. Valid after set_cut().
+  bool renders_all_frames() const { return ranks_.count() == 1 && resumed_ == 0; }
+
+  /// Sets the tile cut; frames rendered from another cut are rendered again.
+  void set_cut(const std::string& cut);
+  bool is_assigned(std::size_t index) const { return is_assigned_[index]; }
+  /// Reports that all files of a frame are written. Thread-safe.
+  void add(const render::FlightFrame& frame);
+
+  /// Number of frames that were already finished at the start.
+  std::size_t frames_resumed() const { return resumed_; }
+  /// The records of all frames, after all ranks have finished. Throws InputError if one is missing or from other tiles.
+  std::vector<FrameRecord> collect_frames() const;
+
+ private:
+  Ranks& ranks_;
+  const FrameStore* store_;
+  std::vector<std::string> previous_cuts_;  ///< cut of each frame finished earlier; empty: not finished
+  std::string cut_;
+  std::vector<bool> is_assigned_;
+  std::size_t resumed_ = 0;
+  std::vector<FrameRecord> own_frames_;  ///< used if there is no store
+};
+
+}  // namespace tileflight::survey

@@ -1,0 +1,218 @@
+#include "tileflight/survey/frame_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "tests/refusal.h"
+#include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/survey/frame_assignment.h"
+
+namespace tileflight::survey {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using tests::refusal_of;
+using tests::TemporaryFolder;
+
+FrameRecord frame_of(double exposure_ms, const std::string& cut) {
+  FrameRecord frame{exposure_ms, {}, cut};
+  frame.check.view.surface_share = 1.0 / 3.0;
+  frame.check.surroundings.above_ground_m = 12.5;
+  frame.check.surroundings.inside = exposure_ms > 1.0;
+  frame.check.path_is_blocked = exposure_ms > 1.0;
+  return frame;
+}
+
+/// Ranks of one program, each on a thread of its own.
+class ThreadRanks {
+ public:
+  explicit ThreadRanks(int count) : count_(count), given_(static_cast<std::size_t>(count)) {}
+
+  /// `work(ranks)` by each of them.
+  template <class Work>
+  void run(const Work& work) {
+    std::vector<std::thread> threads;
+    for (int r = 0; r < count_; ++r) {
+      threads.emplace_back([&, r] {
+        Rank rank(*this, r);
+        work(rank);
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+  }
+
+ private:
+  class Rank : public Ranks {
+   public:
+    Rank(ThreadRanks& all, int rank) : all_(all), rank_(rank) {}
+    int rank() const override { return rank_; }
+    int count() const override { return all_.count_; }
+    std::vector<std::string> all_gather(const std::string& text) override { return all_.exchange(rank_, text); }
+    void set_termination_message(std::function<std::string()>) override {}
+
+   private:
+    ThreadRanks& all_;
+    int rank_;
+  };
+
+  std::vector<std::string> exchange(int rank, const std::string& text) {
+    std::unique_lock lock(mutex_);
+    given_[static_cast<std::size_t>(rank)] = text;
+    const int round = round_;
+    if (++here_ == count_) {
+      taken_ = given_;
+      here_ = 0;
+      ++round_;
+      changed_.notify_all();
+    } else {
+      changed_.wait(lock, [&] { return round_ != round; });
+    }
+    return taken_;
+  }
+
+  int count_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<std::string> given_, taken_;
+  int here_ = 0, round_ = 0;
+};
+
+TEST(Ranks, GoOnTogetherOrFailTogether) {
+  ThreadRanks ranks(3);
+  std::vector<std::string> said(3);
+  const auto outcome_of = [&](const std::function<void(int)>& work) {
+    ranks.run([&](Ranks& rank) {
+      std::string& text = said[static_cast<std::size_t>(rank.rank())];
+      text = "fine";
+      try {
+        run_collectively(rank, [&] { work(rank.rank()); });
+      } catch (const CollectiveError& fault) {
+        text = fault.what();
+      }
+    });
+    EXPECT_EQ(said[1], said[0]);
+    EXPECT_EQ(said[2], said[0]);
+    return said[0];
+  };
+  EXPECT_EQ(outcome_of([](int) {}), "fine");
+  EXPECT_EQ(outcome_of([](int rank) {
+              if (rank > 0) throw std::runtime_error("disk " + std::to_string(rank) + " is full");
+            }),
+            "rank 1: disk 1 is full; rank 2: disk 2 is full");
+  EXPECT_EQ(outcome_of([](int) { throw std::runtime_error("no such file"); }), "no such file");
+}
+
+TEST(KeptFrames, RangesAreWhatAPersonWouldWrite) {
+  EXPECT_EQ(describe_frame_ranges({4}), "4");
+  EXPECT_EQ(describe_frame_ranges({0, 1}), "0, 1");
+  EXPECT_EQ(describe_frame_ranges({0, 1, 2, 5, 9, 10, 11}), "0 to 2, 5 and 9 to 11");
+  std::vector<std::size_t> odd;
+  for (std::size_t i = 1; i < 40; i += 2) odd.push_back(i);
+  EXPECT_EQ(describe_frame_ranges(odd), "1, 3, 5, 7, 9, 11, 13, 15 and 12 more");
+}
+
+TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
+  const TemporaryFolder folder;
+  const fs::path out = folder / "data";
+  EXPECT_FALSE(FrameStore::exists(out));
+  EXPECT_EQ(FrameStore::prepare(out, {{"program", "a"}, {"seed", 1}}), "");
+  const FrameRecord near = frame_of(1.0 / 3.0, "cut"), blocked = frame_of(2.5, "cut");
+  {
+    const FrameStore kept(out, 0, 1);
+    kept.add(7, near);
+    kept.add(1234567, blocked);
+    EXPECT_THAT(refusal_of([&] { FrameStore::prepare(out, {}); }), HasSubstr("another process renders into it"));
+    EXPECT_THAT(refusal_of([&] { FrameStore(out, 0, 1); }), HasSubstr("another process renders into it"));
+  }
+  base::write_file(FrameStore::folder_for(out) / "frames/000009.json", "{\"exposure_ms\": 1");
+  EXPECT_EQ(FrameStore::prepare(out / "", {{"program", "a"}, {"seed", 1}}), "");
+  {
+    const auto frames = FrameStore(out, 1, 2).read_frames();
+    ASSERT_EQ(frames.size(), 2U);
+    EXPECT_EQ(frames.at(7).exposure_ms, near.exposure_ms);
+    EXPECT_EQ(frames.at(7).check.view.surface_share, near.check.view.surface_share);
+    EXPECT_TRUE(std::isinf(frames.at(7).check.view.nearest_m));
+    EXPECT_TRUE(std::isinf(frames.at(7).check.surroundings.clearance_m));
+    EXPECT_EQ(frames.at(7).check.surroundings.above_ground_m, 12.5);
+    EXPECT_FALSE(frames.at(7).check.surroundings.inside);
+    EXPECT_TRUE(frames.at(1234567).check.surroundings.inside);
+    EXPECT_FALSE(frames.at(7).check.path_is_blocked);
+    EXPECT_TRUE(frames.at(1234567).check.path_is_blocked);
+    EXPECT_EQ(frames.at(7).cut, "cut");
+  }
+  EXPECT_THAT(FrameStore::prepare(out, {{"program", "a"}, {"seed", 2}}), HasSubstr("it had others of seed"));
+  const FrameStore kept(out, 0, 1);
+  EXPECT_TRUE(kept.read_frames().empty());
+  kept.remove();
+  EXPECT_FALSE(FrameStore::exists(out));
+}
+
+TEST(KeptFrames, TellWhichRanksEndedAndWhatIsMissing) {
+  const TemporaryFolder folder;
+  const fs::path out = folder / "data";
+  FrameStore::prepare(out, {});
+  const FrameStore first(out, 0, 3);
+  auto second = std::make_unique<FrameStore>(out, 1, 3);
+  const FrameStore third(out, 2, 3);
+  for (const std::size_t i : {0U, 1U, 4U}) third.add(i, frame_of(0.0, ""));
+  EXPECT_THAT(first.describe_state(8), HasSubstr("stopped; 3 of 8 frames are kept in"));
+  EXPECT_EQ(third.describe_state(8), "");
+  second.reset();
+  EXPECT_THAT(first.describe_state(8), HasSubstr("rank 1 of 3 died; 3 of 8 frames"));
+  EXPECT_THAT(first.describe_state(8), HasSubstr("missing: 2, 3 and 5 to 7;"));
+  EXPECT_EQ(third.describe_state(8), "");  // the first one says it
+}
+
+TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
+  const TemporaryFolder folder;
+  const fs::path out = folder / "data";
+  FrameStore::prepare(out, {});
+  {
+    const FrameStore before(out, 0, 1);
+    before.add(2, frame_of(0.0, "cut"));
+    before.add(3, frame_of(0.0, "another cut"));
+  }
+  std::vector<int> rank_of(10, -1);
+  std::mutex mutex;
+  ThreadRanks ranks(3);
+  ranks.run([&](Ranks& rank) {
+    const FrameStore kept(out, rank.rank(), 3);
+    FrameAssignment share(rank, &kept, rank_of.size());
+    share.set_cut("cut");
+    EXPECT_EQ(share.frames_resumed(), 1U);
+    for (std::size_t i = 0; i < rank_of.size(); ++i) {
+      if (!share.is_assigned(i)) continue;
+      {
+        const std::lock_guard lock(mutex);
+        EXPECT_EQ(rank_of[i], -1);
+        rank_of[i] = rank.rank();
+      }
+      if (i == 9) continue;  // fails at it
+      render::FlightFrame frame;
+      frame.index = i;
+      frame.exposure_ms = static_cast<double>(i);
+      share.add(frame);
+    }
+    rank.all_gather("");
+    EXPECT_THAT(refusal_of([&] { share.collect_frames(); }), HasSubstr("has no frames 9 from the tiles of the others"));
+    rank.all_gather("");
+    if (rank.rank() == 0) kept.add(9, frame_of(9.0, "cut"));
+    rank.all_gather("");
+    const std::vector<FrameRecord> all = share.collect_frames();
+    ASSERT_EQ(all.size(), 10U);
+    EXPECT_EQ(all[8].exposure_ms, 8.0);
+  });
+  EXPECT_THAT(rank_of, ElementsAre(0, 1, -1, 2, 0, 1, 2, 0, 1, 2));
+}
+
+}  // namespace
+}  // namespace tileflight::survey

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "tileflight/imaging/camera.h"
+#include "tileflight/render/render_flight.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/survey/sensor_recorder.h"
+#include "tileflight/tiles/view_criteria.h"
+
+namespace tileflight::survey {
+
+/// A flight that is ready to be rendered.
+struct PlannedFlight {
+  imaging::Calibration calibration;
+  geometry::Trajectory frames;   ///< a pose for each image
+  render::PoseFunction pose_at;  ///< pose at any time, for the shutter
+  render::FlightRenderOptions options;
+  std::shared_ptr<SensorRecorder> sensor_recorder;  ///< sensors besides the camera
+  nlohmann::json vehicle;                           ///< flight record of the vehicle; null without one
+};
+
+/// Plans the flight of the settings' files. Throws InputError.
+PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progress);
+
+/// The view cones of every image, including the camera's motion during exposure and readout: the same number of cones
+/// for each frame.
+std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission);
+
+}  // namespace tileflight::survey

@@ -1,0 +1,206 @@
+#include "tileflight/survey/render_stage.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+
+#include "tileflight/base/files.h"
+#include "tileflight/base/output_folder.h"
+#include "tileflight/dataset/dataset.h"
+#include "tileflight/place/version.h"
+#include "tileflight/survey/dataset_renderer.h"
+#include "tileflight/survey/frame_assignment.h"
+#include "tileflight/survey/planned_flight.h"
+#include "tileflight/tiles/placement.h"
+#include "tileflight/transport/open_source.h"
+#include "tileflight/vehicle/flight_plan.h"
+
+namespace tileflight::survey {
+namespace fs = std::filesystem;
+namespace {
+
+using nlohmann::json;
+
+/// Deviation from the plan that causes a warning: in severe turbulence a vehicle normally keeps within a metre
+/// (docs/vehicles.md).
+constexpr double kFarOff_m = 5.0;
+
+/// Everything besides the program that determines the frames: equal inputs give equal frames.
+json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) {
+  std::string numbers;
+  const auto add = [&numbers](const auto& values) {
+    for (const double value : values) numbers.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  const auto add_pose = [&](const geometry::SE3& T) {
+    add(T.translation);
+    add(T.rotation.coeffs());
+  };
+  constexpr int kBetween = 4;  // number of times between two frames at which the path is sampled
+  const auto& poses = mission.frames.poses;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    add(std::array{poses[i].time_s});
+    add_pose(poses[i].T_local_camera);
+    for (int k = 1; k < kBetween && i + 1 < poses.size(); ++k) {
+      add_pose(mission.pose_at(poses[i].time_s + (poses[i + 1].time_s - poses[i].time_s) * k / kBetween));
+    }
+  }
+  const imaging::Camera& camera = mission.calibration.camera;
+  constexpr int kAcross = 16;  // number of rays used to compare lenses
+  for (int i = 0; i <= kAcross * kAcross; ++i) {
+    const geometry::Vec2 pixel((camera.width() - 1.0) * (i % kAcross) / kAcross,
+                               (camera.height() - 1.0) * (i / kAcross) / kAcross);
+    add(pixel);
+    if (const auto ray = camera.unproject(pixel)) add(*ray);
+  }
+  return {{"program", place::program_fingerprint()},
+          {"settings", base::sha256_hex(settings.asked.dump())},  // hashed: may hold private paths
+          {"source", transport::redact_source(settings.source)},
+          {"seed", settings.seed},
+          {"path and camera", base::sha256_hex(numbers)}};
+}
+
+/// While alive, prints which frames are kept if this process is terminated.
+class TerminationMessageScope {
+ public:
+  TerminationMessageScope(Ranks& ranks, const FrameStore& kept, std::size_t frames) : ranks_(ranks) {
+    ranks.set_termination_message([&kept, frames] { return kept.describe_state(frames); });
+  }
+  ~TerminationMessageScope() { ranks_.set_termination_message({}); }
+  TerminationMessageScope(const TerminationMessageScope&) = delete;
+  TerminationMessageScope& operator=(const TerminationMessageScope&) = delete;
+
+ private:
+  Ranks& ranks_;
+};
+
+struct RenderedFrames {
+  RenderSummary summary;
+  std::vector<FrameRecord> frames;
+  std::size_t resumed = 0;
+};
+
+/// `kept`: null if one process renders everything.
+RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
+                               bool replace, const FrameStore* kept, Ranks& ranks, const Progress& progress) {
+  FrameAssignment share(ranks, kept, mission.frames.size());
+  std::optional<DatasetRenderer> film;
+  const auto start = std::chrono::steady_clock::now();
+  double loading_s = 0.0;
+  run_collectively(ranks, [&] {
+    film.emplace(mission, settings, out, replace, share, progress);
+    film->render();
+    const std::chrono::duration<double> shot = std::chrono::steady_clock::now() - start;
+    loading_s = shot.count() - film->summary().seconds;
+  });
+  const std::chrono::duration<double> all_shot = std::chrono::steady_clock::now() - start;
+  RenderedFrames rendered;
+  run_collectively(ranks, [&] {
+    if (ranks.rank() == 0) rendered.frames = film->finish();
+  });
+  rendered.summary = film->summary();
+  rendered.summary.seconds = all_shot.count() - loading_s;  // includes the time spent waiting for other ranks
+  rendered.resumed = share.frames_resumed();
+  return rendered;
+}
+
+/// The output folder in the form of DatasetWriter.
+base::OutputFolder output_of(const RenderSettings& settings, const fs::path& out, bool replace) {
+  return {.folder = out,
+          .command = "render",
+          .replace = replace,
+          .inputs = render_input_files(settings),
+          .legacy = dataset::unmarked_dataset()};
+}
+
+/// Renders with a frame store: with several ranks, or to be able to resume.
+RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
+                                 bool replace, Ranks& ranks, const Progress& progress,
+                                 std::vector<std::string>& notes) {
+  run_collectively(ranks, [&] {
+    if (ranks.rank() != 0) return;
+    base::require_writable(output_of(settings, out, replace));
+    notes.push_back(FrameStore::prepare(out, frame_inputs(mission, settings)));
+  });
+  std::optional<FrameStore> kept;
+  run_collectively(ranks, [&] { kept.emplace(out, ranks.rank(), ranks.count()); });
+  const TerminationMessageScope last_words(ranks, *kept, mission.frames.size());
+  RenderedFrames rendered = render_assigned(mission, settings, out, replace, &*kept, ranks, progress);
+  if (ranks.rank() == 0) kept->remove();
+  if (rendered.resumed > 0) {
+    notes.push_back(std::to_string(rendered.resumed) + " of " + std::to_string(mission.frames.size()) +
+                    " frames were there from an earlier render");
+  }
+  return rendered;
+}
+
+/// `vehicle`: content of vehicle.json.
+void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warnings) {
+  if (vehicle["outcome"] != "finished") {
+    warnings.push_back("the vehicle did not finish: " + vehicle["outcome"].get<std::string>() + " (vehicle.json)");
+  }
+  const double most_m = vehicle.contains("tracking") ? vehicle["tracking"]["max_m"].get<double>() : 0.0;
+  if (most_m > kFarOff_m && vehicle["collisions"] == 0) {
+    warnings.push_back("the vehicle was up to " + std::to_string(std::lround(most_m)) +
+                       " m off its plan: too much wind or too fast a plan for it (tracking in vehicle.json)");
+  }
+}
+
+std::vector<std::string> collect_warnings(const PlannedFlight& mission, const RenderedFrames& rendered) {
+  std::vector<std::string> warnings =
+      render::flight_warnings(frame_checks(rendered.frames), 0, mission.options.clearance_m);
+  const bool sees_nothing = std::all_of(rendered.frames.begin(), rendered.frames.end(),
+                                        [](const FrameRecord& frame) { return frame.check.view.surface_share <= 0.0; });
+  if (sees_nothing) {
+    geometry::Box3 flown;
+    for (const geometry::StampedPose& pose : mission.frames.poses) flown.extend(pose.T_local_camera.translation);
+    const tiles::LoadedTiles& tiles = rendered.summary.tiles;
+    warnings.push_back("no picture shows anything of the tileset: " +
+                       tiles::describe_separation(flown, tiles.region.box(), tiles.local_frame));
+  }
+  warnings.insert(warnings.end(), rendered.summary.tiles.warnings.begin(), rendered.summary.tiles.warnings.end());
+  if (!mission.vehicle.is_null()) add_vehicle_warnings(mission.vehicle, warnings);
+  return warnings;
+}
+
+}  // namespace
+
+std::vector<fs::path> render_input_files(const RenderSettings& settings) {
+  std::vector<fs::path> files = settings.inputs;
+  for (const fs::path& file : vehicle::referenced_files(settings.flight.flight)) files.push_back(file);
+  files.push_back(settings.flight.camera);
+  files.push_back(transport::local_path_of_source(settings.source));
+  return files;
+}
+
+json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress,
+                    Ranks* given_ranks) {
+  SingleRank alone;
+  Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
+  const Progress shown = ranks.rank() == 0 ? progress : Progress();
+  PlannedFlight mission;
+  run_collectively(ranks, [&] { mission = plan_flight(settings, shown); });
+  std::vector<std::string> notes;
+  const bool keeps = settings.resume || ranks.count() > 1 || FrameStore::exists(out);
+  const RenderedFrames rendered = keeps ? render_with_store(mission, settings, out, replace, ranks, shown, notes)
+                                        : render_assigned(mission, settings, out, replace, nullptr, ranks, shown);
+  if (ranks.rank() != 0) return nullptr;
+  std::vector<std::string> warnings = collect_warnings(mission, rendered);
+  std::copy_if(notes.begin(), notes.end(), std::back_inserter(warnings), [](const auto& n) { return !n.empty(); });
+  const RenderSummary& filmed = rendered.summary;
+  const auto frames = static_cast<std::int64_t>(rendered.frames.size());
+  return {{"frames", frames},
+          {"frames_taken_up", rendered.resumed},
+          {"ranks", ranks.count()},
+          {"seconds", filmed.seconds},
+          {"frames_per_second", filmed.seconds > 0.0 ? static_cast<double>(frames) / filmed.seconds : 0.0},
+          {"tiles", filmed.tiles.cut_size - filmed.tiles.tiles_failed},
+          {"parts", filmed.parts},
+          {"complete", filmed.tiles.complete},
+          {"triangles", filmed.tiles.triangles},
+          {"path_length", geometry::path_length_m(mission.frames)},
+          {"warnings", warnings}};
+}
+
+}  // namespace tileflight::survey

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/base/progress.h"
+#include "tileflight/survey/flight_settings.h"
+#include "tileflight/survey/ranks.h"
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::survey {
+
+/// Settings for rendering a flight through tiles as a sensor dataset.
+struct RenderSettings {
+  std::string source;       ///< SOURCE of the contract
+  tiles::LoadOptions load;  ///< region, geometric error, origin of the local frame
+  RenderedFlightConfig flight;
+  std::uint64_t seed = 1;  ///< for noise and the simulated receiver
+  bool png = false;
+  /// Load the tiles that the flight sees, with an error of at most this many pixels, instead of the region's.
+  std::optional<double> error_px;
+  /// Memory limit for tiles. A flight that needs more is rendered in several passes from the same tiles. Default: half
+  /// of the machine's memory.
+  std::optional<std::uintmax_t> max_memory_bytes;
+  /// Region of the output `visibility`, local frame. Default: the region of `load`, else everything.
+  std::optional<geometry::Box3> scored;
+  std::vector<std::filesystem::path> inputs;  ///< all input files; none is ever replaced
+  /// Store finished frames beside the dataset until it is complete, and reuse those of an earlier interrupted render
+  /// (frame_store.h). Always done with several ranks, and if stored frames exist.
+  bool resume = false;
+  /// All inputs of the images except flight and tiles, as text: stored frames with other inputs are not reused.
+  nlohmann::json asked;
+};
+
+/// The input files and folders of a rendered flight. Throws InputError.
+std::vector<std::filesystem::path> render_input_files(const RenderSettings& settings);
+
+/// Renders the flight into a dataset folder, written atomically. With video compression, the frames are encoded to
+/// H.264 and decoded again, and the video is stored as video.mp4; the other outputs are unaffected. Poses are
+/// groundtruth.txt; simulated receiver positions are gps.csv if the place is georeferenced. Returns a summary (frames,
+/// seconds, frames a second, parts, warnings). Throws InputError. `ranks`: processes that share the frames and produce
+/// the same files as a single one; all are called with the same arguments. The first writes everything except the
+/// frames and returns the summary, the others return null. If one fails, all throw (CollectiveError).
+nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
+                              const Progress& progress = {}, Ranks* ranks = nullptr);
+
+/// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
+/// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point
+/// is determined if it is needed and not given; empty: none. Throws InputError.
+nlohmann::json ingest_dataset(const IngestedFlightConfig& flight, const std::filesystem::path& truth,
+                              const std::filesystem::path& out, bool replace, const Progress& progress = {});
+
+}  // namespace tileflight::survey

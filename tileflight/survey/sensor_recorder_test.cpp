@@ -1,0 +1,95 @@
+#include "tileflight/survey/sensor_recorder.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/refusal.h"
+#include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/dataset/imu_files.h"
+#include "tileflight/dataset/number_table.h"
+#include "tileflight/render/test_scenes.h"
+
+namespace tileflight::survey {
+namespace {
+
+namespace fs = std::filesystem;
+using geometry::Vec3;
+using testing::HasSubstr;
+
+/// Two seconds over flat ground, 20 m below, looking down; frames at 10 Hz from 3 s on.
+geometry::Trajectory frames() {
+  geometry::Trajectory trajectory;
+  for (int i = 0; i <= 20; ++i)
+    trajectory.poses.push_back({3.0 + 0.1 * i, render::test_scenes::looking_down(Vec3(i, 0, 20))});
+  return trajectory;
+}
+
+scene::Scene ground() {
+  return scene::Scene({render::test_scenes::ground(
+      Vec3::Zero(), 300.0,
+      render::test_scenes::texture(1, 1, [](int, int) { return render::test_scenes::grey(200); }))});
+}
+
+sensors::SensorSuite suite() {
+  sensors::SensorSuite suite;
+  suite.imu = sensors::ImuOptions{};
+  suite.barometer = sensors::BarometerOptions{};
+  suite.range_finder = sensors::RangeFinderOptions{.rate_hz = 7.0};
+  suite.lidar = sensors::LidarOptions{.pattern = sensors::RasterPattern{.rate_hz = 6.0, .columns = 10, .rows = 5}};
+  return suite;
+}
+
+SensorRecorder files() { return {suite(), flight::path_through_poses(frames()), frames()}; }
+
+TEST(SensorFiles, AFlightInPartsGivesTheSameFiles) {
+  const tests::TemporaryFolder folder;
+  const scene::Scene scene = ground();
+  fs::create_directories(folder / "whole");
+  fs::create_directories(folder / "parts");
+  SensorRecorder whole = files(), parts = files();
+  whole.record(scene, {}, 0, 21, folder / "whole");
+  parts.record(scene, {}, 0, 6, folder / "parts");
+  parts.record(scene, {}, 6, 7, folder / "parts");
+  parts.record(scene, {}, 7, 21, folder / "parts");
+  whole.write({}, 3.0, folder / "whole");
+  parts.write({}, 3.0, folder / "parts");
+  std::size_t compared = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder / "whole")) {
+    if (!entry.is_regular_file()) continue;
+    const fs::path name = fs::relative(entry.path(), folder / "whole");
+    EXPECT_EQ(base::read_text(entry.path()), base::read_text(folder / "parts" / name)) << name;
+    ++compared;
+  }
+  EXPECT_EQ(compared, 3U + 1U + 1U + 12U + 2U);  // IMU, barometer, ranges, whole scans within 2 s, their lists
+  EXPECT_EQ(whole.description().at("sensors.lidar.scans"), "12");
+}
+
+TEST(SensorFiles, TimesAreTheDatasetsClock) {
+  const tests::TemporaryFolder folder;
+  SensorRecorder sensors = files();
+  sensors.record(ground(), {}, 0, 21, folder / ".");
+  sensors.write({}, 0.0, folder / ".");  // a video's clock begins with its first picture
+  EXPECT_NEAR(dataset::read_imu_csv(folder / "imu.csv").back().time_s, 2.0, 1e-9);
+  EXPECT_NEAR(dataset::read_number_table(folder / "range.csv").rows.at(7)[0], 1.0, 1e-9);
+  EXPECT_NEAR(geometry::read_tum(folder / "lidar/poses.txt").poses.at(3).time_s, 0.5, 1e-9);
+}
+
+TEST(SensorFiles, OnTheEarthTheFieldAndTheHeightAreTheEarths) {
+  const tests::TemporaryFolder folder;
+  sensors::SensorSuite suite;
+  suite.magnetometer = sensors::MagnetometerOptions{.noise_ut = 0.0};
+  suite.barometer = sensors::BarometerOptions{.noise_pa = 0.0, .drift_pa = 0.0};
+  SensorRecorder sensors(suite, flight::path_through_poses(frames()), frames());
+  EXPECT_THAT(tests::refusal_of([&] { sensors.record(ground(), {}, 0, 21, folder / "."); }),
+              HasSubstr("the place is not on the earth"));
+  // Quito, Ecuador: 2800 m above the ellipsoid; the geoid (EGM96) lies some 26 m above it there.
+  const geometry::LocalFrame quito({-0.2, -78.5, {2800.0}});
+  sensors.record(ground(), quito, 0, 21, folder / ".");
+  sensors.write(quito, 3.0, folder / ".");
+  const auto field = dataset::read_number_table(folder / "magnetometer.csv").rows.at(0);
+  EXPECT_NEAR(Vec3(field[1], field[2], field[3]).norm(), 29.0, 1.0);
+  EXPECT_NEAR(dataset::read_number_table(folder / "barometer.csv").rows.at(0)[3], 2820.0 - 26.0, 4.0);
+}
+
+}  // namespace
+}  // namespace tileflight::survey

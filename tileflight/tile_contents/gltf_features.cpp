@@ -1,0 +1,64 @@
+#include "tileflight/tile_contents/gltf_features.h"
+
+#include <algorithm>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/tile_contents/json_reader.h"
+#include "tileflight/tile_contents/property_table.h"
+#include "tileflight/tile_contents/tile_table.h"
+#include "tileflight/transport/uri.h"
+
+namespace tileflight::tile_contents::gltf {
+namespace {
+
+/// Maximum number of cells of a table as text; each takes some tens of bytes, whatever its encoded size.
+constexpr std::size_t kMaxTableCells = std::size_t{1} << 22;
+
+MetadataSchema schema_of(const Json& metadata, const ContentOptions& options, const std::string& where) {
+  if (const Json* schema = find_object(metadata, "schema", where)) return parse_metadata_schema(*schema, where);
+  const auto uri = require_value(find_string(metadata, "schemaUri", where), "schema", where);
+  if (!transport::is_data_uri(uri) && !options.read_resource)
+    throw InputError(where, "its schema lies in another file");
+  const std::vector<std::byte> text =
+      transport::is_data_uri(uri) ? transport::decode_data_uri(uri, where) : options.read_resource(uri);
+  return parse_metadata_schema(parse_json(as_text(text), where), where);
+}
+
+}  // namespace
+
+std::shared_ptr<const imaging::FeatureTable> PropertyTables::table(std::size_t index,
+                                                                   std::vector<std::string>& warnings) {
+  const auto known = tables_.find(index);
+  if (known != tables_.end()) return known->second;
+  try {
+    return tables_[index] = read(index);
+  } catch (const InputError& error) {
+    warn_once(std::string("features are without names: ") + error.what(), warnings);
+    return tables_[index] = nullptr;
+  }
+}
+
+std::shared_ptr<const imaging::FeatureTable> PropertyTables::read(std::size_t index) {
+  const std::string where = name_ + ": EXT_structural_metadata";
+  if (!document_.structural_metadata) throw InputError(where, "is missing");
+  const Json& metadata = *document_.structural_metadata;
+  const Json* tables = find_array(metadata, "propertyTables", where);
+  if (tables == nullptr || index >= tables->size()) throw InputError(where, "has no such property table");
+  const auto view = [&](std::size_t i) {
+    if (i >= document_.views.size()) throw InputError(where, "names a bufferView that is not there");
+    return buffers_.view(i);
+  };
+  const PropertyTable rows((*tables)[index], schema_of(metadata, options_, where), view, where);
+  if (rows.rows() > kMaxTableCells / std::max<std::size_t>(rows.columns().size(), 1)) {
+    throw InputError(where, "has more than " + std::to_string(kMaxTableCells) + " values, the limit");
+  }
+  auto out = std::make_shared<imaging::FeatureTable>();
+  out->count = rows.rows();
+  for (std::size_t column = 0; column < rows.columns().size(); ++column) {
+    std::vector<std::string>& texts = out->properties[rows.columns()[column].id];
+    for (std::size_t row = 0; row < rows.rows(); ++row) texts.push_back(rows.text(column, row));
+  }
+  return out;
+}
+
+}  // namespace tileflight::tile_contents::gltf

@@ -1,0 +1,187 @@
+#include "tileflight/tile_contents/i3dm.h"
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/tile_contents/content_transform.h"
+#include "tileflight/tile_contents/octahedral.h"
+#include "tileflight/tile_contents/tile_container.h"
+#include "tileflight/tile_contents/tile_table.h"
+#include "tileflight/transport/uri.h"
+
+namespace tileflight::tile_contents {
+namespace {
+
+using Bytes = std::span<const std::byte>;
+using geometry::Mat3;
+using geometry::Mat4;
+using geometry::Vec3;
+
+/// Reads the instances' transforms; one object per tile.
+class InstanceReader {
+ public:
+  InstanceReader(const TileTable& table, std::size_t count) : table_(table), count_(count) {}
+
+  std::vector<Mat4> read() const {
+    const std::vector<Vec3> positions = this->positions();
+    const std::vector<Mat3> rotations = this->rotations(positions);
+    const std::vector<Vec3> scales = this->scales();
+    std::vector<Mat4> out(count_, Mat4::Identity());
+    for (std::size_t i = 0; i < count_; ++i) {
+      out[i].topLeftCorner<3, 3>() = rotations[i] * scales[i].asDiagonal();
+      out[i].topRightCorner<3, 1>() = positions[i];
+      if (!out[i].allFinite()) {
+        throw InputError(table_.where(), "the place of instance " + std::to_string(i) + " is not finite");
+      }
+    }
+    return out;
+  }
+
+ private:
+  std::vector<Vec3> positions() const {
+    const auto center = table_.global("RTC_CENTER", 3).value_or(std::vector<double>{0, 0, 0});
+    const Vec3 rtc_center(center[0], center[1], center[2]);
+    std::vector<Vec3> out(count_, rtc_center);
+    if (const auto floats = table_.values<float>("POSITION", 3 * count_)) {
+      for (std::size_t i = 0; i < 3 * count_; ++i) out[i / 3][static_cast<Eigen::Index>(i % 3)] += (*floats)[i];
+      return out;
+    }
+    const auto whole = table_.values<std::uint16_t>("POSITION_QUANTIZED", 3 * count_);
+    if (!whole) throw InputError(table_.where(), "has neither POSITION nor POSITION_QUANTIZED");
+    const auto scale =
+        require_value(table_.global("QUANTIZED_VOLUME_SCALE", 3), "QUANTIZED_VOLUME_SCALE", table_.where());
+    const auto offset =
+        require_value(table_.global("QUANTIZED_VOLUME_OFFSET", 3), "QUANTIZED_VOLUME_OFFSET", table_.where());
+    for (std::size_t i = 0; i < 3 * count_; ++i) {
+      out[i / 3][static_cast<Eigen::Index>(i % 3)] += offset[i % 3] + (*whole)[i] * scale[i % 3] / 65535.0;
+    }
+    return out;
+  }
+
+  /// NORMAL_UP or NORMAL_RIGHT, plain or octahedral; empty: not given.
+  std::vector<Vec3> directions(const char* plain, const char* octahedral) const {
+    std::vector<Vec3> out;
+    if (const auto floats = table_.values<float>(plain, 3 * count_)) {
+      for (std::size_t i = 0; i < count_; ++i) {
+        out.emplace_back((*floats)[3 * i], (*floats)[3 * i + 1], (*floats)[3 * i + 2]);
+      }
+    } else if (const auto octs = table_.values<std::uint16_t>(octahedral, 2 * count_)) {
+      for (std::size_t i = 0; i < count_; ++i) {
+        out.push_back(decode_octahedral((*octs)[2 * i], (*octs)[2 * i + 1], 65535));
+      }
+    }
+    return out;
+  }
+
+  /// Section "Instance orientation": x is the instance's right and y its up. Without these, the axes are east, north
+  /// and up at its position if EAST_NORTH_UP is set; otherwise there is no rotation.
+  std::vector<Mat3> rotations(const std::vector<Vec3>& positions) const {
+    std::vector<Mat3> out(count_, Mat3::Identity());
+    const std::vector<Vec3> up = directions("NORMAL_UP", "NORMAL_UP_OCT32P");
+    const std::vector<Vec3> right = directions("NORMAL_RIGHT", "NORMAL_RIGHT_OCT32P");
+    if (!up.empty() && !right.empty()) {
+      for (std::size_t i = 0; i < count_; ++i) out[i] << right[i], up[i], right[i].cross(up[i]);
+    } else if (find_bool(table_.json(), "EAST_NORTH_UP", table_.where()).value_or(false)) {
+      for (std::size_t i = 0; i < count_; ++i) {
+        out[i] =
+            geometry::LocalFrame(geometry::geodetic_from_ecef(positions[i])).T_ecef_local().rotation.toRotationMatrix();
+      }
+    }
+    return out;
+  }
+
+  std::vector<Vec3> scales() const {
+    std::vector<Vec3> out(count_, Vec3::Ones());
+    if (const auto scale = table_.values<float>("SCALE", count_)) {
+      for (std::size_t i = 0; i < count_; ++i) out[i] *= (*scale)[i];
+    }
+    if (const auto scale = table_.values<float>("SCALE_NON_UNIFORM", 3 * count_)) {
+      for (std::size_t i = 0; i < 3 * count_; ++i) out[i / 3][static_cast<Eigen::Index>(i % 3)] *= (*scale)[i];
+    }
+    return out;
+  }
+
+  const TileTable& table_;
+  std::size_t count_;
+};
+
+/// Reads the model, embedded or from its URI; the model's own references are relative to that URI.
+DecodedContent read_body(Bytes tile, Bytes body, const std::string& name, const ContentOptions& options,
+                         const ModelReader& read_model) {
+  const std::uint32_t format = read_uint32_le(tile, 28);
+  if (format == 1) return read_model(body, name, options);
+  if (format != 0) throw InputError(name, "gltfFormat is " + std::to_string(format) + "; 0 (URI) or 1 (GLB) wanted");
+  std::string uri(as_text(body));
+  uri = uri.substr(0, uri.find('\0'));
+  while (uri.ends_with(' ')) uri.pop_back();
+  if (uri.empty()) throw InputError(name, "names no model");
+  if (!transport::is_data_uri(uri) && !options.read_resource) {
+    throw InputError(name, "its model lies in another file, which cannot be read from here");
+  }
+  ContentOptions beside = options;
+  if (options.read_resource) {
+    beside.read_resource = [&](const std::string& reference) {
+      return options.read_resource(transport::resolve_uri(uri, reference));
+    };
+  }
+  if (options.read_image) {
+    beside.read_image = [&](const std::string& reference) {
+      return options.read_image(transport::resolve_uri(uri, reference));
+    };
+  }
+  const std::vector<std::byte> model =
+      transport::is_data_uri(uri) ? transport::decode_data_uri(uri, name) : options.read_resource(uri);
+  return read_model(model, name + ": " + transport::uri_for_message(uri), beside);
+}
+
+void check_size(const DecodedContent& model, std::size_t count, const ContentLimits& limits, const std::string& name) {
+  std::size_t vertices = 0;
+  std::size_t triangles = 0;
+  std::size_t points = 0;
+  for (const imaging::TexturedMesh& mesh : model.meshes) {
+    vertices += mesh.mesh.vertices.size();
+    triangles += mesh.mesh.triangles.size();
+  }
+  for (const geometry::PointCloud& cloud : model.clouds) points += cloud.size();
+  const auto too_many = [&](std::size_t each, std::size_t limit) { return each > 0 && count > limit / each; };
+  if (too_many(vertices, limits.max_vertices) || too_many(triangles, limits.max_triangles) ||
+      too_many(points, limits.max_points) || too_many(model.meshes.size(), limits.max_meshes)) {
+    throw InputError(name, std::to_string(count) + " instances of its model are more than the limits allow");
+  }
+}
+
+}  // namespace
+
+void append_i3dm(Bytes bytes, const std::string& name, const ContentOptions& options, const ModelReader& read_model,
+                 DecodedContent& out) {
+  constexpr std::size_t kHeader = 32;
+  const Bytes tile = trim_to_byte_length(bytes, kHeader, name);
+  require_version(tile, 1, "i3dm", name);
+  const TileTables tables = split_tables(tile, read_table_lengths(tile, kHeader), name);
+  const TileTable table(tables.feature_json, tables.feature_binary, name + ": feature table");
+  const std::size_t count = require_value(table.count("INSTANCES_LENGTH"), "INSTANCES_LENGTH", table.where());
+  if (count > tables.feature_json.size() + tables.feature_binary.size()) {
+    throw InputError(table.where(), "has not as many positions as INSTANCES_LENGTH says");
+  }
+  const DecodedContent model = read_body(tile, tables.body, name, options, read_model);
+  check_size(model, count, options.limits, name);
+  const std::vector<Mat4> places = InstanceReader(table, count).read();
+  const auto ids = table.ids("BATCH_ID", count);
+  const auto features = try_read_batch_table(tables, count, out.warnings);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const imaging::TexturedMesh& mesh : model.meshes) {
+      out.meshes.push_back(mesh);
+      transform_mesh(places[i], out.meshes.back());
+      const std::uint32_t id = ids ? (*ids)[i] : static_cast<std::uint32_t>(i);
+      out.meshes.back().feature_ids.assign(mesh.mesh.vertices.size(), id);
+      out.meshes.back().features = features;
+    }
+    for (const geometry::PointCloud& cloud : model.clouds) {
+      out.clouds.push_back(cloud);
+      transform_cloud(places[i], out.clouds.back());
+    }
+  }
+  out.copyrights.insert(out.copyrights.end(), model.copyrights.begin(), model.copyrights.end());
+  for (const std::string& warning : model.warnings) warn_once(warning, out.warnings);
+}
+
+}  // namespace tileflight::tile_contents

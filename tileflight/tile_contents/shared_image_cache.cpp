@@ -1,0 +1,33 @@
+#include "tileflight/tile_contents/shared_image_cache.h"
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/imaging/ktx2.h"
+#include "tileflight/transport/uri.h"
+
+namespace tileflight::tile_contents {
+
+std::shared_ptr<SharedImageCache::Entry> SharedImageCache::entry(const std::string& uri) {
+  const std::lock_guard lock(mutex_);
+  std::shared_ptr<Entry>& entry = entries_[uri];
+  if (!entry) entry = std::make_shared<Entry>();
+  return entry;
+}
+
+std::shared_ptr<const imaging::RgbImage> SharedImageCache::read(const std::string& uri, std::int64_t max_pixels) {
+  const std::shared_ptr<Entry> shared = entry(uri);
+  const std::lock_guard lock(shared->mutex);
+  if (!shared->tried) {
+    shared->tried = true;
+    try {
+      const std::vector<std::byte> bytes = transport::read_uri(source_, uri);
+      shared->image = std::make_shared<const imaging::RgbImage>(
+          imaging::decode_texture(bytes, transport::uri_for_message(uri), max_pixels));
+    } catch (const InputError& error) {
+      shared->failure = error;
+    }
+  }
+  if (shared->failure) throw *shared->failure;
+  return shared->image;
+}
+
+}  // namespace tileflight::tile_contents

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/imaging/feature_table.h"
+#include "tileflight/tile_contents/json_reader.h"
+#include "tileflight/tile_contents/tile_container.h"
+
+namespace tileflight::tile_contents {
+
+/// A feature table or batch table of 3D Tiles 1.0: JSON whose members contain values or refer to the binary part
+/// ("Feature Table", "Batch Table"). Every access is checked before allocation.
+class TileTable {
+ public:
+  /// `binary` must outlive this object. Throws InputError (where, cause) if the JSON is malformed.
+  TileTable(std::span<const std::byte> json, std::span<const std::byte> binary, const std::string& where);
+
+  const Json& json() const { return json_; }
+  const std::string& where() const { return where_; }
+  bool has(const char* key) const { return find_member(json_, key) != nullptr; }
+
+  /// A global integer; nullopt if there is none.
+  std::optional<std::size_t> count(const char* key) const;
+  /// `components` global numbers: in the JSON, or as floats in the binary part.
+  std::optional<std::vector<double>> global(const char* key, std::size_t components) const;
+  /// `count` numbers of type T, interleaved (x y z x y z …), from the binary part or the JSON; nullopt if there are
+  /// none.
+  template <class T>
+  std::optional<std::vector<T>> values(const char* key, std::size_t count) const {
+    const Json* member = find_member(json_, key);
+    if (member == nullptr) return std::nullopt;
+    if (member->is_array()) {
+      const std::vector<double> numbers = *find_numbers(json_, key, count, where_);
+      std::vector<T> out(numbers.size());
+      for (std::size_t i = 0; i < out.size(); ++i) out[i] = static_cast<T>(numbers[i]);
+      return out;
+    }
+    const std::span<const std::byte> bytes = binary_part(*member, key, count, sizeof(T));
+    std::vector<T> out(count);
+    if (count > 0) std::memcpy(out.data(), bytes.data(), bytes.size());
+    return out;
+  }
+  /// Ids, one per entry: bytes, shorts or ints, by `componentType` (default: short).
+  std::optional<std::vector<std::uint32_t>> ids(const char* key, std::size_t count) const;
+
+ private:
+  std::span<const std::byte> binary_part(const Json& reference, const char* key, std::size_t count,
+                                         std::size_t bytes_each) const;
+
+  Json json_;
+  std::span<const std::byte> binary_;
+  std::string where_;
+};
+
+/// A batch table of `count` features as text; nullptr if it has no properties. Throws InputError.
+std::shared_ptr<const imaging::FeatureTable> read_batch_table(std::span<const std::byte> json,
+                                                              std::span<const std::byte> binary, std::size_t count,
+                                                              const std::string& where);
+
+/// As read_batch_table, but a broken table only adds a warning: features without names are better than no tile.
+std::shared_ptr<const imaging::FeatureTable> try_read_batch_table(const TileTables& tables, std::size_t count,
+                                                                  std::vector<std::string>& warnings);
+
+/// Appends a warning unless it is already there.
+void warn_once(const std::string& what, std::vector<std::string>& warnings);
+
+}  // namespace tileflight::tile_contents

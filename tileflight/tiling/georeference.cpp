@@ -1,0 +1,158 @@
+#include "tileflight/tiling/georeference.h"
+
+#include <proj.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <memory>
+
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
+
+namespace tileflight::tiling {
+namespace {
+
+namespace fs = std::filesystem;
+using geometry::Geodetic;
+using geometry::Vec3;
+using imaging::TexturedMesh;
+
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t{64} << 20;
+
+/// Vertices per task: creating a transformation costs as much as transforming some thousands of them.
+constexpr std::size_t kGrain = 65536;
+
+struct ProjDeleter {
+  void operator()(PJ_CONTEXT* context) const { proj_context_destroy(context); }
+  void operator()(PJ* transformation) const { proj_destroy(transformation); }
+};
+
+/// Converts from a reference system to longitude, latitude (degrees) and height on WGS84. One object per thread.
+class GeodeticConverter {
+ public:
+  explicit GeodeticConverter(const Georeference& place) : georeference_(place), context_(proj_context_create()) {
+    // A stage prints nothing; errors are reported in the result.
+    proj_log_func(context_.get(), nullptr, [](void*, int, const char*) {});
+    proj_context_set_enable_network(context_.get(), 0);
+    const std::unique_ptr<PJ, ProjDeleter> plain(
+        proj_create_crs_to_crs(context_.get(), place.crs.c_str(), "EPSG:4979", nullptr));
+    if (plain) transformation_.reset(proj_normalize_for_visualization(context_.get(), plain.get()));
+    if (!transformation_)
+      throw InputError(
+          place.stated_by,
+          "'" + place.crs + "' is no coordinate reference system that PROJ knows; name it like EPSG:32717");
+  }
+
+  Geodetic operator()(const Vec3& position) const {
+    const Vec3 at = position + georeference_.offset;
+    const PJ_COORD out = proj_trans(transformation_.get(), PJ_FWD, proj_coord(at.x(), at.y(), at.z(), HUGE_VAL));
+    if (!std::isfinite(out.xyz.x) || !std::isfinite(out.xyz.y) || !std::isfinite(out.xyz.z))
+      throw InputError(georeference_.stated_by, "the coordinates " + std::to_string(at.x()) + ", " +
+                                                    std::to_string(at.y()) + " do not lie in " + georeference_.crs +
+                                                    "; is the offset right?");
+    return {out.xyz.y, out.xyz.x, {out.xyz.z}};
+  }
+
+ private:
+  const Georeference& georeference_;
+  std::unique_ptr<PJ_CONTEXT, ProjDeleter> context_;
+  std::unique_ptr<PJ, ProjDeleter> transformation_;
+};
+
+/// The numbers in a text, separated by blanks or commas; empty if a field is not a number.
+std::vector<double> numbers_in(std::string_view text) {
+  std::vector<double> out;
+  for (const std::string_view field : base::split_fields(text, " \t,;\r\n")) {
+    const auto value = base::parse_number<double>(field);
+    if (!value || !std::isfinite(*value)) return {};
+    out.push_back(*value);
+  }
+  return out;
+}
+
+/// "EPSG:32617" for "WGS84 UTM 17N"; empty for other texts.
+std::string crs_of_utm(std::string_view line) {
+  const std::vector<std::string_view> fields = base::split_fields(line);
+  if (fields.size() < 3 || fields[1] != "UTM" || fields[2].size() < 2) return {};
+  const auto zone = base::parse_number<int>(fields[2].substr(0, fields[2].size() - 1));
+  const char half = fields[2].back();
+  if (!zone || *zone < 1 || *zone > 60 || (half != 'N' && half != 'S')) return {};
+  return "EPSG:" + std::to_string((half == 'N' ? 32600 : 32700) + *zone);
+}
+
+Georeference read_odm(const fs::path& file) {
+  const std::string text = base::read_text(file, kMaxBytes);
+  std::string_view rest = text;
+  const std::string crs = crs_of_utm(base::take_line(rest).value_or(""));
+  const std::vector<double> offset = numbers_in(base::take_line(rest).value_or(""));
+  if (crs.empty() || offset.size() < 2)
+    throw InputError(file.string(),
+                     "is not understood: expected a line like 'WGS84 UTM 17N' and one with the offset "
+                     "east and north; --no-georeference goes on without it");
+  return {crs, {offset[0], offset[1], 0.0}, file.string()};
+}
+
+/// The text between the first <tag> and </tag>.
+std::string_view element(std::string_view xml, const std::string& tag) {
+  const std::size_t begin = xml.find("<" + tag + ">");
+  if (begin == std::string_view::npos) return {};
+  xml.remove_prefix(begin + tag.size() + 2);
+  return xml.substr(0, xml.find("</" + tag + ">"));
+}
+
+Georeference read_metadata_xml(const fs::path& file) {
+  const std::string text = base::read_text(file, kMaxBytes);
+  const std::string_view srs = element(text, "SRS"), origin_text = element(text, "SRSOrigin");
+  const std::vector<double> origin = numbers_in(origin_text);
+  if (srs.empty() || (origin.size() != 3 && !origin_text.empty()))
+    throw InputError(file.string(),
+                     "has no SRS with a SRSOrigin of three numbers; --no-georeference goes on without it");
+  return {std::string(srs), origin.empty() ? Vec3(Vec3::Zero()) : Vec3(origin[0], origin[1], origin[2]), file.string()};
+}
+
+geometry::Box3 box_of(const std::vector<TexturedMesh>& meshes) {
+  geometry::Box3 box;
+  for (const TexturedMesh& m : meshes)
+    for (const Vec3& v : m.mesh.vertices) box.extend(v);
+  return box;
+}
+
+/// "ENU:LAT,LON": the mesh is already in an east-north-up frame.
+geometry::LocalFrame move_from_enu(const Georeference& place, std::vector<TexturedMesh>& meshes) {
+  const std::vector<double> at = numbers_in(std::string_view(place.crs).substr(4));
+  if (at.size() < 2) throw InputError(place.stated_by, "'" + place.crs + "' is not of the form ENU:LAT,LON");
+  for (TexturedMesh& m : meshes)
+    for (Vec3& v : m.mesh.vertices) v += place.offset;
+  return geometry::LocalFrame({at[0], at[1], {at.size() > 2 ? at[2] : 0.0}});
+}
+
+}  // namespace
+
+std::optional<Georeference> find_georeference(const fs::path& mesh_file) {
+  const fs::path folder = fs::absolute(mesh_file).parent_path(), above = folder.parent_path();
+  std::error_code ignored;
+  for (const fs::path& where : {folder, above / "odm_georeferencing"})
+    for (const char* name : {"odm_georeferencing_model_geo.txt", "coords.txt"})
+      if (fs::exists(where / name, ignored)) return read_odm(where / name);
+  for (const fs::path& where : {folder, above})
+    if (fs::exists(where / "metadata.xml", ignored)) return read_metadata_xml(where / "metadata.xml");
+  return std::nullopt;
+}
+
+geometry::LocalFrame reproject_to_local(const Georeference& place, std::vector<TexturedMesh>& meshes) {
+  if (place.crs.starts_with("ENU:")) return move_from_enu(place, meshes);
+  const geometry::LocalFrame frame(GeodeticConverter(place)(box_of(meshes).center()));
+  for (TexturedMesh& m : meshes) {
+    std::vector<Vec3>& vertices = m.mesh.vertices;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, vertices.size(), kGrain), [&](const auto& range) {
+      const GeodeticConverter to_geodetic(place);
+      for (std::size_t i = range.begin(); i < range.end(); ++i)
+        vertices[i] = frame.local_from_geodetic(to_geodetic(vertices[i]));
+    });
+  }
+  return frame;
+}
+
+}  // namespace tileflight::tiling

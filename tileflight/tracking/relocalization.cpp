@@ -1,0 +1,60 @@
+#include "tileflight/tracking/relocalization.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+namespace tileflight::tracking {
+namespace {
+
+using geometry::SE3;
+using geometry::Vec3;
+
+// Chosen by hand.
+constexpr double kMinInsideShare = 0.3;
+
+/// Rotations around a keyframe's orientation, spaced so that the coarsest level converges from the nearest one. The
+/// spacing is chosen by hand.
+std::vector<SE3> rotation_offsets() {
+  constexpr double kStep_rad = 0.12;
+  constexpr int kSteps = 2;
+  std::vector<SE3> out;
+  for (int x = -kSteps; x <= kSteps; ++x) {
+    for (int y = -kSteps; y <= kSteps; ++y) {
+      out.emplace_back(geometry::so3_exp(kStep_rad * Vec3(x, y, 0)), Vec3::Zero());
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+std::optional<Relocalization> relocalize(const photometry::LensPyramid& lens,
+                                         const std::vector<TrackingReference>& references,
+                                         const photometry::Pyramid& target, double accepted_rmse,
+                                         const photometry::TrackingOptions& options) {
+  constexpr std::size_t kRefined = 5;
+  if (references.empty()) return std::nullopt;
+  const std::vector<SE3> starts = rotation_offsets();
+  const int coarsest = static_cast<int>(target.levels.size()) - 1;
+  std::vector<Relocalization> tried(references.size() * starts.size());
+  tbb::parallel_for(std::size_t{0}, tried.size(), [&](std::size_t i) {
+    tried[i].keyframe = i / starts.size();
+    tried[i].alignment = align_image(lens, references[tried[i].keyframe], target, {starts[i % starts.size()], 0.0, 0.0},
+                                     options, {}, coarsest);
+  });
+  std::erase_if(tried, [](const Relocalization& r) { return r.alignment.inside_share < kMinInsideShare; });
+  std::stable_sort(tried.begin(), tried.end(), [coarsest](const Relocalization& a, const Relocalization& b) {
+    return a.alignment.rmse[coarsest] < b.alignment.rmse[coarsest];
+  });
+  std::optional<Relocalization> best;
+  for (std::size_t i = 0; i < std::min(kRefined, tried.size()); ++i) {
+    const ImageAlignment refined =
+        align_image(lens, references[tried[i].keyframe], target, tried[i].alignment.state, options);
+    if (!refined.converged || refined.inside_share < kMinInsideShare || refined.finest_rmse() > accepted_rmse) continue;
+    if (!best || refined.finest_rmse() < best->alignment.finest_rmse()) best = {tried[i].keyframe, refined};
+  }
+  return best;
+}
+
+}  // namespace tileflight::tracking

@@ -1,0 +1,83 @@
+#pragma once
+
+// Direct image alignment of a new image to a keyframe: DSO, section 3.1, step 1. Eight unknowns (pose, affine
+// brightness), coarse to fine.
+
+#include <array>
+#include <limits>
+#include <vector>
+
+#include "tileflight/geometry/transform.h"
+#include "tileflight/photometry/options.h"
+#include "tileflight/photometry/pyramid.h"
+#include "tileflight/photometry/rolling_shutter.h"
+
+namespace tileflight::tracking {
+
+/// A pixel of the keyframe with known inverse distance.
+struct ReferencePoint {
+  Eigen::Vector2f pixel;  ///< level 0
+  float rho = 0.0F;       ///< along the pixel's ray, in the keyframe
+  float weight = 1.0F;    ///< information of rho, for averaging on coarser levels
+};
+
+/// The aligned pixels of one level as arrays, padded with dummy pixels to a multiple of the SIMD width.
+struct ReferenceLevel {
+  std::vector<Eigen::Vector2f> pixels;    ///< without the padding
+  std::array<std::vector<float>, 3> ray;  ///< unit, by coordinate
+  std::vector<float> rho;
+  std::vector<float> intensity;
+
+  std::size_t size() const { return pixels.size(); }
+  Eigen::Vector3f ray_of(std::size_t i) const { return {ray[0][i], ray[1][i], ray[2][i]}; }
+  void add(const Eigen::Vector2f& pixel, const Eigen::Vector3f& unit_ray, float inverse_distance, float grey);
+  void pad();  ///< call once, after the last add()
+};
+
+struct TrackingReference {
+  std::vector<ReferenceLevel> levels;
+};
+
+/// Averages the points' inverse distances on each level and dilates them to neighbouring pixels, so that coarse levels
+/// are dense enough (DSO, section 3.1, step 1: projected and slightly dilated).
+TrackingReference make_tracking_reference(const photometry::LensPyramid& lens, const photometry::Pyramid& keyframe,
+                                          const std::vector<ReferencePoint>& points);
+
+/// Unknowns of the alignment: I_target = e^a I_reference + b (DSO, eq. 4 relative to the reference).
+struct ImageAlignmentState {
+  geometry::SE3 T_target_reference;
+  double a = 0.0;
+  double b = 0.0;
+};
+
+struct ImageAlignment {
+  ImageAlignmentState state;
+  bool converged = false;        ///< enough pixels visible, RMSE below lost_rmse, gain within limits
+  std::vector<double> rmse;      ///< grey values, by level; infinite on levels not reached
+  double inside_share = 0.0;     ///< share of the reference's pixels inside the target (level 0)
+  double saturated_share = 0.0;  ///< share of those with a residual above the cut-off
+  Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();  ///< Gauss-Newton matrix H of the
+                                                                                  ///< finest level
+
+  double finest_rmse() const { return rmse.empty() ? std::numeric_limits<double>::infinity() : rmse.front(); }
+};
+
+/// Aligns from `start`. Gives up early (not converged) if a level's RMSE exceeds `give_up_rmse` of that level (may be
+/// empty). Stops at `finest_level`; above level 0 the shares are of that level and `converged` stays false. With a
+/// rolling shutter each row of the target has its own pose; the middle row's is estimated, and the velocity changes
+/// with it. The reference is a global-shutter image.
+ImageAlignment align_image(const photometry::LensPyramid& lens, const TrackingReference& reference,
+                           const photometry::Pyramid& target, const ImageAlignmentState& start,
+                           const photometry::TrackingOptions& options, const std::vector<double>& give_up_rmse = {},
+                           int finest_level = 0, const photometry::RollingShutter& shutter = {});
+
+/// Root mean square optical flow between reference and target, pixels of level 0: by translation alone, and by all
+/// motion.
+struct OpticalFlow {
+  double translation_px = 0.0;
+  double full_px = 0.0;
+};
+OpticalFlow optical_flow(const photometry::LensPyramid& lens, const TrackingReference& reference,
+                         const geometry::SE3& T_target_reference);
+
+}  // namespace tileflight::tracking

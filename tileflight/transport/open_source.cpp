@@ -1,0 +1,135 @@
+#include "tileflight/transport/open_source.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/transport/archive_source.h"
+#include "tileflight/transport/http_source.h"
+#include "tileflight/transport/provider_google.h"
+#include "tileflight/transport/provider_ion.h"
+#include "tileflight/transport/uri.h"
+#include "tileflight/transport/url_secrets.h"
+
+namespace tileflight::transport {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_url(const std::string& source) {
+  const std::string scheme = uri_scheme(source);
+  return scheme == "http" || scheme == "https";
+}
+
+std::string first_bytes(const fs::path& file) {
+  std::string start(16, '\0');
+  std::ifstream stream(file, std::ios::binary);
+  stream.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(stream.gcount()));
+  return start;
+}
+
+/// nullptr: no cache. If the user did not name the folder, failure to open it is not an error.
+std::unique_ptr<HttpCache> open_cache(const SourceOptions& options) {
+  if (options.cache_folder.empty()) return nullptr;
+  try {
+    return std::make_unique<HttpCache>(options.cache_folder, HttpCacheOptions{.max_bytes = options.cache_max_bytes});
+  } catch (const InputError&) {
+    if (options.cache_required) throw;
+    return nullptr;
+  }
+}
+
+std::unique_ptr<TileSource> open_provider(std::unique_ptr<HttpProvider> provider, const std::string& name,
+                                          const SourceOptions& options) {
+  std::unique_ptr<HttpCache> cache = open_cache(options);
+  auto source =
+      std::make_unique<HttpSource>(std::move(provider), options.http, std::move(cache), options.terms_accepted);
+  if (options.cache_required) {
+    require_permitted(source->terms(), Use::kCache, options.terms_accepted, redact_source(name));
+  }
+  return source;
+}
+
+std::unique_ptr<TileSource> open_url(const std::string& source, const SourceOptions& options) {
+  const std::string ending = uri_extension(source);
+  if (ending == "3tz" || ending == "3dtiles") {
+    throw InputError(uri_for_message(source), "archives are read from files: download it first");
+  }
+  const bool is_folder = source.ends_with('/');
+  return open_provider(std::make_unique<UrlProvider>(is_folder ? source + "tileset.json" : source, options.headers),
+                       source, options);
+}
+
+GoogleOptions google_options(const SourceOptions& options) {
+  GoogleOptions google;
+  google.root_url = options.google_root_url;
+  google.key = options.google_key;
+  return google;
+}
+
+bool is_mesh(const fs::path& file, const std::string& start) {
+  const std::string ending = uri_extension(file.filename().string());
+  return start.starts_with("glTF") || start.starts_with("ply\n") || start.starts_with("ply\r") || ending == "obj" ||
+         ending == "gltf";
+}
+
+enum class FileKind { kFolder, kTileset, kSqlite, kZip };
+
+/// `path` must exist.
+FileKind kind_of(const fs::path& path) {
+  if (fs::is_directory(path)) return FileKind::kFolder;
+  const std::string start = first_bytes(path);
+  if (start.starts_with("SQLite format 3")) return FileKind::kSqlite;
+  if (start.starts_with("PK") || uri_extension(path.filename().string()) == "3tz") return FileKind::kZip;
+  return FileKind::kTileset;
+}
+
+std::unique_ptr<TileSource> open_file(const std::string& source) {
+  const fs::path path(source);
+  if (!fs::exists(path)) throw InputError(source, "no such file or folder");
+  if (fs::is_regular_file(path) && is_mesh(path, first_bytes(path)))
+    throw InputError(source, "is a mesh and no tileset; `tileflight tile` makes a tileset of it");
+  switch (kind_of(path)) {
+    case FileKind::kSqlite:
+      return std::make_unique<SqliteSource>(path);
+    case FileKind::kZip:
+      return std::make_unique<ZipSource>(path);
+    case FileKind::kTileset:
+      return std::make_unique<FolderSource>(path);
+    case FileKind::kFolder:
+      break;
+  }
+  if (!fs::exists(path / "tileset.json")) throw InputError(source, "the folder has no tileset.json");
+  return std::make_unique<FolderSource>(path / "tileset.json");
+}
+
+}  // namespace
+
+bool is_network_source(const std::string& source) {
+  return is_url(source) || source == "google" || uri_scheme(source) == "ion";
+}
+
+fs::path local_path_of_source(const std::string& source) {
+  const fs::path path(source);
+  std::error_code error;
+  if (is_network_source(source) || !fs::exists(path, error)) return {};
+  if (kind_of(path) != FileKind::kTileset) return path;
+  return path.has_parent_path() ? path.parent_path() : fs::path(".");
+}
+
+std::string redact_source(const std::string& source) { return is_url(source) ? redact_url(source) : source; }
+
+std::unique_ptr<TileSource> open_source(const std::string& source, const SourceOptions& options) {
+  if (is_url(source)) return open_url(source, options);
+  if (source == "google") {
+    return open_provider(std::make_unique<GoogleProvider>(google_options(options)), source, options);
+  }
+  if (uri_scheme(source) == "ion") {
+    const IonOptions ion{options.ion_api_url, source.substr(4), options.ion_token, google_options(options)};
+    return open_provider(std::make_unique<IonProvider>(ion), source, options);
+  }
+  return open_file(source);
+}
+
+}  // namespace tileflight::transport

@@ -1,0 +1,162 @@
+#include "tileflight/vehicle/flight_plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/yaml_section.h"
+#include "tileflight/flight/path.h"
+#include "tileflight/flight/smooth_path.h"
+#include "tileflight/vehicle/vehicle_flight.h"
+
+namespace tileflight::vehicle {
+namespace {
+
+using base::YamlSection;
+
+constexpr double kMaxFrames = 1e7;
+
+std::optional<double> read_positive(YamlSection& section, const std::string& key) {
+  const std::optional<double> value = section.number(key);
+  if (value && *value <= 0) throw section.error(key, "must be more than 0");
+  return value;
+}
+
+std::optional<geometry::Vec3> read_vector(YamlSection& section, const std::string& key) {
+  const auto numbers = section.numbers(key, 3, 3);
+  if (!numbers) return std::nullopt;
+  return geometry::Vec3(numbers->at(0), numbers->at(1), numbers->at(2));
+}
+
+flight::Waypoint read_waypoint(YamlSection section) {
+  flight::Waypoint waypoint;
+  const std::optional<geometry::Vec3> position = read_vector(section, "position");
+  waypoint.look_at = read_vector(section, "look_at");
+  const std::optional<double> yaw = section.number("yaw_deg"), pitch = section.number("pitch_deg");
+  waypoint.roll_deg = section.number("roll_deg").value_or(0.0);
+  section.require_all_keys_used();
+  if (!position) throw section.error("position", "is missing; give [east, north, up] in metres");
+  if (waypoint.look_at && (yaw || pitch))
+    throw section.error("look_at", "and yaw_deg or pitch_deg are both given; keep one of the two");
+  waypoint.position = *position;
+  waypoint.yaw_deg = yaw.value_or(0.0);
+  waypoint.pitch_deg = pitch.value_or(0.0);
+  return waypoint;
+}
+
+std::vector<flight::Waypoint> read_waypoints(YamlSection& plan) {
+  std::vector<flight::Waypoint> waypoints;
+  for (const YamlSection& waypoint : plan.sections("waypoints")) waypoints.push_back(read_waypoint(waypoint));
+  return waypoints;
+}
+
+std::optional<int> read_max_frames(YamlSection& plan) {
+  const std::optional<double> value = read_positive(plan, "max_frames");
+  if (!value) return std::nullopt;
+  if (*value != std::floor(*value) || *value > kMaxFrames)
+    throw plan.error("max_frames", "must be a whole number up to ten million");
+  return static_cast<int>(*value);
+}
+
+flight::SpeedLimits read_limits(YamlSection& plan) {
+  flight::SpeedLimits limits;
+  limits.speed_m_s = read_positive(plan, "speed_m_s").value_or(limits.speed_m_s);
+  limits.acceleration_m_s2 = read_positive(plan, "acceleration_m_s2").value_or(limits.acceleration_m_s2);
+  limits.yaw_rate_deg_s = read_positive(plan, "yaw_rate_deg_s").value_or(limits.yaw_rate_deg_s);
+  return limits;
+}
+
+/// Only waypoints and missions can be flown by a vehicle, and a mission requires one.
+void check_vehicle(const YamlSection& section, const FlightPlan& plan) {
+  if (plan.vehicle && plan.poses)
+    throw section.error("vehicle", "and 'trajectory' are both given; a vehicle flies waypoints or a mission");
+  if (plan.mission.empty()) return;
+  if (!plan.vehicle) throw section.error("mission", "is flown by a vehicle; add 'vehicle: {}'");
+  if (!plan.waypoints.empty()) throw section.error("mission", "and 'waypoints' are both given; keep one of the two");
+}
+
+/// Checks that the plan states exactly one kind of path and when to take images.
+void check_plan(const YamlSection& section, const FlightPlan& plan) {
+  if (plan.camera.empty()) throw section.error("camera", "is missing; name the calibration file");
+  if (plan.poses && !plan.waypoints.empty())
+    throw section.error("waypoints", "and 'trajectory' are both given; keep one of the two");
+  check_vehicle(section, plan);
+  if (!plan.poses && plan.mission.empty() && plan.waypoints.size() < 2)
+    throw section.error("waypoints", "must be at least two, or 'trajectory' must name a TUM file");
+  if (!plan.poses && plan.smoothing) throw section.error("smooth", "is of a 'trajectory'; waypoints are met exactly");
+  if (!plan.poses && !plan.fps) throw section.error("fps", "is missing; waypoints have no frames of their own");
+}
+
+geometry::Trajectory project_onto_path(const flight::Path& path, geometry::Trajectory trajectory) {
+  for (geometry::StampedPose& pose : trajectory.poses) pose.T_local_camera = path.pose(pose.time_s);
+  return trajectory;
+}
+
+geometry::Trajectory sample_path(const flight::Path& path, double fps, double most_frames) {
+  const double frames = std::min(most_frames, std::floor((path.end_s() - path.start_s()) * fps + 1e-9) + 1.0);
+  if (frames > kMaxFrames) throw InputError("flight", "more than ten million frames; lower 'fps' or set 'max_frames'");
+  geometry::Trajectory trajectory;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(frames); ++i) {
+    const double time_s = path.start_s() + static_cast<double>(i) / fps;
+    trajectory.poses.push_back({time_s, path.pose(time_s)});
+  }
+  return trajectory;
+}
+
+}  // namespace
+
+FlightPlan read_flight_plan(const std::filesystem::path& file) {
+  YamlSection section = YamlSection::load(file);
+  FlightPlan plan;
+  plan.camera = section.path("camera").value_or("");
+  const auto trajectory = section.path("trajectory");
+  plan.smoothing = flight::read_smoothing(section, std::nullopt);
+  plan.waypoints = read_waypoints(section);
+  if (auto vehicle = section.section("vehicle")) plan.vehicle = read_vehicle(*vehicle);
+  plan.mission = read_mission(section);
+  plan.limits = read_limits(section);
+  plan.fps = read_positive(section, "fps");
+  plan.max_frames = read_max_frames(section);
+  section.section("sensors");  // accepted here, but read by sensors::read_sensor_suite
+  plan.sensors_file = section.path("sensors_file").value_or("");
+  section.require_all_keys_used();
+  if (trajectory) plan.poses = geometry::read_tum(*trajectory);
+  check_plan(section, plan);
+  return plan;
+}
+
+std::vector<std::filesystem::path> referenced_files(const std::filesystem::path& file) {
+  YamlSection section = YamlSection::load(file);
+  std::vector<std::filesystem::path> files{file};
+  for (const char* key : {"camera", "trajectory", "sensors_file"}) {
+    if (const auto named = section.path(key)) files.push_back(*named);
+  }
+  return files;
+}
+
+flight::Path build_path(const FlightPlan& plan) {
+  if (plan.vehicle) return fly(plan).path;
+  if (!plan.poses) return flight::path_through_waypoints(plan.waypoints, plan.limits);
+  return plan.smoothing ? flight::smooth_path(*plan.poses, *plan.smoothing).path
+                        : flight::path_through_poses(*plan.poses);
+}
+
+geometry::Trajectory sample_frames(const flight::Path& path, const FlightPlan& plan) {
+  if (!plan.fps) throw InputError("flight", "waypoints need 'fps'");
+  return sample_path(path, *plan.fps, plan.max_frames ? *plan.max_frames : HUGE_VAL);
+}
+
+geometry::Trajectory frame_poses(const FlightPlan& plan) {
+  const double most_frames = plan.max_frames ? *plan.max_frames : HUGE_VAL;
+  if (!plan.fps) {
+    if (!plan.poses) throw InputError("flight", "waypoints need 'fps'");
+    geometry::Trajectory trajectory = *plan.poses;
+    if (static_cast<double>(trajectory.size()) > most_frames)
+      trajectory.poses.resize(static_cast<std::size_t>(most_frames));
+    return plan.smoothing ? project_onto_path(build_path(plan), std::move(trajectory)) : trajectory;
+  }
+  return sample_frames(build_path(plan), plan);
+}
+
+}  // namespace tileflight::vehicle
