@@ -3,6 +3,8 @@
 // reason, and how often each interval contains the true value.
 //
 //   verdict_power_benchmark [N (100)] [side of the places, m (100)] [part of a scenario's name]
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

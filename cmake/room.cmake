@@ -1,12 +1,16 @@
-# tileflight_room(NAME [USES room...] [TESTS room...] [PUBLIC lib...] [PRIVATE lib...])
+# tileflight_room(NAME [USES room...] [TESTS room...] [PUBLIC lib...] [PRIVATE lib...] [HEADERS header...])
 #
 # Makes the library of a room from the folder's *.cpp, and its test program from the folder's *_test.cpp.
-# USES names the rooms whose headers this one may include, TESTS those that only its tests may (docs/architecture.md); PUBLIC are libraries that
-# its headers show, PRIVATE those that only its sources need.
+# USES names the rooms whose headers this one may include, TESTS those that only its tests may (docs/architecture.md);
+# PUBLIC are libraries that its headers show, PRIVATE those that only its sources need; HEADERS are its public headers,
+# which the installed package holds (docs/library.md).
 include(GoogleTest)
 
+# Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
+set(TILEFLIGHT_QUICKLY_COMPILED report rpc server experiment)
+
 function(tileflight_room NAME)
-  cmake_parse_arguments(ROOM "" "" "USES;TESTS;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ROOM "" "" "USES;TESTS;PUBLIC;PRIVATE;HEADERS" ${ARGN})
   file(GLOB SOURCES CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
   set(TESTS ${SOURCES})
   list(FILTER TESTS INCLUDE REGEX "_test\\.cpp$")
@@ -17,15 +21,31 @@ function(tileflight_room NAME)
     set(SOURCES ${CMAKE_CURRENT_BINARY_DIR}/empty.cpp)
   endif()
 
+  set(OUTSIDE ${ROOM_PUBLIC} ${ROOM_PRIVATE})
+  list(REMOVE_ITEM OUTSIDE tileflight_tinygltf)
+  tileflight_dependency(${OUTSIDE})
+
   set(TARGET tileflight_${NAME})
   set(ROOMS ${ROOM_USES})
   list(TRANSFORM ROOMS PREPEND "tileflight::")
   add_library(${TARGET} STATIC ${SOURCES})
   add_library(tileflight::${NAME} ALIAS ${TARGET})
-  target_include_directories(${TARGET} PUBLIC ${CMAKE_SOURCE_DIR})
+  set_target_properties(${TARGET} PROPERTIES EXPORT_NAME ${NAME})
+  target_sources(${TARGET} PUBLIC FILE_SET HEADERS BASE_DIRS ${PROJECT_SOURCE_DIR} FILES ${ROOM_HEADERS})
+  target_include_directories(${TARGET} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+  target_compile_features(${TARGET} PUBLIC cxx_std_20)
+  target_compile_options(${TARGET} PUBLIC ${TILEFLIGHT_RESULT_OPTIONS})
   target_link_libraries(${TARGET}
     PUBLIC ${ROOMS} ${ROOM_PUBLIC}
-    PRIVATE ${ROOM_PRIVATE} tileflight_compiler)
+    PRIVATE ${ROOM_PRIVATE} $<BUILD_INTERFACE:tileflight_compiler>)
+  # For the package: rooms and outside libraries that must be found before this one.
+  set_property(GLOBAL APPEND PROPERTY TILEFLIGHT_PACKAGE_ROOMS ${NAME})
+  set_property(GLOBAL PROPERTY TILEFLIGHT_PACKAGE_${NAME}_USES ${ROOM_USES})
+  set_property(GLOBAL PROPERTY TILEFLIGHT_PACKAGE_${NAME}_LIBRARIES ${ROOM_PUBLIC} ${ROOM_PRIVATE})
+
+  if(NAME IN_LIST TILEFLIGHT_QUICKLY_COMPILED)
+    target_link_libraries(${TARGET} PRIVATE $<BUILD_INTERFACE:tileflight_quickly_compiled>)
+  endif()
 
   # What reads foreign bytes tells the fuzzer which ways it took.
   set(FUZZED base geometry imaging rpc transport tile_contents tiles flight_logs tiling)
@@ -33,12 +53,12 @@ function(tileflight_room NAME)
     target_compile_options(${TARGET} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
 
-  if(TESTS)
+  if(TESTS AND TILEFLIGHT_TESTS)
     add_executable(${NAME}_test ${TESTS})
     list(TRANSFORM ROOM_TESTS PREPEND "tileflight::")
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${ROOM_TESTS} ${ROOM_PRIVATE} tileflight_compiler
                           GTest::gmock GTest::gtest_main)
-    target_compile_definitions(${NAME}_test PRIVATE TILEFLIGHT_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+    target_compile_definitions(${NAME}_test PRIVATE TILEFLIGHT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
     set(PLAIN imaging transport tile_contents tiles dataset report)
     if(NAME IN_LIST PLAIN)
       target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)
@@ -53,6 +73,6 @@ function(tileflight_add_gtest TARGET PREFIX)
     TEST_PREFIX "${PREFIX}."
     DISCOVERY_MODE PRE_TEST
     DISCOVERY_TIMEOUT 60
-    WORKING_DIRECTORY ${CMAKE_BINARY_DIR}
+    WORKING_DIRECTORY ${PROJECT_BINARY_DIR}
     PROPERTIES TIMEOUT 600 SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
 endfunction()

@@ -7,13 +7,13 @@ find_program(NPM npm)
 find_program(NODE node)
 
 function(tileflight_page_script OUTPUT)
-  set(FOLDER ${CMAKE_BINARY_DIR}/web)
-  file(GLOB SOURCES CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/web/src/*)
-  set(SETTINGS ${CMAKE_SOURCE_DIR}/web/package.json ${CMAKE_SOURCE_DIR}/web/package-lock.json
-               ${CMAKE_SOURCE_DIR}/web/build.mjs ${CMAKE_SOURCE_DIR}/cmake/bundle_web.cmake)
+  set(FOLDER ${PROJECT_BINARY_DIR}/web)
+  file(GLOB SOURCES CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/web/src/*)
+  set(SETTINGS ${PROJECT_SOURCE_DIR}/web/package.json ${PROJECT_SOURCE_DIR}/web/package-lock.json
+               ${PROJECT_SOURCE_DIR}/web/build.mjs ${PROJECT_SOURCE_DIR}/cmake/bundle_web.cmake)
   add_custom_command(OUTPUT ${FOLDER}/page_script.cpp
-    COMMAND ${CMAKE_COMMAND} -D WEB=${CMAKE_SOURCE_DIR}/web -D FOLDER=${FOLDER} -D NPM=${NPM} -D NODE=${NODE}
-            -P ${CMAKE_SOURCE_DIR}/cmake/bundle_web.cmake
+    COMMAND ${CMAKE_COMMAND} -D WEB=${PROJECT_SOURCE_DIR}/web -D FOLDER=${FOLDER} -D NPM=${NPM} -D NODE=${NODE}
+            -P ${PROJECT_SOURCE_DIR}/cmake/bundle_web.cmake
     DEPENDS ${SOURCES} ${SETTINGS}
     COMMENT "Bundling the report's view"
     VERBATIM)

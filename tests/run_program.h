@@ -33,15 +33,21 @@ inline std::string file_text(const std::filesystem::path& file) {
   return text.str();
 }
 
-/// Runs the tileflight binary with these arguments, without input, and keeps what it prints.
-inline ProgramResult run_tileflight(const std::vector<std::string>& arguments, const std::string& environment = "") {
+/// Runs a program with its arguments, without input, and keeps what it prints. `environment`: `NAME=value …`.
+inline ProgramResult run_command(const std::vector<std::string>& words, const std::string& environment = "") {
   const TemporaryFolder folder;
-  std::string command = environment + " " + shell_quoted(TILEFLIGHT_BINARY);
-  for (const std::string& argument : arguments) command += " " + shell_quoted(argument);
+  std::string command = environment;
+  for (const std::string& word : words) command += " " + shell_quoted(word);
   command += " > " + shell_quoted((folder / "out").string()) + " 2> " + shell_quoted((folder / "err").string()) +
              " < /dev/null";
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(folder / "out"), file_text(folder / "err")};
+}
+
+/// Runs the tileflight binary with these arguments.
+inline ProgramResult run_tileflight(std::vector<std::string> arguments, const std::string& environment = "") {
+  arguments.insert(arguments.begin(), TILEFLIGHT_BINARY);
+  return run_command(arguments, environment);
 }
 
 /// Number of lines, as a person would count them.

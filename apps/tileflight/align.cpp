@@ -1,3 +1,5 @@
+#include <nlohmann/json.hpp>
+
 #include <optional>
 #include <sstream>
 #include <string>

@@ -1,5 +1,7 @@
 #include "tileflight/survey/coverage.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cstdio>
 
 #include "command.h"

@@ -1,5 +1,7 @@
 #include "doubts_text.h"
 
+#include <nlohmann/json.hpp>
+
 namespace tileflight::app {
 
 std::string doubts_text(const nlohmann::json& result) {

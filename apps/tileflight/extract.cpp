@@ -1,5 +1,7 @@
 #include "tileflight/place/extract.h"
 
+#include <nlohmann/json.hpp>
+
 #include "command.h"
 #include "number_text.h"
 #include "region_options.h"

@@ -1,5 +1,7 @@
 #include "tileflight/tiles/inspect.h"
 
+#include <nlohmann/json.hpp>
+
 #include <iomanip>
 #include <sstream>
 

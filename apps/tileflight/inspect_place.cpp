@@ -1,5 +1,7 @@
 #include "inspect_place.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 #include "tileflight/base/input_error.h"

@@ -1,4 +1,6 @@
 // tileflight COMMAND: parse, call, print, exit code. 0 done, 1 the work failed (one line on stderr), 2 wrong usage.
+#include <nlohmann/json.hpp>
+
 #include <oneapi/tbb/global_control.h>
 
 #include <csignal>

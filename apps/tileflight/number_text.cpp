@@ -1,5 +1,7 @@
 #include "number_text.h"
 
+#include <nlohmann/json.hpp>
+
 #include <array>
 #include <charconv>
 #include <cmath>

@@ -1,5 +1,7 @@
 #include "tileflight/survey/preview.h"
 
+#include <nlohmann/json.hpp>
+
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"

@@ -1,5 +1,7 @@
 #include "tileflight/report/report.h"
 
+#include <nlohmann/json.hpp>
+
 #include "command.h"
 #include "open_in_viewer.h"
 

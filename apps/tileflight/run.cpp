@@ -1,5 +1,7 @@
 #include "tileflight/experiment/run.h"
 
+#include <nlohmann/json.hpp>
+
 #include "command.h"
 #include "doubts_text.h"
 #include "source_options.h"

@@ -1,3 +1,5 @@
+#include <nlohmann/json.hpp>
+
 #include <iomanip>
 #include <map>
 #include <sstream>

@@ -10,7 +10,7 @@
 #include "tests/run_program.h"
 #include "tileflight/geometry/cloud_files.h"
 
-namespace tileflight {
+namespace tileflight::align_command_test {
 namespace {
 
 using geometry::PointCloud;
@@ -164,4 +164,4 @@ TEST_F(AlignCommand, BadOptionsAreOneLine) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::align_command_test

@@ -6,7 +6,7 @@
 
 #include "tests/run_program.h"
 
-namespace tileflight {
+namespace tileflight::command_line_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -119,4 +119,4 @@ TEST(CommandLine, VersionIsPrinted) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::command_line_test

@@ -9,7 +9,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight {
+namespace tileflight::coverage_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -194,4 +194,4 @@ TEST(CoverageOfMachangara, TheFlightsCutIsWholeAndSmallerThanEverything) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::coverage_test

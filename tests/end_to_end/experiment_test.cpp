@@ -11,7 +11,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight {
+namespace tileflight::experiment_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -402,4 +402,4 @@ TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::experiment_test

@@ -10,7 +10,7 @@
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/geometry/trajectory.h"
 
-namespace tileflight {
+namespace tileflight::machangara_test {
 namespace {
 
 using nlohmann::json;
@@ -64,4 +64,4 @@ INSTANTIATE_TEST_SUITE_P(Starts, MachangaraFlight,
                          ::testing::Values(std::tuple(0, false), std::tuple(330, false), std::tuple(240, true)));
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::machangara_test

@@ -6,7 +6,7 @@
 #include "tileflight/tiles/test_http_tileset.h"
 
 /// The binary against a server on the loopback device: what a user sees, and what is left on disk.
-namespace tileflight {
+namespace tileflight::network_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -90,4 +90,4 @@ TEST_F(Network, a_cache_that_is_asked_for_but_cannot_be_made_is_an_error) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::network_test

@@ -11,7 +11,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight {
+namespace tileflight::odometry_command_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -106,4 +106,4 @@ TEST_F(OdometryCommand, FiltersOfTheMapAreOptions) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::odometry_command_test

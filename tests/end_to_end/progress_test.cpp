@@ -12,7 +12,7 @@
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
 
-namespace tileflight {
+namespace tileflight::progress_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -128,4 +128,4 @@ TEST_F(Progress, OnATerminalOneLineIsRewritten) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::progress_test

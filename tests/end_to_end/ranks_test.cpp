@@ -13,7 +13,7 @@
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
 
-namespace tileflight {
+namespace tileflight::ranks_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -255,4 +255,4 @@ TEST(Ranks, AreRefusedByABuildWithoutMpi) {
 #endif
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::ranks_test

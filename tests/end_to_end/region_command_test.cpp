@@ -11,7 +11,7 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
 
-namespace tileflight {
+namespace tileflight::region_command_test {
 namespace {
 
 using geometry::Vec3;
@@ -148,4 +148,4 @@ TEST_F(RegionFiles, UnusableFilesAreOneLine) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::region_command_test

@@ -9,7 +9,7 @@
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight {
+namespace tileflight::render_camera_test {
 namespace {
 
 using nlohmann::json;
@@ -107,4 +107,4 @@ TEST_F(RenderCamera, TheDatasetSaysWhatItsFrameIs) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::render_camera_test

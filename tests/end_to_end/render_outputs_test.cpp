@@ -16,7 +16,7 @@
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/render/linear_color.h"
 
-namespace tileflight {
+namespace tileflight::render_outputs_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -250,4 +250,4 @@ TEST_F(RenderOutputs, DepthAloneIsAFlagAndWordsAreChecked) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::render_outputs_test

@@ -4,7 +4,7 @@
 
 #include "tests/run_program.h"
 
-namespace tileflight {
+namespace tileflight::report_command_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -63,4 +63,4 @@ TEST_F(ReportCommand, DoesNotWaitForAViewerThatStaysOpen) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::report_command_test

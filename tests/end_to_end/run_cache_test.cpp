@@ -12,7 +12,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/base/folder_marker.h"
 
-namespace tileflight {
+namespace tileflight::run_cache_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -237,4 +237,4 @@ TEST_F(RunCache, ForceDoesAllAgainAndKeepsWhatIsNotOurs) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::run_cache_test

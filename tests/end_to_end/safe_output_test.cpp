@@ -10,7 +10,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/base/folder_marker.h"
 
-namespace tileflight {
+namespace tileflight::safe_output_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -289,4 +289,4 @@ TEST_F(SafeOutput, FoldersOfVersionsWithoutAMarkerAreKnownByTheirFiles) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::safe_output_test

@@ -15,7 +15,7 @@
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/survey/flight_faults.h"
 
-namespace tileflight {
+namespace tileflight::see_before_flying_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -321,4 +321,4 @@ TEST(EmptyPlace, AGlobeHasNoMap) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::see_before_flying_test

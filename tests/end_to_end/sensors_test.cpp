@@ -11,7 +11,7 @@
 #include "tileflight/dataset/lidar_files.h"
 #include "tileflight/dataset/number_table.h"
 
-namespace tileflight {
+namespace tileflight::sensors_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -161,4 +161,4 @@ TEST_F(Sensors, WhatCannotBeIsOneLine) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::sensors_test

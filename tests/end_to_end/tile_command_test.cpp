@@ -10,7 +10,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/geometry/geodesy.h"
 
-namespace tileflight {
+namespace tileflight::tile_command_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -137,4 +137,4 @@ TEST_F(TileFiles, AnExistingFolderIsKept) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::tile_command_test

@@ -9,7 +9,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/geometry/trajectory.h"
 
-namespace tileflight {
+namespace tileflight::vehicle_test {
 namespace {
 
 using geometry::Vec3;
@@ -95,4 +95,4 @@ TEST_F(VehicleFlights, AKeyThatIsNotOneIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::vehicle_test

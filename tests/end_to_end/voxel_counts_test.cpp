@@ -6,7 +6,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/tiles/load.h"
 
-namespace tileflight {
+namespace tileflight::voxel_counts_test {
 namespace {
 
 using geometry::Vec3;
@@ -36,4 +36,4 @@ TEST(VoxelCounts, MachangaraMatchesTheKnownCounts) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::voxel_counts_test

@@ -9,7 +9,7 @@
 #include "tests/run_program.h"
 #include "tests/tiny_place.h"
 
-namespace tileflight {
+namespace tileflight::bad_input_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -160,4 +160,4 @@ TEST_F(BadInput, UnknownKeyOfAnExperimentNamesTheNearest) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::bad_input_test

@@ -9,7 +9,7 @@
 #include "tests/tiny_flight.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight {
+namespace tileflight::odometry_input_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -222,4 +222,4 @@ TEST_F(OdometryInput, ALensThatColmapDoesNotKnowIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight
+}  // namespace tileflight::odometry_input_test

@@ -1,5 +1,7 @@
 #include "outcome.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

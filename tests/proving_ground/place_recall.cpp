@@ -3,6 +3,8 @@
 //   build/release/bin/place_recall out/proving-ground
 // Flights whose odometry is off by more than a hundredth of the path are left out.
 
+#include <nlohmann/json.hpp>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>

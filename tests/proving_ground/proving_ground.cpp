@@ -5,6 +5,7 @@
 // --keep all. Everything is drawn from --seed. Several calls' flights in one table: --summarise FOLDER FOLDER
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 #include <algorithm>
 #include <chrono>
 #include <filesystem>

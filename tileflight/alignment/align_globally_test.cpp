@@ -10,7 +10,7 @@
 #include "tileflight/alignment/global_registration.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::align_globally_test {
 namespace {
 
 using geometry::PointCloud;
@@ -169,4 +169,4 @@ TEST(EvenSurfacePoints, AreEvenByArea) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::align_globally_test

@@ -1,5 +1,7 @@
 #include "tileflight/alignment/align_map.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <random>
@@ -12,7 +13,7 @@
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::align_map_test {
 namespace {
 
 using geometry::PointCloud;
@@ -278,4 +279,4 @@ TEST_F(AlignMap, JsonTellsEveryStep) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::align_map_test

@@ -13,7 +13,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/geodesy.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::align_trajectory_test {
 namespace {
 
 using geometry::Sim3;
@@ -177,4 +177,4 @@ TEST(AlignTrajectory, FlightOverMachangara) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::align_trajectory_test

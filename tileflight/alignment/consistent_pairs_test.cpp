@@ -6,7 +6,7 @@
 #include <bit>
 #include <random>
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::consistent_pairs_test {
 namespace {
 
 using geometry::Sim3;
@@ -102,4 +102,4 @@ TEST(SimilarPlaces, NearestDescriptorsBothWays) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::consistent_pairs_test

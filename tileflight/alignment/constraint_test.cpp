@@ -5,7 +5,7 @@
 #include <cmath>
 #include <functional>
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::constraint_test {
 namespace {
 
 using geometry::Vec3;
@@ -97,4 +97,4 @@ TEST(Constraint, BowlWithACornerIsHeld) {
 TEST(Constraint, NothingMatchedIsNotHeld) { EXPECT_FALSE(analyze_constraint({}, 0, true).well_constrained); }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::constraint_test

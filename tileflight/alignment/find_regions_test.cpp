@@ -8,7 +8,7 @@
 #include "tileflight/alignment/align_globally.h"
 #include "tileflight/alignment/icp.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::find_regions_test {
 namespace {
 
 using geometry::PointCloud;
@@ -103,4 +103,4 @@ TEST(FindRegions, AlignmentOnThemIsHeldFirmly) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::find_regions_test

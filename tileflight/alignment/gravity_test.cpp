@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::gravity_test {
 namespace {
 
 using geometry::Mat3;
@@ -55,4 +55,4 @@ TEST(UpFromTrajectory, WithoutTurnsItIsNotKnown) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::gravity_test

@@ -17,7 +17,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::icp_test {
 namespace {
 
 using geometry::PointCloud;
@@ -598,4 +598,4 @@ TEST(Icp, BunnyScansFitBothWays) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::icp_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::jackknife_test {
 namespace {
 
 using geometry::Sim3;
@@ -31,4 +31,4 @@ TEST(Jackknife, OneGroupTellsNothing) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::jackknife_test

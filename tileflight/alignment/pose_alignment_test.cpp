@@ -9,7 +9,7 @@
 #include "tileflight/alignment/umeyama.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::pose_alignment_test {
 namespace {
 
 using geometry::SE3;
@@ -66,4 +66,4 @@ TEST(FitPoses, RefusesUnpairedPosesAndTakesASinglePose) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::pose_alignment_test

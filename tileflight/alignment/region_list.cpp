@@ -1,5 +1,7 @@
 #include "tileflight/alignment/region_list.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 

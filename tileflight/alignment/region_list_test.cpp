@@ -2,10 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::region_list_test {
 namespace {
 
 using geometry::Box3;
@@ -43,4 +44,4 @@ TEST(RegionList, RefusesWhatIsNone) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::region_list_test

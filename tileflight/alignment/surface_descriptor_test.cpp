@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::surface_descriptor_test {
 namespace {
 
 using geometry::Vec3;
@@ -73,4 +73,4 @@ TEST(SurfaceDescriptors, LonelyPointsHaveNone) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::surface_descriptor_test

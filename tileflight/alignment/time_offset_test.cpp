@@ -6,7 +6,7 @@
 #include <functional>
 #include <random>
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::time_offset_test {
 namespace {
 
 using geometry::so3_exp;
@@ -131,4 +131,4 @@ TEST(TimeOffset, ShortSignalsDoNotTellIt) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::time_offset_test

@@ -1,5 +1,7 @@
 #include "tileflight/alignment/transform_file.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 
 #include "tileflight/base/files.h"

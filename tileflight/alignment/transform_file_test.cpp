@@ -2,12 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::transform_file_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -93,4 +94,4 @@ TEST(TransformFile, BadFilesAreOneClearLine) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::transform_file_test

@@ -9,7 +9,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::umeyama_test {
 namespace {
 
 using geometry::Sim3;
@@ -185,4 +185,4 @@ TEST(RobustUmeyama, WithoutNoiseItIsThePlainFit) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::umeyama_test

@@ -9,7 +9,7 @@
 #include "tileflight/alignment/align_globally.h"
 #include "tileflight/alignment/icp.h"
 
-namespace tileflight::alignment {
+namespace tileflight::alignment::uncertainty_test {
 namespace {
 
 using geometry::PointCloud;
@@ -105,4 +105,4 @@ TEST(AlignmentUncertainty, NoneWhereAMotionIsOpen) {
 }
 
 }  // namespace
-}  // namespace tileflight::alignment
+}  // namespace tileflight::alignment::uncertainty_test

@@ -6,7 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::base {
+namespace tileflight::base::canonical_yaml_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -65,4 +65,4 @@ TEST(CanonicalYaml, WhatIsNoMapIsItsText) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::canonical_yaml_test

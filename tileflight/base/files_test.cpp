@@ -11,7 +11,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/sha256.h"
 
-namespace tileflight::base {
+namespace tileflight::base::files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -124,4 +124,4 @@ TEST(Sha256, OfAFileLargerThanABlockThatIsRead) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::files_test

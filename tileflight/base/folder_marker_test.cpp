@@ -9,7 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 
-namespace tileflight::base {
+namespace tileflight::base::folder_marker_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -88,4 +88,4 @@ TEST(FolderMarker, WhatIsNoneIsNone) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::folder_marker_test

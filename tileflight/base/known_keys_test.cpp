@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::base {
+namespace tileflight::base::known_keys_test {
 namespace {
 
 /// The recursive definition itself, exponential in the lengths.
@@ -53,4 +53,4 @@ TEST(DidYouMean, NamesWhatIsNearAndNothingElse) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::known_keys_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-namespace tileflight::base {
+namespace tileflight::base::noise_test {
 namespace {
 
 TEST(Noise, IsFixedForAllTimesAndMachines) {
@@ -81,4 +81,4 @@ TEST(Noise, RandomIsUniform) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::noise_test

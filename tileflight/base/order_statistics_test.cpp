@@ -6,7 +6,7 @@
 
 #include "tileflight/base/random_numbers.h"
 
-namespace tileflight::base {
+namespace tileflight::base::order_statistics_test {
 namespace {
 
 TEST(OrderStatistics, MediansAreThoseOfSortedValues) {
@@ -24,4 +24,4 @@ TEST(OrderStatistics, MediansAreThoseOfSortedValues) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::order_statistics_test

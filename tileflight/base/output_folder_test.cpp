@@ -15,7 +15,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/folder_marker.h"
 
-namespace tileflight::base {
+namespace tileflight::base::output_folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -337,4 +337,4 @@ TEST(Matches, DigitsAndStars) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::output_folder_test

@@ -9,7 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 
-namespace tileflight::base {
+namespace tileflight::base::temporary_path_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -71,4 +71,4 @@ TEST(TemporaryPath, AKilledWriterOfAFolderIsClearedByTheNext) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::temporary_path_test

@@ -8,7 +8,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
-namespace tileflight::base {
+namespace tileflight::base::yaml_section_test {
 namespace {
 
 using testing::ElementsAre;
@@ -106,4 +106,4 @@ TEST(ExpandVariables, ValuesAreNotExpandedAgain) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::yaml_section_test

@@ -8,7 +8,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/geometry/transform.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::attitude_csv_test {
 namespace {
 
 using testing::HasSubstr;
@@ -42,4 +42,4 @@ TEST(AttitudeCsv, BrokenFilesAreNamedWithTheirRow) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::attitude_csv_test

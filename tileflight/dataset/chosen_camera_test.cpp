@@ -8,7 +8,7 @@
 #include "tileflight/dataset/test_pictures.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::chosen_camera_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -87,4 +87,4 @@ TEST_F(ChosenCamera, LeavesWhereTheBodyIsToTheLayout) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::chosen_camera_test

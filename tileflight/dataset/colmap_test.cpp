@@ -10,7 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/calibration_files.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::colmap_test {
 namespace {
 
 using geometry::SE3;
@@ -138,4 +138,4 @@ TEST(Colmap, EachLensHasItsNameOrIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::colmap_test

@@ -15,7 +15,7 @@
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/photometric.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::dataset_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -399,4 +399,4 @@ TEST(RealSequences, EurocWithMissingImages) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::dataset_test

@@ -16,7 +16,7 @@
 #include "tileflight/dataset/test_pictures.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::export_dataset_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -251,4 +251,4 @@ TEST_F(Export, WhatALayoutCannotHoldIsSaid) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::export_dataset_test

@@ -9,7 +9,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::imu_files_test {
 namespace {
 
 using geometry::Vec3;
@@ -70,4 +70,4 @@ TEST_F(ImuFiles, TheCalibrationIsKalibrs) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::imu_files_test

@@ -11,7 +11,7 @@
 #include "tileflight/dataset/test_pictures.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::ingest_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -298,4 +298,4 @@ TEST(Ingest, Machangara) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::ingest_test

@@ -9,7 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::lidar_files_test {
 namespace {
 
 using testing::HasSubstr;
@@ -53,4 +53,4 @@ TEST(LidarFiles, DamageIsNamed) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::lidar_files_test

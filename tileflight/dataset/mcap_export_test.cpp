@@ -16,7 +16,7 @@
 #include "tileflight/dataset/ros_messages.h"
 #include "tileflight/dataset/test_pictures.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::mcap_export_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -212,4 +212,4 @@ TEST(McapExport, ADatasetBecomesOneFileInTheOrderOfTime) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::mcap_export_test

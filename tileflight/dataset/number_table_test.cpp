@@ -8,7 +8,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::number_table_test {
 namespace {
 
 using testing::HasSubstr;
@@ -35,4 +35,4 @@ TEST(NumberTable, DamageIsNamedWithItsLine) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::number_table_test

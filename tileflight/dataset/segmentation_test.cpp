@@ -10,7 +10,7 @@
 #include "tileflight/imaging/exr_channels.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::segmentation_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -132,4 +132,4 @@ TEST(FrameLayers, AreWrittenWhereTheyAreAskedForAndComeBack) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::segmentation_test

@@ -13,7 +13,7 @@
 #include "tileflight/dataset/libav.h"
 #include "tileflight/dataset/test_pictures.h"
 
-namespace tileflight::dataset {
+namespace tileflight::dataset::video_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -431,4 +431,4 @@ TEST(Video, Machangara) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset
+}  // namespace tileflight::dataset::video_test

@@ -1,6 +1,7 @@
 // Unusable maps, surfaces and trajectories give an error of one line or a defined value.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <numbers>
@@ -9,7 +10,7 @@
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/map_entropy.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::bad_input_test {
 namespace {
 
 using geometry::PointCloud;
@@ -127,4 +128,4 @@ TEST(BadInput, TenMillionPointsAreScored) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::bad_input_test

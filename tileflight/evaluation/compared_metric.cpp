@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/compared_metric.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 

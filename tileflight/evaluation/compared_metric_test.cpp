@@ -1,13 +1,14 @@
 #include "tileflight/evaluation/compared_metric.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <random>
 
 #include "tileflight/evaluation/student_t.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::compared_metric_test {
 namespace {
 
 ComparedMetric judged(const char* name, double value, double standard_error, double margin, double degrees = 30.0) {
@@ -106,4 +107,4 @@ TEST(Verdict, ErrsInOneOfTwentyAtTheMarginItself) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::compared_metric_test

@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/contingency_table.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>

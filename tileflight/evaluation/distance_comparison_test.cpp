@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/repeated_runs.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::distance_comparison_test {
 namespace {
 
 using geometry::Vec3;
@@ -321,4 +322,4 @@ TEST(Comparison, RefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::distance_comparison_test

@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/doubts_json.h"
 
+#include <nlohmann/json.hpp>
+
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/json_reader.h"
 

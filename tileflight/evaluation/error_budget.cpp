@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/error_budget.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 
 #include "tileflight/evaluation/json_reader.h"

@@ -1,13 +1,14 @@
 #include "tileflight/evaluation/error_budget.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <limits>
 
 #include "tests/refusal.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::error_budget_test {
 namespace {
 
 ErrorBudgetInputs some_inputs() {
@@ -64,4 +65,4 @@ TEST(ErrorBudget, RoundTripAndComplaints) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::error_budget_test

@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/map_comparison.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/repeated_runs.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::map_comparison_test {
 namespace {
 
 using geometry::TriangleIndex;
@@ -299,4 +300,4 @@ TEST(VerdictPower, FivePercentOfTheSurfaceMissingIsToldApart) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::map_comparison_test

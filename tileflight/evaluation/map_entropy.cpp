@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/map_entropy.h"
 
+#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>

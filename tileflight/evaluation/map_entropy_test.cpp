@@ -11,7 +11,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::map_entropy_test {
 namespace {
 
 using geometry::Mat3;
@@ -124,4 +124,4 @@ TEST(MapEntropy, RefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::map_entropy_test

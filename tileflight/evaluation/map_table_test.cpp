@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <random>
@@ -9,7 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/distances.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::map_table_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -133,4 +134,4 @@ TEST(MapTable, RefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::map_table_test

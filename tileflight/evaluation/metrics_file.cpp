@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/metrics_file.h"
 
+#include <nlohmann/json.hpp>
+
 #include <charconv>
 #include <cmath>
 #include <limits>

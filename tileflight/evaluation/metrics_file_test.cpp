@@ -1,6 +1,7 @@
 #include "tileflight/evaluation/metrics_file.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <filesystem>
@@ -15,7 +16,7 @@
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/geometry/cloud_files.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::metrics_file_test {
 namespace {
 
 using geometry::PointCloud;
@@ -249,4 +250,4 @@ TEST_F(MetricsFiles, ErrorsOfAnotherRunAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::metrics_file_test

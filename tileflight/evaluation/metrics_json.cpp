@@ -1,3 +1,5 @@
+#include <nlohmann/json.hpp>
+
 #include <charconv>
 
 #include "tileflight/evaluation/metrics.h"

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -15,7 +16,7 @@
 #include "tileflight/evaluation/evaluate.h"
 #include "tileflight/evaluation/published_results.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::metrics_test {
 namespace {
 
 using geometry::PointCloud;
@@ -384,4 +385,4 @@ TEST(Paper, TableHasTheKeysOfOurs) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::metrics_test

@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/missed_places.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 #include <cstdio>
 #include <map>

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +10,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::missed_places_test {
 namespace {
 
 using geometry::Vec3;
@@ -145,4 +146,4 @@ TEST(MissedPlaces, RefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::missed_places_test

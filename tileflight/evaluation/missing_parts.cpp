@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/missing_parts.h"
 
+#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_sort.h>
 

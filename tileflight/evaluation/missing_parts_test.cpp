@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <cmath>
@@ -12,7 +13,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/student_t.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::missing_parts_test {
 namespace {
 
 using geometry::Vec3;
@@ -156,4 +157,4 @@ TEST(MissingParts, SameForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::missing_parts_test

@@ -8,7 +8,7 @@
 
 #include "tileflight/geometry/nearest.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::nearest_distances_test {
 namespace {
 
 using geometry::Vec3;
@@ -40,4 +40,4 @@ TEST(NearestDistances, DistancesAreThoseOfSingleSearches) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::nearest_distances_test

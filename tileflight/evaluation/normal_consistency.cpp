@@ -1,5 +1,6 @@
 #include "tileflight/evaluation/normal_consistency.h"
 
+#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 #include <limits>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "tileflight/geometry/point_cloud.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::normal_consistency_test {
 namespace {
 
 using geometry::PointCloud;
@@ -74,4 +74,4 @@ TEST(NormalConsistency, WhatHasNoNormalOrIsFarAwayIsNotJudged) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::normal_consistency_test

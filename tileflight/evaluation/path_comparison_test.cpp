@@ -9,7 +9,7 @@
 
 #include "tileflight/evaluation/metrics.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::path_comparison_test {
 namespace {
 
 using geometry::Vec3;
@@ -115,4 +115,4 @@ TEST(PathComparison, IntervalsHoldTheRatioOfDriftsAtLeastAsOftenAsTheySay) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::path_comparison_test

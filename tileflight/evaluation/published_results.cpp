@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/published_results.h"
 
+#include <nlohmann/json.hpp>
+
 namespace tileflight::evaluation {
 
 namespace {

@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/rank_correlation.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>

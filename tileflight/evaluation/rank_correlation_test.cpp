@@ -10,7 +10,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::rank_correlation_test {
 namespace {
 
 using Values = std::vector<double>;
@@ -136,4 +136,4 @@ TEST(RankCorrelation, WithFewItemsTheIntervalCoversAtLeastAsOften) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::rank_correlation_test

@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/region_scores.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 namespace tileflight::evaluation {

@@ -2,12 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::region_scores_test {
 namespace {
 
 using geometry::Box3;
@@ -57,4 +58,4 @@ TEST(RegionScores, BrokenOnesAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::region_scores_test

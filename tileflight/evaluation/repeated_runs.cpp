@@ -1,5 +1,7 @@
 #include "tileflight/evaluation/repeated_runs.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 

@@ -1,6 +1,7 @@
 #include "tileflight/evaluation/repeated_runs.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <limits>
@@ -8,7 +9,7 @@
 
 #include "tileflight/evaluation/student_t.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::repeated_runs_test {
 namespace {
 
 const double kPi = std::acos(-1.0);
@@ -147,4 +148,4 @@ TEST(RunDifference, IntervalCoversTheDifferenceAsOftenAsItSays) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::repeated_runs_test

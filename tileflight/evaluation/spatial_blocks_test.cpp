@@ -9,7 +9,7 @@
 
 #include "tests/synthetic_maps.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::spatial_blocks_test {
 namespace {
 
 using geometry::Vec3;
@@ -159,4 +159,4 @@ TEST(SpatialBootstrap, SameForAnyNumberOfThreadsAndTheSeedDecides) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::spatial_blocks_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::trajectory_drift_test {
 namespace {
 
 using geometry::Trajectory;
@@ -90,4 +90,4 @@ TEST(TrajectoryDrift, OfAPathWithoutLengthIsNotANumber) {
 }
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::trajectory_drift_test

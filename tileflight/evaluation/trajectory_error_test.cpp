@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/metrics.h"
 
-namespace tileflight::evaluation {
+namespace tileflight::evaluation::trajectory_error_test {
 namespace {
 
 using geometry::SE3;
@@ -164,4 +164,4 @@ INSTANTIATE_TEST_SUITE_P(
                  0.007103616, 0.015688558, 2.228021754, 15.573200458, 11, 0.020381581, 0.616360104}));
 
 }  // namespace
-}  // namespace tileflight::evaluation
+}  // namespace tileflight::evaluation::trajectory_error_test

@@ -1,5 +1,7 @@
 #include "tileflight/experiment/ablation.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <sstream>
 

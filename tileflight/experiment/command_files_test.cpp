@@ -8,7 +8,7 @@
 
 #include "tests/temporary_folder.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::command_files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -61,4 +61,4 @@ TEST_F(CommandFiles, FoldersAndWhatIsNotThereAreNone) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::command_files_test

@@ -8,7 +8,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::experiment_file_test {
 namespace {
 
 using testing::HasSubstr;
@@ -66,4 +66,4 @@ TEST_F(ExperimentFile, ACameraOfSeveralIsNamed) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::experiment_file_test

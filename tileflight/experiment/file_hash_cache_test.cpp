@@ -13,7 +13,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/output_folder.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::file_hash_cache_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -152,4 +152,4 @@ TEST(FileHashes, OfWhatYamlSays) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::file_hash_cache_test

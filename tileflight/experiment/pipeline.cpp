@@ -1,5 +1,7 @@
 #include "tileflight/experiment/pipeline.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 #include "tileflight/base/files.h"

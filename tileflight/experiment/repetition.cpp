@@ -1,5 +1,7 @@
 #include "tileflight/experiment/repetition.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <set>
 #include <string>

@@ -1,5 +1,7 @@
 #include "tileflight/experiment/results.h"
 
+#include <nlohmann/json.hpp>
+
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/json_file.h"

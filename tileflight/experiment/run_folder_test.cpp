@@ -13,7 +13,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/output_folder.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::run_folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -105,4 +105,4 @@ TEST(RemoveResults, LeavesWhatRunsDidNotWrite) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::run_folder_test

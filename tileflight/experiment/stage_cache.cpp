@@ -1,5 +1,7 @@
 #include "tileflight/experiment/stage_cache.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <chrono>
 

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <fstream>
 
@@ -9,7 +10,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::stage_cache_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -115,4 +116,4 @@ TEST_F(Stages, ContentDecides) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::stage_cache_test

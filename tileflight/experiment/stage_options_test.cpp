@@ -6,7 +6,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_parsing.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::stage_options_test {
 namespace {
 
 using testing::HasSubstr;
@@ -63,4 +63,4 @@ TEST(Settings, HazeHasAColour) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::stage_options_test

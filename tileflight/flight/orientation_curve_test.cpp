@@ -7,7 +7,7 @@
 
 #include "tileflight/flight/path.h"
 
-namespace tileflight::flight {
+namespace tileflight::flight::orientation_curve_test {
 namespace {
 
 using geometry::Vec3;
@@ -80,4 +80,4 @@ TEST(OrientationCurve, CirclingATargetIsATurnAboutTheVertical) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight
+}  // namespace tileflight::flight::orientation_curve_test

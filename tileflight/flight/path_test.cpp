@@ -12,7 +12,7 @@
 #include "tileflight/flight/cubic_spline.h"
 #include "tileflight/flight/speed_plan.h"
 
-namespace tileflight::flight {
+namespace tileflight::flight::path_test {
 namespace {
 
 using geometry::SE3;
@@ -287,4 +287,4 @@ TEST(PosePath, NeedsTwoPoses) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight
+}  // namespace tileflight::flight::path_test

@@ -11,7 +11,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/flight/fit_spline.h"
 
-namespace tileflight::flight {
+namespace tileflight::flight::smooth_path_test {
 namespace {
 
 using geometry::SE3;
@@ -279,4 +279,4 @@ TEST(SmoothPath, WhatCannotBeSmoothedIsOneClearLine) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight
+}  // namespace tileflight::flight::smooth_path_test

@@ -10,7 +10,7 @@
 #include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/flight_logs/test_log.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::csv_log_test {
 namespace {
 
 using testing::ElementsAre;
@@ -161,4 +161,4 @@ TEST(RealCsvLog, TableOfPhotosByExifTool) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::csv_log_test

@@ -12,7 +12,7 @@
 #include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/flight_logs/test_log.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::dataflash_log_test {
 namespace {
 
 using testing::AnyOf;
@@ -393,4 +393,4 @@ TEST_F(Dataflash, EachByteChangedIsReadOrRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::dataflash_log_test

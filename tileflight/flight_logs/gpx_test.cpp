@@ -9,7 +9,7 @@
 #include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/flight_logs/test_log.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::gpx_test {
 namespace {
 
 using testing::ElementsAre;
@@ -134,4 +134,4 @@ TEST_F(Gpx, IsKnownByItsContent) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::gpx_test

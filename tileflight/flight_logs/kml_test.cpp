@@ -6,7 +6,7 @@
 #include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/flight_logs/test_log.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::kml_test {
 namespace {
 
 using testing::HasSubstr;
@@ -73,4 +73,4 @@ TEST_F(Kml, CutAtEveryByteGivesTheWholeTracksBefore) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::kml_test

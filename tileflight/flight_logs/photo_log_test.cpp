@@ -10,7 +10,7 @@
 #include "tileflight/flight_logs/photo_tags.h"
 #include "tileflight/flight_logs/telemetry_file.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::photo_log_test {
 namespace {
 
 using testing::ElementsAre;
@@ -218,4 +218,4 @@ TEST(PhotosRealData, AreRead) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::photo_log_test

@@ -9,7 +9,7 @@
 #include "tileflight/flight_logs/test_log.h"
 #include "tileflight/geometry/trajectory.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::telemetry_test {
 namespace {
 
 using testing::ElementsAre;
@@ -168,4 +168,4 @@ TEST(RealLogs, MachangaraPositionsAreHeldBetweenFixesAndFollowTheTruePath) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::telemetry_test

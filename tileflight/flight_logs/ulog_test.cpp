@@ -15,7 +15,7 @@
 #include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/flight_logs/test_log.h"
 
-namespace tileflight::flight_logs {
+namespace tileflight::flight_logs::ulog_test {
 namespace {
 
 using testing::ElementsAre;
@@ -249,4 +249,4 @@ TEST(RealUlog, CutAnywhereIsReadAsFarAsItGoes) {
 }
 
 }  // namespace
-}  // namespace tileflight::flight_logs
+}  // namespace tileflight::flight_logs::ulog_test

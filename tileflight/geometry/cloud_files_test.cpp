@@ -15,7 +15,7 @@
 #include "tileflight/base/lzf.h"
 #include "tileflight/geometry/pcd.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::cloud_files_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -384,4 +384,4 @@ TEST(PointCloud, TransformedAndFiltered) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::cloud_files_test

@@ -9,7 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::geodesy_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -126,4 +126,4 @@ TEST(Geoid, AMissingGridIsRefusedNeverTakenAsZero) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::geodesy_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::mesh_test {
 namespace {
 
 TEST(Mesh, BoundsAndArea) {
@@ -95,4 +95,4 @@ TEST(ClosestPointOnTriangle, AlmostWithoutArea) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::mesh_test

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <random>
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::morton_order_test {
 namespace {
 
 std::vector<Vec3> scattered(std::size_t n, std::uint64_t seed) {
@@ -86,4 +86,4 @@ TEST(MortonOrder, WalksACubeCornerByCorner) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::morton_order_test

@@ -10,7 +10,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::nearest_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -117,4 +117,4 @@ TEST(NearestIndex, MovesAndAnswersInParallel) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::nearest_test

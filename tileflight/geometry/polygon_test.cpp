@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::polygon_test {
 namespace {
 
 /// Sum of the triangles' areas along the polygon's normal: overlaps would make it larger, gaps smaller.
@@ -51,4 +51,4 @@ TEST(Polygon, WhatIsNoPolygonStillEnds) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::polygon_test

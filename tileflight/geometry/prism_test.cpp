@@ -6,7 +6,7 @@
 #include <numbers>
 #include <random>
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::prism_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -119,4 +119,4 @@ TEST(Prism, WallsLinesAndPoints) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::prism_test

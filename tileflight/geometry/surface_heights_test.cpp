@@ -8,7 +8,7 @@
 
 #include "tests/height_field.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::surface_heights_test {
 namespace {
 
 using testing::DoubleNear;
@@ -68,4 +68,4 @@ TEST(SurfaceHeights, UprightTrianglesHaveNoHeight) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::surface_heights_test

@@ -11,7 +11,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::trajectory_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -160,4 +160,4 @@ TEST(Tum, ReadsFilesOfOtherPrograms) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::trajectory_test

@@ -9,7 +9,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::transform_test {
 namespace {
 
 using std::numbers::pi;
@@ -140,4 +140,4 @@ TEST(Sim3, RefusesWhatIsNoSimilarity) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::transform_test

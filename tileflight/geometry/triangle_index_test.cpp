@@ -10,7 +10,7 @@
 #include "tests/height_field.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::triangle_index_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -148,4 +148,4 @@ TEST(TriangleIndex, SameAnswersForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::triangle_index_test

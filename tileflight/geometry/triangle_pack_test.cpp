@@ -6,7 +6,7 @@
 #include <functional>
 #include <random>
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::triangle_pack_test {
 namespace {
 
 /// Four triangles around the origin, all of one kind.
@@ -78,4 +78,4 @@ TEST(TrianglePack, KeepsItsCorners) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::triangle_pack_test

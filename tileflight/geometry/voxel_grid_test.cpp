@@ -11,7 +11,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::geometry {
+namespace tileflight::geometry::voxel_grid_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -152,4 +152,4 @@ TEST(Centers, AreTheMiddlesOfTheCells) {
 }
 
 }  // namespace
-}  // namespace tileflight::geometry
+}  // namespace tileflight::geometry::voxel_grid_test

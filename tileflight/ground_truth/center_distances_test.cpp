@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/nearest.h"
 
-namespace tileflight::ground_truth {
+namespace tileflight::ground_truth::center_distances_test {
 namespace {
 
 using geometry::Vec3;
@@ -76,4 +76,4 @@ TEST(CenterDistances, NoCellIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::ground_truth
+}  // namespace tileflight::ground_truth::center_distances_test

@@ -20,7 +20,7 @@
 #include "tileflight/ground_truth/octree.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::ground_truth {
+namespace tileflight::ground_truth::ground_truth_test {
 namespace {
 
 using geometry::Box3;
@@ -299,4 +299,4 @@ TEST(GroundTruth, FullDiskIsAnError) {
 }
 
 }  // namespace
-}  // namespace tileflight::ground_truth
+}  // namespace tileflight::ground_truth::ground_truth_test

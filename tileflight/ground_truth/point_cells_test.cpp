@@ -5,7 +5,7 @@
 #include <random>
 #include <set>
 
-namespace tileflight::ground_truth {
+namespace tileflight::ground_truth::point_cells_test {
 namespace {
 
 using geometry::Cell;
@@ -70,4 +70,4 @@ TEST(PointCells, OnlyWhatLiesInTheBox) {
 }
 
 }  // namespace
-}  // namespace tileflight::ground_truth
+}  // namespace tileflight::ground_truth::point_cells_test

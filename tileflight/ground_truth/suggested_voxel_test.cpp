@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace tileflight::ground_truth {
+namespace tileflight::ground_truth::suggested_voxel_test {
 namespace {
 
 using geometry::Vec3;
@@ -45,4 +45,4 @@ TEST(SuggestedVoxel, AMetreOnAStatueIsSaidToBeCoarse) {
 }
 
 }  // namespace
-}  // namespace tileflight::ground_truth
+}  // namespace tileflight::ground_truth::suggested_voxel_test

@@ -11,7 +11,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::ground_truth {
+namespace tileflight::ground_truth::surface_samples_test {
 namespace {
 
 using geometry::Box3;
@@ -228,4 +228,4 @@ TEST(SeenByCamera, SameAnswerForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace tileflight::ground_truth
+}  // namespace tileflight::ground_truth::surface_samples_test

@@ -13,7 +13,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::ground_truth {
+namespace tileflight::ground_truth::voxelize_test {
 namespace {
 
 using geometry::Box3;
@@ -301,4 +301,4 @@ TEST(Voxelize, NothingInTheBoxIsAnEmptyGrid) {
 }
 
 }  // namespace
-}  // namespace tileflight::ground_truth
+}  // namespace tileflight::ground_truth::voxelize_test

@@ -8,7 +8,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/camera.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::calibration_test {
 namespace {
 
 using testing::AllOf;
@@ -278,4 +278,4 @@ TEST(DsoCamera, SevenScenes) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::calibration_test

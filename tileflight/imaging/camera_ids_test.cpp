@@ -7,7 +7,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/imaging/calibration_files.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::camera_ids_test {
 namespace {
 
 using testing::ElementsAre;
@@ -78,4 +78,4 @@ TEST(CameraIds, OtherFormsHoldOneWithoutAName) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::camera_ids_test

@@ -10,7 +10,7 @@
 #include "tests/test_data.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::camera_test {
 namespace {
 
 using geometry::Vec2;
@@ -412,4 +412,4 @@ TEST(Camera, MachangaraIsTheEquisolidLensItSaysItIs) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::camera_test

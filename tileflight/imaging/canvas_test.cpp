@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::canvas_test {
 namespace {
 
 using geometry::Vec2;
@@ -138,4 +138,4 @@ TEST(Canvas, SameDrawingSameBytes) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::canvas_test

@@ -9,7 +9,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/imaging/calibration_files.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::colmap_cameras_file_test {
 namespace {
 
 using geometry::Vec2;
@@ -121,4 +121,4 @@ TEST(ColmapCameras, BadFilesAreOneClearLine) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::colmap_cameras_file_test

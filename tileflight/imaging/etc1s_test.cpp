@@ -12,7 +12,7 @@
 #include "tileflight/base/test_byte_strings.h"
 #include "tileflight/imaging/test_bit_writer.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::etc1s_test {
 namespace {
 
 using base::testing::to_bytes;
@@ -383,4 +383,4 @@ TEST(Etc1s, RandomTexturesComeBackTexelByTexel) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::etc1s_test

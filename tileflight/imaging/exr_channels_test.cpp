@@ -10,7 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::exr_channels_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -49,4 +49,4 @@ TEST(ExrChannels, OneThatIsNotThereIsNamed) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::exr_channels_test

@@ -16,7 +16,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/fast_png.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::image_files_test {
 namespace {
 
 using testing::HasSubstr;
@@ -273,4 +273,4 @@ TEST(Png, QuickOnesHoldTheSamePixels) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::image_files_test

@@ -7,7 +7,7 @@
 
 #include "tests/refusal.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::image_similarity_test {
 namespace {
 
 GrayImage noise(int width, int height, unsigned seed) {
@@ -92,4 +92,4 @@ TEST(ImageSimilarity, WithoutContrastOrRoomIsNotANumber) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::image_similarity_test

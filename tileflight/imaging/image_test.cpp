@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::image_test {
 namespace {
 
 TEST(Image, RowsFromTheTop) {
@@ -59,4 +59,4 @@ TEST(Shrink, APixelIsTheMeanOfWhatItCovers) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::image_test

@@ -14,7 +14,7 @@
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/test_bit_writer.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::ktx2_test {
 namespace {
 
 using base::testing::error_of;
@@ -250,4 +250,4 @@ TEST(Ktx2, LevelsOfRealTexturesAgreeAndThoseOfADamagedOneDoNot) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::ktx2_test

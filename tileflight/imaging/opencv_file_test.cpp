@@ -11,7 +11,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/calibration_files.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::opencv_file_test {
 namespace {
 
 using geometry::Vec2;
@@ -251,4 +251,4 @@ TEST(CalibrationForm, IsToldByContent) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::opencv_file_test

@@ -11,7 +11,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::photometric_test {
 namespace {
 
 using testing::HasSubstr;
@@ -92,4 +92,4 @@ TEST(Photometric, BadFilesAreOneClearLine) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::photometric_test

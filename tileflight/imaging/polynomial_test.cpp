@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::polynomial_test {
 namespace {
 
 TEST(Polynomial, Value) {
@@ -49,4 +49,4 @@ TEST(Polynomial, ZeroHighCoefficients) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::polynomial_test

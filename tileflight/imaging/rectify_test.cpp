@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::rectify_test {
 namespace {
 
 using geometry::Vec3;
@@ -54,4 +54,4 @@ TEST(Rectifier, TheSameLensChangesNothing) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::rectify_test

@@ -12,7 +12,7 @@
 
 #include "tileflight/base/test_byte_strings.h"
 
-namespace tileflight::imaging {
+namespace tileflight::imaging::uastc_test {
 namespace {
 
 using base::testing::error_of;
@@ -298,4 +298,4 @@ TEST(Uastc, FaultsAreNamed) {
 }
 
 }  // namespace
-}  // namespace tileflight::imaging
+}  // namespace tileflight::imaging::uastc_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::initialization {
+namespace tileflight::initialization::two_view_test {
 namespace {
 
 using geometry::Mat3;
@@ -96,4 +96,4 @@ TEST(FitRotation, FindsARotationAndTellsParallax) {
 }
 
 }  // namespace
-}  // namespace tileflight::initialization
+}  // namespace tileflight::initialization::two_view_test

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::localization {
+namespace tileflight::localization::feature_matching_test {
 namespace {
 
 std::vector<SiftDescriptor> random_descriptors(std::size_t n, std::uint64_t seed) {
@@ -85,4 +85,4 @@ TEST(FeatureMatching, ThreadsDoNotMatter) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::feature_matching_test

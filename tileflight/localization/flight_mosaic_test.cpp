@@ -10,7 +10,7 @@
 #include "tileflight/localization/test_places.h"
 #include "tileflight/render/appearance.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::flight_mosaic_test {
 namespace {
 
 using geometry::Box3;
@@ -107,4 +107,4 @@ TEST(FlightMosaic, ThreadsDoNotMatter) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::flight_mosaic_test

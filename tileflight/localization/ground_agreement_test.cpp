@@ -6,7 +6,7 @@
 
 #include "tileflight/localization/test_places.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::ground_agreement_test {
 namespace {
 
 using geometry::Sim3;
@@ -78,4 +78,4 @@ TEST(GroundAgreement, ThePyramidHoldsMeans) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::ground_agreement_test

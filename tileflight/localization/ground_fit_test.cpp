@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::localization {
+namespace tileflight::localization::ground_fit_test {
 namespace {
 
 using geometry::Sim3;
@@ -90,4 +90,4 @@ TEST(GroundFit, TheSurfaceIsEveryHeightThatIsKnown) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::ground_fit_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::localization {
+namespace tileflight::localization::ground_image_test {
 namespace {
 
 using geometry::Vec2;
@@ -59,4 +59,4 @@ TEST(GroundImage, NothingSeenStaysAsItIs) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::ground_image_test

@@ -4,7 +4,7 @@
 
 #include <random>
 
-namespace tileflight::localization {
+namespace tileflight::localization::ground_planes_test {
 namespace {
 
 using geometry::SE3;
@@ -62,4 +62,4 @@ TEST(GroundDirection, IsTheSameEachTime) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::ground_planes_test

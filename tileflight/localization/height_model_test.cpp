@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::localization {
+namespace tileflight::localization::height_model_test {
 namespace {
 
 using geometry::Vec2;
@@ -58,4 +58,4 @@ TEST(HeightModel, WithoutPointsItIsLevelAndSupportedNowhere) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::height_model_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::localization {
+namespace tileflight::localization::local_contrast_test {
 namespace {
 
 imaging::FloatImage pattern(double gain, double offset, double slope) {
@@ -47,4 +47,4 @@ TEST(EvenContrast, AnEvenPictureStaysEven) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::local_contrast_test

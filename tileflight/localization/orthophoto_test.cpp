@@ -6,7 +6,7 @@
 #include "tileflight/localization/test_places.h"
 #include "tileflight/render/appearance.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::orthophoto_test {
 namespace {
 
 using geometry::Box3;
@@ -81,4 +81,4 @@ TEST(Orthophoto, ThreadsDoNotMatter) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::orthophoto_test

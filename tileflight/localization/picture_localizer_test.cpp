@@ -9,7 +9,7 @@
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::picture_localizer_test {
 namespace {
 
 using geometry::SE3;
@@ -87,4 +87,4 @@ TEST(PictureLocalizer, APictureOfAnotherSizeIsAnError) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::picture_localizer_test

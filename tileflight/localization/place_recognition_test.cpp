@@ -6,7 +6,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/localization/test_places.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::place_recognition_test {
 namespace {
 
 using geometry::Sim3;
@@ -100,4 +100,4 @@ TEST(PlaceRecognition, ThreadsDoNotMatter) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::place_recognition_test

@@ -8,7 +8,7 @@
 
 #include "tileflight/alignment/umeyama.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::plane_similarity_test {
 namespace {
 
 using geometry::Vec2;
@@ -131,4 +131,4 @@ TEST(PlaneSimilarity, NothingComesOfNothingAndThreadsDoNotMatter) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::plane_similarity_test

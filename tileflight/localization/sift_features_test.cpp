@@ -8,7 +8,7 @@
 #include "tileflight/localization/feature_matching.h"
 #include "tileflight/localization/test_places.h"
 
-namespace tileflight::localization {
+namespace tileflight::localization::sift_features_test {
 namespace {
 
 using geometry::Vec2;
@@ -122,4 +122,4 @@ TEST(LocalFeatures, ThreadsAndSquaresDoNotMatter) {
 }
 
 }  // namespace
-}  // namespace tileflight::localization
+}  // namespace tileflight::localization::sift_features_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::loops {
+namespace tileflight::loops::pose_graph_test {
 namespace {
 
 using geometry::Sim3;
@@ -115,4 +115,4 @@ TEST(PoseGraph, NoDirectionLeadsFurtherDownFromTheSolution) {
 }
 
 }  // namespace
-}  // namespace tileflight::loops
+}  // namespace tileflight::loops::pose_graph_test

@@ -8,7 +8,7 @@
 #include "tileflight/mapping/gauge.h"
 #include "tileflight/mapping/random_window.h"
 
-namespace tileflight::mapping {
+namespace tileflight::mapping::normal_equations_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -166,4 +166,4 @@ TEST(Marginalization, RemovingAKeyframeRenumbersObservations) {
 }
 
 }  // namespace
-}  // namespace tileflight::mapping
+}  // namespace tileflight::mapping::normal_equations_test

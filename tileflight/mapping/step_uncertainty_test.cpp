@@ -6,7 +6,7 @@
 
 #include "tileflight/mapping/random_window.h"
 
-namespace tileflight::mapping {
+namespace tileflight::mapping::step_uncertainty_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -119,4 +119,4 @@ TEST(StepUncertainty, LeavesTheWindowAsItWas) {
 }
 
 }  // namespace
-}  // namespace tileflight::mapping
+}  // namespace tileflight::mapping::step_uncertainty_test

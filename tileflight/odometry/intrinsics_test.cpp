@@ -5,7 +5,7 @@
 #include "tileflight/odometry/synthetic_flight.h"
 #include "tileflight/photometry/lens.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::intrinsics_test {
 namespace {
 
 using geometry::SE3;
@@ -89,4 +89,4 @@ TEST(Intrinsics, StayAsGivenWhereAskedFor) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::intrinsics_test

@@ -11,7 +11,7 @@
 #include "tileflight/loops/keyframe_similarity.h"
 #include "tileflight/odometry/synthetic_keyframes.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::keyframe_matching_test {
 namespace {
 
 using geometry::SE3;
@@ -94,4 +94,4 @@ TEST(KeyframeSimilarity, NeedsDistancesInBoth) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::keyframe_matching_test

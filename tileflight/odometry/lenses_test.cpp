@@ -4,7 +4,7 @@
 
 #include "tileflight/odometry/synthetic_flight.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::lenses_test {
 namespace {
 
 using imaging::Camera;
@@ -64,4 +64,4 @@ TEST(NativeLenses, OfTheTestReallySeeBehindThemselves) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::lenses_test

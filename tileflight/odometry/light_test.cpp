@@ -5,7 +5,7 @@
 #include "tileflight/odometry/synthetic_flight.h"
 #include "tileflight/photometry/pyramid.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::light_test {
 namespace {
 
 using imaging::PhotometricCalibration;
@@ -96,4 +96,4 @@ TEST(Light, WithoutACalibrationAffineLightFollowsTheExposure) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::light_test

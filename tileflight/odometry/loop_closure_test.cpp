@@ -10,7 +10,7 @@
 
 #include "tileflight/odometry/synthetic_keyframes.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::loop_closure_test {
 namespace {
 
 using geometry::SE3;
@@ -163,4 +163,4 @@ TEST(LoopClosure, AWholeFlightWithoutReturnIsTheSameToTheLastBit) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::loop_closure_test

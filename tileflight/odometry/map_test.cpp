@@ -5,7 +5,7 @@
 #include "tileflight/odometry/debug_image.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::map_test {
 namespace {
 
 const tests::Sequence& flight() {
@@ -102,4 +102,4 @@ TEST(DebugPicture, ShowsThePointsOfEachKeyframeNearRedFarBlue) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::map_test

@@ -7,7 +7,7 @@
 #include "tileflight/odometry/synthetic_flight.h"
 #include "tileflight/photometry/options.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::odometry_test {
 namespace {
 
 using geometry::SE3;
@@ -175,4 +175,4 @@ TEST(Odometry, NoPicturesIsLostWithAReason) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::odometry_test

@@ -5,7 +5,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::prior_alignment_test {
 namespace {
 
 using geometry::SE3;
@@ -105,4 +105,4 @@ TEST(KnownStart, PosesOfAnotherTimeAndDepthWithoutPointsAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::prior_alignment_test

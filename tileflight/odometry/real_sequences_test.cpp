@@ -14,7 +14,7 @@
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/photometry/options.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::real_sequences_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -95,4 +95,4 @@ TEST(RealSequences, ACameraInTheHandIsFollowedToAFewCentimetres) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::real_sequences_test

@@ -9,7 +9,7 @@
 #include "tileflight/odometry/synthetic_flight.h"
 #include "tileflight/photometry/options.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::robustness_test {
 namespace {
 
 using geometry::SE3;
@@ -184,4 +184,4 @@ TEST(Robustness, AJumpBackAfterBlackPicturesIsFollowed) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::robustness_test

@@ -13,7 +13,7 @@
 #include "tileflight/photometry/pixel_selector.h"
 #include "tileflight/tracking/tracker.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::rolling_shutter_test {
 namespace {
 
 using geometry::SE3;
@@ -242,4 +242,4 @@ TEST(RollingShutter, TheErrorWithRowTimesIsAThirdOfThatWithout) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::rolling_shutter_test

@@ -7,7 +7,7 @@
 #include "tileflight/odometry/synthetic_flight.h"
 #include "tileflight/odometry/tracking_doubts.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::systematic_residuals_test {
 namespace {
 
 using imaging::Camera;
@@ -52,4 +52,4 @@ TEST(ResidualPattern, AnotherLensOfNearlyTheSameShapeIsDoubted) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::systematic_residuals_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::tracking_doubts_test {
 namespace {
 
 using geometry::SE3;
@@ -236,4 +236,4 @@ TEST(SecondOpinion, OnlyPicturesThatBothHaveCount) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::tracking_doubts_test

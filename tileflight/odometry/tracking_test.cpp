@@ -12,7 +12,7 @@
 #include "tileflight/photometry/synthetic_scene.h"
 #include "tileflight/tracking/tracker.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::tracking_test {
 namespace {
 
 using geometry::SE3;
@@ -184,4 +184,4 @@ TEST(Tracer, IntervalsHoldTheTruth) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::tracking_test

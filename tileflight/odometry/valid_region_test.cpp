@@ -5,7 +5,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::valid_region_test {
 namespace {
 
 using imaging::GrayImage;
@@ -116,4 +116,4 @@ TEST(Masks, CloudsAreNotInTheMap) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::valid_region_test

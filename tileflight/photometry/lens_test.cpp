@@ -4,7 +4,7 @@
 
 #include <random>
 
-namespace tileflight::photometry {
+namespace tileflight::photometry::lens_test {
 namespace {
 
 using geometry::Vec2;
@@ -89,4 +89,4 @@ TEST(Lens, RefusesWhatLiesBehind) {
 }
 
 }  // namespace
-}  // namespace tileflight::photometry
+}  // namespace tileflight::photometry::lens_test

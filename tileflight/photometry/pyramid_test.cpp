@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::photometry {
+namespace tileflight::photometry::pyramid_test {
 namespace {
 
 imaging::RgbImage picture(int width, int height, int seed) {
@@ -65,4 +65,4 @@ TEST(PyramidPool, MayGoBeforeWhatItMade) {
 }
 
 }  // namespace
-}  // namespace tileflight::photometry
+}  // namespace tileflight::photometry::pyramid_test

@@ -6,7 +6,7 @@
 
 #include "tileflight/photometry/keyframe.h"
 
-namespace tileflight::photometry {
+namespace tileflight::photometry::residual_test {
 namespace {
 
 using geometry::SE3;
@@ -179,4 +179,4 @@ TEST(Patch, RayDerivativeIsTheInverseOfTheProjection) {
 }
 
 }  // namespace
-}  // namespace tileflight::photometry
+}  // namespace tileflight::photometry::residual_test

@@ -1,5 +1,7 @@
 #include "tileflight/place/extract.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <chrono>
 

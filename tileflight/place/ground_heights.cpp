@@ -1,5 +1,7 @@
 #include "tileflight/place/ground_heights.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 
@@ -11,7 +12,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/tiles/load.h"
 
-namespace tileflight::place {
+namespace tileflight::place::ground_heights_test {
 namespace {
 
 using geometry::Vec3;
@@ -97,4 +98,4 @@ TEST_F(GroundHeightsTest, WhatIsNoPlaceIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::place
+}  // namespace tileflight::place::ground_heights_test

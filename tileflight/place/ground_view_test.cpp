@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 
@@ -10,7 +11,7 @@
 #include "tests/tiny_place.h"
 #include "tileflight/place/inspect_map.h"
 
-namespace tileflight::place {
+namespace tileflight::place::ground_view_test {
 namespace {
 
 using geometry::Box3;
@@ -158,4 +159,4 @@ TEST_F(GroundViewTest, RegionsThatHoldNothingAndOtherEndingsAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::place
+}  // namespace tileflight::place::ground_view_test

@@ -1,5 +1,7 @@
 #include "tileflight/place/propose_region.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

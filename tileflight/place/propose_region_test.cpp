@@ -2,10 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 
-namespace tileflight::place {
+namespace tileflight::place::propose_region_test {
 namespace {
 
 using geometry::Vec3;
@@ -101,4 +102,4 @@ TEST(ProposedRegion, IsAskedForByOptions) {
 }
 
 }  // namespace
-}  // namespace tileflight::place
+}  // namespace tileflight::place::propose_region_test

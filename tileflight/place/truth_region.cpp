@@ -1,5 +1,7 @@
 #include "tileflight/place/truth_region.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 namespace tileflight::place {

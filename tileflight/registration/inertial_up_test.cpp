@@ -6,7 +6,7 @@
 #include <numbers>
 #include <random>
 
-namespace tileflight::registration {
+namespace tileflight::registration::inertial_up_test {
 namespace {
 
 using geometry::SE3;
@@ -88,4 +88,4 @@ TEST(InertialUp, OtherUnitsOtherClocksAndTooFewReadingsAreNoGravity) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::inertial_up_test

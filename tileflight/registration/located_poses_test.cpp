@@ -6,7 +6,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/registration/test_flights.h"
 
-namespace tileflight::registration {
+namespace tileflight::registration::located_poses_test {
 namespace {
 
 using namespace test_flights;
@@ -59,4 +59,4 @@ TEST(LocatedPoses, OnePoseIsTooFew) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::located_poses_test

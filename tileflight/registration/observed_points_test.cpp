@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::registration {
+namespace tileflight::registration::observed_points_test {
 namespace {
 
 geometry::Trajectory two_keyframes() {
@@ -50,4 +50,4 @@ TEST(ObservedPoints, ThinningKeepsWhatBelongsTogether) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::observed_points_test

@@ -4,7 +4,7 @@
 
 #include "tileflight/registration/test_flights.h"
 
-namespace tileflight::registration {
+namespace tileflight::registration::ray_agreement_test {
 namespace {
 
 using namespace test_flights;
@@ -54,4 +54,4 @@ TEST(RayAgreement, PointsBesideTheRegionsDoNotCount) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::ray_agreement_test

@@ -6,7 +6,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/registration/test_flights.h"
 
-namespace tileflight::registration {
+namespace tileflight::registration::register_map_test {
 namespace {
 
 using namespace test_flights;
@@ -324,4 +324,4 @@ TEST(RegisterMap, NothingToBeginWithIsAnError) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::register_map_test

@@ -5,7 +5,7 @@
 #include <Eigen/Cholesky>
 #include <random>
 
-namespace tileflight::registration {
+namespace tileflight::registration::similarity_estimate_test {
 namespace {
 
 using geometry::Sim3;
@@ -81,4 +81,4 @@ TEST(SimilarityEstimate, WhatEitherDoesNotKnowIsNoDisagreement) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::similarity_estimate_test

@@ -6,7 +6,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/registration/test_flights.h"
 
-namespace tileflight::registration {
+namespace tileflight::registration::surface_fit_test {
 namespace {
 
 using namespace test_flights;
@@ -109,4 +109,4 @@ TEST(SurfaceFit, NothingToAlignIsSaid) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::surface_fit_test

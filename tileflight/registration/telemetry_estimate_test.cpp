@@ -6,7 +6,7 @@
 
 #include "tileflight/registration/test_flights.h"
 
-namespace tileflight::registration {
+namespace tileflight::registration::telemetry_estimate_test {
 namespace {
 
 using namespace test_flights;
@@ -102,4 +102,4 @@ TEST(TelemetryEstimate, GravityAndPositionsOfAStraightPathTellTheWholeTurn) {
 }
 
 }  // namespace
-}  // namespace tileflight::registration
+}  // namespace tileflight::registration::telemetry_estimate_test

@@ -8,7 +8,7 @@
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::appearance_test {
 namespace {
 
 using geometry::Vec3;
@@ -102,4 +102,4 @@ TEST_F(AppearanceTakenOver, NotWhereTheTextureLiesOnOtherTriangles) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::appearance_test

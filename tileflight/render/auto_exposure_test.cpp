@@ -12,7 +12,7 @@
 #include "tileflight/render/render_flight.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::auto_exposure_test {
 namespace {
 
 using geometry::Vec3;
@@ -143,4 +143,4 @@ TEST(AutoExposure, AFlightIntoTheLightIsDazzledAndAdapts) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::auto_exposure_test

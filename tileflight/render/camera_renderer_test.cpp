@@ -12,7 +12,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::camera_renderer_test {
 namespace {
 
 using geometry::SE3;
@@ -353,4 +353,4 @@ TEST(CameraRenderer, RefusesAnImpossibleNumberOfSamples) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::camera_renderer_test

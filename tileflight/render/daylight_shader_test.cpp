@@ -18,7 +18,7 @@
 #include "tileflight/render/render_flight.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::daylight_shader_test {
 namespace {
 
 using geometry::SE3;
@@ -323,4 +323,4 @@ TEST(DaylightShader, HazeKeepsTheBackgroundsColourUnlessToldAnother) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::daylight_shader_test

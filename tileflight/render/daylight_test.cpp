@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_parsing.h"
 
-namespace tileflight::render {
+namespace tileflight::render::daylight_test {
 namespace {
 
 using geometry::Vec3;
@@ -162,4 +162,4 @@ TEST(Daylight, SaysWhereTheSunStands) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::daylight_test

@@ -13,7 +13,7 @@
 #include "tileflight/render/render_flight.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::frame_outputs_test {
 namespace {
 
 using geometry::SE3;
@@ -295,4 +295,4 @@ TEST(FrameOutputs, AFlightGivesTheSameForAnyNumberOfThreadsAndOnlyWhatIsAskedFor
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::frame_outputs_test

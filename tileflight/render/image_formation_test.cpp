@@ -11,7 +11,7 @@
 #include "tileflight/render/render_flight.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::image_formation_test {
 namespace {
 
 using geometry::SE3;
@@ -288,4 +288,4 @@ TEST(ImageFormation, RefusesValuesOutOfRange) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::image_formation_test

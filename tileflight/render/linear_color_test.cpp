@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::render {
+namespace tileflight::render::linear_color_test {
 namespace {
 
 TEST(LinearColor, CurveHasItsPublishedPoints) {
@@ -34,4 +34,4 @@ TEST(LinearColor, OutOfRangeIsClamped) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::linear_color_test

@@ -5,7 +5,7 @@
 #include "tileflight/render/linear_color.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::mip_pyramid_test {
 namespace {
 
 using imaging::Rgb8;
@@ -77,4 +77,4 @@ TEST(MipPyramid, PaddingDoesNotBleedIntoWhatIsShown) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::mip_pyramid_test

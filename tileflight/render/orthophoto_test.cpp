@@ -10,7 +10,7 @@
 #include "tileflight/render/linear_color.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::orthophoto_test {
 namespace {
 
 using geometry::Vec3;
@@ -143,4 +143,4 @@ TEST(Orthophoto, AGridWithoutPixelsIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::orthophoto_test

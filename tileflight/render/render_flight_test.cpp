@@ -13,7 +13,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::render_flight_test {
 namespace {
 
 using geometry::SE3;
@@ -262,4 +262,4 @@ TEST(RenderFlight, RefusesNothingToDoAndOptionsOutOfRange) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::render_flight_test

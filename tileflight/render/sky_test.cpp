@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace tileflight::render {
+namespace tileflight::render::sky_test {
 namespace {
 
 using geometry::Vec3;
@@ -113,4 +113,4 @@ TEST(Sky, SunIsDimmedAndReddenedOnItsWay) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::sky_test

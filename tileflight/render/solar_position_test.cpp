@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_parsing.h"
 
-namespace tileflight::render {
+namespace tileflight::render::solar_position_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -125,4 +125,4 @@ TEST(SolarPosition, RefusesWhatItDoesNotKnow) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::solar_position_test

@@ -7,7 +7,7 @@
 #include "tileflight/render/camera_renderer.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::texture_atlas_test {
 namespace {
 
 using geometry::Vec3;
@@ -119,4 +119,4 @@ TEST(TextureAtlas, ChartsKeepTheirColourFromAfar) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::texture_atlas_test

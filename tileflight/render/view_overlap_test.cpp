@@ -5,7 +5,7 @@
 #include "tests/refusal.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::render {
+namespace tileflight::render::view_overlap_test {
 namespace {
 
 using geometry::SE3;
@@ -61,4 +61,4 @@ TEST(ViewOverlap, WithoutSurfaceThereIsNone) {
 }
 
 }  // namespace
-}  // namespace tileflight::render
+}  // namespace tileflight::render::view_overlap_test

@@ -1,5 +1,7 @@
 #include "tileflight/report/ablation_table.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <vector>
 

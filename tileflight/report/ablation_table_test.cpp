@@ -1,10 +1,11 @@
 #include "tileflight/report/ablation_table.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <sstream>
 
-namespace tileflight::report {
+namespace tileflight::report::ablation_table_test {
 namespace {
 
 using nlohmann::json;
@@ -42,4 +43,4 @@ TEST(AblationTable, WithoutVariantsThereIsNone) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::ablation_table_test

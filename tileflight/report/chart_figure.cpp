@@ -1,5 +1,7 @@
 #include "tileflight/report/chart_figure.h"
 
+#include <nlohmann/json.hpp>
+
 namespace tileflight::report {
 
 Figure chart_figure(const std::string& id, const Chart& chart, const std::string& caption) {

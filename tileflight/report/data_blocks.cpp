@@ -1,5 +1,7 @@
 #include "tileflight/report/data_blocks.h"
 
+#include <nlohmann/json.hpp>
+
 #include <zlib.h>
 
 #include <bit>

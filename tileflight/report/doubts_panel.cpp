@@ -1,5 +1,7 @@
 #include "tileflight/report/doubts_panel.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 #include "tileflight/report/number_format.h"

@@ -1,10 +1,11 @@
 #include "tileflight/report/doubts_panel.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/report/key_figures.h"
 
-namespace tileflight::report {
+namespace tileflight::report::doubts_panel_test {
 namespace {
 
 using nlohmann::json;
@@ -54,4 +55,4 @@ TEST(DoubtsPanel, ThePageListsThemEscaped) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::doubts_panel_test

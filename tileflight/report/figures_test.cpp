@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 
@@ -10,7 +11,7 @@
 #include "tileflight/report/palette_png.h"
 #include "tileflight/report/top_view.h"
 
-namespace tileflight::report {
+namespace tileflight::report::figures_test {
 namespace {
 
 using geometry::Vec2;
@@ -206,4 +207,4 @@ TEST(FramePairs, ScaledDownKeepsTheMean) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::figures_test

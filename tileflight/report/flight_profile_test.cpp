@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace tileflight::report {
+namespace tileflight::report::flight_profile_test {
 namespace {
 
 FlightProfile level_flight(int frames) {
@@ -60,4 +60,4 @@ TEST(FlightProfile, IsDrawnOfWhateverIsKnown) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::flight_profile_test

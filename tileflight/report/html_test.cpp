@@ -4,7 +4,7 @@
 
 #include "tileflight/base/files.h"
 
-namespace tileflight::report {
+namespace tileflight::report::html_test {
 namespace {
 
 TEST(Html, TextIsEscaped) {
@@ -48,4 +48,4 @@ TEST(Html, DataUriIsBase64) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::html_test

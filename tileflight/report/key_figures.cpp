@@ -1,5 +1,7 @@
 #include "tileflight/report/key_figures.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 #include <functional>
 

@@ -1,6 +1,7 @@
 #include "tileflight/report/key_figures_files.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <sstream>
@@ -10,7 +11,7 @@
 #include "tileflight/evaluation/published_results.h"
 #include "tileflight/report/number_format.h"
 
-namespace tileflight::report {
+namespace tileflight::report::key_figures_files_test {
 namespace {
 
 using Rows = std::vector<std::vector<std::string>>;
@@ -126,4 +127,4 @@ TEST(KeyFiguresFiles, AreWritten) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::key_figures_files_test

@@ -1,5 +1,7 @@
 #include "tileflight/report/map_comparison_tables.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <vector>

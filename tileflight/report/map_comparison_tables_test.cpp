@@ -2,11 +2,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/report/key_figures.h"
 #include "tileflight/report/tables.h"
 
-namespace tileflight::report {
+namespace tileflight::report::map_comparison_tables_test {
 namespace {
 
 using nlohmann::json;
@@ -123,4 +124,4 @@ TEST(MapComparisonTables, WithoutThemThereIsNothing) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::map_comparison_tables_test

@@ -1,5 +1,7 @@
 #include "tileflight/report/map_errors.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 
 #include "tileflight/report/number_format.h"

@@ -1,5 +1,7 @@
 #include "tileflight/report/number_format.h"
 
+#include <nlohmann/json.hpp>
+
 #include <charconv>
 #include <cmath>
 #include <cstdio>

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace tileflight::report {
+namespace tileflight::report::place_map_test {
 namespace {
 
 using geometry::Vec2;
@@ -127,4 +127,4 @@ TEST(PlaceMap, DegreesAreWhereTheyAre) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::place_map_test

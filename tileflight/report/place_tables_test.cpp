@@ -1,8 +1,9 @@
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/report/tables.h"
 
-namespace tileflight::report {
+namespace tileflight::report::place_tables_test {
 namespace {
 
 using nlohmann::json;
@@ -64,4 +65,4 @@ TEST(PartsTable, IsEmptyWithoutMaps) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::place_tables_test

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace tileflight::report::plate {
+namespace tileflight::report::plate::raster_figure_test {
 namespace {
 
 using imaging::Canvas;
@@ -42,4 +42,4 @@ TEST(RasterFigure, WordsThatDoNotFitAreCutOrWrapped) {
 }
 
 }  // namespace
-}  // namespace tileflight::report::plate
+}  // namespace tileflight::report::plate::raster_figure_test

@@ -1,5 +1,7 @@
 #include "tileflight/report/report.h"
 
+#include <nlohmann/json.hpp>
+
 #include "tileflight/base/files.h"
 #include "tileflight/report/doubts_panel.h"
 #include "tileflight/report/html.h"

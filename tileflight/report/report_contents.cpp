@@ -1,5 +1,7 @@
 #include "tileflight/report/report_contents.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 #include "tileflight/report/ablation_table.h"

@@ -1,6 +1,7 @@
 #include "tileflight/report/report.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <fstream>
 
@@ -10,7 +11,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/report/key_figures.h"
 
-namespace tileflight::report {
+namespace tileflight::report::report_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -357,4 +358,4 @@ TEST_F(Report, TheTextTableHasThePapersColumnsBesideOurs) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::report_test

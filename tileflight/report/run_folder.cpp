@@ -1,5 +1,7 @@
 #include "tileflight/report/run_folder.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 #include <cstdlib>
 #include <sstream>

@@ -1,5 +1,7 @@
 #include "tileflight/report/score_tables.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <functional>
 

@@ -1,8 +1,9 @@
 #include "tileflight/report/score_tables.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
-namespace tileflight::report {
+namespace tileflight::report::score_tables_test {
 namespace {
 
 using nlohmann::json;
@@ -83,4 +84,4 @@ TEST(ScoreTables, FailuresAreTablesOfFour) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::score_tables_test

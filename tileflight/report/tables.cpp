@@ -1,5 +1,7 @@
 #include "tileflight/report/tables.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>

@@ -1,5 +1,7 @@
 #include "tileflight/report/view_data.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,6 +1,7 @@
 #include "tileflight/report/view_data.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 #include <zlib.h>
 
 #include <cmath>
@@ -14,7 +15,7 @@
 #include "tileflight/report/page_script.h"
 #include "tileflight/report/view_section.h"
 
-namespace tileflight::report {
+namespace tileflight::report::view_data_test {
 namespace {
 
 using geometry::Vec3;
@@ -220,4 +221,4 @@ TEST(PageScript, CannotEndItsElementAndIsTheOnlyOneThatThePolicyLetsRun) {
 }
 
 }  // namespace
-}  // namespace tileflight::report
+}  // namespace tileflight::report::view_data_test

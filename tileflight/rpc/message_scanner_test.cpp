@@ -5,7 +5,7 @@
 #include <msgpack.hpp>
 #include <random>
 
-namespace tileflight::rpc {
+namespace tileflight::rpc::message_scanner_test {
 namespace {
 
 using testing::HasSubstr;
@@ -143,4 +143,4 @@ TEST(MessageScanner, RefusesWhatIsNoMessageAtItsFirstByte) {
 }
 
 }  // namespace
-}  // namespace tileflight::rpc
+}  // namespace tileflight::rpc::message_scanner_test

@@ -13,7 +13,7 @@
 #include "tileflight/rpc/test_client.h"
 #include "tileflight/rpc/token.h"
 
-namespace tileflight::rpc {
+namespace tileflight::rpc::server_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -400,4 +400,4 @@ TEST(Token, IsTheSameOrNot) {
 }
 
 }  // namespace
-}  // namespace tileflight::rpc
+}  // namespace tileflight::rpc::server_test

@@ -6,7 +6,7 @@
 #include <latch>
 #include <thread>
 
-namespace tileflight::rpc {
+namespace tileflight::rpc::worker_pool_test {
 namespace {
 
 using std::chrono::milliseconds;
@@ -77,4 +77,4 @@ TEST(WorkerPool, TheEndWaitsForWhatRunsAndDropsTheRest) {
 }
 
 }  // namespace
-}  // namespace tileflight::rpc
+}  // namespace tileflight::rpc::worker_pool_test

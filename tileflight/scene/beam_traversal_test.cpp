@@ -12,7 +12,7 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/scene/test_shapes.h"
 
-namespace tileflight::scene {
+namespace tileflight::scene::beam_traversal_test {
 namespace {
 
 using geometry::Vec3;
@@ -434,4 +434,4 @@ TEST(BeamsAtEdges, SmallTrianglesFarAwayKeepTheirPlaceAndDepth) {
 }
 
 }  // namespace
-}  // namespace tileflight::scene
+}  // namespace tileflight::scene::beam_traversal_test

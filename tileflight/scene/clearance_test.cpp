@@ -7,7 +7,7 @@
 
 #include "tileflight/scene/test_shapes.h"
 
-namespace tileflight::scene {
+namespace tileflight::scene::clearance_test {
 namespace {
 
 using geometry::Vec3;
@@ -165,4 +165,4 @@ TEST(Clearance, AFlightThatStartsInsideLeavesThroughTheWall) {
 }
 
 }  // namespace
-}  // namespace tileflight::scene
+}  // namespace tileflight::scene::clearance_test

@@ -13,7 +13,7 @@
 #include "tileflight/scene/packets.h"
 #include "tileflight/scene/test_shapes.h"
 
-namespace tileflight::scene {
+namespace tileflight::scene::scene_test {
 namespace {
 
 using geometry::Vec3;
@@ -322,4 +322,4 @@ TEST(Scene, RefusesWhatItCannotShow) {
 }
 
 }  // namespace
-}  // namespace tileflight::scene
+}  // namespace tileflight::scene::scene_test

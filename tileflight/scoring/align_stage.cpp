@@ -1,5 +1,7 @@
 #include "tileflight/scoring/align_stage.h"
 
+#include <nlohmann/json.hpp>
+
 #include "tileflight/alignment/align_globally.h"
 #include "tileflight/alignment/align_map.h"
 #include "tileflight/alignment/coarse_alignment.h"

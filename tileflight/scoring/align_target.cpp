@@ -1,5 +1,7 @@
 #include "tileflight/scoring/align_target.h"
 
+#include <nlohmann/json.hpp>
+
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/trajectory.h"

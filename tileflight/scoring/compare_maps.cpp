@@ -1,5 +1,7 @@
 #include "tileflight/scoring/compare_maps.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>

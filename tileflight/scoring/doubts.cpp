@@ -1,5 +1,7 @@
 #include "tileflight/scoring/doubts.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 
 #include "tileflight/base/files.h"

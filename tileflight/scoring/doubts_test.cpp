@@ -1,13 +1,14 @@
 #include "tileflight/scoring/doubts.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <fstream>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::scoring {
+namespace tileflight::scoring::doubts_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -65,4 +66,4 @@ TEST_F(DoubtsOfAFlight, TheSameTwiceStandsOnceAndAFlightsBearItsName) {
 }
 
 }  // namespace
-}  // namespace tileflight::scoring
+}  // namespace tileflight::scoring::doubts_test

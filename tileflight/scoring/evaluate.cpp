@@ -1,5 +1,6 @@
 #include "tileflight/scoring/evaluate.h"
 
+#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>

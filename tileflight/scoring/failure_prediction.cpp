@@ -1,5 +1,7 @@
 #include "tileflight/scoring/failure_prediction.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cstdio>
 #include <string>
 #include <vector>

@@ -7,7 +7,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::scoring {
+namespace tileflight::scoring::flight_evidence_test {
 namespace {
 
 using geometry::SE3;
@@ -76,4 +76,4 @@ TEST(FlightEvidence, AnInertialUnitsUpIsFirstButNotAlone) {
 }
 
 }  // namespace
-}  // namespace tileflight::scoring
+}  // namespace tileflight::scoring::flight_evidence_test

@@ -1,5 +1,7 @@
 #include "tileflight/scoring/register_flight.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <memory>
 #include <numbers>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include "tileflight/alignment/align_map.h"
 #include "tileflight/base/progress.h"

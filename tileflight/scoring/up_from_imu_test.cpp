@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/dataset/imu_files.h"
 
-namespace tileflight::scoring {
+namespace tileflight::scoring::up_from_imu_test {
 namespace {
 
 using geometry::SE3;
@@ -55,4 +55,4 @@ TEST_F(UpByInertialUnit, NoFileIsNoUpAndABrokenOneIsSaid) {
 }
 
 }  // namespace
-}  // namespace tileflight::scoring
+}  // namespace tileflight::scoring::up_from_imu_test

@@ -8,7 +8,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::attitude_test {
 namespace {
 
 using geometry::SE3;
@@ -53,4 +53,4 @@ TEST(Attitude, ImpossibleOptionsAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::attitude_test

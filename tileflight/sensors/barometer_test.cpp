@@ -8,7 +8,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::barometer_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -74,4 +74,4 @@ TEST(Barometer, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::barometer_test

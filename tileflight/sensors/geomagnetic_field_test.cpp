@@ -5,7 +5,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::geomagnetic_field_test {
 namespace {
 
 using geometry::LocalFrame;
@@ -58,4 +58,4 @@ TEST(GeomagneticField, HoldsForItsYearsOnly) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::geomagnetic_field_test

@@ -7,7 +7,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::gnss_test {
 namespace {
 
 using geometry::Vec3;
@@ -84,4 +84,4 @@ TEST(Gnss, RefusesImpossibleOptions) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::gnss_test

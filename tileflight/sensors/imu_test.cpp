@@ -10,7 +10,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/flight/path.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::imu_test {
 namespace {
 
 using geometry::SE3;
@@ -225,4 +225,4 @@ TEST(Imu, RefusesImpossibleOptions) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::imu_test

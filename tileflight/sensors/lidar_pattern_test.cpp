@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/sensors/lidar.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::lidar_pattern_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -118,4 +118,4 @@ TEST(LidarPattern, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::lidar_pattern_test

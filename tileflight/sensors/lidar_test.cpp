@@ -11,7 +11,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::lidar_test {
 namespace {
 
 using geometry::SE3;
@@ -271,4 +271,4 @@ TEST(Lidar, RefusesImpossibleOptions) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::lidar_test

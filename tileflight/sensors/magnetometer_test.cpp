@@ -9,7 +9,7 @@
 #include "tileflight/flight/path.h"
 #include "tileflight/sensors/geomagnetic_field.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::magnetometer_test {
 namespace {
 
 using geometry::SE3;
@@ -54,4 +54,4 @@ TEST(Magnetometer, NoiseHasItsSize) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::magnetometer_test

@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::range_finder_test {
 namespace {
 
 using geometry::SE3;
@@ -91,4 +91,4 @@ TEST(RangeFinder, RefusesImpossibleOptions) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::range_finder_test

@@ -7,7 +7,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
-namespace tileflight::sensors {
+namespace tileflight::sensors::sensor_suite_test {
 namespace {
 
 using geometry::SE3;
@@ -87,4 +87,4 @@ TEST_F(SensorSuiteFile, WhatIsWrongIsNamed) {
 }
 
 }  // namespace
-}  // namespace tileflight::sensors
+}  // namespace tileflight::sensors::sensor_suite_test

@@ -5,7 +5,7 @@
 #include "tileflight/server/extension_methods.h"
 #include "tileflight/server/null_simulator_caller.h"
 
-namespace tileflight::server {
+namespace tileflight::server::airsim_methods_test {
 namespace {
 
 using testing::HasSubstr;
@@ -239,4 +239,4 @@ TEST(AirSimFields, AnImageByteForByte) {
 }
 
 }  // namespace
-}  // namespace tileflight::server
+}  // namespace tileflight::server::airsim_methods_test

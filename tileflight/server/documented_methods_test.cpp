@@ -7,7 +7,7 @@
 #include "tileflight/server/method_table.h"
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::server {
+namespace tileflight::server::documented_methods_test {
 namespace {
 
 using testing::HasSubstr;
@@ -115,4 +115,4 @@ TEST_F(DocumentedMethods, WithoutEffectAreAnsweredWhateverTheArguments) {
 }
 
 }  // namespace
-}  // namespace tileflight::server
+}  // namespace tileflight::server::documented_methods_test

@@ -9,7 +9,7 @@
 
 #include "tileflight/geometry/triangle_index.h"
 
-namespace tileflight::simplification {
+namespace tileflight::simplification::simplify_test {
 namespace {
 
 using geometry::Vec3;
@@ -135,4 +135,4 @@ TEST(Simplify, DropsWhatNoTriangleUses) {
 }
 
 }  // namespace
-}  // namespace tileflight::simplification
+}  // namespace tileflight::simplification::simplify_test

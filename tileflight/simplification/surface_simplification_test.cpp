@@ -9,7 +9,7 @@
 #include "tileflight/base/noise.h"
 #include "tileflight/simplification/simplify.h"
 
-namespace tileflight::simplification {
+namespace tileflight::simplification::surface_simplification_test {
 namespace {
 
 using geometry::Triangle;
@@ -90,4 +90,4 @@ TEST(CoarserSurface, ASoupOfTrianglesIsGatheredAndNeverEmpty) {
 }
 
 }  // namespace
-}  // namespace tileflight::simplification
+}  // namespace tileflight::simplification::surface_simplification_test

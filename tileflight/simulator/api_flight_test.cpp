@@ -7,7 +7,7 @@
 
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::api_flight_test {
 namespace {
 
 using namespace test_world;
@@ -244,4 +244,4 @@ TEST(Flying, SeveralVehiclesHaveTheirOwnOrigins) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::api_flight_test

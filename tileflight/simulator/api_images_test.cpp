@@ -8,7 +8,7 @@
 #include "tileflight/simulator/image_renderer.h"
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::api_images_test {
 namespace {
 
 using namespace test_world;
@@ -280,4 +280,4 @@ TEST(Cameras, ProjectionMatrixGivesThePixelsOfThePicture) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::api_images_test

@@ -12,7 +12,7 @@
 #include "tileflight/simulator/segmentation_ids.h"
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::api_scene_test {
 namespace {
 
 using namespace test_world;
@@ -241,4 +241,4 @@ TEST(Surroundings, WhatIsNotServedSaysWhy) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::api_scene_test

@@ -6,7 +6,7 @@
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::api_sensors_test {
 namespace {
 
 using namespace test_world;
@@ -151,4 +151,4 @@ TEST(Sensing, LinesOfSightEndAtWalls) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::api_sensors_test

@@ -8,7 +8,7 @@
 #include "tileflight/simulator/name_pattern.h"
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::detection_test {
 namespace {
 
 using namespace test_world;
@@ -140,4 +140,4 @@ TEST_F(Detections, WhatCannotBeIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::detection_test

@@ -1,5 +1,7 @@
 #include "tileflight/simulator/settings.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <utility>
 

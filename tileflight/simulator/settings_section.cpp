@@ -1,5 +1,7 @@
 #include "tileflight/simulator/settings_section.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>

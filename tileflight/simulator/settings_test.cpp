@@ -8,7 +8,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/simulator/camera_settings.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::settings_test {
 namespace {
 
 using testing::ElementsAre;
@@ -134,4 +134,4 @@ TEST(Settings, TheLongerSideHasTheFieldOfView) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::settings_test

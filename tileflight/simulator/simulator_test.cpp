@@ -9,7 +9,7 @@
 
 #include "tileflight/simulator/test_world.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::simulator_test {
 namespace {
 
 using namespace test_world;
@@ -96,4 +96,4 @@ TEST(Simulator, VehiclesCanBeAdded) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::simulator_test

@@ -1,12 +1,13 @@
 #include "tileflight/simulator/working_set.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
 #include "tileflight/simulator/simulator.h"
 
-namespace tileflight::simulator {
+namespace tileflight::simulator::working_set_test {
 namespace {
 
 using geometry::Vec3;
@@ -150,4 +151,4 @@ TEST_F(FollowingTiles, AGroundTruthOfARegionIsAFolderOfTheServers) {
 }
 
 }  // namespace
-}  // namespace tileflight::simulator
+}  // namespace tileflight::simulator::working_set_test

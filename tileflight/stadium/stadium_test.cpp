@@ -16,7 +16,7 @@
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiling/bake_charts.h"
 
-namespace tileflight::stadium {
+namespace tileflight::stadium::stadium_test {
 namespace {
 
 TEST(SitePlan, IsTheSameForTheSameSeedAndNotForAnother) {
@@ -159,4 +159,4 @@ TEST(Stadium, IsThePapersPlaceTwice) {
 }
 
 }  // namespace
-}  // namespace tileflight::stadium
+}  // namespace tileflight::stadium::stadium_test

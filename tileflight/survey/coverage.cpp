@@ -1,5 +1,7 @@
 #include "tileflight/survey/coverage.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <map>

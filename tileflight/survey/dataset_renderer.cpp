@@ -1,5 +1,7 @@
 #include "tileflight/survey/dataset_renderer.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <map>
 #include <mutex>

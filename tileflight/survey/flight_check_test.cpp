@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace tileflight::survey {
+namespace tileflight::survey::flight_check_test {
 namespace {
 
 using geometry::SE3;
@@ -156,4 +156,4 @@ TEST(FlightCheckTest, TheFootprintEndsAtTheReachAndWhereThePlaceEnds) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::flight_check_test

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace tileflight::survey {
+namespace tileflight::survey::flight_faults_test {
 namespace {
 
 using testing::ElementsAre;
@@ -35,4 +35,4 @@ TEST(FlightFaults, WhatADatasetSaysIsReadBack) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::flight_faults_test

@@ -1,5 +1,7 @@
 #include "tileflight/survey/flown_path.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <memory>
 

@@ -15,7 +15,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/vehicle/flight_plan.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::followed_flight_test {
 namespace {
 
 using geometry::SE3;
@@ -109,4 +109,4 @@ TEST_F(Follow, TooFewPosesAreFlownThroughOrRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::followed_flight_test

@@ -1,5 +1,7 @@
 #include "tileflight/survey/frame_store.h"
 
+#include <nlohmann/json.hpp>
+
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>

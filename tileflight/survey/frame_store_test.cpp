@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <condition_variable>
 #include <memory>
@@ -13,7 +14,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/survey/frame_assignment.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::frame_store_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -215,4 +216,4 @@ TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::frame_store_test

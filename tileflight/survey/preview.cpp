@@ -1,5 +1,6 @@
 #include "tileflight/survey/preview.h"
 
+#include <nlohmann/json.hpp>
 #include <tbb/task_arena.h>
 
 #include <algorithm>

@@ -1,5 +1,7 @@
 #include "tileflight/survey/render_stage.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <array>
 #include <chrono>

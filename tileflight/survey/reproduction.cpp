@@ -1,5 +1,7 @@
 #include "tileflight/survey/reproduction.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

@@ -9,7 +9,7 @@
 #include "tileflight/dataset/number_table.h"
 #include "tileflight/render/test_scenes.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::sensor_recorder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -92,4 +92,4 @@ TEST(SensorFiles, OnTheEarthTheFieldAndTheHeightAreTheEarths) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::sensor_recorder_test

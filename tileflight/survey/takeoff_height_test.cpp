@@ -10,7 +10,7 @@
 #include "tileflight/tiling/mesh_source.h"
 #include "tileflight/tiling/mesh_tileset.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::takeoff_height_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -65,4 +65,4 @@ TEST_F(TakeoffAnchor, WhatDoesNotSayTheHeightIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::takeoff_height_test

@@ -9,7 +9,7 @@
 #include "tests/test_data.h"
 #include "tileflight/flight/path.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::telemetry_offset_test {
 namespace {
 
 using geometry::SE3;
@@ -134,4 +134,4 @@ TEST(RealTelemetryOffset, SubtitlesOfAVideoMovedInTime) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::telemetry_offset_test

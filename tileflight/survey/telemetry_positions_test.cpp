@@ -4,7 +4,7 @@
 
 #include "tests/refusal.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::telemetry_positions_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -68,4 +68,4 @@ TEST_F(Heights, WhatIsNotKnownIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::telemetry_positions_test

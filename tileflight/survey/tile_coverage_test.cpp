@@ -1,10 +1,11 @@
 #include "tileflight/survey/tile_coverage.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::survey {
+namespace tileflight::survey::tile_coverage_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -55,4 +56,4 @@ TEST(CountPixels, by_the_nearest_stand_in_memory) {
 }
 
 }  // namespace
-}  // namespace tileflight::survey
+}  // namespace tileflight::survey::tile_coverage_test

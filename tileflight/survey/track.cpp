@@ -1,5 +1,7 @@
 #include "tileflight/survey/track.h"
 
+#include <nlohmann/json.hpp>
+
 #include <sys/wait.h>
 
 #include <algorithm>

@@ -8,7 +8,7 @@
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tile_contents {
+namespace tileflight::tile_contents::content_test {
 namespace {
 
 using base::testing::error_of;
@@ -461,4 +461,4 @@ TEST(DecodeContent, LinesAreLeftOutWithAWarning) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_contents
+}  // namespace tileflight::tile_contents::content_test

@@ -8,7 +8,7 @@
 #include "tileflight/tile_contents/content.h"
 
 /// Oracle: another library reads the same files; all corners must be at the same positions.
-namespace tileflight::tile_contents {
+namespace tileflight::tile_contents::gltf_oracle_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -129,4 +129,4 @@ TEST(GltfOracle, SameCornersAsAnotherLibrary) {
 }
 
 }  // namespace
-}  // namespace tileflight::tile_contents
+}  // namespace tileflight::tile_contents::gltf_oracle_test

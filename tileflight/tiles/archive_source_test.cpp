@@ -16,7 +16,7 @@
 #include "tileflight/transport/open_source.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::archive_source_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -341,4 +341,4 @@ TEST(ArchiveSource, ArchivesOfGzipFiles) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::archive_source_test

@@ -8,7 +8,7 @@
 
 #include "tileflight/geometry/geodesy.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::bounding_volume_test {
 namespace {
 
 using geometry::Box3;
@@ -154,4 +154,4 @@ TEST(BoundingVolume, GeographicRegionsHoldAllTheirPoints) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::bounding_volume_test

@@ -14,7 +14,7 @@
 #include "tileflight/transport/test_tilesets.h"
 
 /// Outcome for every available broken file: read, or one error line.
-namespace tileflight::tiles {
+namespace tileflight::tiles::fault_table_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -114,4 +114,4 @@ TEST(FaultTable, EveryFileIsReadOrNamedInOneLine) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::fault_table_test

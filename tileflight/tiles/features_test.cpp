@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <set>
 #include <span>
@@ -11,7 +12,7 @@
 #include "tileflight/transport/test_tilesets.h"
 
 /// Assignment of triangles to buildings: batch tables, EXT_mesh_features, EXT_instance_features.
-namespace tileflight::tiles {
+namespace tileflight::tiles::features_test {
 namespace {
 
 using base::testing::error_of;
@@ -265,4 +266,4 @@ TEST(Features, RealBatchTables) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::features_test

@@ -13,7 +13,7 @@
 #include "tileflight/transport/test_tilesets.h"
 
 /// Third-party files, valid and broken: each is read correctly or gives one clear error line.
-namespace tileflight::tiles {
+namespace tileflight::tiles::foreign_files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -337,4 +337,4 @@ TEST(ForeignFiles, PointsAndBuildingsBesideEachOther) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::foreign_files_test

@@ -1,13 +1,14 @@
 #include "tileflight/transport/http_source.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/tiles/inspect.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/test_http_tileset.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::http_source_test {
 namespace {
 
 using base::testing::error_of;
@@ -401,4 +402,4 @@ TEST_F(HttpSourceTest, CancelEndsTheReaders) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::http_source_test

@@ -1,13 +1,14 @@
 #include "tileflight/tile_contents/i3dm.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::i3dm_test {
 namespace {
 
 using base::testing::error_of;
@@ -161,4 +162,4 @@ TEST(I3dm, RealInstancesStandInOnePlace) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::i3dm_test

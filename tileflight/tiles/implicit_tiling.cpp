@@ -1,5 +1,7 @@
 #include "tileflight/tiles/implicit_tiling.h"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 #include <numbers>
 

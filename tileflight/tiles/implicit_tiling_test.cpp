@@ -1,6 +1,7 @@
 #include "tileflight/tiles/implicit_tiling.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 
@@ -11,7 +12,7 @@
 #include "tileflight/tiles/subtree.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::implicit_tiling_test {
 namespace {
 
 using base::testing::error_of;
@@ -425,4 +426,4 @@ TEST(ImplicitTiling, RealSparseTrees) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::implicit_tiling_test

@@ -1,12 +1,13 @@
 #include "tileflight/tiles/inspect.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
 #include "tileflight/tile_contents/attribution.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::inspect_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -189,4 +190,4 @@ TEST(InspectTileset, AFullQuadtreeBefore11) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::inspect_test

@@ -1,6 +1,7 @@
 #include "tileflight/tiles/load.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -11,7 +12,7 @@
 #include "tileflight/transport/test_tilesets.h"
 #include "tileflight/transport/tile_source.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::load_test {
 namespace {
 
 using base::testing::error_of;
@@ -414,4 +415,4 @@ TEST(LoadRegionRealData, MeshoptAndQuantisedAndWebp) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::load_test

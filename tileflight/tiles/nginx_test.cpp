@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -15,7 +16,7 @@
 
 /// End to end over the loopback device against a real nginx: HTTP/2 over TLS, gzip, validators. Skipped if nginx or
 /// openssl is not installed.
-namespace tileflight::tiles {
+namespace tileflight::tiles::nginx_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -170,4 +171,4 @@ TEST_F(NginxTest, ARealPlaceIsTheSameAsFromItsFolder) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::nginx_test

@@ -1,13 +1,14 @@
 #include "tileflight/tile_contents/pnts.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
 #include "tileflight/tile_contents/octahedral.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::pnts_test {
 namespace {
 
 using base::testing::error_of;
@@ -159,4 +160,4 @@ TEST(Pnts, CompressedFormsGiveTheSamePoints) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::pnts_test

@@ -1,4 +1,5 @@
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <fstream>
 #include <sstream>
@@ -12,7 +13,7 @@
 #include "tileflight/transport/url_secrets.h"
 
 /// Each provider against a small server that speaks its protocol.
-namespace tileflight::tiles {
+namespace tileflight::tiles::providers_test {
 namespace {
 
 using base::testing::error_of;
@@ -387,4 +388,4 @@ TEST(TermsOf, PlainServersAreUnknownAndGooglesHostIsGoogles) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::providers_test

@@ -1,6 +1,7 @@
 #include "tileflight/tiles/region.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <numbers>
@@ -14,7 +15,7 @@
 #include "tileflight/tiles/selection.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::region_test {
 namespace {
 
 using base::testing::error_of;
@@ -243,4 +244,4 @@ TEST_F(RegionFile, TheRegionOfAPlaceThatIsNotOnTheEarth) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::region_test

@@ -1,6 +1,7 @@
 #include "tileflight/tiles/s2_cell.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>
@@ -17,7 +18,7 @@
 #include "tileflight/tiles/selection.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::s2_cell_test {
 namespace {
 
 using base::testing::error_of;
@@ -274,4 +275,4 @@ TEST(Cylinder, IsHeldByTheBoxOfTheSameNumbers) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::s2_cell_test

@@ -1,10 +1,11 @@
 #include "tileflight/tiles/selection.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::selection_test {
 namespace {
 
 using base::testing::error_of;
@@ -242,4 +243,4 @@ TEST(SelectCut, NamesTheTileThatNeedsWhatIsLacking) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::selection_test

@@ -1,5 +1,7 @@
 #include "tileflight/tiles/subtree.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cstring>
 #include <map>

@@ -1,5 +1,7 @@
 #include "tileflight/tiles/tileset.h"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <array>
 

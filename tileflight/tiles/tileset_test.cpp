@@ -1,10 +1,11 @@
 #include "tileflight/tiles/tileset.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::tileset_test {
 namespace {
 
 using base::testing::error_of;
@@ -170,4 +171,4 @@ TEST(ParseTileset, Limits) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::tileset_test

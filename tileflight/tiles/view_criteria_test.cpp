@@ -1,6 +1,7 @@
 #include "tileflight/tiles/view_criteria.h"
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <random>
@@ -8,7 +9,7 @@
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles {
+namespace tileflight::tiles::view_criteria_test {
 namespace {
 
 using geometry::Mat3;
@@ -230,4 +231,4 @@ TEST(WantedView, LeavesOutWhatLiesBesideAndBehindAndNeedsTheViewerWhereATileAsks
 }
 
 }  // namespace
-}  // namespace tileflight::tiles
+}  // namespace tileflight::tiles::view_criteria_test

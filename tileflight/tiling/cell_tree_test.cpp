@@ -6,7 +6,7 @@
 
 #include "tileflight/base/noise.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::cell_tree_test {
 namespace {
 
 using geometry::Vec3;
@@ -45,4 +45,4 @@ TEST(CellTree, ManyItemsAtOnePlaceAreStillSharedOut) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::cell_tree_test

@@ -9,7 +9,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::georeference_test {
 namespace {
 
 using geometry::Vec3;
@@ -121,4 +121,4 @@ TEST(Georeference, WhatIsNoPlaceIsRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::georeference_test

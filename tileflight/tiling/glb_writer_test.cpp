@@ -11,7 +11,7 @@
 #include "tileflight/base/noise.h"
 #include "tileflight/imaging/image_files.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::glb_writer_test {
 namespace {
 
 using geometry::Vec3;
@@ -132,4 +132,4 @@ TEST(GlbWriter, LengthsInTheContainerAreWhole) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::glb_writer_test

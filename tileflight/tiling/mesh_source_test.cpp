@@ -15,7 +15,7 @@
 #include "tileflight/imaging/ktx2.h"
 #include "tileflight/tiling/glb_writer.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::mesh_source_test {
 namespace {
 
 using geometry::Vec3;
@@ -267,4 +267,4 @@ TEST_F(MeshFile, OtherFilesAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::mesh_source_test

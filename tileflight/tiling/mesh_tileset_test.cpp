@@ -20,7 +20,7 @@
 #include "tileflight/simplification/simplify.h"
 #include "tileflight/tiles/load.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::mesh_tileset_test {
 namespace {
 
 using geometry::Triangle;
@@ -401,4 +401,4 @@ TEST(MeshTilesetWriter, RefusesAnEmptyPlace) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::mesh_tileset_test

@@ -8,7 +8,7 @@
 #include "tileflight/base/noise.h"
 #include "tileflight/simplification/simplify.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::photogrammetry_test {
 namespace {
 
 using geometry::Vec3;
@@ -72,4 +72,4 @@ TEST(Photogrammetry, StaysWithinCentimetresOfTheWorld) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::photogrammetry_test

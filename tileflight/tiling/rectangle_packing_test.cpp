@@ -6,7 +6,7 @@
 
 #include "tileflight/base/noise.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::rectangle_packing_test {
 namespace {
 
 std::vector<PixelSize> random_rectangles(std::uint32_t seed, int count, int largest) {
@@ -49,4 +49,4 @@ TEST(RectanglePacking, OneRectangleFillsItsSheetWhenItIsWide) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::rectangle_packing_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::sun_test {
 namespace {
 
 Color grey(const Texel&) { return Color(0.5F, 0.5F, 0.5F); }
@@ -36,4 +36,4 @@ TEST(Sunlight, SurfacesDoNotShadeThemselves) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::sun_test

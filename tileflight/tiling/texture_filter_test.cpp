@@ -4,7 +4,7 @@
 
 #include "tileflight/base/noise.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::texture_filter_test {
 namespace {
 
 imaging::RgbImage random_image(int width, int height, std::uint32_t seed) {
@@ -55,4 +55,4 @@ TEST(Blurred, KeepsAConstantAndSpreadsAPoint) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::texture_filter_test

@@ -21,7 +21,7 @@
 #include "tileflight/simplification/simplify.h"
 #include "tileflight/tiles/load.h"
 
-namespace tileflight::tiling {
+namespace tileflight::tiling::tileset_writer_test {
 namespace {
 
 using geometry::Vec3;
@@ -248,4 +248,4 @@ TEST(TilesetWriter, RefusesAnEmptyPlace) {
 }
 
 }  // namespace
-}  // namespace tileflight::tiling
+}  // namespace tileflight::tiling::tileset_writer_test

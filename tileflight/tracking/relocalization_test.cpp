@@ -5,7 +5,7 @@
 #include "tileflight/photometry/pixel_selector.h"
 #include "tileflight/photometry/synthetic_scene.h"
 
-namespace tileflight::tracking {
+namespace tileflight::tracking::relocalization_test {
 namespace {
 
 using geometry::SE3;
@@ -65,4 +65,4 @@ TEST(Relocalization, FindsNothingInAPictureOfAnotherPlace) {
 }
 
 }  // namespace
-}  // namespace tileflight::tracking
+}  // namespace tileflight::tracking::relocalization_test

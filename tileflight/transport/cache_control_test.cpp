@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::transport {
+namespace tileflight::transport::cache_control_test {
 namespace {
 
 constexpr std::int64_t kNow = 784111777;                    // Unix time of kDate
@@ -69,4 +69,4 @@ TEST(CacheControl, AnAnswerOfNotModifiedRenewsWhatItSays) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::cache_control_test

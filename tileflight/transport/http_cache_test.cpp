@@ -12,7 +12,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::http_cache_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -258,4 +258,4 @@ TEST_F(HttpCacheTest, SeveralProcessesShareItAndKillingThemLeavesItSound) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::http_cache_test

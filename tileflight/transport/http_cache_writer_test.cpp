@@ -9,7 +9,7 @@
 
 #include "tests/temporary_folder.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::http_cache_writer_test {
 namespace {
 
 using testing::ElementsAre;
@@ -102,4 +102,4 @@ TEST(HttpCacheWriter, DamageIsSetAsideWithAWarning) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::http_cache_writer_test

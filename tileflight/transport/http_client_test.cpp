@@ -8,7 +8,7 @@
 #include "tileflight/transport/test_http_server.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::http_client_test {
 namespace {
 
 using base::testing::error_of;
@@ -445,4 +445,4 @@ TEST(HttpClient, WhatIsUnderWayEndsWithTheClient) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::http_client_test

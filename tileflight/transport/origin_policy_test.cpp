@@ -4,7 +4,7 @@
 
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::origin_policy_test {
 namespace {
 
 using base::testing::error_of;
@@ -53,4 +53,4 @@ TEST(OriginPolicy, AllowedHostsGetRequestsButNoCredentials) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::origin_policy_test

@@ -9,7 +9,7 @@
 #include "tileflight/transport/open_source.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::tile_source_test {
 namespace {
 
 using base::testing::error_of;
@@ -91,4 +91,4 @@ TEST(CountingSource, CountsBytes) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::tile_source_test

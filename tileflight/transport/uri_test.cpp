@@ -4,7 +4,7 @@
 
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::uri_test {
 namespace {
 
 using base::testing::error_of;
@@ -72,4 +72,4 @@ TEST(Uri, Data) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::uri_test

@@ -4,7 +4,7 @@
 
 #include "tileflight/transport/uri.h"
 
-namespace tileflight::transport {
+namespace tileflight::transport::url_secrets_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -46,4 +46,4 @@ TEST(UrlSecrets, TextsAreScrubbed) {
 }
 
 }  // namespace
-}  // namespace tileflight::transport
+}  // namespace tileflight::transport::url_secrets_test

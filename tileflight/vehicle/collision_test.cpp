@@ -6,7 +6,7 @@
 
 #include "tileflight/vehicle/test_obstacles.h"
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::collision_test {
 namespace {
 
 using geometry::Vec3;
@@ -111,4 +111,4 @@ TEST(Bounce, AllFrictionlessElasticBouncesKeepEnergy) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::collision_test

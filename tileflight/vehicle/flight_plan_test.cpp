@@ -10,7 +10,7 @@
 #include "tests/test_data.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::flight_plan_test {
 namespace {
 
 using testing::HasSubstr;
@@ -175,4 +175,4 @@ TEST(RealFlight, MachangaraPosesComeBackAtTheirFrames) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::flight_plan_test

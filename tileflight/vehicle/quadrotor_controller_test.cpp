@@ -8,7 +8,7 @@
 #include "tests/refusal.h"
 #include "tileflight/vehicle/wind.h"
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::quadrotor_controller_test {
 namespace {
 
 using geometry::Vec3;
@@ -164,4 +164,4 @@ TEST(QuadrotorController, BadOptionsAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::quadrotor_controller_test

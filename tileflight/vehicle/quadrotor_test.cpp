@@ -7,7 +7,7 @@
 
 #include "tests/refusal.h"
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::quadrotor_test {
 namespace {
 
 using geometry::Vec3;
@@ -99,4 +99,4 @@ TEST(Quadrotor, OptionsThatCannotFlyAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::quadrotor_test

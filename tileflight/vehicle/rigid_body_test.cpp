@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::rigid_body_test {
 namespace {
 
 using geometry::Vec3;
@@ -105,4 +105,4 @@ TEST(RigidBody, YawAndHeading) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::rigid_body_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::rotor_mixer_test {
 namespace {
 
 using geometry::Vec3;
@@ -55,4 +55,4 @@ TEST(RotorMixer, WhatIsTooMuchForAnyThrustKeepsItsDirection) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::rotor_mixer_test

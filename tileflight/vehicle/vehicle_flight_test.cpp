@@ -10,7 +10,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/vehicle/test_obstacles.h"
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::vehicle_flight_test {
 namespace {
 
 using geometry::Vec3;
@@ -211,4 +211,4 @@ TEST_F(VehicleFile, KeysAreReadAndOthersRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::vehicle_flight_test

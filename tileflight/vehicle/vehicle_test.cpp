@@ -9,7 +9,7 @@
 #include "tests/refusal.h"
 #include "tileflight/vehicle/test_obstacles.h"
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::vehicle_test {
 namespace {
 
 using geometry::Vec3;
@@ -309,4 +309,4 @@ TEST(Vehicle, LeaningNeedsAHeightOrAThrottle) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::vehicle_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace tileflight::vehicle {
+namespace tileflight::vehicle::wind_test {
 namespace {
 
 using geometry::Vec3;
@@ -98,4 +98,4 @@ TEST(Wind, IsAFunctionOfItsSeed) {
 }
 
 }  // namespace
-}  // namespace tileflight::vehicle
+}  // namespace tileflight::vehicle::wind_test

@@ -1,0 +1,109 @@
+// The library as somebody else uses it: installed and found by find_package(), or fetched as a subproject.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "tests/run_program.h"
+#include "tests/tiny_flight.h"
+
+namespace tileflight::library_test {
+namespace {
+
+namespace fs = std::filesystem;
+using tests::file_text;
+using tests::run_command;
+using tests::run_tileflight;
+using ::testing::HasSubstr;
+
+const fs::path kSource = TILEFLIGHT_SOURCE_DIR;
+
+/// Runs a command and expects it to succeed; returns what it printed.
+std::string run(const std::vector<std::string>& command) {
+  const tests::ProgramResult result = run_command(command);
+  EXPECT_EQ(result.exit_code, 0) << command.front() << ' ' << command.at(1) << ":\n" << result.out << result.err;
+  return result.out;
+}
+
+/// Configures and builds the project of `source` in `build`.
+void build_project(const fs::path& source, const fs::path& build, std::vector<std::string> options) {
+  std::vector<std::string> configure{TILEFLIGHT_CMAKE, "-G", "Ninja", "-S", source.string(), "-B", build.string()};
+  configure.insert(configure.end(), options.begin(), options.end());
+  run(configure);
+  run({TILEFLIGHT_CMAKE, "--build", build.string(), "--parallel", "2"});
+}
+
+/// The surface of a cube whose edges are 2 m.
+void write_cube(const fs::path& file) {
+  std::ofstream ply(file);
+  ply << "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+         "element face 12\nproperty list uchar int vertex_indices\nend_header\n";
+  for (int i = 0; i < 8; ++i) ply << 2 * (i & 1) << ' ' << (i & 2) << ' ' << (i & 4) / 2 << '\n';
+  for (const char* face : {"0 1 3", "0 3 2", "4 7 5", "4 6 7", "0 5 1", "0 4 5", "2 3 7", "2 7 6", "0 2 6", "0 6 4",
+                           "1 5 7", "1 7 3"}) {
+    ply << "3 " << face << '\n';
+  }
+}
+
+TEST(Library, TheInstalledPackageDoesWhatTheProgramDoes) {
+  const tests::TemporaryFolder folder;
+  const fs::path installed = folder / "installed", build = folder / "consumer";
+  run({TILEFLIGHT_CMAKE, "--install", TILEFLIGHT_BUILD_DIR, "--prefix", installed.string()});
+  EXPECT_THAT(run({(installed / "bin/tileflight").string(), "--version"}), HasSubstr("tileflight"));
+  build_project(kSource / "examples/consumer", build, {"-DCMAKE_PREFIX_PATH=" + installed.string()});
+
+  // Of 4 x 4 x 4 cells the surface touches all but the inner 2 x 2 x 2.
+  write_cube(folder / "cube.ply");
+  EXPECT_THAT(run({(build / "voxelize_mesh").string(), (folder / "cube.ply").string(), "0.5",
+                   (folder / "cube.binvox").string()}),
+              HasSubstr("56 cells of 4 x 4 x 4"));
+  EXPECT_TRUE(fs::exists(folder / "cube.binvox"));
+
+  // Image by image, the library ends with the program's trajectory, byte for byte.
+  tests::TinyFlight::copy_to(folder / "dataset");
+  const std::string printed = run({(build / "track_frames").string(), (folder / "dataset").string(),
+                                   (folder / "trajectory.txt").string()});
+  EXPECT_THAT(printed, HasSubstr("of 36 images tracked"));
+  ASSERT_EQ(run_tileflight({"odometry", (folder / "dataset").string(), "--out", (folder / "odometry").string()}).exit_code,
+            0);
+  EXPECT_EQ(file_text(folder / "trajectory.txt"), file_text(folder / "odometry/trajectory.txt"));
+}
+
+TEST(Library, AnUnknownComponentIsNamed) {
+  const tests::TemporaryFolder folder;
+  const fs::path installed = folder / "installed";
+  run({TILEFLIGHT_CMAKE, "--install", TILEFLIGHT_BUILD_DIR, "--prefix", installed.string()});
+  std::ofstream(folder / "CMakeLists.txt") << "cmake_minimum_required(VERSION 3.25)\nproject(p LANGUAGES CXX)\n"
+                                              "find_package(tileflight REQUIRED COMPONENTS geometry odometri)\n";
+  const auto result = run_command({TILEFLIGHT_CMAKE, "-S", folder.path().string(), "-B", (folder / "build").string(),
+                                   "-DCMAKE_PREFIX_PATH=" + installed.string()});
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_THAT(result.err, HasSubstr("odometri"));
+}
+
+TEST(Library, IsASubprojectByFetchContent) {
+  const tests::TemporaryFolder folder;
+  std::ofstream(folder / "CMakeLists.txt") << R"(cmake_minimum_required(VERSION 3.25)
+project(subproject_consumer LANGUAGES CXX)
+include(FetchContent)
+FetchContent_Declare(tileflight SOURCE_DIR )" << kSource << R"()
+FetchContent_MakeAvailable(tileflight)
+add_executable(shift shift.cpp)
+target_link_libraries(shift PRIVATE tileflight::alignment)
+)";
+  std::ofstream(folder / "shift.cpp") << R"(#include <iostream>
+#include "tileflight/alignment/umeyama.h"
+int main() {
+  using tileflight::geometry::Vec3;
+  const std::vector<Vec3> from{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  std::vector<Vec3> to;
+  for (const Vec3& p : from) to.push_back(2.0 * p + Vec3(1, 2, 3));
+  std::cout << tileflight::alignment::umeyama(from, to).T_target_source.scale << '\n';
+}
+)";
+  build_project(folder.path(), folder / "build", {"-DCMAKE_BUILD_TYPE=RelWithDebInfo", "-DTILEFLIGHT_ONLY=base;geometry;alignment"});
+  EXPECT_THAT(run({(folder / "build/shift").string(), ""}), HasSubstr("2"));
+}
+
+}  // namespace
+}  // namespace tileflight::library_test
