@@ -38,6 +38,7 @@ waypoints:
 
 constexpr const char* kExperiment = R"(name: tiny
 place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
+alignment: {start: true-poses}
 simulated:
   render: {flight: flight.yaml}
 )";
@@ -101,7 +102,7 @@ TEST_F(RunCache, TouchedFilesAndOtherWaysToWriteTheSameChangeNothing) {
         "  intrinsics: [152, 152, 159.50, 119.5], camera_model: \"pinhole\"}  # the same lens\n");
   write("sensors.yaml", "barometer:\n  rate_hz: 10.0\n");
   write("experiment.yaml",
-        "simulated: {render: {flight: 'flight.yaml'}}   # first\nplace:\n"
+        "simulated: {render: {flight: 'flight.yaml'}}   # first\nalignment:\n  start: 'true-poses'\nplace:\n"
         "  size: [80.0, 80, 20]\n  center_local:\n  - 0\n  - 0.0\n  - 100\n"
         "  source: place/tileset.json\nname: tiny\n");
   EXPECT_THAT(stages_done("out"), testing::ElementsAre("report")) << "written otherwise: it holds the files' hashes";
@@ -172,6 +173,7 @@ std::size_t notes_in(const fs::path& folder) {
 TEST_F(RunCache, FramesThatAreThereAfterAKillAreTakenUp) {
   write("experiment.yaml", R"(name: tiny
 place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
+alignment: {start: true-poses}
 simulated:
   render: {flight: flight.yaml, samples_per_pixel: 16, outputs: "depth, segmentation"}
 )");
