@@ -12,7 +12,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
-#include "tileflight/mapping/systematic_residuals.h"
+#include "tileflight/mapping/systematic_displacement.h"
 #include "tileflight/photometry/options.h"
 #include "tileflight/tracking/frame_quality.h"
 
