@@ -2,27 +2,69 @@
 
 #include <chrono>
 
+#include "tileflight/base/input_error.h"
 #include "tileflight/odometry/odometry_pipeline.h"
-#include "tileflight/odometry/prior_alignment.h"
 
 namespace tileflight::odometry {
+namespace {
+
+double steady_time_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+Odometry::Odometry(const imaging::Calibration& calibration, const OdometryOptions& options, OdometryExtras extras)
+    : begin_s_(steady_time_s()) {
+  if (calibration.camera.width() <= 0 || calibration.camera.height() <= 0)
+    throw InputError("calibration", "has no image size; give the width and height of the images");
+  pipeline_ = std::make_unique<OdometryPipeline>(calibration, options, std::move(extras));
+}
+Odometry::Odometry(Odometry&&) noexcept = default;
+Odometry& Odometry::operator=(Odometry&&) noexcept = default;
+Odometry::~Odometry() = default;
+
+OdometryPipeline& Odometry::pipeline() const {
+  if (!pipeline_) throw InputError("odometry", "is finished; begin a new one for further images");
+  return *pipeline_;
+}
+
+FrameResult Odometry::add(InputFrame frame, const std::optional<geometry::SE3>& T_world_camera) {
+  return pipeline().add(std::move(frame), T_world_camera);
+}
+
+FrameResult Odometry::add(imaging::RgbImage image, double time_s, const std::optional<geometry::SE3>& T_world_camera) {
+  return add(InputFrame{.index = frames(), .time_s = time_s, .image = std::move(image)}, T_world_camera);
+}
+
+bool Odometry::lost() const { return pipeline().lost(); }
+std::int64_t Odometry::frames() const { return pipeline().frames(); }
+std::string Odometry::progress_text() const { return pipeline().progress_text(); }
+geometry::Trajectory Odometry::trajectory() const { return pipeline().trajectory(); }
+geometry::Trajectory Odometry::keyframes() const { return pipeline().keyframes(); }
+geometry::PointCloud Odometry::map() const { return pipeline().map(); }
+std::optional<geometry::Sim3> Odometry::T_world_map() const { return pipeline().T_world_map(); }
+
+OdometryResult Odometry::finish() {
+  OdometryResult result = pipeline().result();
+  pipeline_.reset();
+  result.wall_time_s = steady_time_s() - begin_s_;
+  return result;
+}
 
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
-                            const FrameSource& next_frame, const photometry::OdometryOptions& options,
-                            const Progress& progress, const Priors& aids, const KeyframeObserver& observer) {
-  const auto begin = std::chrono::steady_clock::now();
-  OdometryPipeline engine(calibration, photometric, options, aids, observer);
-  std::int64_t frames = 0;
-  while (!engine.lost()) {
+                            const FrameSource& next_frame, const OdometryOptions& options, const Progress& progress,
+                            const Priors& aids, const KeyframeObserver& observer) {
+  OdometryExtras extras{.photometric = {}, .priors = aids, .keyframe_observer = observer};
+  if (photometric != nullptr) extras.photometric = *photometric;
+  Odometry odometry(calibration, options, std::move(extras));
+  while (!odometry.lost()) {
     std::optional<InputFrame> frame = next_frame();
     if (!frame) break;
-    engine.add(std::move(*frame));
-    report_progress(progress, ++frames, 0, engine.progress_text());
+    odometry.add(std::move(*frame));
+    report_progress(progress, odometry.frames(), 0, odometry.progress_text());
   }
-  OdometryResult result = engine.result();
-  if (engine.initialization_end_s()) apply_priors(calibration.camera, aids, *engine.initialization_end_s(), result);
-  result.wall_time_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  return result;
+  return odometry.finish();
 }
 
 }  // namespace tileflight::odometry

@@ -1,7 +1,11 @@
 #pragma once
 
+// Direct Sparse Odometry: Engel, Koltun, Cremers, IEEE TPAMI 40(3), 2018. Odometry takes one image at a time; a whole
+// sequence goes through run_odometry(), which is a loop over it.
+
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,11 +16,13 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
-#include "tileflight/mapping/systematic_residuals.h"
+#include "tileflight/mapping/systematic_displacement.h"
 #include "tileflight/photometry/options.h"
 #include "tileflight/tracking/frame_quality.h"
 
 namespace tileflight::odometry {
+
+class OdometryPipeline;
 
 // Types of other rooms that appear in this interface.
 using photometry::MapOptions;
@@ -25,8 +31,8 @@ using tracking::FrameQuality;
 
 /// One input image of the odometry. It carries no ground truth.
 struct InputFrame {
-  std::int64_t index = 0;  ///< frame index in the dataset
-  double time_s = 0.0;
+  std::int64_t index = 0;    ///< frame index in the dataset; increases from image to image
+  double time_s = 0.0;       ///< increases from image to image
   double exposure_ms = 0.0;  ///< 0: unknown
   imaging::RgbImage image;   ///< colour is used for map points only; tracking uses luma
 };
@@ -103,9 +109,102 @@ struct OdometryResult {
   StageTimes cpu_time;
 };
 
-/// Direct Sparse Odometry: Engel, Koltun, Cremers, IEEE TPAMI 40(3), 2018. The result does not depend on the number of
-/// threads. `aids`: prior knowledge. Throws InputError if an image, mask or depth differs in size from the calibration,
-/// if the calibration has no image size, or if the prior poses do not overlap the images in time.
+/// What an odometry may be given besides calibration, options and images.
+struct OdometryExtras {
+  std::optional<imaging::PhotometricCalibration> photometric;  ///< response and vignetting; none: taken as ideal
+  Priors priors;
+  KeyframeObserver keyframe_observer;
+};
+
+/// What became of an image when it was added.
+enum class FrameStatus {
+  kInitializing,  ///< no map yet: the image is kept until there is enough parallax
+  kTracked,       ///< the image has a pose
+  kNotAligned,    ///< the image has no pose; the next one may have
+  kLost           ///< too many images in a row did not align; all later ones are ignored
+};
+
+/// What is known of an image at the moment when it was added.
+struct FrameResult {
+  FrameStatus status = FrameStatus::kInitializing;
+  std::optional<geometry::SE3> T_map_camera;  ///< if tracked; without its scale (monocular), see T_world_map()
+  FrameQuality quality;                       ///< with standard deviations, in map units, if tracked
+  std::string reason;                         ///< why there is no pose; empty if tracked
+};
+
+/// Incremental odometry: images in, one at a time; the pose of each comes out at once, trajectory and map at the end.
+///
+///     Odometry odometry(calibration, options);
+///     while (...) {
+///       const FrameResult frame = odometry.add(image, time_s);
+///       if (frame.T_map_camera) use(*frame.T_map_camera);
+///     }
+///     const OdometryResult result = odometry.finish();
+///
+/// What add() returns is the estimate of that moment; finish() knows more:
+/// - Images before the map (kInitializing) get their poses when initialization succeeds: those of its window, and those
+///   before it by tracking backwards from the first keyframe until an image does not align.
+/// - Poses are relative to keyframes. A keyframe's pose and its points are optimised further until it leaves the
+///   window, after some five to seven keyframes, and its images move along.
+/// - Loop closure (OdometryOptions::loops) runs once, in finish(), over all keyframes. It never changes tracking.
+/// - Frame and scale of the priors are applied in finish(); T_world_map() gives them before.
+/// Before the map, initialization begins anew with a later image whenever its corners are lost; after it there is no
+/// restart: a lost odometry stays lost and keeps its map. Tracking the whole sequence backwards, too, and choosing
+/// between both directions is not done here but by the `odometry` command, with a second odometry (tracking_doubts.h).
+///
+/// One thread at a time may use an object; it computes on all threads of TBB. The result does not depend on their
+/// number. An InputError of add() leaves the odometry as it was, so that the next image may be added. A moved-from
+/// odometry is like one after finish().
+class Odometry {
+ public:
+  /// Throws InputError if the calibration has no image size.
+  explicit Odometry(const imaging::Calibration& calibration, const OdometryOptions& options = {},
+                    OdometryExtras extras = {});
+  Odometry(Odometry&&) noexcept;
+  Odometry& operator=(Odometry&&) noexcept;
+  ~Odometry();
+
+  /// Processes the next image. `T_world_camera`: its prior pose, if it is known (a fused navigation solution, for
+  /// example); the same as an entry of Priors::poses, which must then be empty. Poses after initialization have no
+  /// effect. Throws InputError if the image's size differs from the calibration's or the mask's, if time or index do
+  /// not increase or are not finite, if a prior pose is not finite or given in both ways, and after finish().
+  FrameResult add(InputFrame frame, const std::optional<geometry::SE3>& T_world_camera = {});
+  /// The same for an image without exposure time, whose index is the number of images before it.
+  FrameResult add(imaging::RgbImage image, double time_s, const std::optional<geometry::SE3>& T_world_camera = {});
+
+  /// Whether later images are ignored.
+  bool lost() const;
+  /// Images processed, ignored ones not counted.
+  std::int64_t frames() const;
+  /// A few words on the present state, for progress reports.
+  std::string progress_text() const;
+
+  /// T_map_camera of the images with a pose, and of the keyframes, as estimated now, before loop closure; empty before
+  /// the map. A map point's scalar `keyframe` is an index into keyframes(). Each takes time in proportion to the
+  /// flight.
+  geometry::Trajectory trajectory() const;
+  geometry::Trajectory keyframes() const;
+  geometry::PointCloud map() const;
+  /// From the map to the frame and scale of the priors, as estimated now; nullopt without priors or before the map.
+  /// Throws InputError if the priors do not determine it, as finish() does.
+  std::optional<geometry::Sim3> T_world_map() const;
+
+  /// Ends the odometry and returns everything that it found; afterwards every call but assignment throws InputError.
+  /// The result is that of run_odometry() over the same images. Throws InputError if the priors do not determine frame
+  /// and scale; the odometry is not ended then.
+  OdometryResult finish();
+
+ private:
+  OdometryPipeline& pipeline() const;
+
+  std::unique_ptr<OdometryPipeline> pipeline_;  ///< null after finish()
+  double begin_s_ = 0.0;                        ///< steady clock, at construction
+};
+
+/// Odometry over a whole sequence: adds the images until there are no more or tracking is lost, and finishes.
+/// `photometric` may be null. Throws InputError as Odometry does: an image, mask or depth of another size than the
+/// calibration's, times that do not increase, a calibration without an image size, prior poses that do not overlap the
+/// images in time.
 OdometryResult run_odometry(const imaging::Calibration& calibration, const imaging::PhotometricCalibration* photometric,
                             const FrameSource& next_frame, const OdometryOptions& options,
                             const Progress& progress = {}, const Priors& aids = {},

@@ -107,14 +107,16 @@ void transform_result(const Sim3& T_world_map, OdometryResult& result) {
   for (float& value : variance->second) value *= factor;
 }
 
+std::optional<Sim3> find_T_world_map(const imaging::Camera& camera, const Priors& aids, double until_s,
+                                     const OdometryResult& result) {
+  if (result.trajectory.empty()) return std::nullopt;
+  if (!aids.poses.empty()) return similarity_from_known_poses(aids.poses, until_s, result);
+  if (!aids.depth_m) return std::nullopt;
+  return Sim3(scale_from_depth(camera, aids, until_s, result), Eigen::Quaterniond::Identity(), Vec3::Zero());
+}
+
 void apply_priors(const imaging::Camera& camera, const Priors& aids, double until_s, OdometryResult& result) {
-  if (result.trajectory.empty()) return;
-  if (!aids.poses.empty()) {
-    transform_result(similarity_from_known_poses(aids.poses, until_s, result), result);
-  } else if (aids.depth_m) {
-    const double scale = scale_from_depth(camera, aids, until_s, result);
-    transform_result(Sim3(scale, Eigen::Quaterniond::Identity(), Vec3::Zero()), result);
-  }
+  if (const auto T_world_map = find_T_world_map(camera, aids, until_s, result)) transform_result(*T_world_map, result);
 }
 
 }  // namespace tileflight::odometry

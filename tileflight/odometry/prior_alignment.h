@@ -17,10 +17,14 @@ std::optional<geometry::Sim3> similarity_from_poses(const std::vector<geometry::
 /// Transforms map, trajectory and keyframes. Inverse-depth variances scale with the inverse square of the scale factor.
 void transform_result(const geometry::Sim3& T_world_map, OdometryResult& result);
 
-/// Sets frame and scale from the known poses of images up to `until_s`, or the scale from the depth images of keyframes
-/// (median over the points they host). Leaves `result` unchanged without either. Throws InputError if fewer than two
-/// prior poses overlap the start of the trajectory or they have no baseline, and if no point can be compared with a
-/// depth image.
+/// Frame and scale of the map from the known poses of images up to `until_s`, or its scale from the depth images of
+/// keyframes (median over the points they host). nullopt without either. Throws InputError if fewer than two prior
+/// poses overlap the start of the trajectory or they have no baseline, and if no point can be compared with a depth
+/// image.
+std::optional<geometry::Sim3> find_T_world_map(const imaging::Camera& camera, const Priors& aids, double until_s,
+                                               const OdometryResult& result);
+
+/// Transforms the result by find_T_world_map(); leaves it unchanged without priors. Throws as that does.
 void apply_priors(const imaging::Camera& camera, const Priors& aids, double until_s, OdometryResult& result);
 
 }  // namespace tileflight::odometry

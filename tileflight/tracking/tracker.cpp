@@ -94,7 +94,9 @@ TILEFLIGHT_LANE_INLINE void accumulate_row(const JacobianRows& rows, std::size_t
   }
 }
 
-/// Evaluates residuals and Jacobians of eight pixels, starting at `first`, into block `block` of `rows`.
+/// Evaluates residuals and Jacobians of eight pixels, starting at `first`, into block `block` of `rows`. One function,
+/// because its five steps share most of their values and all of it must be inlined into both variants of
+/// evaluate_chunk().
 template <bool kByRow>
 TILEFLIGHT_LANE_INLINE void evaluate_block(const LevelProblem& level, const photometry::Lens8& lens,
                                            const ChunkState& state, std::size_t first, std::size_t block,
@@ -102,15 +104,19 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const LevelProblem& level, const phot
                                            base::Mask8& saturated_count) {
   constexpr float kMargin_px = 2.0F;
   const ReferenceLevel& reference = level.reference;
+
+  // 1. Points in the target's frame: DSO, eq. 5, with a ray and an inverse distance instead of an inverse depth:
+  //    X = R ray + rho t.
   std::array<base::Float8, 3> ray, X;
   base::Float8 rho, host;
   for (int d = 0; d < 3; ++d) base::load_float8(reference.ray[d].data() + first, ray[d]);
   base::load_float8(reference.rho.data() + first, rho);
   base::load_float8(reference.intensity.data() + first, host);
   for (int d = 0; d < 3; ++d) {
-    // DSO, eq. 5, with a ray and an inverse distance instead of an inverse depth: X = R ray + rho t.
     X[d] = state.R[d][0] * ray[0] + state.R[d][1] * ray[1] + state.R[d][2] * ray[2] + rho * state.t[d];
   }
+
+  // 2. Their pixels p' (eq. 5 with the lens as Pi_c), and which of them lie inside the target.
   photometry::Pixels8 pixel;
   std::array<base::Float8, 3> X_row;
   base::Float8 share;
@@ -123,6 +129,9 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const LevelProblem& level, const phot
   const base::Mask8 inside = pixel.valid & (pixel.u >= kMargin_px) & (pixel.v >= kMargin_px) &
                              (pixel.u < static_cast<float>(target.width - 1) - kMargin_px) &
                              (pixel.v < static_cast<float>(target.height - 1) - kMargin_px);
+
+  // 3. The target's intensity and its gradient there (grad I of eq. 13), lane by lane; lanes of the padding do not
+  //    count.
   const std::size_t left = reference.size() - first;
   base::Float8 grey{}, gx{}, gy{};
   base::Mask8 counts{};
@@ -134,17 +143,21 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const LevelProblem& level, const phot
     gy[i] = texel[static_cast<int>(photometry::kGradY)];
     counts[i] = -1;
   }
-  // DSO, eq. 4 for one pixel and relative brightness: r = I_target - e^a I_reference - b.
+
+  // 4. Residuals and robust weights: eq. 4 for one pixel and relative brightness, r = I_target - e^a I_reference - b,
+  //    under its Huber norm. A saturated pixel counts with the energy at the cut-off and has no gradient.
   const base::Float8 zero{}, predicted = state.gain * host, r = grey - predicted - state.offset;
   base::Float8 size, robust;
   base::absolute(r, size);
   base::huber_weights(r, state.huber, robust);
   const base::Mask8 saturated = counts & (size > state.cutoff), good = counts & ~saturated;
-  // Huber norm of eq. 4. A saturated pixel counts with the energy at the cut-off and has no gradient.
   const float saturated_energy = state.huber * (2.0F * state.cutoff - state.huber);
   energy += good ? robust * r * r * (2.0F - robust) : (saturated ? zero + saturated_energy : zero);
   inside_count -= counts;
   saturated_count -= saturated;
+
+  // 5. Rows of (J, r), eq. 13: grad I times d(pixel)/d(X), then by a left increment of T_target_reference (eq. 1),
+  //    d(X)/d(translation) = rho, d(X)/d(rotation) = -[X]x, and by a and b.
   std::array<base::Float8, 3> by_X;
   if constexpr (kByRow) {
     photometry::intensity_jacobian(state.rows, X_row, rho, pixel, share, gx, gy, by_X);
@@ -154,8 +167,6 @@ TILEFLIGHT_LANE_INLINE void evaluate_block(const LevelProblem& level, const phot
   const auto put = [&](int row, const base::Float8& value) __attribute__((always_inline)) {
     base::store_float8(good ? value : zero, rows.values[row].data() + block * base::kLanes);
   };
-  // Jacobian of eq. 13 by a left increment of T_target_reference (eq. 1): d(X)/d(translation) = rho, d(X)/d(rotation) =
-  // -[X]x; then by a and b.
   for (int d = 0; d < 3; ++d) put(d, rho * by_X[d]);
   put(3, X[1] * by_X[2] - X[2] * by_X[1]);
   put(4, X[2] * by_X[0] - X[0] * by_X[2]);

@@ -1,0 +1,209 @@
+#include "tileflight/odometry/initial_map.h"
+
+#include <algorithm>
+
+#include "tileflight/mapping/tracer.h"
+
+namespace tileflight::odometry {
+namespace {
+
+/// Images of the initialization window that become keyframes: evenly spaced in parallax, including the first and the
+/// last.
+std::vector<std::size_t> select_by_parallax(const std::vector<double>& parallax, int wanted) {
+  std::vector<std::size_t> picks{0};
+  const std::size_t last = parallax.size() - 1;
+  for (int i = 1; i < wanted - 1; ++i) {
+    const double target = parallax.back() * i / (wanted - 1);
+    std::size_t k = picks.back() + 1;
+    while (k < last && parallax[k] < target) ++k;
+    if (k < last) picks.push_back(k);
+  }
+  picks.push_back(last);
+  return picks;
+}
+
+/// The steps from an initialization to a map, over what they share.
+class InitialMapBuilder {
+ public:
+  InitialMapBuilder(const initialization::InitializationResult& start, InitializationState& state,
+                    Preprocessor& preprocessor, mapping::Mapper& mapper, const photometry::OdometryOptions& options)
+      : start_(start),
+        frames_(state.frames),
+        offset_(state.reference_position(start)),
+        picks_(select_by_parallax(start.parallax_rad, options.initialization.keyframes)),
+        preprocessor_(preprocessor),
+        mapper_(mapper),
+        options_(options) {}
+
+  InitialMap build() {
+    rectify_frames();
+    mapper_.initialize(make_keyframes());
+    align_earlier_frames();
+    align_frames();
+    set_last_frame();
+    for (const std::size_t pick : picks_) map_.keyframes.push_back(offset_ + pick);
+    map_.tracking.initialization_end_s = frames_[map_.keyframes.back()].time_s;
+    return std::move(map_);
+  }
+
+ private:
+  void rectify_frames();
+  std::vector<photometry::Keyframe> make_keyframes();
+  void align_earlier_frames();
+  void align_frames();
+  void set_last_frame();
+
+  const InputFrame& frame(std::size_t k) const { return frames_[offset_ + k]; }
+  ReferenceKeyframe reference_keyframe(std::size_t slot) const {
+    return make_reference_keyframe(mapper_, preprocessor_.lens(), static_cast<int>(slot));
+  }
+  void record(const InputFrame& frame, const ReferenceKeyframe& reference, const geometry::SE3& T_camera_reference,
+              const tracking::ImageAlignment& alignment) {
+    map_.tracked.push_back({frame.index, frame.time_s, reference.keyframe, T_camera_reference, alignment});
+  }
+
+  const initialization::InitializationResult& start_;
+  std::deque<InputFrame>& frames_;
+  std::size_t offset_;              ///< of the initialization's reference image in frames_
+  std::vector<std::size_t> picks_;  ///< images that become keyframes, counted from the reference image
+  Preprocessor& preprocessor_;
+  mapping::Mapper& mapper_;
+  const photometry::OdometryOptions& options_;
+  InitialMap map_;
+};
+
+/// Rectifies the images of the initialization window to a global shutter; from then on they are used as global-shutter
+/// images.
+void InitialMapBuilder::rectify_frames() {
+  if (preprocessor_.readout_s() == 0.0) return;
+  const std::size_t last = start_.T_camera_first.size() - 1;
+  tracking::ReferenceLevel corners;
+  for (std::size_t i = 0; i < start_.rho.size(); ++i) {
+    const auto ray = preprocessor_.lens().lenses[0].unproject(start_.pixels[i].cast<double>());
+    if (ray) corners.add(start_.pixels[i], ray->cast<float>(), start_.rho[i], 0.0F);
+  }
+  for (std::size_t k = 0; k <= last; ++k) {
+    const std::size_t before = k > 0 ? k - 1 : 0, after = std::min(k + 1, last);
+    const double interval_s = frame(after).time_s - frame(before).time_s;
+    if (interval_s == 0.0) continue;
+    const geometry::SE3 motion = start_.T_camera_first[after] * start_.T_camera_first[before].inverse();
+    imaging::RgbImage& image = frames_[offset_ + k].image;
+    image = preprocessor_.make_rectifier(preprocessor_.readout_s() / interval_s * motion.log(), corners,
+                                         start_.T_camera_first[k])(image);
+  }
+}
+
+/// The picked images as keyframes whose points are traced through all images of the initialization window.
+std::vector<photometry::Keyframe> InitialMapBuilder::make_keyframes() {
+  const photometry::LensPyramid& lens = preprocessor_.lens();
+  std::vector<photometry::Keyframe> keyframes;
+  tracking::TrackingReference corners;
+  tracking::ImageAlignmentState state;
+  for (std::size_t k = 0; k < start_.T_camera_first.size(); ++k) {
+    const auto pyramid = preprocessor_.make_pyramid(frame(k));
+    const photometry::AffineBrightness prior = preprocessor_.brightness_prior(frame(k));
+    photometry::AffineBrightness brightness = prior;
+    if (k == 0) {
+      std::vector<tracking::ReferencePoint> points;
+      for (std::size_t i = 0; i < start_.rho.size(); ++i) points.push_back({start_.pixels[i], start_.rho[i], 1.0F});
+      corners = tracking::make_tracking_reference(lens, *pyramid, points);
+    } else {
+      state.T_target_reference = start_.T_camera_first[k];
+      const tracking::ImageAlignment alignment =
+          tracking::align_image(lens, corners, *pyramid, state, options_.tracking);
+      if (alignment.converged) state.a = alignment.state.a, state.b = alignment.state.b;
+      brightness = compose_brightness(keyframes.front().brightness(), state.a, state.b);
+    }
+    for (photometry::Keyframe& keyframe : keyframes) {
+      const photometry::PairTransform pair = photometry::pair_transform(
+          start_.T_camera_first[k] * keyframe.T_camera_map_linear.inverse(), keyframe.brightness(), brightness);
+      mapping::trace_points(lens.lenses[0], pyramid->levels[0], pair, options_.tracing, options_.window.huber,
+                            keyframe.immature);
+    }
+    if (std::find(picks_.begin(), picks_.end(), k) == picks_.end()) continue;
+    const auto knowledge = keyframes.empty() ? BrightnessKnowledge::kFixed : BrightnessKnowledge::kFree;
+    keyframes.push_back(mapper_.make_keyframe(
+        make_keyframe_candidate(frame(k), pyramid, start_.T_camera_first[k], brightness, prior, knowledge)));
+  }
+  return keyframes;
+}
+
+/// Aligns the images before the first keyframe to it, from the nearest to the farthest.
+void InitialMapBuilder::align_earlier_frames() {
+  if (offset_ == 0) return;
+  const ReferenceKeyframe reference = reference_keyframe(0);
+  std::vector<std::pair<std::size_t, tracking::ImageAlignment>> found;
+  tracking::ImageAlignmentState state;
+  geometry::SE3 velocity;
+  double velocity_s = 0.0;  // time interval of `velocity`
+  for (std::size_t i = offset_; i-- > 0;) {
+    tracking::ImageAlignmentState guess = state;
+    guess.T_target_reference = velocity * state.T_target_reference;
+    const auto pyramid = preprocessor_.make_pyramid(frames_[i]);
+    const double interval_s = frames_[i].time_s - frames_[i + 1].time_s;
+    const photometry::RollingShutter shutter = photometry::make_rolling_shutter(
+        preprocessor_.readout_s(), {state.T_target_reference, interval_s, velocity, velocity_s});
+    tracking::ImageAlignment alignment = tracking::align_image(preprocessor_.lens(), reference.pixels, *pyramid, guess,
+                                                               options_.tracking, {}, 0, shutter);
+    if (!alignment.converged) break;
+    velocity_s = interval_s;
+    velocity = alignment.state.T_target_reference * state.T_target_reference.inverse();
+    state = alignment.state;
+    found.emplace_back(i, alignment);
+  }
+  std::reverse(found.begin(), found.end());
+  for (const auto& [i, alignment] : found) record(frames_[i], reference, alignment.state.T_target_reference, alignment);
+}
+
+/// Aligns the images of the initialization window to the keyframe before each.
+void InitialMapBuilder::align_frames() {
+  tracking::ImageAlignmentState state;
+  for (std::size_t s = 0; s < picks_.size(); ++s) {
+    ReferenceKeyframe reference = reference_keyframe(s);
+    record(frame(picks_[s]), reference, geometry::SE3(), {});
+    const std::size_t end = s + 1 < picks_.size() ? picks_[s + 1] : picks_[s];
+    state.a = state.b = 0.0;
+    for (std::size_t k = picks_[s] + 1; k < end; ++k) {
+      state.T_target_reference = start_.T_camera_first[k] * start_.T_camera_first[picks_[s]].inverse();
+      const auto pyramid = preprocessor_.make_pyramid(frame(k));
+      const tracking::ImageAlignment alignment =
+          tracking::align_image(preprocessor_.lens(), reference.pixels, *pyramid, state, options_.tracking);
+      if (alignment.converged) {
+        state = alignment.state;
+        map_.tracking.last.rmse = alignment.finest_rmse();
+        record(frame(k), reference, alignment.state.T_target_reference, alignment);
+      }
+    }
+    if (s + 1 == picks_.size()) map_.tracking.reference = std::move(reference);
+  }
+}
+
+/// The last image is the newest keyframe.
+void InitialMapBuilder::set_last_frame() {
+  LastFrame& last = map_.tracking.last;
+  last.T_camera_map = map_.tracking.reference.T_camera_map;
+  last.time_s = map_.tracked.back().time_s;
+  const TrackedFrame& before = map_.tracked[map_.tracked.size() - 2];
+  for (const photometry::Keyframe& keyframe : mapper_.window().keyframes) {
+    if (keyframe.id == before.keyframe)
+      last.T_last_before_last = last.T_camera_map * (before.T_camera_keyframe * keyframe.T_camera_map()).inverse();
+  }
+  last.interval_s = last.time_s - before.time_s;
+}
+
+}  // namespace
+
+void InitializationState::drop_unneeded(std::size_t limit) {
+  while (frames.size() > limit && first < initializer.first_frame()) {
+    frames.pop_front();
+    ++first;
+  }
+}
+
+InitialMap make_initial_map(const initialization::InitializationResult& start, InitializationState& state,
+                            Preprocessor& preprocessor, mapping::Mapper& mapper,
+                            const photometry::OdometryOptions& options) {
+  return InitialMapBuilder(start, state, preprocessor, mapper, options).build();
+}
+
+}  // namespace tileflight::odometry

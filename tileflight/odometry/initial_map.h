@@ -1,0 +1,44 @@
+#pragma once
+
+// From the images before the map to the map that initialization gives, and the state with which tracking begins.
+
+#include <cstddef>
+#include <deque>
+#include <vector>
+
+#include "tileflight/initialization/initializer.h"
+#include "tileflight/mapping/mapper.h"
+#include "tileflight/odometry/preprocessor.h"
+#include "tileflight/odometry/tracking_log.h"
+#include "tileflight/odometry/tracking_state.h"
+
+namespace tileflight::odometry {
+
+/// State before the map: the search for a first motion, and the images that it may still use.
+struct InitializationState {
+  initialization::Initializer initializer;
+  std::deque<InputFrame> frames;
+  std::size_t first = 0;  ///< the initializer's number of frames.front()
+
+  /// Drops images that the initializer no longer needs, while more than `limit` are kept.
+  void drop_unneeded(std::size_t limit);
+  /// Position in `frames` of the reference image of an initialization.
+  std::size_t reference_position(const initialization::InitializationResult& start) const {
+    return start.first_frame - first;
+  }
+};
+
+struct InitialMap {
+  TrackingState tracking;
+  std::vector<TrackedFrame> tracked;   ///< images with a pose, in order of time
+  std::vector<std::size_t> keyframes;  ///< positions in InitializationState::frames of the window's keyframes
+};
+
+/// Makes the first keyframes and aligns the other images to them: those between the keyframes, and those before the
+/// first one, backwards until one does not align. With a rolling shutter, the images of `state` that belong to the
+/// initialization are rectified in place.
+InitialMap make_initial_map(const initialization::InitializationResult& start, InitializationState& state,
+                            Preprocessor& preprocessor, mapping::Mapper& mapper,
+                            const photometry::OdometryOptions& options);
+
+}  // namespace tileflight::odometry

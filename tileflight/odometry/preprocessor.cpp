@@ -1,0 +1,49 @@
+#include "tileflight/odometry/preprocessor.h"
+
+#include <cmath>
+
+#include "tileflight/photometry/valid_region.h"
+
+namespace tileflight::odometry {
+
+Preprocessor::Preprocessor(const imaging::Calibration& calibration,
+                           std::optional<imaging::PhotometricCalibration> photometric, imaging::GrayImage mask,
+                           const photometry::OdometryOptions& options)
+    : calibration_(calibration),
+      photometric_(std::move(photometric)),
+      mask_(std::move(mask)),
+      lens_(photometry::build_lens_pyramid(
+          calibration.camera,
+          photometry::pyramid_levels(calibration.camera.width(), calibration.camera.height(), options))) {}
+
+void Preprocessor::find_valid_region(const imaging::RgbImage& image) {
+  if (valid_region_found_) return;
+  photometry::mask_rays(lens_, photometry::find_valid_region(image, mask_));
+  valid_region_found_ = !photometry::is_dark(image);
+}
+
+std::shared_ptr<const photometry::Pyramid> Preprocessor::make_pyramid(const InputFrame& frame) {
+  return pyramids_.make(frame.image, photometric_ ? &*photometric_ : nullptr, levels());
+}
+
+std::shared_ptr<const photometry::Pyramid> Preprocessor::rectify(const photometry::Pyramid& pyramid,
+                                                                 const photometry::RowRectifier& rectifier) {
+  return pyramids_.make([&](imaging::FloatImage memory) { return rectifier(pyramid.levels[0], std::move(memory)); },
+                        levels());
+}
+
+photometry::RowRectifier Preprocessor::make_rectifier(const geometry::Vec6& twist,
+                                                      const tracking::ReferenceLevel& reference,
+                                                      const geometry::SE3& T_target_reference) const {
+  return {lens_.lenses[0], camera().width(), camera().height(), twist,
+          photometry::transform_depth_samples(lens_.lenses[0], T_target_reference, reference.ray, reference.rho,
+                                              reference.size())};
+}
+
+bool Preprocessor::is_brightness_known(const InputFrame& frame) const { return photometric_ && frame.exposure_ms > 0; }
+
+photometry::AffineBrightness Preprocessor::brightness_prior(const InputFrame& frame) const {
+  return {is_brightness_known(frame) ? std::log(frame.exposure_ms) : 0.0, 0.0};
+}
+
+}  // namespace tileflight::odometry

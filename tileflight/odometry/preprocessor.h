@@ -1,0 +1,59 @@
+#pragma once
+
+// Prepares images for alignment: their pyramids, the area that shows the scene, and rectification to a global shutter.
+
+#include <memory>
+#include <optional>
+
+#include "tileflight/imaging/camera.h"
+#include "tileflight/odometry/odometry.h"
+#include "tileflight/photometry/keyframe.h"
+#include "tileflight/photometry/pyramid.h"
+#include "tileflight/photometry/rolling_shutter.h"
+#include "tileflight/tracking/tracker.h"
+
+namespace tileflight::odometry {
+
+/// The camera as the photometric stages use it. Its lens changes during a flight: the valid region is found on the
+/// first image that is not dark, and the Mapper refines the intrinsics.
+class Preprocessor {
+ public:
+  /// `mask`: see Priors::mask.
+  Preprocessor(const imaging::Calibration& calibration, std::optional<imaging::PhotometricCalibration> photometric,
+               imaging::GrayImage mask, const photometry::OdometryOptions& options);
+
+  const imaging::Camera& camera() const { return calibration_.camera; }
+  photometry::LensPyramid& lens() { return lens_; }
+  const photometry::LensPyramid& lens() const { return lens_; }
+  /// Readout time of all rows, seconds; 0: global shutter, negative: played backwards.
+  double readout_s() const { return calibration_.line_delay_s * calibration_.camera.height(); }
+
+  /// Excludes pixels that do not show the scene from the lens's rays. Does nothing once the region is known. Throws
+  /// InputError if the mask differs in size from the image.
+  void find_valid_region(const imaging::RgbImage& image);
+
+  std::shared_ptr<const photometry::Pyramid> make_pyramid(const InputFrame& frame);
+  /// Pyramid of the image rectified to a global shutter.
+  std::shared_ptr<const photometry::Pyramid> rectify(const photometry::Pyramid& pyramid,
+                                                     const photometry::RowRectifier& rectifier);
+  /// Rectifier of an image with the motion `twist` over its readout and the pose `T_target_reference`, with the
+  /// inverse distances of `reference`.
+  photometry::RowRectifier make_rectifier(const geometry::Vec6& twist, const tracking::ReferenceLevel& reference,
+                                          const geometry::SE3& T_target_reference) const;
+
+  /// Whether photometric calibration and exposure time give the image's brightness.
+  bool is_brightness_known(const InputFrame& frame) const;
+  photometry::AffineBrightness brightness_prior(const InputFrame& frame) const;
+
+ private:
+  int levels() const { return static_cast<int>(lens_.lenses.size()); }
+
+  imaging::Calibration calibration_;
+  std::optional<imaging::PhotometricCalibration> photometric_;
+  imaging::GrayImage mask_;
+  photometry::LensPyramid lens_;
+  photometry::PyramidPool pyramids_;
+  bool valid_region_found_ = false;  ///< on an image that is not dark
+};
+
+}  // namespace tileflight::odometry

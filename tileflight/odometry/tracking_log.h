@@ -1,0 +1,55 @@
+#pragma once
+
+// What an odometry has recorded of its images, and what it reports from that together with the map.
+
+#include <cstdint>
+#include <vector>
+
+#include "tileflight/loops/loop_closure.h"
+#include "tileflight/mapping/mapper.h"
+#include "tileflight/odometry/odometry.h"
+#include "tileflight/tracking/tracker.h"
+
+namespace tileflight::odometry {
+
+/// An image with its pose relative to the keyframe it was tracked to.
+struct TrackedFrame {
+  std::int64_t index = 0;
+  double time_s = 0.0;
+  int keyframe = 0;  ///< id
+  geometry::SE3 T_camera_keyframe;
+  tracking::ImageAlignment alignment;  ///< to `keyframe`; for a keyframe, to the previous keyframe
+};
+
+/// An image that was read.
+struct FrameStamp {
+  std::int64_t index = 0;
+  double time_s = 0.0;
+};
+
+/// Grows with each image; nothing in it is changed later. Poses are relative to keyframes, so that they follow them.
+struct TrackingLog {
+  std::vector<FrameStamp> read;       ///< every image, in order
+  std::vector<TrackedFrame> tracked;  ///< those with a pose, in order of time
+  std::int64_t relocalizations = 0;
+  std::vector<loops::LoopKeyframe> loop_keyframes;  ///< all keyframes in order of id; filled for loop closure only
+  StageTimes cpu_time;
+};
+
+/// Quality of every image read, in order.
+std::vector<FrameQuality> frame_qualities(const TrackingLog& log, const mapping::Mapper& mapper);
+/// Quality of the last image with a pose; equal to its entry in frame_qualities() at this moment.
+FrameQuality last_frame_quality(const TrackingLog& log, const mapping::Mapper& mapper);
+
+/// T_map_camera of every image with a pose, and of the keyframes, without loop closure.
+geometry::Trajectory trajectory_so_far(const TrackingLog& log, const mapping::Mapper& mapper);
+geometry::Trajectory keyframes_so_far(const mapping::Mapper& mapper);
+/// The points that pass the options' filters, without loop closure.
+geometry::PointCloud map_so_far(const mapping::Mapper& mapper, const MapOptions& options);
+
+/// Sets trajectory, keyframes, map and loops of `result`, after loop closure if the options ask for it (its processor
+/// time is added to the result's). `lens`: of the full image.
+void set_path_and_map(const TrackingLog& log, const mapping::Mapper& mapper, const photometry::Lens& lens,
+                      const OdometryOptions& options, OdometryResult& result);
+
+}  // namespace tileflight::odometry
