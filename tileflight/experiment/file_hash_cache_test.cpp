@@ -24,12 +24,12 @@ void make_file(const fs::path& file, const std::string& text) {
   std::ofstream(file, std::ios::binary) << text;
 }
 
-/// Gives a file the modification time that it had a day ago.
+/// Sets a file's modification time one day back.
 void make_old(const fs::path& file) {
   fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::hours(24));
 }
 
-TEST(FileHashes, OfAFileIsThatOfItsContent) {
+TEST(FileHashCache, OfAFileIsThatOfItsContent) {
   const tests::TemporaryFolder folder;
   make_file(folder / "a", "one");
   const FileHashCache hashes;
@@ -39,7 +39,7 @@ TEST(FileHashes, OfAFileIsThatOfItsContent) {
   EXPECT_THAT(tests::refusal_of([&] { hashes.hash(folder / "absent"); }), HasSubstr("no such file or folder"));
 }
 
-TEST(FileHashes, ATouchChangesNothing) {
+TEST(FileHashCache, ATouchChangesNothing) {
   const tests::TemporaryFolder folder;
   make_file(folder / "tiles/a.glb", "one");
   make_file(folder / "tiles/b/c.glb", "two");
@@ -51,7 +51,7 @@ TEST(FileHashes, ATouchChangesNothing) {
   EXPECT_EQ(hashes.hash(folder / "copy"), before) << "where it lies does not matter";
 }
 
-TEST(FileHashes, AFolderIsItsFilesNamesAndContents) {
+TEST(FileHashCache, AFolderIsItsFilesNamesAndContents) {
   const tests::TemporaryFolder folder;
   const FileHashCache hashes;
   const auto of = [&] { return hashes.hash(folder / "tiles"); };
@@ -70,7 +70,7 @@ TEST(FileHashes, AFolderIsItsFilesNamesAndContents) {
   EXPECT_NE(of(), before);
 }
 
-TEST(FileHashes, LinksAreFollowedAndResultsLeftOut) {
+TEST(FileHashCache, LinksAreFollowedAndResultsLeftOut) {
   const tests::TemporaryFolder folder;
   const FileHashCache hashes;
   make_file(folder / "place/tileset.json", "{}");
@@ -92,10 +92,10 @@ TEST(FileHashes, LinksAreFollowedAndResultsLeftOut) {
   EXPECT_NE(of(), before);
 }
 
-/// A file whose time of change is long enough ago for its hash to be remembered.
+/// A file whose change time is old enough for its hash to be cached.
 void wait_until_settled() { std::this_thread::sleep_for(std::chrono::milliseconds(2100)); }
 
-TEST(FileHashes, WhatIsRememberedIsNotReadAgain) {
+TEST(FileHashCache, WhatIsRememberedIsNotReadAgain) {
   const tests::TemporaryFolder folder;
   make_file(folder / "a", "one");
   const fs::path memory = folder / "memory";
@@ -103,21 +103,21 @@ TEST(FileHashes, WhatIsRememberedIsNotReadAgain) {
   const FileHashCache first(memory);
   const std::string hash = first.hash(folder / "a");
   first.save();
-  // What stands in the memory is believed: as a mark of it, another hash is put there.
+  // The cached hash is used: a different hash is stored there to show it.
   std::string text = base::read_text(memory);
   ASSERT_THAT(text, HasSubstr(hash));
   const std::string mark(64, 'f');
   base::write_file(memory, text.replace(text.find(hash), 64, mark));
   EXPECT_EQ(FileHashCache(memory).hash(folder / "a"), mark);
 
-  // A change that leaves size and modification time as they were is seen all the same.
+  // A change that keeps size and modification time is still detected.
   const auto time = fs::last_write_time(folder / "a");
   make_file(folder / "a", "two");
   fs::last_write_time(folder / "a", time);
   EXPECT_EQ(FileHashCache(memory).hash(folder / "a"), base::sha256_hex("two"));
 }
 
-TEST(FileHashes, WhatChangedJustNowIsNotRemembered) {
+TEST(FileHashCache, WhatChangedJustNowIsNotRemembered) {
   const tests::TemporaryFolder folder;
   const fs::path memory = folder / "memory";
   for (int i = 0; i < 50; ++i) {  // many changes within the resolution of the file system's times
@@ -128,7 +128,7 @@ TEST(FileHashes, WhatChangedJustNowIsNotRemembered) {
   }
 }
 
-TEST(FileHashes, AMemoryOfRubbishIsNone) {
+TEST(FileHashCache, AMemoryOfRubbishIsNone) {
   const tests::TemporaryFolder folder;
   make_file(folder / "a", "one");
   for (const char* text : {"", "\n\n", "rubbish", "1 2 3 4 5 6\n", "\xff\xfe\x00", "aa bb cc dd ee ff\n"}) {
@@ -142,7 +142,7 @@ TEST(FileHashes, AMemoryOfRubbishIsNone) {
   nowhere.save();
 }
 
-TEST(FileHashes, OfWhatYamlSays) {
+TEST(FileHashCache, OfWhatYamlSays) {
   const tests::TemporaryFolder folder;
   make_file(folder / "a.yaml", "camera: c.yaml\nfps: 10\n");
   make_file(folder / "b.yaml", "# the same\n{fps: 10.0, \"camera\": 'c.yaml'}\n");

@@ -45,7 +45,7 @@ TEST(RunFolder, IsNoOtherFolder) {
   base::write_folder(base::OutputFolder{.folder = folder / "dataset", .command = "render"},
                      [](const fs::path& t) { make_file(t / "stages/a.json"); });
   EXPECT_THAT(refusal_of([&] { RunFolder(folder / "dataset"); }), HasSubstr("holds something else"));
-  // One of a version without markers, and one whose process was killed at once.
+  // A run of a version without markers, and one whose process was killed immediately.
   make_file(folder / "earlier/stages/truth.json");
   EXPECT_EQ(refusal_of([&] { RunFolder(folder / "earlier"); }), "no error");
   make_file(folder / "killed/.lock");

@@ -16,6 +16,8 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 class Stages : public ::testing::Test {
  protected:
@@ -26,7 +28,7 @@ class Stages : public ::testing::Test {
                                                                                    : " unchanged"));
             }};
   }
-  /// Does a stage that leaves one file, "made of INPUT".
+  /// Runs a stage that writes one file, "made of INPUT".
   bool once(StageCache& in, const std::string& input, const std::string& name = "a/b") {
     return in.run_stage(name, {{"input", input}}, {"product"},
                         [&] { base::write_file(folder_ / "run/product", "made of " + input); });
@@ -71,8 +73,11 @@ TEST_F(Stages, AreDoneAgainForOthersForAnotherProgramAndForLostProducts) {
 TEST_F(Stages, ThatFailAreNotDoneAndLeaveWhatWasThere) {
   StageCache stages = cache();
   once(stages, "x");
-  EXPECT_THROW(stages.run_stage("a/b", {{"input", "y"}}, {"product"}, [] { throw InputError("disk", "is full"); }),
-               InputError);
+  EXPECT_THAT(
+      [&] {
+        stages.run_stage("a/b", {{"input", "y"}}, {"product"}, [] { throw InputError("disk", "is full"); });
+      },
+      ThrowsMessage<InputError>(HasSubstr("disk: is full")));
   EXPECT_EQ(product(), "made of x");
   StageCache next = cache();
   EXPECT_TRUE(once(next, "x")) << "what is there may be half replaced";

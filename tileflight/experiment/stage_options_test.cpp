@@ -25,15 +25,15 @@ std::string fault(const std::string& text) {
   return "no error";
 }
 
-TEST(Settings, LightIsBakedUnlessAskedFor) {
+TEST(StageOptions, LightIsBakedUnlessAskedFor) {
   EXPECT_FALSE(formation("{}").light);
   EXPECT_FALSE(formation("light: {model: baked, time: 2024-03-20T17:00:00Z}").light);
   EXPECT_TRUE(is_ideal(formation("light: {model: baked}")));
   EXPECT_FALSE(is_ideal(formation("light: {model: sun-and-sky}")));
-  EXPECT_EQ(formation("light: {turbidity: 4}").light->utc_s, std::nullopt);  // whoever renders may know the time
+  EXPECT_EQ(formation("light: {turbidity: 4}").light->utc_s, std::nullopt);  // the renderer may know the time
 }
 
-TEST(Settings, LightHasAllItsKeys) {
+TEST(StageOptions, LightHasAllItsKeys) {
   const render::DaylightOptions light = *formation(
                                              "light:\n  time: 2024-03-20T12:00:00-05:00\n  turbidity: 4.5\n"
                                              "  ground_albedo: 0.1\n  exposure: -1.5\n  white_balance: daylight\n")
@@ -45,7 +45,7 @@ TEST(Settings, LightHasAllItsKeys) {
   EXPECT_EQ(light.white_balance, render::WhiteBalance::kDaylight);
 }
 
-TEST(Settings, LightThatCannotBeIsRefused) {
+TEST(StageOptions, LightThatCannotBeIsRefused) {
   EXPECT_THAT(fault("light: {time: 2023-02-29T12:00:00Z}"), HasSubstr("date and time that there is"));
   EXPECT_THAT(fault("light: {time: 2024-03-20}"), HasSubstr("time"));
   EXPECT_THAT(fault("light: {time: noon}"), HasSubstr("time"));
@@ -55,7 +55,7 @@ TEST(Settings, LightThatCannotBeIsRefused) {
   EXPECT_THAT(fault("light: {white_balance: auto}"), HasSubstr("daylight"));
 }
 
-TEST(Settings, HazeHasAColour) {
+TEST(StageOptions, HazeHasAColour) {
   EXPECT_FALSE(formation("haze_visibility: 500").haze_color);
   EXPECT_EQ(formation("haze_color: [200, 190.4, 0]").haze_color, (imaging::Rgb8{200, 190, 0}));
   EXPECT_THAT(fault("haze_color: [200, 190, 256]"), HasSubstr("0 to 255"));

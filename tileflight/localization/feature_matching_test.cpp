@@ -18,7 +18,7 @@ std::vector<SiftDescriptor> random_descriptors(std::size_t n, std::uint64_t seed
   return all;
 }
 
-/// The same a little otherwise, in the order n - 1 ... 0.
+/// The same descriptors slightly changed, in reverse order.
 std::vector<SiftDescriptor> seen_again(const std::vector<SiftDescriptor>& all, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::vector<SiftDescriptor> again(all.rbegin(), all.rend());
@@ -55,6 +55,7 @@ TEST(FeatureMatching, LookingAtAllIsBruteForce) {
 TEST(FeatureMatching, FindsWhatIsSeenAgainAmongThousands) {
   const auto targets = random_descriptors(5000, 3);
   const auto matches = DescriptorIndex(targets).match(seen_again(targets, 4), {.neighbors = 1});
+  ASSERT_FALSE(matches.empty());
   for (const FeatureMatch& m : matches) {
     EXPECT_EQ(m.target, 4999 - m.source);
     EXPECT_LT(m.ratio, 0.6F);

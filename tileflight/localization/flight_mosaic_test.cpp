@@ -1,5 +1,6 @@
 #include "tileflight/localization/flight_mosaic.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -18,8 +19,10 @@ using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec2;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-/// The mosaic's grey values against the orthophoto's at the same places: their correlation.
+/// Correlation of the mosaic's grey values with the orthophoto's at the same positions.
 double correlation_with(const GroundImage& truth, const GroundImage& mosaic) {
   double n = 0, sa = 0, sb = 0, aa = 0, bb = 0, ab = 0;
   for (int y = 0; y < mosaic.grey.height; y += 2) {
@@ -48,7 +51,7 @@ TEST(FlightMosaic, FromAboveItIsTheOrthophoto) {
   const GroundImage truth =
       build_orthophoto(place.scene, std::make_shared<const render::Appearance>(place.scene), place.scene.bounds());
   EXPECT_GT(correlation_with(truth, mosaic), 0.9);
-  EXPECT_GT(share_seen(mosaic), 0.6);  // the rest is beside the path
+  EXPECT_GT(share_seen(mosaic), 0.6);  // the rest is outside the area along the path
 }
 
 TEST(FlightMosaic, ALeaningCameraSeesTheSameGround) {
@@ -81,7 +84,7 @@ TEST(FlightMosaic, NothingToShowIsEmpty) {
   FlightPictures none = flight.pictures();
   none.T_map_camera.clear();
   EXPECT_TRUE(build_flight_mosaic(none, flight.points, Mat3::Identity()).grey.empty());
-  // Upside down, no picture looks at the ground from above.
+  // With up inverted, no image sees the ground from above.
   const Mat3 over = Eigen::AngleAxisd(M_PI, Vec3::UnitX()).toRotationMatrix();
   EXPECT_TRUE(build_flight_mosaic(flight.pictures(), flight.points, over).grey.empty());
 }
@@ -91,7 +94,8 @@ TEST(FlightMosaic, APictureOfAnotherSizeIsAnError) {
   const test_places::Flight flight(place, 0.0);
   FlightPictures pictures = flight.pictures();
   pictures.picture = [](std::size_t) { return imaging::RgbImage(20, 10); };
-  EXPECT_THROW(build_flight_mosaic(pictures, flight.points, Mat3::Identity()), InputError);
+  EXPECT_THAT([&] { build_flight_mosaic(pictures, flight.points, Mat3::Identity()); },
+              ThrowsMessage<InputError>(HasSubstr("is 20x10, the calibration is for")));
 }
 
 TEST(FlightMosaic, ThreadsDoNotMatter) {

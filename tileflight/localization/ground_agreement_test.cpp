@@ -15,7 +15,7 @@ using geometry::Vec3;
 
 constexpr double kHeight = 3.0;
 
-/// Blotched level ground: pixel p shows what lies at T_local_image of its position. One blotch cell is 0.1 m.
+/// Level ground with a noise texture: pixel p shows the point T_local_image of its position. A texture cell is 0.1 m.
 GroundImage ground_image(int size, double pixel, const Vec2& first, const Sim3& T_local_image, int seed) {
   GroundImage image;
   image.grey = imaging::GrayImage(size, size);

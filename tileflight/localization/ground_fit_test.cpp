@@ -29,7 +29,7 @@ GroundImage hilly_ground() {
   return image;
 }
 
-/// The mosaic's up leans by a few degrees, its unit is 4 m.
+/// The mosaic's up direction is tilted by a few degrees; its unit is 4 m.
 Sim3 truth() {
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.7, Vec3::UnitZ()));
   const Eigen::Quaterniond lean(Eigen::AngleAxisd(0.06, Vec3(0.6, 0.8, 0.0)));
@@ -56,7 +56,7 @@ struct Scattered {
   }
 };
 
-/// Without the lean, a little off: as a similarity of the plane is.
+/// Slightly wrong and without the tilt, like a similarity in the plane.
 Sim3 start() { return {4.1, Eigen::Quaterniond(Eigen::AngleAxisd(0.73, Vec3::UnitZ())), Vec3(2.4, -3.3, 2.0)}; }
 
 double worst_m(const Sim3& T, const std::vector<Vec3>& points) {

@@ -22,7 +22,7 @@ TEST(GroundImage, HeightIsThatOfTheNearestSample) {
   image.height(2, 1) = std::nanf("");
   EXPECT_EQ(image.height_at(Vec2(5.9, -1.9)).value(), 5.0);
   EXPECT_EQ(image.height_at(Vec2(6.1, -1.9)).value(), 0.0);
-  EXPECT_FALSE(image.height_at(Vec2(8.0, -4.0)));  // not known
+  EXPECT_FALSE(image.height_at(Vec2(8.0, -4.0)));  // unknown
   EXPECT_FALSE(image.height_at(Vec2(11.0, 0.0)));  // outside
   EXPECT_FALSE(image.height_at(Vec2(0.0, 3.0)));
 }

@@ -12,7 +12,7 @@ using geometry::Vec3;
 
 const Vec3 kUp = Vec3(0.3, -0.5, 0.8).normalized();
 
-/// Level ground with noise, and things on it, in a frame that leans; cameras above.
+/// Level ground with noise and objects on it, in a tilted frame; cameras above.
 struct Map {
   std::vector<Vec3> points;
   std::vector<SE3> cameras;
@@ -30,7 +30,7 @@ struct Map {
   }
 };
 
-TEST(GroundDirection, IsThePlanesNormalToTheCameras) {
+TEST(GroundPlanes, IsThePlanesNormalToTheCameras) {
   const Map map(0.3);
   const auto planes = find_ground_planes(map.points, map.cameras);
   ASSERT_FALSE(planes.empty());
@@ -38,14 +38,14 @@ TEST(GroundDirection, IsThePlanesNormalToTheCameras) {
   EXPECT_NEAR(planes.front().share, 0.7, 0.02);
 }
 
-TEST(GroundDirection, AWallBetweenTheCamerasIsNoGround) {
+TEST(GroundPlanes, AWallBetweenTheCamerasIsNoGround) {
   const Map map(0.7);  // most points are on a wall with cameras on both sides of its plane
   const auto planes = find_ground_planes(map.points, map.cameras);
   ASSERT_FALSE(planes.empty());
   EXPECT_GT(planes.front().up.dot(kUp), 0.999);
 }
 
-TEST(GroundDirection, NoneWithoutPointsOrCameras) {
+TEST(GroundPlanes, NoneWithoutPointsOrCameras) {
   const Map map(0.0);
   EXPECT_TRUE(find_ground_planes({}, map.cameras).empty());
   EXPECT_TRUE(find_ground_planes(map.points, {}).empty());
@@ -54,7 +54,7 @@ TEST(GroundDirection, NoneWithoutPointsOrCameras) {
   EXPECT_TRUE(find_ground_planes(same, map.cameras).empty());
 }
 
-TEST(GroundDirection, IsTheSameEachTime) {
+TEST(GroundPlanes, IsTheSameEachTime) {
   const Map map(0.3);
   const auto a = find_ground_planes(map.points, map.cameras), b = find_ground_planes(map.points, map.cameras);
   ASSERT_EQ(a.size(), b.size());

@@ -16,7 +16,7 @@ imaging::FloatImage pattern(double gain, double offset, double slope) {
   return image;
 }
 
-TEST(EvenContrast, IsTheDefinitionByBruteForce) {
+TEST(LocalContrast, IsTheDefinitionByBruteForce) {
   const imaging::FloatImage image = pattern(1.0, 100.0, 0.5);
   const imaging::FloatImage even = normalize_local_contrast(image, 5, 4.0F);
   for (const auto& [x, y] : {std::pair{0, 0}, {63, 47}, {20, 30}, {3, 25}}) {
@@ -33,7 +33,7 @@ TEST(EvenContrast, IsTheDefinitionByBruteForce) {
   }
 }
 
-TEST(EvenContrast, LightThatChangesSlowlyFallsAway) {
+TEST(LocalContrast, LightThatChangesSlowlyFallsAway) {
   const imaging::FloatImage a = normalize_local_contrast(pattern(1.0, 100.0, 0.0), 8, 0.5F);
   const imaging::FloatImage b = normalize_local_contrast(pattern(1.6, 40.0, 0.6), 8, 0.5F);
   double squares = 0.0;
@@ -41,8 +41,9 @@ TEST(EvenContrast, LightThatChangesSlowlyFallsAway) {
   EXPECT_LT(std::sqrt(squares / static_cast<double>(a.pixels.size())), 8.0);  // of a deviation of 40
 }
 
-TEST(EvenContrast, AnEvenPictureStaysEven) {
+TEST(LocalContrast, AnEvenPictureStaysEven) {
   const imaging::FloatImage even = normalize_local_contrast(imaging::FloatImage(20, 10, 77.0F), 3);
+  ASSERT_EQ(even.pixels.size(), 200U);
   for (const float value : even.pixels) EXPECT_NEAR(value, 128.0F, 1e-3F);
 }
 

@@ -1,5 +1,6 @@
 #include "tileflight/localization/picture_localizer.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,6 +15,8 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 struct Place {
   scene::Scene scene;
@@ -51,7 +54,7 @@ TEST(PictureLocalizer, FindsTheCameraFromAMetreAndTwoDegreesOff) {
     EXPECT_LT((found->T_local_camera.translation - true_pose().translation).norm(), 0.02);
     EXPECT_LT(found->T_local_camera.rotation.angularDistance(true_pose().rotation), 6e-4);
     EXPECT_GT(found->correlation, 0.95);
-    // The information is that of what moves the picture least: along the axis it is known worst.
+    // The smallest information is along the motion that changes the image least: along the optical axis.
     const double along = found->information(2, 2), across = found->information(0, 0);
     EXPECT_LT(along, across);
   }
@@ -74,7 +77,7 @@ TEST(PictureLocalizer, OtherLightDoesNotMatter) {
 TEST(PictureLocalizer, AnotherPlaceIsNotTaken) {
   const PictureLocalizer localizer(the_place().scene, camera());
   EXPECT_FALSE(localizer.locate(picture_at(Place(2), true_pose()), true_pose()));
-  // Nor one that is far from where it is looked for, nor the sky.
+  // Neither an image far from the guess, nor the sky.
   EXPECT_FALSE(
       localizer.locate(picture_at(the_place(), true_pose()), off(true_pose(), Vec3(25.0, 0, 0), Vec3::Zero())));
   EXPECT_FALSE(
@@ -83,7 +86,8 @@ TEST(PictureLocalizer, AnotherPlaceIsNotTaken) {
 
 TEST(PictureLocalizer, APictureOfAnotherSizeIsAnError) {
   const PictureLocalizer localizer(the_place().scene, camera());
-  EXPECT_THROW(localizer.locate(imaging::RgbImage(100, 100), true_pose()), InputError);
+  EXPECT_THAT([&] { localizer.locate(imaging::RgbImage(100, 100), true_pose()); },
+              ThrowsMessage<InputError>(HasSubstr("is 100x100, the calibration is for 320x240")));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "tileflight/localization/place_recognition.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -11,8 +12,10 @@ namespace {
 
 using geometry::Sim3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-/// As odometry would have it: any place, turn and scale.
+/// As from odometry: arbitrary position, rotation and scale.
 Sim3 T_map_local() {
   return {0.07, Eigen::Quaterniond(Eigen::AngleAxisd(2.1, Vec3(1.0, 2.0, -0.5).normalized())), Vec3(1.0, -2.0, 3.0)};
 }
@@ -22,7 +25,7 @@ const test_places::Hills& the_place() {
   return place;
 }
 
-/// `lean_rad`: by how much the direction of up is wrong.
+/// `lean_rad`: error of the up direction.
 FlightEvidence evidence_of(const test_places::Flight& flight, double lean_rad = 0.0) {
   const Vec3 up = T_map_local().rotation * (Eigen::AngleAxisd(lean_rad, Vec3::UnitY()) * Vec3::UnitZ());
   return {flight.pictures(T_map_local()), flight.points_in(T_map_local()), {up}};
@@ -85,7 +88,8 @@ TEST(PlaceRecognition, APictureOfAnotherSizeIsAnError) {
   const test_places::Flight flight(the_place(), 0.0);
   FlightEvidence evidence = evidence_of(flight);
   evidence.pictures.picture = [](std::size_t) { return imaging::RgbImage(20, 10); };
-  EXPECT_THROW(PlaceRecognizer(the_place().scene, the_place().scene.bounds()).find(evidence), InputError);
+  EXPECT_THAT([&] { PlaceRecognizer(the_place().scene, the_place().scene.bounds()).find(evidence); },
+              ThrowsMessage<InputError>(HasSubstr("is 20x10, the calibration is for")));
 }
 
 TEST(PlaceRecognition, ThreadsDoNotMatter) {

@@ -23,7 +23,7 @@ struct Random {
   }
 };
 
-/// As a picture's feature would be carried by T, with errors of that share.
+/// A feature transformed by T, with relative errors of that size.
 PointPair carried(const PlaneSimilarity& T, Random& random, double error, std::size_t id) {
   PointPair pair;
   pair.source = {Vec2(random(-50, 50), random(-50, 50)), random(0.5, 2.0), random(-3, 3)};
@@ -34,7 +34,7 @@ PointPair carried(const PlaneSimilarity& T, Random& random, double error, std::s
   return pair;
 }
 
-/// Two that have nothing to do with each other.
+/// A wrong pair of unrelated points.
 PointPair mistaken(Random& random, std::size_t id) {
   return {{Vec2(random(-50, 50), random(-50, 50)), random(0.5, 2.0), random(-3, 3)},
           {Vec2(random(-200, 200), random(-200, 200)), random(1.0, 6.0), random(-3, 3)},

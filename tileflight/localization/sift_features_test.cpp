@@ -26,7 +26,8 @@ GrayImage spot(double x0, double y0, double sigma) {
   return image;
 }
 
-/// Blotched ground, pixel (x, y) of which shows the place scale R(angle) (x, y) + offset, averaged over the pixel.
+/// Ground with a noise texture; pixel (x, y) shows the position scale R(angle) (x, y) + offset, averaged over the
+/// pixel.
 struct View {
   double scale = 1.0, angle_rad = 0.0;
   Vec2 offset = Vec2::Zero();
@@ -52,7 +53,7 @@ struct View {
   }
 };
 
-TEST(LocalFeatures, ASpotIsFoundWhereAndAsLargeAsItIs) {
+TEST(SiftFeatures, ASpotIsFoundWhereAndAsLargeAsItIs) {
   for (const double sigma : {3.0, 5.0, 9.0}) {
     const LocalFeatures found = find_sift_features(spot(80.3, 55.7, sigma));
     ASSERT_FALSE(found.features.empty()) << sigma;
@@ -66,7 +67,7 @@ TEST(LocalFeatures, ASpotIsFoundWhereAndAsLargeAsItIs) {
   }
 }
 
-TEST(LocalFeatures, AreFoundAgainInAPictureThatIsTurnedAndOfAnotherScale) {
+TEST(SiftFeatures, AreFoundAgainInAPictureThatIsTurnedAndOfAnotherScale) {
   const View a, b{1.4, 0.7, Vec2(40.0, -90.0)};
   const LocalFeatures in_a = find_sift_features(a.picture(400)), in_b = find_sift_features(b.picture(250));
   ASSERT_GT(in_a.size(), 300U);
@@ -85,7 +86,7 @@ TEST(LocalFeatures, AreFoundAgainInAPictureThatIsTurnedAndOfAnotherScale) {
   EXPECT_GT(static_cast<double>(right), 0.9 * static_cast<double>(clear));
 }
 
-TEST(LocalFeatures, AreTheSameInOtherLight) {
+TEST(SiftFeatures, AreTheSameInOtherLight) {
   const GrayImage picture = View().picture(300);
   GrayImage darker = picture;
   for (std::uint8_t& value : darker.pixels) value = static_cast<std::uint8_t>(20 + value / 2);
@@ -99,7 +100,7 @@ TEST(LocalFeatures, AreTheSameInOtherLight) {
   EXPECT_GT(static_cast<double>(right), 0.8 * static_cast<double>(b.size()));
 }
 
-TEST(LocalFeatures, NoneWhereNothingIsToBeSeen) {
+TEST(SiftFeatures, NoneWhereNothingIsToBeSeen) {
   EXPECT_EQ(find_sift_features(GrayImage(200, 200, 90)).size(), 0U);
   EXPECT_EQ(find_sift_features(GrayImage()).size(), 0U);
   EXPECT_EQ(find_sift_features(GrayImage(5, 300, 90)).size(), 0U);
@@ -110,8 +111,8 @@ TEST(LocalFeatures, NoneWhereNothingIsToBeSeen) {
   for (const LocalFeature& f : left.features) EXPECT_LT(f.x + 4.0F * f.sigma, 151.0F);
 }
 
-TEST(LocalFeatures, ThreadsAndSquaresDoNotMatter) {
-  const GrayImage picture = View().picture(700);  // four squares
+TEST(SiftFeatures, ThreadsAndSquaresDoNotMatter) {
+  const GrayImage picture = View().picture(700);  // four tiles
   const auto run = [&](std::size_t threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     return find_sift_features(picture);

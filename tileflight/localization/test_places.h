@@ -8,10 +8,10 @@
 #include "tileflight/render/test_scenes.h"
 #include "tileflight/scene/scene.h"
 
-// Places whose look is known, for the tests of this stage.
+// Places with known appearance, for the tests of localization.
 namespace tileflight::localization::test_places {
 
-/// Blotches of many sizes, what ground looks like: 0 to 255, anywhere.
+/// Multi-scale noise that resembles ground, 0 to 255, defined everywhere.
 inline double blotches_at(double x, double y, int seed) {
   using render::test_scenes::noise;
   double value = 0.0;
@@ -31,7 +31,7 @@ inline std::shared_ptr<const imaging::RgbImage> blotches(int seed, int size = 51
   });
 }
 
-/// Blotched hills over 100 m.
+/// Hills of 100 m x 100 m with the noise texture.
 struct Hills {
   scene::Scene scene;
 
@@ -40,8 +40,8 @@ struct Hills {
   }
 };
 
-/// Nine pictures on an arc some 25 m over the hills, and points of the surface that they show. `lean_rad`: of the
-/// camera's axis from straight down.
+/// Nine images on an arc about 25 m above the hills, and points of the visible surface. `lean_rad`: angle of the camera
+/// axis from straight down.
 struct Flight {
   imaging::Camera camera = imaging::make_pinhole(320, 240, 80.0);
   std::vector<geometry::SE3> T_local_camera;
@@ -69,7 +69,7 @@ struct Flight {
     }
   }
 
-  /// In a map's frame. The flight must outlive it.
+  /// The flight in a map frame. The Flight must outlive the result.
   FlightPictures pictures(const geometry::Sim3& T_map_local = {}) const {
     FlightPictures pictures{.camera = camera};
     for (const geometry::SE3& pose : T_local_camera)

@@ -24,9 +24,8 @@ int count_visible_points(const photometry::Keyframe& keyframe, const photometry:
 
 /// The keyframe with the largest distance score (DSO, eq. 20), without the two newest; -1 if none.
 int max_distance_score(const photometry::Window& window) {
-  // As in DSO's implementation.
-  constexpr double kEpsilon = 1e-5;
-  constexpr int kNewestKept = 2;
+  constexpr double kEpsilon = 1e-5;  // of DSO's implementation; "a small constant" in the paper
+  constexpr int kNewestKept = 2;     // as in the paper
   const int n = window.size();
   std::vector<geometry::Vec3> centers;
   for (const photometry::Keyframe& keyframe : window.keyframes)

@@ -130,7 +130,7 @@ struct Match {
 };
 
 /// Discrete search in steps of about a pixel (DSO, section 3.2). The second-best match is taken at least 2 px from the
-/// best, as in DSO's implementation.
+/// best; in DSO's implementation more than 2 of its steps of 1 px.
 Match search_discrete(const EpipolarSearch& search, const Interval& interval) {
   constexpr float kSecondBestDistance_px = 2.0F;
   const int steps = std::min(kMaxSteps, 2 + static_cast<int>(interval.length_px));
@@ -206,7 +206,7 @@ bool is_already_precise(const photometry::Lens& lens, const photometry::PyramidL
 }
 
 /// Standard error of the match along the curve, pixels: grows where gradients run across it ("geometric disparity
-/// error"). Both 0.2 are those of DSO's implementation.
+/// error"). Both 0.2 are those of DSO's implementation, which also limits the error to 10 px.
 float match_error_px(const EpipolarSearch& search, const Vector2f& direction) {
   const Eigen::Matrix2f& A = search.pattern_warp;
   const float det = A.determinant();

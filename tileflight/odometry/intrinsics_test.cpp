@@ -1,4 +1,4 @@
-// Focal lengths and principal point as unknowns of the window, against a rendered scene whose lens is known.
+// Estimation of focal lengths and principal point in the window, on a rendered scene with known lens.
 
 #include <gtest/gtest.h>
 
@@ -25,7 +25,7 @@ OdometryResult run(const tests::Sequence& truth, const photometry::IntrinsicsDel
   return run_odometry(sequence.calibration, nullptr, sequence.source(), options);
 }
 
-/// Part of a circle about a place looked at.
+/// An arc around the point that the camera looks at.
 std::vector<SE3> part_of_an_orbit(int frames) {
   std::vector<SE3> truth;
   for (int i = 0; i < frames; ++i) {
@@ -36,7 +36,7 @@ std::vector<SE3> part_of_an_orbit(int frames) {
   return truth;
 }
 
-/// How far the estimated lens is from the truth: focal lengths as shares, principal point in focal lengths.
+/// Error of the estimated lens: focal lengths as shares, principal point in focal lengths.
 Eigen::Vector4d off(const OdometryResult& result, const Camera& truth) {
   return (intrinsics(result.camera.value()) - intrinsics(truth)) / intrinsics(truth)[0];
 }
@@ -45,8 +45,8 @@ double median_height_m(const OdometryResult& result, const tests::Sequence& sequ
   return base::upper_median(tests::height_errors_m(tests::hilly_ground(), result, sequence.truth));
 }
 
-/// Most of an error of the focal lengths goes within 75 pictures (the given ones count, too), and the map is better for
-/// it.
+/// Most of an error of the focal lengths is removed within 75 images (despite the prior on the given ones), and the map
+/// improves.
 void expect_the_lens_comes_back(const tests::Sequence& sequence, double focal_error) {
   const photometry::IntrinsicsDelta error(focal_error, focal_error, 0.0, 0.0);
   const OdometryResult refined = run(sequence, error, true), as_given = run(sequence, error, false);

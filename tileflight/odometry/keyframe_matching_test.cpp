@@ -1,4 +1,4 @@
-// Corners found again and the similarity between two keyframes, on rendered ground with known truth.
+// Feature matching and the similarity between two keyframes, on rendered ground with known truth.
 
 #include "tileflight/loops/keyframe_matching.h"
 
@@ -24,7 +24,7 @@ const KeyframeMaker& maker() {
   return kMaker;
 }
 
-/// Over the same ground: a step aside, higher, and rolled about the axis by a third of a turn.
+/// Over the same ground: displaced sideways, higher, and rolled by a third of a turn about the axis.
 const SE3 kFirst = photometry::tests::look_along(Vec3(0, 0, 14), Vec3(0.1, 1.0, -1.6));
 const SE3 kSecond = photometry::tests::look_along(Vec3(1.0, 0.6, 15), Vec3(-0.1, 1.0, -1.7)) *
                     SE3(geometry::so3_exp(Vec3(0, 0, 2.1)), Vec3::Zero());
@@ -66,7 +66,7 @@ TEST(FeatureIndex, VotesForThePlaceThatIsSeenAgain) {
   ASSERT_FALSE(votes.empty());
   EXPECT_EQ(votes[0].keyframe, 3);
   ASSERT_GT(votes.size(), 1U);
-  EXPECT_GT(votes[0].votes, 1.4 * votes[1].votes);  // smooth ground is alike everywhere
+  EXPECT_GT(votes[0].votes, 1.4 * votes[1].votes);  // smooth ground looks similar everywhere
   EXPECT_TRUE(index.candidates(maker().features(kFirst), 0, 3).empty());
 }
 

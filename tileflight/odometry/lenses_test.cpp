@@ -1,4 +1,4 @@
-// The odometry on each lens as it is, without rectification, against a rendered scene whose truth is known.
+// Odometry with each lens model, without rectification, on a rendered scene with known truth.
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ void PrintTo(const Case& lens, std::ostream* stream) { *stream << lens.name; }
 
 class NativeLens : public testing::TestWithParam<Case> {};
 
-/// What a pixel in the middle of the picture shows of the ground 12 m below, metres.
+/// Ground covered by a pixel at the image centre from 12 m above, metres.
 double ground_pixel_m(const Camera& camera) {
   const geometry::Vec2 middle(camera.width() / 2.0, camera.height() / 2.0);
   return 12.0 * (camera.unproject(middle).value() - camera.unproject(middle + geometry::Vec2(1.0, 0.0)).value()).norm();

@@ -1,4 +1,4 @@
-// Response, vignetting and exposure: undone where they are known, lived with where they are not.
+// Response, vignetting and exposure: corrected if calibrated, tolerated if not.
 
 #include <gtest/gtest.h>
 
@@ -42,7 +42,7 @@ const tests::Sequence& clean_flight() {
   return kFlight;
 }
 
-/// Exposures that swing between 70 and 100 % with a step in the middle.
+/// Exposures that oscillate between 70 and 100 %, with a step in the middle.
 double exposure_of(std::size_t frame) {
   return (frame < 18 ? 1.0 : 0.8) * (0.94 + 0.06 * std::cos(0.8 * static_cast<double>(frame)));
 }
@@ -67,7 +67,7 @@ TEST(Light, LuminanceUndoesResponseAndVignette) {
   const PhotometricCalibration calibration = made_up_calibration(clean.width, clean.height);
   const imaging::FloatImage undone = photometry::luminance(taken(clean, calibration, 1.0), &calibration);
   for (std::size_t i = 0; i < undone.pixels.size(); ++i) {
-    // Half a step of the 8-bit picture, through the slope of the inverse response, over the vignette.
+    // Half a grey level of the 8-bit image, through the slope of the inverse response, over the vignette.
     EXPECT_NEAR(undone.pixels[i], clean.pixels[i][0], 0.5 * 1.6 / 0.6 + 0.05);
   }
 }

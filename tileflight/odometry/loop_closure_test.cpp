@@ -1,4 +1,4 @@
-// Loop closure on keyframes over rendered ground, with drift put on by hand.
+// Loop closure on keyframes over rendered ground, with artificial drift.
 
 #include "tileflight/loops/loop_closure.h"
 
@@ -18,7 +18,7 @@ using geometry::Sim3;
 using geometry::Vec3;
 using tests::KeyframeMaker;
 
-/// Round and round over a place, one and a fifth times; the camera looks where it goes and down.
+/// A circular path of 1.2 turns over a place; the camera looks forward and down.
 std::vector<SE3> round_trip(int keyframes) {
   constexpr double kRadius_m = 25.0;
   std::vector<SE3> path;
@@ -30,7 +30,7 @@ std::vector<SE3> round_trip(int keyframes) {
   return path;
 }
 
-/// Keyframes whose steps turn a little and change the scale: at its end the map is `last_scale` times too large.
+/// Keyframes with drift of rotation and scale: at its end the map is `last_scale` times too large.
 std::vector<loops::LoopKeyframe> drifted(const KeyframeMaker& maker, const std::vector<SE3>& truth, double last_scale) {
   std::vector<loops::LoopKeyframe> keyframes;
   SE3 pose = truth.front();
@@ -79,7 +79,7 @@ TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
   std::printf("ATE, %% of path: %.3f before, %.3f after %zu loops\n", 100 * before, 100 * after, loops.size());
   EXPECT_LT(after, before / 4);
   EXPECT_EQ(closed.front().translation, keyframes.front().T_map_camera.translation);
-  // Lengths mean the same at both ends: keyframe 59 is where keyframe 9 was.
+  // The scale is the same at both ends: keyframe 59 is where keyframe 9 was.
   EXPECT_NEAR(similarities[59].scale * std::pow(1.15, 59 / 60.0), similarities[9].scale * std::pow(1.15, 9 / 60.0),
               0.02);
 }
@@ -96,7 +96,7 @@ TEST(LoopClosure, NothingIsFoundOnAWayThatDoesNotReturn) {
 }
 
 TEST(LoopClosure, GroundThatRepeatsIsNotTakenForAReturn) {
-  for (const double period_m : {3.0, 30.0}) {  // many times in each picture; less than once
+  for (const double period_m : {3.0, 30.0}) {  // repeats many times in each image; less than once
     photometry::tests::Relief relief = tests::hilly_terrain();
     relief.height_m = [](double, double) { return 0.0; };
     relief.highest_m = 0.0;
@@ -112,7 +112,7 @@ TEST(LoopClosure, DistancesComeFromThePointsAboutACorner) {
   const SE3 host = photometry::tests::look_along(Vec3(0, 0, 13), Vec3(0, 1, -1.5)),
             other = photometry::tests::look_along(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
   std::vector<loops::LoopKeyframe> keyframes{{3, 0, host, maker.features(host)}, {4, 1, other, maker.features(other)}};
-  // All points are the first keyframe's; the second sees them from aside.
+  // All points are hosted by the first keyframe; the second sees them from the side.
   std::vector<mapping::MapPoint> points;
   const photometry::RayTable& rays = maker.lens().rays[0];
   for (int y = 2; y < rays.height; y += 5) {

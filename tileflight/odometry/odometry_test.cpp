@@ -1,5 +1,6 @@
 #include "tileflight/odometry/odometry.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -13,13 +14,15 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 using photometry::tests::Relief;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 using tests::relative_ate;
 using tests::render_sequence;
 using tests::Sequence;
 using tests::small_options;
 
-/// Nearly flat ground seen obliquely from above through a wide lens: the scene whose mirror solution defeats two-view
-/// starts. The first `frames` of 50.
+/// Nearly flat ground seen obliquely from above through a wide lens: its mirror solution defeats two-view
+/// initialization. The first `frames` of 50.
 Sequence over_flat_ground(std::size_t frames) {
   static const Sequence kAll = [] {
     Relief relief;
@@ -146,7 +149,7 @@ TEST(Odometry, EachPictureHasAQuality) {
     keyframes += q.is_keyframe;
     EXPECT_GE(q.sigma_log_scale, sigma_log_scale);  // it only grows
     sigma_log_scale = q.sigma_log_scale;
-    // A step is the distance of the camera from its keyframe's in the trajectory.
+    // distance_to_keyframe is the distance between the camera and its keyframe in the trajectory.
     const Vec3 position = result.trajectory.poses[tracked++].T_local_camera.translation;
     if (q.keyframe < 0) continue;
     const Vec3 before = result.keyframes.poses[q.keyframe].T_local_camera.translation;
@@ -163,7 +166,8 @@ TEST(Odometry, RefusesAPictureOfAnotherSize) {
   Sequence sequence;
   sequence.calibration.camera = imaging::make_pinhole(320, 240, 80.0);
   sequence.images.emplace_back(200, 100);
-  EXPECT_THROW(run_odometry(sequence.calibration, nullptr, sequence.source(), {}), InputError);
+  EXPECT_THAT([&] { run_odometry(sequence.calibration, nullptr, sequence.source(), {}); },
+              ThrowsMessage<InputError>(HasSubstr("is 200x100, the calibration is for 320x240")));
 }
 
 TEST(Odometry, NoPicturesIsLostWithAReason) {

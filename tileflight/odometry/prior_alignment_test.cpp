@@ -1,5 +1,6 @@
 #include "tileflight/odometry/prior_alignment.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tileflight/base/input_error.h"
@@ -11,8 +12,10 @@ namespace {
 using geometry::SE3;
 using geometry::Sim3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-TEST(KnownStart, SimilarityOfPosesIsFoundOnAStraightLineToo) {
+TEST(PriorAlignment, SimilarityOfPosesIsFoundOnAStraightLineToo) {
   const Sim3 expected(2.5, geometry::so3_exp({0.3, -0.8, 1.2}), Vec3(10, -20, 5));
   std::vector<SE3> map, world;
   for (int i = 0; i < 5; ++i) {
@@ -26,7 +29,7 @@ TEST(KnownStart, SimilarityOfPosesIsFoundOnAStraightLineToo) {
   EXPECT_FALSE(similarity_from_poses({map[0], map[1]}, {world[0], world[0]}));
 }
 
-TEST(KnownStart, VariancesGoWithTheSquareOfTheScale) {
+TEST(PriorAlignment, VariancesGoWithTheSquareOfTheScale) {
   OdometryResult result;
   result.map.positions = {Vec3(0, 0, 4)};
   result.map.scalars["inverse_depth_variance"] = {1e-4F};
@@ -51,12 +54,13 @@ OdometryResult run(const Priors& aids) {
   return run_odometry(flight().calibration, nullptr, flight().source(), tests::small_options(), {}, aids);
 }
 
-TEST(KnownStart, PosesGiveFrameAndScale) {
+TEST(PriorAlignment, PosesGiveFrameAndScale) {
   Priors aids;
   aids.poses = true_poses();
   const OdometryResult result = run(aids);
   ASSERT_FALSE(result.lost) << result.lost_reason;
   const double path_m = geometry::path_length_m(aids.poses);
+  ASSERT_FALSE(result.trajectory.empty());
   for (const geometry::StampedPose& pose : result.trajectory.poses) {
     const SE3& truth = flight().truth[std::lround(pose.time_s * 30.0)];
     EXPECT_LT((pose.T_local_camera.translation - truth.translation).norm(), 0.02 * path_m);
@@ -68,7 +72,7 @@ TEST(KnownStart, PosesGiveFrameAndScale) {
   EXPECT_LT(base::upper_median(heights), 0.2);
 }
 
-TEST(KnownStart, DepthGivesTheScale) {
+TEST(PriorAlignment, DepthGivesTheScale) {
   Priors aids;
   aids.depth_m = [](std::int64_t index) -> std::optional<imaging::FloatImage> {
     if (index > 3) return std::nullopt;
@@ -89,19 +93,21 @@ TEST(KnownStart, DepthGivesTheScale) {
   EXPECT_NEAR(tests::similarity_to_truth(result.trajectory, flight().truth).scale, 1.0, 0.03);
 }
 
-TEST(KnownStart, PosesOfAnotherTimeAndDepthWithoutPointsAreRefused) {
+TEST(PriorAlignment, PosesOfAnotherTimeAndDepthWithoutPointsAreRefused) {
   Priors aids;
   aids.poses = true_poses();
   for (geometry::StampedPose& pose : aids.poses.poses) pose.time_s += 1000.0;
-  EXPECT_THROW(run(aids), InputError);
+  EXPECT_THAT([&] { run(aids); }, ThrowsMessage<InputError>(HasSubstr("check that both have the same clock")));
   Priors empty;
   empty.depth_m = [](std::int64_t) { return std::optional<imaging::FloatImage>(); };
-  EXPECT_THROW(run(empty), InputError);
+  EXPECT_THAT([&] { run(empty); },
+              ThrowsMessage<InputError>(HasSubstr("known depth: no point of the map's first keyframes has a depth")));
   Priors other_size;
   other_size.depth_m = [](std::int64_t) {
     return std::optional<imaging::FloatImage>(imaging::FloatImage(10, 10, 5.0F));
   };
-  EXPECT_THROW(run(other_size), InputError);
+  EXPECT_THAT([&] { run(other_size); },
+              ThrowsMessage<InputError>(HasSubstr("depth: is 10x10, the calibration is for")));
 }
 
 }  // namespace

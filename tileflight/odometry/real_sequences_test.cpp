@@ -1,5 +1,5 @@
-// Real pictures with known answers, where the test data are: forward driving that defeats two-frame starts, a camera
-// that stands still, a camera in the hand.
+// Real sequences with known results, if the test data are available: forward driving, which defeats two-frame
+// initialization, a static camera, a hand-held camera.
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 using geometry::Vec3;
 
-/// The first `most` pictures of a folder, a tenth of a second apart.
+/// The first `most` images of a folder, 0.1 s apart.
 FrameSource pictures_of(const fs::path& folder, std::size_t most) {
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(folder)) files.push_back(entry.path());
@@ -36,7 +36,7 @@ FrameSource pictures_of(const fs::path& folder, std::size_t most) {
   };
 }
 
-/// Root mean square distance after the best similarity, metres.
+/// RMS distance after alignment by a similarity, metres.
 double ate_m(const geometry::Trajectory& estimate, const std::vector<Vec3>& truth) {
   Eigen::Matrix3Xd from(3, estimate.size()), to(3, estimate.size());
   for (std::size_t i = 0; i < estimate.size(); ++i) {
@@ -91,7 +91,8 @@ TEST(RealSequences, ACameraInTheHandIsFollowedToAFewCentimetres) {
   const OdometryResult result = run_odometry(calibration, nullptr, pictures_of(folder / "images", 120), options);
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_EQ(result.frames_tracked, 120);
-  EXPECT_LT(ate_m(result.trajectory, truth), 0.03);  // the truth itself is some 0.02 m off (another camera's)
+  EXPECT_LT(ate_m(result.trajectory, truth), 0.03);  // the truth itself has an error of about 0.02 m (it is of another
+                                                     // camera)
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// What happens to pictures on real flights, done to rendered ones: changes of exposure, blur, gaps, something before
-// the lens, turns on the spot, starts that are slow or fast, and losing the way.
+// Disturbances of real flights, applied to rendered images: exposure changes, blur, gaps, an occluded lens, rotation in
+// place, slow or fast starts, and loss of tracking.
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ using tests::relative_ate;
 using tests::Sequence;
 using tests::small_options;
 
-/// Followed to its end, `least_tracked` pictures at least, with an ATE below a share of the path.
+/// Expects tracking to the end, at least `least_tracked` images, and an ATE below a share of the path length.
 void expect_followed(const Sequence& sequence, std::size_t least_tracked, double most_ate_share = 0.01) {
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
@@ -38,7 +38,7 @@ void scale_light(RgbImage& image, double gain, double offset) {
 
 void blacken(RgbImage& image) { std::fill(image.pixels.begin(), image.pixels.end(), imaging::Rgb8{}); }
 
-/// The sequence with pictures (and their truth) in another order.
+/// The sequence with images and their truth reordered.
 Sequence picked(const Sequence& sequence, const std::vector<int>& order) {
   Sequence out;
   out.calibration = sequence.calibration;
@@ -55,7 +55,7 @@ std::vector<int> counted(int from, int to, int step = 1) {
   return order;
 }
 
-/// Rolling ground by a small wide lens; `pose` gives the camera of picture i.
+/// Rolling ground by a small wide lens; `pose` gives the camera of image i.
 template <class Pose>
 Sequence over_rolling_ground(int frames, const Pose& pose) {
   photometry::tests::Relief relief;
@@ -67,7 +67,7 @@ Sequence over_rolling_ground(int frames, const Pose& pose) {
   return tests::render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
 }
 
-/// Fifty pictures of a level flight; what most tests do something to.
+/// Fifty images of a level flight, which most tests disturb.
 const Sequence& level_flight() {
   static const Sequence kAll = over_rolling_ground(50, [](int i) {
     const double s = i / 30.0;
@@ -108,7 +108,7 @@ TEST(Robustness, BlurredPicturesAreFollowed) {
   const auto pose = [](double i) {
     return photometry::tests::look_along(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
   };
-  // Each of some pictures is a mean over the time that the shutter is open: most of the time between two pictures.
+  // Some images are means over the exposure time, which is most of the frame interval.
   constexpr int kFirst = 26, kLast = 31, kParts = 4;
   Sequence sequence = over_rolling_ground(42, pose);
   for (int i = kFirst; i <= kLast; ++i) {
@@ -135,7 +135,7 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
 }
 
 TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
-  // Half a turn through a lens of 130 degrees: what is seen in the end was not in view in the beginning.
+  // Half a turn with a lens of 130 degrees: nothing seen at the end was in view at the beginning.
   const Sequence sequence = over_rolling_ground(110, [](int i) {
     const double moved = i < 35 ? i : (i < 75 ? 35 : i - 40);
     const double turned = i < 35 ? 0.0 : (i < 75 ? 0.04 * (i - 35) : 1.6);
@@ -154,8 +154,8 @@ TEST(Robustness, ASlowStartIsWaitedFor) {
 }
 
 TEST(Robustness, LevelGroundFromStraightAboveIsEnoughForAStart) {
-  // A narrow lens and no relief: the best rotation takes up most of the motion, and tracks end before what is left of
-  // it is what a start usually waits for.
+  // A narrow lens without relief: the best rotation absorbs most of the motion, and tracks end before the remaining
+  // parallax reaches the usual threshold.
   photometry::tests::Relief level;
   level.texel_m = 0.6;
   std::vector<SE3> truth;
@@ -174,7 +174,7 @@ TEST(Robustness, LargeMotionBetweenPicturesIsFollowed) {
 }
 
 TEST(Robustness, AJumpBackAfterBlackPicturesIsFollowed) {
-  // The camera looks away (black pictures) and comes back to where it was some keyframes ago.
+  // The camera is blinded (black images) and returns to where it was some keyframes ago.
   std::vector<int> order = counted(0, 46);
   for (const int i : {46, 47, 48}) order.push_back(i);
   for (const int i : counted(30, 19, -1)) order.push_back(i);

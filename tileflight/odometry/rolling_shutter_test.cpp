@@ -1,4 +1,4 @@
-// Rolling shutter: pictures rendered row by row with a moving camera.
+// Rolling shutter: images rendered row by row with a moving camera.
 
 #include "tileflight/photometry/rolling_shutter.h"
 
@@ -31,7 +31,8 @@ SE3 shaken_pose(double time_s) {
          SE3(geometry::so3_exp(shake), Vec3::Zero());
 }
 
-/// Pictures of the shaken flight; a row's time is its frame's and `line_delay_s` for each row below the middle.
+/// Images of the shaken flight; the time of a row is that of its frame plus `line_delay_s` for each row below the
+/// middle.
 Sequence shaken_flight(int frames, double line_delay_s) {
   const imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
   const photometry::tests::ReliefCamera scene(camera, tests::hilly_ground());
@@ -71,7 +72,7 @@ TEST(RollingShutter, AnAcceleratedMotionIsBroughtOnToThePicturesTime) {
   EXPECT_NEAR(shutter.twist(pose(0.13))[0], 0.01 * (2.0 + 30.0 * 0.13), 1e-12);
 }
 
-/// A view of known depth from before, and a rolling one while the camera moves at a constant velocity.
+/// An earlier view with known depth, and a rolling-shutter view taken while the camera moves at constant velocity.
 struct RollingView {
   static constexpr double kInterval_s = 1.0 / kFps, kLineDelay_s = 0.9 / kFps / 240;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
@@ -130,7 +131,7 @@ TEST(RollingShutter, ACameraThatRestsIsTrackedAsWithAGlobalShutter) {
   const tracking::TrackingReference reference = view.reference();
   const tracking::ImageAlignmentState start{SE3(geometry::so3_exp(Vec3(0.004, -0.003, 0.002)), Vec3(0.02, 0.03, -0.01)),
                                             0.0, 0.0};
-  // The previous pose is the one that will be found, so that there is no velocity there.
+  // The previous pose equals the true one, so the velocity there is zero.
   const tracking::ImageAlignment global = tracking::align_image(view.lens, reference, view.before, start, {});
   photometry::RollingShutter resting;
   resting.motion_share = 0.9;
@@ -138,7 +139,7 @@ TEST(RollingShutter, ACameraThatRestsIsTrackedAsWithAGlobalShutter) {
       tracking::align_image(view.lens, reference, view.before, start, {}, {}, 0, resting);
   EXPECT_LT((rolling.state.T_target_reference.translation - global.state.T_target_reference.translation).norm(), 2e-3);
   EXPECT_LT(turn_between(rolling.state.T_target_reference, global.state.T_target_reference), 1e-4);
-  // And a shutter without a readout changes no bit.
+  // A shutter with zero readout time gives bit-identical results.
   const tracking::ImageAlignment none = tracking::align_image(view.lens, reference, view.before, start, {}, {}, 0,
                                                               photometry::make_rolling_shutter(0.0, {}));
   EXPECT_EQ(none.state.T_target_reference.matrix(), global.state.T_target_reference.matrix());
@@ -171,7 +172,7 @@ TEST(RollingShutter, TheRectifiedPictureIsAGlobalShutters) {
                             global = photometry::luminance(view.scene.render(middle), nullptr);
   const imaging::FloatImage rectified =
       rectify(photometry::build_pyramid(photometry::luminance(raw, nullptr), 1).levels[0]);
-  // A third of a grey value is the rounding of both pictures.
+  // A third of a grey value is due to rounding in both images.
   EXPECT_LT(mean_difference(rectified, global), 0.25 * mean_difference(rolling, global));
   EXPECT_LT(mean_difference(photometry::luminance(rectify(raw), nullptr), global),
             0.3 * mean_difference(rolling, global));

@@ -1,6 +1,6 @@
 #pragma once
 
-// For this stage's tests: flights over a relief (synthetic_scene.h) as the odometry gets them, with their truth.
+// For the tests of odometry: flights over a relief (synthetic_scene.h) as odometry input, with ground truth.
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -39,7 +39,7 @@ inline double path_length_m(const std::vector<geometry::SE3>& truth) {
   return path;
 }
 
-/// Root mean square distance of camera centres after the best similarity, as a share of the path.
+/// RMS distance of the camera centres after alignment by a similarity, as a share of the path length.
 inline double relative_ate(const geometry::Trajectory& estimate, const std::vector<geometry::SE3>& truth,
                            double fps = 30.0) {
   Eigen::Matrix3Xd from(3, estimate.size()), to(3, estimate.size());
@@ -72,7 +72,7 @@ inline Sequence render_sequence(const imaging::Camera& camera, const photometry:
   return sequence;
 }
 
-/// From the estimate to the truth, by orientations too: the paths here are nearly straight.
+/// Similarity from estimate to truth. It uses the orientations too, because these paths are nearly straight.
 inline geometry::Sim3 similarity_to_truth(const geometry::Trajectory& estimate, const std::vector<geometry::SE3>& truth,
                                           double fps = 30.0) {
   std::vector<geometry::SE3> from, to;
@@ -83,7 +83,7 @@ inline geometry::Sim3 similarity_to_truth(const geometry::Trajectory& estimate, 
   return similarity_from_poses(from, to).value();
 }
 
-/// Vertical distance of each map point, moved to the truth, from the relief, metres.
+/// Vertical distance of each aligned map point from the relief, metres.
 inline std::vector<double> height_errors_m(const photometry::tests::Relief& relief, const OdometryResult& result,
                                            const std::vector<geometry::SE3>& truth) {
   std::vector<double> heights;
@@ -95,7 +95,7 @@ inline std::vector<double> height_errors_m(const photometry::tests::Relief& reli
   return heights;
 }
 
-/// Hilly ground seen obliquely from 12 m above while moving sideways and forwards, `frames` pictures, 30 a second.
+/// Hilly ground seen obliquely from 12 m above while moving sideways and forwards; 30 images a second.
 inline photometry::tests::Relief hilly_ground() {
   photometry::tests::Relief relief;
   relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.35 * x) * std::cos(0.28 * y + 0.5); };

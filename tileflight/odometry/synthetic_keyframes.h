@@ -1,6 +1,6 @@
 #pragma once
 
-// For this stage's tests: corners of keyframes over rendered ground, with their true distances.
+// For the tests of odometry: features of keyframes over rendered ground, with their true distances.
 
 #include <vector>
 
@@ -9,7 +9,7 @@
 
 namespace tileflight::odometry::tests {
 
-/// Gentle hills with details down to a decimetre or so.
+/// Gentle hills, height amplitude 1.2 m, finest texture wavelength 0.5 m.
 inline photometry::tests::Relief hilly_terrain() {
   photometry::tests::Relief relief;
   relief.height_m = [](double x, double y) { return 1.2 * std::sin(0.3 * x) * std::cos(0.25 * y); };

@@ -1,4 +1,4 @@
-// The same flight with its own lens and with others of nearly the same shape.
+// The same flight with its own lens and with slightly different ones.
 
 #include "tileflight/mapping/systematic_residuals.h"
 
@@ -31,14 +31,14 @@ bool doubts_calibration(const OdometryResult& result) {
   return std::ranges::any_of(doubts, [](const Doubt& d) { return d.what.starts_with("the calibration does not fit"); });
 }
 
-TEST(ResidualPattern, TheRightLensHasNone) {
+TEST(SystematicResiduals, TheRightLensHasNone) {
   const OdometryResult result = tracked_with(kLens);
   ASSERT_TRUE(result.systematic_displacement.has_value());
   EXPECT_LT(result.systematic_displacement->rms_px, 0.03);
   EXPECT_FALSE(doubts_calibration(result));
 }
 
-TEST(ResidualPattern, AnotherLensOfNearlyTheSameShapeIsDoubted) {
+TEST(SystematicResiduals, AnotherLensOfNearlyTheSameShapeIsDoubted) {
   for (const std::array<double, 4>& distortion :
        {std::array{-0.12, 0.05, 1e-3, -1e-3}, std::array{-0.2, 0.15, 0.0, 0.0}, std::array{-0.2, 0.05, 5e-3, 5e-3},
         std::array{0.0, 0.0, 0.0, 0.0}}) {

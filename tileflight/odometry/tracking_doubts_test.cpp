@@ -14,7 +14,7 @@ using geometry::Vec3;
 
 SE3 at(double x, double y, double z) { return {Eigen::Quaterniond::Identity(), Vec3(x, y, z)}; }
 
-/// Sixty pictures along a curve, all tracked well.
+/// Sixty images along a curve, all tracked well.
 OdometryResult good_flight() {
   OdometryResult result;
   for (int i = 0; i < 60; ++i) {
@@ -40,7 +40,7 @@ Doubts doubts_about(const OdometryResult& result, std::int64_t frames = 60,
   return find_doubts(result, frames, name_of, second);
 }
 
-/// The only doubt, which says `what` and is about `where`.
+/// Expects exactly one doubt, with texts `what` and `where`.
 void expect_only(const Doubts& doubts, const std::string& what, const std::string& where) {
   ASSERT_EQ(doubts.size(), 1U);
   EXPECT_NE(doubts[0].what.find(what), std::string::npos) << doubts[0].what;
@@ -57,8 +57,7 @@ TEST(TrackingDoubts, APatternInTheResidualsIsTheCalibration) {
   OdometryResult result = good_flight();
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.02, .sigmas = 5.0};
   EXPECT_TRUE(doubts_about(result).empty());
-  result.systematic_displacement =
-      mapping::SystematicDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // noise makes as much
+  result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // explained by noise
   EXPECT_TRUE(doubts_about(result).empty());
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.06, .sigmas = 5.0};
   expect_only(doubts_about(result), "calibration does not fit the pictures: residuals have a pattern of 0.06 pixels",
@@ -159,7 +158,7 @@ TEST(SecondOpinion, ASimilarityChangesNothing) {
 }
 
 TEST(SecondOpinion, ANoiseOfKnownSizeIsItsShareOfThePath) {
-  // A straight path of 59 steps; every second camera of one run is off to either side.
+  // A straight path of 59 steps; every second camera of one run is displaced to either side.
   geometry::Trajectory first, second;
   for (int i = 0; i < 60; ++i) {
     first.poses.push_back({0.1 * i, at(i, 0, 0)});
@@ -182,7 +181,7 @@ TEST(SecondOpinion, AScaleThatChangedHalfWayIsSeen) {
   EXPECT_NEAR(measure_agreement(path, other)->rms_share, measure_agreement(other, path)->rms_share, 0.02);
 }
 
-/// Both runs wrong by `noise` (position, per axis) and `turn_rad` (about one axis), sigmas stated as given.
+/// Two runs with errors of `noise` (position, per axis) and `turn_rad` (about one axis), sigmas stated as given.
 std::optional<Dispersion> dispersion_of(double noise, double turn_rad, double stated_position, double stated_rotation) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal;

@@ -1,4 +1,4 @@
-// Parts that read pictures, each on rendered ground with known truth: pixel selection, corner tracks, alignment,
+// Components that read images, each on rendered ground with known truth: pixel selection, corner tracks, alignment,
 // epipolar search.
 
 #include <gtest/gtest.h>
@@ -140,7 +140,7 @@ TEST(Tracker, FindsTheTruePoseAndLightFromAPerturbedStart) {
   const SE3 error = result.state.T_target_reference * views().T_second_first().inverse();
   EXPECT_LT(error.translation.norm(), 0.02);  // of 0.9 m
   EXPECT_LT(geometry::so3_log(error.rotation).norm(), 1e-3);
-  // Interpolation takes contrast, so that gain and offset trade a little; a middle grey stays where it is.
+  // Interpolation reduces contrast, so gain and offset are slightly exchanged; a medium grey is preserved.
   EXPECT_NEAR(std::exp(result.state.a) * 125.0 + result.state.b, 125.0, 2.0);
 }
 

@@ -1,5 +1,6 @@
 #include "tileflight/photometry/valid_region.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tileflight/base/input_error.h"
@@ -10,6 +11,8 @@ namespace {
 
 using imaging::GrayImage;
 using imaging::RgbImage;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 constexpr int kReach_px = 5;
 
@@ -17,7 +20,8 @@ TEST(ValidRegion, IsWhatIsFarEnoughFromBlackCornersAndMask) {
   RgbImage picture(60, 40, {100, 120, 90});
   for (int y = 0; y < 40; ++y)
     for (int x = 0; x < 10; ++x) picture(x, y) = {3, 2, 4};  // a black strip at the left edge, not quite black
-  picture(30, 20) = {0, 0, 0};                               // black that joins no corner is the scene
+  picture(30, 20) = {0, 0, 0};                               // black that is not connected to a corner belongs to the
+                                                             // scene
   GrayImage mask(60, 40, 255);
   for (int x = 40; x < 60; ++x) mask(x, 39) = 0;
   const GrayImage region = photometry::find_valid_region(picture, mask);
@@ -31,11 +35,14 @@ TEST(ValidRegion, IsWhatIsFarEnoughFromBlackCornersAndMask) {
 TEST(ValidRegion, ADarkPictureSaysNothing) {
   EXPECT_TRUE(photometry::is_dark(RgbImage(50, 40)));
   EXPECT_FALSE(photometry::is_dark(RgbImage(50, 40, {100, 100, 100})));
-  for (const std::uint8_t value : photometry::find_valid_region(RgbImage(50, 40), {}).pixels) EXPECT_EQ(value, 255);
+  const GrayImage region = photometry::find_valid_region(RgbImage(50, 40), {});
+  ASSERT_EQ(region.pixels.size(), 2000U);
+  for (const std::uint8_t value : region.pixels) EXPECT_EQ(value, 255);
 }
 
 TEST(ValidRegion, MaskOfAnotherSizeIsRefused) {
-  EXPECT_THROW(photometry::find_valid_region(RgbImage(50, 40), GrayImage(40, 50)), InputError);
+  EXPECT_THAT([&] { photometry::find_valid_region(RgbImage(50, 40), GrayImage(40, 50)); },
+              ThrowsMessage<InputError>(HasSubstr("mask: is 40x50, the pictures are 50x40")));
 }
 
 TEST(ValidRegion, TakesRaysAtEveryLevel) {
@@ -51,7 +58,7 @@ TEST(ValidRegion, TakesRaysAtEveryLevel) {
   }
 }
 
-/// Where a result's points were seen from, in the pictures of their hosts.
+/// Pixels of a result's points in the images of their hosts.
 std::vector<geometry::Vec2> host_pixels(const imaging::Camera& camera, const OdometryResult& result) {
   std::vector<geometry::Vec2> pixels;
   for (std::size_t i = 0; i < result.map.size(); ++i) {
@@ -62,7 +69,7 @@ std::vector<geometry::Vec2> host_pixels(const imaging::Camera& camera, const Odo
   return pixels;
 }
 
-/// Paints what moves with the camera: stripes over the lower fifth.
+/// Paints an object that moves with the camera: stripes over the lower fifth.
 void paint_body(RgbImage& image) {
   for (int y = image.height * 4 / 5; y < image.height; ++y)
     for (int x = 0; x < image.width; ++x)
@@ -81,7 +88,9 @@ TEST(Masks, OwnBodyLeavesNoPointsAndDoesNoHarm) {
   EXPECT_GE(result.frames_tracked, 34);
   EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
-  for (const geometry::Vec2& pixel : host_pixels(sequence.calibration.camera, result)) EXPECT_LT(pixel.y(), 155.5);
+  const std::vector<geometry::Vec2> pixels = host_pixels(sequence.calibration.camera, result);
+  ASSERT_FALSE(pixels.empty());
+  for (const geometry::Vec2& pixel : pixels) EXPECT_LT(pixel.y(), 155.5);
 }
 
 TEST(Masks, TheBlackSurroundOfALensIsFound) {
@@ -96,8 +105,9 @@ TEST(Masks, TheBlackSurroundOfALensIsFound) {
   EXPECT_GE(result.frames_tracked, 34);
   EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
-  for (const geometry::Vec2& pixel : host_pixels(sequence.calibration.camera, result))
-    EXPECT_LT(std::hypot(pixel.x() - 149.5, pixel.y() - 119.5), 121.0);
+  const std::vector<geometry::Vec2> pixels = host_pixels(sequence.calibration.camera, result);
+  ASSERT_FALSE(pixels.empty());
+  for (const geometry::Vec2& pixel : pixels) EXPECT_LT(std::hypot(pixel.x() - 149.5, pixel.y() - 119.5), 121.0);
 }
 
 TEST(Masks, CloudsAreNotInTheMap) {

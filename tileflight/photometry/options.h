@@ -45,7 +45,7 @@ struct TrackingOptions {
 };
 
 /// Depth search for immature points along their epipolar curves (tracer.h); DSO, section 3.2. All but `slack_px`
-/// (chosen by hand) have the values of DSO's implementation.
+/// (chosen by hand) have the values of DSO's implementation, which multiplies the outlier energy by 1.2 here.
 struct TracingOptions {
   double max_search_share = 0.027;          ///< longest search in pixels, as a share of width + height
   double slack_px = 2.0;                    ///< search interval below which a point is not traced any more

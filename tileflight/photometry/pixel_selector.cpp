@@ -11,9 +11,10 @@
 namespace tileflight::photometry {
 namespace {
 
-constexpr int kRegion = 32;                ///< edge of a region with a common threshold, pixels; 32, 0.75 and the 3x3
-                                           ///< smoothing as in DSO's implementation
-constexpr float kScaleDownweight = 0.75F;  ///< factor on the threshold (gradient, not squared) per coarser scale
+constexpr int kRegion = 32;                ///< edge of a region with a common threshold, pixels; 32 and the mean over
+                                           ///< 3x3 regions as in DSO's implementation
+constexpr float kScaleDownweight = 0.75F;  ///< factor on the gradient threshold per coarser scale. In DSO's
+                                           ///< implementation 0.75 and 0.75^3 are factors on the squared threshold
 constexpr int kHistogramBins = 64;         ///< each one grey value per pixel wide; the last one takes all above
 
 /// Squared gradient threshold of each region, row by row.

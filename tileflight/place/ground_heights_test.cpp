@@ -63,6 +63,7 @@ TEST_F(GroundHeightsTest, ReadOnlyTheTilesThatTheLineGoesThrough) {
 
 TEST_F(GroundHeightsTest, BesideThePlaceThereIsNoSurface) {
   const json found = ask({parse_local_query("41,0"), parse_local_query("-1e6,3")});
+  ASSERT_EQ(found["points"].size(), 2U);
   for (const json& point : found["points"]) {
     EXPECT_TRUE(point["highest"].is_null());
     EXPECT_TRUE(point["lowest"].is_null());

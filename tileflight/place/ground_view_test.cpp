@@ -17,6 +17,7 @@ namespace {
 using geometry::Box3;
 using geometry::Vec3;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 using tests::TinyPlace;
 
 constexpr std::uintmax_t kPlenty = 1'000'000'000;
@@ -77,7 +78,8 @@ TEST_F(GroundViewTest, LittleMemoryIsQuartersOfTheSamePicture) {
   EXPECT_TRUE(coarse.is_coarser);
   EXPECT_THAT(ground_view_warnings(coarse), testing::ElementsAre(HasSubstr("coarser tiles")));
   EXPECT_NEAR(coarse.image.height_m(100, 100), TinyPlace::height(0, 0), 1.5);
-  EXPECT_THROW(look(1000), tiles::MemoryLimitExceeded);
+  EXPECT_THAT([&] { look(1000); },
+              ThrowsMessage<tiles::MemoryLimitExceeded>(HasSubstr("a single tile takes more memory than is allowed")));
 }
 
 TEST_F(GroundViewTest, AMissingTileIsMarkedAndTold) {

@@ -19,7 +19,7 @@ struct Place {
       : grid{-pixel_m * width / 2, pixel_m * height / 2, pixel_m, width, height},
         heights_m(width, height, std::nanf("")) {}
 
-  /// Surface of one height in a box of the ground.
+  /// Adds a surface of constant height in a rectangle of the ground.
   void add(double west, double south, double east, double north, float height_m) {
     for (int y = 0; y < grid.height; ++y) {
       for (int x = 0; x < grid.width; ++x) {
@@ -31,7 +31,7 @@ struct Place {
   ProposedRegion proposed() const { return propose_region(grid, heights_m).value(); }
 };
 
-TEST(ProposedRegion, IsTheSurfacesOwnBoxWithAMargin) {
+TEST(ProposeRegion, IsTheSurfacesOwnBoxWithAMargin) {
   Place place(1.0, 400, 300);
   place.add(-60, -40, 100, 80, 10.0F);
   place.add(-60, -40, 0, 80, 40.0F);
@@ -46,7 +46,7 @@ TEST(ProposedRegion, IsTheSurfacesOwnBoxWithAMargin) {
   EXPECT_GT(p.surface_share, 0.98);
 }
 
-TEST(ProposedRegion, LeavesOutStrayPieces) {
+TEST(ProposeRegion, LeavesOutStrayPieces) {
   Place place(1.0, 1000, 1000);
   place.add(-100, -100, 100, 100, 5.0F);
   place.add(450, 450, 455, 455, 500.0F);
@@ -56,7 +56,7 @@ TEST(ProposedRegion, LeavesOutStrayPieces) {
   EXPECT_LT(p.size.z(), 20) << "nor their heights";
 }
 
-TEST(ProposedRegion, OfACityIsWhereMostOfItIs) {
+TEST(ProposeRegion, OfACityIsWhereMostOfItIs) {
   Place place(4.0, 1000, 700);  // 4 km x 2.8 km
   place.add(-1990, -1390, 1990, 1390, 0.0F);
   ProposedRegion p = place.proposed();
@@ -73,7 +73,7 @@ TEST(ProposedRegion, OfACityIsWhereMostOfItIs) {
   EXPECT_NEAR(p.center.y(), 800, 70);
 }
 
-TEST(ProposedRegion, OfAStatueIsFine) {
+TEST(ProposeRegion, OfAStatueIsFine) {
   Place place(0.02, 500, 500);
   place.add(-1.5, -1, 1.5, 1, 2.0F);
   place.add(-0.2, -0.2, 0.2, 0.2, 20.0F);
@@ -82,12 +82,12 @@ TEST(ProposedRegion, OfAStatueIsFine) {
   EXPECT_NEAR(p.size.x(), 3, 0.21);
 }
 
-TEST(ProposedRegion, OfNothingIsNone) {
+TEST(ProposeRegion, OfNothingIsNone) {
   const Place empty(1.0, 20, 20);
   EXPECT_FALSE(propose_region(empty.grid, empty.heights_m));
 }
 
-TEST(ProposedRegion, IsAskedForByOptions) {
+TEST(ProposeRegion, IsAskedForByOptions) {
   const ProposedRegion p{.center = {12.5, -3, 100}, .size = {250, 240.5, 60}, .voxel_m = 0.05, .surface_share = 1.0};
   EXPECT_EQ(to_cli_options(p, std::nullopt), "--center-local 12.5,-3,100 --size 250,240.5,60 --voxel 0.05");
   const geometry::LocalFrame frame({35.310344, -80.740007, {190.0}});

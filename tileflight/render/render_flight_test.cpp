@@ -240,13 +240,8 @@ TEST(RenderFlight, ProgressCountsUpAndErrorsOfTheSinkComeThrough) {
       });
   EXPECT_THAT(seen, ElementsAre(1, 2, 3, 4, 5));
   const FrameSink full_disk = [](auto&&...) { throw std::runtime_error("no space left"); };
-  std::string fault;
-  try {
-    render_flight(scene, camera, flight_over_hills(5), {}, {}, full_disk);
-  } catch (const std::runtime_error& error) {
-    fault = error.what();
-  }
-  EXPECT_EQ(fault, "no space left");
+  EXPECT_THAT([&] { render_flight(scene, camera, flight_over_hills(5), {}, {}, full_disk); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("no space left")));
 }
 
 TEST(RenderFlight, RefusesNothingToDoAndOptionsOutOfRange) {

@@ -3,11 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_group.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
 #include <random>
+#include <stdexcept>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/packets.h"
@@ -259,6 +263,33 @@ TEST(Scene, TheSameHitsWhateverTheNumberOfThreadsThatBuiltIt) {
   };
   const auto reference = answers(1);
   for (const std::size_t threads : {2U, 2U, 3U}) EXPECT_EQ(answers(threads), reference) << threads << " threads";
+}
+
+/// Runs `work` as the task of an algorithm and overwrites the memory of the algorithm's context afterwards.
+template <class Work>
+void run_in_algorithm_that_ends(const Work& work) {
+  alignas(tbb::task_group_context) static std::byte memory[sizeof(tbb::task_group_context)];
+  auto* context = new (memory) tbb::task_group_context;
+  tbb::parallel_for(
+      0, 1, [&](int) { work(); }, tbb::simple_partitioner(), *context);
+  context->~task_group_context();
+  std::memset(memory, 0x48, sizeof memory);
+}
+
+// A cancellation visits the parents of all task contexts, so a tree must keep none of an algorithm that is gone.
+TEST(Scene, TreesBuiltWithinAnAlgorithmDoNotKeepItsContext) {
+  const Scene scene({height_field(60, 100.0, Vec3::Zero())});
+  run_in_algorithm_that_ends([&] {
+    scene.build_ray_tree();
+    scene.build_beam_tree();
+  });
+  const auto fail = [] {
+    tbb::parallel_for(0, 1, [](int) {
+      tbb::parallel_for(0, 1, [](int) {});  // only a context with children visits the others
+      throw std::runtime_error("no space left");
+    });
+  };
+  EXPECT_THAT(fail, testing::ThrowsMessage<std::runtime_error>("no space left"));
 }
 
 TEST(Scene, MergedKeepsEveryTriangle) {

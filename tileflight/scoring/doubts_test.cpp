@@ -13,6 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 class DoubtsOfAFlight : public testing::Test {
  protected:
@@ -55,7 +56,8 @@ TEST_F(DoubtsOfAFlight, ATruthWithoutItsTiles) {
 
 TEST_F(DoubtsOfAFlight, AListThatIsNoneIsAnError) {
   write("transform.json", R"({"doubts": [{"what": 3}]})");
-  EXPECT_THROW(read_doubts(folder_.path() / "transform.json"), InputError);
+  EXPECT_THAT([&] { read_doubts(folder_.path() / "transform.json"); },
+              ThrowsMessage<InputError>(HasSubstr("transform.json: key 'doubts.what' must be text")));
 }
 
 TEST_F(DoubtsOfAFlight, TheSameTwiceStandsOnceAndAFlightsBearItsName) {

@@ -1,5 +1,6 @@
 #include "tileflight/scoring/flight_evidence.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -12,6 +13,8 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 dataset::Dataset frames_at(const std::vector<double>& times_s) {
   dataset::Dataset dataset;
@@ -44,7 +47,8 @@ TEST(FlightEvidence, HasThePicturesThatHaveAPose) {
   ASSERT_EQ(evidence.pictures.T_map_camera.size(), 3U);  // at 0, 0.5 and 1 s
   EXPECT_EQ(evidence.pictures.T_map_camera[1].translation, Vec3(0.5, 0.0, 10.0));
   EXPECT_EQ(evidence.points.size(), 500U);
-  EXPECT_THROW(evidence.pictures.picture(0), InputError);  // only now is the file read
+  EXPECT_THAT([&] { evidence.pictures.picture(0); },
+              ThrowsMessage<InputError>(HasSubstr("absent.png: cannot be opened")));  // only now is the file read
 }
 
 TEST(FlightEvidence, UpIsGivenElseThePathsElseAcrossTheGround) {
@@ -56,14 +60,14 @@ TEST(FlightEvidence, UpIsGivenElseThePathsElseAcrossTheGround) {
   const auto by_path = make_flight_evidence(dataset, path_of(5, 0.3), geometry::PointCloud());
   ASSERT_EQ(by_path.up_candidates.size(), 1U);
   EXPECT_LT((by_path.up_candidates[0] - Vec3::UnitZ()).norm(), 1e-9);
-  const auto by_ground = make_flight_evidence(dataset, path_of(5, 0.0), ground());  // a straight path does not tell
+  const auto by_ground = make_flight_evidence(dataset, path_of(5, 0.0), ground());  // a straight path is ambiguous
   ASSERT_FALSE(by_ground.up_candidates.empty());
   EXPECT_GT(by_ground.up_candidates[0].z(), 0.9999);
   EXPECT_TRUE(make_flight_evidence(dataset, path_of(5, 0.0), geometry::PointCloud()).up_candidates.empty());
 }
 
 TEST(FlightEvidence, AnInertialUnitsUpIsFirstButNotAlone) {
-  // Its axes may be stated wrongly; what it says rightly is not looked for twice.
+  // The IMU's axes may be stated wrongly, so others are tried too; a correct direction is not tried twice.
   const dataset::Dataset dataset = frames_at({0.0, 0.5, 1.0, 1.5, 2.0});
   const auto wrong =
       make_flight_evidence(dataset, path_of(5, 0.3), ground(), registration::UpDirection{Vec3::UnitX(), 0.01});

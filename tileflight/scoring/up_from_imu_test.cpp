@@ -1,5 +1,6 @@
 #include "tileflight/scoring/up_from_imu.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <numbers>
@@ -14,6 +15,8 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
 /// A camera that looks 40 degrees down and flies straight on, in a map whose up is y, 0.1 units a metre.
 class UpByInertialUnit : public testing::Test {
@@ -23,7 +26,7 @@ class UpByInertialUnit : public testing::Test {
     dataset_.folder = folder_.path();
   }
 
-  /// At rest in the axes that R_cam_imu takes to the camera's.
+  /// IMU readings at rest, in the axes that R_cam_imu maps to the camera's.
   void write_imu(const Eigen::Quaterniond& R_cam_imu) {
     std::vector<dataset::ImuReading> readings;
     const Vec3 force = R_cam_imu.conjugate() * (R_map_camera_.conjugate() * Vec3(0.0, 9.81, 0.0));
@@ -50,8 +53,9 @@ TEST_F(UpByInertialUnit, ReadingsAreTurnedIntoTheCamerasAxes) {
 TEST_F(UpByInertialUnit, NoFileIsNoUpAndABrokenOneIsSaid) {
   EXPECT_FALSE(up_from_imu(dataset_, path_));
   base::write_file(folder_ / "imu.csv", "1,2,3\n");
-  EXPECT_THROW(up_from_imu(dataset_, path_), InputError);
-  EXPECT_FALSE(up_from_imu(dataset_, {}));  // nothing to turn them by
+  EXPECT_THAT([&] { up_from_imu(dataset_, path_); },
+              ThrowsMessage<InputError>(HasSubstr("expected a time and 6 numbers, found 3 fields")));
+  EXPECT_FALSE(up_from_imu(dataset_, {}));  // no rotation known
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ std::vector<std::string> keys(const msgpack::object& map) {
 
 using Map = std::map<std::string, double>;
 
-/// The number of arguments that AirSim's clients send with each method; `-1`: whatever the number, without effect or
+/// The number of arguments that AirSim's clients send with each method; `-1`: any number, accepted without effect or
 /// refused.
 const std::map<std::string, int> kArguments{{"ping", 0},
                                             {"getServerVersion", 0},

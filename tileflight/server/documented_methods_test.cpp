@@ -32,7 +32,7 @@ std::vector<std::string> cells_of(const std::string& line) {
   return cells;
 }
 
-/// From "## Methods" on, up to the next heading of that level.
+/// The text from "## Methods" to the next heading of that level.
 std::vector<Row> documented() {
   std::ifstream page(TILEFLIGHT_SOURCE_DIR "/docs/server.md");
   std::vector<Row> rows;

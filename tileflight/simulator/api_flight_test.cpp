@@ -44,7 +44,7 @@ std::string refusal_of(const Call& call) {
   return "no refusal";
 }
 
-TEST(Flying, AVehicleStandsOnTheGroundAndTakesOffTwoMetres) {
+TEST(ApiFlight, AVehicleStandsOnTheGroundAndTakesOffTwoMetres) {
   const auto world = ready();
   const float standing = position(*world).z_val;
   EXPECT_NEAR(standing, -0.35, 0.01);
@@ -52,14 +52,16 @@ TEST(Flying, AVehicleStandsOnTheGroundAndTakesOffTwoMetres) {
   EXPECT_TRUE(world->takeoff(20, ""));
   EXPECT_NEAR(position(*world).z_val, standing - 2.0, 0.15);
   EXPECT_EQ(world->get_multirotor_state("").landed_state, 1);
-  for (const RotorParameters& rotor : world->get_rotor_states("").rotors)
+  const std::vector<RotorParameters> rotors = world->get_rotor_states("").rotors;
+  ASSERT_EQ(rotors.size(), 4U);
+  for (const RotorParameters& rotor : rotors)
     EXPECT_NEAR(rotor.thrust, 9.80665 / 4, 0.5) << "four rotors carry a kilogram";
   EXPECT_TRUE(world->land(60, ""));
   EXPECT_NEAR(position(*world).z_val, standing, 0.03);
   EXPECT_EQ(world->get_multirotor_state("").landed_state, 0);
 }
 
-TEST(Flying, MovesEndNearTheGoalInNed) {
+TEST(ApiFlight, MovesEndNearTheGoalInNed) {
   const auto world = ready();
   EXPECT_TRUE(move_to(*world, 8, -6, -10));
   EXPECT_LT(off_m(*world, 8, -6, -10), 0.5);
@@ -72,7 +74,7 @@ TEST(Flying, MovesEndNearTheGoalInNed) {
   EXPECT_FALSE(world->sim_get_collision_info("").has_collided);
 }
 
-TEST(Flying, VelocitiesAreOfTheWorldOrOfTheBody) {
+TEST(ApiFlight, VelocitiesAreOfTheWorldOrOfTheBody) {
   const auto world = ready();
   move_to(*world, 0, 0, -10);
   EXPECT_TRUE(world->move_by_velocity(3, 0, 0, 2, 0, kKeep, ""));
@@ -89,7 +91,7 @@ TEST(Flying, VelocitiesAreOfTheWorldOrOfTheBody) {
   EXPECT_FALSE(world->move_by_velocity_z(1, 0, -5, 0, 0, kKeep, "")) << "as AirSim";
 }
 
-TEST(Flying, YawRatesTurnClockwise) {
+TEST(ApiFlight, YawRatesTurnClockwise) {
   const auto world = ready();
   move_to(*world, 0, 0, -10);
   EXPECT_TRUE(world->rotate_by_yaw_rate(30, 2, ""));
@@ -97,13 +99,13 @@ TEST(Flying, YawRatesTurnClockwise) {
   EXPECT_GT(2 * std::atan2(q.z_val, q.w_val), 0.6);
 }
 
-TEST(Flying, ATaskThatTimesOutAnswersFalse) {
+TEST(ApiFlight, ATaskThatTimesOutAnswersFalse) {
   const auto world = ready();
   EXPECT_FALSE(world->takeoff(0, ""));
   EXPECT_FALSE(world->move_to_position(15, 0, -10, 1, 0.5, 0, kKeep, -1, 1, ""));
 }
 
-TEST(Flying, CancelAndAnyNewTaskEndTheRunningOne) {
+TEST(ApiFlight, CancelAndAnyNewTaskEndTheRunningOne) {
   const auto world = ready(R"({"SimMode": "Multirotor", "ClockSpeed": 20})");
   const auto fly_far = [&] { return move_to(*world, -150, 0, -10, 1); };
   for (const bool by_cancel : {true, false}) {
@@ -123,7 +125,7 @@ TEST(Flying, CancelAndAnyNewTaskEndTheRunningOne) {
   EXPECT_FALSE(world->takeoff(20, ""));
 }
 
-TEST(Flying, WithoutApiControlOrArmedNothingMoves) {
+TEST(ApiFlight, WithoutApiControlOrArmedNothingMoves) {
   const auto world = simulator(kMultirotor);
   EXPECT_FALSE(world->takeoff(20, ""));
   EXPECT_THAT(refusal_of([&] { world->arm_disarm(true, ""); }), HasSubstr("API control"));
@@ -138,7 +140,7 @@ TEST(Flying, WithoutApiControlOrArmedNothingMoves) {
   EXPECT_FALSE(world->takeoff(20, ""));
 }
 
-TEST(Flying, AWallInTheWayIsACollision) {
+TEST(ApiFlight, AWallInTheWayIsACollision) {
   const auto world = ready();
   move_to(*world, 0, 0, -10);
   world->move_by_velocity(8, 0, 0, 4, 0, kKeep, "");
@@ -148,7 +150,7 @@ TEST(Flying, AWallInTheWayIsACollision) {
   EXPECT_LT(position(*world).x_val, kWallNorth_m);
 }
 
-TEST(Flying, TheSameCommandsGiveTheSameFlightToTheLastBit) {
+TEST(ApiFlight, TheSameCommandsGiveTheSameFlightToTheLastBit) {
   const auto flown = [] {
     const auto world = ready();
     world->takeoff(20, "");
@@ -162,7 +164,7 @@ TEST(Flying, TheSameCommandsGiveTheSameFlightToTheLastBit) {
   EXPECT_EQ(a.kinematics_estimated.orientation.y_val, b.kinematics_estimated.orientation.y_val);
 }
 
-TEST(Flying, AVehicleStaysWhereItIsPutAndFliesOnFromThere) {
+TEST(ApiFlight, AVehicleStaysWhereItIsPutAndFliesOnFromThere) {
   const auto world = ready();
   world->sim_set_vehicle_pose({{3, 4, -9}, {0.9F, 0.1F, 0.1F, 0.1F}}, true, "");
   EXPECT_FLOAT_EQ(position(*world).x_val, 3.0F) << "at once";
@@ -173,8 +175,8 @@ TEST(Flying, AVehicleStaysWhereItIsPutAndFliesOnFromThere) {
   EXPECT_LT(off_m(*world, 3, 8, -9), 0.5);
 }
 
-/// Angles are of a body with y to the right and z down: nose down flies ahead, the right side down to the right.
-TEST(Flying, AnglesAndRatesAreOfTheBody) {
+/// Angles are those of a body with y right and z down: nose down flies forward, right side down flies right.
+TEST(ApiFlight, AnglesAndRatesAreOfTheBody) {
   const auto world = ready();
   const auto reset = [&] { world->sim_set_vehicle_pose(pose(0, 0, -10), true, ""); };
   reset();
@@ -197,8 +199,8 @@ TEST(Flying, AnglesAndRatesAreOfTheBody) {
   EXPECT_THAT(refusal_of([&] { world->move_by_angle_rates_z(NAN, 0, 0, -10, 1, ""); }), HasSubstr("out of range"));
 }
 
-/// Blown to the east, it leans to the west to stay where it is.
-TEST(Flying, WindReachesAVehicleThatIsInTheAir) {
+/// With wind towards the east, the vehicle tilts west to hold its position.
+TEST(ApiFlight, WindReachesAVehicleThatIsInTheAir) {
   const auto world = ready();
   move_to(*world, 0, 0, -10);
   const auto lean_after_a_while = [&] {
@@ -213,7 +215,7 @@ TEST(Flying, WindReachesAVehicleThatIsInTheAir) {
   EXPECT_NEAR(lean_after_a_while(), 0.0, 0.003);
 }
 
-TEST(Flying, CommandsThatCannotBeFlownAreRefused) {
+TEST(ApiFlight, CommandsThatCannotBeFlownAreRefused) {
   const auto world = ready();
   const auto path = [&](float velocity, float lookahead, int drivetrain, float x) {
     return refusal_of([&] { world->move_to_position(x, 0, -5, velocity, 10, drivetrain, kKeep, lookahead, 1, ""); });
@@ -229,7 +231,7 @@ TEST(Flying, CommandsThatCannotBeFlownAreRefused) {
   EXPECT_THAT(refusal_of([&] { still->takeoff(20, ""); }), testing::StartsWith("Vehicle API for 'ComputerVision'"));
 }
 
-TEST(Flying, SeveralVehiclesHaveTheirOwnOrigins) {
+TEST(ApiFlight, SeveralVehiclesHaveTheirOwnOrigins) {
   const auto world = simulator(
       R"({"StepOnDemand": true, "Vehicles": {"A": {"X": 0}, "B": {"X": 5, "Y": -5, "DefaultVehicleState": "Armed"}}})");
   EXPECT_THAT(world->list_vehicles(), testing::ElementsAre("A", "B"));

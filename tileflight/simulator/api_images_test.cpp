@@ -43,7 +43,7 @@ std::string refusal_of(const Call& call) {
   return "no refusal";
 }
 
-TEST(Pictures, DepthOfAWallAheadIsItsDistanceAndItsRangeThatOverTheCosine) {
+TEST(ApiImages, DepthOfAWallAheadIsItsDistanceAndItsRangeThatOverTheCosine) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   const auto images =
@@ -60,7 +60,7 @@ TEST(Pictures, DepthOfAWallAheadIsItsDistanceAndItsRangeThatOverTheCosine) {
   }
 }
 
-TEST(Pictures, MovingNorthInNedComesNearerToTheWall) {
+TEST(ApiImages, MovingNorthInNedComesNearerToTheWall) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(12.5F, 0, -10), true, "");
   const ImageResponse depth = take(*world, kDepth, true);
@@ -69,7 +69,7 @@ TEST(Pictures, MovingNorthInNedComesNearerToTheWall) {
   EXPECT_FLOAT_EQ(depth.camera_position.z_val, -10.0F);
 }
 
-TEST(Pictures, YawTurnsClockwiseFromNorthToEast) {
+TEST(ApiImages, YawTurnsClockwiseFromNorthToEast) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");
   EXPECT_NEAR(at(take(*world, kDepth, true), 100, 60), kWallEast_m, 1e-4);
@@ -78,7 +78,7 @@ TEST(Pictures, YawTurnsClockwiseFromNorthToEast) {
   EXPECT_NEAR(at(take(*world, kDepth, true, "4"), 128, 72), kWallNorth_m, 1e-4) << "the camera behind looks back";
 }
 
-TEST(Pictures, SkyIsALargeFiniteDistance) {
+TEST(ApiImages, SkyIsALargeFiniteDistance) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -100), true, "");
   for (const int type : {kDepth, kRange}) EXPECT_FLOAT_EQ(at(take(*world, type, true), 128, 5), 65504.0F);
@@ -86,7 +86,7 @@ TEST(Pictures, SkyIsALargeFiniteDistance) {
   EXPECT_FLOAT_EQ(at(take(*world, kDisparity, true), 128, 5), 0.0F);
 }
 
-TEST(Pictures, DepthVisAndDisparityFollowFromDepth) {
+TEST(ApiImages, DepthVisAndDisparityFollowFromDepth) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_NEAR(at(take(*world, kDepthVis, true), 128, 72), 0.2, 1e-5);
@@ -94,7 +94,7 @@ TEST(Pictures, DepthVisAndDisparityFollowFromDepth) {
   EXPECT_EQ(bgr_at(take(*world, kDepth, false), 128, 72)[0], 255) << "metres as a share of white saturate";
 }
 
-TEST(Pictures, RawPixelsAreBlueGreenRedAndPngHasTheSameColoursWithAlpha) {
+TEST(ApiImages, RawPixelsAreBlueGreenRedAndPngHasTheSameColoursWithAlpha) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   const ImageResponse raw = take(*world, 0, false);
@@ -116,7 +116,7 @@ TEST(Pictures, RawPixelsAreBlueGreenRedAndPngHasTheSameColoursWithAlpha) {
   EXPECT_NEAR(at(take(*world, 0, true), 128, 72), kWallColour[0] / 255.0, 1e-6) << "as numbers: red";
 }
 
-TEST(Pictures, TheFirstRowIsTheTop) {
+TEST(ApiImages, TheFirstRowIsTheTop) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(-100, 0, -5), true, "");
   const ImageResponse depth = take(*world, kDepth, true);
@@ -124,7 +124,7 @@ TEST(Pictures, TheFirstRowIsTheTop) {
   EXPECT_LT(at(depth, 128, 143), 20.0F);
 }
 
-TEST(Pictures, SegmentationColoursAndInfraredFollowTheIds) {
+TEST(ApiImages, SegmentationColoursAndInfraredFollowTheIds) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_TRUE(world->sim_set_segmentation_object_id("NORTH.*", 7, true)) << "patterns have no case";
@@ -138,14 +138,14 @@ TEST(Pictures, SegmentationColoursAndInfraredFollowTheIds) {
   EXPECT_THAT(world->sim_list_scene_objects(".* wall"), testing::ElementsAre("east wall", "north wall"));
 }
 
-TEST(Pictures, NormalsAreUnrealsWorldAxes) {
+TEST(ApiImages, NormalsAreUnrealsWorldAxes) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_EQ(bgr_at(take(*world, kNormals, false), 128, 72), (std::array<int, 3>{128, 128, 0})) << "faces south";
   EXPECT_EQ(bgr_at(take(*world, kNormals, false, "3"), 128, 72), (std::array<int, 3>{255, 128, 128})) << "faces up";
 }
 
-TEST(Pictures, FlowIsFromThePictureBefore) {
+TEST(ApiImages, FlowIsFromThePictureBefore) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_FLOAT_EQ(at(take(*world, kFlow, true), 128, 72), 0.0F);
@@ -154,7 +154,7 @@ TEST(Pictures, FlowIsFromThePictureBefore) {
       << "the wall moves left as the camera goes right";
 }
 
-TEST(Pictures, FieldOfViewChangesAtOnceAndCameraInfoTellsIt) {
+TEST(ApiImages, FieldOfViewChangesAtOnceAndCameraInfoTellsIt) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   world->sim_set_camera_fov("0", 60.0F, "", false);
@@ -164,7 +164,7 @@ TEST(Pictures, FieldOfViewChangesAtOnceAndCameraInfoTellsIt) {
   EXPECT_FLOAT_EQ(world->sim_get_camera_info("0", "", false).fov, 60.0F);
 }
 
-TEST(Pictures, CameraPosesAreRelativeToTheBody) {
+TEST(ApiImages, CameraPosesAreRelativeToTheBody) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");
   world->sim_set_camera_pose("0", pose(3, 0, 0, -pi / 2), "", false);
@@ -174,7 +174,7 @@ TEST(Pictures, CameraPosesAreRelativeToTheBody) {
   EXPECT_NEAR(at(take(*world, kDepth, true), 128, 72), 20.0, 1e-4);
 }
 
-TEST(Pictures, DistortionIsEachCamerasOwn) {
+TEST(ApiImages, DistortionIsEachCamerasOwn) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   world->sim_set_distortion_param("0", "K1", -0.2F, "", false);
@@ -190,7 +190,7 @@ TEST(Pictures, DistortionIsEachCamerasOwn) {
   EXPECT_THAT(refusal_of([&] { world->sim_set_distortion_param("0", "K9", 0, "", false); }), HasSubstr("K1, K2"));
 }
 
-TEST(Pictures, AFisheyeSeesBehindItself) {
+TEST(ApiImages, AFisheyeSeesBehindItself) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   world->tf_set_lens("0", {"fisheye", 300, 300, 220.0F, {}, {}}, "", false);
@@ -200,7 +200,7 @@ TEST(Pictures, AFisheyeSeesBehindItself) {
   EXPECT_LT(at(depth, 150, 297), 0.0F) << "the ground below and behind";
 }
 
-TEST(Pictures, ImageAndPoseAreOfTheSameMomentOfTheSimulation) {
+TEST(ApiImages, ImageAndPoseAreOfTheSameMomentOfTheSimulation) {
   const auto world = simulator(kComputerVision);
   const std::uint64_t start = take(*world, 0, false).time_stamp;
   EXPECT_EQ(take(*world, 0, false).time_stamp, start) << "on demand, time stands still";
@@ -209,13 +209,13 @@ TEST(Pictures, ImageAndPoseAreOfTheSameMomentOfTheSimulation) {
   EXPECT_TRUE(world->sim_is_paused());
 }
 
-TEST(Pictures, ExternalCamerasStandInTheWorld) {
+TEST(ApiImages, ExternalCamerasStandInTheWorld) {
   const auto world = simulator(R"({"SimMode": "ComputerVision", "ExternalCameras": {"tower": {"X": 5, "Z": -10}}})");
   const ImageResponse depth = world->sim_get_images({{"tower", kDepth, true, false}}, "", true).at(0);
   EXPECT_NEAR(at(depth, 128, 72), 15.0, 1e-4);
 }
 
-TEST(Pictures, WhatIsNotThereOrBeyondReasonIsRefusedInOneLine) {
+TEST(ApiImages, WhatIsNotThereOrBeyondReasonIsRefusedInOneLine) {
   const auto world = simulator(kComputerVision);
   const auto images = [&](const std::string& camera, int type, const std::string& vehicle) {
     return refusal_of([&] { world->sim_get_images({{camera, type, false, true}}, vehicle, false); });
@@ -233,7 +233,7 @@ TEST(Pictures, WhatIsNotThereOrBeyondReasonIsRefusedInOneLine) {
               HasSubstr("8192"));
 }
 
-TEST(Pictures, NotANumberLeavesAPoseAsItIs) {
+TEST(ApiImages, NotANumberLeavesAPoseAsItIs) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(1, 2, -3, 0.5), true, "");
   world->sim_set_vehicle_pose({{NAN, 7, NAN}, {NAN, NAN, NAN, NAN}}, true, "");
@@ -243,7 +243,7 @@ TEST(Pictures, NotANumberLeavesAPoseAsItIs) {
   EXPECT_NEAR(now.orientation.z_val, std::sin(0.25), 1e-6);
 }
 
-TEST(Pictures, ASweptMoveStopsAtTheFirstThingInItsWay) {
+TEST(ApiImages, ASweptMoveStopsAtTheFirstThingInItsWay) {
   const auto world = simulator(kComputerVision);
   world->sim_set_vehicle_pose(pose(0, 0, -10), true, "");
   EXPECT_FALSE(world->sim_get_collision_info("").has_collided);
@@ -256,8 +256,8 @@ TEST(Pictures, ASweptMoveStopsAtTheFirstThingInItsWay) {
   EXPECT_FALSE(world->sim_get_collision_info("").has_collided) << "asking forgets";
 }
 
-/// AirSim's rows, for a wide and a tall picture: the longer side has the field of view.
-TEST(Cameras, ProjectionMatrixGivesThePixelsOfThePicture) {
+/// Rows of AirSim's projection matrix for a wide and a tall image: the field of view is that of the longer side.
+TEST(ApiCameras, ProjectionMatrixGivesThePixelsOfThePicture) {
   for (const auto& [width, height] : {std::pair(640, 480), std::pair(300, 500)}) {
     const std::string settings = R"({"SimMode": "ComputerVision", "StepOnDemand": true, "CameraDefaults": {
       "CaptureSettings": [{"ImageType": 0, "FOV_Degrees": 70, "Width": )" +

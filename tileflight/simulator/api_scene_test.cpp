@@ -1,6 +1,5 @@
 #include <gmock/gmock.h>
 
-#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <set>
@@ -48,7 +47,7 @@ bool touches_surface(const Box3& cell) {
          touches_shell(Box3(Vec3(-60, kWallEast_m, 0), Vec3(15, kWallEast_m + 1, 40)));
 }
 
-TEST(Surroundings, AirSimsVoxelGridIsThatOfItsCells) {
+TEST(ApiScene, AirSimsVoxelGridIsThatOfItsCells) {
   const tests::TemporaryFolder folder;
   SimulatorOptions options;
   options.output_root = folder.path();
@@ -74,7 +73,7 @@ TEST(Surroundings, AirSimsVoxelGridIsThatOfItsCells) {
   }
 }
 
-TEST(Surroundings, TheInvertedScaleIsASetting) {
+TEST(ApiScene, TheInvertedScaleIsASetting) {
   const tests::TemporaryFolder folder;
   SimulatorOptions options;
   options.output_root = folder.path();
@@ -83,7 +82,7 @@ TEST(Surroundings, TheInvertedScaleIsASetting) {
   EXPECT_THAT(read_all(folder / "a.binvox"), HasSubstr("scale 0.05\n"));
 }
 
-TEST(Surroundings, TheOwnGridIsInNedAndCentred) {
+TEST(ApiScene, TheOwnGridIsInNedAndCentred) {
   const auto world = simulator(kComputerVision);
   const VoxelGridData grid = world->tf_create_voxel_grid({18, 0, -3}, {8, 4, 6}, 0.5F);
   ASSERT_THAT(grid.dims, testing::ElementsAre(16, 8, 12));
@@ -103,7 +102,7 @@ TEST(Surroundings, TheOwnGridIsInNedAndCentred) {
   EXPECT_EQ(grid.occupied_count, count);
 }
 
-TEST(Surroundings, GridsBeyondReasonAreRefused) {
+TEST(ApiScene, GridsBeyondReasonAreRefused) {
   const tests::TemporaryFolder folder;
   SimulatorOptions options;
   options.output_root = folder.path();
@@ -124,7 +123,7 @@ TEST(Surroundings, GridsBeyondReasonAreRefused) {
               HasSubstr("cells"));
 }
 
-TEST(Surroundings, FilesAreWrittenBelowTheFolderGivenAndNowhereElse) {
+TEST(ApiScene, FilesAreWrittenBelowTheFolderGivenAndNowhereElse) {
   const tests::TemporaryFolder folder;
   const auto closed = simulator(kComputerVision);
   const auto write = [](Simulator& world, const std::string& name) {
@@ -143,15 +142,14 @@ TEST(Surroundings, FilesAreWrittenBelowTheFolderGivenAndNowhereElse) {
   EXPECT_FALSE(std::filesystem::exists(folder / "a"));
 }
 
-TEST(Surroundings, PatternsMatchWholeNamesInLinearTime) {
+TEST(ApiScene, PatternsMatchWholeNamesInLinearTime) {
   EXPECT_TRUE(NamePattern("north.*", NamePattern::Case::kHeeded).matches("north wall"));
   EXPECT_FALSE(NamePattern("north", NamePattern::Case::kHeeded).matches("north wall"));
   EXPECT_FALSE(NamePattern("NORTH.*", NamePattern::Case::kHeeded).matches("north wall"));
   EXPECT_TRUE(NamePattern("NORTH.*", NamePattern::Case::kIgnored).matches("north wall"));
-  const auto start = std::chrono::steady_clock::now();
+  // A backtracking matcher would not finish on these.
   EXPECT_FALSE(NamePattern("(a+)+$", NamePattern::Case::kHeeded).matches(std::string(5000, 'a') + "!"));
   EXPECT_FALSE(NamePattern("(a|aa)*(b|c)*d{0,50}x", NamePattern::Case::kHeeded).matches(std::string(5000, 'a')));
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
   EXPECT_THAT(refusal_of([] { NamePattern("(", NamePattern::Case::kHeeded); }), HasSubstr("regular expression"));
   EXPECT_THAT(refusal_of([] { NamePattern("(a)\\1", NamePattern::Case::kHeeded); }), HasSubstr("regular expression"));
   EXPECT_THAT(refusal_of([] { NamePattern("((((a{1000}){1000}){1000}){1000})", NamePattern::Case::kHeeded); }),
@@ -159,7 +157,7 @@ TEST(Surroundings, PatternsMatchWholeNamesInLinearTime) {
   EXPECT_THAT(refusal_of([] { NamePattern(std::string(1001, 'a'), NamePattern::Case::kHeeded); }), HasSubstr("1000"));
 }
 
-TEST(Surroundings, ThePaletteHasAirSimsColoursAndNoneTwice) {
+TEST(ApiScene, ThePaletteHasAirSimsColoursAndNoneTwice) {
   const auto& palette = segmentation_palette();
   EXPECT_EQ(palette[1], (imaging::Rgb8{153, 108, 6}));
   EXPECT_EQ(palette[2], (imaging::Rgb8{112, 105, 191}));
@@ -168,7 +166,7 @@ TEST(Surroundings, ThePaletteHasAirSimsColoursAndNoneTwice) {
   EXPECT_EQ(default_segmentation_id("Ab1"), 5 + 97 + 98);
 }
 
-TEST(Surroundings, MeshesAreInUnrealsCentimetres) {
+TEST(ApiScene, MeshesAreInUnrealsCentimetres) {
   const auto world = simulator(kComputerVision);
   const auto buffers = world->sim_get_mesh_position_vertex_buffers();
   ASSERT_EQ(buffers.size(), 3U);
@@ -186,7 +184,7 @@ TEST(Surroundings, MeshesAreInUnrealsCentimetres) {
   EXPECT_NEAR(world->sim_get_object_pose("north wall").position.x_val, 20.5, 1e-4);
 }
 
-TEST(Surroundings, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
+TEST(ApiScene, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
   const tests::TemporaryFolder folder;
   SimulatorOptions options;
   options.output_root = folder.path();
@@ -232,7 +230,7 @@ TEST(Surroundings, ARecordingKeepsItsIntervalAndItsPosesArePicturesPoses) {
   EXPECT_NEAR(T.translation.z(), 0.355, 0.01);
 }
 
-TEST(Surroundings, WhatIsNotServedSaysWhy) {
+TEST(ApiScene, WhatIsNotServedSaysWhy) {
   const auto world = simulator(kComputerVision);
   EXPECT_THAT(refusal_of([&] { world->refuse("simSetTimeOfDay"); }),
               HasSubstr("simSetTimeOfDay is not served here: light"));

@@ -11,8 +11,10 @@ namespace {
 
 using namespace test_world;
 using std::numbers::pi;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-/// Ten readings a sensor kind, whatever the mode.
+/// Ten readings of each sensor kind, in any mode.
 constexpr const char* kSensors = R"("Sensors": {
   "imu": {"SensorType": 2, "Enabled": true}, "gps": {"SensorType": 3, "Enabled": true},
   "barometer": {"SensorType": 1, "Enabled": true}, "magnetometer": {"SensorType": 4, "Enabled": true},
@@ -28,7 +30,7 @@ std::unique_ptr<Simulator> seeing() {
                    std::string(kSensors) + "}}}");
 }
 
-TEST(Sensing, AnImuAtRestFeelsGravityUpwards) {
+TEST(ApiSensors, AnImuAtRestFeelsGravityUpwards) {
   const auto world = seeing();
   world->sim_set_vehicle_pose(pose(0, 0, -10, pi / 2), true, "");
   const ImuData imu = world->get_imu_data("", "");
@@ -38,7 +40,7 @@ TEST(Sensing, AnImuAtRestFeelsGravityUpwards) {
   EXPECT_NEAR(imu.orientation.z_val, std::sin(pi / 4), 1e-6);
 }
 
-TEST(Sensing, PlaceAndPressureAreThoseOfTheOrigin) {
+TEST(ApiSensors, PlaceAndPressureAreThoseOfTheOrigin) {
   const auto world = seeing();
   world->sim_set_vehicle_pose(pose(100, 0, -10), true, "");
   const GpsData gps = world->get_gps_data("", "");
@@ -56,7 +58,7 @@ TEST(Sensing, PlaceAndPressureAreThoseOfTheOrigin) {
   EXPECT_NEAR(own.heading, 0.0, 1e-4);
 }
 
-TEST(Sensing, TheMagnetometerTurnsWithTheBody) {
+TEST(ApiSensors, TheMagnetometerTurnsWithTheBody) {
   const auto world = seeing();
   const Vector3r north = world->get_magnetometer_data("", "").magnetic_field_body;
   world->sim_set_vehicle_pose(pose(0, 0, 0, pi / 2), true, "");
@@ -66,7 +68,7 @@ TEST(Sensing, TheMagnetometerTurnsWithTheBody) {
   EXPECT_NEAR(east.x_val, north.y_val, 0.05);
 }
 
-TEST(Sensing, TheDistanceSensorMeasuresTheHeight) {
+TEST(ApiSensors, TheDistanceSensorMeasuresTheHeight) {
   const auto world = seeing();
   world->sim_set_vehicle_pose(pose(0, 0, -12.5F), true, "");
   const DistanceSensorData data = world->get_distance_sensor_data("down", "");
@@ -76,7 +78,7 @@ TEST(Sensing, TheDistanceSensorMeasuresTheHeight) {
   EXPECT_FLOAT_EQ(world->get_distance_sensor_data("down", "").distance, 25.0F) << "out of reach";
 }
 
-TEST(Sensing, EveryPointOfAScanLiesOnASurfaceAndInBothFramesItIsTheSame) {
+TEST(ApiSensors, EveryPointOfAScanLiesOnASurfaceAndInBothFramesItIsTheSame) {
   const auto world = seeing();
   world->sim_set_vehicle_pose(pose(2, 1, -6, 0.4), true, "");
   const LidarData own = world->get_lidar_data("local", ""), all = world->get_lidar_data("world", "");
@@ -97,7 +99,7 @@ TEST(Sensing, EveryPointOfAScanLiesOnASurfaceAndInBothFramesItIsTheSame) {
   EXPECT_GT(on_wall, 100U);
 }
 
-TEST(Sensing, AScansRingsRiseAndItsFirstColumnIsAhead) {
+TEST(ApiSensors, AScansRingsRiseAndItsFirstColumnIsAhead) {
   const auto world = seeing();
   world->sim_set_vehicle_pose(pose(0, 0, -6), true, "");
   const LidarScanData scan = world->tf_lidar_scan("local", "");
@@ -119,7 +121,7 @@ TEST(Sensing, AScansRingsRiseAndItsFirstColumnIsAhead) {
   }
 }
 
-TEST(Sensing, InFlightTheGpsIsLateAndTheImuFeelsTheThrust) {
+TEST(ApiSensors, InFlightTheGpsIsLateAndTheImuFeelsTheThrust) {
   const auto world = simulator(kMultirotor);
   EXPECT_TRUE(world->get_gps_data("", "").is_valid);
   world->enable_api_control(true, "");
@@ -132,13 +134,14 @@ TEST(Sensing, InFlightTheGpsIsLateAndTheImuFeelsTheThrust) {
   EXPECT_NEAR(static_cast<double>(now.timestamp - gps.time_stamp), 0.2e9, 0.025e9);
 }
 
-TEST(Sensing, SensorsThatAreNotThereAreNamed) {
+TEST(ApiSensors, SensorsThatAreNotThereAreNamed) {
   const auto world = simulator(kComputerVision);
-  EXPECT_THROW(world->get_imu_data("", ""), std::runtime_error);
-  EXPECT_THROW(world->get_lidar_data("nope", ""), std::runtime_error);
+  EXPECT_THAT([&] { world->get_imu_data("", ""); }, ThrowsMessage<std::runtime_error>(HasSubstr("No IMU with name")));
+  EXPECT_THAT([&] { world->get_lidar_data("nope", ""); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("No lidar with name nope exist on vehicle")));
 }
 
-TEST(Sensing, LinesOfSightEndAtWalls) {
+TEST(ApiSensors, LinesOfSightEndAtWalls) {
   const auto world = seeing();
   world->sim_set_vehicle_pose(pose(0, 0, -5), true, "");
   const GeoPoint here = world->tf_geodetic_pose("").geo_point;

@@ -15,6 +15,7 @@ using namespace test_world;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::ThrowsMessage;
 
 std::vector<std::string> names_of(const std::vector<DetectionInfo>& detections) {
   std::vector<std::string> names;
@@ -135,8 +136,10 @@ TEST_F(Detections, WhatCannotBeIsRefused) {
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("there is none of that name")));
   EXPECT_THAT([&] { world_->sim_get_detections("0", 10, "", false); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("image type 10")));
-  EXPECT_THROW(world_->sim_set_detection_filter_radius("0", 0, NAN, "", false), std::runtime_error);
-  EXPECT_THROW(look_for(std::string(2000, 'x')), std::runtime_error);
+  EXPECT_THAT([&] { world_->sim_set_detection_filter_radius("0", 0, NAN, "", false); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("the radius must be from 0 to 1e9 centimetres")));
+  EXPECT_THAT([&] { look_for(std::string(2000, 'x')); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("longer than 1000 characters")));
 }
 
 }  // namespace

@@ -13,8 +13,10 @@ namespace tileflight::simulator::simulator_test {
 namespace {
 
 using namespace test_world;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 
-/// One of many calls, with numbers of which some make no sense.
+/// One of many calls, partly with invalid numbers.
 void call_something(Simulator& world, std::mt19937& random) {
   const auto number = [&] { return std::uniform_real_distribution<float>(-30.0F, 30.0F)(random); };
   const YawMode keep{true, 0.0F};
@@ -64,7 +66,7 @@ TEST(Simulator, ManyClientsAtOnceDoNotStopEachOther) {
       for (int i = 0; i < 60; ++i) call_something(*world, random);
     });
   }
-  std::thread releases([&world] {  // a pause of one client's must not hold the others for ever
+  std::thread releases([&world] {  // a pause by one client must not block the others forever
     for (int i = 0; i < 20; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       world->sim_pause(false);
@@ -79,7 +81,8 @@ TEST(Simulator, ManyClientsAtOnceDoNotStopEachOther) {
 
 TEST(Simulator, ARecordingOfTheSettingsBeginsWithTheServer) {
   const auto closed = [] { simulator(R"({"Recording": {"Enabled": true}})"); };
-  EXPECT_THROW(closed(), std::runtime_error) << "there is nowhere to write";
+  EXPECT_THAT([&] { closed(); }, ThrowsMessage<std::runtime_error>(HasSubstr("there is nowhere to record to")))
+      << "there is nowhere to write";
 }
 
 TEST(Simulator, VehiclesCanBeAdded) {

@@ -8,15 +8,15 @@
 
 #include "tileflight/simulator/simulator.h"
 
-// A world with known answers: level ground at z = 0 of the local frame, a wall whose southern face is 20 m north of the
-// origin, and one whose western face is 30 m east of it, both 40 m high.
+// A test world with known answers: level ground at z = 0 of the local frame, a wall whose southern face is 20 m north
+// of the origin, and one whose western face is 30 m east of it, both 40 m high.
 namespace tileflight::simulator::test_world {
 
 inline constexpr double kWallNorth_m = 20.0;
 inline constexpr double kWallEast_m = 30.0;
 inline constexpr imaging::Rgb8 kWallColour{200, 100, 50};
 
-/// A box of one colour; faces outwards.
+/// A box of one colour with outward-facing triangles.
 inline imaging::TexturedMesh box(const std::string& name, const geometry::Box3& bounds, const imaging::Rgb8& colour) {
   imaging::TexturedMesh mesh;
   mesh.name = name;
@@ -44,7 +44,7 @@ inline std::unique_ptr<Simulator> simulator(const std::string& settings, Simulat
   return std::make_unique<Simulator>(options, meshes());
 }
 
-/// A pose so far north, east and down that is turned clockwise from north.
+/// A pose at north, east and down, with a yaw clockwise from north.
 inline Pose pose(float north, float east, float down, double yaw_rad = 0.0) {
   const auto half = static_cast<float>(yaw_rad / 2);
   return {{north, east, down}, {std::cos(half), 0.0F, 0.0F, std::sin(half)}};

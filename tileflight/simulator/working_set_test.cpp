@@ -11,6 +11,8 @@ namespace tileflight::simulator::working_set_test {
 namespace {
 
 using geometry::Vec3;
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
 using tests::TinyPlace;
 
 class FollowingTiles : public testing::Test {
@@ -137,7 +139,11 @@ TEST_F(FollowingTiles, ARegionThatIsAskedForIsThereFromThenOn) {
   const LoadedRegion loaded = world->tf_load_region({0, 0, 0}, {80, 80, 80}, 0.0F);
   EXPECT_TRUE(loaded.complete);
   EXPECT_EQ(loaded.geometric_error_max, 0.0F);
-  EXPECT_THROW(world->tf_load_region({0, 0, 0}, {-1, 80, 80}, 0.0F), std::runtime_error);
+  EXPECT_THAT(
+      [&] {
+        world->tf_load_region({0, 0, 0}, {-1, 80, 80}, 0.0F);
+      },
+      ThrowsMessage<std::runtime_error>(HasSubstr("tfLoadRegion: the region's edges must be above 0")));
 }
 
 TEST_F(FollowingTiles, AGroundTruthOfARegionIsAFolderOfTheServers) {

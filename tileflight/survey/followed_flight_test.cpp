@@ -1,4 +1,4 @@
-// The flight that is flown again, from a scored flight's folder made by hand.
+// Repeating a scored flight, whose folder is created by hand.
 #include "tileflight/survey/followed_flight.h"
 
 #include <gmock/gmock.h>
@@ -30,7 +30,7 @@ SE3 true_pose(double t) {
           Vec3(30 * std::cos(0.2 * t), 30 * std::sin(0.2 * t), 100 + t)};
 }
 
-/// Ten a second, each off by kSigma_m along each axis.
+/// Ten poses a second, each with an error of kSigma_m along each axis.
 geometry::Trajectory measured(int count) {
   std::mt19937 random(5);
   std::normal_distribution<double> noise_m(0.0, kSigma_m);
@@ -49,9 +49,9 @@ const geometry::Sim3& T_local_map() {
   return kT;
 }
 
-class Follow : public testing::Test {
+class FollowedFlight : public testing::Test {
  protected:
-  /// The path that is flown when `poses` were found.
+  /// The path of the repeated flight if odometry estimated `poses`.
   flight::Path followed(const geometry::Trajectory& poses, const std::optional<flight::SmoothingOptions>& smoothing) {
     const auto real = folder_ / "real";
     std::filesystem::create_directories(real / "odometry");
@@ -81,7 +81,7 @@ double rms_from_truth_m(const flight::Path& path, int count) {
   return std::sqrt(squares);
 }
 
-TEST_F(Follow, WithoutSmoothingGoesThroughEveryPose) {
+TEST_F(FollowedFlight, WithoutSmoothingGoesThroughEveryPose) {
   const geometry::Trajectory poses = measured(60);
   const flight::Path path = followed(poses, std::nullopt);
   EXPECT_THAT(plan_text(), HasSubstr("smooth: none\n"));
@@ -89,10 +89,10 @@ TEST_F(Follow, WithoutSmoothingGoesThroughEveryPose) {
     EXPECT_LT((path.pose(pose.time_s).translation - pose.T_local_camera.translation).norm(), 1e-6);
     EXPECT_LT(path.pose(pose.time_s).rotation.angularDistance(pose.T_local_camera.rotation), 1e-6);
   }
-  EXPECT_NEAR(rms_from_truth_m(path, 60), kSigma_m * std::sqrt(3.0), 0.015);  // the noise, whole
+  EXPECT_NEAR(rms_from_truth_m(path, 60), kSigma_m * std::sqrt(3.0), 0.015);  // the full noise
 }
 
-TEST_F(Follow, SmoothedIsNearerToTheTruthThanThePosesAre) {
+TEST_F(FollowedFlight, SmoothedIsNearerToTheTruthThanThePosesAre) {
   const flight::Path path = followed(measured(60), flight::SmoothingOptions{});
   EXPECT_THAT(plan_text(), HasSubstr("smooth: auto\n"));
   EXPECT_LT(rms_from_truth_m(path, 60), 0.6 * kSigma_m * std::sqrt(3.0));
@@ -100,7 +100,7 @@ TEST_F(Follow, SmoothedIsNearerToTheTruthThanThePosesAre) {
   EXPECT_THAT(plan_text(), HasSubstr("smooth: 0.75\n"));
 }
 
-TEST_F(Follow, TooFewPosesAreFlownThroughOrRefused) {
+TEST_F(FollowedFlight, TooFewPosesAreFlownThroughOrRefused) {
   const geometry::Trajectory poses = measured(5);
   const flight::Path path = followed(poses, flight::SmoothingOptions{});
   EXPECT_THAT(plan_text(), HasSubstr("smooth: none\n"));

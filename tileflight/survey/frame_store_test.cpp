@@ -38,7 +38,7 @@ class ThreadRanks {
  public:
   explicit ThreadRanks(int count) : count_(count), given_(static_cast<std::size_t>(count)) {}
 
-  /// `work(ranks)` by each of them.
+  /// Runs `work(ranks)` on each of them.
   template <class Work>
   void run(const Work& work) {
     std::vector<std::thread> threads;
@@ -170,7 +170,7 @@ TEST(KeptFrames, TellWhichRanksEndedAndWhatIsMissing) {
   second.reset();
   EXPECT_THAT(first.describe_state(8), HasSubstr("rank 1 of 3 died; 3 of 8 frames"));
   EXPECT_THAT(first.describe_state(8), HasSubstr("missing: 2, 3 and 5 to 7;"));
-  EXPECT_EQ(third.describe_state(8), "");  // the first one says it
+  EXPECT_EQ(third.describe_state(8), "");  // the first rank reports it
 }
 
 TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
@@ -197,7 +197,7 @@ TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
         EXPECT_EQ(rank_of[i], -1);
         rank_of[i] = rank.rank();
       }
-      if (i == 9) continue;  // fails at it
+      if (i == 9) continue;  // fails at this frame
       render::FlightFrame frame;
       frame.index = i;
       frame.exposure_ms = static_cast<double>(i);

@@ -41,7 +41,7 @@ sensors::SensorSuite suite() {
 
 SensorRecorder files() { return {suite(), flight::path_through_poses(frames()), frames()}; }
 
-TEST(SensorFiles, AFlightInPartsGivesTheSameFiles) {
+TEST(SensorRecorder, AFlightInPartsGivesTheSameFiles) {
   const tests::TemporaryFolder folder;
   const scene::Scene scene = ground();
   fs::create_directories(folder / "whole");
@@ -64,7 +64,7 @@ TEST(SensorFiles, AFlightInPartsGivesTheSameFiles) {
   EXPECT_EQ(whole.description().at("sensors.lidar.scans"), "12");
 }
 
-TEST(SensorFiles, TimesAreTheDatasetsClock) {
+TEST(SensorRecorder, TimesAreTheDatasetsClock) {
   const tests::TemporaryFolder folder;
   SensorRecorder sensors = files();
   sensors.record(ground(), {}, 0, 21, folder / ".");
@@ -74,7 +74,7 @@ TEST(SensorFiles, TimesAreTheDatasetsClock) {
   EXPECT_NEAR(geometry::read_tum(folder / "lidar/poses.txt").poses.at(3).time_s, 0.5, 1e-9);
 }
 
-TEST(SensorFiles, OnTheEarthTheFieldAndTheHeightAreTheEarths) {
+TEST(SensorRecorder, OnTheEarthTheFieldAndTheHeightAreTheEarths) {
   const tests::TemporaryFolder folder;
   sensors::SensorSuite suite;
   suite.magnetometer = sensors::MagnetometerOptions{.noise_ut = 0.0};

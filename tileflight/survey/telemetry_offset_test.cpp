@@ -18,7 +18,7 @@ using geometry::Vec3;
 
 constexpr double kOffset_s = -2.35;  ///< the camera's time minus the log's
 
-/// A flight in the local frame with an even or an uneven course, its camera looking down at an angle.
+/// A flight in the local frame with a steady or an unsteady course and an oblique camera.
 struct Flown {
   bool turns = true;
 
@@ -31,7 +31,7 @@ struct Flown {
   }
 };
 
-/// What odometry makes of it: any frame, any scale, small errors.
+/// The odometry estimate: arbitrary frame and scale, small errors.
 geometry::Trajectory tracked(const Flown& flown) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal(0, 1);
@@ -101,7 +101,7 @@ TEST(TelemetryOffset, AStraightFlightDoesNotTellIt) {
   EXPECT_THAT(found.offset.reason, testing::AllOf(testing::HasSubstr("gyroscope: "), testing::HasSubstr("track: ")));
 }
 
-/// A camera that a gimbal holds still in space while the vehicle turns: the track tells what the gyroscope cannot.
+/// A gimbal keeps the camera's orientation while the vehicle turns: the track determines the offset, not the gyroscope.
 TEST(TelemetryOffset, WhereTheGyroscopeIsOfAnotherMotionTheTrackTells) {
   const Flown flown;
   flight_logs::Telemetry log = logged(flown, Knows::kTrack);
@@ -114,7 +114,7 @@ TEST(TelemetryOffset, WhereTheGyroscopeIsOfAnotherMotionTheTrackTells) {
   EXPECT_EQ(found.source, "track");
 }
 
-/// The flight's own subtitles against its true path: their stamps are the video's; the gimbal's angles tell it.
+/// The flight's own subtitles against its true path: their stamps are the video's, which the gimbal's angles confirm.
 TEST(RealTelemetryOffset, SubtitlesOfAVideoMovedInTime) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "flights/machangara-a");
   const geometry::Trajectory path = geometry::read_tum(folder / "groundtruth.txt");

@@ -22,7 +22,7 @@ flight_logs::Telemetry log_of_two(flight_logs::HeightDatum datum) {
   return log;
 }
 
-class Heights : public testing::Test {
+class TelemetryPositions : public testing::Test {
  protected:
   std::vector<dataset::GpsFix> fixes(flight_logs::HeightDatum datum) {
     return to_gps_fixes(log_of_two(datum), flight_, warnings_);
@@ -35,7 +35,7 @@ class Heights : public testing::Test {
   std::vector<std::string> warnings_;
 };
 
-TEST_F(Heights, TheDatumIsTheLogsUnlessItIsStated) {
+TEST_F(TelemetryPositions, TheDatumIsTheLogsUnlessItIsStated) {
   EXPECT_EQ(fixes(flight_logs::HeightDatum::kEllipsoid).front().position.height.m, 120);
   const double sea_level_m = fixes(flight_logs::HeightDatum::kMeanSeaLevel).front().position.height.m;
   EXPECT_NEAR(sea_level_m, 120 + 28.7068, 0.1) << "EGM96 as GeographicLib's manual of GeoidEval has it there";
@@ -44,7 +44,7 @@ TEST_F(Heights, TheDatumIsTheLogsUnlessItIsStated) {
   EXPECT_THAT(warnings_, IsEmpty());
 }
 
-TEST_F(Heights, PositionsWithoutThatHeightAreLeftOutAndCounted) {
+TEST_F(TelemetryPositions, PositionsWithoutThatHeightAreLeftOutAndCounted) {
   flight_.telemetry_height = "takeoff";
   flight_.takeoff_height_m = 100;
   const auto kept = fixes(flight_logs::HeightDatum::kUnknown);
@@ -54,7 +54,7 @@ TEST_F(Heights, PositionsWithoutThatHeightAreLeftOutAndCounted) {
   EXPECT_THAT(warnings_, ElementsAre(HasSubstr("1 positions")));
 }
 
-TEST_F(Heights, WhatIsNotKnownIsRefused) {
+TEST_F(TelemetryPositions, WhatIsNotKnownIsRefused) {
   flight_logs::Telemetry log = log_of_two(flight_logs::HeightDatum::kUnknown);
   EXPECT_THAT(refusal(log), HasSubstr("--telemetry-height"));
   flight_.telemetry_height = "takeoff";

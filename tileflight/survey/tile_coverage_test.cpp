@@ -34,12 +34,12 @@ std::vector<double> errors_of_stands(const std::string& refine_of_middle) {
   return errors;
 }
 
-TEST(StandsFor, tiles_above_stand_for_what_replaces_them) {
+TEST(StandsFor, TilesAboveStandForWhatReplacesThem) {
   EXPECT_THAT(errors_of_stands("REPLACE"), ElementsAre(0, 2, 8));
   EXPECT_THAT(errors_of_stands("ADD"), ElementsAre(0)) << "an ADD tile shows other things than its children";
 }
 
-TEST(CountPixels, by_the_nearest_stand_in_memory) {
+TEST(CountPixels, ByTheNearestStandInMemory) {
   const std::vector<std::vector<Substitute>> stands{{{2, 0.0}, {1, 2.0}, {0, 8.0}}};
   // 2 m at 100 m on 50 pixels a radian are 1 pixel; at 99 m a little more.
   const std::vector<PixelHit> frame{{0, 100.0}, {0, 99.0}, {PixelHit::kNoContent, 0.0}};
