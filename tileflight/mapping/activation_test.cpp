@@ -103,8 +103,8 @@ TEST(TryActivation, RefusesAPatchThatIsNowhereInTheOtherImages) {
   EXPECT_FALSE(try_activation(window, flight().lens.lenses[0], 1, traced_point(1, patch), flight().options.window, 1));
 }
 
-/// Pixels of the immature points that are far enough (city block, on level 1 of the newest image) from all earlier ones,
-/// which are `taken`.
+/// Pixels of the immature points that are far enough (city block, on level 1 of the newest image) from all earlier
+/// ones, which are `taken`.
 std::set<Pixel> spaced_by_brute_force(const photometry::Keyframe& keyframe, int host, double spacing,
                                       std::vector<Eigen::Vector2i>& taken) {
   std::set<Pixel> chosen;
