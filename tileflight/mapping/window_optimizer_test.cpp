@@ -264,11 +264,15 @@ TEST(UpdateEnergyThreshold, IsHalfTheConstantAndHalfOfThe70thPercentile) {
       }
     }
   }
-  for (photometry::Observation& o : window.keyframes[0].points[0].observations) o.state = ResidualState::kOutside;
-  window.keyframes[0].points[0].observations[1].raw_energy = 1e6F;
+  for (const int host : {0, 1}) {
+    for (photometry::Observation& o : window.keyframes[host].points[0].observations) {
+      o.state = ResidualState::kOutside;
+      o.raw_energy = 1e6F;
+    }
+  }
   const float others = window.keyframes[1].energy_threshold;
   update_energy_threshold(window, 2);
-  // 21 energies: at index floor(0.7 * 20) = 14 of 1, 2, 2, 3, 3, ..., 11, 11 squared is 8 squared.
+  // 20 energies: at index floor(0.7 * 19) = 13 of 2, 2, 3, 3, ..., 11, 11 squared is 8 squared.
   EXPECT_NEAR(window.keyframes[2].energy_threshold, std::pow(0.5 * 26.0 + 0.5 * 1.5 * 8.0, 2), 1e-3);
   EXPECT_EQ(window.keyframes[1].energy_threshold, others);
 }
