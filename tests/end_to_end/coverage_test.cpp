@@ -144,11 +144,14 @@ waypoints:
   EXPECT_LT(of_parts["triangles"], of_whole["triangles"]);
   for (const char* key : {"frames", "tiles", "complete", "path_length"}) EXPECT_EQ(of_parts[key], of_whole[key]) << key;
   EXPECT_EQ(of_whole["tiles"], 3);
+  int files = 0;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "whole")) {
     if (!entry.is_regular_file()) continue;
     const fs::path name = fs::relative(entry.path(), folder_ / "whole");
     EXPECT_TRUE(file_text(entry.path()) == file_text(folder_ / "parts" / name)) << name;
+    ++files;
   }
+  EXPECT_GT(files, 0);
   EXPECT_EQ(none.exit_code, 1);
   EXPECT_EQ(tests::line_count(none.err), 1) << none.err;
   EXPECT_THAT(none.err, ::testing::HasSubstr("more than 0.0003 GB of memory"));

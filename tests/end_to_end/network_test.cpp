@@ -36,7 +36,7 @@ class Network : public ::testing::Test {
   tiles::testing::TestHttpTileset place_;
 };
 
-TEST_F(Network, a_tileset_behind_a_key_is_extracted_and_the_key_is_nowhere) {
+TEST_F(Network, ATilesetBehindAKeyIsExtractedAndTheKeyIsNowhere) {
   const std::string source = place_.root() + "?key=SECRETSECRET";
   const auto result = run_tileflight(extract(source, "truth"), environment());
   ASSERT_EQ(result.exit_code, 0) << result.err;
@@ -55,7 +55,7 @@ TEST_F(Network, a_tileset_behind_a_key_is_extracted_and_the_key_is_nowhere) {
   EXPECT_THAT(inspected.out, AllOf(HasSubstr("2 files)"), Not(HasSubstr("SECRET"))));
 }
 
-TEST_F(Network, a_missing_place_is_one_line_without_the_key) {
+TEST_F(Network, AMissingPlaceIsOneLineWithoutTheKey) {
   const auto result = run_tileflight(extract(place_.url("/none.json?key=SECRETSECRET"), "truth"), environment());
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
@@ -64,7 +64,7 @@ TEST_F(Network, a_missing_place_is_one_line_without_the_key) {
   EXPECT_FALSE(fs::exists(folder_ / "truth"));
 }
 
-TEST_F(Network, what_googles_terms_forbid_is_refused_before_anything_is_asked) {
+TEST_F(Network, WhatGooglesTermsForbidIsRefusedBeforeAnythingIsAsked) {
   const std::string key = environment() + " GOOGLE_MAPS_API_KEY=SECRETSECRET";
   const auto extracted = run_tileflight(extract("google", "truth"), key);
   EXPECT_EQ(extracted.exit_code, 1);
@@ -79,7 +79,7 @@ TEST_F(Network, what_googles_terms_forbid_is_refused_before_anything_is_asked) {
   EXPECT_THAT(tokenless.err, HasSubstr("CESIUM_ION_TOKEN"));
 }
 
-TEST_F(Network, a_cache_that_is_asked_for_but_cannot_be_made_is_an_error) {
+TEST_F(Network, ACacheThatIsAskedForButCannotBeMadeIsAnError) {
   std::vector<std::string> arguments = extract(place_.root(), "truth");
   arguments.insert(arguments.end(), {"--cache", "/dev/null/cache"});
   const auto result = run_tileflight(arguments, environment());

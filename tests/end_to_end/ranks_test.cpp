@@ -61,6 +61,7 @@ std::set<std::string> files_of(const fs::path& folder) {
 }
 
 void expect_same(const fs::path& one, const fs::path& other) {
+  ASSERT_FALSE(files_of(one).empty());
   EXPECT_EQ(files_of(one), files_of(other));
   for (const std::string& file : files_of(one)) {
     EXPECT_TRUE(file_text(one / file) == file_text(other / file)) << other << " " << file;

@@ -136,6 +136,7 @@ TEST_F(RenderOutputs, AreTheSameOnAnyNumberOfThreads) {
         threads, {"--outputs", "depth,range,normals,segmentation,infrared,flow,visibility", "--threads", threads});
     ASSERT_EQ(result.exit_code, 0) << result.err;
   }
+  ASSERT_FALSE(files_of(folder_ / "1").empty());
   EXPECT_EQ(files_of(folder_ / "1"), files_of(folder_ / "2"));
   for (const std::string& file : files_of(folder_ / "2")) {
     EXPECT_TRUE(file_text(folder_ / "1" / file) == file_text(folder_ / "2" / file)) << file;

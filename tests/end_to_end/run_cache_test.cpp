@@ -196,6 +196,7 @@ simulated:
   EXPECT_GE(taken_up, kept) << "their very files";
   EXPECT_FALSE(fs::exists(frames));
   const fs::path whole = folder_ / "whole/simulated/dataset", resumed = folder_ / "out/simulated/dataset";
+  ASSERT_FALSE(base::list_files_recursive(whole).empty());
   EXPECT_EQ(base::list_files_recursive(whole), base::list_files_recursive(resumed));
   for (const std::string& file : base::list_files_recursive(whole))
     EXPECT_TRUE(file_text(whole / file) == file_text(resumed / file)) << file;

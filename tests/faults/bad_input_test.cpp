@@ -146,6 +146,21 @@ TEST_F(BadInput, OutputThatDoesNotFitLeavesNothing) {
       << "only the place is there";
 }
 
+TEST_F(BadInput, PicturesOfAFlightThatDoNotFitLeaveNothing) {
+  TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
+  TinyPlace::write_file(folder_ / "flight.yaml",
+                        "camera: camera.yaml\nfps: 5\nspeed_m_s: 5\nwaypoints:\n"
+                        "  - {position: [-20, -10, 125], yaw_deg: 90, pitch_deg: -50}\n"
+                        "  - {position: [20, 0, 125], yaw_deg: 90, pitch_deg: -50}\n");
+  const ProgramResult result =
+      run_tileflight({"render", tileset(), "--flight", (folder_ / "flight.yaml").string(), "--out", out()},
+                     "ulimit -f 8;");  // KiB, less than a picture
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_THAT(result.err, AllOf(HasSubstr("images"), HasSubstr("cannot be written: File too large")));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 3)
+      << "only the place, the camera and the flight are there";
+}
+
 TEST_F(BadInput, NoSpaceLeftOnStandardOutputIsAnError) {
   const std::string command = tests::shell_quoted(TILEFLIGHT_BINARY) + " inspect " + tests::shell_quoted(tileset()) +
                               " > /dev/full 2> " + tests::shell_quoted((folder_ / "err").string());

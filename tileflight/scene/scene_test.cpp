@@ -7,8 +7,10 @@
 #include <tbb/task_group.h>
 
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <numbers>
 #include <random>
 #include <stdexcept>
