@@ -130,10 +130,10 @@ TEST_F(HttpSourceTest, EachFaultGivesTheBytesOrOneError) {
        [](const ServedRequest&, ServedConnection& c) { return c.answer(302, "", {"Location: http://localhost:1/x"}); }},
   };
   const std::map<std::string, std::string> errors = {{"404", "status 404"},
-                                                     {"cut short", "closed before the end"},
+                                                     {"cut short", "closed early"},
                                                      {"wrong length", "east.glb"},
                                                      {"reset", "cannot be fetched"},
-                                                     {"web page", "answered with a web page"},
+                                                     {"web page", "sent a web page"},
                                                      {"garbage", "east.glb"},
                                                      {"empty", "east.glb"},
                                                      {"no content", "status 204"},
@@ -338,7 +338,7 @@ TEST_F(CachedHttpSource, AStaleCopyServesWhileTheServerDoesNotUnlessItMustBeAske
   read(source);
   broken_ = true;
   EXPECT_EQ(read(source), "content of \"1\"");
-  EXPECT_THAT(source.warnings(), ElementsAre(HasSubstr("could not be asked about 1 kept files")));
+  EXPECT_THAT(source.warnings(), ElementsAre(HasSubstr("not reachable to revalidate 1 cached files")));
   broken_ = false;
   cache_control_ = "max-age=0, must-revalidate";
   etag_ = "\"2\"";

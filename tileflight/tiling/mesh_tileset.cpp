@@ -189,7 +189,7 @@ class MeshTiler {
         out[i] = transfer_colors(parts[i], colors, paint);
         write_tile(level, i, {out[i].mesh});
       }
-      advance("painting coarser tiles");
+      advance("writing coarser tiles");
     });
     std::vector<TexturedMesh> tiles;
     for (TexturedSurface& tile : out) {

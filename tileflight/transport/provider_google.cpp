@@ -89,8 +89,8 @@ void GoogleProvider::start_session(HttpClient& client) {
   const HttpResponse response = client.get(make_request(root_uri_));
   const std::string session = response.status == 200 ? find_session(response.body) : "";
   if (session.empty()) {
-    throw InputError(uri_for_message(root_uri_),
-                     "the session has run out and no other was given (status " + std::to_string(response.status) + ")");
+    throw InputError(uri_for_message(root_uri_), "the session has expired and no new one was granted (status " +
+                                                     std::to_string(response.status) + ")");
   }
   take_session(session);
 }
