@@ -336,8 +336,8 @@ TEST_F(Dataflash, WhatIsNoMessageIsPassedOverAndCounted) {
   const Telemetry log = read(kFormats + kGps + gps({1, 45, 2}) + gps({2, 45}) + std::string(50, '\xEE') +
                              "\xA3\x95\xC8" + gps({3, 45}) + gps({4, 45}).substr(0, 30));
   EXPECT_EQ(log.fixes.size(), 2u);
-  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no position fix", "53 bytes skipped that are not readable",
-                                        "the file ends within a message; what stands before is read"));
+  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no position fix", "53 unreadable bytes skipped",
+                                        "the file ends within a message; everything before it is used"));
 }
 
 TEST_F(Dataflash, UnusableFilesAreOneClearLine) {
@@ -345,7 +345,7 @@ TEST_F(Dataflash, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(gps({1, 45})), HasSubstr("is not an ArduPilot log"));
   EXPECT_THAT(fault(kFormats + kGps), HasSubstr("holds no position messages"));
   EXPECT_THAT(fault(kFormats + kGps + gps({1, 45, 1})),
-              HasSubstr("none of its 1 position messages holds a time and a position"));
+              HasSubstr("none of its 1 position messages has a time and a position"));
   EXPECT_THAT([&] { read_dataflash(folder_ / "absent.bin"); },
               ThrowsMessage<InputError>(HasSubstr("absent.bin: cannot be opened")));
 }

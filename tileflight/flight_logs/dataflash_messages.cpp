@@ -161,7 +161,8 @@ class Reader {
       (size > 0 && next == bytes_.size() ? cut_ : skipped_bytes_) += next - at;
       at = next;
     }
-    if (formats_ == 0) throw InputError(where_, "is not an ArduPilot log: no message says how the others are laid out");
+    if (formats_ == 0)
+      throw InputError(where_, "is not an ArduPilot log: it has no FMT message, which describes the others");
     apply_multipliers();
     describe();
     return std::move(messages_);
@@ -286,9 +287,9 @@ class Reader {
 
   void describe() {
     if (skipped_bytes_ > 0) {
-      messages_.warnings.push_back(std::to_string(skipped_bytes_) + " bytes skipped that are not readable");
+      messages_.warnings.push_back(std::to_string(skipped_bytes_) + " unreadable bytes skipped");
     }
-    if (cut_ > 0) messages_.warnings.push_back("the file ends within a message; what stands before is read");
+    if (cut_ > 0) messages_.warnings.push_back("the file ends within a message; everything before it is used");
   }
 
   Bytes bytes_;

@@ -92,7 +92,7 @@ void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
   const auto heading_deg = step.number("heading_deg"), rate_deg_s = step.number("yaw_rate_deg_s");
   if (heading_deg && rate_deg_s) throw step.error("yaw_rate_deg_s", "and heading_deg are both given; keep one");
   if (drivetrain == Drivetrain::kForwardOnly && (heading_deg || rate_deg_s))
-    throw step.error("drivetrain", "forward says where it points; leave heading_deg and yaw_rate_deg_s out");
+    throw step.error("drivetrain", "'forward' already sets the heading; leave out heading_deg and yaw_rate_deg_s");
   if (heading_deg) yaw = {YawMode::Kind::kAngle, heading_to_yaw_rad(*heading_deg)};
   if (rate_deg_s) yaw = {YawMode::Kind::kRate, -*rate_deg_s * kRadiansPerDegree};
 }
@@ -100,7 +100,7 @@ void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
 std::vector<Vec3> read_points(YamlSection& step) {
   const auto numbers = step.numbers("points", 3, 3 * kMaxPoints);
   if (!numbers || numbers->size() % 3 != 0)
-    throw step.error("points", "must be a list of numbers, east, north, up of each point after the other");
+    throw step.error("points", "must be a list of numbers: east, north, up of each point in turn");
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < numbers->size(); i += 3)
     points.emplace_back((*numbers)[i], (*numbers)[i + 1], (*numbers)[i + 2]);
