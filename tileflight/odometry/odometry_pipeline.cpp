@@ -82,7 +82,8 @@ void OdometryPipeline::add(InputFrame frame) {
     throw InputError("frame " + std::to_string(frame.index),
                      "is " + std::to_string(frame.image.width) + "x" + std::to_string(frame.image.height) +
                          ", the calibration is for " + std::to_string(calibration_.camera.width()) + "x" +
-                         std::to_string(calibration_.camera.height()) + "; use pictures and calibration of one size");
+                         std::to_string(calibration_.camera.height()) +
+                         "; use images and a calibration of the same size");
   }
   if (lost_) return;
   if (!valid_region_found_) detect_valid_region(frame.image);
@@ -440,7 +441,7 @@ void OdometryPipeline::on_failure(const InputFrame& frame, const tracking::Image
       std::isfinite(alignment.finest_rmse()) ? std::to_string(alignment.finest_rmse()).substr(0, 5) : "none";
   lost_reason_ = "tracking lost at frame " + std::to_string(frame.index) + ": " +
                  std::to_string(consecutive_failures_) +
-                 " pictures in a row do not align with the last keyframe (RMSE " + rmse + " grey values, " +
+                 " consecutive frames do not align with the last keyframe (RMSE " + rmse + " grey values, " +
                  std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
 }
 
@@ -516,7 +517,7 @@ OdometryResult OdometryPipeline::result() const {
   result.lost = lost_ || !initialized_ || consecutive_failures_ >= kLostAtEnd;
   if (result.lost)
     result.lost_reason =
-        initialized_ ? lost_reason_ : (frame_count_ == 0 ? "no pictures" : initializer_.failure_reason());
+        initialized_ ? lost_reason_ : (frame_count_ == 0 ? "no frames were given" : initializer_.failure_reason());
   result.quality = quality();
   if (!initialized_) return result;
   std::vector<mapping::KeyframeRecord> keyframes = mapper_.keyframes();
