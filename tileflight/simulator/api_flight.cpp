@@ -72,7 +72,8 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
   path.speed_m_s = check_speed(call.velocity, call.name);
   path.drivetrain = to_drivetrain(call.drivetrain, call.yaw_mode, call.name);
   path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, call.name);
-  require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name, "a lookahead of 0; -1 chooses one");
+  require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name,
+          "the lookahead must not be 0; -1 chooses it automatically");
   if (call.lookahead > 0.0F) path.lookahead_m = std::min(static_cast<double>(call.lookahead), 1e6);
   path.adaptive_lookahead = call.adaptive_lookahead > 0.0F;
   path.timeout_s = clamp_timeout_s(call.timeout_s, call.name);

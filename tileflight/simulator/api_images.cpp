@@ -20,7 +20,7 @@ constexpr double kMaxPixels = 64e6;  // per call
 
 ImageType to_image_type(int image_type) {
   if (image_type < 0 || image_type >= kImageTypeCount)
-    throw InputError("image type " + std::to_string(image_type), "is not known: 0 (Scene) to 9 (OpticalFlowVis)");
+    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 9 (OpticalFlowVis)");
   return static_cast<ImageType>(image_type);
 }
 
@@ -74,7 +74,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 /// Requires the mutex.
 PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
                                            bool external) const {
-  if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 pictures in a call");
+  if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 images in one call");
   PlannedImages planned;
   planned.time_ns = clock.time_ns();
   planned.viewpoints = viewpoints();
@@ -95,7 +95,7 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
     pixels += static_cast<double>(picture.view.lens.width()) * picture.view.lens.height();
     planned.images.push_back(std::move(picture));
   }
-  if (pixels > kMaxPixels) throw InputError("simGetImages", "more than 64 million pixels in a call");
+  if (pixels > kMaxPixels) throw InputError("simGetImages", "more than 64 million pixels in one call");
   return planned;
 }
 

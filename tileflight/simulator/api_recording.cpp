@@ -69,9 +69,9 @@ void Simulator::Impl::begin_recording() {
   const std::string& named = settings.recording.folder;
   const auto& root = file_access.root();
   if (named.empty() && !root) {
-    throw InputError("startRecording",
-                     "there is nowhere to record to: give Recording.Folder in the settings, or start the server with "
-                     "--files FOLDER");
+    throw InputError(
+        "startRecording",
+        "no folder to record to: set Recording.Folder in the settings, or start the server with --files FOLDER");
   }
   const std::scoped_lock lock(recording_mutex, state_mutex);
   if (recorder) return;

@@ -105,7 +105,8 @@ std::vector<MeshPositionVertexBuffersResponse> Simulator::sim_get_mesh_position_
   std::size_t vertices = 0;
   for (const imaging::TexturedMesh& mesh : place->scene().meshes()) vertices += mesh.mesh.vertices.size();
   if (vertices > kMaxMeshVertices)
-    throw InputError("simGetMeshPositionVertexBuffers", "more than 20 million vertices; use tfGroundTruth of a region");
+    throw InputError("simGetMeshPositionVertexBuffers",
+                     "more than 20 million vertices; use tfGroundTruth for a region");
   std::vector<MeshPositionVertexBuffersResponse> all;
   if (!place->has_surface()) return all;
   for (const imaging::TexturedMesh& mesh : place->scene().meshes())

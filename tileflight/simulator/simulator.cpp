@@ -44,7 +44,7 @@ Vec3 checked_position(const Vector3r& position, const char* what) {
 
 Eigen::Quaterniond checked_rotation(const Quaternionr& orientation, const char* what) {
   const Eigen::Quaterniond q = to_quaternion(orientation);
-  if (!q.coeffs().allFinite() || q.norm() < 1e-6) throw InputError(what, "the orientation is no quaternion");
+  if (!q.coeffs().allFinite() || q.norm() < 1e-6) throw InputError(what, "the orientation is not a quaternion");
   return q.normalized();
 }
 
@@ -110,7 +110,7 @@ void Simulator::Impl::set_frames() {
     if (!surface && !options.ned_origin_local) {
       start.head<2>() = working_set.center().head<2>();
       surface = working_set.surface_z(start.x(), start.y(), kMaxCoordinate_m);
-      warnings.push_back("there is no surface at the origin: vehicles start at the middle of the place");
+      warnings.push_back("there is no surface at the origin: vehicles start at the centre of the place");
     }
     start.z() = surface.value_or(working_set.center().z());
   }
@@ -228,7 +228,7 @@ const SimCamera& Simulator::Impl::camera(const std::string& name, const std::str
   }
   std::string known;
   for (const SimCamera& one : cameras) known += (known.empty() ? "" : ", ") + one.name();
-  throw InputError("camera '" + name.substr(0, 100) + "'", "there is none of that name; there are: " + known);
+  throw InputError("camera '" + name.substr(0, 100) + "'", "does not exist; the cameras are: " + known);
 }
 
 SE3 Simulator::Impl::T_ned_camera(const SimCamera& camera, const std::string& name, bool external) const {

@@ -32,7 +32,7 @@ VoxelGridSpec checked_grid(const Vec3& center_local, const Vec3& size_m, double 
   }
   if (product < 1.0) throw InputError("voxel grid", "no cell of this resolution fits into the box");
   if (product > static_cast<double>(most_cells))
-    throw InputError("voxel grid", "more than " + std::to_string(most_cells) + " cells; ask for fewer or larger ones");
+    throw InputError("voxel grid", "more than " + std::to_string(most_cells) + " cells; request fewer or larger ones");
   return grid;
 }
 
@@ -119,7 +119,7 @@ geometry::VoxelGrid voxelize_grid(const geometry::TriangleMesh& mesh, const Voxe
   const double likely = std::min(static_cast<double>(grid.count()),
                                  kCellsAnArea * area_m2 / (grid.voxel_size_m * grid.voxel_size_m) + 1.0);
   if (likely > kMaxOccupied)
-    throw InputError("voxel grid", "too many cells would be occupied; ask for a smaller box or larger cells");
+    throw InputError("voxel grid", "too many cells would be occupied; request a smaller box or larger cells");
   if (near.triangles.empty()) {
     const auto side = [&](std::size_t axis) { return static_cast<std::int32_t>(grid.cells[axis]); };
     return {grid.box.min(), grid.voxel_size_m, {side(0), side(1), side(2)}, {}};
