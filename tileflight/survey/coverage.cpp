@@ -42,7 +42,7 @@ FrameSampling sample_frames(const CoverageSettings& settings) {
   const vehicle::FlightPlan plan = vehicle::read_flight_plan(settings.flight);
   FrameSampling watch{imaging::read_calibration(plan.camera).camera, vehicle::frame_poses(plan), {}};
   const std::size_t all = watch.trajectory.size();
-  if (all == 0) throw InputError(settings.flight.string(), "has no frame");
+  if (all == 0) throw InputError(settings.flight.string(), "has no frames");
   const std::size_t count = std::min<std::size_t>(all, static_cast<std::size_t>(settings.frames));
   for (std::size_t i = 0; i < count; ++i)
     watch.frames.push_back(count == 1 ? 0 : (i * (all - 1) + (count - 1) / 2) / (count - 1));
@@ -75,7 +75,7 @@ class ContentPool {
     loaded_ = tiles::read_cut(source, tree, all_, T_local_tileset, true, progress);
     for (const tiles::LoadedContent& content : loaded_) {
       if (!content.failure.empty() && !allow_incomplete)
-        throw InputError(content.failure, "a tile is needed (--allow-incomplete goes on without)");
+        throw InputError(content.failure, "this tile is needed (--allow-incomplete continues without it)");
     }
   }
 
@@ -213,7 +213,7 @@ void count_frame_pixels(std::vector<StrategyResult>& all, const FrameSampling& w
       given.shares.push_back(count_pixels(frame, stands, in_memory, pixels_per_rad, settings.error_px));
     }
     report_progress(progress, static_cast<std::int64_t>(i + 1), static_cast<std::int64_t>(watch.frames.size()),
-                    "looking at frames");
+                    "checking frames");
   }
 }
 
@@ -400,7 +400,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   ContentPool contents;
   std::vector<StrategyResult> all = select_tiles(make_tile_strategies(strategy), watch, tree, contents);
   const ContentIds truth = contents.add(tiles::select_cut(tree, full_detail_criterion(strategy)));
-  if (truth.empty()) throw InputError(settings.flight.string(), "looks at no tile of " + name);
+  if (truth.empty()) throw InputError(settings.flight.string(), "sees no tile of " + name);
   contents.read(*source, tree, placement.T_local_tileset, settings.load.allow_incomplete, progress);
   place::require_surface(contents.meshes(truth), contents.has_points(truth), name);
   count_frame_pixels(all, watch, contents, truth, tree, settings, progress);

@@ -130,7 +130,7 @@ RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSetti
   if (ranks.rank() == 0) kept->remove();
   if (rendered.resumed > 0) {
     notes.push_back(std::to_string(rendered.resumed) + " of " + std::to_string(mission.frames.size()) +
-                    " frames were there from an earlier render");
+                    " frames were reused from an earlier render");
   }
   return rendered;
 }
@@ -142,8 +142,9 @@ void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warning
   }
   const double most_m = vehicle.contains("tracking") ? vehicle["tracking"]["max_m"].get<double>() : 0.0;
   if (most_m > kFarOff_m && vehicle["collisions"] == 0) {
-    warnings.push_back("the vehicle was up to " + std::to_string(std::lround(most_m)) +
-                       " m off its plan: too much wind or too fast a plan for it (tracking in vehicle.json)");
+    warnings.push_back(
+        "the vehicle was up to " + std::to_string(std::lround(most_m)) +
+        " m off its planned path: the wind is too strong or the plan too fast (see tracking in vehicle.json)");
   }
 }
 
@@ -156,7 +157,7 @@ std::vector<std::string> collect_warnings(const PlannedFlight& mission, const Re
     geometry::Box3 flown;
     for (const geometry::StampedPose& pose : mission.frames.poses) flown.extend(pose.T_local_camera.translation);
     const tiles::LoadedTiles& tiles = rendered.summary.tiles;
-    warnings.push_back("no picture shows anything of the tileset: " +
+    warnings.push_back("no image shows any part of the tileset: " +
                        tiles::describe_separation(flown, tiles.region.box(), tiles.local_frame));
   }
   warnings.insert(warnings.end(), rendered.summary.tiles.warnings.begin(), rendered.summary.tiles.warnings.end());
