@@ -33,8 +33,8 @@ std::string read_source(YamlSection& section, const std::string& key) {
   return is_path ? (section.file().parent_path() / *text).lexically_normal().string() : *text;
 }
 
-double read_positive(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = section.number(key).value_or(otherwise);
+double read_positive(YamlSection& section, const std::string& key, double fallback) {
+  const double value = section.number(key).value_or(fallback);
   if (value <= 0) throw section.error(key, "must be positive");
   return value;
 }
@@ -220,8 +220,8 @@ OdometryConfig read_odometry(YamlSection section) {
   return odometry;
 }
 
-double read_ratio_margin(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = read_positive(section, key, otherwise);
+double read_ratio_margin(YamlSection& section, const std::string& key, double fallback) {
+  const double value = read_positive(section, key, fallback);
   if (!(value > 1.0))
     throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
   return value;

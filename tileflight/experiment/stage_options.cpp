@@ -11,15 +11,15 @@ namespace {
 
 constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
 
-double read_positive(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = section.number(key).value_or(otherwise);
+double read_positive(YamlSection& section, const std::string& key, double fallback) {
+  const double value = section.number(key).value_or(fallback);
   if (value <= 0) throw section.error(key, "must be positive");
   return value;
 }
 
-int read_at_least(YamlSection& section, const std::string& key, int least, int otherwise) {
-  const int value = section.integer(key).value_or(otherwise);
-  if (value < least) throw section.error(key, "must be at least " + std::to_string(least));
+int read_at_least(YamlSection& section, const std::string& key, int min, int fallback) {
+  const int value = section.integer(key).value_or(fallback);
+  if (value < min) throw section.error(key, "must be at least " + std::to_string(min));
   return value;
 }
 
@@ -162,9 +162,9 @@ void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
   }
 }
 
-std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& otherwise) {
+std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& fallback) {
   const auto seeds = section.numbers("scale_seeds", 1, 16);
-  if (!seeds) return otherwise;
+  if (!seeds) return fallback;
   for (const double seed : *seeds) {
     if (!(seed > 0.0)) throw section.error("scale_seeds", "must be positive");
   }

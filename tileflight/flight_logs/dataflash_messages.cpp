@@ -278,9 +278,9 @@ class Reader {
       const std::vector<DataflashField>& fields = wanted_.at(name);
       for (std::size_t i = 0; i < fields.size(); ++i) {
         const FieldLocation place = layouts_[type].name == name ? layouts_[type].locations[i] : FieldLocation{};
-        const double worth =
+        const double factor =
             find_multiplier(type, place, fields[i]) * angle_factor(unit_of(type, place), fields[i].unit);
-        for (std::vector<double>& row : rows) row[i] *= worth;
+        for (std::vector<double>& row : rows) row[i] *= factor;
       }
     }
   }

@@ -35,19 +35,19 @@ Html pairs_of(const FlightRun& first, const FlightRun& second) {
 }  // namespace
 
 Figure frames_figure(const RunFolder& run) {
-  std::vector<const FlightRun*> filmed;
+  std::vector<const FlightRun*> flights;
   for (const FlightRun& flight : run.flights) {
-    if (!flight.frames.empty()) filmed.push_back(&flight);
+    if (!flight.frames.empty()) flights.push_back(&flight);
   }
-  if (filmed.empty()) return {};
-  if (filmed.size() == 2) {
-    return {"frames", "frames", pairs_of(*filmed[0], *filmed[1]),
+  if (flights.empty()) return {};
+  if (flights.size() == 2) {
+    return {"frames", "frames", pairs_of(*flights[0], *flights[1]),
             "Images of both flights with the most similar views."};
   }
   Html cells;
-  for (const FrameFile& frame : pick_evenly(filmed[0]->frames, 2 * kPairs)) cells += frame_cell(*filmed[0], frame);
+  for (const FrameFile& frame : pick_evenly(flights[0]->frames, 2 * kPairs)) cells += frame_cell(*flights[0], frame);
   return {"frames", "frames", element("div", {{"class", "pair"}}, cells),
-          "Images of the " + filmed[0]->label + " flight."};
+          "Images of the " + flights[0]->label + " flight."};
 }
 
 }  // namespace tileflight::report

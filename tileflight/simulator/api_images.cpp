@@ -156,24 +156,24 @@ std::vector<std::uint8_t> Simulator::sim_get_image(const std::string& camera, in
 /// A flying vehicle is placed as well, and stays there until its next command.
 void Simulator::sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle) {
   const std::lock_guard lock(impl_->state_mutex);
-  SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const SE3& before = craft.state().T_ned_body;
-  const SE3 own(before.rotation, before.translation - craft.start_ned());
+  SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const SE3& before = sim_vehicle.state().T_ned_body;
+  const SE3 own(before.rotation, before.translation - sim_vehicle.start_ned());
   SE3 wanted = merge_pose(pose, own, "simSetVehiclePose");
-  wanted.translation += craft.start_ned();
+  wanted.translation += sim_vehicle.start_ned();
   if (ignore_collision) {
-    craft.teleport({wanted});
+    sim_vehicle.teleport({wanted});
   } else {
-    craft.sweep_to(wanted, impl_->clock.time_s());
+    sim_vehicle.sweep_to(wanted, impl_->clock.time_s());
   }
   impl_->clock.wake();
 }
 
 Pose Simulator::sim_get_vehicle_pose(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const SE3& T = craft.state().T_ned_body;
-  return to_airsim(SE3(T.rotation, T.translation - craft.start_ned()));
+  const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const SE3& T = sim_vehicle.state().T_ned_body;
+  return to_airsim(SE3(T.rotation, T.translation - sim_vehicle.start_ned()));
 }
 
 CameraInfo Simulator::sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const {

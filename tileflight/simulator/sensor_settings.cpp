@@ -15,10 +15,10 @@ using geometry::Vec3;
 
 constexpr double kMaxNumber = 1e9;
 
-SensorTiming read_timing(SettingsSection& s, const SensorTiming& otherwise) {
-  return {s.number("UpdateLatency", otherwise.latency_s, 0.0, 10.0),
-          s.number("UpdateFrequency", otherwise.frequency_hz, 1e-3, 1e5),
-          s.number("StartupDelay", otherwise.startup_delay_s, 0.0, 1e4)};
+SensorTiming read_timing(SettingsSection& s, const SensorTiming& fallback) {
+  return {s.number("UpdateLatency", fallback.latency_s, 0.0, 10.0),
+          s.number("UpdateFrequency", fallback.frequency_hz, 1e-3, 1e5),
+          s.number("StartupDelay", fallback.startup_delay_s, 0.0, 1e4)};
 }
 
 BarometerSettings read_barometer(SettingsSection& s) {

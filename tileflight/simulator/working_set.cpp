@@ -145,13 +145,13 @@ void WorkingSet::set_current(std::shared_ptr<const ResidentScene> place) {
   current_ = std::move(place);
 }
 
-std::vector<WorkingSet::Cell> WorkingSet::cells_around(std::span<const SensorViewpoint> looks) const {
+std::vector<WorkingSet::Cell> WorkingSet::cells_around(std::span<const SensorViewpoint> viewpoints) const {
   std::vector<Cell> cells;
-  for (const SensorViewpoint& look : looks) {
+  for (const SensorViewpoint& viewpoint : viewpoints) {
     Cell cell{};
     for (int axis = 0; axis < 3; ++axis)
-      cell[static_cast<std::size_t>(axis)] = (std::floor(look.position[axis] / kCellSize_m) + 0.5) * kCellSize_m;
-    cell[3] = look.pixels_per_rad;
+      cell[static_cast<std::size_t>(axis)] = (std::floor(viewpoint.position[axis] / kCellSize_m) + 0.5) * kCellSize_m;
+    cell[3] = viewpoint.pixels_per_rad;
     cells.push_back(cell);
   }
   std::ranges::sort(cells);
@@ -186,10 +186,10 @@ tiles::RefinementCriterion WorkingSet::refinement_criterion(const std::vector<Ce
   return all;
 }
 
-std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const SensorViewpoint> looks) {
+std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const SensorViewpoint> viewpoints) {
   if (!follows_sensors_) return current();
   const std::lock_guard lock(loading_mutex_);
-  const std::vector<Cell> cells = cells_around(looks);
+  const std::vector<Cell> cells = cells_around(viewpoints);
   if (const auto place = current(); place && cells == cells_ && !(place->loaded().tiles_failed > 0 && may_retry()))
     return place;
   return load(cells, {});
@@ -287,13 +287,14 @@ bool WorkingSet::read_missing(const tiles::TileCut& cut, const std::vector<std::
   return true;
 }
 
-LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m, std::span<const SensorViewpoint> looks) {
+LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m,
+                                    std::span<const SensorViewpoint> viewpoints) {
   if (!tree_) return current()->loaded();
   const std::lock_guard lock(loading_mutex_);
   const std::vector<PinnedRegion> before = pinned_;
   if (pinned_.size() >= kMaxPinned) pinned_.erase(pinned_.begin());
   pinned_.push_back({{box_local.center(), box_local.sizes(), {}}, error_m});
-  const std::vector<Cell> cells = cells_around(looks);
+  const std::vector<Cell> cells = cells_around(viewpoints);
   const auto place = try_load(cells, {});
   if (!place) {
     pinned_ = before;

@@ -202,15 +202,15 @@ void count_frame_pixels(std::vector<StrategyResult>& all, const FrameSampling& w
                         const Progress& progress) {
   std::vector<std::uint32_t> owner;
   const scene::Scene scene(contents.meshes(truth, &owner));
-  std::vector<std::vector<Substitute>> stands(contents.size());
-  for (const std::uint32_t id : truth) stands[id] = find_substitutes(tree, contents[id]);
+  std::vector<std::vector<Substitute>> substitutes(contents.size());
+  for (const std::uint32_t id : truth) substitutes[id] = find_substitutes(tree, contents[id]);
   const double pixels_per_rad = tiles::view_cone_of(watch.camera).pixels_per_rad;
   const imaging::Camera camera = scale_to_width(watch.camera, settings.width);
   for (std::size_t i = 0; i < watch.frames.size(); ++i) {
     const std::vector<PixelHit> frame = trace_pixels(scene, owner, camera, watch.pose(i));
     for (StrategyResult& given : all) {
       const std::vector<bool> in_memory = nodes_in_memory(given.tiles_at(i), contents, tree.node_count());
-      given.shares.push_back(count_pixels(frame, stands, in_memory, pixels_per_rad, settings.error_px));
+      given.shares.push_back(count_pixels(frame, substitutes, in_memory, pixels_per_rad, settings.error_px));
     }
     report_progress(progress, static_cast<std::int64_t>(i + 1), static_cast<std::int64_t>(watch.frames.size()),
                     "checking frames");

@@ -84,16 +84,16 @@ SurroundingTiles read_surroundings(PreviewContext& flight, const Progress& progr
   constexpr std::array<DetailLevel, 5> kDetails{{{0.005, 20e3}, {0.01, 5e3}, {0.02, 2e3}, {0.05, 1e3}, {0.1, 300}}};
   const geometry::SE3& T_local_tileset = flight.place.placement().T_local_tileset;
   Box3 path_box;
-  std::vector<tiles::ViewCone> eyes;
+  std::vector<tiles::ViewCone> cones;
   for (const Vec3& p : subsample_path(flight.frames())) {
     path_box.extend(p);
-    eyes.push_back({.position = p});
+    cones.push_back({.position = p});
   }
   for (const DetailLevel& detail : kDetails) {
-    for (tiles::ViewCone& eye : eyes) eye.pixels_per_rad = 1 / detail.error_share;
+    for (tiles::ViewCone& cone : cones) cone.pixels_per_rad = 1 / detail.error_share;
     const Vec3 around(detail.reach_m, detail.reach_m, 20e3);
     const tiles::RefinementCriterion wanted =
-        place::restrict_to_box(tiles::limit_refinement(tiles::flight_criterion(eyes, T_local_tileset, 1.0),
+        place::restrict_to_box(tiles::limit_refinement(tiles::flight_criterion(cones, T_local_tileset, 1.0),
                                                        flight.settings.render.load.error_m),
                                Box3(path_box.min() - around, path_box.max() + around), T_local_tileset);
     if (auto part = flight.place.read(flight.place.select_cut(wanted), false, flight.memory, progress))
@@ -135,9 +135,9 @@ SamplePicture render_picture(PreviewContext& flight, const std::string& name, st
                              std::vector<place::MissingTile>& missing, const Progress& progress) {
   SamplePicture picture{.name = name, .frame = frame, .thumbnail = {}};
   auto start = std::chrono::steady_clock::now();
-  const std::size_t eyes_a_frame = flight_view_cones(flight.mission).size() / flight.frames().size();
+  const std::size_t cones_per_frame = flight_view_cones(flight.mission).size() / flight.frames().size();
   const tiles::TileCut cut =
-      flight.place.select_cut(criterion_for_part(flight, {frame * eyes_a_frame, (frame + 1) * eyes_a_frame}));
+      flight.place.select_cut(criterion_for_part(flight, {frame * cones_per_frame, (frame + 1) * cones_per_frame}));
   auto part = flight.place.read(cut, true, flight.memory, progress);
   if (!part) {
     throw tiles::MemoryLimitExceeded(flight.place.name(),

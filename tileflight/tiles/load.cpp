@@ -64,9 +64,9 @@ bool holds_nothing(const TilesetTree& tree) {
 }
 
 /// Explains why a flight's images see no tile, and what to do.
-std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<ViewCone>& eyes) {
+std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<ViewCone>& cones) {
   geometry::Box3 flown;
-  for (const ViewCone& eye : eyes) flown.extend(eye.position);
+  for (const ViewCone& cone : cones) flown.extend(cone.position);
   const geometry::Box3 tileset = local_bounding_box(tree.volume(tree.root()), placement.T_local_tileset);
   return "the flight sees nothing of the tileset: " + describe_separation(flown, tileset, placement.local_frame);
 }

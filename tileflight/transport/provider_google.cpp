@@ -20,13 +20,13 @@ std::string_view as_text(std::span<const std::byte> bytes) {
 std::string find_session(std::span<const std::byte> tileset_json) {
   std::string session;
   // Checks every string of the document at any depth: only URIs carry the parameter. Nothing is kept in memory.
-  const auto look = [&](int /*depth*/, nlohmann::json::parse_event_t event, nlohmann::json& value) {
+  const auto find_parameter = [&](int /*depth*/, nlohmann::json::parse_event_t event, nlohmann::json& value) {
     if (event == nlohmann::json::parse_event_t::value && value.is_string() && session.empty()) {
       session = query_value(value.get_ref<const std::string&>(), "session");
     }
     return true;
   };
-  const auto parsed = nlohmann::json::parse(as_text(tileset_json), look, false);
+  const auto parsed = nlohmann::json::parse(as_text(tileset_json), find_parameter, false);
   return parsed.is_discarded() ? std::string() : session;
 }
 
