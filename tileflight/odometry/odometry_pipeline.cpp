@@ -517,7 +517,7 @@ OdometryResult OdometryPipeline::result() const {
   result.lost = lost_ || !initialized_ || consecutive_failures_ >= kLostAtEnd;
   if (result.lost)
     result.lost_reason =
-        initialized_ ? lost_reason_ : (frame_count_ == 0 ? "no frames were given" : initializer_.failure_reason());
+        initialized_ ? lost_reason_ : (frame_count_ == 0 ? "no pictures" : initializer_.failure_reason());
   result.quality = quality();
   if (!initialized_) return result;
   std::vector<mapping::KeyframeRecord> keyframes = mapper_.keyframes();

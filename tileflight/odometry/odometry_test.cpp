@@ -171,7 +171,7 @@ TEST(Odometry, NoPicturesIsLostWithAReason) {
   sequence.calibration.camera = imaging::make_pinhole(320, 240, 80.0);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), {});
   EXPECT_TRUE(result.lost);
-  EXPECT_EQ(result.lost_reason, "no frames were given");
+  EXPECT_EQ(result.lost_reason, "no pictures");
 }
 
 }  // namespace

@@ -33,7 +33,7 @@ Sim3 similarity_from_known_poses(const geometry::Trajectory& known, double until
   if (similarity) return *similarity;
   throw InputError("known poses", std::to_string(T_map_camera.size()) +
                                       " of them match the times of the first keyframes, but at least two at different "
-                                      "positions are needed; check that both use the same clock");
+                                      "positions are needed; check that both have the same clock");
 }
 
 /// Ratio of the depth image's depth to the map's depth, for each point that the keyframe hosts.

@@ -74,7 +74,7 @@ class Painter {
       return add(std::move(*part), grid, x, y);
     }
     throw tiles::MemoryLimitExceeded(place_.name(),
-                                     "a single tile needs more memory than the limit; raise it (--memory)");
+                                     "a single tile takes more memory than is allowed; raise the limit (--memory)");
   }
 
   void add(PlacePart part, const GroundGrid& grid, int x, int y) {

@@ -71,7 +71,7 @@ void Simulator::Impl::begin_recording() {
   if (named.empty() && !root) {
     throw InputError(
         "startRecording",
-        "no folder to record to: set Recording.Folder in the settings, or start the server with --files FOLDER");
+        "there is nowhere to record to: set Recording.Folder in the settings, or start the server with --files FOLDER");
   }
   const std::scoped_lock lock(recording_mutex, state_mutex);
   if (recorder) return;
