@@ -107,7 +107,7 @@ TEST_F(CsvLog, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault("time(fortnights),lat,lon\n1,2,3\n"),
               HasSubstr("the unit of column 'time(fortnights)' is unknown"));
   EXPECT_THAT(fault("time,lat,lon\nx,2,3\n"), HasSubstr("none of its 1 rows has a time and a position"));
-  EXPECT_THAT(fault("time,lat,lon\n"), HasSubstr("holds no rows"));
+  EXPECT_THAT(fault("time,lat,lon\n"), HasSubstr("contains no rows"));
   EXPECT_LT(fault(std::string(1 << 20, 'x')).size(), 1000u);
   EXPECT_THAT([&] { read_csv_log(folder_ / "absent.csv"); },
               ThrowsMessage<InputError>(HasSubstr("absent.csv: cannot be opened")));

@@ -233,7 +233,7 @@ TEST_F(Dataflash, PositionsOfTheKalmanFilterAboutItsOrigin) {
   EXPECT_NEAR(*log.fixes[1].absolute_height_m, 132.0, 1e-4);
   EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
   EXPECT_NEAR(*log.fixes[0].body_yaw_deg, 90, 1e-9);
-  EXPECT_THAT(fault(kFormats + kXkf1 + kOrgn + home + rows), HasSubstr("holds no position messages"));
+  EXPECT_THAT(fault(kFormats + kXkf1 + kOrgn + home + rows), HasSubstr("contains no position messages"));
 }
 
 TEST_F(Dataflash, AnglesInTheUnitsThatTheLogSays) {
@@ -343,7 +343,7 @@ TEST_F(Dataflash, WhatIsNoMessageIsPassedOverAndCounted) {
 TEST_F(Dataflash, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.bin: is not an ArduPilot log"));
   EXPECT_THAT(fault(gps({1, 45})), HasSubstr("is not an ArduPilot log"));
-  EXPECT_THAT(fault(kFormats + kGps), HasSubstr("holds no position messages"));
+  EXPECT_THAT(fault(kFormats + kGps), HasSubstr("contains no position messages"));
   EXPECT_THAT(fault(kFormats + kGps + gps({1, 45, 1})),
               HasSubstr("none of its 1 position messages has a time and a position"));
   EXPECT_THAT([&] { read_dataflash(folder_ / "absent.bin"); },
@@ -356,7 +356,7 @@ TEST_F(Dataflash, FormatsThatCannotBe) {
     return message(128, base::to_raw_bytes(type) + base::to_raw_bytes(length) + padded("GPS", 4) + padded(letters, 16) +
                             padded("TimeUS,Lat,Lng", 64));
   };
-  EXPECT_THAT(fault(kFormats + claimed(10, 0, "QLL") + gps({1, 45})), HasSubstr("holds no position"));
+  EXPECT_THAT(fault(kFormats + claimed(10, 0, "QLL") + gps({1, 45})), HasSubstr("contains no position"));
   EXPECT_THAT(fault(kFormats + claimed(10, 12, "QLL") + message(10, std::string(9, '\1'))), HasSubstr("no position"));
   EXPECT_THAT(fault(kFormats + claimed(10, 19, "?LL") + message(10, std::string(16, '\1'))), HasSubstr("no position"));
   EXPECT_THAT(fault(claimed(128, 4, "QLL") + claimed(10, 3, "") + "\xA3\x95\x0A"), HasSubstr("no position"));

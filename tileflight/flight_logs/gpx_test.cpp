@@ -95,7 +95,7 @@ TEST_F(Gpx, EntitiesAndTypesAreRefused) {
   EXPECT_THAT(fault("<?xml version='1.0'?>\n<!DOCTYPE gpx [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;&a;'>]><gpx>&b;</gpx>"),
               HasSubstr("line 2: document types are not supported"));
   EXPECT_THAT(fault("<!DOCTYPE gpx SYSTEM 'file:///etc/passwd'><gpx/>"), HasSubstr("document types are not supported"));
-  EXPECT_THAT(fault(track("<trkpt lat='&x;' lon='9'/>")), HasSubstr("holds no track points"));
+  EXPECT_THAT(fault(track("<trkpt lat='&x;' lon='9'/>")), HasSubstr("contains no track points"));
 }
 
 TEST_F(Gpx, DeepNestingAndLongTextAreBounded) {

@@ -163,7 +163,7 @@ TEST_F(Ulog, DataAppendedAfterACutMessageIsRead) {
 TEST_F(Ulog, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.ulg: is not a ULog file"));
   EXPECT_THAT(fault(header().substr(0, 12)), HasSubstr("is truncated within the header"));
-  EXPECT_THAT(fault(header()), HasSubstr("holds no position messages"));
+  EXPECT_THAT(fault(header()), HasSubstr("contains no position messages"));
   EXPECT_THAT(fault(header() + flags(2, 0)), HasSubstr("incompatible flags"));
   EXPECT_THAT(fault(header() + kReceiver + receiver_row(1, 45, 1)),
               HasSubstr("none of its 1 position messages has a time and a position"));

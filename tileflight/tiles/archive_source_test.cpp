@@ -78,7 +78,8 @@ TEST(Unpack, GzipRoundTripAndBounds) {
 TEST(Unpack, ABombStopsAtTheLimit) {
   const auto bomb = base::testing::to_bytes(deflated(std::string(std::size_t{1} << 26, '\0'), 31));
   EXPECT_LT(bomb.size(), 100000U);
-  EXPECT_THAT(base::testing::error_of([&] { base::gunzip(bomb, 1 << 20, "t"); }), HasSubstr("more than 1048576 bytes"));
+  EXPECT_THAT(base::testing::error_of([&] { base::gunzip(bomb, 1 << 20, "t"); }),
+              HasSubstr("more than the limit of 1048576 bytes"));
   EXPECT_THAT(base::testing::error_of(
                   [&] { base::decompress_zstd(base::testing::to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t"); }),
               HasSubstr("declares"));
@@ -165,7 +166,7 @@ TEST(ZipArchive, FaultsAreNamed) {
   EXPECT_THAT(base::testing::error_of([&] {
                 open(transport::testing::make_zip({{"a", "1"}, {"a", "2"}}));
               }),
-              HasSubstr("holds 'a' twice"));
+              HasSubstr("contains 'a' twice"));
   EXPECT_THAT(base::testing::error_of([&] {
                 open(transport::testing::make_zip({{"a", "12", "12", 14}})).read("a");
               }),

@@ -201,7 +201,7 @@ TEST_F(HttpSourceTest, HeadersAndParametersGoToTheOwnOriginAlone) {
 TEST_F(HttpSourceTest, AHeaderIsOneLineWithAName) {
   for (const char* header : {"no colon", ": value", "A b: c", "A: b\r\nC: d"}) {
     EXPECT_THAT(base::testing::error_of([&] { transport::UrlProvider(place_.root(), {header}); }),
-                HasSubstr("--header: is written"));
+                HasSubstr("--header: must have the form"));
   }
 }
 

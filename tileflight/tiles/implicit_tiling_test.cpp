@@ -228,7 +228,7 @@ TEST(Subtree, FaultsAreNamed) {
   EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = Json::object(); }), HasSubstr("no bitstream and no"));
   EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"bitstream", 7}}; }), HasSubstr("does not exist"));
   EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"constant", 0}}; }), HasSubstr("its root tile"));
-  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteLength"] = 1; }), HasSubstr("2 wanted"));
+  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteLength"] = 1; }), HasSubstr("expected 2"));
   EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteOffset"] = 15; }), HasSubstr("outside its buffer"));
   EXPECT_THAT(message([](Json& j) { j["buffers"][0]["byteLength"] = 99; }), HasSubstr("binary part"));
   EXPECT_THAT(message([](Json& j) { j["contentAvailability"].push_back({{"constant", 1}}); }), HasSubstr("2 contents"));
