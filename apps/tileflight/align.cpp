@@ -84,27 +84,31 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_map_options(*command, options->map);
   command->add_option("--to", options->target, "folder that `extract` wrote, or a cloud")->required();
   command->add_option("--out", options->out, "transform.json to write")->required();
-  command->add_option("--preset", options->preset, "'default', or 'paper': its settings alone, from the start as it is")
+  command
+      ->add_option("--preset", options->preset,
+                   "'default', or 'paper': exactly the paper's ICP settings, from the map's own coordinates")
       ->check(CLI::IsMember({"default", "paper"}));
   command->add_option(
       "--start", options->start,
-      "'auto' (telemetry, else the map as it is, else found from shapes and pictures), 'as-it-is', 'geometry' (no "
-      "telemetry even where there is some), 'true-poses' (the dataset's ground truth: for simulations only), or a "
-      "transform.json to begin at");
+      "initial alignment: 'auto' (telemetry; without it the map's own coordinates, then a search by shapes and "
+      "images), 'as-it-is' (the map's own coordinates), 'geometry' (search without telemetry), 'true-poses' (the "
+      "dataset's ground truth, for simulations only), or a transform.json");
   command
-      ->add_option(
-          "--method", options->method,
-          "'all-evidence' (default: shapes, telemetry and pictures together, to the exact surface), or ICP from "
-          "one start: point-to-point, point-to-plane, point-to-mesh, generalized")
+      ->add_option("--method", options->method,
+                   "'all-evidence' (default: telemetry, shapes and images together, against the exact surface), or ICP "
+                   "from one start: point-to-point, point-to-plane, point-to-mesh, generalized")
       ->check(CLI::IsMember({"all-evidence", "point-to-point", "point-to-plane", "point-to-mesh", "generalized"}));
-  command->add_option("--radius", options->radius_m, "of ICP's last step's correspondences, metres; default: 1")
+  command
+      ->add_option("--radius", options->radius_m,
+                   "maximum correspondence distance in ICP's last stage, metres (default 1)")
       ->check(CLI::PositiveNumber);
-  command->add_option("--up", options->up, "X,Y,Z: against gravity in the map's frame, for --start geometry")
+  command
+      ->add_option("--up", options->up, "X,Y,Z: direction opposite to gravity in the map's frame, for --start geometry")
       ->delimiter(',')
       ->expected(3);
-  command->add_flag("--fixed-scale", options->fixed_scale, "leave the start's scale (1 with --start geometry)");
+  command->add_flag("--fixed-scale", options->fixed_scale, "keep the start's scale (1 with --start geometry)");
   command->add_flag("--find-regions", options->find_regions,
-                    "align on corners of planes only, and keep others back: `evaluate` scores both");
+                    "align on some corners of planes only and hold the others out; `evaluate` scores both");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {

@@ -39,12 +39,12 @@ std::string measures_of(const json& pair) {
       text << "  " << part << " " << name << ": " << rounded(m["simulated"]) << " and " << rounded(m["real"]) << ", "
            << (by_ratio ? "ratio " : "difference ") << rounded(m[by_ratio ? "ratio" : "difference"]) << ", "
            << interval_text(m[by_ratio ? "ratio_ci95" : "ci95"]) << " by " << m["unit"].get<std::string>()
-           << ", same up to " << m["margin"] << ": " << m["verdict"].get<std::string>()
-           << (m["decides"].get<bool>() ? "" : " (does not decide)") << "\n";
+           << ", margin " << m["margin"] << ": " << m["verdict"].get<std::string>()
+           << (m["decides"].get<bool>() ? "" : " (not used for the verdict)") << "\n";
     }
   }
   for (const json& missing : pair["missing_parts"].is_object() ? pair["missing_parts"]["parts"] : json::array()) {
-    text << "  lacking in the " << (missing["lacks"] == "simulated" ? "first" : "second") << " map: " << missing["edge"]
+    text << "  missing in the " << (missing["lacks"] == "simulated" ? "first" : "second") << " map: " << missing["edge"]
          << " m around " << missing["center"] << ", points " << missing["points"]["simulated"] << " and "
          << missing["points"]["real"] << "\n";
   }
@@ -62,8 +62,8 @@ std::string line_of(const json& pair) {
   }
   text << "\n";
   for (const json& doubt : pair.value("verdict_withheld_by", json::array()))
-    text << "  withheld by a doubt (" << doubt["where"].get<std::string>() << "): " << doubt["what"].get<std::string>()
-         << "\n";
+    text << "  verdict withheld because of a doubt (" << doubt["where"].get<std::string>()
+         << "): " << doubt["what"].get<std::string>() << "\n";
   text << measures_of(pair) << "  published measure (nearest voxel centre): mean difference "
        << rounded(pair["mean_difference"]) << " m, " << interval_text(pair["mean_difference_ci95"]) << " m by "
        << pair["unit"].get<std::string>() << ": " << pair["mean_difference_verdict"].get<std::string>()
@@ -100,16 +100,16 @@ Output rank(const Options& options) {
 
 void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("compare", "scored maps side by side, with statistics");
+  CLI::App* command = app.add_subcommand("compare", "compare scored maps side by side, with statistics");
   command->footer(
       "Example:\n  tileflight compare out/stadium/simulated/metrics.json out/stadium/real/metrics.json\n"
       "  tileflight compare out/a out/b out/c --tex table.tex\n"
       "  tileflight compare --ranking --by surface.median out/a out/b out/c");
-  command->add_option("MAP", options->maps, "metrics.json, or a folder that `run` wrote: all of its flights")
+  command->add_option("MAP", options->maps, "metrics.json, or a folder written by `run` (all of its flights)")
       ->required();
   command
       ->add_option("--margin", options->settings.equivalence_margin_m,
-                   "margin of the published measure's equivalence test, metres (default 0.05)")
+                   "equivalence margin of the published measure, metres (default 0.05)")
       ->check(CLI::PositiveNumber);
   const CLI::Validator above_one(
       [](const std::string& text) {
@@ -118,29 +118,32 @@ void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
       "FLOAT > 1");
   command
       ->add_option("--ratio-margin", options->settings.ratio_margin,
-                   "up to this ratio two medians or RMS distances to the surface count as the same (default 1.25)")
+                   "equivalence margin of medians and RMS distances to the surface, as a ratio (default 1.25)")
       ->check(above_one);
   command
       ->add_option("--share-margin", options->settings.share_margin,
-                   "the same for shares of map points, as a difference (default 0.05)")
+                   "equivalence margin of shares of map points, as a difference (default 0.05)")
       ->check(CLI::PositiveNumber);
   command
       ->add_option("--completeness-margin", options->settings.completeness_margin,
-                   "the same for completeness, as a ratio (default 1.1)")
+                   "equivalence margin of completeness, as a ratio (default 1.1)")
       ->check(above_one);
   command
       ->add_option("--lacking-margin", options->settings.lacking_margin,
-                   "the same for what one map lacks of what the other covers, as a difference of shares (default 0.01)")
+                   "equivalence margin of the share that one map misses of what the other covers, as a difference "
+                   "(default 0.01)")
       ->check(CLI::PositiveNumber);
   command
-      ->add_option("--path-margin", options->settings.path_margin_m, "the same for path errors, metres (default 0.1)")
+      ->add_option("--path-margin", options->settings.path_margin_m,
+                   "equivalence margin of path errors, metres (default 0.1)")
       ->check(CLI::PositiveNumber);
-  command->add_option("--csv", options->files.csv, "write a line a map here, and a line a pair to NAME-pairs.csv");
-  command->add_option("--tex", options->files.tex, "write both tables here, for LaTeX with booktabs");
-  CLI::Option* ranking =
-      command->add_flag("--ranking", options->ranking,
-                        "each MAP is a run folder of another setting: does simulation rank them as reality does?");
-  command->add_option("--by", options->by, "number of metrics.json that ranks (default map.mean)")->needs(ranking);
+  command->add_option("--csv", options->files.csv,
+                      "CSV file to write, one line per map; NAME-pairs.csv beside it has one line per pair");
+  command->add_option("--tex", options->files.tex, "LaTeX file to write, with both tables (needs booktabs)");
+  CLI::Option* ranking = command->add_flag(
+      "--ranking", options->ranking,
+      "each MAP is the run folder of one setting; compare how simulation and reality rank the settings");
+  command->add_option("--by", options->by, "value of metrics.json to rank by (default map.mean)")->needs(ranking);
   command->add_option("--seed", options->seed, "seed of the bootstrap (default 1)");
   add_common_options(*command, common);
   command->callback([options, &selection] {

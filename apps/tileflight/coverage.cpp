@@ -20,7 +20,7 @@ std::string percent(double share) {
 std::string table(const nlohmann::json& result, const std::string& out) {
   char line[200];
   std::snprintf(line, sizeof line, "%-12s %6s %8s %10s %10s %9s %9s %9s %9s %9s\n", "strategy", "tiles", "at once",
-                "MB read", "MB memory", "right", "coarser", "missing", "at worst", "cells");
+                "MB read", "MB memory", "correct", "coarser", "missing", "worst", "cells");
   std::string text = line;
   for (const char* name : {"view-follow", "view-high", "sensor", "flight", "region"}) {
     const nlohmann::json& s = result["strategies"][name];
@@ -32,7 +32,7 @@ std::string table(const nlohmann::json& result, const std::string& out) {
     text += line;
   }
   return text + out + ": " + std::to_string(result["frames_looked_at"].get<int>()) + " of " +
-         std::to_string(result["frames"].get<int>()) + " frames looked at; figure.png is of frame " +
+         std::to_string(result["frames"].get<int>()) + " frames checked; figure.png shows frame " +
          std::to_string(result["picture_frame"].get<int>()) + "\n";
 }
 
@@ -48,7 +48,7 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<Options>();
   survey::CoverageSettings& settings = options->settings;
   CLI::App* command = app.add_subcommand(
-      "coverage", "what each tile-loading strategy gives each frame of a flight: holes, tiles, bytes");
+      "coverage", "compare tile-loading strategies over a flight: holes, tiles and bytes of each frame");
   command->footer(
       "Example:\n  tileflight coverage tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
       "coverage");
@@ -56,15 +56,19 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
   command->add_option("--out", options->out, "folder to write")->required();
-  command->add_option("--pixel-error", settings.error_px, "pixels of error that are still right")
+  command->add_option("--pixel-error", settings.error_px, "screen-space error that still counts as correct, pixels")
       ->capture_default_str();
-  command->add_option("--frames", settings.frames, "so many frames are looked at, evenly over the flight")
+  command->add_option("--frames", settings.frames, "number of frames to check, evenly spaced over the flight")
       ->capture_default_str();
-  command->add_option("--width", settings.width, "of the picture whose pixels are counted")->capture_default_str();
-  command->add_option("--voxel", settings.voxel_m, "edge of the region's cells, metres")->capture_default_str();
-  command->add_option("--follow-height", settings.follow_height_m, "of view-follow's camera above the drone, metres")
+  command->add_option("--width", settings.width, "width of the images whose pixels are counted, pixels")
       ->capture_default_str();
-  command->add_option("--viewer-fov", settings.viewer_fov_deg, "of the viewers' cameras, horizontal, degrees")
+  command->add_option("--voxel", settings.voxel_m, "edge of the region's voxels, metres")->capture_default_str();
+  command
+      ->add_option("--follow-height", settings.follow_height_m,
+                   "height of the view-follow camera above the drone, metres")
+      ->capture_default_str();
+  command
+      ->add_option("--viewer-fov", settings.viewer_fov_deg, "horizontal field of view of the viewers' cameras, degrees")
       ->capture_default_str();
   command->add_option("--viewer-error", settings.viewer_max_error_px, "screen-space error of the viewers, pixels")
       ->capture_default_str();

@@ -30,12 +30,11 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->footer(
       "Example:\n  tileflight evaluate out/odometry --truth out/truth --transform transform.json --out metrics.json");
   add_map_options(*command, options->map);
-  command->add_option("--truth", options->truth, "folder that `extract` wrote")->required();
+  command->add_option("--truth", options->truth, "folder written by `extract`")->required();
   command->add_option("--transform", options->transform, "transform.json of `align`")->required();
   command->add_option("--out", options->out, "metrics.json to write; errors.ply is written beside it")->required();
   command
-      ->add_option("--cutoff", options->settings.cutoff_m,
-                   "distance up to which a point counts as a correspondence, metres (default 1)")
+      ->add_option("--cutoff", options->settings.cutoff_m, "maximum distance of a correspondence, metres (default 1)")
       ->check(CLI::PositiveNumber);
   add_common_options(*command, common);
   command->callback([options, &selection] {
@@ -50,7 +49,7 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
            << rounded(m["map"]["cutoff"]) << " m of a voxel centre, mean " << rounded(m["map"]["mean"]) << " m, std "
            << rounded(m["map"]["std"]) << " m (floor " << rounded(m["map"]["quantization_floor"]["mean"]) << "); ";
       if (m["surface"].is_null()) {
-        text << "the truth is of points alone and has no surface to measure to\n";
+        text << "the ground truth holds points only, so there are no distances to the surface\n";
       } else {
         text << "to the surface: median " << rounded(m["surface"]["median"]) << " m\n";
       }

@@ -46,13 +46,11 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("export", "a dataset in another program's layout");
   command->footer("Example:\n  tileflight export dataset --layout euroc --out dataset-euroc");
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
-  command->add_option("--layout", options->layout, "whose layout to write")
-      ->required()
-      ->check(CLI::IsMember(layouts()));
-  command->add_option("--out", options->out, "folder to write; of mcap: file")->required();
+  command->add_option("--layout", options->layout, "layout to write")->required()->check(CLI::IsMember(layouts()));
+  command->add_option("--out", options->out, "folder to write (mcap: file)")->required();
   command->add_option("--camera", options->camera.calibration,
                       "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
-  command->add_option("--camera-id", options->camera.camera_id, "which camera of a calibration that holds several");
+  command->add_option("--camera-id", options->camera.camera_id, "camera to use if the calibration holds several");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {

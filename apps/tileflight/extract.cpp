@@ -22,7 +22,7 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
   text << out << ": " << result["triangles"] << " triangles from " << result["tiles_loaded"] << " of "
        << result["tiles_wanted"] << " tiles" << (result["complete"].get<bool>() ? " (complete)" : " (INCOMPLETE)")
-       << ", " << result["voxels_occupied"] << " cells of " << rounded(result["voxel_size"]) << " m occupied, "
+       << ", " << result["voxels_occupied"] << " voxels of " << rounded(result["voxel_size"]) << " m occupied, "
        << result["surface_points"] << " surface points\n";
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();

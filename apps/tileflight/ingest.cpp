@@ -18,7 +18,7 @@ void set_time_offset(const std::string& text, survey::IngestedFlightConfig& flig
   if (flight.estimates_telemetry_offset) return;
   const auto seconds = base::parse_number<double>(text);
   if (!seconds || !std::isfinite(*seconds))
-    throw CLI::ValidationError("--time-offset", "must be auto or a number of seconds, not '" + text + "'");
+    throw CLI::ValidationError("--time-offset", "must be 'auto' or a number of seconds, got '" + text + "'");
   flight.telemetry_offset_s = *seconds;
 }
 
@@ -31,7 +31,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
     double to_s = 0.0, fps = 0.0, takeoff_height_m = 0.0;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("ingest", "a filmed flight as a dataset");
+  CLI::App* command = app.add_subcommand("ingest", "turn a filmed flight into a dataset");
   command->footer(
       "Example:\n  tileflight ingest flight.mp4 --camera camera.yaml --telemetry flight.srt --telemetry-height "
       "ellipsoid --every 4 --out dataset");
@@ -41,23 +41,24 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
                    "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt or DSO camera.txt")
       ->required();
   command->add_option("--camera-id", options->flight.camera_id,
-                      "which camera of a calibration that holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");
+                      "camera to use if the calibration holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");
   command->add_option("--telemetry", options->telemetry,
                       "flight log (DJI .srt, GPX, KML, CSV, PX4 .ulg, ArduPilot .bin) or folder of photos");
-  command->add_option("--telemetry-height", options->flight.telemetry_height, "what the log's heights are above")
+  command->add_option("--telemetry-height", options->flight.telemetry_height, "height reference (datum) of the log")
       ->check(CLI::IsMember({"ellipsoid", "sea-level", "takeoff"}));
   CLI::Option* takeoff = command->add_option("--takeoff-height", options->takeoff_height_m,
-                                             "of the take-off place above the ellipsoid, metres");
+                                             "height of the take-off point above the ellipsoid, metres");
   command->add_option("--time-offset", options->time_offset,
-                      "seconds added to the log's times to be the video's; auto: by the motion that both have seen");
+                      "seconds to add to the log's times to get the video's; auto: estimated from the motion in both");
   command->add_option("--truth", options->truth,
-                      "folder of `extract`, on whose surface the take-off place's height is found");
+                      "folder written by `extract`; the height of the take-off point is taken from its surface");
   command->add_option("--groundtruth", options->groundtruth, "true poses (TUM), times on the video's clock");
   command->add_option("--from", options->flight.from_s, "start of the excerpt, seconds");
   CLI::Option* to = command->add_option("--to", options->to_s, "end of the excerpt, seconds");
-  command->add_option("--every", options->flight.every, "each n-th frame")->check(CLI::PositiveNumber);
+  command->add_option("--every", options->flight.every, "use every n-th frame")->check(CLI::PositiveNumber);
   CLI::Option* fps =
-      command->add_option("--fps", options->fps, "of a folder of images without times")->check(CLI::PositiveNumber);
+      command->add_option("--fps", options->fps, "frame rate of an image folder without times.txt, frames per second")
+          ->check(CLI::PositiveNumber);
   command->add_option("--out", options->out, "dataset folder to write")->required();
   add_common_options(*command, common);
   command->callback([options, to, fps, takeoff, &selection] {
@@ -67,7 +68,7 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->flight.groundtruth = options->groundtruth;
     set_time_offset(options->time_offset, options->flight);
     if (options->flight.estimates_telemetry_offset && options->telemetry.empty())
-      throw CLI::ValidationError("--time-offset", "is of a flight log; name it with --telemetry");
+      throw CLI::ValidationError("--time-offset", "applies to a flight log; give one with --telemetry");
     if (to->count() > 0) options->flight.to_s = options->to_s;
     if (fps->count() > 0) options->flight.fps = options->fps;
     if (takeoff->count() > 0) options->flight.takeoff_height_m = options->takeoff_height_m;

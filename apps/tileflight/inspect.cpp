@@ -111,10 +111,10 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "inspect",
-      "what a tileset holds: depth, tiles, formats, extents, errors, attribution; its map; heights at points");
+      "contents of a tileset: depth, tiles, formats, extent, errors, attribution; map from above; ground heights");
   command->footer(
       "Examples:\n  tileflight inspect tiles/tileset.json\n"
-      "The place from above, with its grid, its heights, and a proposal of region and voxel:\n"
+      "The place from above with its grid and heights, and a proposed region and voxel size:\n"
       "  tileflight inspect tiles/ --map place.png\n"
       "Ground heights at two points:\n"
       "  tileflight inspect tiles/ --at 35.310344,-80.740007 --at 35.310544,-80.740207");

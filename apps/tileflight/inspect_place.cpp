@@ -55,14 +55,13 @@ void ask_heights(const std::string& source, const tiles::LoadOptions& load, cons
 
 void add_inspect_place_options(CLI::App& command, InspectPlaceOptions& options) {
   command.add_option("--map", options.map,
-                     "picture (.png, .jpg) to draw of the place from above: its grid, heights, gaps; and propose a "
-                     "region and a voxel");
-  command.add_option("--pixels", options.pixels, "of the map's longer side (default 1100)");
-  command
-      .add_option("--memory", options.memory_gb,
-                  "GB of tiles that may be in memory at once (default: half of the machine's)")
+                     "image (.png, .jpg) to write: the place from above with its grid, heights and gaps; also proposes "
+                     "a region and a voxel size");
+  command.add_option("--pixels", options.pixels, "length of the map's longer side, pixels (default 1100)");
+  command.add_option("--memory", options.memory_gb, "memory limit for tiles, GB (default: half of the machine's)")
       ->check(CLI::PositiveNumber);
-  command.add_option("--at", options.at, "LAT,LON of a point whose ground heights are wanted (may be repeated)")
+  command
+      .add_option("--at", options.at, "LAT,LON of a point where to print the ground heights, degrees (may be repeated)")
       ->allow_extra_args(false);
   command
       .add_option("--at-local", options.at_local, "X,Y of such a point in the local frame, metres (may be repeated)")
@@ -73,10 +72,10 @@ void add_inspect_place_options(CLI::App& command, InspectPlaceOptions& options) 
 void check_inspect_place(const CLI::App& command, const InspectPlaceOptions& options) {
   for (const char* option : {"--center", "--center-local", "--size", "--region", "--error", "--pixels", "--memory"}) {
     if (command.get_option(option)->count() > 0 && options.map.empty())
-      throw InputError(option, "is of the map: add --map FILE.png");
+      throw InputError(option, "needs a map: add --map FILE.png");
   }
   if (command.get_option("--origin")->count() > 0 && options.map.empty() && !asks_heights(options))
-    throw InputError("--origin", "is of the map and of points: add --map FILE.png, --at or --at-local");
+    throw InputError("--origin", "needs a map or a point: add --map FILE.png, --at or --at-local");
 }
 
 bool tells_whole_tileset(const InspectPlaceOptions& options, const std::string& source) {

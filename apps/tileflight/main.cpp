@@ -116,7 +116,7 @@ int main(int argc, char** argv) {
   // A closed pipe or a file above the size limit is an error of that write and must not terminate the process.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
-  CLI::App app{"Fly a drone's camera through 3D Tiles of a real place, and measure how true SLAM's map is."};
+  CLI::App app{"Render drone flights over 3D Tiles of a real place, and measure how accurate a SLAM map of it is."};
   app.name("tileflight");
   app.require_subcommand(1);
   app.set_version_flag("--version", std::string("tileflight ") + tileflight::place::version());

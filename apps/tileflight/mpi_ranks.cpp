@@ -144,7 +144,7 @@ std::unique_ptr<survey::Ranks> ranks_of_mpirun() {
   return std::make_unique<MpiRanks>();
 #else
   throw InputError(
-      "mpirun", "this tileflight was built without MPI: start it once, or build it where libopenmpi-dev is installed");
+      "mpirun", "this tileflight was built without MPI: run a single process, or build with libopenmpi-dev installed");
 #endif
 }
 

@@ -28,30 +28,37 @@ constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 void add_extras(CLI::App& command, Options& options) {
   survey::TrackOptions& extras = options.extras;
   command.add_option("--camera", extras.camera, "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
-  command.add_option("--camera-id", extras.camera_id, "which camera of a calibration that holds several");
-  command.add_option("--mask", extras.mask, "picture of the frames' size, black where never to look (own body)");
+  command.add_option("--camera-id", extras.camera_id, "camera to use if the calibration holds several");
+  command.add_option("--mask", extras.mask,
+                     "image of the frames' size; black pixels are ignored (e.g. the drone's own body)");
   command.add_option("--init-from", extras.init_from,
-                     "start from known poses (TUM file; map and trajectory are then in their frame and scale) or depth "
-                     "(folder of 000000.exr, metres; gives the scale)");
-  command.add_flag("--colmap", extras.colmap, "write keyframes, map and lens as OUT/colmap (COLMAP's text format) too");
+                     "initialize from known poses (TUM file; map and trajectory are then in their frame and scale) or "
+                     "depth (folder of 000000.exr, metres; gives the scale)");
+  command.add_flag("--colmap", extras.colmap,
+                   "also write keyframes, map and camera as OUT/colmap (COLMAP's text format)");
   command.add_option("--debug-pictures", extras.debug_pictures,
-                     "folder for a picture of each keyframe with its points, red near to blue far");
+                     "folder for an image of each keyframe with its points, coloured from red (near) to blue (far)");
 }
 
 void add_map_filters(CLI::App& command, Options& options) {
   odometry::MapOptions& map = options.settings.map;
   options.min_parallax_deg = map.min_parallax_rad * kDegreesOfRadian;
-  command.add_option("--min-observations", map.min_observations, "map: keyframes that a point must agree with")
+  command
+      .add_option("--min-observations", map.min_observations,
+                  "map: minimum number of keyframes that agree with a point")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.add_option("--max-deviation", map.max_relative_sigma, "map: standard deviation over inverse distance")
+  command
+      .add_option("--max-deviation", map.max_relative_sigma,
+                  "map: maximum standard deviation of a point's inverse distance, relative to it")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.add_option("--min-parallax", options.min_parallax_deg, "map: degrees between the rays of a point")
+  command
+      .add_option("--min-parallax", options.min_parallax_deg, "map: minimum angle between the rays of a point, degrees")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command.add_flag("--active-points-only", options.active_points_only,
-                   "map: only points of the joint optimisation (the most accurate)");
+                   "map: keep only points of the joint optimisation (the most accurate)");
 }
 
 std::string summary(const nlohmann::json& result, const std::string& out) {
@@ -59,7 +66,7 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
        << result["keyframes"] << " keyframes, " << result["points"] << " points, "
-       << rounded(result["frames_per_second"], 3) << " frames a second\n";
+       << rounded(result["frames_per_second"], 3) << " frames per second\n";
   text << doubts_text(result);
   return text.str();
 }
@@ -73,28 +80,27 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
   command->add_option("--out", options->out, "folder to write")->required();
   command->add_option("--from", options->range.from, "first frame, by index");
-  CLI::Option* to = command->add_option("--to", options->to, "frame to stop before, by index");
-  command->add_option("--every", options->range.every, "each n-th frame")->check(CLI::PositiveNumber);
-  command->add_flag("--reverse", options->range.reverse, "play the frames backwards");
+  CLI::Option* to = command->add_option("--to", options->to, "end frame, by index (not included)");
+  command->add_option("--every", options->range.every, "use every n-th frame")->check(CLI::PositiveNumber);
+  command->add_flag("--reverse", options->range.reverse, "process the frames in reverse order");
   add_extras(*command, *options);
-  CLI::Option* rectify =
-      command->add_option("--rectify", options->rectify_fov_deg,
-                          "rectify to a pinhole of this horizontal field of view first, degrees; for "
-                          "comparison, since the lens itself is used otherwise");
+  CLI::Option* rectify = command->add_option("--rectify", options->rectify_fov_deg,
+                                             "rectify the images to a pinhole of this horizontal field of view, "
+                                             "degrees (for comparison; by default the lens model itself is used)");
   command->add_flag("--fixed-intrinsics{false}", options->settings.window.refine_intrinsics,
-                    "take focal lengths and principal point as the calibration has them; otherwise they are estimated "
-                    "too, beginning there");
+                    "keep the calibration's focal lengths and principal point (by default they are refined)");
   add_map_filters(*command, *options);
   command
       ->add_option("--seed", options->settings.initialization.seed,
-                   "of the random samples from which the start is guessed")
+                   "seed of the random samples used for initialization")
       ->capture_default_str();
   command->add_flag("--loop-closure", options->settings.loops.enabled,
-                    "find places that the flight comes back to and spread the drift (after the last picture)");
+                    "close loops: find revisited places and distribute the drift (after the last frame)");
   command->add_flag("--deterministic", options->deterministic,
-                    "the same result for any number of threads (it always is)");
-  command->add_flag("--no-check{false}", options->extras.check_reversed,
-                    "do not track the pictures in the other direction too to see whether both agree (half the time)");
+                    "same result for any number of threads (always the case)");
+  command->add_flag(
+      "--no-check{false}", options->extras.check_reversed,
+      "skip the check that also tracks the frames in reverse and compares the two paths (halves the time)");
   add_common_options(*command, common);
   command->callback([options, to, rectify, &selection] {
     if (to->count() > 0) options->range.to = options->to;

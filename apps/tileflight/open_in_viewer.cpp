@@ -18,7 +18,7 @@ namespace {
 constexpr std::chrono::milliseconds kPatience{3000}, kStep{20};
 
 [[noreturn]] void refuse(const std::string& file, const std::string& why) {
-  throw InputError(file, "is written, but not opened: " + why + "; open it in a browser by hand");
+  throw InputError(file, "was written but could not be opened: " + why + "; open it in a browser by hand");
 }
 
 pid_t spawned(const std::string& file) {
@@ -26,7 +26,7 @@ pid_t spawned(const std::string& file) {
   char* const arguments[] = {program.data(), argument.data(), nullptr};
   pid_t child = 0;
   const int fault = posix_spawnp(&child, program.c_str(), nullptr, nullptr, arguments, environ);
-  if (fault == ENOENT) refuse(file, "there is no xdg-open here (package xdg-utils)");
+  if (fault == ENOENT) refuse(file, "xdg-open is not installed (package xdg-utils)");
   if (fault != 0) refuse(file, "xdg-open could not be started");
   return child;
 }

@@ -21,7 +21,7 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<Options>();
   survey::RenderSettings& render = options->settings.render;
   CLI::App* command =
-      app.add_subcommand("preview", "a flight before it is rendered: map, profile, three pictures, cost, warnings");
+      app.add_subcommand("preview", "preview a flight before rendering: map, profile, three images, cost, warnings");
   command->footer(
       "Example:\n  tileflight preview tiles/tileset.json --flight flight.yaml --out preview\nThen look at "
       "preview/map.png, "
@@ -32,24 +32,24 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--out", options->out, "folder to write")->required();
   command
       ->add_option("--samples", render.flight.samples_per_pixel,
-                   "samples per pixel that it will be rendered with: 1, 4, 9 or 16 (default 1)")
+                   "samples per pixel of the planned rendering: 1, 4, 9 or 16 (default 1)")
       ->check(CLI::IsMember({1, 4, 9, 16}));
   command
-      ->add_option("--degrade", options->degrade,
-                   "what will make the camera less than perfect: a YAML file of the keys of an experiment's degrade")
+      ->add_option(
+          "--degrade", options->degrade,
+          "camera degradation of the planned rendering: a YAML file with the keys of an experiment's `degrade`")
       ->check(CLI::ExistingFile);
-  command
-      ->add_option("--near", options->settings.check.min_clearance_m, "a surface nearer than this is warned of, metres")
+  command->add_option("--near", options->settings.check.min_clearance_m, "warn about surfaces nearer than this, metres")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  CLI::Option* pixel_error = command
-                                 ->add_option("--pixel-error", options->pixel_error,
-                                              "of the tiles that it will be rendered from, as in `render`, pixels (1)")
-                                 ->check(CLI::PositiveNumber);
-  CLI::Option* memory = command
-                            ->add_option("--memory", options->memory_gb,
-                                         "GB of tiles that may be in memory at once (default: half of the machine's)")
-                            ->check(CLI::PositiveNumber);
+  CLI::Option* pixel_error =
+      command
+          ->add_option("--pixel-error", options->pixel_error,
+                       "screen-space error of the tiles in the planned rendering, as in `render`, pixels (default 1)")
+          ->check(CLI::PositiveNumber);
+  CLI::Option* memory =
+      command->add_option("--memory", options->memory_gb, "memory limit for tiles, GB (default: half of the machine's)")
+          ->check(CLI::PositiveNumber);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);

@@ -42,9 +42,9 @@ void add_region_options(CLI::App& command, RegionOptions& options) {
                   "LAT,LON,HEIGHT of the local frame's origin (default: the region's centre)")
       ->delimiter(',')
       ->expected(3);
-  command.add_option("--error", options.error_m, "geometric error wanted, metres (0: the finest there is)")
+  command.add_option("--error", options.error_m, "requested geometric error, metres (0: the finest available)")
       ->check(CLI::NonNegativeNumber);
-  command.add_flag("--allow-incomplete", options.allow_incomplete, "go on without tiles that are missing or broken");
+  command.add_flag("--allow-incomplete", options.allow_incomplete, "continue without tiles that are missing or broken");
 }
 
 tiles::LoadOptions load_options(const RegionOptions& options) {
@@ -57,8 +57,9 @@ tiles::LoadOptions load_options(const RegionOptions& options) {
   if (!options.size.empty()) load.size = vec3(options.size);
   if (!options.origin.empty()) load.origin = geodetic(options.origin);
   const bool has_center = load.center || load.center_local;
-  if (has_center && !load.size) throw InputError("--size", "is needed with a centre: EAST,NORTH,UP in metres");
-  if (load.size && !has_center) throw InputError("--size", "is of no use without --center or --center-local");
+  if (has_center && !load.size)
+    throw InputError("--size", "is required with --center and --center-local: EAST,NORTH,UP in metres");
+  if (load.size && !has_center) throw InputError("--size", "needs --center or --center-local");
   return load;
 }
 

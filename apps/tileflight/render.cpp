@@ -70,10 +70,10 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     double memory_gb = 0.0;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("render", "a simulated sensor dataset of a flight through tiles");
+  CLI::App* command = app.add_subcommand("render", "render a flight over tiles as a simulated sensor dataset");
   command->footer(
       "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
-      "dataset\nSeveral processes share the frames out among them:\n  mpirun --bind-to none -n 4 tileflight render "
+      "dataset\nSeveral processes share the frames:\n  mpirun --bind-to none -n 4 tileflight render "
       "...");
   command->add_option("SOURCE", options->settings.source, kSourceHelp)->required();
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
@@ -83,42 +83,39 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
                       "calibration instead of the flight's: Kalibr, OpenCV, COLMAP or DSO");
   command
       ->add_option("--resolution", options->resolution,
-                   "W,H of the pictures, pixels: the camera over another image of the same shape")
+                   "W,H of the images, pixels: rescales the camera (same aspect ratio)")
       ->delimiter(',')
       ->expected(2)
       ->check(CLI::Range(16, 65536));
-  CLI::Option* max_frames = command->add_option("--max-frames", options->max_frames, "stop after so many frames")
+  CLI::Option* max_frames = command->add_option("--max-frames", options->max_frames, "render at most this many frames")
                                 ->check(CLI::Range(2, 10000000));
   command
       ->add_option("--samples", options->settings.flight.samples_per_pixel,
                    "samples per pixel: 1, 4, 9 or 16 (default 1)")
       ->check(CLI::IsMember({1, 4, 9, 16}));
   command->add_option("--outputs", options->outputs,
-                      "further images of each frame, with commas between: depth, range, normals, segmentation, "
+                      "additional images per frame, comma-separated: depth, range, normals, segmentation, "
                       "infrared, flow, visibility, photometric");
   command
       ->add_option("--degrade", options->degrade,
-                   "what makes the camera less than perfect: a YAML file of the keys of an experiment's degrade")
+                   "camera degradation: a YAML file with the keys of an experiment's `degrade`")
       ->check(CLI::ExistingFile);
   command->add_flag("--depth", options->depth, "the same as --outputs depth");
   command->add_flag("--png", options->settings.png, "images as PNG instead of JPEG");
-  command->add_option("--seed", options->settings.seed, "seed of everything that is random (default 1)");
-  CLI::Option* pixel_error =
-      command
-          ->add_option("--pixel-error", options->pixel_error,
-                       "load the tiles that the flight looks at, erring by at most so many pixels, instead of a "
-                       "region's; what is done where no region is given (1)")
-          ->check(CLI::PositiveNumber);
-  CLI::Option* memory =
-      command
-          ->add_option(
-              "--memory", options->memory_gb,
-              "GB of tiles that may be in memory at once (default: half of the machine's); a flight that looks "
-              "at more is rendered in parts, which changes no pixel")
-          ->check(CLI::PositiveNumber);
+  command->add_option("--seed", options->settings.seed, "random seed (default 1)");
+  CLI::Option* pixel_error = command
+                                 ->add_option("--pixel-error", options->pixel_error,
+                                              "load the tiles that the flight's views need at this screen-space error, "
+                                              "pixels, instead of a region (default 1, used when no region is given)")
+                                 ->check(CLI::PositiveNumber);
+  CLI::Option* memory = command
+                            ->add_option("--memory", options->memory_gb,
+                                         "memory limit for tiles, GB (default: half of the machine's); a flight that "
+                                         "needs more is rendered in several passes, with identical pixels")
+                            ->check(CLI::PositiveNumber);
   command->add_flag("--resume", options->settings.resume,
-                    "keep finished frames beside the output while it is not whole, and take up those that an earlier "
-                    "render left there; is done under mpirun, and wherever some are found");
+                    "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
+                    "render; always on under mpirun and where such frames exist");
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
@@ -152,7 +149,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       const nlohmann::json r = render(options->settings, options->out, shared.force, progress);
       if (r.is_null()) return {};  // another process prints
       std::ostringstream text;
-      text << options->out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " a second\n";
+      text << options->out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3)
+           << " per second\n";
       for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
       return {r, text.str()};
     };

@@ -14,10 +14,10 @@ void add_report(CLI::App& app, CommonOptions& common, Selection& selection) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* command =
-      app.add_subcommand("report", "report.html, report.json and figures again from the results of a run");
+      app.add_subcommand("report", "rebuild report.html, report.json and figures from the results of a run");
   command->footer("Example:\n  tileflight report out/stadium --open");
   command->add_option("DIR", options->folder, "folder of a run")->required();
-  command->add_flag("--open", options->open, "show it in the desktop's browser");
+  command->add_flag("--open", options->open, "open the report in the desktop's browser");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress&) -> Output {

@@ -18,10 +18,10 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
     SourceArguments source_arguments;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("run", "an experiment, from tiles to report");
+  CLI::App* command = app.add_subcommand("run", "run an experiment, from tiles to report");
   command->footer("Example:\n  tileflight run examples/stadium.yaml --out out/stadium");
   command->add_option("EXPERIMENT", options->experiment, "experiment file (YAML)")->required();
-  command->add_option("--out", options->out, "folder for results.json, report.html and what they were made from")
+  command->add_option("--out", options->out, "folder for results.json, report.html and all intermediate results")
       ->required();
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);

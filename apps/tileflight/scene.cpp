@@ -10,13 +10,13 @@ void add_scene(CLI::App& app, CommonOptions& common, Selection& selection) {
     std::uint64_t seed = 1;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* scene = app.add_subcommand("scene", "make a built-in place as 3D Tiles");
+  CLI::App* scene = app.add_subcommand("scene", "write a built-in place as 3D Tiles");
   scene->require_subcommand(1);
   CLI::App* stadium =
       scene->add_subcommand("stadium", "the stadium at the paper's coordinates: OUT/twin and OUT/world");
   stadium->footer("Example:\n  tileflight scene stadium out/stadium-tiles");
   stadium->add_option("OUT", options->out, "folder to write")->required();
-  stadium->add_option("--seed", options->seed, "seed of everything that varies (default 1)");
+  stadium->add_option("--seed", options->seed, "random seed (default 1)");
   add_common_options(*stadium, common);
   stadium->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {

@@ -47,7 +47,8 @@ std::string file_text(const std::string& file, const char* what) {
 std::string token_of(const std::string& file) {
   std::string token = file_text(file, "a token");
   while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
-  if (token.empty()) throw InputError(file, "has no token in it; write one line, such as `openssl rand -hex 32` gives");
+  if (token.empty())
+    throw InputError(file, "contains no token; write one line, e.g. the output of `openssl rand -hex 32`");
   return token;
 }
 
@@ -92,7 +93,7 @@ std::string endpoint(const std::string& address, int port) {
 void warn_of_settings_address(const rpc::ServerOptions& options, const simulator::Simulator& simulator) {
   const std::optional<std::string> wanted = simulator.settings_address();
   if (!wanted || *wanted == "localhost" || *wanted == options.address) return;
-  std::cerr << "tileflight: LocalHostIp of the settings is not followed; --bind says where to listen\n";
+  std::cerr << "tileflight: LocalHostIp in the settings is ignored; set the address with --bind\n";
 }
 
 /// Prints what users need to connect as soon as the server listens.
@@ -111,16 +112,16 @@ void announce(const CommonOptions& common, const rpc::ServerOptions& options, in
     for (const std::string& warning : simulator.warnings()) std::cerr << "tileflight: " << warning << "\n";
     std::cout << "listening at " << endpoint(options.address, port) << ", vehicle";
     for (const std::string& vehicle : vehicles) std::cout << " " << vehicle;
-    std::cout << "; Ctrl-C ends it" << std::endl;
+    std::cout << "; press Ctrl-C to stop" << std::endl;
   }
 }
 
 void warn_of_other_machines(const rpc::ServerOptions& options) {
   if (rpc::is_loopback(options.address)) return;
-  std::cerr << "tileflight: warning: " << options.address << " can be reached from other machines, the protocol is not "
-            << "encrypted, and "
-            << (options.token.empty() ? "whoever reaches it can fly and look; --token asks for a password"
-                                      : "the token is sent as it is")
+  std::cerr << "tileflight: warning: " << options.address << " can be reached from other machines and the protocol "
+            << "is not encrypted; "
+            << (options.token.empty() ? "anyone who connects can control the vehicles; require a password with --token"
+                                      : "the token is sent in plain text")
             << "\n";
 }
 
@@ -180,13 +181,16 @@ void add_server_options(CLI::App& command, const std::shared_ptr<ServeOptions>& 
       ->check(CLI::Range(0, 65535))
       ->each([options](const std::string&) { options->port_given = true; });
   command
-      .add_option("--bind", options->server.address, "address to listen at; 0.0.0.0: other machines too, see --token")
+      .add_option("--bind", options->server.address,
+                  "address to listen on (0.0.0.0: other machines can connect, see --token)")
       ->capture_default_str();
-  CLI::Option* token = command.add_option("--token", options->server.token, "what a client has to send first");
-  command.add_option("--token-file", options->token_file, "the same, from a file, which other users cannot see")
+  CLI::Option* token = command.add_option("--token", options->server.token, "token that a client must send first");
+  command
+      .add_option("--token-file", options->token_file,
+                  "file that holds the token; unlike --token, other users cannot see it")
       ->check(CLI::ExistingFile)
       ->excludes(token);
-  command.add_option("--max-message", options->message_mb, "MB that one message from a client may have")
+  command.add_option("--max-message", options->message_mb, "maximum size of a message from a client, MB")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
 }
@@ -196,19 +200,21 @@ void add_world_options(CLI::App& command, ServeOptions& options) {
       ->check(CLI::ExistingFile);
   command
       .add_option("--follow", options.follow,
-                  "which tiles are in memory: the region, or what the sensors can see (auto: the region if it fits "
-                  "into half of --memory)")
+                  "tiles to keep in memory: those of the region, or those the sensors can see (auto: the region if it "
+                  "fits into half of --memory)")
       ->check(CLI::IsMember({"auto", "region", "sensors"}));
-  command.add_option("--pixel-error", options.simulator.error_px, "pixels that a tile which is followed may err by")
+  command
+      .add_option("--pixel-error", options.simulator.error_px,
+                  "screen-space error of tiles loaded for the sensors, pixels")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command.add_option("--memory", options.memory_gb, "GB of decoded tiles at most")
+  command.add_option("--memory", options.memory_gb, "memory limit for decoded tiles, GB")
       ->check(CLI::Range(0.001, 100000.0))
       ->capture_default_str();
   command.add_option("--files", options.files, "folder that clients may write files into (default: none)");
   command
       .add_option("--start-local", options.start_local,
-                  "X,Y[,Z] in the local frame where vehicles have their origin (default: on the surface in the middle)")
+                  "X,Y[,Z] of the vehicles' origin in the local frame, metres (default: on the surface at the centre)")
       ->delimiter(',')
       ->expected(2, 3);
 }

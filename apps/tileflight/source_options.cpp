@@ -25,25 +25,26 @@ void add_source_options(CLI::App& command, SourceArguments& arguments) {
   const std::string group = "Sources from the network";
   command
       .add_option("--header", arguments.headers,
-                  "\"Name: value\" to send with each request to the tileset's own host (may be repeated)")
+                  "HTTP header \"Name: value\" for each request to the tileset's own host (may be repeated)")
       ->allow_extra_args(false)
       ->group(group);
   command
       .add_option("--allow-host", arguments.allowed_hosts,
-                  "another host (or host:port) that the tileset may name (may be repeated)")
+                  "additional host (or host:port) that the tileset may load from (may be repeated)")
       ->allow_extra_args(false)
       ->group(group);
   auto* cache = command
                     .add_option("--cache", arguments.cache,
                                 "folder of the cache (default: $XDG_CACHE_HOME/tileflight or ~/.cache/tileflight)")
                     ->group(group);
-  command.add_option("--cache-size", arguments.cache_gb, "gigabytes that the cache may take (default 4)")
+  command.add_option("--cache-size", arguments.cache_gb, "maximum size of the cache, GB (default 4)")
       ->check(CLI::PositiveNumber)
       ->group(group);
-  command.add_flag("--no-cache", arguments.no_cache, "keep nothing on disk")->excludes(cache)->group(group);
+  command.add_flag("--no-cache", arguments.no_cache, "do not cache on disk")->excludes(cache)->group(group);
   command
-      .add_flag("--terms-accepted", arguments.terms_accepted,
-                "my agreement with the provider allows what its public terms forbid (stands in the result)")
+      .add_flag(
+          "--terms-accepted", arguments.terms_accepted,
+          "declare that your agreement with the provider allows what its public terms forbid (recorded in the result)")
       ->group(group);
 }
 

@@ -111,7 +111,7 @@ void TerminalProgress::tell_steps() {
     const double seconds = step.seconds - step.told_seconds;
     constexpr double kNothing = 0.05;
     if (step.is_told && seconds < kNothing) continue;
-    tell(step.name + (step.is_told ? ", further: " : ": ") + duration_text(seconds));
+    tell(step.name + (step.is_told ? ", continued: " : ": ") + duration_text(seconds));
     step.told_seconds = step.seconds;
     step.is_told = true;
   }

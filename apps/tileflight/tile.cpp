@@ -122,8 +122,9 @@ Output tile(const Options& options, const CommonOptions& shared, const Progress&
     if (settings.copyright.empty() && !source.copyrights.empty()) settings.copyright = source.copyrights.front();
     const tiling::MeshTilesetSummary summary = tiling::write_mesh_tileset(temporary, source.meshes, settings, progress);
     if (summary.texture_scale < 1.0)
-      source.warnings.push_back("textures were made smaller where a tile's did not fit, down to " +
-                                rounded(summary.texture_scale, 3) + "; a larger --texture-size keeps them");
+      source.warnings.push_back("textures that did not fit into a tile's texture were scaled down, to " +
+                                rounded(summary.texture_scale, 3) +
+                                " of their size at the smallest; increase --texture-size to keep them");
     result = result_of(options, summary, source.warnings);
     result["frame"] = frame_json(frame, stated_by);
   });
@@ -131,7 +132,7 @@ Output tile(const Options& options, const CommonOptions& shared, const Progress&
 }
 
 void add_options(CLI::App& command, Options& options) {
-  command.add_option("MESH", options.mesh, "mesh: .obj (with .mtl and pictures), .glb, .gltf or .ply")->required();
+  command.add_option("MESH", options.mesh, "mesh: .obj (with .mtl and textures), .glb, .gltf or .ply")->required();
   command.add_option("--out", options.out, "folder to write")->required();
   auto* georeference = command
                            .add_option("--georeference", options.georeference,
@@ -140,36 +141,43 @@ void add_options(CLI::App& command, Options& options) {
                            ->delimiter(',')
                            ->expected(3);
   auto* crs = command.add_option("--crs", options.crs,
-                                 "the mesh lies on a map: its reference system, e.g. EPSG:32717 (default: what "
-                                 "OpenDroneMap or metadata.xml says beside the mesh)");
-  command.add_option("--offset", options.offset, "X,Y,Z to add to the mesh's coordinates on that map")
+                                 "coordinate reference system of the mesh, e.g. EPSG:32717 (default: from the files of "
+                                 "OpenDroneMap or metadata.xml beside the mesh)");
+  command.add_option("--offset", options.offset, "X,Y,Z to add to the mesh's coordinates in that reference system")
       ->delimiter(',')
       ->expected(3)
       ->needs(crs);
-  auto* none = command.add_flag("--no-georeference", options.no_georeference, "ignore what files beside the mesh say");
+  auto* none =
+      command.add_flag("--no-georeference", options.no_georeference, "ignore georeferencing files beside the mesh");
   georeference->excludes(crs)->excludes(none);
   crs->excludes(none);
   command.add_option("--up", options.up, "the mesh's axis that points up (default: z; y for glTF)")
       ->check(CLI::IsMember({"x", "y", "z"}));
   command.add_option("--scale", options.scale, "metres in one unit of the mesh (default 1)")
       ->check(CLI::PositiveNumber);
-  command.add_option("--tile-triangles", options.tileset.tile_triangles, "triangles a tile, at most (default 20000)")
+  command
+      .add_option("--tile-triangles", options.tileset.tile_triangles,
+                  "maximum number of triangles per tile (default 20000)")
       ->check(CLI::Range(100, 10000000));
-  command.add_option("--texture-size", options.tileset.max_atlas_px, "longest side of a tile's texture (default 4096)")
+  command
+      .add_option("--texture-size", options.tileset.max_atlas_px,
+                  "longest side of a tile's texture, pixels (default 4096)")
       ->check(CLI::Range(64, 16384));
-  command.add_option("--levels", options.levels, "levels of detail (default: as many as the tiles ask for)")
+  command
+      .add_option("--levels", options.levels, "number of levels of detail (default: as many as the tile size requires)")
       ->check(CLI::Range(1, 10));
-  command.add_option("--jpeg-quality", options.tileset.jpeg_quality, "of the textures, 1 to 100 (default 90)")
+  command
+      .add_option("--jpeg-quality", options.tileset.jpeg_quality, "JPEG quality of the textures, 1 to 100 (default 90)")
       ->check(CLI::Range(1, 100));
   command.add_option("--copyright", options.tileset.copyright, "attribution, written into every tile");
-  command.add_flag("--no-textures", options.no_textures, "leave textures out");
+  command.add_flag("--no-textures", options.no_textures, "write no textures");
 }
 
 }  // namespace
 
 void add_tile(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("tile", "a mesh of your own as 3D Tiles with levels of detail");
+  CLI::App* command = app.add_subcommand("tile", "convert a mesh to 3D Tiles with levels of detail");
   command->footer(
       "Example:\n  tileflight tile odm_textured_model_geo.obj --out tiles\n"
       "  tileflight tile scan.glb --georeference 50.8231,14.2210,312.5 --out tiles");

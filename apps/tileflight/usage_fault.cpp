@@ -52,19 +52,19 @@ std::string full_name(const CLI::App& command) {
   return (parent == nullptr ? "" : full_name(*parent) + " ") + command.get_name();
 }
 
-std::string look_up(const CLI::App& command) { return "; `" + full_name(command) + " --help` says how"; }
+std::string look_up(const CLI::App& command) { return "; see `" + full_name(command) + " --help`"; }
 
 std::string unknown_command(const CLI::App& app, const std::string& word) {
   const std::vector<std::string> commands = commands_of(app);
   const std::string meant = base::did_you_mean(word, commands);
-  return "there is no command '" + word + "'" + (meant.empty() ? "; the commands are " + list(commands) : meant);
+  return "unknown command '" + word + "'" + (meant.empty() ? "; the commands are " + list(commands) : meant);
 }
 
 std::string unknown_option(const CLI::App& command, const std::string& name) {
   const std::vector<const CLI::App*> below = subcommands_of(command);
   if (std::any_of(below.begin(), below.end(),
                   [&](const CLI::App* one) { return one->get_option_no_throw(name) != nullptr; }))
-    return "options stand behind the command: `" + full_name(command) + " COMMAND … " + name + "`";
+    return "options come after the command: `" + full_name(command) + " COMMAND … " + name + "`";
   const std::string meant = base::did_you_mean(name, options_of(command));
   return "`" + full_name(command) + "` has no option " + name +
          (meant.empty() ? "; `" + full_name(command) + " --help` lists them" : meant);
@@ -80,7 +80,7 @@ std::string range_fault(const std::string& fault) {
   const std::string must = most < kNoBound ? "be " + rounded(least) + " to " + rounded(most)
                            : value < 0.0   ? "not be negative"
                                            : "be more than 0";
-  return parts[1].str() + " must " + must + ", and is " + parts[2].str();
+  return parts[1].str() + " must " + must + ", got " + parts[2].str();
 }
 
 /// "--size: At least 3 required but received 2"
@@ -88,8 +88,8 @@ std::string count_fault(const std::string& fault) {
   static const std::regex kCount("(.*): At (least|most) (\\d+) required but received (\\d+)");
   std::smatch parts;
   if (!std::regex_match(fault, parts, kCount)) return fault;
-  return parts[1].str() + " takes at " + parts[2].str() + " " + parts[3].str() +
-         " values with commas between, and has " + parts[4].str();
+  return parts[1].str() + " takes at " + parts[2].str() + " " + parts[3].str() + " comma-separated values, got " +
+         parts[4].str();
 }
 
 /// "--layout: eurok not in {tum-mono,euroc}", with the most similar word.
@@ -100,7 +100,7 @@ std::string choice_fault(const std::string& fault) {
   std::vector<std::string> words;
   std::istringstream all(parts[3].str());
   for (std::string word; std::getline(all, word, ',');) words.push_back(word);
-  return parts[1].str() + " is none of " + list(words) + ": '" + parts[2].str() + "'" +
+  return parts[1].str() + " must be one of " + list(words) + ", got '" + parts[2].str() + "'" +
          base::did_you_mean(parts[2].str(), words);
 }
 
@@ -123,7 +123,8 @@ std::string usage_fault(const CLI::App& app, const std::vector<std::string>& arg
       command = *chosen;
     }
   }
-  if (!commands_of(*command).empty()) return "a command is needed: " + list(commands_of(*command)) + look_up(*command);
+  if (!commands_of(*command).empty())
+    return "a command is required: " + list(commands_of(*command)) + look_up(*command);
   const std::string told = choice_fault(count_fault(range_fault(fault)));
   return full_name(*command).substr(app.get_name().size() + 1) + ": " + told +
          (told.ends_with('?') ? "" : look_up(*command));

@@ -44,22 +44,21 @@ TEST(CommandLine, AMisspeltWordIsNamedWithTheNearest) {
     EXPECT_EQ(result.out, "") << call[0];
     EXPECT_THAT(result.err, HasSubstr(text));
   };
-  says({"rnder", "x"}, "there is no command 'rnder'; did you mean 'render'?");
-  says({"photogrammetry"}, "there is no command 'photogrammetry'; the commands are scene, tile, ");
+  says({"rnder", "x"}, "unknown command 'rnder'; did you mean 'render'?");
+  says({"photogrammetry"}, "unknown command 'photogrammetry'; the commands are scene, tile, ");
   says({"scene", "stadum", "out"}, "did you mean 'stadium'?");
-  says({"--quiet", "extract", "x"}, "options stand behind the command: `tileflight COMMAND … --quiet`");
-  says({}, "a command is needed: scene, tile, ");
+  says({"--quiet", "extract", "x"}, "options come after the command: `tileflight COMMAND … --quiet`");
+  says({}, "a command is required: scene, tile, ");
   says({"extract", "x", "--out", "y", "--voxl", "2"},
        "`tileflight extract` has no option --voxl; did you mean '--voxel'?");
   says({"extract", "x", "--ou", "y"}, "did you mean '--out'?");
   says({"render", "x", "--flight=f", "--out=o", "--sample=4"}, "did you mean '--samples'?");
   says({"extract", "x", "--out", "y", "--zzzzzz"}, "`tileflight extract --help` lists them");
-  says({"extract", "x"}, "extract: --out is required; `tileflight extract --help` says how");
-  says({"extract", "x", "--out", "y", "--voxel", "-1"}, "extract: --voxel must not be negative, and is -1");
-  says({"extract", "x", "--out", "y", "--voxel", "0"}, "extract: --voxel must be more than 0, and is 0");
-  says({"extract", "x", "--out", "y", "--threads", "0"}, "extract: --threads must be 1 to 1024, and is 0");
-  says({"extract", "x", "--out", "y", "--size", "1,2"},
-       "--size takes at least 3 values with commas between, and has 2");
+  says({"extract", "x"}, "extract: --out is required; see `tileflight extract --help`");
+  says({"extract", "x", "--out", "y", "--voxel", "-1"}, "extract: --voxel must not be negative, got -1");
+  says({"extract", "x", "--out", "y", "--voxel", "0"}, "extract: --voxel must be more than 0, got 0");
+  says({"extract", "x", "--out", "y", "--threads", "0"}, "extract: --threads must be 1 to 1024, got 0");
+  says({"extract", "x", "--out", "y", "--size", "1,2"}, "--size takes at least 3 comma-separated values, got 2");
   says({"export", "x", "--out", "y", "--layout", "eurok"}, "'eurok'; did you mean 'euroc'?");
   says({"extract", "x", "--out", "y", "z"}, "extract: ");
 }
@@ -104,7 +103,7 @@ TEST(CommandLine, ATimeOffsetIsAutoOrSeconds) {
   for (const char* wrong : {"1e999", "nan", "-inf", "soon", "1s"}) {
     const ProgramResult result = ingest({"--telemetry", "log.srt", "--time-offset", wrong});
     EXPECT_EQ(result.exit_code, 2) << wrong;
-    EXPECT_THAT(result.err, HasSubstr("auto or a number of seconds, not '" + std::string(wrong) + "'"));
+    EXPECT_THAT(result.err, HasSubstr("'auto' or a number of seconds, got '" + std::string(wrong) + "'"));
   }
   EXPECT_EQ(ingest({"--time-offset", "auto"}).exit_code, 2) << "of no log";
   for (const char* right : {"-1.25", "+3", "auto"})

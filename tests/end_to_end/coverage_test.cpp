@@ -172,7 +172,7 @@ TEST_F(Coverage, WhatCannotBeIsOneLine) {
     away.replace(at, 14, "pitch_deg: 80");
   for (std::size_t at = away.find(", 108]"); at != std::string::npos; at = away.find(", 108]"))
     away.replace(at, 6, ", 300]");
-  EXPECT_THAT(error_of(away), ::testing::HasSubstr("looks at no tile"));
+  EXPECT_THAT(error_of(away), ::testing::HasSubstr("sees no tile"));
   EXPECT_THAT(error_of(kFlight, {"--pixel-error", "0"}), ::testing::HasSubstr("--pixel-error: must be positive"));
   for (const char* name : {"root.glb", "0.glb", "1.glb", "2.glb", "3.glb"})
     TinyPlace::write_file(folder_ / "place" / name, TinyPlace::one_point_pnts());

@@ -264,7 +264,7 @@ TEST_F(Experiment, VariantsThatCannotBeAreOneLine) {
   };
   expect_refused("  - {degrade: {vignetting: 0.5}}\n", "names a folder");
   expect_refused("  - {name: ../up}\n", "names a folder");
-  expect_refused("  - {name: a}\n  - {name: a}\n", "two of them are called 'a'");
+  expect_refused("  - {name: a}\n  - {name: a}\n", "two variants are called 'a'");
   expect_refused("  - {name: a, degrad: {vignetting: 0.5}}\n", "degrade");
 }
 

@@ -84,7 +84,7 @@ TEST_F(Network, ACacheThatIsAskedForButCannotBeMadeIsAnError) {
   arguments.insert(arguments.end(), {"--cache", "/dev/null/cache"});
   const auto result = run_tileflight(arguments, environment());
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_THAT(result.err, HasSubstr("/dev/null/cache: the folder of the cache cannot be made"));
+  EXPECT_THAT(result.err, HasSubstr("/dev/null/cache: the cache folder cannot be created"));
   const auto without = run_tileflight(extract(place_.root(), "truth"), "XDG_CACHE_HOME=/dev/null/cache");
   EXPECT_EQ(without.exit_code, 0) << "one that nobody asked for is not worth a failure: " << without.err;
 }

@@ -212,7 +212,7 @@ TEST_F(Ranks, OneThatDiesIsNamedAndWhatIsThereIsTakenUp) {
     EXPECT_FALSE(fs::exists(folder_ / out));
     EXPECT_THAT(result.err, HasSubstr("rank 1 of 2 died; ")) << result.err;
     EXPECT_THAT(result.err, HasSubstr(" of 30 frames are kept in " + kept(out).string() + ", missing: "));
-    EXPECT_THAT(result.err, HasSubstr("the same command again renders what is missing"));
+    EXPECT_THAT(result.err, HasSubstr("run the same command again to render the missing frames"));
     return frames_in(kept(out));
   };
   const std::size_t there = stop_midway("data");
@@ -221,7 +221,7 @@ TEST_F(Ranks, OneThatDiesIsNamedAndWhatIsThereIsTakenUp) {
   const ProgramResult rest = render("data", more);  // by one process, which needs not be told
   ASSERT_EQ(rest.exit_code, 0) << rest.err;
   EXPECT_EQ(json::parse(rest.out)["frames_taken_up"], there);
-  EXPECT_THAT(rest.out, HasSubstr(std::to_string(there) + " of 30 frames were there from an earlier render"));
+  EXPECT_THAT(rest.out, HasSubstr(std::to_string(there) + " of 30 frames were reused from an earlier render"));
   EXPECT_FALSE(fs::exists(kept("data")));
   const ProgramResult other = render("other", more);
   expect_same(folder_ / "other", folder_ / "data");
@@ -237,7 +237,7 @@ TEST_F(Ranks, FramesOfOtherSettingsAreNotTakenUp) {
   const ProgramResult result = render("data", {});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out,
-              HasSubstr("frames that an earlier render left are not used: it had others of path and camera, "
+              HasSubstr("frames of an earlier render are not reused, because these inputs differ: path and camera, "
                         "program, seed, settings, source"));
   ASSERT_EQ(render("new", {}).exit_code, 0);
   expect_same(folder_ / "new", folder_ / "data");

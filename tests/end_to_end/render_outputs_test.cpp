@@ -233,7 +233,7 @@ TEST_F(RenderOutputs, LightBySunAndSkyNeedsAPlaceAndADay) {
   };
   expect_refused("light: {time: 2024-03-20T23:00:00Z}\n", placed, "below the horizon");
   expect_refused("light: {}\n", placed, "has no time");
-  expect_refused("light: {time: 2024-02-30T12:00:00Z}\n", placed, "a date and time that there is");
+  expect_refused("light: {time: 2024-02-30T12:00:00Z}\n", placed, "a valid date and time");
   expect_refused("light: {time: 2024-03-20T12:07:00Z}\n", lit, "origin");
 }
 
@@ -246,7 +246,7 @@ TEST_F(RenderOutputs, DepthAloneIsAFlagAndWordsAreChecked) {
   const ProgramResult wrong = render("wrong", {"--outputs", "depth,floe"});
   EXPECT_EQ(wrong.exit_code, 1);
   EXPECT_EQ(tests::line_count(wrong.err), 1) << wrong.err;
-  EXPECT_THAT(wrong.err, ::testing::HasSubstr("--outputs: names 'floe', which is no output; did you mean 'flow'?"));
+  EXPECT_THAT(wrong.err, ::testing::HasSubstr("--outputs: names 'floe', which is not an output; did you mean 'flow'?"));
   EXPECT_FALSE(fs::exists(folder_ / "wrong"));
 }
 

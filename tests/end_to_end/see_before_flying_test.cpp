@@ -184,7 +184,7 @@ TEST_F(BridgeAndHouse, CoarseVoxelsAreSaid) {
     EXPECT_EQ(result.exit_code, 0) << result.err;
     return json::parse(result.out)["warnings"].dump();
   };
-  EXPECT_THAT(warnings("1"), AllOf(HasSubstr("voxels of 1 m are coarse"), HasSubstr("--voxel 0.1 suits it")));
+  EXPECT_THAT(warnings("1"), AllOf(HasSubstr("voxels of 1 m are coarse"), HasSubstr("use --voxel 0.1")));
   EXPECT_THAT(warnings("0.1"), Not(HasSubstr("coarse")));
 }
 
@@ -261,7 +261,7 @@ TEST_F(BridgeAndHouse, AFlightFarAwayIsSaidToBe) {
   - {position: [4000, 40, 30], yaw_deg: 0, pitch_deg: -60}
 )");
   EXPECT_THAT(found["warnings"][0].get<std::string>(),
-              AllOf(HasSubstr("comes no nearer to the place than 3900 m"), HasSubstr("--origin")));
+              AllOf(HasSubstr("stays at least 3900 m away from the place"), HasSubstr("--origin")));
   EXPECT_THAT(found["warnings"].dump(), HasSubstr("no surface is in view"));
   EXPECT_TRUE(found["height_above_ground"].is_null());
 }
@@ -285,9 +285,9 @@ TEST_F(BridgeAndHouse, OptionsThatAreOfNoUseTogetherAreRefused) {
     EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
     return result.err;
   };
-  EXPECT_THAT(refused({"--error", "3"}), HasSubstr("--error: is of the map: add --map"));
+  EXPECT_THAT(refused({"--error", "3"}), HasSubstr("--error: needs a map: add --map"));
   EXPECT_THAT(refused({"--origin", "1,2,3"}), HasSubstr("--origin"));
-  EXPECT_THAT(refused({"--at", "95,3"}), HasSubstr("--at 95,3: is no place"));
+  EXPECT_THAT(refused({"--at", "95,3"}), HasSubstr("--at 95,3: is not a valid position"));
   EXPECT_THAT(refused({"--map", (folder_ / "place.obj").string()}), HasSubstr(".png or .jpg"));
   EXPECT_THAT(refused({"--map", (folder_ / "none/at/all/map.png").string()}), HasSubstr("map.png"));
 }

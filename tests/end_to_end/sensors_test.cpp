@@ -157,7 +157,7 @@ TEST_F(Sensors, WhatCannotBeIsOneLine) {
     return result.err;
   };
   EXPECT_THAT(error_with("sensors: {imo: {}}\n"), ::testing::HasSubstr("did you mean 'imu'?"));
-  EXPECT_THAT(error_with("sensors: {magnetometer: {}}\n"), ::testing::HasSubstr("the place is not on the earth"));
+  EXPECT_THAT(error_with("sensors: {magnetometer: {}}\n"), ::testing::HasSubstr("the place is not georeferenced"));
 }
 
 }  // namespace

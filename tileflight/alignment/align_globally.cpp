@@ -123,8 +123,7 @@ std::string rival_note(const std::vector<RankedAlignment>& places, const Closene
     const double apart = closeness.separation(places[0].T, places[k].T);
     if (places[k].closeness < kAsGood * places[0].closeness || apart < kElsewhere) continue;
     char text[128];
-    std::snprintf(text, sizeof text, "ambiguous: another place, %.2g of the map's size away, fits nearly as well",
-                  apart);
+    std::snprintf(text, sizeof text, "ambiguous: another position, %.2g map sizes away, fits nearly as well", apart);
     return text;
   }
   return {};
@@ -161,22 +160,23 @@ double compute_closeness(const PointCloud& map, const Sim3& T_local_map, const A
 
 MapAlignment align_map_globally(const PointCloud& map, const std::optional<Vec3>& map_up, const AlignmentTarget& target,
                                 const AlignMapOptions& options, const Progress& progress) {
-  if (!target.mesh && !target.cloud) throw InputError("global registration", "needs a ground truth to register to");
+  if (!target.mesh && !target.cloud)
+    throw InputError("global registration", "needs a ground-truth mesh or cloud to register to");
   const std::vector<Vec3> points = sample_target(target);
   GlobalRegistrationOptions search;
   search.source_up = map_up;
   if (map_up) search.target_up = Vec3::UnitZ();
   if (options.icp.scale == ScaleMode::kFixed) search.min_scale = search.max_scale = 1.0;
-  report_progress(progress, 0, 3, "looking for the map's place");
+  report_progress(progress, 0, 3, "searching for the map's position");
   const GlobalRegistration found = register_globally(map.positions, points, search);
   if (found.candidates.empty()) {
     throw InputError("global registration",
-                     "found no place where the map looks like the ground truth; give telemetry or a start");
+                     "found no position where the map resembles the ground truth; give telemetry or a start");
   }
-  report_progress(progress, 1, 3, "looking for the map's place");
+  report_progress(progress, 1, 3, "searching for the map's position");
   const ClosenessMetric closeness(map, target, points);
   const std::vector<RankedAlignment> places = refine_candidates(map, found, target, options, closeness);
-  report_progress(progress, 2, 3, "looking for the map's place");
+  report_progress(progress, 2, 3, "searching for the map's position");
   AlignMapOptions from_there = options;
   from_there.scale_seeds = {1.0};
   MapAlignment alignment = align_map(map, places.front().T, target, from_there, progress);

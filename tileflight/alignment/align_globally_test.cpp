@@ -119,7 +119,7 @@ TEST(AlignGloballyInASymmetricPlace, SaysThatAnotherPlaceFitsAsWell) {
   AlignMapOptions options;
   options.icp.method = IcpMethod::kPointToMesh;
   const MapAlignment found = align_map_globally(map, Vec3::UnitZ(), {nullptr, &index, &mesh}, options);
-  EXPECT_NE(found.result.note.find("another place"), std::string::npos) << found.result.note;
+  EXPECT_NE(found.result.note.find("another position"), std::string::npos) << found.result.note;
 }
 
 TEST_F(AlignGlobally, AMapOfSomethingElseDoesNotPass) {
@@ -131,7 +131,7 @@ TEST_F(AlignGlobally, AMapOfSomethingElseDoesNotPass) {
     const MapAlignment found = align_map_globally(ball, Vec3::UnitZ(), target_, to_surface());
     EXPECT_LT(*found.closeness, 0.3);
   } catch (const InputError& error) {
-    EXPECT_NE(std::string(error.what()).find("found no place"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("found no position"), std::string::npos);
   }
 }
 

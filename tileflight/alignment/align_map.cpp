@@ -64,7 +64,7 @@ void note_distance(const geometry::Trajectory& T_map_camera, MapAlignment& align
       rms_motion_m(start.T_local_map, alignment.result.T_target_source, compute_spread(positions(T_map_camera)));
   if (moved_m <= std::max(5.0, 3.0 * start.rmse_m)) return;
   char text[96];
-  std::snprintf(text, sizeof text, "ICP moved the camera %.1f m (RMS) away from where telemetry had put it", moved_m);
+  std::snprintf(text, sizeof text, "ICP moved the camera path %.1f m (RMS) away from its telemetry", moved_m);
   add_note(alignment.result.note, text);
 }
 

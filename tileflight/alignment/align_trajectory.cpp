@@ -34,7 +34,8 @@ void check_input(const Trajectory& trajectory, const std::vector<PositionFix>& f
       throw InputError("trajectory", "a pose is not finite");
     }
   }
-  if (!has_motion(trajectory)) throw InputError("trajectory", "the camera does not move, so that its scale is unknown");
+  if (!has_motion(trajectory))
+    throw InputError("trajectory", "the camera does not move, so the scale cannot be determined");
   for (const PositionFix& fix : fixes) {
     if (!fix.position.allFinite() || !std::isfinite(fix.time_s))
       throw InputError("telemetry", "a position is not finite");
@@ -179,7 +180,7 @@ void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix
   const double reach_s = std::min(options.max_time_offset_s, 0.2 * span_s);
   const auto within = trim_to_overlap(trajectory, fixes, reach_s);
   constexpr std::size_t kEnough = 10;
-  if (within.size() < kEnough) return add_note(result, "too few positions for the time offset, taken as 0 s");
+  if (within.size() < kEnough) return add_note(result, "too few positions to estimate the time offset; 0 s is used");
 
   const OffsetCost cost(trajectory, within, options.scale, robust);
   const double coarse_s = reach_s / 20.0;
@@ -187,7 +188,7 @@ void estimate_offset(const Trajectory& trajectory, const std::vector<PositionFix
   constexpr double kTooUncertain_s = 0.3;
   const double sigma_s = coarse.inside ? offset_sigma_s(coarse, cost.effective_samples(coarse.at)) : reach_s;
   if (!(sigma_s < kTooUncertain_s)) {
-    return add_note(result, "the path does not tell the time offset of the telemetry, taken as 0 s");
+    return add_note(result, "the path does not determine the telemetry's time offset; 0 s is used");
   }
   const Minimum fine = grid_minimum(cost, coarse.at, coarse_s, coarse_s / 4.0);
   result.time_offset_s = fine.inside ? fine.at : coarse.at;
@@ -217,7 +218,7 @@ void set_roll_sigma(const Pairs& pairs, double inlier_m, TrajectoryAlignment& re
   result.roll_sigma_rad = across_m > 0.0 ? std::min(3.14, error_m / across_m) : 3.14;
   constexpr double kTooUncertain_rad = 0.1;
   if (result.roll_sigma_rad > kTooUncertain_rad) {
-    add_note(result, "the path is nearly straight, the roll about it is hardly determined by positions");
+    add_note(result, "the path is nearly straight, so positions hardly determine the roll about it");
   }
 }
 
@@ -239,7 +240,7 @@ TrajectoryAlignment align_trajectory(const Trajectory& T_map_camera, const std::
   }
   const UmeyamaResult fit = robust_umeyama(pairs.map, pairs.local, options.scale, robust);
   if (!(fit.T_target_source.scale > 0.0))
-    throw InputError("telemetry", "its positions do not move with the trajectory");
+    throw InputError("telemetry", "its positions do not follow the trajectory's motion");
   result.T_local_map = fit.T_target_source;
   result.pairs = pairs.map.size();
   result.inliers = fit.inliers;

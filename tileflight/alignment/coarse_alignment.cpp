@@ -108,7 +108,7 @@ std::string rival_note(const std::vector<Attempt>& attempts, std::size_t best, c
     const double away_m = rms_motion_m(attempts[best].T, attempts[k].T, spread);
     if (k == best || away_m < apart_m || attempts[k].cost_m2 > kAsGood * attempts[best].cost_m2) continue;
     char text[128];
-    std::snprintf(text, sizeof text, "ambiguous: the scale %.4g, with the map %.1f m (RMS) away, fits as well",
+    std::snprintf(text, sizeof text, "ambiguous: a scale of %.4g, which moves the map by %.1f m (RMS), fits as well",
                   attempts[k].T.scale, away_m);
     return text;
   }

@@ -147,12 +147,11 @@ FixedPointResult check_stop(const EvaluateFunction& evaluate, FixedPointResult s
                           source.spread, source.length_m);
   result.remaining_motion_m = rms_motion_m(stopped.T, further.T, source.spread);
   if (result.remaining_motion_m <= options.false_stop_m) return stopped;
-
-  const std::string moved = format_number(result.remaining_motion_m) + " m (RMS) farther on after " +
-                            std::to_string(further.iterations) + " accelerated iterations";
-  add_note(result, "the rule of RMS change stopped falsely after " + std::to_string(stopped.iterations) +
-                       " iterations: going on ends " + moved +
-                       (options.continue_after_false_stop ? ", which is the result" : ""));
+  const std::string moved = std::to_string(further.iterations) + " more, accelerated, moved the points by " +
+                            format_number(result.remaining_motion_m) + " m (RMS)";
+  add_note(result, "the stopping rule on RMS change ended too early, after " + std::to_string(stopped.iterations) +
+                       " iterations; " + moved +
+                       (options.continue_after_false_stop ? ", and that result is used" : ""));
   further.iterations += stopped.iterations;
   if (options.continue_after_false_stop) return further;
   stopped.stopped_by_rule = false;
@@ -163,7 +162,7 @@ void note_convergence(const FixedPointResult& end, const IcpOptions& options, Ic
   result.converged = end.stopped_by_rule;
   if (end.stopped_by_rule || result.remaining_motion_m > options.false_stop_m) return;
   add_note(result, "not converged after " + std::to_string(end.iterations) +
-                       " iterations, the next step would move the points by " + format_number(end.last_step_m) +
+                       " iterations; the next step would move the points by " + format_number(end.last_step_m) +
                        " m (RMS)");
 }
 
@@ -180,14 +179,14 @@ void note_fit(const IcpResult& found, const CenteredSource& source, const ScaleR
   }
   if (is_at_scale_bound(found.T_target_source.scale, range, options)) {
     result.converged = false;
-    add_note(result, "the scale ended at its bound, " + format_number(found.T_target_source.scale) +
-                         ", whose range is " + format_number(range.min) + " to " + format_number(range.max));
+    add_note(result, "the scale reached its limit, " + format_number(found.T_target_source.scale) +
+                         ", of the allowed range " + format_number(range.min) + " to " + format_number(range.max));
   }
 }
 
 void note_constraint(IcpResult& result) {
   if (result.constraint.well_constrained) return;
-  add_note(result, "ambiguous, ill-constrained: the matched surface hardly holds " +
+  add_note(result, "ambiguous, ill-constrained: the matched surface hardly constrains " +
                        (result.constraint.weakest_motion.empty() ? "any motion" : result.constraint.weakest_motion));
 }
 
@@ -299,7 +298,7 @@ IcpResult no_points_result(const Sim3& initial, const IcpOptions& options) {
 
 IcpResult icp(const PointCloud& source, const PointCloud& target, const Sim3& initial, const IcpOptions& options) {
   if (options.method == IcpMethod::kPointToMesh) {
-    throw InputError("method", "point-to-mesh needs a mesh as its target, this one is a cloud");
+    throw InputError("method", "point-to-mesh needs a mesh as its target, but the target is a cloud");
   }
   const CenteredSource points = make_source(source, initial, options);
   check_points("target cloud", target.positions);

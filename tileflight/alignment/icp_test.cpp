@@ -331,7 +331,7 @@ TEST(Icp, FalseStopOfTheRmsRuleIsNoticed) {
   const auto stopped = icp(ground_points(4000), ground_grid(), perturbation(1.0, 1.2, 1.0), paper);
   ASSERT_GT(stopped.remaining_motion_m, 0.01);
   EXPECT_FALSE(stopped.converged);
-  EXPECT_NE(stopped.note.find("stopped falsely"), std::string::npos) << stopped.note;
+  EXPECT_NE(stopped.note.find("ended too early"), std::string::npos) << stopped.note;
 
   paper.continue_after_false_stop = true;
   const auto gone_on = icp(ground_points(4000), ground_grid(), perturbation(1.0, 1.2, 1.0), paper);
@@ -376,7 +376,7 @@ TEST(Icp, ScaleCannotCollapse) {
   const auto bounded = icp(source, clump, Sim3(), options);
   EXPECT_GE(bounded.T_target_source.scale, 1.0 / 1.1 - 1e-12);
   EXPECT_FALSE(bounded.converged);
-  EXPECT_NE(bounded.note.find("scale ended at its bound"), std::string::npos) << bounded.note;
+  EXPECT_NE(bounded.note.find("scale reached its limit"), std::string::npos) << bounded.note;
 
   options.max_scale_change = 1e9;
   EXPECT_LT(icp(source, clump, Sim3(), options).T_target_source.scale, 0.05) << "without the bound it does collapse";

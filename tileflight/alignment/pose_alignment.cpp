@@ -32,7 +32,7 @@ Vec3 mean_position(const std::vector<SE3>& poses) {
 
 Sim3 fit_poses(const std::vector<SE3>& source, const std::vector<SE3>& target) {
   if (source.empty() || source.size() != target.size())
-    throw InputError("poses", "are none, or not as many in one list as in the other");
+    throw InputError("poses", "both lists must hold the same number of poses, at least one");
   const Mat3 rotation = chordal_mean(source, target);
   const Vec3 source_mean = mean_position(source), target_mean = mean_position(target);
   double product = 0.0, square = 0.0;

@@ -61,7 +61,7 @@ TEST(FitPoses, RefusesUnpairedPosesAndTakesASinglePose) {
   const std::vector<SE3>& target = paired.second;
   EXPECT_THAT([&] { fit_poses({}, {}); }, ThrowsMessage<InputError>(HasSubstr("poses: are none")));
   EXPECT_THAT([&] { fit_poses(source, {target[0]}); },
-              ThrowsMessage<InputError>(HasSubstr("not as many in one list as in the other")));
+              ThrowsMessage<InputError>(HasSubstr("the same number of poses")));
   EXPECT_DOUBLE_EQ(fit_poses({source[0]}, {target[0]}).scale, 1.0);
 }
 

@@ -213,17 +213,18 @@ class OffsetSearch {
 
   TimeOffset run() {
     const std::vector<OffsetMatch> coarse = all_matches();
-    if (coarse.empty()) return reject({}, "the two have too little time in common");
+    if (coarse.empty()) return reject({}, "the two signals overlap too little in time");
     std::vector<double> gains;
     for (const OffsetMatch& m : coarse) gains.push_back(log_likelihood_gain(m, independent_share_));
     const auto best = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
     TimeOffset result = refine(coarse[best]);
     const bool is_alone = second_peak(gains, best) <= gains[best] - options_.min_log_likelihood_lead;
     if (!is_alone && result.explained_variance > 0.5)
-      return reject(result, "another offset is nearly as good: the motion repeats itself");
+      return reject(result, "another offset fits nearly as well because the motion repeats");
     if (!is_alone || gains[best] < options_.min_log_likelihood_gain)
-      return reject(result, "the motion is too even: the two do not tell of one another");
-    if (best == 0 || best + 1 == coarse.size()) return reject(result, "the best offset leaves the least overlap");
+      return reject(result, "the motion is too uniform to match the two signals");
+    if (best == 0 || best + 1 == coarse.size())
+      return reject(result, "the best offset lies at the edge of the search range");
     if (result.sigma_s > options_.step_s * kLongestGap) return reject(result, "the motion changes too slowly");
     result.determined = true;
     return result;
@@ -349,7 +350,7 @@ TimeOffset estimate_time_offset(const std::vector<TimedVector>& first, const std
                                 const TimeOffsetOptions& options) {
   if (first.size() < 2 || second.size() < 2) {
     TimeOffset result;
-    result.reason = "one of the two has fewer than two samples";
+    result.reason = "one of the two signals has fewer than two samples";
     return result;
   }
   return OffsetSearch(first, second, options).run();

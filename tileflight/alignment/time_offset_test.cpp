@@ -97,7 +97,7 @@ TEST(TimeOffset, GapsOfALogAreLeftOut) {
 TEST(TimeOffset, AStraightFlightDoesNotTellIt) {
   const TimeOffset still = estimated([](double) { return Vec3(0.1, 0, 0); }, 0.05, 3);
   EXPECT_FALSE(still.determined);
-  EXPECT_THAT(still.reason, HasSubstr("too even"));
+  EXPECT_THAT(still.reason, HasSubstr("too uniform"));
 }
 
 TEST(TimeOffset, MotionsThatHaveNothingInCommonDoNotTellIt) {
@@ -121,13 +121,13 @@ TEST(TimeOffset, MotionsThatHaveNothingInCommonDoNotTellIt) {
 TEST(TimeOffset, ARepeatedMotionDoesNotTellIt) {
   const TimeOffset swing = estimated([](double t) { return Vec3(0, 0, 0.5 * std::sin(2 * t)); }, 0.02, 4);
   EXPECT_FALSE(swing.determined);
-  EXPECT_THAT(swing.reason, HasSubstr("repeats itself"));
+  EXPECT_THAT(swing.reason, HasSubstr("the motion repeats"));
 }
 
 TEST(TimeOffset, ShortSignalsDoNotTellIt) {
   EXPECT_THAT(estimate_time_offset({}, {}).reason, HasSubstr("fewer than two samples"));
   const auto shorter = sampled(turning, 0, 3, 30, 0, 1);
-  EXPECT_THAT(estimate_time_offset(shorter, shorter).reason, HasSubstr("too little time in common"));
+  EXPECT_THAT(estimate_time_offset(shorter, shorter).reason, HasSubstr("overlap too little in time"));
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ T value_or(const json& object, const char* key, const T& otherwise, const std::s
   try {
     return found->get<T>();
   } catch (const json::exception&) {
-    throw InputError(where, std::string("key '") + key + "' is of the wrong type");
+    throw InputError(where, std::string("key '") + key + "' has the wrong type");
   }
 }
 

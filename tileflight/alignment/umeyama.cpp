@@ -19,7 +19,8 @@ namespace {
 void check_pairs(const std::vector<Vec3>& source, const std::vector<Vec3>& target) {
   if (source.size() != target.size()) {
     throw InputError("paired points", std::to_string(source.size()) + " in the source, " +
-                                          std::to_string(target.size()) + " in the target; give as many of each");
+                                          std::to_string(target.size()) +
+                                          " in the target; give the same number of each");
   }
   if (source.size() < 3) {
     throw InputError("paired points",

@@ -43,7 +43,7 @@ std::string scalar_text(const std::string& text) {
 }
 
 std::string meaning(const YAML::Node& node, int depth) {
-  if (depth > kDeepest) throw InputError("YAML", "lists and maps lie too deep in each other");
+  if (depth > kDeepest) throw InputError("YAML", "lists and maps are nested too deeply");
   if (!node.IsDefined() || node.IsNull()) return "null";
   if (node.IsScalar()) return scalar_text(filled_in(node.Scalar()));
   std::string text;

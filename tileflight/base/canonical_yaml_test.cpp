@@ -53,7 +53,7 @@ TEST(CanonicalYaml, VariablesAreFilledIn) {
 }
 
 TEST(CanonicalYaml, AnAliasOfItselfIsAnError) {
-  EXPECT_THAT([&] { of("a: &a [*a]"); }, ThrowsMessage<InputError>(HasSubstr("lie too deep in each other")));
+  EXPECT_THAT([&] { of("a: &a [*a]"); }, ThrowsMessage<InputError>(HasSubstr("nested too deeply")));
 }
 
 TEST(CanonicalYaml, WhatIsNoMapIsItsText) {

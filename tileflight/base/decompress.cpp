@@ -34,7 +34,7 @@ class Inflater {
     out.resize(out.size() - stream_.avail_out);
     if (status == Z_STREAM_END) return false;
     if (status != Z_OK && status != Z_BUF_ERROR) throw InputError(name_, "its compressed data are malformed");
-    if (stream_.avail_out > 0) throw InputError(name_, "its compressed data are cut short");
+    if (stream_.avail_out > 0) throw InputError(name_, "its compressed data are truncated");
     return true;
   }
 
@@ -74,7 +74,7 @@ Bytes append_stream(Bytes bytes, int window_bits, std::size_t max_bytes, const s
     // One byte above the limit distinguishes a stream that ends there from a longer one.
     const bool more = inflater.append(out, std::min(room, left + 1));
     if (out.size() > max_bytes) {
-      throw InputError(name, "unpacks to more than " + std::to_string(max_bytes) + " bytes, the limit");
+      throw InputError(name, "unpacks to more than the limit of " + std::to_string(max_bytes) + " bytes");
     }
     if (!more) return inflater.rest();
     room = std::min(2 * room, std::size_t{1} << 26U);

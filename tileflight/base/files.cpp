@@ -95,14 +95,14 @@ void rename_or_throw(const fs::path& from, const fs::path& to) {
 std::uintmax_t size_hint(const fs::path& file) {
   struct stat status {};
   if (::stat(file.c_str(), &status) != 0) throw InputError(file.string(), "cannot be opened: " + cause(errno));
-  if (S_ISDIR(status.st_mode)) throw InputError(file.string(), "is a folder where a file is needed");
+  if (S_ISDIR(status.st_mode)) throw InputError(file.string(), "is a folder, expected a file");
   return S_ISREG(status.st_mode) ? static_cast<std::uintmax_t>(status.st_size) : 0;
 }
 
 template <typename Buffer>
 Buffer read_whole(const fs::path& file, std::uintmax_t max_bytes) {
   const auto too_large = [&] {
-    return InputError(file.string(), "is larger than the " + std::to_string(max_bytes) + " bytes that are read");
+    return InputError(file.string(), "is larger than the limit of " + std::to_string(max_bytes) + " bytes");
   };
   const std::uintmax_t size = size_hint(file);
   if (size > max_bytes) throw too_large();
@@ -139,7 +139,7 @@ void write_file_in_parts(const fs::path& file, const std::function<std::string_v
   };
   std::error_code error;
   const fs::file_status status = fs::status(file, error);
-  if (fs::is_directory(status)) throw InputError(file.string(), "is a folder where a file is to be written");
+  if (fs::is_directory(status)) throw InputError(file.string(), "is a folder; choose a file name to write");
   if (fs::exists(status) && !fs::is_regular_file(status)) {
     // Devices and pipes are written to, never replaced.
     Descriptor descriptor(file, O_WRONLY);

@@ -73,7 +73,7 @@ TEST(ReadText, RefusesMissingFoldersAndTooLarge) {
   const tests::TemporaryFolder folder;
   write_file(folder / "f", "12345");
   EXPECT_EQ(read_text(folder / "f", 5), "12345");
-  EXPECT_THAT([&] { read_text(folder / "f", 4); }, ThrowsMessage<InputError>(HasSubstr("larger than the 4 bytes")));
+  EXPECT_THAT([&] { read_text(folder / "f", 4); }, ThrowsMessage<InputError>(HasSubstr("larger than the limit of 4 bytes")));
   EXPECT_THAT([&] { read_text("/dev/zero", 10000); }, ThrowsMessage<InputError>(HasSubstr("larger than")));
   EXPECT_THAT([&] { read_text(folder / "absent"); }, ThrowsMessage<InputError>(HasSubstr("No such file")));
   EXPECT_THAT([&] { read_text(folder.path()); }, ThrowsMessage<InputError>(HasSubstr("is a folder")));
@@ -118,7 +118,7 @@ TEST(Sha256, OfAFileLargerThanABlockThatIsRead) {
   write_file(folder / "f", bytes);
   EXPECT_EQ(sha256_hex_of_file(folder / "f"), sha256_hex(bytes));
   EXPECT_THAT([&] { sha256_hex_of_file(folder.path()); },
-              ThrowsMessage<InputError>(HasSubstr("is a folder where a file is needed")));
+              ThrowsMessage<InputError>(HasSubstr("is a folder, expected a file")));
   EXPECT_THAT([&] { sha256_hex_of_file(folder / "absent"); },
               ThrowsMessage<InputError>(HasSubstr("absent: cannot be opened")));
 }

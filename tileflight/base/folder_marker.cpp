@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kFirstWord = "tileflight ";
 constexpr std::string_view kAbout =
-    "# This folder was written by this command. --force replaces it while it holds no other files than these:\n";
+    "# This folder was written by this command. --force replaces it as long as it holds no other files than these:\n";
 constexpr std::uintmax_t kMaxBytes = 256 << 20;
 constexpr std::size_t kMaxDigits = 9;
 constexpr std::size_t kMaxFiles = 50'000'000;  // a run could declare more names than fit into memory

@@ -66,9 +66,9 @@ bool is_known_unmarked(const fs::path& folder, const LegacyFolderPattern& unmark
 std::string objection(const fs::path& target, const OutputFolder& output) {
   for (const fs::path& input : output.inputs) {
     if (input.empty() || !fs::exists(input)) continue;
-    if (is_within(input, target)) return "holds " + input.string() + ", which is read" + kElsewhere;
+    if (is_within(input, target)) return "holds " + input.string() + ", an input of this command" + kElsewhere;
     if (fs::is_directory(input) && is_within(target, input) && !is_result_folder(target))
-      return "is a part of " + input.string() + ", which is read" + kElsewhere;
+      return "is part of " + input.string() + ", an input of this command" + kElsewhere;
   }
   const std::optional<std::string> foreign = find_foreign_file(target, output.legacy);
   if (!foreign) return "";
@@ -152,7 +152,7 @@ void require_writable(const OutputFolder& output) {
   if (!fs::exists(target)) return;
   const std::string name = output.folder.string();
   if (!fs::is_directory(target))
-    throw InputError(name, "is not a folder, and --force replaces folders alone; choose another name");
+    throw InputError(name, "is not a folder, and --force replaces only folders; choose another name");
   const std::string why = objection(target, output);
   if (!why.empty()) throw InputError(name, (output.replace ? "" : "exists already and ") + why);
   if (!output.replace) throw InputError(name, "exists already; --force replaces it");
@@ -165,7 +165,7 @@ void write_folder(const OutputFolder& output, const std::function<void(const fs:
   fs::create_directories(target.parent_path(), error);
   const fs::path temporary = make_temporary_path(target);
   if (!fs::create_directory(temporary, error)) {
-    throw InputError(output.folder.string(), "cannot be made: " + error.message());
+    throw InputError(output.folder.string(), "cannot be created: " + error.message());
   }
   const RemovedOnExit remove_temporary(temporary);
   fill(temporary);
@@ -181,13 +181,13 @@ void install_folder(const fs::path& built, const OutputFolder& output) {
   const fs::path target = resolve_folder(output.folder);
   write_folder_marker(built, output.command);
   if (!fs::exists(target)) return rename_or_throw(built, target);
-  const std::string why = output.replace ? objection(target, output) : "was not there when the work began";
+  const std::string why = output.replace ? objection(target, output) : "was created while the command ran";
   if (!why.empty()) {
     const fs::path aside = aside_of(target);
     rename_or_throw(target, aside);
     rename_or_throw(built, target);
-    throw InputError(output.folder.string(),
-                     "is written, but the folder that was there before " + why + "; it is now " + aside.string());
+    throw InputError(output.folder.string(), "was written, but the folder of that name " + why +
+                                                 "; that folder was renamed to " + aside.string());
   }
   exchange(built, target);
   std::error_code ignored;
@@ -210,12 +210,12 @@ void require_not_input(const fs::path& file, const std::vector<fs::path>& inputs
     if (input.empty() || !fs::exists(input)) continue;
     std::error_code error;
     if (fs::equivalent(file, input, error))
-      throw InputError(file.string(), "is read by the same command; choose another name");
+      throw InputError(file.string(), "is also an input of this command; choose another name");
     if (!fs::is_directory(input) || !is_within(file, input)) continue;
     const std::optional<FolderMarker> marker = read_folder_marker(input);
     const std::string name = fs::canonical(file).lexically_relative(fs::canonical(input)).generic_string();
     if (!marker || std::binary_search(marker->files.begin(), marker->files.end(), name))
-      throw InputError(file.string(), "is a file of " + input.string() + ", which is read; choose another name");
+      throw InputError(file.string(), "lies in " + input.string() + ", an input of this command; choose another name");
   }
 }
 

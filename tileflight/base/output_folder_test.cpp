@@ -156,7 +156,7 @@ TEST(WriteFolder, NeverReplacesAnInputByWhateverNameItGoes) {
   fs::create_hard_link(out / "data", folder / "hard");
   const auto refuses = [&](const fs::path& target, const fs::path& input) {
     const std::string refusal = refusal_of([&] { write(target, {"new"}, {input}); });
-    EXPECT_THAT(refusal, HasSubstr("which is read")) << target << " " << input;
+    EXPECT_THAT(refusal, HasSubstr("an input of this command")) << target << " " << input;
     EXPECT_TRUE(fs::exists(out / "data")) << target << " " << input;
   };
   refuses(out, out);
@@ -176,9 +176,9 @@ TEST(WriteFolder, AParentOrAPartOfAnInputStays) {
   const tests::TemporaryFolder folder;
   write(folder / "data", {"images/000000.jpg", "times.txt"});
   // A parent folder also holds files that the command did not write.
-  EXPECT_THAT(refusal_of([&] { write(folder.path(), {"new"}, {folder / "data"}); }), HasSubstr("which is read"));
-  EXPECT_THAT(refusal_of([&] { write(folder / "data/images", {"new"}, {folder / "data"}); }),
-              HasSubstr("is a part of "));
+  EXPECT_THAT(refusal_of([&] { write(folder.path(), {"new"}, {folder / "data"}); }),
+              HasSubstr("an input of this command"));
+  EXPECT_THAT(refusal_of([&] { write(folder / "data/images", {"new"}, {folder / "data"}); }), HasSubstr("is part of "));
   EXPECT_TRUE(fs::exists(folder / "data/images/000000.jpg"));
   // Results that a command wrote into its input folder are not part of the input.
   write(folder / "data/results", {"a"}, {folder / "data"});
@@ -188,7 +188,7 @@ TEST(WriteFolder, AParentOrAPartOfAnInputStays) {
   write(folder / "place", {"tileset.json"});
   write(folder / "place/block", {"tileset.json"});
   EXPECT_THAT(refusal_of([&] { write(folder / "place/block", {"new"}, {folder / "place"}); }),
-              HasSubstr("is a part of "));
+              HasSubstr("is part of "));
 }
 
 TEST(WriteFolder, WithoutForceSaysWhatKeepsItFromBeingReplaced) {
@@ -221,8 +221,8 @@ TEST(WriteFolder, FilesOfOthersThatCameMeanwhileAreMovedAside) {
       make_file(folder / "out/notes.txt", "mine");
     });
   });
-  EXPECT_THAT(refusal, HasSubstr("is written, but the folder that was there before holds notes.txt"));
-  EXPECT_THAT(refusal, HasSubstr("it is now " + (folder / "out.before").string()));
+  EXPECT_THAT(refusal, HasSubstr("was written, but the folder of that name holds notes.txt"));
+  EXPECT_THAT(refusal, HasSubstr("that folder was renamed to " + (folder / "out.before").string()));
   EXPECT_TRUE(fs::exists(folder / "out/b"));
   EXPECT_EQ(read_text(folder / "out.before/notes.txt"), "mine");
 
@@ -233,7 +233,7 @@ TEST(WriteFolder, FilesOfOthersThatCameMeanwhileAreMovedAside) {
                   make_file(folder / "new/of-another-process");
                 });
               }),
-              HasSubstr("was not there when the work began"));
+              HasSubstr("was created while the command ran"));
   EXPECT_TRUE(fs::exists(folder / "new/b"));
   EXPECT_TRUE(fs::exists(folder / "new.before/of-another-process"));
 }
@@ -316,9 +316,9 @@ TEST(RequireNoInput, RefusesFilesThatAreRead) {
   const std::vector<fs::path> inputs{folder / "cloud.ply", folder / "data", folder / "foreign", folder / "absent", ""};
   for (const char* name : {"cloud.ply", "link.ply", "hard.ply", "foreign/../cloud.ply"})
     EXPECT_THAT(refusal_of([&] { require_not_input(folder / name, inputs); }),
-                HasSubstr("is read by the same command"));
+                HasSubstr("is also an input of this command"));
   for (const char* name : {"data/map.ply", "data/../data/times.txt", "foreign/map.ply"})
-    EXPECT_THAT(refusal_of([&] { require_not_input(folder / name, inputs); }), HasSubstr("which is read"));
+    EXPECT_THAT(refusal_of([&] { require_not_input(folder / name, inputs); }), HasSubstr("an input of this command"));
   make_file(folder / "data/transform.json");
   for (const char* name : {"new.json", "data/new.json", "foreign/new.json", "data/transform.json"})
     EXPECT_EQ(refusal_of([&] { require_not_input(folder / name, inputs); }), "no error") << name;

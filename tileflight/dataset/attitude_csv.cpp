@@ -15,8 +15,8 @@ CameraAttitude parse_attitude(const std::vector<double>& row, const std::string&
     if (!std::isfinite(value)) throw InputError(where, "a number is not finite");
   const Eigen::Quaterniond q(row[4], row[1], row[2], row[3]);
   constexpr double kUnit = 0.01;
-  if (!(std::abs(q.norm() - 1.0) < kUnit)) throw InputError(where, "the quaternion has not the length 1");
-  if (!(row[5] > 0.0 && row[6] > 0.0)) throw InputError(where, "a standard deviation is not above zero");
+  if (!(std::abs(q.norm() - 1.0) < kUnit)) throw InputError(where, "the quaternion does not have length 1");
+  if (!(row[5] > 0.0 && row[6] > 0.0)) throw InputError(where, "a standard deviation must be above zero");
   return {row[0], q.normalized(), row[5], row[6]};
 }
 
@@ -25,7 +25,7 @@ CameraAttitude parse_attitude(const std::vector<double>& row, const std::string&
 std::vector<CameraAttitude> read_attitude_csv(const std::filesystem::path& file) {
   const NumberTable table = read_number_table(file);
   if (table.columns != kColumns)
-    throw InputError(file.string(), "its columns are not t,qx,qy,qz,qw,tilt_sigma_deg,yaw_sigma_deg");
+    throw InputError(file.string(), "expected the columns t,qx,qy,qz,qw,tilt_sigma_deg,yaw_sigma_deg");
   std::vector<CameraAttitude> attitudes;
   for (std::size_t i = 0; i < table.rows.size(); ++i) {
     const std::string where = file.string() + ": row " + std::to_string(i + 1);

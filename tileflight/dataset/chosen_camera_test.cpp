@@ -59,7 +59,7 @@ TEST_F(ChosenCamera, IsScaledRefusedOrNamed) {
   const Dataset dataset = read_dataset(folder_ / "set", {folder_ / "cameras.txt", "1"});
   EXPECT_EQ(fx(dataset), 50.0);
   EXPECT_EQ(dataset.calibration.camera.width(), kWidth);
-  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("the calibration was scaled")));
+  EXPECT_THAT(dataset.warnings, ElementsAre(HasSubstr("the calibration is scaled")));
   EXPECT_THAT(refusal_of([&] {
                 read_dataset(folder_ / "set", {folder_ / "cameras.txt", "2"});
               }),

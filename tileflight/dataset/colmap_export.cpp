@@ -17,7 +17,7 @@ void write_colmap_folder(const Dataset& dataset, const fs::path& folder, std::ve
     model.images.push_back({frame_stem(i) + dataset.frames[i].image.extension().string(), poses[i]});
   fs::create_directories(folder / "sparse" / "0");
   write_colmap(folder / "sparse" / "0", model);
-  notes.push_back("the model has poses and no points; colmap point_triangulator makes them");
+  notes.push_back("the model has poses but no points; run `colmap point_triangulator` to add them");
   copy_frames(dataset, folder / "images", frame_stem, progress);
 }
 

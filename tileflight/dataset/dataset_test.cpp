@@ -229,7 +229,8 @@ TEST(DatasetWriter, NoSpaceLeavesNothing) {
 TEST(DatasetWriter, FolderThatCannotBeMade) {
   TemporaryFolder folder;
   base::write_file(folder / "file", "x");
-  EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file/set", calibration(), {}); }), HasSubstr("cannot be made"));
+  EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file/set", calibration(), {}); }),
+              HasSubstr("cannot be created"));
   EXPECT_THAT(refusal_of([&] { DatasetWriter(folder / "file", calibration(), {.replace = true}); }),
               HasSubstr("not a folder"));
 }
@@ -298,7 +299,7 @@ TEST(DsoLayout, BadTimesAreOneClearLine) {
   dso.times("1\n2\n");
   EXPECT_THAT(dso.error(), HasSubstr("2 times for 3 images"));
   dso.times("1\nb 2\n3\n");
-  EXPECT_THAT(dso.error(), HasSubstr("some have not"));
+  EXPECT_THAT(dso.error(), HasSubstr("others do not"));
   dso.times("a 1 -2\n");
   EXPECT_THAT(dso.error(), HasSubstr("negative"));
   dso.times("a 1 2 3\n");
@@ -318,10 +319,10 @@ TEST(DsoLayout, BadFoldersAreOneClearLine) {
   base::write_file(dso.folder / "images/a.png", "broken");
   EXPECT_THAT(dso.error(), HasSubstr("a.png"));
   fs::remove_all(dso.folder / "images");
-  EXPECT_THAT(dso.error(), HasSubstr("neither images/"));
+  EXPECT_THAT(dso.error(), HasSubstr("expected images/"));
   fs::create_directory(dso.folder / "images");
   EXPECT_THAT(dso.error(), HasSubstr("no images"));
-  EXPECT_THAT(refusal_of([&] { read_dataset(folder / "none"); }), HasSubstr("no such folder"));
+  EXPECT_THAT(refusal_of([&] { read_dataset(folder / "none"); }), HasSubstr("no such dataset folder"));
 }
 
 TEST(DsoLayout, BadSideFilesAreOneClearLine) {

@@ -33,14 +33,14 @@ fs::path make_temporary(const fs::path& target) {
   std::error_code error;
   fs::create_directories(target.parent_path(), error);
   const fs::path temporary = base::make_temporary_path(target);
-  if (!fs::create_directory(temporary, error)) throw InputError(target.string(), "cannot be made: " + error.message());
+  if (!fs::create_directory(temporary, error)) throw InputError(target.string(), "cannot be created: " + error.message());
   return temporary;
 }
 
 void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
 }
 
 std::string times_text(const std::map<std::size_t, FrameTiming>& stamps) {

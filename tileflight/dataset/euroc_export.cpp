@@ -32,7 +32,7 @@ Lens lens_of(const Dataset& dataset) {
   if (const auto* m = std::get_if<imaging::KannalaBrandt>(&model))
     return {"equidistant", {m->fx, m->fy, m->cx, m->cy}, m->k};
   throw InputError(dataset.folder.string(),
-                   "EuRoC's sensor.yaml has no name for this lens; use a radtan or an equidistant camera");
+                   "EuRoC's sensor.yaml cannot describe this lens; use a radtan or an equidistant camera");
 }
 
 template <class Numbers>
@@ -192,7 +192,8 @@ void write_euroc(const Dataset& dataset, const fs::path& folder, std::vector<std
   write_camera(dataset, mav / "cam0");
   if (fs::is_regular_file(dataset.folder / "imu.csv")) write_imu(dataset, mav / "imu0");
   if (dataset.groundtruth) write_truth(dataset, mav / "state_groundtruth_estimate0");
-  if (dataset.calibration.line_delay_s != 0.0) notes.push_back("sensor.yaml has no place for the rolling shutter");
+  if (dataset.calibration.line_delay_s != 0.0)
+    notes.push_back("sensor.yaml cannot store the rolling shutter; it is left out");
   write_png_frames(
       dataset, mav / "cam0" / "data",
       [&](std::size_t i) { return std::to_string(nanoseconds(dataset.frames[i].time_s)); }, progress);

@@ -43,7 +43,7 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
   }
   if (missing > 0)
     warnings.push_back(file.string() + ": " + std::to_string(missing) + " of " +
-                       std::to_string(missing + frames.size()) + " frames have no image and are left out");
+                       std::to_string(missing + frames.size()) + " frames have no image and are skipped");
   if (frames.empty()) throw InputError(file.string(), "none of its frames has an image");
   require_increasing_times(frames, file);
   return frames;

@@ -243,8 +243,8 @@ TEST_F(Export, WhatALayoutCannotHoldIsSaid) {
     return line;
   };
   const imaging::Camera sphere(imaging::DoubleSphere{30, 30, 31.5, 23.5, -0.2, 0.6}, 64, 48);
-  EXPECT_THAT(refusal(fisheye(), "kitti"), HasSubstr("a pinhole's without distortion"));
-  EXPECT_THAT(refusal(sphere, "euroc"), HasSubstr("EuRoC's sensor.yaml has no name for this lens"));
+  EXPECT_THAT(refusal(fisheye(), "kitti"), HasSubstr("pinhole images without distortion"));
+  EXPECT_THAT(refusal(sphere, "euroc"), HasSubstr("EuRoC's sensor.yaml cannot describe this lens"));
   EXPECT_THAT(refusal(sphere, "colmap"), HasSubstr("COLMAP has no model for this lens"));
   EXPECT_THAT(refusal(pinhole(), "colmap", false), HasSubstr("has no groundtruth.txt"));
   EXPECT_THAT(refusal(pinhole(), "eurco"), HasSubstr("did you mean 'euroc'?"));

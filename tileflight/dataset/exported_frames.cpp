@@ -19,7 +19,7 @@ void for_each_frame(const Dataset& dataset, const fs::path& folder, const Progre
                     const std::function<void(std::size_t index)>& write) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
   const auto frames = static_cast<std::int64_t>(dataset.frames.size());
   std::mutex mutex;
   std::int64_t done = 0;

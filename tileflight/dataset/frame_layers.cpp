@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 fs::path layer_file(const fs::path& folder, const char* layer, std::size_t index, const char* ending) {
   std::error_code error;
   fs::create_directory(folder / layer, error);
-  if (error) throw InputError((folder / layer).string(), "cannot be made: " + error.message());
+  if (error) throw InputError((folder / layer).string(), "cannot be created: " + error.message());
   return folder / layer / (frame_id(index) + ending);
 }
 

@@ -61,7 +61,7 @@ std::vector<TimesLine> read_times(const fs::path& file) {
     if (fields.empty() || fields.front().starts_with('#')) continue;
     lines.push_back(parse_line(line_location(file, number), number, fields));
     if (lines.back().id.empty() != lines.front().id.empty())
-      throw InputError(line_location(file, number), "some lines have a frame's name and some have not");
+      throw InputError(line_location(file, number), "some lines have a frame name and others do not");
   }
   if (lines.empty()) throw InputError(file.string(), "has no times");
   return lines;
@@ -73,7 +73,7 @@ std::vector<Frame> match_by_order(const std::vector<fs::path>& images, const std
   if (images.size() != lines.size())
     throw InputError(file.string(), "has " + std::to_string(lines.size()) + " times for " +
                                         std::to_string(images.size()) +
-                                        " images: without names there must be one for each");
+                                        " images: without frame names, give one time for each image");
   std::vector<Frame> frames;
   for (std::size_t i = 0; i < images.size(); ++i)
     frames.push_back({images[i].stem().string(), images[i], lines[i].time_s, lines[i].exposure_ms});
@@ -94,7 +94,7 @@ std::vector<Frame> match_by_name(const std::vector<fs::path>& images, const std:
   }
   if (images.size() > lines.size())
     warnings.push_back(file.string() + ": " + std::to_string(images.size() - lines.size()) +
-                       " images have no time and are left out");
+                       " images have no time and are skipped");
   return frames;
 }
 

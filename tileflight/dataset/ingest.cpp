@@ -49,7 +49,7 @@ void require_overlap(const std::string& what, const TimeSpan& things, const Time
   if (things.first <= frames.last && things.last >= frames.first) return;
   throw InputError(what, "covers " + format_seconds(things.first) + " to " + format_seconds(things.last) +
                              ", the frames " + format_seconds(frames.first) + " to " + format_seconds(frames.last) +
-                             ": they have no moment in common, check the time offset");
+                             ": the two do not overlap in time; check the time offset");
 }
 
 void add_gps(DatasetWriter& writer, const IngestOptions& options, const TimeSpan& frames, IngestResult& result) {
@@ -168,8 +168,7 @@ std::vector<Frame> timed_frames(const std::vector<fs::path>& images, const std::
       frames.push_back({{}, image, found->second.time_s, found->second.exposure_ms});
   }
   if (frames.size() < images.size())
-    notes.push_back(std::to_string(images.size() - frames.size()) +
-                    " images left out: they do not say when they were taken");
+    notes.push_back(std::to_string(images.size() - frames.size()) + " images skipped: they have no capture time");
   std::stable_sort(frames.begin(), frames.end(), [](const Frame& a, const Frame& b) { return a.time_s < b.time_s; });
   for (std::size_t i = 0; i < frames.size(); ++i) frames[i].id = frame_id(i);
   return frames;
@@ -184,8 +183,8 @@ std::vector<Frame> image_frames(const IngestOptions& options, std::vector<std::s
     if (fs::is_regular_file(times)) return read_timed_frames(images, times, notes);
   if (!options.image_times.empty()) return timed_frames(images, options.image_times, notes);
   if (!(options.image_rate_hz > 0.0)) throw InputError(given.string(), "the frame rate of the images must be above 0");
-  notes.push_back(given.string() + ": no times.txt, so the images are taken to be " +
-                  base::rounded_text(options.image_rate_hz, 3) + " a second");
+  notes.push_back(given.string() + ": no times.txt; a frame rate of " + base::rounded_text(options.image_rate_hz, 3) +
+                  " frames per second is assumed");
   return make_uniform_frames(images, 1.0 / options.image_rate_hz);
 }
 
@@ -253,7 +252,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
 IngestResult ingest(const IngestOptions& options, const fs::path& dataset_folder, const Progress& progress) {
   if (options.jpeg_quality < 1 || options.jpeg_quality > 100) throw InputError("jpeg_quality", "must be from 1 to 100");
   if (!fs::exists(options.video_or_images))
-    throw InputError(options.video_or_images.string(), "there is no such video or folder of images");
+    throw InputError(options.video_or_images.string(), "no such video file or image folder");
   const geometry::Trajectory groundtruth =
       options.groundtruth.empty() ? geometry::Trajectory{} : geometry::read_tum(options.groundtruth);
   IngestResult result;

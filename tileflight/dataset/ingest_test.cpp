@@ -179,7 +179,7 @@ TEST_F(IngestTest, RangesOfTheLogAreOnTheVideosClock) {
 TEST_F(IngestTest, ACameraOfSeveralIsNamed) {
   options.calibration = folder / "cameras.txt";
   base::write_file(options.calibration, "1 PINHOLE 96 64 80 80 48 32\n4 PINHOLE 192 128 180 180 96 64\n");
-  EXPECT_THAT(error(), HasSubstr("holds 2 cameras (1, 4): say which one took the pictures (--camera-id)"));
+  EXPECT_THAT(error(), HasSubstr("holds 2 cameras (1, 4): choose the one that took the images (--camera-id)"));
   options.camera_id = "4";
   ingest(options, folder / "set");
   const Dataset dataset = read_dataset(folder / "set");
@@ -189,10 +189,10 @@ TEST_F(IngestTest, ACameraOfSeveralIsNamed) {
 
 TEST_F(IngestTest, TelemetryAndTruthWithoutOverlap) {
   options.gps_time_offset_s = 100.0;
-  EXPECT_THAT(error(), AllOf(HasSubstr("telemetry"), HasSubstr("no moment in common")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("telemetry"), HasSubstr("do not overlap in time")));
   options.gps_time_offset_s = -0.5;
   base::write_file(options.groundtruth, "1000 0 0 0 0 0 0 1\n1001 0 0 0 0 0 0 1\n");
-  EXPECT_THAT(error(), AllOf(HasSubstr("poses.txt"), HasSubstr("no moment in common")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("poses.txt"), HasSubstr("do not overlap in time")));
 }
 
 TEST_F(IngestTest, VideoShorterThanTheExcerpt) {
@@ -267,7 +267,7 @@ TEST_F(IngestTest, ImagesThatSayWhenTheyWereTaken) {
   options.video_or_images = folder / "photos";
   options.image_times = {{"p0.jpg", {7.5, 4.0}}, {"p1.jpg", {0.0, 2.0}}, {"p3.jpg", {3.0, 0.0}}};
   const IngestResult result = ingest(options, folder / "set");
-  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images left out")));
+  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("1 images skipped")));
   const Dataset dataset = read_dataset(folder / "set");
   ASSERT_EQ(dataset.frames.size(), 3U);
   const std::array<const char*, 3> photos{"p1.jpg", "p3.jpg", "p0.jpg"};

@@ -32,7 +32,7 @@ imaging::PinholeRadtan require_pinhole(const Dataset& dataset) {
   const auto* pinhole = std::get_if<imaging::PinholeRadtan>(&dataset.calibration.camera.model());
   if (pinhole == nullptr || pinhole->d != std::array<double, 4>{})
     throw InputError(dataset.folder.string(),
-                     "KITTI's images are a pinhole's without distortion; render the flight with such a camera");
+                     "KITTI's images are pinhole images without distortion; render the flight with such a camera");
   return *pinhole;
 }
 
@@ -70,7 +70,7 @@ void write_kitti(const Dataset& dataset, const fs::path& folder, std::vector<std
     times += base::fixed_text(frame.time_s - dataset.frames.front().time_s) + "\n";
   base::write_file(folder / "times.txt", times);
   if (dataset.groundtruth) base::write_file(folder / "poses.txt", poses_text(find_frame_poses(dataset)));
-  if (dataset.frames.front().time_s != 0.0) notes.push_back("times begin with the first frame, as KITTI's do");
+  if (dataset.frames.front().time_s != 0.0) notes.push_back("times start at 0 with the first frame, as KITTI's do");
   write_png_frames(dataset, folder / "image_0", frame_stem, progress);
 }
 

@@ -84,7 +84,7 @@ Dataset read_kitti(const fs::path& folder, const CameraChoice& camera) {
   } else {
     constexpr double kKittiPeriod_s = 0.1;
     dataset.frames = make_uniform_frames(images, kKittiPeriod_s);
-    dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 0.1 s apart");
+    dataset.warnings.push_back(folder.string() + ": no times.txt; frames are assumed to be 0.1 s apart");
   }
   dataset.calibration = camera.calibration.empty() ? read_calib(folder / "calib.txt", images.front())
                                                    : read_chosen_camera(camera, dataset);

@@ -43,7 +43,7 @@ std::vector<ScanPoint> read_bin(const std::filesystem::path& file) {
   const std::vector<std::byte> bytes = base::read_bytes(file);
   constexpr std::size_t kPointBytes = 4 * sizeof(float);
   if (bytes.size() % kPointBytes != 0)
-    throw InputError(file.string(), "is not a whole number of points of four floats (x, y, z, intensity)");
+    throw InputError(file.string(), "its size is not a multiple of four floats (x, y, z, intensity)");
   std::vector<ScanPoint> points(bytes.size() / kPointBytes);
   for (std::size_t i = 0; i < points.size(); ++i) {
     std::array<float, 4> v{};
@@ -77,7 +77,7 @@ void write_scan_bin(const std::filesystem::path& file, const std::vector<ScanPoi
 std::vector<ScanPoint> read_scan(const std::filesystem::path& file) {
   if (file.extension() == ".ply") return read_ply(file);
   if (file.extension() == ".bin") return read_bin(file);
-  throw InputError(file.string(), "is neither .ply nor .bin");
+  throw InputError(file.string(), "unknown lidar scan format (.ply or .bin expected)");
 }
 
 }  // namespace tileflight::dataset

@@ -48,8 +48,8 @@ TEST(LidarFiles, ABinScanIsKittisFourFloatsAPoint) {
 TEST(LidarFiles, DamageIsNamed) {
   const tests::TemporaryFolder folder;
   std::ofstream(folder / "a.bin") << "12345";
-  EXPECT_THAT(tests::refusal_of([&] { read_scan(folder / "a.bin"); }), HasSubstr("not a whole number of points"));
-  EXPECT_THAT(tests::refusal_of([&] { read_scan(folder / "a.las"); }), HasSubstr("neither .ply nor .bin"));
+  EXPECT_THAT(tests::refusal_of([&] { read_scan(folder / "a.bin"); }), HasSubstr("not a multiple of four floats"));
+  EXPECT_THAT(tests::refusal_of([&] { read_scan(folder / "a.las"); }), HasSubstr("unknown lidar scan format"));
 }
 
 }  // namespace

@@ -177,7 +177,7 @@ struct McapWriter::Impl {
 
 McapWriter::McapWriter(fs::path file, const std::string& profile, bool replace) : impl_(std::make_unique<Impl>()) {
   if (fs::exists(file) && !replace) throw InputError(file.string(), "exists already; --force replaces it");
-  if (fs::is_directory(file)) throw InputError(file.string(), "is a folder; name a file");
+  if (fs::is_directory(file)) throw InputError(file.string(), "is a folder; choose a file name");
   impl_->target = fs::absolute(file).lexically_normal();
   std::error_code ignored;
   fs::create_directories(impl_->target.parent_path(), ignored);

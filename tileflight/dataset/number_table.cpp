@@ -15,7 +15,7 @@ namespace {
 std::vector<double> parse_row(const std::string& where, const std::vector<std::string_view>& fields,
                               std::size_t columns) {
   if (fields.size() != columns)
-    throw InputError(where, "has " + std::to_string(fields.size()) + " numbers under a header of " +
+    throw InputError(where, "has " + std::to_string(fields.size()) + " numbers, but the header has " +
                                 std::to_string(columns) + " columns");
   std::vector<double> row;
   for (const std::string_view field : fields) {

@@ -30,7 +30,7 @@ TEST(NumberTable, DamageIsNamedWithItsLine) {
     return tests::refusal_of([&] { read_number_table(folder / "t.csv"); });
   };
   EXPECT_THAT(fault(""), HasSubstr("t.csv: is empty"));
-  EXPECT_THAT(fault("a,b\n1,2\n1\n"), HasSubstr("line 3: has 1 numbers under a header of 2"));
+  EXPECT_THAT(fault("a,b\n1,2\n1\n"), HasSubstr("line 3: has 1 numbers, but the header has 2"));
   EXPECT_THAT(fault("a,b\n1,x\n"), HasSubstr("line 2: \"x\" is not a number"));
 }
 

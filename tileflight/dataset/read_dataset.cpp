@@ -60,7 +60,7 @@ Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
     dataset.frames = read_timed_frames(images, times, dataset.warnings);
   } else {
     dataset.frames = make_uniform_frames(images, kDefaultFramePeriod_s);
-    dataset.warnings.push_back(folder.string() + ": no times.txt, so frames are taken to be 1/30 s apart");
+    dataset.warnings.push_back(folder.string() + ": no times.txt; frames are assumed to be 1/30 s apart");
   }
   if (!camera.calibration.empty()) dataset.calibration = read_chosen_camera(camera, dataset);
   dataset.pcalib = first_file(folder, {"pcalib.txt"});
@@ -75,7 +75,7 @@ Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
 }  // namespace layouts
 
 Dataset read_dataset(const fs::path& folder, const CameraChoice& camera) {
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is not a dataset folder: there is no such folder");
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), "no such dataset folder");
   Dataset dataset;
   if (fs::is_directory(folder / "images")) {
     dataset = layouts::read_images_folder(folder, camera);
@@ -84,9 +84,8 @@ Dataset read_dataset(const fs::path& folder, const CameraChoice& camera) {
   } else if (layouts::is_euroc(folder)) {
     dataset = layouts::read_euroc(folder, camera);
   } else {
-    throw InputError(
-        folder.string(),
-        "is not a dataset folder: it has neither images/ (DSO) nor image_0/ (KITTI) nor mav0/cam0/ (EuRoC)");
+    throw InputError(folder.string(),
+                     "is not a dataset folder: expected images/ (DSO), image_0/ (KITTI) or mav0/cam0/ (EuRoC) in it");
   }
   check_image_size(dataset);
   return dataset;

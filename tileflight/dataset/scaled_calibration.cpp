@@ -24,7 +24,7 @@ ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, con
   } catch (const InputError&) {
     throw InputError(file.string(), sizes + ": the aspect ratio differs, so calibrate at the video's size");
   }
-  notes.push_back(file.string() + ": " + sizes + "; the calibration was scaled");
+  notes.push_back(file.string() + ": " + sizes + "; the calibration is scaled to them");
   return {calibration, own_size};
 }
 

@@ -109,7 +109,7 @@ class FrameReader {
 
  private:
   void require(std::size_t count) const {
-    if (count > bytes_.size() - at_) throw InputError(file_.string(), "ends too early; render the frames anew");
+    if (count > bytes_.size() - at_) throw InputError(file_.string(), "is truncated; render the frames again");
   }
   template <class T>
   T take() {
@@ -134,7 +134,7 @@ class FrameReader {
 void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directory(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
 }
 
 imaging::GrayImage to_infrared(const imaging::Gray16Image& ids) {
@@ -180,8 +180,8 @@ SegmentationWriter::Ids SegmentationWriter::assign_ids(const std::vector<std::st
   }
   if (ids.size() > kLargestId) {
     throw InputError("segmentation", std::to_string(ids.size()) +
-                                         " objects are seen, but 16 bits tell 65535 apart: leave the output out, or "
-                                         "render fewer frames at a time");
+                                         " objects are visible, more than the 65535 of a 16-bit image: leave this "
+                                         "output out, or render fewer frames at a time");
   }
   std::uint16_t id = 0;
   for (auto& [object, number] : ids) number = ++id;
@@ -196,7 +196,7 @@ void SegmentationWriter::write_frame(const std::string& name, const Ids& ids) co
   auto pixel = image.pixels.begin();
   for (const Run& run : frame.runs) {
     if (run.label >= id_of.size() || run.pixels > image.pixels.end() - pixel)
-      throw InputError((runs_folder_ / name).string(), "is damaged; render the frames anew");
+      throw InputError((runs_folder_ / name).string(), "is damaged; render the frames again");
     pixel = std::fill_n(pixel, run.pixels, id_of[run.label]);
   }
   const std::string file = name + ".png";

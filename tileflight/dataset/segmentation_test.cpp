@@ -86,7 +86,7 @@ TEST(Segmentation, AFileThatIsCutShortIsSaid) {
   const std::string whole = base::read_text(folder / "segmentation.runs/000000");
   for (const std::size_t size : {std::size_t{3}, std::size_t{20}, whole.size() - 1}) {
     base::write_file(folder / "segmentation.runs/000000", whole.substr(0, size));
-    EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("ends too early")) << size;
+    EXPECT_THAT(refusal_of([&] { writer.finish(); }), HasSubstr("is truncated")) << size;
   }
 }
 

@@ -12,7 +12,7 @@ void write_tum_mono(const Dataset& dataset, const fs::path& folder, std::vector<
                     const Progress& progress) {
   if (!imaging::has_dso_model(dataset.calibration.camera))
     throw InputError(dataset.folder.string(),
-                     "DSO's camera.txt has no name for this lens; use a pinhole, fov, radtan or equidistant camera");
+                     "DSO's camera.txt cannot describe this lens; use a pinhole, fov, radtan or equidistant camera");
   imaging::write_dso_camera(folder / "camera.txt", dataset.calibration);
   std::string times;
   for (std::size_t i = 0; i < dataset.frames.size(); ++i) {
@@ -23,7 +23,8 @@ void write_tum_mono(const Dataset& dataset, const fs::path& folder, std::vector<
   if (!dataset.pcalib.empty()) base::write_file(folder / "pcalib.txt", base::read_text(dataset.pcalib));
   if (!dataset.vignette.empty()) base::write_file(folder / "vignette.png", base::read_text(dataset.vignette));
   if (dataset.groundtruth) geometry::write_tum(folder / "groundtruthSync.txt", *dataset.groundtruth);
-  if (dataset.calibration.line_delay_s != 0.0) notes.push_back("DSO's camera.txt has no place for the rolling shutter");
+  if (dataset.calibration.line_delay_s != 0.0)
+    notes.push_back("DSO's camera.txt cannot store the rolling shutter; it is left out");
   copy_frames(dataset, folder / "images", frame_stem, progress);
 }
 

@@ -99,13 +99,12 @@ std::optional<SE3> write_velodyne(const Dataset& dataset, const fs::path& folder
   const std::optional<Scans> scans = find_scans(dataset);
   if (!scans) return std::nullopt;
   if (!dataset.groundtruth || dataset.groundtruth->empty()) {
-    notes.push_back(
-        "the lidar's scans are left out: without groundtruth.txt they cannot be moved to the frames' times");
+    notes.push_back("the lidar scans are left out: without groundtruth.txt they cannot be moved to the frame times");
     return std::nullopt;
   }
   std::error_code error;
   fs::create_directories(folder / "velodyne", error);
-  if (error) throw InputError((folder / "velodyne").string(), "cannot be made: " + error.message());
+  if (error) throw InputError((folder / "velodyne").string(), "cannot be created: " + error.message());
   const geometry::Trajectory& truth = *dataset.groundtruth;
   const SE3 T_cam_velo = estimate_mounting(*scans, truth);
   const std::vector<SE3> T_local_camera = find_frame_poses(dataset);
@@ -119,7 +118,7 @@ std::optional<SE3> write_velodyne(const Dataset& dataset, const fs::path& folder
   }
   if (empty > 0)
     notes.push_back(std::to_string(empty) + " of " + std::to_string(dataset.frames.size()) +
-                    " frames have an empty scan: the lidar says nothing at their times");
+                    " frames have an empty scan: there are no lidar data at their times");
   return T_cam_velo;
 }
 

@@ -45,14 +45,13 @@ VideoDecoder::VideoDecoder(const std::filesystem::path& file)
 VideoDecoder::~VideoDecoder() { avformat_close_input(&format_); }
 
 void VideoDecoder::open() {
-  if (!std::filesystem::is_regular_file(file_)) throw InputError(file_.string(), "there is no such video file");
+  if (!std::filesystem::is_regular_file(file_)) throw InputError(file_.string(), "no such video file");
   AVDictionary* options = nullptr;
   av_dict_set(&options, "protocol_whitelist", "file", 0);  // a playlist must not reach the network
   const int opened = avformat_open_input(&format_, libav::file_url(file_).c_str(), nullptr, &options);
   av_dict_free(&options);
   if (opened < 0)
-    throw InputError(file_.string(),
-                     "is not a readable video (cut short or another kind of file): " + error_text(opened));
+    throw InputError(file_.string(), "is not a readable video (truncated, or not a video): " + error_text(opened));
   const int probed = avformat_find_stream_info(format_, nullptr);
   if (probed < 0) throw InputError(file_.string(), "is not a readable video: " + error_text(probed));
   open_decoder();
@@ -63,8 +62,8 @@ void VideoDecoder::open_decoder() {
   const AVCodec* decoder = nullptr;
   const int stream = av_find_best_stream(format_, AVMEDIA_TYPE_VIDEO, -1, -1, &decoder, 0);
   if (stream == AVERROR_DECODER_NOT_FOUND)
-    throw InputError(file_.string(), "its video codec is not known: re-encode it as H.264");
-  if (stream < 0 || is_not_video(*format_)) throw InputError(file_.string(), "holds no video");
+    throw InputError(file_.string(), "its video codec is not supported: re-encode it as H.264");
+  if (stream < 0 || is_not_video(*format_)) throw InputError(file_.string(), "contains no video");
   stream_ = format_->streams[stream];
   for (unsigned i = 0; i < format_->nb_streams && has_full_index(); ++i)
     if (static_cast<int>(i) != stream) format_->streams[i]->discard = AVDISCARD_ALL;
@@ -83,7 +82,7 @@ void VideoDecoder::read_rotation() {
   const double counter_clockwise_deg = av_display_rotation_get(matrix);
   const double turns = -counter_clockwise_deg / 90.0;
   if (!std::isfinite(turns) || std::abs(turns - std::round(turns)) > 1e-3)
-    throw InputError(file_.string(), "its rotation flag is no multiple of 90 degrees");
+    throw InputError(file_.string(), "its rotation flag is not a multiple of 90 degrees");
   quarter_turns_ = (static_cast<int>(std::lround(turns)) + 4) % 4;
 }
 
@@ -135,7 +134,7 @@ void VideoDecoder::note_end(int code) {
   if (is_incomplete())
     fault_ = "ends early";
   else if (code != AVERROR_EOF)
-    fault_ = "cannot be read on (" + error_text(code) + ")";
+    fault_ = "cannot be read further (" + error_text(code) + ")";
   avcodec_send_packet(codec_.get(), nullptr);
 }
 

@@ -95,7 +95,7 @@ void read_video(const std::filesystem::path& file, const VideoExcerpt& excerpt,
     if (!on_frame(in_excerpt / excerpt.every, decoder.time_s(), image)) return;
   }
   if (in_excerpt > 0) return;
-  throw InputError(file.string(), "holds no frame from " + base::rounded_text(excerpt.from_s, 2) + " s" +
+  throw InputError(file.string(), "contains no frame from " + base::rounded_text(excerpt.from_s, 2) + " s" +
                                       (excerpt.to_s ? " to " + base::rounded_text(*excerpt.to_s, 2) + " s" : "") +
                                       "; it is " + base::rounded_text(decoder.info().duration_s, 2) + " s long");
 }

@@ -59,7 +59,7 @@ struct VideoWriter::Impl {
 
 void VideoWriter::Impl::open_encoder(int width, int height, const VideoOptions& options) {
   const AVCodec* encoder = find_encoder();
-  if (encoder == nullptr) throw InputError(file.string(), "libavcodec has neither an H.264 nor an MPEG-4 encoder");
+  if (encoder == nullptr) throw InputError(file.string(), "libavcodec has no H.264 and no MPEG-4 encoder");
   codec.reset(avcodec_alloc_context3(encoder));
   codec->width = width;
   codec->height = height;
@@ -75,7 +75,7 @@ void VideoWriter::Impl::open_encoder(int width, int height, const VideoOptions& 
   codec->color_trc = AVCOL_TRC_BT709;
   codec->flags |= AV_CODEC_FLAG_GLOBAL_HEADER | AV_CODEC_FLAG_BITEXACT;
   set_compression(encoder->id, options.compression);
-  require(avcodec_open2(codec.get(), encoder, nullptr), "the video encoder does not start");
+  require(avcodec_open2(codec.get(), encoder, nullptr), "the video encoder cannot be opened");
 }
 
 void VideoWriter::Impl::set_compression(AVCodecID id, const VideoCompression& rate) {
@@ -96,7 +96,7 @@ void VideoWriter::Impl::set_compression(AVCodecID id, const VideoCompression& ra
 }
 
 void VideoWriter::Impl::open_file() {
-  require(avformat_alloc_output_context2(&format, nullptr, "mp4", nullptr), "no MP4 writer");
+  require(avformat_alloc_output_context2(&format, nullptr, "mp4", nullptr), "libavformat cannot write MP4");
   format->flags |= AVFMT_FLAG_BITEXACT;  // no version or date in the file
   stream = avformat_new_stream(format, nullptr);
   if (stream == nullptr) throw std::bad_alloc();
@@ -111,7 +111,7 @@ void VideoWriter::Impl::make_scaler() {
   frame->format = AV_PIX_FMT_YUV420P;
   frame->width = codec->width;
   frame->height = codec->height;
-  require(av_frame_get_buffer(frame.get(), 0), "no memory for a frame");
+  require(av_frame_get_buffer(frame.get(), 0), "out of memory for a frame");
   constexpr int kFlags = SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP | SWS_BITEXACT;
   scaler.reset(sws_getContext(codec->width, codec->height, AV_PIX_FMT_RGB24, codec->width, codec->height,
                               AV_PIX_FMT_YUV420P, kFlags, nullptr, nullptr, nullptr));
@@ -159,9 +159,9 @@ VideoWriter::~VideoWriter() = default;
 void VideoWriter::add(const imaging::RgbImage& image) {
   if (image.width != impl_->codec->width || image.height != impl_->codec->height)
     throw InputError(impl_->file.string(), "a frame of " + std::to_string(image.width) + "x" +
-                                               std::to_string(image.height) + " does not fit the video's size");
+                                               std::to_string(image.height) + " does not match the video's size");
   AVFrame* frame = impl_->frame.get();
-  impl_->require(av_frame_make_writable(frame), "no memory for a frame");
+  impl_->require(av_frame_make_writable(frame), "out of memory for a frame");
   const std::uint8_t* const planes[] = {image.pixels.data()->data()};
   const int strides[] = {3 * image.width};
   sws_scale(impl_->scaler.get(), planes, strides, 0, image.height, frame->data, frame->linesize);

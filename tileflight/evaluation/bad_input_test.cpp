@@ -115,7 +115,7 @@ TEST(BadInput, NoOverlapIsAComparisonThatDecidesNothing) {
   EXPECT_EQ(c.mean_difference_m, 0.0);
   EXPECT_TRUE(std::isfinite(c.mean_difference_ci95[0])) << "two places are two samples";
   EXPECT_THAT(tests::refusal_of([&] { compare_distances({}, run_at(0)); }),
-              HasSubstr("no map point within the cut-off"));
+              HasSubstr("no map point lies within the cut-off"));
 }
 
 TEST(BadInput, TenMillionPointsAreScored) {

@@ -11,8 +11,10 @@ namespace tileflight::evaluation {
 namespace {
 
 void check(const KeptDistances& kept, const char* run) {
-  if (kept.distances.empty()) throw InputError(run, "has no map point within the cut-off; there is nothing to compare");
-  if (kept.positions.size() != kept.distances.size()) throw InputError(run, "has not one position for each distance");
+  if (kept.distances.empty())
+    throw InputError(run, "no map point lies within the cut-off; there is nothing to compare");
+  if (kept.positions.size() != kept.distances.size())
+    throw InputError(run, "the number of positions differs from the number of distances");
 }
 
 void check(const DistanceComparisonOptions& options) {
@@ -82,7 +84,7 @@ DistanceComparison compare_distances(const KeptDistances& simulated, const KeptD
 
 DistanceComparison compare_runs(const std::vector<KeptDistances>& simulated, const std::vector<KeptDistances>& real,
                                 const DistanceComparisonOptions& options) {
-  if (simulated.empty() || real.empty()) throw InputError("comparison", "needs a run of each flight");
+  if (simulated.empty() || real.empty()) throw InputError("comparison", "needs at least one run of each flight");
   DistanceComparison result = compare_distances(simulated.front(), real.front(), options);
   result.runs = {simulated.size(), real.size()};
   const RunDifference by_run = welch_difference(means_of(simulated, "simulated run"), means_of(real, "real run"));

@@ -262,12 +262,13 @@ TEST(Comparison, RunsThatDoNotDifferAreNoUnit) {
   EXPECT_EQ(same["runs"]["simulated"], 3);
   expected["runs"] = same["runs"];
   EXPECT_EQ(same, expected);
-  EXPECT_THAT([&] { compare_runs({}, {b}); }, ThrowsMessage<InputError>(HasSubstr("needs a run of each flight")));
+  EXPECT_THAT([&] { compare_runs({}, {b}); },
+              ThrowsMessage<InputError>(HasSubstr("needs at least one run of each flight")));
   EXPECT_THAT(
       [&] {
         compare_runs({a, {}}, {b, b});
       },
-      ThrowsMessage<InputError>(HasSubstr("simulated run: has no map point within the cut-off")));
+      ThrowsMessage<InputError>(HasSubstr("simulated run: no map point lies within the cut-off")));
 }
 
 TEST(Comparison, ExchangedRunsTurnTheSign) {
@@ -305,14 +306,14 @@ TEST(Comparison, RefusesBadInput) {
   std::mt19937_64 random(10);
   const auto a = run_over(5, 5, 0.5, 0.1, 0.1, random);
   EXPECT_THAT([&] { compare_distances({}, a); },
-              ThrowsMessage<InputError>(HasSubstr("simulated run: has no map point within the cut-off")));
+              ThrowsMessage<InputError>(HasSubstr("simulated run: no map point lies within the cut-off")));
   EXPECT_THAT([&] { compare_distances(a, {}); },
-              ThrowsMessage<InputError>(HasSubstr("real run: has no map point within the cut-off")));
+              ThrowsMessage<InputError>(HasSubstr("real run: no map point lies within the cut-off")));
   EXPECT_THAT(
       [&] {
         compare_distances({{}, {0.1}, 1}, a);
       },
-      ThrowsMessage<InputError>(HasSubstr("has not one position for each distance")));
+      ThrowsMessage<InputError>(HasSubstr("the number of positions differs from the number of distances")));
   EXPECT_THAT([&] { compare_distances(a, a, {.equivalence_margin_m = 0.0}); },
               ThrowsMessage<InputError>(HasSubstr("equivalence margin: must be above zero")));
   EXPECT_THAT([&] { compare_distances(a, a, {.block_m = -1.0}); },

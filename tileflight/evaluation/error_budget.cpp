@@ -17,21 +17,22 @@ std::optional<double> finite_or_none(double value) {
 }
 
 ErrorSource tiles_part(const std::optional<double>& geometric_error_m) {
-  ErrorSource part{geometric_error_m, "stated", "largest geometric error of the tiles that were used, by the tileset"};
+  ErrorSource part{geometric_error_m, "stated", "largest geometric error of the tiles used, as stated by the tileset"};
   if (geometric_error_m && *geometric_error_m == 0.0)
-    part.explanation += "; 0 is its finest level and says nothing of how far that is from the place itself";
+    part.explanation += "; 0 marks its finest level and does not tell how accurate that level is";
   return part;
 }
 
 ErrorSource alignment_part(const std::optional<double>& sigma_m) {
-  if (!sigma_m) return {std::nullopt, "estimated", "the transform has no uncertainty; it is part of the remainder"};
-  return {sigma_m, "estimated", "how far the map's points may have been moved, by the transform's own uncertainty"};
+  if (!sigma_m)
+    return {std::nullopt, "estimated", "the transform has no uncertainty; its error is part of the remainder"};
+  return {sigma_m, "estimated", "RMS displacement of the map's points by the transform's own uncertainty"};
 }
 
 ErrorSource path_part(const std::optional<double>& to_true_poses_m) {
   if (!to_true_poses_m) return {std::nullopt, "bound", "not known without true poses"};
   return {to_true_poses_m, "bound",
-          "how far the map's points lie from where the true poses put them: alignment and drift together"};
+          "distance of the map's points from their positions under the true poses: alignment and drift together"};
 }
 
 void add_total(const std::vector<double>& surface_m, ErrorBudget& budget) {
@@ -47,7 +48,8 @@ void add_total(const std::vector<double>& surface_m, ErrorBudget& budget) {
 
 /// If the alignment's uncertainty exceeds the total, no remainder for the odometry can be determined.
 ErrorSource odometry_part(const std::optional<double>& total_m, const std::optional<double>& alignment_m) {
-  const char* how = "what the total has beyond the alignment, as squares; tiles' errors and what was built since, too";
+  const char* how =
+      "root of the squared total minus the squared alignment; includes the tiles' errors and changes of the place";
   if (!total_m) return {std::nullopt, "remainder", "no map point is near the surface"};
   const double taken_m = alignment_m.value_or(0.0);
   return {std::sqrt(std::max(0.0, *total_m * *total_m - taken_m * taken_m)), "remainder", how};
@@ -77,8 +79,8 @@ ErrorBudget error_budget(const ErrorBudgetInputs& inputs) {
   add_total(inputs.surface_m, budget);
   budget.odometry = odometry_part(budget.total_m, inputs.alignment_sigma_m);
   budget.not_separated = {
-      "tiles and odometry: both move the map's points off the triangles",
-      "alignment and drift: a similarity that fits a bent map best is not the one that fits its path best"};
+      "tiles and odometry: both move the map's points away from the triangles",
+      "alignment and drift: the similarity that best fits a bent map differs from the one that best fits its path"};
   if (!inputs.alignment_sigma_m) budget.not_separated.push_back("alignment and odometry: no covariance");
   return budget;
 }

@@ -315,12 +315,12 @@ std::optional<ComparedMetric> path_of(const std::vector<ScoredMap>& simulated, c
 }
 
 void check(const std::vector<ScoredMap>& runs, const char* flight) {
-  if (runs.empty()) throw InputError("comparison", "needs a run of each flight");
+  if (runs.empty()) throw InputError("comparison", "needs at least one run of each flight");
   for (const ScoredMap& run : runs) {
-    if (run.surface.distances.empty()) throw InputError(flight, "has no map point over the truth's surface");
+    if (run.surface.distances.empty()) throw InputError(flight, "no map point lies over the truth's surface");
     if (run.surface.positions.size() != run.surface.distances.size() ||
         run.seen.positions.size() != run.seen.map_distance_m.size())
-      throw InputError(flight, "has not one position for each distance");
+      throw InputError(flight, "the number of positions differs from the number of distances");
   }
 }
 

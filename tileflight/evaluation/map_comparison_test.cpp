@@ -220,9 +220,10 @@ TEST(MapComparison, SameBitsForAnyNumberOfThreads) {
 
 TEST(MapComparison, RefusesBadInput) {
   const ScoredMap a = place().map({}, 1);
-  EXPECT_THAT([&] { compare_maps({}, {a}); }, ThrowsMessage<InputError>(HasSubstr("needs a run of each flight")));
+  EXPECT_THAT([&] { compare_maps({}, {a}); },
+              ThrowsMessage<InputError>(HasSubstr("needs at least one run of each flight")));
   EXPECT_EQ(tests::refusal_of([&] { compare_maps({a}, {{}}); }),
-            "real flight: has no map point over the truth's surface");
+            "real flight: no map point lies over the truth's surface");
   EXPECT_THAT([&] { compare_maps({a}, {a}, {.ratio_margin = 1.0}); },
               ThrowsMessage<InputError>(HasSubstr("margin of a ratio: must be above one")));
   EXPECT_THAT([&] { compare_maps({a}, {a}, {.share_margin = 0.0}); },

@@ -130,7 +130,7 @@ TEST(MapTable, RefusesBadInput) {
       [&] {
         compare_all_pairs({some_map("a", 0.5, 1), ComparedMap{"empty", {}, {KeptDistances{}}}});
       },
-      ThrowsMessage<InputError>(HasSubstr("real run: has no map point within the cut-off")));
+      ThrowsMessage<InputError>(HasSubstr("real run: no map point lies within the cut-off")));
 }
 
 }  // namespace

@@ -52,7 +52,7 @@ Percentiles read_percentiles(JsonReader& parent) {
 Histogram read_histogram(JsonReader reader) {
   Histogram histogram{reader.numbers("edges"), reader.counts("counts")};
   if (histogram.edges.size() != histogram.counts.size() + 1)
-    reader.fail("edges", "must have one entry more than counts");
+    reader.fail("edges", "must have one more entry than counts");
   reader.expect_all_read();
   return histogram;
 }
@@ -67,7 +67,7 @@ MapMetrics read_map(JsonReader reader) {
   MapMetrics m;
   m.points = reader.count("points");
   m.correspondences = reader.count("correspondences");
-  if (m.correspondences > m.points) reader.fail("correspondences", "are more than the points");
+  if (m.correspondences > m.points) reader.fail("correspondences", "must not exceed the number of points");
   m.distances = read_statistics(reader, m.correspondences);
   m.percentiles = read_percentiles(reader);
   m.histogram = read_histogram(reader.object("histogram"));
@@ -257,7 +257,7 @@ MetricsFile read_metrics(const std::filesystem::path& metrics_json) {
   const MapMetrics& map = result.metrics.map;
   result.voxel = keep_within_cutoff(cloud.positions, scalar_of(cloud, kVoxelScalar, file), map.cutoff_m);
   if (result.voxel.points != map.points || result.voxel.distances.size() != map.correspondences) {
-    throw InputError(file.string(), "is of another run than " + metrics_json.string() + ": " +
+    throw InputError(file.string(), "belongs to a different run than " + metrics_json.string() + ": " +
                                         std::to_string(result.voxel.distances.size()) + " correspondences instead of " +
                                         std::to_string(map.correspondences) + "; evaluate the map again");
   }

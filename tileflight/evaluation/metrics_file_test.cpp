@@ -246,7 +246,7 @@ TEST_F(MetricsFiles, ErrorsOfAnotherRunAreRefused) {
   json changed = written();
   changed["map"]["correspondences"] = score_.metrics.map.correspondences - 1;
   write(changed);
-  EXPECT_NE(complaint().find("of another run"), std::string::npos) << complaint();
+  EXPECT_NE(complaint().find("belongs to a different run"), std::string::npos) << complaint();
 }
 
 }  // namespace

@@ -29,14 +29,15 @@ Vec3 center_of(const CellIndex& place, double edge_m) {
 
 void check(const SeenSurface& surface, const char* flight) {
   if (surface.positions.size() != surface.map_distance_m.size())
-    throw InputError(flight, "has not one distance for each sample of the surface");
+    throw InputError(flight, "the number of distances differs from the number of surface samples");
 }
 
 void check(const MissedPlacesOptions& options) {
   if (!(options.cell_m > 0.0) || !std::isfinite(options.cell_m))
-    throw InputError("cells of the map of agreement", "must be above zero, in metres");
-  if (!(options.within_m > 0.0)) throw InputError("reach of a map point", "must be above zero, in metres");
-  if (!(options.block_m >= options.cell_m)) throw InputError("block of the bootstrap", "must be at least a cell");
+    throw InputError("cell of the missed-places map", "must be above zero, in metres");
+  if (!(options.within_m > 0.0))
+    throw InputError("distance within which a map point covers the surface", "must be above zero, in metres");
+  if (!(options.block_m >= options.cell_m)) throw InputError("block of the bootstrap", "must be at least one cell");
 }
 
 /// Cells seen by either camera.

@@ -138,11 +138,11 @@ TEST(MissedPlaces, RefusesBadInput) {
       [&] {
         missed_places({{Vec3::Zero()}, {}}, {});
       },
-      ThrowsMessage<InputError>(HasSubstr("has not one distance for each sample")));
+      ThrowsMessage<InputError>(HasSubstr("the number of distances differs")));
   EXPECT_THAT([&] { missed_places({}, {}, {.cell_m = 0.0}); },
-              ThrowsMessage<InputError>(HasSubstr("cells of the map of agreement: must be above zero")));
+              ThrowsMessage<InputError>(HasSubstr("cell of the missed-places map: must be above zero")));
   EXPECT_THAT([&] { missed_places({}, {}, {.cell_m = 3.0, .block_m = 2.0}); },
-              ThrowsMessage<InputError>(HasSubstr("block of the bootstrap: must be at least a cell")));
+              ThrowsMessage<InputError>(HasSubstr("block of the bootstrap: must be at least one cell")));
 }
 
 }  // namespace

@@ -247,7 +247,8 @@ std::vector<MissingPart> remove_overlapping(std::vector<MissingPart> found, std:
 
 void check(const MissingPartsOptions& options) {
   for (const double edge_m : options.diameters_m) {
-    if (!(edge_m > 0.0) || !std::isfinite(edge_m)) throw InputError("balls", "must have a width above zero, in metres");
+    if (!(edge_m > 0.0) || !std::isfinite(edge_m))
+      throw InputError("balls", "their diameter must be above zero, in metres");
   }
 }
 

@@ -153,7 +153,7 @@ TEST(MissingParts, SameForAnyNumberOfThreads) {
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   EXPECT_EQ(to_json(missing_parts(a, seen, b, seen)).dump(), first);
   EXPECT_THAT([&] { missing_parts(a, seen, b, seen, {.diameters_m = {0.0}}); },
-              ThrowsMessage<InputError>(HasSubstr("balls: must have a width above zero")));
+              ThrowsMessage<InputError>(HasSubstr("balls: their diameter must be above zero")));
 }
 
 }  // namespace

@@ -107,7 +107,7 @@ std::array<double, 2> fieller_interval(double tau, std::size_t items) {
 
 void check(const std::vector<double>& values) {
   if (!std::ranges::all_of(values, [](double v) { return std::isfinite(v); }))
-    throw InputError("ranking", "a score is not a number; leave out what has none");
+    throw InputError("ranking", "a score is not a number; leave out the items without a score");
 }
 
 }  // namespace
@@ -124,7 +124,7 @@ TauInterval tau_interval(const std::vector<double>& a, const std::vector<double>
 }
 
 double kendall_tau_b(const std::vector<double>& a, const std::vector<double>& b) {
-  if (a.size() != b.size()) throw InputError("ranking", "the two lists have not the same items");
+  if (a.size() != b.size()) throw InputError("ranking", "the two lists must have the same items");
   return tau_of(a, b, first_n(a.size()));
 }
 

@@ -89,7 +89,7 @@ TEST(RankCorrelation, RefusesBadInput) {
       [&] {
         rank_correlation({1, 2}, {1, 2, 3});
       },
-      ThrowsMessage<InputError>(HasSubstr("the two lists have not the same items")));
+      ThrowsMessage<InputError>(HasSubstr("the two lists must have the same items")));
   EXPECT_THAT(
       [&] {
         rank_correlation({1, 2, std::nan("")}, {1, 2, 3});

@@ -57,7 +57,7 @@ Sim3 align_umeyama(const PairedPoses& poses, TrajectoryAlignment kind) {
       Eigen::umeyama(positions(poses.estimate), positions(poses.truth), kind == TrajectoryAlignment::kSim3);
   const double scale = T.topLeftCorner<3, 3>().col(0).norm();
   if (!T.allFinite() || !(scale > 0.0))
-    throw InputError("trajectory", "does not move, so that it cannot be aligned to the truth");
+    throw InputError("trajectory", "does not move, so it cannot be aligned to the truth");
   const geometry::Mat3 rotation = T.topLeftCorner<3, 3>() / scale;
   return {scale, Eigen::Quaterniond(rotation), T.topRightCorner<3, 1>()};
 }

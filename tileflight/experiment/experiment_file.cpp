@@ -33,8 +33,8 @@ std::string read_source(YamlSection& section, const std::string& key) {
   return is_path ? (section.file().parent_path() / *text).lexically_normal().string() : *text;
 }
 
-double read_positive(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = section.number(key).value_or(otherwise);
+double read_positive(YamlSection& section, const std::string& key, double fallback) {
+  const double value = section.number(key).value_or(fallback);
   if (value <= 0) throw section.error(key, "must be positive");
   return value;
 }
@@ -72,7 +72,7 @@ TruthConfig read_truth(YamlSection section) {
 fs::path required_path(YamlSection& section, const std::string& key) {
   const std::optional<fs::path> path = section.path(key);
   if (!path) throw section.error(key, "is missing");
-  if (!fs::exists(*path)) throw section.error(key, "names " + path->string() + ", which is not there");
+  if (!fs::exists(*path)) throw section.error(key, "names " + path->string() + ", which does not exist");
   return *path;
 }
 
@@ -94,7 +94,7 @@ survey::RenderedFlightConfig read_render(YamlSection section) {
   if (!render.follows_real) render.flight = required_path(section, "flight");
   if (render.follows_real && section.has("flight")) throw section.error("flight", "does not go together with 'follow'");
   if (!render.follows_real && section.has("smooth"))
-    throw section.error("smooth", "is of a flight that follows another");
+    throw section.error("smooth", "applies only to a flight that follows another");
   render.smoothing = flight::read_smoothing(section, render.smoothing);
   render.camera = optional_path(section, "camera");
   render.source = read_source(section, "source");
@@ -126,7 +126,7 @@ Variant read_variant(YamlSection section, const survey::RenderedFlightConfig& fl
   Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .yaml_text = {}};
   const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
   if (variant.name.empty() || !std::ranges::all_of(variant.name, is_plain))
-    throw section.error("name", "must be there, of letters, digits, '-' and '_': it names a folder");
+    throw section.error("name", "is required and may hold letters, digits, '-' and '_' only: it names a folder");
   if (section.has("flight")) {
     variant.render.flight = required_path(section, "flight");
     variant.render.follows_real = false;
@@ -147,11 +147,11 @@ Variant read_variant(YamlSection section, const survey::RenderedFlightConfig& fl
 std::vector<Variant> read_variants(YamlSection& root, const std::optional<FlightConfig>& simulated) {
   std::vector<Variant> variants;
   for (YamlSection& section : root.sections("variants")) {
-    if (!simulated || !simulated->render) throw root.error("variants", "are of a 'simulated' flight that is rendered");
+    if (!simulated || !simulated->render) throw root.error("variants", "need a rendered 'simulated' flight");
     variants.push_back(read_variant(section, *simulated->render));
     for (std::size_t i = 0; i + 1 < variants.size(); ++i)
       if (variants[i].name == variants.back().name)
-        throw root.error("variants", "two of them are called '" + variants[i].name + "'");
+        throw root.error("variants", "two variants are called '" + variants[i].name + "'");
   }
   return variants;
 }
@@ -172,7 +172,7 @@ survey::IngestedFlightConfig read_ingest(YamlSection section) {
   ingest.every = section.integer("every").value_or(1);
   ingest.fps = section.number("fps");
   if (ingest.estimates_telemetry_offset && ingest.telemetry.empty())
-    throw section.error("telemetry_offset", "is of a flight log; name it with 'telemetry'");
+    throw section.error("telemetry_offset", "applies to a flight log; give one with 'telemetry'");
   if (ingest.every < 1) throw section.error("every", "must be at least 1");
   if (ingest.to_s && *ingest.to_s <= ingest.from_s) throw section.error("to", "must be later than 'from'");
   section.require_all_keys_used();
@@ -201,7 +201,8 @@ void read_repetition(YamlSection& section, OdometryConfig& odometry) {
   if (odometry.start_offset_frames < 0) throw section.error("later", "must not be negative");
   odometry.backwards = section.boolean("backwards").value_or(odometry.backwards);
   if (odometry.backwards && !odometry.command.empty())
-    throw section.error("backwards", "is for our own odometry; an outside command plays the frames as it likes");
+    throw section.error("backwards",
+                        "applies to the built-in odometry only; an external command chooses its own frame order");
 }
 
 OdometryConfig read_odometry(YamlSection section) {
@@ -211,7 +212,7 @@ OdometryConfig read_odometry(YamlSection section) {
   odometry.track_options.mask = optional_path(section, "mask");
   odometry.track_options.rectify_fov_deg = section.number("rectify_fov");
   if (const auto& fov_deg = odometry.track_options.rectify_fov_deg; fov_deg && !(*fov_deg > 0.0 && *fov_deg < 180.0))
-    throw section.error("rectify_fov", "must be above 0 and below 180 degrees: the pictures become a pinhole's");
+    throw section.error("rectify_fov", "must be above 0 and below 180 degrees, the field of view of a pinhole");
   odometry.track_options.colmap = section.boolean("colmap").value_or(false);
   odometry.debug_pictures = section.boolean("debug_pictures").value_or(false);
   read_repetition(section, odometry);
@@ -219,9 +220,10 @@ OdometryConfig read_odometry(YamlSection section) {
   return odometry;
 }
 
-double read_ratio_margin(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = read_positive(section, key, otherwise);
-  if (!(value > 1.0)) throw section.error(key, "must be above 1: up to this ratio, and its inverse, is the same");
+double read_ratio_margin(YamlSection& section, const std::string& key, double fallback) {
+  const double value = read_positive(section, key, fallback);
+  if (!(value > 1.0))
+    throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
   return value;
 }
 
@@ -267,7 +269,8 @@ Experiment read_experiment(const fs::path& file) {
   experiment.seed = static_cast<std::uint64_t>(root.integer("seed").value_or(1));
 
   auto place = root.section("place");
-  if (!place) throw root.error("place", "is missing: what is flown over, e.g. `place: {source: tiles/tileset.json}`");
+  if (!place)
+    throw root.error("place", "is missing: the place to fly over, e.g. `place: {source: tiles/tileset.json}`");
   experiment.place = read_place(*place);
   if (auto truth = root.section("truth")) experiment.truth = read_truth(*truth);
   if (auto flight = root.section("simulated")) experiment.simulated = read_flight(*flight, "simulated");
@@ -287,7 +290,7 @@ Experiment read_experiment(const fs::path& file) {
       experiment.simulated && experiment.simulated->render && experiment.simulated->render->follows_real;
   if (follows && !experiment.real) throw root.error("simulated", "follows the flight 'real', which is missing");
   if (!experiment.simulated && !experiment.real)
-    throw root.error("simulated", "or 'real' is needed: at least one flight");
+    throw root.error("simulated", "or 'real' is required: give at least one flight");
   return experiment;
 }
 

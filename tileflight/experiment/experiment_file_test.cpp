@@ -43,7 +43,7 @@ TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
   const survey::IngestedFlightConfig found = ingest(", telemetry: log.srt, telemetry_offset: auto");
   EXPECT_TRUE(found.estimates_telemetry_offset);
   EXPECT_EQ(found.telemetry_offset_s, std::nullopt);
-  EXPECT_THAT(fault("", ", telemetry_offset: auto"), HasSubstr("is of a flight log; name it with 'telemetry'"));
+  EXPECT_THAT(fault("", ", telemetry_offset: auto"), HasSubstr("applies to a flight log; give one with 'telemetry'"));
   EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));
 }
 

@@ -145,7 +145,7 @@ std::string Pipeline::resolve_source(const std::string& source) const {
   const std::string model = source.substr(kStadiumPrefix.size());
   if (model != "twin" && model != "world") {
     throw InputError(experiment_.file.string(),
-                     "the built-in place has no '" + source + "'; there are stadium:twin and stadium:world");
+                     "the built-in place has no '" + source + "'; use stadium:twin or stadium:world");
   }
   return (folder_ / "place" / model / "tileset.json").string();
 }

@@ -79,7 +79,7 @@ int lock_folder(const fs::path& folder) {
   ::close(lock);
   if (!is_busy) return -1;
   throw InputError(folder.string(),
-                   read_owner(file) + " works in it; wait until that has ended, or name another folder for --out");
+                   read_owner(file) + " is using it; wait until it has ended, or choose another folder for --out");
 }
 
 /// Runs of earlier versions have no marker.
@@ -104,13 +104,13 @@ bool is_unused(const fs::path& folder) {
 void write_marker(const fs::path& folder) {
   if (base::read_folder_marker(folder)) return;
   base::write_file(folder / base::kFolderMarker,
-                   "tileflight run\n# Stages of this run; those whose inputs change are written again.\n");
+                   "tileflight run\n# Stages of this run; stages whose inputs change are run again.\n");
 }
 
 void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
 }
 
 bool is_run_file(const fs::path& file) {
@@ -136,9 +136,9 @@ bool is_stage_folder(const fs::path& folder) {
 
 void check_run_folder(const fs::path& folder) {
   if (!fs::exists(folder)) return;
-  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is a file; --out must name a folder");
+  if (!fs::is_directory(folder)) throw InputError(folder.string(), "is a file; choose a folder for --out");
   if (is_run(folder) || is_unused(folder)) return;
-  throw InputError(folder.string(), "holds something else than an earlier run; choose another folder for --out");
+  throw InputError(folder.string(), "contains files that are not from an earlier run; choose another folder for --out");
 }
 
 RunFolder::RunFolder(fs::path folder) : path_(std::move(folder)) {

@@ -38,13 +38,16 @@ TEST(RunFolder, IsNoOtherFolder) {
   make_file(folder / "file");
   EXPECT_THAT(refusal_of([&] { RunFolder(folder / "file"); }), HasSubstr("is a file"));
   make_file(folder / "mine/notes.txt");
-  EXPECT_THAT(refusal_of([&] { RunFolder(folder / "mine"); }), HasSubstr("holds something else"));
+  EXPECT_THAT(refusal_of([&] { RunFolder(folder / "mine"); }),
+              HasSubstr("contains files that are not from an earlier run"));
   EXPECT_FALSE(fs::exists(folder / "mine/.lock"));
   make_file(folder / "opera/stages/plan.png");
-  EXPECT_THAT(refusal_of([&] { RunFolder(folder / "opera"); }), HasSubstr("holds something else"));
+  EXPECT_THAT(refusal_of([&] { RunFolder(folder / "opera"); }),
+              HasSubstr("contains files that are not from an earlier run"));
   base::write_folder(base::OutputFolder{.folder = folder / "dataset", .command = "render"},
                      [](const fs::path& t) { make_file(t / "stages/a.json"); });
-  EXPECT_THAT(refusal_of([&] { RunFolder(folder / "dataset"); }), HasSubstr("holds something else"));
+  EXPECT_THAT(refusal_of([&] { RunFolder(folder / "dataset"); }),
+              HasSubstr("contains files that are not from an earlier run"));
   // A run of a version without markers, and one whose process was killed immediately.
   make_file(folder / "earlier/stages/truth.json");
   EXPECT_EQ(refusal_of([&] { RunFolder(folder / "earlier"); }), "no error");
@@ -66,7 +69,7 @@ TEST(RunFolder, IsOneProcessesAloneUntilThatEnds) {
   ASSERT_EQ(::read(ready[0], &byte, 1), 1);
   const std::string refusal = refusal_of([&] { RunFolder(folder / "out"); });
   EXPECT_THAT(refusal, HasSubstr("out: process " + std::to_string(child) + " ("));
-  EXPECT_THAT(refusal, HasSubstr("works in it; wait until that has ended"));
+  EXPECT_THAT(refusal, HasSubstr("is using it; wait until it has ended"));
   EXPECT_THAT(refusal, Not(HasSubstr("--force")));
   ::kill(child, SIGKILL);
   ::waitpid(child, nullptr, 0);

@@ -11,15 +11,15 @@ namespace {
 
 constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
 
-double read_positive(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = section.number(key).value_or(otherwise);
+double read_positive(YamlSection& section, const std::string& key, double fallback) {
+  const double value = section.number(key).value_or(fallback);
   if (value <= 0) throw section.error(key, "must be positive");
   return value;
 }
 
-int read_at_least(YamlSection& section, const std::string& key, int least, int otherwise) {
-  const int value = section.integer(key).value_or(otherwise);
-  if (value < least) throw section.error(key, "must be at least " + std::to_string(least));
+int read_at_least(YamlSection& section, const std::string& key, int min, int fallback) {
+  const int value = section.integer(key).value_or(fallback);
+  if (value < min) throw section.error(key, "must be at least " + std::to_string(min));
   return value;
 }
 
@@ -54,8 +54,7 @@ std::optional<render::DaylightOptions> read_light(YamlSection& section) {
   render::DaylightOptions light;
   if (const auto time = section.text("time")) {
     light.utc_s = base::parse_iso_time_s(*time);
-    if (!light.utc_s)
-      throw section.error("time", "must be a date and time that there is, such as 2024-03-20T17:00:00Z");
+    if (!light.utc_s) throw section.error("time", "must be a valid date and time such as 2024-03-20T17:00:00Z");
   }
   light.turbidity = section.number("turbidity").value_or(light.turbidity);
   light.ground_albedo = section.number("ground_albedo").value_or(light.ground_albedo);
@@ -163,9 +162,9 @@ void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
   }
 }
 
-std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& otherwise) {
+std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& fallback) {
   const auto seeds = section.numbers("scale_seeds", 1, 16);
-  if (!seeds) return otherwise;
+  if (!seeds) return fallback;
   for (const double seed : *seeds) {
     if (!(seed > 0.0)) throw section.error("scale_seeds", "must be positive");
   }
@@ -196,7 +195,7 @@ alignment::AlignMapOptions read_alignment_options(YamlSection& section) {
   options.held_out = read_regions(section, "held_out");
   options.find_regions = section.boolean("find_regions").value_or(false);
   if (options.find_regions && !(options.icp.regions.empty() && options.held_out.empty()))
-    throw section.error("find_regions", "finds the regions; leave out `regions` and `held_out`, or this");
+    throw section.error("find_regions", "finds the regions itself; leave out `regions` and `held_out`, or this key");
   if (const auto radii = section.numbers("coarse_radii", 0, 16)) options.coarse_radii_m = *radii;
   options.trajectory.estimate_time_offset =
       section.boolean("estimate_time_offset").value_or(options.trajectory.estimate_time_offset);

@@ -46,7 +46,7 @@ TEST(StageOptions, LightHasAllItsKeys) {
 }
 
 TEST(StageOptions, LightThatCannotBeIsRefused) {
-  EXPECT_THAT(fault("light: {time: 2023-02-29T12:00:00Z}"), HasSubstr("date and time that there is"));
+  EXPECT_THAT(fault("light: {time: 2023-02-29T12:00:00Z}"), HasSubstr("valid date and time"));
   EXPECT_THAT(fault("light: {time: 2024-03-20}"), HasSubstr("time"));
   EXPECT_THAT(fault("light: {time: noon}"), HasSubstr("time"));
   EXPECT_THAT(fault("light: {turbidity: 1}"), HasSubstr("turbidity"));

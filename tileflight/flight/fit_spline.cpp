@@ -26,9 +26,9 @@ constexpr double kSmallestStep_rad = 1e-10;
 /// Information of the data about each control point, per axis.
 template <int B, int R>
 std::vector<double> information(const BandedSystem<B, R>& system) {
-  std::vector<double> said(system.size());
-  for (std::size_t i = 0; i < said.size(); ++i) said[i] = system.diagonal(i).trace() / B;
-  return said;
+  std::vector<double> data_information(system.size());
+  for (std::size_t i = 0; i < data_information.size(); ++i) data_information[i] = system.diagonal(i).trace() / B;
+  return data_information;
 }
 
 /// Adds the bending term at each control point but the first and last; `bend(i)` is its current value around control
@@ -36,10 +36,12 @@ std::vector<double> information(const BandedSystem<B, R>& system) {
 template <int B, int R, class Bend>
 void add_bending_penalty(BandedSystem<B, R>& system, const Bend& bend) {
   using Block = typename BandedSystem<B, R>::Block;
-  const std::vector<double> said = information(system);
-  const double mean = std::accumulate(said.begin(), said.end(), 0.0) / static_cast<double>(said.size());
+  const std::vector<double> data_information = information(system);
+  const double mean = std::accumulate(data_information.begin(), data_information.end(), 0.0) /
+                      static_cast<double>(data_information.size());
   for (std::size_t i = 0; i + 2 < system.size(); ++i) {
-    const bool is_held = std::min({said[i], said[i + 1], said[i + 2]}) < kMinInformationShare * mean;
+    const bool is_held =
+        std::min({data_information[i], data_information[i + 1], data_information[i + 2]}) < kMinInformationShare * mean;
     const double weight = mean * (is_held ? kGapBendingWeight : kBendingWeight);
     for (std::size_t k = 0; k < 3; ++k) {
       for (std::size_t l = k; l < 3; ++l)

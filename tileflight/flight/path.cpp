@@ -51,11 +51,12 @@ double angle_from_vertical_rad(const Vec3& direction) {
 }
 
 void check_look_at(const Vec3& to_target, const std::string& where) {
-  if (to_target.norm() < kMinDistance_m) throw InputError(where, "look_at is where the camera is; move one of them");
+  if (to_target.norm() < kMinDistance_m)
+    throw InputError(where, "look_at is at the camera's position; move one of them");
   if (angle_from_vertical_rad(to_target) < kMinAngleFromVertical_rad) {
     throw InputError(
         where,
-        "look_at is straight above or below the camera, which leaves its heading open; give yaw_deg and pitch_deg");
+        "look_at is straight above or below the camera, so the heading is undefined; give yaw_deg and pitch_deg");
   }
 }
 

@@ -84,7 +84,8 @@ void check(const std::optional<double>& value, const std::string& name) {
 void check(std::size_t poses, const SmoothingOptions& options) {
   if (poses < kMinPosesToSmooth) {
     throw InputError("trajectory", "has " + std::to_string(poses) + " poses, and smoothing needs at least " +
-                                       std::to_string(kMinPosesToSmooth) + "; fly through them (smooth: none)");
+                                       std::to_string(kMinPosesToSmooth) +
+                                       "; use the poses without smoothing (smooth: none)");
   }
   check(options.knot_spacing_s, "knot_spacing_s");
   check(options.position_sigma_m, "position_sigma_m");

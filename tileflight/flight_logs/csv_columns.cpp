@@ -169,7 +169,7 @@ ColumnMeaning meaning_in_brackets(std::string_view name, std::size_t bracket, co
   const std::optional<double> scale = scale_of(alias->quantity, unit);
   if (scale) return {alias, scale};
   throw InputError(where, "the unit of column '" + std::string(name.substr(0, 80)) +
-                              "' is not known; write s, ms, us, ns, m, ft, deg or rad");
+                              "' is unknown; use s, ms, us, ns, m, ft, deg or rad");
 }
 
 ColumnMeaning meaning_of(const std::string& name, const std::string& where) {

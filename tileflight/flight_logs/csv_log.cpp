@@ -49,8 +49,8 @@ void require_columns(const ColumnMap& columns, const Cells& names, const std::st
   if (!columns.at(Quantity::kLatitude)) missing += missing.empty() ? "latitude" : ", latitude";
   if (!columns.at(Quantity::kLongitude)) missing += missing.empty() ? "longitude" : ", longitude";
   if (missing.empty()) return;
-  throw InputError(where, "no column for " + missing + " in its first line, which names: " + listed(names) +
-                              "; docs/formats.md has the names that are known");
+  throw InputError(where, "no column for " + missing + " in its first line, which has: " + listed(names) +
+                              "; docs/formats.md lists the known names");
 }
 
 /// Reads one table: its columns, and the meaning of its cells.
@@ -197,7 +197,7 @@ Telemetry read_csv_log(const std::filesystem::path& file) {
   const char separator = detect_separator(text.substr(0, text.find('\n')));
   CsvReader rows(text, separator);
   Cells cells;
-  if (!rows.next(cells)) throw InputError(file.string(), "is empty; a flight log was expected");
+  if (!rows.next(cells)) throw InputError(file.string(), "is empty; expected a flight log");
   Reader reader(cells, separator, file.string());
   FixFilter filter;
   std::vector<TelemetryFix> fixes;
@@ -207,7 +207,7 @@ Telemetry read_csv_log(const std::filesystem::path& file) {
   const bool was_sorted = sorted_by_date(fixes);
   for (const TelemetryFix& fix : fixes) filter.add(fix);
   Telemetry telemetry = std::move(filter).finish(file.string(), "rows");
-  if (was_sorted) telemetry.warnings.push_back("the rows are not in the order of their dates and were put into it");
+  if (was_sorted) telemetry.warnings.push_back("the rows were not in order of time and have been sorted");
   rebase_unix_times(telemetry);
   drop_fixes_without_height(telemetry);
   telemetry.height_datum = reader.height_datum();

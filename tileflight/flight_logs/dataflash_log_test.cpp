@@ -233,7 +233,7 @@ TEST_F(Dataflash, PositionsOfTheKalmanFilterAboutItsOrigin) {
   EXPECT_NEAR(*log.fixes[1].absolute_height_m, 132.0, 1e-4);
   EXPECT_EQ(log.height_datum, HeightDatum::kMeanSeaLevel);
   EXPECT_NEAR(*log.fixes[0].body_yaw_deg, 90, 1e-9);
-  EXPECT_THAT(fault(kFormats + kXkf1 + kOrgn + home + rows), HasSubstr("holds no position messages"));
+  EXPECT_THAT(fault(kFormats + kXkf1 + kOrgn + home + rows), HasSubstr("contains no position messages"));
 }
 
 TEST_F(Dataflash, AnglesInTheUnitsThatTheLogSays) {
@@ -336,16 +336,16 @@ TEST_F(Dataflash, WhatIsNoMessageIsPassedOverAndCounted) {
   const Telemetry log = read(kFormats + kGps + gps({1, 45, 2}) + gps({2, 45}) + std::string(50, '\xEE') +
                              "\xA3\x95\xC8" + gps({3, 45}) + gps({4, 45}).substr(0, 30));
   EXPECT_EQ(log.fixes.size(), 2u);
-  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no position fix", "53 bytes skipped that are not readable",
-                                        "the file ends within a message; what stands before is read"));
+  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no position fix", "53 unreadable bytes skipped",
+                                        "the file ends within a message; everything before it is used"));
 }
 
 TEST_F(Dataflash, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.bin: is not an ArduPilot log"));
   EXPECT_THAT(fault(gps({1, 45})), HasSubstr("is not an ArduPilot log"));
-  EXPECT_THAT(fault(kFormats + kGps), HasSubstr("holds no position messages"));
+  EXPECT_THAT(fault(kFormats + kGps), HasSubstr("contains no position messages"));
   EXPECT_THAT(fault(kFormats + kGps + gps({1, 45, 1})),
-              HasSubstr("none of its 1 position messages holds a time and a position"));
+              HasSubstr("none of its 1 position messages has a time and a position"));
   EXPECT_THAT([&] { read_dataflash(folder_ / "absent.bin"); },
               ThrowsMessage<InputError>(HasSubstr("absent.bin: cannot be opened")));
 }
@@ -356,7 +356,7 @@ TEST_F(Dataflash, FormatsThatCannotBe) {
     return message(128, base::to_raw_bytes(type) + base::to_raw_bytes(length) + padded("GPS", 4) + padded(letters, 16) +
                             padded("TimeUS,Lat,Lng", 64));
   };
-  EXPECT_THAT(fault(kFormats + claimed(10, 0, "QLL") + gps({1, 45})), HasSubstr("holds no position"));
+  EXPECT_THAT(fault(kFormats + claimed(10, 0, "QLL") + gps({1, 45})), HasSubstr("contains no position"));
   EXPECT_THAT(fault(kFormats + claimed(10, 12, "QLL") + message(10, std::string(9, '\1'))), HasSubstr("no position"));
   EXPECT_THAT(fault(kFormats + claimed(10, 19, "?LL") + message(10, std::string(16, '\1'))), HasSubstr("no position"));
   EXPECT_THAT(fault(claimed(128, 4, "QLL") + claimed(10, 3, "") + "\xA3\x95\x0A"), HasSubstr("no position"));

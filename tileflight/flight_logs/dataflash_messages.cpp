@@ -161,7 +161,8 @@ class Reader {
       (size > 0 && next == bytes_.size() ? cut_ : skipped_bytes_) += next - at;
       at = next;
     }
-    if (formats_ == 0) throw InputError(where_, "is not an ArduPilot log: no message says how the others are laid out");
+    if (formats_ == 0)
+      throw InputError(where_, "is not an ArduPilot log: it has no FMT message, which describes the others");
     apply_multipliers();
     describe();
     return std::move(messages_);
@@ -277,18 +278,18 @@ class Reader {
       const std::vector<DataflashField>& fields = wanted_.at(name);
       for (std::size_t i = 0; i < fields.size(); ++i) {
         const FieldLocation place = layouts_[type].name == name ? layouts_[type].locations[i] : FieldLocation{};
-        const double worth =
+        const double factor =
             find_multiplier(type, place, fields[i]) * angle_factor(unit_of(type, place), fields[i].unit);
-        for (std::vector<double>& row : rows) row[i] *= worth;
+        for (std::vector<double>& row : rows) row[i] *= factor;
       }
     }
   }
 
   void describe() {
     if (skipped_bytes_ > 0) {
-      messages_.warnings.push_back(std::to_string(skipped_bytes_) + " bytes skipped that are not readable");
+      messages_.warnings.push_back(std::to_string(skipped_bytes_) + " unreadable bytes skipped");
     }
-    if (cut_ > 0) messages_.warnings.push_back("the file ends within a message; what stands before is read");
+    if (cut_ > 0) messages_.warnings.push_back("the file ends within a message; everything before it is used");
   }
 
   Bytes bytes_;

@@ -46,8 +46,8 @@ Telemetry FixFilter::finish(const std::string& where, const std::string& entries
   const std::size_t count = entries_ + without_time_ + without_fix_;
   Telemetry telemetry = std::move(*this).finish();
   if (!telemetry.fixes.empty()) return telemetry;
-  if (count == 0) throw InputError(where, "holds no " + entries);
-  throw InputError(where, "none of its " + std::to_string(count) + " " + entries + " holds a time and a position (" +
+  if (count == 0) throw InputError(where, "contains no " + entries);
+  throw InputError(where, "none of its " + std::to_string(count) + " " + entries + " has a time and a position (" +
                               telemetry.warnings.front() + "); export the log with both");
 }
 

@@ -26,7 +26,7 @@ class TrackReader {
 
   bool start(std::string_view name, const XmlEvents::Attributes& attributes) {
     if (++depth_ == 1 && name != "gpx") {
-      throw InputError(where_, "is XML, but not GPX: its root is <" + std::string(name.substr(0, 40)) + ">");
+      throw InputError(where_, "is XML but not GPX: its root element is <" + std::string(name.substr(0, 40)) + ">");
     }
     if (name == "trkpt" && point_.depth == 0) {
       point_ = {.depth = depth_,

@@ -84,18 +84,18 @@ TEST_F(Gpx, UnusablePointsAreDroppedAndCounted) {
 
 TEST_F(Gpx, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.gpx: holds no track points"));
-  EXPECT_THAT(fault("<kml/>"), HasSubstr("is XML, but not GPX: its root is <kml>"));
+  EXPECT_THAT(fault("<kml/>"), HasSubstr("is XML but not GPX: its root element is <kml>"));
   EXPECT_THAT(fault(track("<trkpt lat='45' lon='9'><ele>1</ele></trkpt>")),
-              HasSubstr("none of its 1 track points holds a time and a position (1 entries dropped: no time)"));
+              HasSubstr("none of its 1 track points has a time and a position (1 entries dropped: no time)"));
   EXPECT_THAT([&] { read_gpx(folder_ / "absent.gpx"); },
               ThrowsMessage<InputError>(HasSubstr("absent.gpx: cannot be opened")));
 }
 
 TEST_F(Gpx, EntitiesAndTypesAreRefused) {
   EXPECT_THAT(fault("<?xml version='1.0'?>\n<!DOCTYPE gpx [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;&a;'>]><gpx>&b;</gpx>"),
-              HasSubstr("line 2: declares a document type"));
-  EXPECT_THAT(fault("<!DOCTYPE gpx SYSTEM 'file:///etc/passwd'><gpx/>"), HasSubstr("declares a document type"));
-  EXPECT_THAT(fault(track("<trkpt lat='&x;' lon='9'/>")), HasSubstr("holds no track points"));
+              HasSubstr("line 2: document types are not supported"));
+  EXPECT_THAT(fault("<!DOCTYPE gpx SYSTEM 'file:///etc/passwd'><gpx/>"), HasSubstr("document types are not supported"));
+  EXPECT_THAT(fault(track("<trkpt lat='&x;' lon='9'/>")), HasSubstr("contains no track points"));
 }
 
 TEST_F(Gpx, DeepNestingAndLongTextAreBounded) {
@@ -104,7 +104,7 @@ TEST_F(Gpx, DeepNestingAndLongTextAreBounded) {
   const Telemetry log = read(track(point("45", "2024-01-01T00:00:00Z") + deep));
   EXPECT_EQ(log.fixes.size(), 1u);
   ASSERT_EQ(log.warnings.size(), 1u);
-  EXPECT_THAT(log.warnings[0], HasSubstr("elements nest deeper than 64"));
+  EXPECT_THAT(log.warnings[0], HasSubstr("elements are nested deeper than 64"));
   EXPECT_EQ(
       read(track(point("45", "2024-01-01T00:00:00Z", "<name>" + std::string(1 << 20, 'x') + "</name>"))).fixes.size(),
       1u);

@@ -36,7 +36,7 @@ class TrackReader {
 
   bool start(std::string_view name) {
     if (++depth_ == 1 && name != "kml") {
-      throw InputError(where_, "is XML, but not KML: its root is <" + std::string(name.substr(0, 40)) + ">");
+      throw InputError(where_, "is XML but not KML: its root element is <" + std::string(name.substr(0, 40)) + ">");
     }
     if (name == "Track" && !track_) track_.emplace();
     return true;
@@ -93,7 +93,8 @@ Telemetry read_kml(const std::filesystem::path& file) {
   Telemetry telemetry = std::move(reader).take().finish(file.string(), "points of a gx:Track");
   if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
   if (above_ground) {
-    telemetry.warnings.push_back("heights of tracks whose altitudeMode is not absolute are above the ground: not read");
+    telemetry.warnings.push_back(
+        "heights of tracks whose altitudeMode is not 'absolute' are above the ground and are not used");
   }
   telemetry.zero_utc_s = telemetry.fixes.front().time_s;
   rebase_to_first_fix(telemetry);

@@ -108,14 +108,14 @@ PhotoLog read_photo_log(const fs::path& folder) {
   if (photos.empty()) return log;
   if (const std::size_t moved = spread(photos); moved > 0) {
     log.warnings.push_back(std::to_string(moved) +
-                           " photos have the time of the one before; they are spread evenly over its second");
+                           " photos have the same time as the one before; they are spread evenly over that second");
   }
   const auto turned =
       std::count_if(photos.begin(), photos.end(), [](const Photo& p) { return p.tags.orientation > 1; });
   if (turned > 0) {
     log.warnings.push_back(
         std::to_string(turned) +
-        " photos ask to be turned when shown; they are used as they are stored, as calibrations are");
+        " photos have a rotation flag, which is ignored: they are used as stored, like the images of a calibration");
   }
   for (const Photo& photo : photos)
     log.times[photo.name] = {photo.time_s - photos.front().time_s, 1e3 * photo.tags.exposure_s.value_or(0.0)};

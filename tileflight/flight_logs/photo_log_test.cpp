@@ -180,7 +180,8 @@ TEST_F(Photos, OfOneSecondAreSpreadOverIt) {
   EXPECT_EQ(log.times.at("b.jpeg").time_s, 0.5);
   EXPECT_EQ(log.times.at("c.JPG").time_s, 2.0);
   EXPECT_EQ(log.times.at("a.jpg").exposure_ms, 4.0);
-  EXPECT_THAT(log.warnings, ElementsAre(HasSubstr("1 photos have the time"), HasSubstr("3 photos ask to be turned")));
+  EXPECT_THAT(log.warnings,
+              ElementsAre(HasSubstr("1 photos have the same time"), HasSubstr("3 photos have a rotation flag")));
   ASSERT_EQ(log.telemetry.fixes.size(), 3U);
   EXPECT_EQ(log.telemetry.fixes[1].time_s, 0.5);
   EXPECT_EQ(log.telemetry.height_datum, HeightDatum::kMeanSeaLevel);

@@ -182,7 +182,7 @@ void drop_unrecorded_heights(Telemetry& telemetry) {
   const auto is_zero = [](const TelemetryFix& fix) { return fix.absolute_height_m == 0.0; };
   if (!std::all_of(telemetry.fixes.begin(), telemetry.fixes.end(), is_zero)) return;
   for (TelemetryFix& fix : telemetry.fixes) fix.absolute_height_m.reset();
-  telemetry.warnings.push_back("the absolute height is 0 in every entry and is taken as not recorded");
+  telemetry.warnings.push_back("the absolute height is 0 in every entry and is treated as not recorded");
 }
 
 Telemetry collect(const std::vector<Reading>& readings) {
@@ -220,7 +220,7 @@ Telemetry read_dji_srt(const std::filesystem::path& file) {
   if (telemetry.fixes.empty()) {
     const std::string cause = telemetry.warnings.empty() ? "" : " (" + telemetry.warnings.front() + ")";
     throw InputError(file.string(), "none of the " + std::to_string(entries.size()) +
-                                        " entries holds a time and a position" + cause +
+                                        " entries has a time and a position" + cause +
                                         "; switch on captions with position in the camera's settings");
   }
   drop_unrecorded_heights(telemetry);

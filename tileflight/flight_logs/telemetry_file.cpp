@@ -71,8 +71,8 @@ Format format_of(const std::filesystem::path& file) {
 Telemetry read_photos(const std::filesystem::path& folder) {
   PhotoLog log = read_photo_log(folder);
   if (log.telemetry.fixes.empty()) {
-    throw InputError(folder.string(),
-                     "none of its " + std::to_string(log.photos) + " JPEG photos says when and where it was taken");
+    throw InputError(folder.string(), "none of its " + std::to_string(log.photos) +
+                                          " JPEG photos has a time and a position in its metadata");
   }
   return std::move(log.telemetry);
 }

@@ -59,7 +59,7 @@ TEST_F(TelemetryText, EntriesWithoutFixAreDroppedAndCounted) {
 TEST_F(TelemetryText, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.srt: no subtitle entries"));
   EXPECT_THAT(fault("hello\nworld\n"), HasSubstr("no subtitle entries"));
-  EXPECT_THAT(fault("1"), HasSubstr("none of the 1 entries holds a time and a position"));
+  EXPECT_THAT(fault("1"), HasSubstr("none of the 1 entries has a time and a position"));
   EXPECT_THAT(fault("1\n00:00:00,000 --> 00:00:01,000\n[iso: 100]\n"), HasSubstr("no position fix"));
   EXPECT_THAT(fault("1\n00:00:00,000 --> 00:00:01,000\n[latitude: nan] [longitude: 5]\n"),
               HasSubstr("no position fix"));
@@ -142,8 +142,8 @@ TEST(RealLogs, WhatHoldsNoPositionIsAnError) {
     EXPECT_THAT([&] { read_dji_srt(folder / name); }, ThrowsMessage<InputError>(HasSubstr(message))) << name;
   };
   expect_refused("broken_empty.SRT", "broken_empty.SRT: no subtitle entries");
-  expect_refused("broken_empty2.SRT", "none of the 1 entries holds a time and a position");
-  expect_refused("mavic_air.SRT", "entries holds a time and a position");
+  expect_refused("broken_empty2.SRT", "none of the 1 entries has a time and a position");
+  expect_refused("mavic_air.SRT", "entries has a time and a position");
 }
 
 TEST(RealLogs, MachangaraPositionsAreHeldBetweenFixesAndFollowTheTruePath) {

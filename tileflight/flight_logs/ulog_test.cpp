@@ -147,9 +147,9 @@ TEST_F(Ulog, DropoutsBrokenStretchesAndMissingFixesAreCounted) {
            message('O', base::to_raw_bytes(std::uint16_t{30})) + message('O', base::to_raw_bytes(std::uint16_t{12})) +
            std::string(50, '\xEE') + kSync + receiver_row(3, 45) + "\x40");
   EXPECT_EQ(log.fixes.size(), 2u);
-  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no position fix", "2 dropouts of the logger, 42 ms in all",
-                                        "50 bytes skipped that are not readable",
-                                        "the file ends within a message; what stands before is read"));
+  EXPECT_THAT(log.warnings, ElementsAre("1 entries dropped: no position fix",
+                                        "2 dropouts of the logger, 42 ms in total", "50 unreadable bytes skipped",
+                                        "the file ends within a message; everything before it is used"));
 }
 
 TEST_F(Ulog, DataAppendedAfterACutMessageIsRead) {
@@ -162,11 +162,11 @@ TEST_F(Ulog, DataAppendedAfterACutMessageIsRead) {
 
 TEST_F(Ulog, UnusableFilesAreOneClearLine) {
   EXPECT_THAT(fault(""), HasSubstr("log.ulg: is not a ULog file"));
-  EXPECT_THAT(fault(header().substr(0, 12)), HasSubstr("ends within the header"));
-  EXPECT_THAT(fault(header()), HasSubstr("holds no position messages"));
+  EXPECT_THAT(fault(header().substr(0, 12)), HasSubstr("is truncated within the header"));
+  EXPECT_THAT(fault(header()), HasSubstr("contains no position messages"));
   EXPECT_THAT(fault(header() + flags(2, 0)), HasSubstr("incompatible flags"));
   EXPECT_THAT(fault(header() + kReceiver + receiver_row(1, 45, 1)),
-              HasSubstr("none of its 1 position messages holds a time and a position"));
+              HasSubstr("none of its 1 position messages has a time and a position"));
   EXPECT_THAT([&] { read_ulog(folder_ / "absent.ulg"); },
               ThrowsMessage<InputError>(HasSubstr("absent.ulg: cannot be opened")));
 }
@@ -229,7 +229,7 @@ TEST(RealUlog, SampleOfPx4) {
   EXPECT_NEAR(log.fixes.back().time_s, 26.658637 - 20.471648, 1e-9);
   EXPECT_NEAR(*log.fixes.back().absolute_height_m, 102.929, 1e-9);
   EXPECT_EQ(log.height_datum, HeightDatum::kEllipsoid);
-  EXPECT_THAT(log.warnings, ElementsAre("1 dropouts of the logger, 30 ms in all"));
+  EXPECT_THAT(log.warnings, ElementsAre("1 dropouts of the logger, 30 ms in total"));
   EXPECT_NEAR(*first.body_yaw_deg, 13.1647, 1e-3);
   EXPECT_GT(log.body_rates.size(), 100u);
 }

@@ -135,8 +135,8 @@ class Reader {
  private:
   void check_header() const {
     if (!text_of(bytes_).starts_with(kMagic))
-      throw InputError(where_, "is not a ULog file: it does not begin with ULog");
-    if (bytes_.size() < kHeaderBytes) throw InputError(where_, "ends within the header; copy the log again");
+      throw InputError(where_, "is not a ULog file: it does not start with 'ULog'");
+    if (bytes_.size() < kHeaderBytes) throw InputError(where_, "is truncated within the header; copy the log again");
   }
 
   /// Reads the flag bits, which can only be the first message: offsets of appended data sections, for instance after a
@@ -149,8 +149,7 @@ class Reader {
     const Bytes flags = message.subspan(kMessageHeaderBytes, kFlagBytes);
     const auto incompatible = value_at<std::uint64_t>(flags, 8);
     if ((incompatible & ~std::uint64_t{1}) != 0) {
-      throw InputError(where_,
-                       "needs features of ULog that are not known (incompatible flags); convert it with pyulog");
+      throw InputError(where_, "needs unsupported ULog features (incompatible flags); convert it with pyulog");
     }
     std::vector<std::size_t> offsets;
     for (std::size_t i = 0; i < 3 && incompatible == 1; ++i) {
@@ -264,12 +263,12 @@ class Reader {
   void describe() {
     if (dropouts_ > 0) {
       topics_.warnings.push_back(std::to_string(dropouts_) + " dropouts of the logger, " + std::to_string(dropped_ms_) +
-                                 " ms in all");
+                                 " ms in total");
     }
     if (skipped_bytes_ > 0) {
-      topics_.warnings.push_back(std::to_string(skipped_bytes_) + " bytes skipped that are not readable");
+      topics_.warnings.push_back(std::to_string(skipped_bytes_) + " unreadable bytes skipped");
     }
-    if (cut_) topics_.warnings.push_back("the file ends within a message; what stands before is read");
+    if (cut_) topics_.warnings.push_back("the file ends within a message; everything before it is used");
   }
 
   struct Subscription {

@@ -106,9 +106,9 @@ std::string read_xml(std::string_view text, const std::string& where, const XmlE
   const std::string line = "line " + std::to_string(XML_GetCurrentLineNumber(parser.get()));
   if (state.fault) std::rethrow_exception(state.fault);
   if (state.has_type) {
-    throw InputError(where, line + ": declares a document type, which is not read; remove the <!DOCTYPE ...> part");
+    throw InputError(where, line + ": document types are not supported; remove the <!DOCTYPE ...> part");
   }
-  if (state.too_deep) return line + ": elements nest deeper than " + std::to_string(kDeepest);
+  if (state.too_deep) return line + ": elements are nested deeper than " + std::to_string(kDeepest);
   const XML_Error error = XML_GetErrorCode(parser.get());
   if (whole || error == XML_ERROR_ABORTED) return "";
   return line + ": " + XML_ErrorString(error);

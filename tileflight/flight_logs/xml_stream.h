@@ -25,7 +25,7 @@ std::string read_xml(std::string_view text, const std::string& where, const XmlE
 
 /// The warning for a log that read_xml could not read to its end.
 inline std::string early_end_warning(const std::string& fault) {
-  return "the file breaks at " + fault + "; what stands before is read";
+  return "the file is damaged at " + fault + "; everything before it is used";
 }
 
 }  // namespace tileflight::flight_logs

@@ -34,7 +34,7 @@ CloudColumns::CloudColumns(const std::vector<CloudColumn>& columns, std::size_t 
     : where_(std::move(where)) {
   std::set<std::string> names;
   for (const CloudColumn& column : columns) {
-    if (!names.insert(column.name).second) throw InputError(where_, "the property '" + column.name + "' comes twice");
+    if (!names.insert(column.name).second) throw InputError(where_, "the property '" + column.name + "' occurs twice");
     targets_.push_back(target_of(column));
   }
   for (const char* axis : {"x", "y", "z"}) {

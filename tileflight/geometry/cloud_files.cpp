@@ -98,9 +98,10 @@ PointCloud parse_xyz(std::string_view text, const std::string& file) {
     const std::string where = file + ", line " + std::to_string(line_number);
     rows.push_back(parse_xyz_line(content, where));
     if (rows.back().size() < 3) throw InputError(where, "expected at least x y z");
-    if (rows.back().size() != rows[0].size()) throw InputError(where, "has another number of columns than the first");
+    if (rows.back().size() != rows[0].size())
+      throw InputError(where, "its number of columns differs from the first line's");
   }
-  if (rows.empty()) throw InputError(file, "holds no points");
+  if (rows.empty()) throw InputError(file, "contains no points");
   CloudColumns cloud(xyz_columns(first_comment, rows[0].size()), rows.size(), file);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     for (std::size_t c = 0; c < rows[i].size(); ++c) cloud.set(c, i, rows[i][c]);
@@ -181,7 +182,7 @@ void append_fan(const std::vector<double>& corners, std::size_t vertices, const 
   if (corners.size() < 3) throw InputError(where, "has fewer than three corners");
   for (const double corner : corners) {
     if (!(corner >= 0.0) || corner != std::floor(corner) || corner >= static_cast<double>(vertices)) {
-      throw InputError(where, "names a vertex that does not exist");
+      throw InputError(where, "refers to a vertex that does not exist");
     }
   }
   const auto index = [&](std::size_t i) { return static_cast<std::uint32_t>(corners[i]); };

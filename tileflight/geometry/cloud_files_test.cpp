@@ -139,16 +139,16 @@ TEST(Ply, BadInputIsNamed) {
   expect_refused("c.ply", "", "does not start with 'ply'");
   expect_refused("c.ply", "PK\3\4", "does not start with 'ply'");
   expect_refused("c.ply", "ply\nformat ascii 1.0\n", "no end_header");
-  expect_refused("c.ply", "ply\nformat ascii 2.0\nend_header\n", "line 2: the format is none of");
+  expect_refused("c.ply", "ply\nformat ascii 2.0\nend_header\n", "line 2: the format must be");
   expect_refused("c.ply", "ply\nelement vertex 0\nend_header\n", "no format line");
   expect_refused("c.ply", "ply\nformat ascii 1.0\nelement vertex -1\nend_header\n",
                  "line 3: expected 'element NAME COUNT'");
   expect_refused("c.ply", "ply\nformat ascii 1.0\nproperty float x\nend_header\n",
-                 "line 3: 'property' does not belong here");
+                 "line 3: 'property' is not expected here");
   expect_refused("c.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty real x\nend_header\n1\n",
                  "'real' is not a PLY number type");
   expect_refused("c.ply", "ply\nformat ascii 1.0\nelement face 0\nend_header\n", "has no element 'vertex'");
-  expect_refused("c.ply", kPlyHead + "property float x\nend_header\n1 2 3 4\n1 2 3 4\n", "'x' comes twice");
+  expect_refused("c.ply", kPlyHead + "property float x\nend_header\n1 2 3 4\n1 2 3 4\n", "'x' occurs twice");
   expect_refused("c.ply",
                  "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n",
                  "no property 'z'");
@@ -158,15 +158,15 @@ TEST(Ply, BadInputIsNamed) {
   expect_refused("c.ply", kPlyHead + "end_header\n1 2 3 4\n4 5 6\n", "vertex 0 of 2 has more values");
   expect_refused("c.ply", kPlyHead + "end_header\n1 2 3\n4 nan 6\n", "the position of point 1 is not finite");
   expect_refused("c.ply", kPlyHead + "end_header\n1 2 3\n4 inf 6\n", "the position of point 1 is not finite");
-  expect_refused("c.ply", kPlyHead + "end_header\n1 2 3\n", "more than fit into the file");
+  expect_refused("c.ply", kPlyHead + "end_header\n1 2 3\n", "more than the file can hold");
 }
 
 TEST(Ply, CountsAreCheckedBeforeMemoryIsTaken) {
   const std::string columns = "property float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
   for (const char* format : {"ascii", "binary_little_endian"}) {
     const std::string head = std::string("ply\nformat ") + format + " 1.0\nelement vertex ";
-    expect_refused("c.ply", head + "18446744073709551615\n" + columns, "more than fit into the file");
-    expect_refused("c.ply", head + "400000000000\n" + columns, "more than fit into the file");
+    expect_refused("c.ply", head + "18446744073709551615\n" + columns, "more than the file can hold");
+    expect_refused("c.ply", head + "400000000000\n" + columns, "more than the file can hold");
     expect_refused("c.ply", head + "99999999999999999999999\n" + columns, "expected 'element NAME COUNT'");
   }
 }
@@ -235,18 +235,19 @@ TEST(Pcd, BadInputIsNamed) {
   expect_refused("c.pcd", "", "no DATA line");
   expect_refused("c.pcd", "hello world\n", "line 1: 'hello' is not a key");
   expect_refused("c.pcd", "DATA ascii\n", "no FIELDS");
-  expect_refused("c.pcd", kPcdHead + "zip\n", "DATA is none of");
+  expect_refused("c.pcd", kPcdHead + "zip\n", "DATA must be");
   expect_refused("c.pcd", kPcdHead + "ascii\n1 2 3\n4 5\n", "point 1 of 2: the file ends or the value of 'z'");
-  expect_refused("c.pcd", kPcdHead + "binary\n12345678901234567890123", "more than fit into the file");
-  expect_refused("c.pcd", "FIELDS x y z\nSIZE 4 4\n", "line 2: has another number of entries");
+  expect_refused("c.pcd", kPcdHead + "binary\n12345678901234567890123", "more than the file can hold");
+  expect_refused("c.pcd", "FIELDS x y z\nSIZE 4 4\n", "line 2: its number of entries differs");
   expect_refused("c.pcd", "FIELDS x y z\nSIZE 4 4 3\nTYPE F F F\nWIDTH 1\nPOINTS 1\nDATA ascii\n1 2 3\n",
                  "TYPE and SIZE");
   expect_refused("c.pcd", "FIELDS x y z\nCOUNT 1 1 99999999999999999\nWIDTH 1\nPOINTS 1\nDATA binary\n1 2 3\n",
                  "COUNT larger");
   expect_refused("c.pcd", "FIELDS x y z\nWIDTH 3\nHEIGHT 1\nPOINTS 1\nDATA ascii\n1 2 3\n",
-                 "POINTS is not WIDTH times HEIGHT");
-  expect_refused("c.pcd", "FIELDS x y z\nWIDTH 99999999999\nPOINTS 99999999999\nDATA ascii\n1 2 3\n", "more than fit");
-  expect_refused("c.pcd", "FIELDS x y z\nWIDTH many\n", "line 2: 'many' is not the number");
+                 "POINTS must be WIDTH times HEIGHT");
+  expect_refused("c.pcd", "FIELDS x y z\nWIDTH 99999999999\nPOINTS 99999999999\nDATA ascii\n1 2 3\n",
+                 "more than the file can hold");
+  expect_refused("c.pcd", "FIELDS x y z\nWIDTH many\n", "line 2: 'many' is not a valid number");
   expect_refused("c.pcd", kPcdHead + "binary_compressed\n\1\0", "truncated");
 }
 
@@ -301,9 +302,9 @@ TEST(Xyz, ColumnsSeparatorsAndComments) {
 }
 
 TEST(Xyz, BadInputIsNamed) {
-  expect_refused("c.xyz", "", "holds no points");
+  expect_refused("c.xyz", "", "contains no points");
   expect_refused("c.xyz", "1 2\n", "line 1: expected at least x y z");
-  expect_refused("c.xyz", "1 2 3\n1 2 3 4\n", "line 2: has another number of columns");
+  expect_refused("c.xyz", "1 2 3\n1 2 3 4\n", "line 2: its number of columns differs");
   expect_refused("c.xyz", "1 2 3\n1 b 3\n", "line 2: 'b' is not a number");
   expect_refused("c.xyz", "1 2 nan\n", "not finite");
 }
@@ -332,8 +333,8 @@ TEST(PlyMesh, BadInputIsNamed) {
     EXPECT_THAT([&] { read_ply_mesh(folder / "m.ply"); }, ThrowsMessage<InputError>(HasSubstr(message))) << text;
   };
   expect(kPlyHead + "end_header\n0 0 0\n1 0 0\n", "has no faces");
-  expect(head + "3 0 1 2\n", "face 0: names a vertex that does not exist");
-  expect(head + "3 0 1 -1\n", "names a vertex that does not exist");
+  expect(head + "3 0 1 2\n", "face 0: refers to a vertex that does not exist");
+  expect(head + "3 0 1 -1\n", "refers to a vertex that does not exist");
   expect(head + "2 0 1\n", "fewer than three corners");
   expect(head + "3 0 1\n", "face 0 of 1: the file ends");
   expect(head + "255 0 1\n", "face 0 of 1: the file ends");

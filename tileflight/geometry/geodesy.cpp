@@ -18,8 +18,8 @@ constexpr double kRadPerDeg = 0.017453292519943295;
 void check_latitude_longitude(double latitude_deg, double longitude_deg) {
   const std::string where = "latitude " + std::to_string(latitude_deg) + ", longitude " + std::to_string(longitude_deg);
   if (!std::isfinite(latitude_deg) || !std::isfinite(longitude_deg)) throw InputError(where, "is not finite");
-  if (std::abs(latitude_deg) > 90.0) throw InputError(where, "a latitude lies between -90 and 90 degrees");
-  if (std::abs(longitude_deg) > 360.0) throw InputError(where, "a longitude lies between -180 and 180 degrees");
+  if (std::abs(latitude_deg) > 90.0) throw InputError(where, "the latitude must lie between -90 and 90 degrees");
+  if (std::abs(longitude_deg) > 360.0) throw InputError(where, "the longitude must lie between -180 and 180 degrees");
 }
 
 /// East-north-up axes at `origin` as columns in ECEF, and its position.
@@ -73,8 +73,8 @@ EllipsoidalHeight ellipsoidal_from_orthometric(double latitude_deg, double longi
   // The grid covers the whole Earth: if there is no value, the grid is not installed.
   if (!std::isfinite(out.xyz.z)) {
     throw InputError("geoid grid egm96_15.gtx",
-                     "is not installed, so heights above sea level cannot be used: install the package proj-data or "
-                     "give heights above the ellipsoid");
+                     "is not installed, so heights above sea level cannot be converted: install the package proj-data "
+                     "or give heights above the ellipsoid");
   }
   return {out.xyz.z};
 }

@@ -55,9 +55,9 @@ TEST(Ecef, RoundTripOverTheGlobe) {
 
 TEST(Ecef, RefusesImpossiblePlaces) {
   EXPECT_THAT([&] { ecef_from_geodetic(place(90.1, 0, 0)); },
-              ThrowsMessage<InputError>(HasSubstr("a latitude lies between -90 and 90")));
+              ThrowsMessage<InputError>(HasSubstr("the latitude must lie between -90 and 90")));
   EXPECT_THAT([&] { ecef_from_geodetic(place(0, 361, 0)); },
-              ThrowsMessage<InputError>(HasSubstr("a longitude lies between -180 and 180")));
+              ThrowsMessage<InputError>(HasSubstr("the longitude must lie between -180 and 180")));
   EXPECT_THAT([&] { ecef_from_geodetic(place(std::nan(""), 0, 0)); },
               ThrowsMessage<InputError>(HasSubstr("is not finite")));
   EXPECT_THAT([&] { geodetic_from_ecef(Vec3(0, std::nan(""), 0)); },
@@ -98,7 +98,7 @@ TEST(Geoid, KnownUndulations) {
 
 TEST(Geoid, BadInputIsRefused) {
   EXPECT_THAT([&] { ellipsoidal_from_orthometric(100.0, 0.0, {0.0}); },
-              ThrowsMessage<InputError>(HasSubstr("a latitude lies between -90 and 90")));
+              ThrowsMessage<InputError>(HasSubstr("the latitude must lie between -90 and 90")));
   EXPECT_THAT([&] { ellipsoidal_from_orthometric(0.0, 0.0, {std::nan("")}); },
               ThrowsMessage<InputError>(HasSubstr("height above sea level: is not finite")));
 }

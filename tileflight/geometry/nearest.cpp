@@ -110,7 +110,7 @@ std::vector<Neighbor> sorted_neighbors(std::vector<Candidate>& candidates) {
 }
 
 PointsAdaptor in_order(const std::vector<Vec3>& points) {
-  if (points.size() >= kNone) throw InputError("points", "are more than the four thousand million that are indexed");
+  if (points.size() >= kNone) throw InputError("points", "there are more than the supported 4 billion");
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!points[i].allFinite()) throw InputError("point " + std::to_string(i), "a coordinate is not finite");
   }

@@ -37,7 +37,7 @@ struct PcdHeader {
 template <typename Number>
 Number parse_or_throw(std::string_view field, const std::string& where) {
   const auto value = base::parse_number<Number>(field);
-  if (!value) throw InputError(where, "'" + std::string(field.substr(0, 40)) + "' is not the number that belongs here");
+  if (!value) throw InputError(where, "'" + std::string(field.substr(0, 40)) + "' is not a valid number here");
   return *value;
 }
 
@@ -45,13 +45,13 @@ PcdEncoding parse_encoding(std::string_view name, const std::string& where) {
   if (name == "ascii") return PcdEncoding::kAscii;
   if (name == "binary") return PcdEncoding::kBinary;
   if (name == "binary_compressed") return PcdEncoding::kBinaryCompressed;
-  throw InputError(where, "DATA is none of ascii, binary and binary_compressed");
+  throw InputError(where, "DATA must be ascii, binary or binary_compressed");
 }
 
 /// Fills one attribute (SIZE, TYPE or COUNT) of every field from its line.
 template <typename Set>
 void set_each(std::vector<PcdField>& fields, std::vector<std::string_view> values, const std::string& where, Set set) {
-  if (values.size() != fields.size()) throw InputError(where, "has another number of entries than FIELDS");
+  if (values.size() != fields.size()) throw InputError(where, "its number of entries differs from FIELDS");
   for (std::size_t i = 0; i < fields.size(); ++i) set(fields[i], values[i]);
 }
 
@@ -89,20 +89,20 @@ void check_header(const PcdHeader& header, std::size_t body_bytes, const std::st
   for (const PcdField& f : header.fields) {
     const bool known = f.type == 'F' ? f.size == 4 || f.size == 8
                                      : (f.type == 'I' || f.type == 'U') && std::has_single_bit(f.size) && f.size <= 8;
-    if (!known) throw InputError(file, "field '" + f.name + "' has a TYPE and SIZE that PCD does not know");
+    if (!known) throw InputError(file, "field '" + f.name + "' has an unknown combination of TYPE and SIZE");
     if (f.count > 1 && f.count > body_bytes)
       throw InputError(file, "field '" + f.name + "' has a COUNT larger than the file");
     least_bytes += header.encoding == PcdEncoding::kBinary ? f.size * f.count : f.count;
   }
   if (header.width != 0 && header.points / header.width != header.height) {
-    throw InputError(file, "POINTS is not WIDTH times HEIGHT");
+    throw InputError(file, "POINTS must be WIDTH times HEIGHT");
   }
   std::uint64_t most_bytes = body_bytes;
   if (header.encoding == PcdEncoding::kAscii) most_bytes += 1;              // the last line may lack its line end
   if (header.encoding == PcdEncoding::kBinaryCompressed) most_bytes *= 88;  // maximum compression ratio of LZF
   if (header.points > most_bytes / std::max<std::uint64_t>(least_bytes, 1)) {
     throw InputError(file, "POINTS " + std::to_string(header.points) +
-                               " is more than fit into the file: it is truncated or damaged");
+                               " is more than the file can hold: it is truncated or damaged");
   }
 }
 
@@ -217,7 +217,7 @@ std::string expanded_body(std::string_view body, const PcdHeader& header, const 
   if (body.size() >= sizeof(sizes)) std::memcpy(sizes, body.data(), sizeof(sizes));
   if (body.size() < sizeof(sizes) + sizes[0]) throw InputError(file, "the compressed data is truncated");
   if (sizes[1] != header.points * header.point_bytes()) {
-    throw InputError(file, "the compressed data holds another number of bytes than the header promises");
+    throw InputError(file, "the size of the compressed data differs from the header's");
   }
   auto expanded = base::lzf_decompress(body.substr(sizeof(sizes), sizes[0]), sizes[1]);
   if (!expanded) throw InputError(file, "the compressed data is damaged");

@@ -92,7 +92,7 @@ PlyFormat parse_format(const std::vector<std::string_view>& fields, const std::s
     if (fields[1] == "binary_little_endian") return PlyFormat::kLittleEndian;
     if (fields[1] == "binary_big_endian") return PlyFormat::kBigEndian;
   }
-  throw InputError(where, "the format is none of ascii, binary_little_endian and binary_big_endian 1.0");
+  throw InputError(where, "the format must be ascii, binary_little_endian or binary_big_endian 1.0");
 }
 
 PlyElement parse_element(const std::vector<std::string_view>& fields, const std::string& where) {
@@ -177,7 +177,7 @@ void read_element(BodyReader& reader, const PlyElement& element, const std::stri
       }
       if (visit != nullptr) (*visit)(row, p, values);
     }
-    if (reader.row_has_more()) fail(row, " has more values than the header says");
+    if (reader.row_has_more()) fail(row, " has more values than the header declares");
   }
 }
 
@@ -211,7 +211,7 @@ PlyHeader parse_ply_header(std::string_view bytes, const std::string& file) {
     } else if (fields[0] == "property" && !header.elements.empty()) {
       header.elements.back().properties.push_back(parse_property(fields, where));
     } else {
-      throw InputError(where, "'" + std::string(fields[0].substr(0, 40)) + "' does not belong here in a PLY header");
+      throw InputError(where, "'" + std::string(fields[0].substr(0, 40)) + "' is not expected here in a PLY header");
     }
   }
   if (!format_known) throw InputError(file, "the PLY header has no format line");
@@ -225,8 +225,8 @@ void check_ply_sizes(std::string_view bytes, const PlyHeader& header, const std:
     // One extra byte: the last line of an ascii file may lack its line end.
     const std::uint64_t row = std::max<std::uint64_t>(least_row_bytes(element, header.format), 1);
     if (element.count > (body_bytes + 1) / row) {
-      throw InputError(file, "the header promises " + std::to_string(element.count) + " of element '" + element.name +
-                                 "', more than fit into the file: it is truncated or damaged");
+      throw InputError(file, "the header declares " + std::to_string(element.count) + " of element '" + element.name +
+                                 "', more than the file can hold: it is truncated or damaged");
     }
   }
 }

@@ -27,7 +27,7 @@ StampedPose parse_pose(std::string_view line, const std::string& where) {
     v[i] = *value;
   }
   const Eigen::Quaterniond rotation(v[7], v[4], v[5], v[6]);
-  if (rotation.norm() < 1e-6) throw InputError(where, "the quaternion has no length");
+  if (rotation.norm() < 1e-6) throw InputError(where, "the quaternion has length 0");
   return {v[0], SE3(rotation, Vec3(v[1], v[2], v[3]))};
 }
 
@@ -59,7 +59,7 @@ Trajectory read_tum(const std::filesystem::path& file) {
     const StampedPose pose = parse_pose(*line, where);
     if (!trajectory.empty() && pose.time_s <= trajectory.poses.back().time_s) {
       if (pose.time_s == trajectory.poses.back().time_s) continue;
-      throw InputError(where, "times go back: sort the file by time");
+      throw InputError(where, "the time is before the previous one: sort the file by time");
     }
     trajectory.poses.push_back(pose);
   }

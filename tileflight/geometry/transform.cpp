@@ -85,11 +85,12 @@ Mat4 Sim3::matrix() const { return homogeneous(scale * rotation.toRotationMatrix
 
 Sim3 Sim3::from_matrix(const Mat4& m) {
   const char* where = "4x4 matrix";
-  if (!m.allFinite()) throw InputError(where, "holds a number that is not finite");
+  if (!m.allFinite()) throw InputError(where, "contains a number that is not finite");
   if (m.row(3) != Eigen::RowVector4d(0, 0, 0, 1)) throw InputError(where, "the last row is not 0 0 0 1");
   const Mat3 linear = m.topLeftCorner<3, 3>();
   const double determinant = linear.determinant();
-  if (!(determinant > 0.0)) throw InputError(where, "is not a similarity: it mirrors or flattens (determinant <= 0)");
+  if (!(determinant > 0.0))
+    throw InputError(where, "is not a similarity: its determinant must be positive (it mirrors or flattens)");
   const double scale = std::cbrt(determinant);
   const Mat3 rotation = linear / scale;
   if (!(rotation * rotation.transpose()).isApprox(Mat3::Identity(), 1e-6)) {

@@ -135,7 +135,7 @@ TEST(Sim3, RefusesWhatIsNoSimilarity) {
   expect_refused(mirrored, "it mirrors or flattens");
   expect_refused(projective, "the last row is not 0 0 0 1");
   expect_refused(Mat4::Zero(), "the last row is not 0 0 0 1");
-  expect_refused(not_finite, "holds a number that is not finite");
+  expect_refused(not_finite, "contains a number that is not finite");
   expect_refused(flat, "it mirrors or flattens");
 }
 

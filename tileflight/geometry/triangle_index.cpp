@@ -146,7 +146,8 @@ struct TriangleIndex::Tree {
 TriangleIndex::Tree::Tree(const TriangleMesh& mesh) {
   const Box3 box = bounds(mesh);
   for (const Vec3& v : mesh.vertices) {
-    if (!(v.array().abs() <= kFarthest_m).all()) throw InputError("mesh", "a vertex is not finite or beyond 1e15 m");
+    if (!(v.array().abs() <= kFarthest_m).all())
+      throw InputError("mesh", "a vertex is not finite or farther than 1e15 m from the origin");
   }
   if (mesh.triangles.empty()) return;
   anchor_ = box.center();

@@ -89,7 +89,7 @@ BinvoxDims parse_dims(const std::vector<std::string_view>& fields, const std::st
   if (*std::min_element(numbers.begin(), numbers.end()) < 1) throw InputError(where, "a side has no cells");
   const BinvoxDims dims{numbers[0], numbers[1], numbers[2]};
   if (static_cast<double>(dims.x) * static_cast<double>(dims.y) * static_cast<double>(dims.z) > 9e18) {
-    throw InputError(where, "more cells than can be counted");
+    throw InputError(where, "too many cells");
   }
   return dims;
 }
@@ -146,9 +146,9 @@ std::vector<Cell> parse_runs(std::string_view bytes, const BinvoxHeader& header,
   for (std::size_t at = header.size_bytes; at + 1 < bytes.size() && index < header.dims.cells(); at += 2) {
     const auto value = static_cast<unsigned char>(bytes[at]);
     const auto length = static_cast<unsigned char>(bytes[at + 1]);
-    if (value > 1) throw InputError(file + ", byte " + std::to_string(at), "a run's value is neither 0 nor 1");
+    if (value > 1) throw InputError(file + ", byte " + std::to_string(at), "the value of a run must be 0 or 1");
     if (index + length > header.dims.cells()) {
-      throw InputError(file + ", byte " + std::to_string(at), "the runs hold more cells than 'dim' says");
+      throw InputError(file + ", byte " + std::to_string(at), "the runs hold more cells than 'dim' declares");
     }
     for (int i = 0; value == 1 && i < length; ++i) occupied.push_back(header.dims.cell(index + i));
     index += length;

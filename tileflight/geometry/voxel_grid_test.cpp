@@ -123,14 +123,14 @@ TEST(Binvox, BadInputIsNamed) {
   expect("#binvox 1\ndim 2 2\ndata\n", "line 2: expected 3 numbers after 'dim'");
   expect("#binvox 1\ndim 2 0 2\ndata\n", "line 2: a side has no cells");
   expect("#binvox 1\ndim 2 -2 2\ndata\n", "a side has no cells");
-  expect("#binvox 1\ndim 2147483647 2147483647 2147483647\ndata\n", "more cells than can be counted");
+  expect("#binvox 1\ndim 2147483647 2147483647 2147483647\ndata\n", "too many cells");
   expect("#binvox 1\ndim 2 2 2\nscale 0\ndata\n", "scale above zero");
   expect("#binvox 1\ndim 2 2 2\ntranslate nan 0 0\ndata\n", "must be finite");
   expect("#binvox 1\nsize 2\ndata\n", "line 2: 'size' is not a key");
   expect(kHead + std::string("\0\7", 2), "the runs hold 7 of 8 cells: the file is truncated");
   expect(kHead + std::string("\0\7\1", 3), "the runs hold 7 of 8 cells");
   expect(kHead + std::string("\0\7\1\2", 4), "the runs hold more cells");
-  expect(kHead + std::string("\0\7\5\1", 4), "neither 0 nor 1");
+  expect(kHead + std::string("\0\7\5\1", 4), "must be 0 or 1");
 }
 
 TEST(Binvox, FullDiskIsAnError) {

@@ -69,7 +69,8 @@ class CellFinder {
 }  // namespace
 
 std::vector<double> center_distances(const std::vector<Vec3>& points, const VoxelGrid& grid) {
-  if (grid.occupied.empty()) throw InputError("voxels", "none is occupied; there is nothing to measure to");
+  if (grid.occupied.empty())
+    throw InputError("voxels", "no voxel is occupied; there is nothing to measure distances to");
   BrickMap cells;
   for (const Cell& c : grid.occupied) cells.insert(c.x, c.y, c.z);
   std::vector<double> distances(points.size());

@@ -71,7 +71,7 @@ TEST(CenterDistances, NoCellIsRefused) {
       [&] {
         center_distances({Vec3(0, 0, 0)}, VoxelGrid{.dims = {1, 1, 1}});
       },
-      ThrowsMessage<InputError>(HasSubstr("voxels: none is occupied")));
+      ThrowsMessage<InputError>(HasSubstr("voxels: no voxel is occupied")));
   EXPECT_TRUE(center_distances({}, some_grid(5)).empty());
 }
 

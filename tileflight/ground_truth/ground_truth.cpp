@@ -106,7 +106,7 @@ GroundTruthSummary write_ground_truth(const std::vector<TexturedMesh>& meshes, c
   const std::vector<TexturedMesh> parts = crop_meshes(meshes, box, options.prisms);
   const PointCloud points = crop_points(options.prisms, points_in_box(clouds, box));
   if (parts.empty() && points.empty())
-    throw InputError("region", "holds no triangle: check its centre, size and height");
+    throw InputError("region", "contains no triangle: check its centre, size and height");
   const geometry::TriangleMesh mesh = scene::merge_meshes(parts);
 
   GroundTruthSummary result;
@@ -127,15 +127,15 @@ GroundTruthSummary write_ground_truth(const std::vector<TexturedMesh>& meshes, c
 
   if (!parts.empty()) write_mesh_glb(folder / "mesh.glb", parts, options.textured_mesh, progress);
   constexpr int kFiles = 4;
-  report_progress(progress, 0, kFiles, "ground truth files");
+  report_progress(progress, 0, kFiles, "writing ground truth");
   geometry::write_cloud(folder / "surface.ply", surface);
-  report_progress(progress, 1, kFiles, "ground truth files");
+  report_progress(progress, 1, kFiles, "writing ground truth");
   geometry::write_binvox(folder / "voxels.binvox", result.voxels);
-  report_progress(progress, 2, kFiles, "ground truth files");
+  report_progress(progress, 2, kFiles, "writing ground truth");
   geometry::write_cloud(folder / "voxels.ply", geometry::cell_centers(result.voxels));
-  report_progress(progress, 3, kFiles, "ground truth files");
+  report_progress(progress, 3, kFiles, "writing ground truth");
   write_octree(folder / "octree.bt", result.voxels);
-  report_progress(progress, kFiles, kFiles, "ground truth files");
+  report_progress(progress, kFiles, kFiles, "writing ground truth");
   return result;
 }
 

@@ -278,8 +278,8 @@ TEST(GroundTruth, BadInputIsNamed) {
   const TexturedMesh m = hills(5, Vec3::Zero());
   const Box3 box(Vec3::Zero(), Vec3(5, 5, 5));
   expect({m}, Box3(), 1.0, "region: is empty");
-  expect({m}, Box3(Vec3(50, 50, 50), Vec3(60, 60, 60)), 1.0, "region: holds no triangle");
-  expect({}, box, 1.0, "region: holds no triangle");
+  expect({m}, Box3(Vec3(50, 50, 50), Vec3(60, 60, 60)), 1.0, "region: contains no triangle");
+  expect({}, box, 1.0, "region: contains no triangle");
   expect({m}, box, 0.0, "above zero");
   TexturedMesh broken = m;
   broken.mesh.vertices[0].x() = std::nan("");

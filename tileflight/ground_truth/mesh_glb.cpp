@@ -231,12 +231,12 @@ class GlbReader {
  private:
   template <typename T>
   const T& at(const std::vector<T>& values, std::size_t index, const std::string& what) const {
-    if (index >= values.size()) throw InputError(file_, "names a " + what + " that does not exist");
+    if (index >= values.size()) throw InputError(file_, "refers to a " + what + " that does not exist");
     return values[index];
   }
 
   void add_node(int index, const Mat4& T_local_parent, int depth) {
-    if (depth > 64) throw InputError(file_, "its nodes are nested more than 64 deep, or in a circle");
+    if (depth > 64) throw InputError(file_, "its nodes are nested more than 64 deep or form a cycle");
     const tinygltf::Node& node = at(model_.nodes, static_cast<std::size_t>(index), "node");
     const Mat4 T_local_node = T_local_parent * local_matrix(node);
     for (const int child : node.children) add_node(child, T_local_node, depth + 1);
@@ -249,7 +249,7 @@ class GlbReader {
   void add_primitive(const tinygltf::Primitive& primitive, const Mat4& T_local_node) {
     const auto position = primitive.attributes.find("POSITION");
     if (primitive.mode != TINYGLTF_MODE_TRIANGLES || position == primitive.attributes.end() || primitive.indices < 0) {
-      throw InputError(file_, "holds something other than indexed triangles");
+      throw InputError(file_, "contains something other than indexed triangles");
     }
     const auto base = static_cast<std::uint32_t>(mesh_.vertices.size());
     const auto positions =
@@ -263,7 +263,7 @@ class GlbReader {
     for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
       const geometry::Triangle t{corners[i], corners[i + 1], corners[i + 2]};
       for (const std::uint32_t corner : t) {
-        if (corner >= positions.size()) throw InputError(file_, "a triangle names a vertex that does not exist");
+        if (corner >= positions.size()) throw InputError(file_, "a triangle refers to a vertex that does not exist");
       }
       mesh_.triangles.push_back({base + t[0], base + t[1], base + t[2]});
     }
@@ -273,7 +273,7 @@ class GlbReader {
   std::vector<T> read_accessor(int index, int component_type, int type) const {
     const tinygltf::Accessor& accessor = at(model_.accessors, static_cast<std::size_t>(index), "accessor");
     if (accessor.componentType != component_type || accessor.type != type) {
-      throw InputError(file_, "its positions or indices have another type than tileflight writes");
+      throw InputError(file_, "its positions or indices are not of the type that tileflight writes");
     }
     const auto& view = at(model_.bufferViews, static_cast<std::size_t>(accessor.bufferView), "buffer view");
     const auto& data = at(model_.buffers, static_cast<std::size_t>(view.buffer), "buffer").data;
@@ -320,7 +320,7 @@ void write_mesh_glb(const std::filesystem::path& file, const std::vector<Texture
 
 TriangleMesh read_mesh_glb(const std::filesystem::path& file) {
   const std::string bytes = base::read_text(file);
-  if (bytes.size() > 0xffffffffU) throw InputError(file.string(), "is larger than a GLB file can be");
+  if (bytes.size() > 0xffffffffU) throw InputError(file.string(), "is larger than the 4 GiB of a GLB file");
   tinygltf::TinyGLTF loader;
   loader.SetImageLoader(leave_image, nullptr);
   tinygltf::Model model;

@@ -34,8 +34,8 @@ double suggest_voxel_m(const geometry::Vec3& extent_m) {
 std::optional<std::string> coarse_voxel_warning(const geometry::Vec3& extent_m, double voxel_m) {
   if (!(extent_m.maxCoeff() > 0) || extent_m.maxCoeff() >= kFewCells * voxel_m) return std::nullopt;
   return "voxels of " + rounded(voxel_m) + " m are coarse for a surface of " + rounded(extent_m.x()) + " x " +
-         rounded(extent_m.y()) + " x " + rounded(extent_m.z()) + " m: errors below half of that hardly show in the " +
-         "distance to their centres; --voxel " + rounded(suggest_voxel_m(extent_m)) + " suits it";
+         rounded(extent_m.y()) + " x " + rounded(extent_m.z()) + " m: errors below half a voxel hardly show in the " +
+         "distance to their centres; use --voxel " + rounded(suggest_voxel_m(extent_m));
 }
 
 }  // namespace tileflight::ground_truth

@@ -38,7 +38,7 @@ TEST(SuggestedVoxel, AMetreOnAStatueIsSaidToBeCoarse) {
   const auto line = coarse_voxel_warning({8, 6, 20.26}, 1.0);
   ASSERT_TRUE(line);
   EXPECT_THAT(*line, HasSubstr("voxels of 1 m are coarse for a surface of 8 x 6 x 20.3 m"));
-  EXPECT_THAT(*line, HasSubstr("--voxel 0.1 suits it"));
+  EXPECT_THAT(*line, HasSubstr("use --voxel 0.1"));
   EXPECT_FALSE(coarse_voxel_warning({8, 6, 20.26}, 0.1));
   EXPECT_FALSE(coarse_voxel_warning({250, 250, 60}, 1.0));
   EXPECT_FALSE(coarse_voxel_warning({0, 0, 0}, 1.0));

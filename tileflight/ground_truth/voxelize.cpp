@@ -101,7 +101,7 @@ void require_few_cells(const CellFrame& frame, std::size_t triangles, const std:
     throw InputError("voxel edge " + std::to_string(edge_m) + " m",
                      "would occupy about " + std::to_string(static_cast<std::int64_t>(cells)) +
                          " cells, more than the " + std::to_string(static_cast<std::int64_t>(kMaxCells)) +
-                         " that are kept: choose a larger edge or a smaller region");
+                         " supported: choose a larger edge or a smaller region");
   }
 }
 

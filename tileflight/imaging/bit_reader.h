@@ -17,7 +17,7 @@ class BitReader {
   /// Reads up to 24 bits. Throws InputError at the end of the stream.
   std::uint32_t read(unsigned count) {
     while (held_ < count) {
-      if (next_ == bytes_.size()) throw InputError(name_, "its compressed data are cut short");
+      if (next_ == bytes_.size()) throw InputError(name_, "its compressed data are truncated");
       bits_ |= std::to_integer<std::uint32_t>(bytes_[next_++]) << held_;
       held_ += 8;
     }

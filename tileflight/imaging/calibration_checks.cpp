@@ -35,7 +35,7 @@ void require_coefficient_count(const std::string& file, const std::string& disto
     require_count(file, what, 0, found);
   } else {
     throw InputError(
-        file, "distortion model \"" + distortion + "\" is not known: use radtan, rational, equidistant, fov or none");
+        file, "distortion model \"" + distortion + "\" is unknown: use radtan, rational, equidistant, fov or none");
   }
 }
 
@@ -123,7 +123,7 @@ NamedDistortion parse_opencv_distortion(const std::string& where, std::span<cons
   for (std::size_t i = kWithoutTilt; i < count; ++i)
     if (coefficients[i] != 0.0)
       throw InputError(where, (i == kWithoutTilt ? "tx is " : "ty is ") + format_number(coefficients[i]) +
-                                  ", but no lens model here has a tilted sensor: calibrate without "
+                                  ", but tilted sensors are not supported: calibrate without "
                                   "CALIB_TILTED_MODEL");
   const auto all = padded<kWithoutTilt>(coefficients);
   const bool brown_conrady = std::all_of(all.begin() + 4, all.end(), [](double value) { return value == 0.0; });

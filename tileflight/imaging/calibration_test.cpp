@@ -218,7 +218,7 @@ TEST(DsoCamera, LensesThatDsoDoesNotKnowAreRefused) {
   for (const Camera& camera : sphere_cameras()) {
     EXPECT_FALSE(has_dso_model(camera));
     EXPECT_THAT([&] { write_dso_camera(folder / "camera.txt", {.camera = camera}); },
-                ThrowsMessage<InputError>(HasSubstr("DSO's camera file has no name for this lens")));
+                ThrowsMessage<InputError>(HasSubstr("DSO's camera file cannot describe this lens")));
   }
   for (const Camera& camera : cameras()) EXPECT_TRUE(has_dso_model(camera));
 }

@@ -338,7 +338,7 @@ Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4>
   KannalaBrandt model{1.0, 1.0, 0.5 * (width - 1), 0.5 * (height - 1), k};
   const double theta = 0.5 * fov_deg * kPi / 180.0;
   if (!(theta > 0.0 && theta <= max_theta_of(model)))
-    throw InputError("field of view", std::to_string(fov_deg) + " degrees is outside what this fisheye lens can see");
+    throw InputError("field of view", std::to_string(fov_deg) + " degrees is outside the range of this fisheye lens");
   model.fx = model.fy = 0.5 * width / kannala_radius(k, theta);
   return {model, width, height};
 }
@@ -346,7 +346,7 @@ Camera make_fisheye(int width, int height, double fov_deg, std::array<double, 4>
 Camera make_pinhole(int width, int height, double fov_deg) {
   if (!(fov_deg > 0.0 && fov_deg < 180.0))
     throw InputError("field of view",
-                     std::to_string(fov_deg) + " degrees: a pinhole sees more than 0 and less than 180");
+                     std::to_string(fov_deg) + " degrees is outside the range of a pinhole: above 0 and below 180");
   const double f = 0.5 * width / std::tan(0.5 * fov_deg * kPi / 180.0);
   return {PinholeRadtan{f, f, 0.5 * (width - 1), 0.5 * (height - 1), {}}, width, height};
 }

@@ -44,7 +44,8 @@ TEST(CameraIds, OfKalibrsChainAreItsCameras) {
   // The IMU's origin is at (0, 1, 0) in cam0's frame.
   EXPECT_LT((second.T_cam_imu.translation - geometry::Vec3(1.0, -0.1, 0.0)).norm(), 1e-12);
   EXPECT_LT((second.T_cam_imu * geometry::Vec3(2, 0, 0) - geometry::Vec3(1.0, -2.1, 0.0)).norm(), 1e-12);
-  EXPECT_THAT(refusal_of([&] { read_calibration(file, ""); }), HasSubstr("holds 2 cameras (cam0, cam1): say which"));
+  EXPECT_THAT(refusal_of([&] { read_calibration(file, ""); }),
+              HasSubstr("holds 2 cameras (cam0, cam1): choose the one"));
   EXPECT_THAT(refusal_of([&] { read_calibration(file, "cam2"); }), HasSubstr("has no camera cam2, only cam0, cam1"));
   EXPECT_EQ(std::get<PinholeRadtan>(read_calibration(file).camera.model()).fx, 400.0);  // the first camera
   std::string broken(kStereo);
@@ -62,7 +63,7 @@ TEST(CameraIds, OfColmapAreItsNumbers) {
   EXPECT_THAT(camera_ids(file), ElementsAre("3", "7"));
   EXPECT_EQ(read_calibration(file, "7").camera.width(), 320);
   EXPECT_EQ(std::get<PinholeRadtan>(read_calibration(file, "3").camera.model()).fy, 501.0);
-  EXPECT_THAT(refusal_of([&] { read_calibration(file, ""); }), HasSubstr("holds 2 cameras (3, 7): say which"));
+  EXPECT_THAT(refusal_of([&] { read_calibration(file, ""); }), HasSubstr("holds 2 cameras (3, 7): choose the one"));
   EXPECT_THAT(refusal_of([&] { read_calibration(file, "cam0"); }), HasSubstr("has no camera cam0, only 3, 7"));
   base::write_file(file, "9 PINHOLE 640 480 500 501 320 240\n");
   EXPECT_EQ(read_calibration(file, "").camera.width(), 640);
@@ -74,7 +75,7 @@ TEST(CameraIds, OtherFormsHoldOneWithoutAName) {
   base::write_file(file, "Pinhole 50 50 32 24 0\n64 48\ncrop\n64 48\n");
   EXPECT_THAT(camera_ids(file), IsEmpty());
   EXPECT_EQ(read_calibration(file, "").camera.width(), 64);
-  EXPECT_THAT(refusal_of([&] { read_calibration(file, "cam0"); }), HasSubstr("holds one camera without a name"));
+  EXPECT_THAT(refusal_of([&] { read_calibration(file, "cam0"); }), HasSubstr("contains one camera without a name"));
 }
 
 }  // namespace

@@ -381,16 +381,16 @@ TEST(Camera, WidestAngleIsThatOfTheBorder) {
 
 TEST(Camera, ImpossibleFieldsOfViewAreRefused) {
   EXPECT_THAT([&] { make_pinhole(640, 480, 180); },
-              ThrowsMessage<InputError>(HasSubstr("a pinhole sees more than 0 and less than 180")));
+              ThrowsMessage<InputError>(HasSubstr("a pinhole: above 0 and below 180")));
   EXPECT_THAT([&] { make_pinhole(640, 480, 0); },
-              ThrowsMessage<InputError>(HasSubstr("a pinhole sees more than 0 and less than 180")));
+              ThrowsMessage<InputError>(HasSubstr("a pinhole: above 0 and below 180")));
   EXPECT_THAT(
       [&] {
         make_fisheye(640, 480, 150, {-1.0 / 3, 0, 0, 0});
       },
-      ThrowsMessage<InputError>(HasSubstr("outside what this fisheye lens can see")));
+      ThrowsMessage<InputError>(HasSubstr("outside the range of this fisheye lens")));
   EXPECT_THAT([&] { make_fisheye(640, 480, std::nan("")); },
-              ThrowsMessage<InputError>(HasSubstr("outside what this fisheye lens can see")));
+              ThrowsMessage<InputError>(HasSubstr("outside the range of this fisheye lens")));
 }
 
 TEST(Camera, MachangaraIsTheEquisolidLensItSaysItIs) {

@@ -30,7 +30,7 @@ unsigned char* row_of(cairo_surface_t* surface, int y) {
 
 Surface surface_of(const RgbImage& image) {
   Surface surface(cairo_image_surface_create(CAIRO_FORMAT_RGB24, image.width, image.height));
-  if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS) throw std::runtime_error("canvas: no memory");
+  if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS) throw std::runtime_error("canvas: out of memory");
   cairo_surface_flush(surface.get());
   for (int y = 0; y < image.height; ++y) {
     unsigned char* out = row_of(surface.get(), y);

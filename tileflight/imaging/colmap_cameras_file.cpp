@@ -66,19 +66,19 @@ const Row& chosen(const std::vector<Row>& rows, std::optional<std::int64_t> came
   if (!camera_id && rows.size() == 1) return rows.front();
   if (!camera_id)
     throw InputError(file, "has " + std::to_string(rows.size()) + " cameras (" + ids_of(rows) +
-                               "): leave the line of the one that took the pictures");
+                               "): keep only the line of the camera that took the images");
   const auto is_it = [&](const Row& row) { return row.camera_id == *camera_id; };
   const auto found = std::find_if(rows.begin(), rows.end(), is_it);
   if (found == rows.end())
     throw InputError(file, "has no camera " + std::to_string(*camera_id) + ", only " + ids_of(rows));
   if (std::any_of(found + 1, rows.end(), is_it))
-    throw InputError(file, "has camera " + std::to_string(*camera_id) + " twice: leave one");
+    throw InputError(file, "has camera " + std::to_string(*camera_id) + " twice: keep one");
   return *found;
 }
 
 const ColmapLens& lens_of(const Row& row) {
   if (row.fields.size() < kLeadingFields)
-    throw InputError(row.where, "must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS, with blanks between");
+    throw InputError(row.where, "must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS, separated by blanks");
   const auto lens = std::find_if(kLenses.begin(), kLenses.end(),
                                  [&](const ColmapLens& known) { return known.name == row.fields[1]; });
   if (lens != kLenses.end()) return *lens;

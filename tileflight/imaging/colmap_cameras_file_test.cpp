@@ -96,7 +96,7 @@ TEST(ColmapCameras, OneOfSeveralMustBeNamed) {
   const std::string two = kHead + "3 SIMPLE_PINHOLE 640 480 500 320 240\r\n\n7 PINHOLE 800 600 600 600 400 300\r\n";
   EXPECT_EQ(read(two, 3).width(), 640);
   EXPECT_EQ(read(two, 7).width(), 800);
-  EXPECT_THAT(error(two), AllOf(HasSubstr("2 cameras (3, 7)"), HasSubstr("leave the line")));
+  EXPECT_THAT(error(two), AllOf(HasSubstr("2 cameras (3, 7)"), HasSubstr("keep only the line")));
   EXPECT_THAT(error(two, 4), HasSubstr("no camera 4, only 3, 7"));
   EXPECT_THAT(error(two + "7 PINHOLE 800 600 600 600 400 300\n", 7), HasSubstr("camera 7 twice"));
   EXPECT_THAT(error(kHead, 1), HasSubstr("has no camera"));

@@ -53,9 +53,8 @@ std::string distortion_of(const std::string& file, const Line& line) {
                                                                        {"KannalaBrandt", "equidistant"}};
   const auto model = kModels.find(line.fields.front());
   if (model != kModels.end()) return model->second;
-  throw InputError(line_label(file, line),
-                   "camera model \"" + std::string(line.fields.front()) +
-                       "\" is not known: use Pinhole, FOV, RadTan, EquiDistant or KannalaBrandt");
+  throw InputError(line_label(file, line), "camera model \"" + std::string(line.fields.front()) +
+                                               "\" is unknown: use Pinhole, FOV, RadTan, EquiDistant or KannalaBrandt");
 }
 
 struct ModelLine {
@@ -187,7 +186,7 @@ void write_dso_camera(const std::filesystem::path& file, const Calibration& cali
   const std::optional<NameAndTail> lens = describe(camera);
   if (!lens)
     throw InputError(file.string(),
-                     "DSO's camera file has no name for this lens: write a Kalibr camchain (.yaml) instead");
+                     "DSO's camera file cannot describe this lens: write a Kalibr camchain (.yaml) instead");
   const std::string size = std::to_string(camera.width()) + " " + std::to_string(camera.height()) + "\n";
   const std::string focal =
       std::visit([&](const auto& m) { return focal_of(m, camera.width(), camera.height()); }, camera.model());

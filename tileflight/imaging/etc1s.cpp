@@ -65,7 +65,7 @@ HuffmanTable::HuffmanTable(const std::vector<std::uint8_t>& lengths, const std::
   std::int64_t left = 1;  // unused codes of this length
   for (std::size_t length = 1; length <= kMaxCodeBits; ++length) {
     left = 2 * left - counts_[length];
-    if (left < 0) throw InputError(name, "its Huffman code lengths make no code");
+    if (left < 0) throw InputError(name, "its Huffman code lengths are invalid");
     first[length + 1] = first[length] + counts_[length];
   }
   symbols_.resize(first[kMaxCodeBits + 1]);
@@ -109,7 +109,7 @@ std::uint32_t HuffmanTable::decode(BitReader& bits) const {
     first = (first + counts_[length]) << 1U;
     code <<= 1U;
   }
-  throw InputError(bits.name(), "its compressed data have a code that there is not");
+  throw InputError(bits.name(), "its compressed data contain an undefined code");
 }
 
 Etc1sCodebooks::Etc1sCodebooks(std::size_t endpoint_count, std::span<const std::byte> endpoints,
@@ -211,14 +211,14 @@ class Etc1sCodebooks::SliceDecoder {
 
   std::uint32_t next_endpoint(std::size_t x, std::uint32_t prediction) {
     const bool inside = prediction == 0 ? x > 0 : prediction == 1 ? y_ > 0 : prediction == 3 || (x > 0 && y_ > 0);
-    if (!inside) throw InputError(bits_.name(), "a block is predicted from outside of the picture");
+    if (!inside) throw InputError(bits_.name(), "a block is predicted from outside the image");
     if (prediction == 0) return last_endpoint_;
     if (prediction == 1) return row_above_[x];
     if (prediction == 2) return row_above_[x - 1];
     const std::size_t count = books_.endpoints_.size();
     std::size_t index = last_endpoint_ + books_.endpoint_delta_.decode(bits_);
     if (index >= count) index -= count;
-    if (index >= count) throw InputError(bits_.name(), "names an endpoint that is not there");
+    if (index >= count) throw InputError(bits_.name(), "refers to an endpoint that does not exist");
     return static_cast<std::uint32_t>(index);
   }
 
@@ -229,7 +229,7 @@ class Etc1sCodebooks::SliceDecoder {
       history_.add(symbol);
       return symbol;
     }
-    if (symbol - count >= history_.size()) throw InputError(bits_.name(), "names a selector that is not there");
+    if (symbol - count >= history_.size()) throw InputError(bits_.name(), "refers to a selector that does not exist");
     return history_.use(symbol - count);
   }
 

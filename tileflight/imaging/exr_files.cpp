@@ -85,7 +85,7 @@ std::string channel_to_read(const Imf::Header& header, const std::string& name) 
     all += (count > 0 ? ", " : "") + only;
   }
   if (count == 1) return only;
-  throw InputError(name, "has no channel Z, but " + (count == 0 ? "none at all" : all));
+  throw InputError(name, "has no channel Z; its channels: " + (count == 0 ? "none" : all));
 }
 
 Imf::Slice slice_of(FloatImage& image, int min_x, int min_y) {

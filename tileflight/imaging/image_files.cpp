@@ -17,7 +17,7 @@ namespace codecs {
 void check_size(const std::string& name, std::int64_t width, std::int64_t height, const DecodeLimits& limits) {
   if (width > 0 && height > 0 && width <= limits.max_pixels / height) return;
   throw InputError(name, "an image of " + std::to_string(width) + "x" + std::to_string(height) +
-                             " pixels is refused: at most " + std::to_string(limits.max_pixels) + " pixels are read");
+                             " pixels is larger than the limit of " + std::to_string(limits.max_pixels) + " pixels");
 }
 
 }  // namespace codecs
@@ -37,7 +37,7 @@ DecodedImage decode(std::span<const std::byte> bytes, const std::string& name, P
   if (starts_with(bytes, 0, "\xFF\xD8")) return codecs::decode_jpeg(bytes, name, wanted, limits);
   if (starts_with(bytes, 0, "\x89PNG")) return codecs::decode_png(bytes, name, wanted, limits);
   if (starts_with(bytes, 0, "RIFF") && starts_with(bytes, 8, "WEBP")) return codecs::decode_webp(bytes, name, limits);
-  throw InputError(name, "is neither JPEG, PNG nor WebP");
+  throw InputError(name, "is not a JPEG, PNG or WebP image");
 }
 
 Gray16Image widen_to_16_bit(const GrayImage& gray) {
@@ -64,7 +64,7 @@ bool is_png(const std::filesystem::path& file) {
   const std::string extension = lower_extension(file);
   if (extension == ".png") return true;
   if (extension == ".jpg" || extension == ".jpeg") return false;
-  throw InputError(file.string(), "images are written as .jpg or .png");
+  throw InputError(file.string(), "unknown image format (.jpg or .png expected)");
 }
 
 }  // namespace

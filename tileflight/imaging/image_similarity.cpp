@@ -128,9 +128,9 @@ double correlation(const GrayImage& a, const GrayImage& b, const GrayImage& mask
 ImageSimilarity compute_image_similarity(const GrayImage& a, const GrayImage& b, const GrayImage& mask) {
   const auto text = [](const GrayImage& i) { return std::to_string(i.width) + "x" + std::to_string(i.height); };
   if (a.width != b.width || a.height != b.height)
-    throw InputError("pictures to compare", "have " + text(a) + " and " + text(b) + " pixels");
+    throw InputError("images to compare", "have " + text(a) + " and " + text(b) + " pixels");
   if (!mask.empty() && (mask.width != a.width || mask.height != a.height))
-    throw InputError("pictures to compare", "have " + text(a) + " pixels, their mask " + text(mask));
+    throw InputError("images to compare", "have " + text(a) + " pixels, their mask " + text(mask));
   return {correlation(a, b, mask), mean_structural_similarity(a, b, mask)};
 }
 

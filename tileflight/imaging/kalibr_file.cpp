@@ -36,8 +36,8 @@ T scalar(const YAML::Node& node, const std::string& key, const std::string& file
   try {
     return node.as<T>();
   } catch (const YAML::Exception&) {
-    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key +
-                               "\" is not as expected: " + (std::is_same_v<T, std::string> ? "a word" : "a number"));
+    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be " +
+                               (std::is_same_v<T, std::string> ? "a word" : "a number"));
   }
 }
 

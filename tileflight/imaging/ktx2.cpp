@@ -33,7 +33,7 @@ T at(Bytes bytes, std::size_t offset) {
 
 Bytes part(Bytes bytes, std::uint64_t offset, std::uint64_t length, const char* what, const std::string& name) {
   if (offset > bytes.size() || length > bytes.size() - offset) {
-    throw InputError(name, std::string(what) + " of the KTX2 lies outside of the file");
+    throw InputError(name, std::string(what) + " of the KTX2 lies outside the file");
   }
   return bytes.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(length));
 }
@@ -53,7 +53,7 @@ struct Ktx2 {
 };
 
 Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::uint32_t level) {
-  if (bytes.size() < kHeaderBytes + kLevelBytes) throw InputError(name, "the KTX2 is cut short");
+  if (bytes.size() < kHeaderBytes + kLevelBytes) throw InputError(name, "the KTX2 is truncated");
   Ktx2 out;
   out.vk_format = at<std::uint32_t>(bytes, 12);
   const auto width = at<std::uint32_t>(bytes, 20);
@@ -61,22 +61,22 @@ Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::u
   const auto depth = at<std::uint32_t>(bytes, 28);
   const auto layers = at<std::uint32_t>(bytes, 32);
   const auto faces = at<std::uint32_t>(bytes, 36);
-  if (depth > 1 || layers > 1 || faces != 1) throw InputError(name, "the KTX2 is no single flat picture");
+  if (depth > 1 || layers > 1 || faces != 1) throw InputError(name, "the KTX2 is not a single two-dimensional image");
   constexpr std::uint32_t kLargestSide = 1U << 16U;
   if (width == 0 || height == 0 || width > kLargestSide || height > kLargestSide ||
       std::int64_t{width} * height > max_pixels) {
     throw InputError(name, "the KTX2 has " + std::to_string(width) + " x " + std::to_string(height) +
-                               " pixels; at most " + std::to_string(max_pixels) + " are read");
+                               " pixels, more than the limit of " + std::to_string(max_pixels));
   }
   out.levels = std::max(at<std::uint32_t>(bytes, 40), 1U);
-  if (out.levels > 17) throw InputError(name, "the KTX2 has more levels than a picture can have");
+  if (out.levels > 17) throw InputError(name, "the KTX2 has too many mipmap levels");
   if (level >= out.levels) throw InputError(name, "the KTX2 has no level " + std::to_string(level));
   out.level = level;
   out.width = static_cast<int>(std::max(width >> level, 1U));
   out.height = static_cast<int>(std::max(height >> level, 1U));
   out.scheme = at<std::uint32_t>(bytes, 44);
   const Bytes descriptor = part(bytes, at<std::uint32_t>(bytes, 48), at<std::uint32_t>(bytes, 52), "descriptor", name);
-  if (descriptor.size() < 16) throw InputError(name, "the data format descriptor of the KTX2 is cut short");
+  if (descriptor.size() < 16) throw InputError(name, "the data format descriptor of the KTX2 is truncated");
   out.color_model = std::to_integer<unsigned>(descriptor[12]);
   out.srgb = std::to_integer<unsigned>(descriptor[14]) == kSrgbTransfer;
   out.global_data = part(bytes, at<std::uint64_t>(bytes, 64), at<std::uint64_t>(bytes, 72), "global data", name);
@@ -91,7 +91,7 @@ RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
   constexpr std::size_t kDescription = 20;
   const Bytes data = file.global_data;
   const std::size_t books_at = kHeader + kDescription * file.levels;
-  if (data.size() < books_at) throw InputError(name, "the BasisLZ global data are cut short");
+  if (data.size() < books_at) throw InputError(name, "the BasisLZ global data are truncated");
   const std::uint64_t endpoint_bytes = at<std::uint32_t>(data, 4);
   const std::uint64_t selector_bytes = at<std::uint32_t>(data, 8);
   const std::uint64_t table_bytes = at<std::uint32_t>(data, 12);
@@ -100,7 +100,8 @@ RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
   const Bytes tables = part(data, books_at + endpoint_bytes + selector_bytes, table_bytes, "tables", name);
   constexpr std::uint32_t kPredictedFrame = 2;
   const Bytes described = data.subspan(kHeader + kDescription * file.level, kDescription);
-  if ((at<std::uint32_t>(described, 0) & kPredictedFrame) != 0) throw InputError(name, "the KTX2 is a film");
+  if ((at<std::uint32_t>(described, 0) & kPredictedFrame) != 0)
+    throw InputError(name, "the KTX2 is a video, which is not supported");
   const Bytes slice =
       part(file.level_data, at<std::uint32_t>(described, 4), at<std::uint32_t>(described, 8), "colour slice", name);
   const Etc1sCodebooks books(at<std::uint16_t>(data, 0), endpoints, at<std::uint16_t>(data, 2), selectors, tables,
@@ -112,7 +113,7 @@ RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
 Bytes decompress_level(const Ktx2& file, std::size_t size, std::vector<std::byte>& unpacked, const std::string& name) {
   if (file.scheme == kZstandard) unpacked = base::decompress_zstd(file.level_data, size, name);
   const Bytes bytes = file.scheme == kZstandard ? Bytes(unpacked) : file.level_data;
-  if (bytes.size() < size) throw InputError(name, "the KTX2 has fewer pixels than it says");
+  if (bytes.size() < size) throw InputError(name, "the KTX2 has fewer pixels than its header declares");
   return bytes;
 }
 

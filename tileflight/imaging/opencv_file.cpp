@@ -29,14 +29,13 @@ std::vector<double> read_matrix(const OpenCvStorage& storage, const std::string&
   const StorageEntry* entry = storage.find({"cameramatrix", "k", "intrinsicmatrix"});
   if (entry == nullptr)
     throw InputError(file,
-                     "has neither a camera \"cam0\" (Kalibr's camchain) nor a \"camera_matrix\" (OpenCV): give one");
+                     "has no camera \"cam0\" (Kalibr's camchain) and no \"camera_matrix\" (OpenCV): give one of them");
   const std::vector<double> k = numbers_of(*entry, file);
   const bool square = (entry->rows.empty() || entry->rows == "3") && (entry->cols.empty() || entry->cols == "3");
   if (k.size() != 9 || !square) throw InputError(file, quoted(entry->key) + " must have 3 rows of 3 numbers");
   if (!(k[1] == 0.0 && k[3] == 0.0 && k[6] == 0.0 && k[7] == 0.0 && k[8] == 1.0))
     throw InputError(file, quoted(entry->key) +
-                               " must be [fx, 0, cx, 0, fy, cy, 0, 0, 1]: no lens model here has skew, calibrate "
-                               "without it");
+                               " must be [fx, 0, cx, 0, fy, cy, 0, 0, 1]: skew is not supported, calibrate without it");
   return {k[0], k[4], k[2], k[5]};
 }
 
@@ -75,7 +74,7 @@ Family read_family(const OpenCvStorage& storage, const std::string& file) {
     if (name == "equidistant" || name == "fisheye") return Family::kFisheye;
     if (!name.empty())
       throw InputError(file, "distortion model " + quoted(name) +
-                                 " is not known: use plumb_bob, rational_polynomial, equidistant or fisheye");
+                                 " is unknown: use plumb_bob, rational_polynomial, equidistant or fisheye");
   }
   const StorageEntry* flag = storage.find({"fisheyemodel", "fisheye"});
   if (flag == nullptr || flag->values.empty()) return Family::kNotSaid;
@@ -95,7 +94,7 @@ NamedDistortion read_distortion(const OpenCvStorage& storage, const std::string&
   if (family == Family::kFisheye) return {"equidistant", d};
   if (family == Family::kNotSaid && d.size() == 4)
     throw InputError(file, quoted(entry->key) +
-                               " has 4 numbers, which are k1 k2 p1 p2 or the fisheye module's k1 k2 k3 k4: say which "
+                               " has 4 numbers, either k1 k2 p1 p2 or the fisheye module's k1 k2 k3 k4: specify which "
                                "with the line \"distortion_model: plumb_bob\" or \"distortion_model: equidistant\"");
   return parse_opencv_distortion(file + ": " + quoted(entry->key), d);
 }

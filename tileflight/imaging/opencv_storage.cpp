@@ -106,7 +106,7 @@ class XmlEntries {
     if (empty) tag.remove_suffix(1);
     const std::string name(base::take_field(tag, kBlanks));
     if (open_.empty() && name != "opencv_storage")
-      throw InputError(file_, "is XML with <" + name + "> at its top, not OpenCV's <opencv_storage>");
+      throw InputError(file_, "is XML with the root element <" + name + ">, not OpenCV's <opencv_storage>");
     if (open_.size() == 1) entries_.push_back({name, {}, {}, {}});
     if (!empty) open_.push_back(name);
   }
@@ -114,7 +114,7 @@ class XmlEntries {
   void close() {
     std::string_view tag = take_until(">").substr(2);
     const std::string_view name = base::take_field(tag, kBlanks);
-    if (open_.empty() || open_.back() != name) fail("</" + std::string(name) + "> closes nothing");
+    if (open_.empty() || open_.back() != name) fail("</" + std::string(name) + "> has no opening tag");
     open_.pop_back();
   }
 
@@ -154,7 +154,7 @@ const StorageEntry* OpenCvStorage::find(std::initializer_list<std::string_view> 
     const auto found = std::find_if(entries_.begin(), entries_.end(), is_it);
     if (found == entries_.end()) continue;
     if (std::any_of(found + 1, entries_.end(), is_it))
-      throw InputError(file_, "\"" + found->key + "\" is there twice: leave one");
+      throw InputError(file_, "\"" + found->key + "\" occurs twice: keep one");
     return &*found;
   }
   return nullptr;

@@ -103,8 +103,8 @@ Calibration read_calibration(const std::filesystem::path& file) {
   if (form == CalibrationFormat::kColmap) return read_colmap_cameras(file);
   if (form == CalibrationFormat::kDso) return read_dso_camera(file);
   throw InputError(file.string(),
-                   "is no calibration that is known: give a Kalibr camchain (with \"cam0\"), OpenCV's YAML or XML, "
-                   "COLMAP's cameras.txt or DSO's camera.txt");
+                   "unknown calibration format (expected a Kalibr camchain with \"cam0\", OpenCV's YAML or XML, "
+                   "COLMAP's cameras.txt or DSO's camera.txt)");
 }
 
 std::vector<std::string> camera_ids(const std::filesystem::path& file) {
@@ -119,10 +119,10 @@ Calibration read_calibration(const std::filesystem::path& file, const std::strin
   const std::vector<std::string> ids = camera_ids(file);
   if (camera_id.empty() && ids.size() > 1)
     throw InputError(file.string(), "holds " + std::to_string(ids.size()) + " cameras (" + joined(ids) +
-                                        "): say which one took the pictures (--camera-id)");
+                                        "): choose the one that took the images (--camera-id)");
   if (camera_id.empty() && ids.size() == 1) return read_calibration(file, ids.front());
   if (camera_id.empty()) return read_calibration(file);
-  if (ids.empty()) throw InputError(file.string(), "holds one camera without a name: leave --camera-id out");
+  if (ids.empty()) throw InputError(file.string(), "contains one camera without a name: leave --camera-id out");
   if (std::find(ids.begin(), ids.end(), camera_id) == ids.end())
     throw InputError(file.string(), "has no camera " + camera_id + ", only " + joined(ids));
   const auto number = base::parse_number<std::int64_t>(camera_id);

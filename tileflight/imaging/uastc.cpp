@@ -134,7 +134,7 @@ std::size_t mode_of(const BlockBits& bits, const std::string& name) {
   const auto* mode = std::find_if(kModes.begin(), kModes.end(), [&](const Mode& candidate) {
     return bits.peek(candidate.code_bits) == candidate.code;
   });
-  if (mode == kModes.end()) throw InputError(name, "a block of the UASTC texture has a mode that there is not");
+  if (mode == kModes.end()) throw InputError(name, "a block of the UASTC texture has an undefined mode");
   return static_cast<std::size_t>(mode - kModes.begin());
 }
 
@@ -142,8 +142,7 @@ const Pattern& read_pattern(BlockBits& bits, std::size_t mode, const std::string
   static constexpr Pattern kWhole{};
   const auto choose = [&](std::span<const Pattern> patterns, unsigned index_bits) -> const Pattern& {
     const unsigned index = bits.take(index_bits);
-    if (index >= patterns.size())
-      throw InputError(name, "a block of the UASTC texture has a pattern that there is not");
+    if (index >= patterns.size()) throw InputError(name, "a block of the UASTC texture has an undefined pattern");
     return patterns[index];
   };
   if (kModes[mode].subsets == 1) return kWhole;
@@ -277,7 +276,7 @@ std::size_t uastc_bytes(int width, int height) {
 }
 
 RgbImage decode_uastc(std::span<const std::byte> bytes, int width, int height, bool srgb, const std::string& name) {
-  if (bytes.size() < uastc_bytes(width, height)) throw InputError(name, "the UASTC texture is cut short");
+  if (bytes.size() < uastc_bytes(width, height)) throw InputError(name, "the UASTC texture is truncated");
   RgbImage image(width, height);
   std::size_t at = 0;
   for (int top = 0; top < height; top += kBlockSide) {

@@ -246,7 +246,7 @@ TEST(Uastc, BlocksOfAnyBitsAreDecodedOrNamed) {
     Block block;
     for (std::byte& byte : block.bytes) byte = static_cast<std::byte>(random());
     const std::string message = base::testing::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); });
-    EXPECT_THAT(message, ::testing::AnyOf("", HasSubstr("that there is not"))) << i;
+    EXPECT_THAT(message, ::testing::AnyOf("", HasSubstr("undefined"))) << i;
     decoded += message.empty() ? 1 : 0;
   }
   EXPECT_GT(decoded, 15000);
@@ -280,18 +280,18 @@ TEST(Uastc, BlocksStandRowByRowAndAreCutAtThePictureSEdge) {
 
 TEST(Uastc, FaultsAreNamed) {
   EXPECT_THAT(base::testing::error_of([] { decode_uastc(solid(1, 2, 3).bytes, 5, 4, true, "u"); }),
-              HasSubstr("cut short"));
+              HasSubstr("truncated"));
   Block reserved;
   reserved.set(0, 7, 69);
   EXPECT_THAT(base::testing::error_of([&] { decode_uastc(reserved.bytes, 4, 4, true, "u"); }),
-              HasSubstr("a mode that there is not"));
+              HasSubstr("an undefined mode"));
   for (const auto& [code, at, count, index] :
        {std::array<unsigned, 4>{29, 20, 5, 30}, {3, 20, 4, 11}, {7, 20, 5, 19}}) {
     Block block;
     block.set(0, 5, code);
     block.set(at, count, index);
     EXPECT_THAT(base::testing::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); }),
-                HasSubstr("a pattern that there is not"));
+                HasSubstr("an undefined pattern"));
     block.set(at, count, index - 1);
     EXPECT_EQ(base::testing::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); }), "");
   }

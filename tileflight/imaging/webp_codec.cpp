@@ -9,7 +9,7 @@ DecodedImage decode_webp(std::span<const std::byte> bytes, const std::string& na
   const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data());
   WebPBitstreamFeatures features;
   if (WebPGetFeatures(data, bytes.size(), &features) != VP8_STATUS_OK) throw InputError(name, "not a readable WebP");
-  if (features.has_animation != 0) throw InputError(name, "an animated WebP is not an image: use its first frame");
+  if (features.has_animation != 0) throw InputError(name, "animated WebP is not supported: extract a single frame");
   check_size(name, features.width, features.height, limits);
   DecodedImage out;
   out.rgb = RgbImage(features.width, features.height);

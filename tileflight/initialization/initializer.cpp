@@ -197,8 +197,8 @@ std::string Initializer::failure_reason() const {
   const double degrees = max_parallax_ * 180.0 / std::numbers::pi;
   const std::string seen = std::to_string(degrees).substr(0, 4) + " degrees";
   if (max_parallax_ < options_.min_parallax_rad)
-    return "no parallax: rays moved by " + seen + " at most after the best rotation";
-  return "no start found: parallax of " + seen + ", but no motion of a rigid scene fits the tracks (last fit " +
+    return "no parallax: rays moved by at most " + seen + " after removing the best rotation";
+  return "initialization failed: the parallax is " + seen + ", but no rigid motion fits the tracks (last residual " +
          std::to_string(last_fit_px_).substr(0, 4) + " px)";
 }
 

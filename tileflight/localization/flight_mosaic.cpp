@@ -179,7 +179,7 @@ class MosaicBuilder {
       if (std::ranges::find(view_of_block_, static_cast<int>(v)) == view_of_block_.end()) return;
       pictures_[v] = imaging::to_gray(flight_.picture(views_[v].index));
       if (pictures_[v].width != flight_.camera.width() || pictures_[v].height != flight_.camera.height())
-        throw InputError("picture " + std::to_string(views_[v].index),
+        throw InputError("image " + std::to_string(views_[v].index),
                          "is " + std::to_string(pictures_[v].width) + "x" + std::to_string(pictures_[v].height) +
                              ", the calibration is for " + std::to_string(flight_.camera.width()) + "x" +
                              std::to_string(flight_.camera.height()));

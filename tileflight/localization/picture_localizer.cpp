@@ -145,9 +145,9 @@ Mat6 pose_information(const tracking::ImageAlignment& alignment) {
 std::optional<LocalizationResult> PictureLocalizer::locate(const RgbImage& picture, const SE3& guess) const {
   const Impl& my = *impl_;
   if (picture.width != my.full_width || picture.height != my.full_height)
-    throw InputError("picture", "is " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
-                                    ", the calibration is for " + std::to_string(my.full_width) + "x" +
-                                    std::to_string(my.full_height));
+    throw InputError("image", "is " + std::to_string(picture.width) + "x" + std::to_string(picture.height) +
+                                  ", the calibration is for " + std::to_string(my.full_width) + "x" +
+                                  std::to_string(my.full_height));
   const photometry::Pyramid seen = my.make_pyramid(picture);
   LocalizationResult located{.T_local_camera = guess};
   for (int round = 0; round < my.options.max_rounds; ++round) {

@@ -32,8 +32,8 @@ Sim3 similarity_from_known_poses(const geometry::Trajectory& known, double until
   const auto similarity = similarity_from_poses(T_map_camera, T_world_camera);
   if (similarity) return *similarity;
   throw InputError("known poses", std::to_string(T_map_camera.size()) +
-                                      " of them are at the times of the pictures that the map began with, and at least "
-                                      "two at different places are needed; check that both have the same clock");
+                                      " of them match the times of the first keyframes, but at least two at different "
+                                      "positions are needed; check that both have the same clock");
 }
 
 /// Ratio of the depth image's depth to the map's depth, for each point that the keyframe hosts.
@@ -67,7 +67,7 @@ double scale_from_depth(const imaging::Camera& camera, const Priors& aids, doubl
     for (const double ratio : depth_ratios(camera, result, static_cast<int>(k), *depth_m)) ratios.push_back(ratio);
   }
   if (ratios.empty())
-    throw InputError("known depth", "no point of the map's first keyframes has a depth to be compared to");
+    throw InputError("known depth", "no point of the first keyframes has a known depth to compare with");
   const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
   std::nth_element(ratios.begin(), middle, ratios.end());
   return *middle;

@@ -30,17 +30,18 @@ void check_completeness(const OdometryResult& result, std::int64_t frames, const
   const std::string share = count_text(result.frames_tracked) + " of " + count_text(frames) + " frames have a pose";
   if (result.lost) {
     doubts.push_back({"the flight was not tracked to its end (" + share + "): " + result.lost_reason, kWhere, "certain",
-                      "use the part that was tracked, or a flight that stays trackable"});
+                      "use the tracked part, or a flight that can be tracked throughout"});
   } else if (static_cast<double>(result.frames_tracked) < limits.min_tracked_share * static_cast<double>(frames)) {
     doubts.push_back({share, kWhere, "certain",
-                      "look at the frames without one in quality.csv; choose another stretch of the flight"});
+                      "look up the frames without a pose in quality.csv; choose another part of the flight"});
   }
 }
 
 void check_length(const OdometryResult& result, const DoubtThresholds& limits, Doubts& doubts) {
   if (result.frames_tracked >= limits.min_frames) return;
-  doubts.push_back({"only " + count_text(result.frames_tracked) + " frames have a pose: too few to tell a good track",
-                    kWhere, "likely", "take a longer stretch of the flight"});
+  doubts.push_back(
+      {"only " + count_text(result.frames_tracked) + " frames have a pose: too few to judge the tracking quality",
+       kWhere, "likely", "use a longer part of the flight"});
 }
 
 /// Reports the images with a large share of saturated residuals, from the first to the last.
@@ -57,10 +58,11 @@ void check_residuals(const OdometryResult& result, const FrameName& name_of, con
     worst = std::max(worst, q.saturated_share);
   }
   if (bad == 0) return;
-  doubts.push_back({"tracking fits badly in " + count_text(bad) + " frames: up to " + percent_text(worst) +
-                        " of the points look different from their keyframe",
-                    std::string(kWhere) + ", " + frames_text(*first, *last, name_of), "likely",
-                    "look at these frames (blur, something before the lens, a turn in place); leave them out"});
+  doubts.push_back(
+      {"tracking residuals are high in " + count_text(bad) + " frames: up to " + percent_text(worst) +
+           " of the points do not match their keyframe",
+       std::string(kWhere) + ", " + frames_text(*first, *last, name_of), "likely",
+       "check these frames for blur, an obstruction in front of the lens or rotation in place; leave them out"});
 }
 
 void check_scale_drift(const OdometryResult& result, const FrameName& name_of, const DoubtThresholds& limits,
@@ -72,10 +74,10 @@ void check_scale_drift(const OdometryResult& result, const FrameName& name_of, c
   if (first == result.quality.end()) return;
   double end = 0.0;
   for (const tracking::FrameQuality& q : result.quality) end = std::max(end, q.sigma_log_scale);
-  doubts.push_back({"the scale may have changed: it was carried on by few points or without parallax (at least " +
+  doubts.push_back({"the scale may have drifted: few points or little parallax constrained it (at least " +
                         percent_text(end) + " by the residuals alone)",
                     std::string(kWhere) + ", from " + frames_text(*first, *first, name_of) + " on", "likely",
-                    "fly on while turning, or use the part before alone"});
+                    "keep moving while turning, or use only the part before"});
 }
 
 /// Reports velocity changes that last for one image only, relative to the flight's 95th percentile of speed.
@@ -108,11 +110,11 @@ void check_jumps(const OdometryResult& result, const FrameName& name_of, const D
                                [&](const tracking::FrameQuality& q) { return q.time_s == poses[worst + 1].time_s; });
   char times[32];
   std::snprintf(times, sizeof times, "%.2g", usual > 0 ? change / usual : 0.0);
-  doubts.push_back({"the camera jumps: its velocity changes by " + std::string(times) +
-                        " times its usual speed from one frame to the next",
-                    at == result.quality.end() ? kWhere : std::string(kWhere) + ", " + frames_text(*at, *at, name_of),
-                    "likely",
-                    "look at the frames around it (something before the lens, missing pictures); leave them out"});
+  doubts.push_back(
+      {"the camera jumps: its velocity changes by " + std::string(times) +
+           " times its usual speed from one frame to the next",
+       at == result.quality.end() ? kWhere : std::string(kWhere) + ", " + frames_text(*at, *at, name_of), "likely",
+       "check the frames around it for an obstruction in front of the lens or missing frames; leave them out"});
 }
 
 /// Reports a systematic displacement of residuals: wrong lens, shutter, or false initialization.
@@ -123,10 +125,10 @@ void check_calibration(const OdometryResult& result, const DoubtThresholds& limi
   char text[32];
   std::snprintf(text, sizeof text, "%.2g", result.systematic_displacement->rms_px);
   doubts.push_back(
-      {"the calibration does not fit the pictures: residuals have a pattern of " + std::string(text) +
-           " pixels (RMS) that is the same in all keyframes (another lens or line delay, or a false start)",
+      {"the calibration does not fit the images: residuals have a systematic pattern of " + std::string(text) +
+           " pixels (RMS) in all keyframes (wrong lens model or line delay, or a wrong initialization)",
        kWhere, result.systematic_displacement->rms_px > limits.systematic_likely_px ? "likely" : "possible",
-       "calibrate this camera as it was flown (focus, resolution, crop, rolling shutter)"});
+       "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
 }
 
 void check_second_run(const OdometryResult& result, const std::optional<RunAgreement>& second, const FrameName& name_of,
@@ -138,10 +140,10 @@ void check_second_run(const OdometryResult& result, const std::optional<RunAgree
                          return std::abs(a.time_s - second->worst_time_s) < std::abs(b.time_s - second->worst_time_s);
                        });
   doubts.push_back(
-      {"forwards and backwards the flight is tracked differently: paths differ by " + percent_text(second->rms_share) +
-           " of their length (a wrong start, or a scale that changed)",
+      {"forward and backward tracking disagree: their paths differ by " + percent_text(second->rms_share) +
+           " of their length (wrong initialization or scale drift)",
        at == result.quality.end() ? kWhere : std::string(kWhere) + ", most at " + frames_text(*at, *at, name_of),
-       "likely", "track parts of the flight by themselves (--from, --to) and compare them"});
+       "likely", "track parts of the flight separately (--from, --to) and compare them"});
 }
 
 }  // namespace

@@ -60,8 +60,8 @@ TEST(TrackingDoubts, APatternInTheResidualsIsTheCalibration) {
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.3, .sigmas = 1.0};  // explained by noise
   EXPECT_TRUE(doubts_about(result).empty());
   result.systematic_displacement = mapping::SystematicDisplacement{.rms_px = 0.06, .sigmas = 5.0};
-  expect_only(doubts_about(result), "calibration does not fit the pictures: residuals have a pattern of 0.06 pixels",
-              "odometry");
+  expect_only(doubts_about(result),
+              "calibration does not fit the images: residuals have a systematic pattern of 0.06 pixels", "odometry");
   EXPECT_EQ(doubts_about(result)[0].how_sure, "possible");
   result.systematic_displacement->rms_px = 0.2;
   EXPECT_EQ(doubts_about(result)[0].how_sure, "likely");
@@ -96,13 +96,13 @@ TEST(TrackingDoubts, GapsAndFewFramesAreSaid) {
 TEST(TrackingDoubts, FramesThatFitBadlyAreNamed) {
   OdometryResult result = good_flight();
   for (const int i : {20, 21, 24}) result.quality[i].saturated_share = 0.3 + 0.01 * i;
-  expect_only(doubts_about(result), "badly in 3 frames: up to 54 %", "odometry, frames f20 to f24");
+  expect_only(doubts_about(result), "residuals are high in 3 frames: up to 54 %", "odometry, frames f20 to f24");
 }
 
 TEST(TrackingDoubts, AScaleCarriedByLittleIsNamedFromItsFrameOn) {
   OdometryResult result = good_flight();
   for (int i = 30; i < 60; ++i) result.quality[i].sigma_log_scale = 0.02;
-  expect_only(doubts_about(result), "scale may have changed", "odometry, from frame f30 on");
+  expect_only(doubts_about(result), "scale may have drifted", "odometry, from frame f30 on");
 }
 
 TEST(TrackingDoubts, PicturesThatJumpAwayAndBackAreNamed) {

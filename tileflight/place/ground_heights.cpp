@@ -35,7 +35,7 @@ std::pair<double, double> two_numbers(const std::string& text, const std::string
   const char* rest = has_comma ? end + 1 : end;
   const double second = has_comma ? std::strtod(rest, &end) : 0.0;
   if (!has_comma || end == rest || *end != '\0' || !std::isfinite(first) || !std::isfinite(second))
-    throw InputError(option + " " + text, std::string("give ") + form + ", two numbers with a comma between them");
+    throw InputError(option + " " + text, std::string("give ") + form + ", two numbers separated by a comma");
   return {first, second};
 }
 
@@ -54,7 +54,7 @@ class ColumnSampler {
     if (query.local) return {T_local_tileset, *query.local};
     if (!frame_) {
       throw InputError(place_.name(),
-                       "is not georeferenced: ask by --at-local X,Y, or say where its frame's zero is with --origin "
+                       "is not georeferenced: use --at-local X,Y, or give the origin of its frame with --origin "
                        "LAT,LON,HEIGHT");
     }
     // The line is the ellipsoid's normal at the point.
@@ -109,8 +109,7 @@ std::vector<double> sample_heights(PlaceReader& place, const Column& column, jso
   const tiles::Region region{middle, Vec3(2 * kLineRadius_m, 2 * kLineRadius_m, 2 * kMaxHeight_m)};
   const tiles::TileCut cut = place.select_cut(tiles::region_criterion(region, column.T_column_tileset, 0.0));
   const auto part = place.read(cut, false, std::numeric_limits<std::uintmax_t>::max(), progress);
-  if (!part->missing.empty())
-    throw InputError(part->missing.front().failure, "it may hold the surface that is asked for");
+  if (!part->missing.empty()) throw InputError(part->missing.front().failure, "it may contain the requested surface");
   totals["tiles"] = totals["tiles"].get<std::int64_t>() + part->tiles;
   totals["bytes_read"] = totals["bytes_read"].get<std::uintmax_t>() + part->file_bytes;
   geometry::TriangleMesh mesh = scene::merge_meshes(part->meshes);
@@ -150,7 +149,7 @@ GroundQuery parse_geodetic_query(const std::string& text, const std::string& opt
   const auto [lat, lon] = two_numbers(text, option, "LAT,LON in degrees");
   if (std::abs(lat) > 90 || std::abs(lon) > 360)
     throw InputError(option + " " + text,
-                     "is no place: latitude is from -90 to 90 degrees, longitude from -180 to 180");
+                     "is not a valid position: latitude must be from -90 to 90 degrees, longitude from -180 to 180");
   return {.geodetic = Geodetic{lat, lon, {0.0}}, .local = std::nullopt};
 }
 

@@ -88,7 +88,7 @@ TEST_F(GroundHeightsTest, ByLatitudeAndLongitudeOnceItsZeroIsOnEarth) {
   EXPECT_NEAR(point["highest"]["height_above_sea_level"].get<double>(), geometry::orthometric_from_ellipsoidal(place).m,
               2e-3);
   EXPECT_NEAR(point["lat"].get<double>(), place.latitude_deg, 1e-12);
-  EXPECT_THAT(refusal_of([&] { ask({query}); }), HasSubstr("is not georeferenced: ask by --at-local"));
+  EXPECT_THAT(refusal_of([&] { ask({query}); }), HasSubstr("is not georeferenced: use --at-local"));
 }
 
 TEST_F(GroundHeightsTest, WhatIsNoPlaceIsRefused) {

@@ -74,7 +74,7 @@ class Painter {
       return add(std::move(*part), grid, x, y);
     }
     throw tiles::MemoryLimitExceeded(place_.name(),
-                                     "a single tile takes more memory than is allowed; give more (--memory)");
+                                     "a single tile takes more memory than is allowed; raise the limit (--memory)");
   }
 
   void add(PlacePart part, const GroundGrid& grid, int x, int y) {
@@ -90,7 +90,7 @@ class Painter {
     paste(image, x, y, view_.image);
     const auto all = static_cast<std::int64_t>(view_.image.rgb.pixels.size());
     done_ += static_cast<std::int64_t>(grid.width) * grid.height;
-    report_progress(progress_, done_, all, "pixels from above");
+    report_progress(progress_, done_, all, "drawing the map");
   }
 
   PlaceReader& place_;
@@ -216,7 +216,9 @@ std::vector<std::string> ground_view_warnings(const GroundView& view) {
     lines.push_back("missing or broken, left out: " + view.missing[i].failure);
   if (view.missing.size() > kTold)
     lines.push_back("and " + std::to_string(view.missing.size() - kTold) + " more tiles are missing or broken");
-  if (view.is_coarser) lines.emplace_back("some parts are from coarser tiles than the picture could show (--memory)");
+  if (view.is_coarser)
+    lines.emplace_back(
+        "some parts show coarser tiles than the image resolution allows, because of the memory limit (--memory)");
   return lines;
 }
 

@@ -150,7 +150,7 @@ TEST_F(GroundViewTest, RegionsThatHoldNothingAndOtherEndingsAreRefused) {
   const auto refusal = [&](const std::string& name) {
     return tests::refusal_of([&] { inspect_map(settings, folder_ / name); });
   };
-  EXPECT_THAT(refusal("map.txt"), HasSubstr("end with .png or .jpg"));
+  EXPECT_THAT(refusal("map.txt"), HasSubstr("(.png or .jpg expected)"));
   settings.load.center_local = Vec3(500, 0, NAN);
   settings.load.size = Vec3(50, 50, 0);
   EXPECT_THAT(refusal("map.png"), HasSubstr("there is no surface in the region"));

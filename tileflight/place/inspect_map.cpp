@@ -52,13 +52,13 @@ Box3 choose_extent(PlaceReader& place, const InspectMapSettings& settings, std::
   const Box3 region = place.placement().region.box();
   const double longer_m = std::max(region.sizes().x(), region.sizes().y());
   if (longer_m > kMaxExtent_m) {
-    throw InputError(place.name(), "spans " + format("%.0f km", longer_m / 1e3) +
-                                       ", which is no place to draw a map of; give --center and --size");
+    throw InputError(place.name(),
+                     "spans " + format("%.0f km", longer_m / 1e3) + ", too much for one map; give --center and --size");
   }
   if (has_region(settings.load)) return region;
   const double error_m = settings.error_m.value_or(longer_m / kBoundsSteps);
   const Box3 surface = surface_bounds(place, error_m, memory, progress);
-  if (surface.isEmpty()) throw InputError(place.name(), "holds no surface and no points: there is nothing to show");
+  if (surface.isEmpty()) throw InputError(place.name(), "contains no surface and no points: there is nothing to show");
   return surface;
 }
 
@@ -119,7 +119,7 @@ std::vector<std::string> map_notes(const PlaceReader& place, const GroundView& v
     pixels += format("; local frame: east, north, up at %.7f°, %.7f°, %.2f m", origin.latitude_deg,
                      origin.longitude_deg, origin.height.m);
   } else {
-    pixels += "; not on the earth: local frame is the tileset's own";
+    pixels += "; not georeferenced: the local frame is the tileset's own";
   }
   return {extent, pixels};
 }
@@ -148,9 +148,9 @@ json map_json(const GroundView& view, const SurfaceExtent& found, const std::fil
 void check(const InspectMapSettings& settings, const std::filesystem::path& picture) {
   const std::string ending = picture.extension().string();
   if (ending != ".png" && ending != ".jpg" && ending != ".jpeg")
-    throw InputError(picture.string(), "a map is a picture: let its name end with .png or .jpg");
+    throw InputError(picture.string(), "unknown image format for a map (.png or .jpg expected)");
   if (settings.longer_side_px < 64 || settings.longer_side_px > 8000)
-    throw InputError("--pixels", "must be from 64 to 8000, of the map's longer side");
+    throw InputError("--pixels", "must be from 64 to 8000 pixels");
 }
 
 }  // namespace
@@ -201,7 +201,7 @@ std::string inspect_map_text(const json& found) {
   const double longest_m = std::max(east, north);
   std::string text =
       map["file"].get<std::string>() + ": " + format_metres(east, longest_m) + " x " + format_metres(north, longest_m) +
-      " m of surface from above, " + format("%.3g", map["pixel_size"].get<double>()) + " m a pixel, from " +
+      " m of surface from above, " + format("%.3g", map["pixel_size"].get<double>()) + " m per pixel, from " +
       std::to_string(map["tiles"].get<std::int64_t>()) + " tiles\nheights: " + format_metres(low[2], longest_m) +
       " to " + format_metres(high[2], longest_m) + " m in the local frame";
   const json& frame = found["frame"];

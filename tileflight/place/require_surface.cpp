@@ -10,8 +10,9 @@ void require_surface(const std::vector<imaging::TexturedMesh>& meshes, bool has_
   const auto has_triangle = [](const imaging::TexturedMesh& mesh) { return !mesh.mesh.triangles.empty(); };
   if (std::ranges::any_of(meshes, has_triangle)) return;
   if (has_points)
-    throw InputError(source, "holds points only there, which a camera does not see; `extract` makes voxels of them");
-  throw InputError(source, "holds no triangle there; is the region empty?");
+    throw InputError(source,
+                     "contains only points there, which cannot be rendered; `extract` can turn them into voxels");
+  throw InputError(source, "contains no triangle there; is the region empty?");
 }
 
 std::vector<imaging::TexturedMesh> with_placeholder(std::vector<imaging::TexturedMesh> meshes) {

@@ -121,7 +121,7 @@ Mat7 robust_information(const SimilarityNormalEquations& normal) {
 }  // namespace
 
 LocatedPosesFit fit_located_poses(const std::vector<LocatedPose>& poses, const Sim3& start, double at_least_m) {
-  if (poses.size() < 2) throw InputError("located poses", "are fewer than two; there is nothing to fit");
+  if (poses.size() < 2) throw InputError("located poses", "at least two are needed to fit a transform");
   LocatedPosesFit fit;
   Vec3 center = Vec3::Zero();
   for (const LocatedPose& pose : poses) center += pose.T_local_camera.translation / static_cast<double>(poses.size());

@@ -55,7 +55,7 @@ TEST(LocatedPoses, NoiseIsMeasured) {
 
 TEST(LocatedPoses, OnePoseIsTooFew) {
   EXPECT_THAT([&] { fit_located_poses({found_exactly(curved_path()).front()}, Sim3()); },
-              ThrowsMessage<InputError>(HasSubstr("located poses: are fewer than two")));
+              ThrowsMessage<InputError>(HasSubstr("located poses: at least two are needed")));
 }
 
 }  // namespace

@@ -488,8 +488,8 @@ class MapRegistrar {
   Candidate chosen() {
     if (candidates_.empty()) {
       throw InputError("alignment",
-                       "nothing says where the map belongs, and no place was found where it looks like the ground "
-                       "truth; give positions (gps.csv), a start, or a larger region");
+                       "the map's position is unknown, and no position was found where it resembles the ground truth; "
+                       "give positions (gps.csv), a start, or a larger region");
     }
     const Candidate& best = candidates_.front();
     const Mat3 about_mean = spread_.second_moment - spread_.mean * spread_.mean.transpose();

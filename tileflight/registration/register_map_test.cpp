@@ -124,7 +124,7 @@ TEST(RegisterMap, GravityInOtherAxesSpoilsNothingAndIsSaid) {
                    the_place().surface, rays_only(), options());
   EXPECT_LT(rms_distance_m(flight.points, r.T_local_map, T_local_map()), 0.1);
   EXPECT_EQ(r.start, "positions");
-  EXPECT_THAT(all_doubts(r), HasSubstr("up is 90 degrees from where the inertial unit's gravity has it"));
+  EXPECT_THAT(all_doubts(r), HasSubstr("the map's up direction is 90 degrees away from the inertial unit's gravity"));
 }
 
 TEST(RegisterMap, PicturesAreBelievedMoreThanShapes) {
@@ -162,7 +162,7 @@ TEST(RegisterMap, APathThatBreaksIsSaid) {
   const RegistrationResult r =
       register_map(broken.points, {.path = broken.map, .positions = receiver(flight.local, Vec3::Zero())},
                    the_place().surface, services, options());
-  EXPECT_THAT(all_doubts(r), HasSubstr("the path bends"));
+  EXPECT_THAT(all_doubts(r), HasSubstr("the path is distorted"));
 }
 
 TEST(RegisterMap, APathThatBendsALittleIsCarriedWhole) {
@@ -318,7 +318,7 @@ TEST(RegisterMap, PlacesThatLookRightComeFirst) {
 TEST(RegisterMap, NothingToBeginWithIsAnError) {
   const Flight flight = simulate_map(curved_path(), 10);
   EXPECT_THAT([&] { register_map(flight.points, {}, the_place().surface, {}, options()); },
-              ThrowsMessage<InputError>(HasSubstr("nothing says where the map belongs")));
+              ThrowsMessage<InputError>(HasSubstr("the map's position is unknown")));
   EXPECT_THAT([&] { register_map({}, {}, the_place().surface, {}, options()); },
               ThrowsMessage<InputError>(HasSubstr("map: has no points")));
 }

@@ -28,7 +28,7 @@ int samples_along_axis(int samples_per_pixel) {
   for (int n = 1; n <= 4; ++n) {
     if (n * n == samples_per_pixel) return n;
   }
-  throw InputError("samples per pixel", "1, 4, 9 or 16 are possible, not " + std::to_string(samples_per_pixel));
+  throw InputError("samples per pixel", "must be 1, 4, 9 or 16, got " + std::to_string(samples_per_pixel));
 }
 
 struct PixelTile {

@@ -349,7 +349,7 @@ TEST(CameraRenderer, LightIsAveragedOverTheExposure) {
 TEST(CameraRenderer, RefusesAnImpossibleNumberOfSamples) {
   const Scene scene({ground(kGround, 100.0, nullptr)});
   EXPECT_THAT([&] { CameraRenderer(scene, imaging::make_pinhole(8, 8, 40.0), {.samples_per_pixel = 5}); },
-              ThrowsMessage<InputError>(HasSubstr("1, 4, 9 or 16 are possible, not 5")));
+              ThrowsMessage<InputError>(HasSubstr("must be 1, 4, 9 or 16, got 5")));
 }
 
 }  // namespace

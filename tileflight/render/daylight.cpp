@@ -102,7 +102,7 @@ SunPosition require_risen_sun(const DaylightOptions& settings, const geometry::G
   const std::string place = text_of("latitude %.4f, longitude %.4f", origin.latitude_deg, origin.longitude_deg);
   throw InputError(
       "light", text_of("the sun is %.1f degrees below the horizon at that time", -sun.elevation_rad * kDegrees, 0.0) +
-                   " at " + place + "; give a time of the day, in UTC or with its offset from it");
+                   " at " + place + "; give a daytime, in UTC or with its UTC offset");
 }
 
 std::array<float, 3> to_floats(const Vec3& v) {
@@ -137,7 +137,8 @@ std::shared_ptr<const Daylight> make_daylight(const DaylightOptions& settings,
                                               const std::optional<geometry::Geodetic>& origin) {
   if (origin) return std::make_shared<const Daylight>(settings, *origin);
   throw InputError(
-      "light", "the place is not on the earth, so the sun is nowhere; give an origin (latitude, longitude, height)");
+      "light",
+      "the place is not georeferenced, so the sun's position is unknown; give an origin (latitude, longitude, height)");
 }
 
 Daylight::Daylight(const DaylightOptions& settings, const geometry::Geodetic& origin)

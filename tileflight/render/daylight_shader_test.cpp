@@ -294,7 +294,8 @@ TEST(DaylightShader, AFlightIsLitWhereItsOriginIs) {
   FlightRenderOptions options;
   options.formation.light = at_time("2024-06-20T17:00:00Z");
   EXPECT_THAT([&] { flown(scene, options); },
-              ThrowsMessage<InputError>(HasSubstr("the place is not on the earth, so the sun is nowhere")));  // nowhere
+              ThrowsMessage<InputError>(
+                  HasSubstr("the place is not georeferenced, so the sun's position is unknown")));  // nowhere
   options.origin = kPlace;
   const int lit = flown(scene, options)(32, 24)[1];
   EXPECT_NEAR(lit, srgb_encode(kGrey), 1.0);

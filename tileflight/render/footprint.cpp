@@ -54,9 +54,9 @@ TILEFLIGHT_LANE_INLINE TexelMoves texel_moves(const RayPacket8& packet, const Te
   for (int i = 0; i < kLanes; ++i) {
     const float nx = packet.normal_x[i], ny = packet.normal_y[i], nz = packet.normal_z[i];
     const float dx = packet.direction_x[i], dy = packet.direction_y[i], dz = packet.direction_z[i];
-    const float lean = 1.0F / (nx * dx + ny * dy + nz * dz);
-    const float along_s = (lanes.s_x[i] * dx + lanes.s_y[i] * dy + lanes.s_z[i] * dz) * lean;
-    const float along_t = (lanes.t_x[i] * dx + lanes.t_y[i] * dy + lanes.t_z[i] * dz) * lean;
+    const float inverse_dot = 1.0F / (nx * dx + ny * dy + nz * dz);
+    const float along_s = (lanes.s_x[i] * dx + lanes.s_y[i] * dy + lanes.s_z[i] * dz) * inverse_dot;
+    const float along_t = (lanes.t_x[i] * dx + lanes.t_y[i] * dy + lanes.t_z[i] * dz) * inverse_dot;
     const float t = packet.far[i];
     const float sx = t * (lanes.s_x[i] - along_s * nx);
     const float sy = t * (lanes.s_y[i] - along_s * ny);

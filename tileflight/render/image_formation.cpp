@@ -115,7 +115,7 @@ void check_auto_exposure(const AutoExposure& a) {
   require(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0, "auto exposure's time constant",
           "must lie between 0 and 1000 s");
   require(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6, "auto exposure's gains",
-          "must be positive, the least not above the largest");
+          "must be positive, the smallest not above the largest");
 }
 
 /// Photon and read noise of one channel, in units of white. Photon counts are Poisson; their normal approximation has
@@ -147,7 +147,7 @@ void validate_image_formation(const ImageFormation& f) {
   require(f.exposure_drift_period_s > 0.0, "exposure drift period", "must be positive");
   require(f.white_electrons >= 0.0, "white electrons", "must not be negative");
   require(f.read_noise_electrons >= 0.0, "read noise", "must not be negative");
-  require(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "read noise", "needs the electrons of white");
+  require(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "read noise", "needs white electrons above 0");
   require(f.gamma == 0.0 || (f.gamma >= 0.1 && f.gamma <= 10.0), "gamma",
           "must lie between 0.1 and 10, or be 0 for sRGB");
   double last_s = -std::numeric_limits<double>::infinity();

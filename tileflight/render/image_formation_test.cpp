@@ -270,7 +270,7 @@ TEST(ImageFormation, RefusesValuesOutOfRange) {
       },
       ThrowsMessage<InputError>(HasSubstr("exposure step: times must increase")));
   EXPECT_THAT([&] { validate_image_formation({.read_noise_electrons = 3.0}); },
-              ThrowsMessage<InputError>(HasSubstr("read noise: needs the electrons of white")));
+              ThrowsMessage<InputError>(HasSubstr("read noise: needs white electrons above 0")));
   EXPECT_THAT([&] { validate_image_formation({.gamma = -2.2}); },
               ThrowsMessage<InputError>(HasSubstr("gamma: must lie between 0.1 and 10")));
   EXPECT_THAT([&] { validate_image_formation({.haze_visibility_m = -1.0}); },

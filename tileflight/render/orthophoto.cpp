@@ -89,7 +89,8 @@ int dot_radius_px(const std::vector<Vec3>& points, const GroundGrid& grid) {
 }  // namespace
 
 Orthophoto render_orthophoto(const scene::Scene& scene, const GroundGrid& grid, const OrthophotoOptions& options) {
-  if (grid.width < 1 || grid.height < 1 || !(grid.pixel_m > 0)) throw InputError("top view", "it has no pixels");
+  if (grid.width < 1 || grid.height < 1 || !(grid.pixel_m > 0))
+    throw InputError("top view", "must have at least one pixel");
   Orthophoto out(grid.width, grid.height);
   const Rays rays(scene, grid, options);
   tbb::parallel_for(0, grid.height, [&](int y) {

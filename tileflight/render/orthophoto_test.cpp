@@ -139,7 +139,7 @@ TEST(Orthophoto, EvenPointsLeaveNoGaps) {
 TEST(Orthophoto, AGridWithoutPixelsIsRefused) {
   const auto paint = texture(1, 1, [](int, int) { return grey(90); });
   const Scene scene({ground(kMiddle, 10.0, paint)});
-  EXPECT_THAT(tests::refusal_of([&] { render_orthophoto(scene, {}); }), testing::HasSubstr("no pixels"));
+  EXPECT_THAT(tests::refusal_of([&] { render_orthophoto(scene, {}); }), testing::HasSubstr("at least one pixel"));
 }
 
 }  // namespace

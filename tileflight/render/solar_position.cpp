@@ -88,9 +88,9 @@ double refraction_deg(double elevation_deg, const Air& air) {
 
 void check(double utc_s, const geometry::Geodetic& place) {
   constexpr double k1900_s = -2208988800.0, k2100_s = 4102444800.0;
-  if (!(utc_s >= k1900_s && utc_s < k2100_s)) throw InputError("sun", "its place is known from 1900 to 2099");
+  if (!(utc_s >= k1900_s && utc_s < k2100_s)) throw InputError("sun", "its position is defined from 1900 to 2099 only");
   if (!(std::abs(place.latitude_deg) <= 90.0 && std::isfinite(place.longitude_deg) && std::isfinite(place.height.m)))
-    throw InputError("sun", "the place is not on the earth");
+    throw InputError("sun", "the place is not georeferenced");
 }
 
 }  // namespace

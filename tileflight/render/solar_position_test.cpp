@@ -115,13 +115,13 @@ TEST(SolarPosition, StandardAirHasItsPublishedPoints) {
 
 TEST(SolarPosition, RefusesWhatItDoesNotKnow) {
   EXPECT_THAT([&] { sun_position(-3e9, at(0, 0), {}); },
-              ThrowsMessage<InputError>(HasSubstr("its place is known from 1900 to 2099")));
+              ThrowsMessage<InputError>(HasSubstr("its position is defined from 1900 to 2099 only")));
   EXPECT_THAT([&] { sun_position(5e9, at(0, 0), {}); },
-              ThrowsMessage<InputError>(HasSubstr("its place is known from 1900 to 2099")));
+              ThrowsMessage<InputError>(HasSubstr("its position is defined from 1900 to 2099 only")));
   EXPECT_THAT([&] { sun_position(0.0, at(91.0, 0), {}); },
-              ThrowsMessage<InputError>(HasSubstr("the place is not on the earth")));
+              ThrowsMessage<InputError>(HasSubstr("the place is not georeferenced")));
   EXPECT_THAT([&] { sun_position(std::nan(""), at(0, 0), {}); },
-              ThrowsMessage<InputError>(HasSubstr("its place is known from 1900 to 2099")));
+              ThrowsMessage<InputError>(HasSubstr("its position is defined from 1900 to 2099 only")));
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ ViewOverlap::View ViewOverlap::view_of(const imaging::Camera& camera, int grid) 
 ViewOverlap::ViewOverlap(const scene::Scene& scene, const imaging::Camera& a, const imaging::Camera& b, int grid)
     : scene_(scene), a_(view_of(a, grid)), b_(view_of(b, grid)) {
   if (grid < 2)
-    throw InputError("view overlap", "a grid of " + std::to_string(grid) + " rays is too coarse; at least 2");
+    throw InputError("view overlap", "a grid of " + std::to_string(grid) + " rays is too coarse; use at least 2");
 }
 
 bool ViewOverlap::sees(const View& view, const SE3& T_local_camera, const Vec3& point) const {

@@ -49,7 +49,7 @@ std::size_t width_of(const std::string& text) {
 }  // namespace
 
 Table ablation_table(const json& results) {
-  return {"What each part of the camera does to the simulated flight's map and path", head(), rows_of(results)};
+  return {"Effect of each part of the camera model on the simulated flight's map and path", head(), rows_of(results)};
 }
 
 std::string ablation_text(const json& results) {

@@ -60,7 +60,7 @@ Html doubts_panel(const json& results) {
   }
   return element(
       "section", {{"class", "doubts"}, {"aria-labelledby", "doubts-title"}},
-      element("h2", {{"id", "doubts-title"}}, text("What may make these numbers wrong")) + element("ul", items));
+      element("h2", {{"id", "doubts-title"}}, text("Possible problems with these numbers")) + element("ul", items));
 }
 
 }  // namespace tileflight::report

@@ -44,7 +44,7 @@ TEST(DoubtsPanel, NoVerdictWhileOneForbidsIt) {
 TEST(DoubtsPanel, APossibleOneStandsBesideTheVerdict) {
   const std::string sentence = verdict(two_flights("equivalent", {doubt("blurred", "real/dataset", "possible")}));
   EXPECT_THAT(sentence, HasSubstr("Simulation predicted"));
-  EXPECT_THAT(sentence, HasSubstr("One possible doubt stands beside it."));
+  EXPECT_THAT(sentence, HasSubstr("There is one doubt about it."));
 }
 
 TEST(DoubtsPanel, ThePageListsThemEscaped) {

@@ -60,14 +60,14 @@ Figure histogram_figure(const RunFolder& run) {
     }
     const auto floor = number_at(flight.values, "/map/quantization_floor/mean");
     if (floor && chart.lines.size() == 1)
-      chart.marks.push_back({"Floor: a perfect map's mean, " + format_fixed(floor, 4) + " m", "floor", *floor});
+      chart.marks.push_back({"Floor: mean of a perfect map, " + format_fixed(floor, 4) + " m", "floor", *floor});
   }
   if (chart.lines.empty()) return {};
   chart.y.high = 1.08 * std::max(highest, 1e-9);
   return chart_figure(
       "error-histogram", chart,
-      "Distances from map points to the nearest voxel centre, those within the cut-off. Even a perfect map has "
-      "errors of this size, since surfaces do not pass through the centres of voxels.");
+      "Distances from map points to the nearest voxel centre, within the cut-off. The floor is the mean of a perfect "
+      "map: it is not zero because surfaces do not pass through the centres of voxels.");
 }
 
 Figure cumulative_figure(const RunFolder& run) {
@@ -91,8 +91,8 @@ Figure cumulative_figure(const RunFolder& run) {
   }
   if (chart.lines.empty()) return {};
   return chart_figure("error-cumulative", chart,
-                      "Share of the map points over the region that lie within a distance of the true surface. Nothing "
-                      "is cut off: points farther than the right edge keep the curve below 100 %.");
+                      "Share of the map points over the region that lie within a given distance of the true surface. "
+                      "All points count: those farther away than the right edge keep the curve below 100 %.");
 }
 
 }  // namespace tileflight::report

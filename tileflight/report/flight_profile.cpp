@@ -83,7 +83,7 @@ void draw_grid(Canvas& canvas, const Panel& panel, const std::string& label, boo
   for (const plate::Tick& tick : up)
     canvas.draw_line({{panel.frame.x, tick.at_px}, {panel.frame.right(), tick.at_px}}, {plate::kGridline, 1.0, {}});
   draw_axis(canvas, panel.frame, Side::kLeft, up, label);
-  draw_axis(canvas, panel.frame, Side::kBottom, across, with_label ? "way flown, m" : "");
+  draw_axis(canvas, panel.frame, Side::kBottom, across, with_label ? "distance flown, m" : "");
 }
 
 /// Draws times at the corresponding path lengths.

@@ -11,7 +11,7 @@ constexpr int kThumbnailPixels = 640;
 std::string seconds_text(double time_s) { return format_fixed(time_s, 2) + " s"; }
 
 Html frame_cell(const FlightRun& flight, const FrameFile& frame) {
-  const std::string alt = flight.label + " flight, picture at " + seconds_text(frame.time_s);
+  const std::string alt = flight.label + " flight, image at " + seconds_text(frame.time_s);
   const Html image = empty_element("img", {{"src", thumbnail_uri(frame.image, kThumbnailPixels)}, {"alt", alt}});
   return element("div", {{"class", "frame " + flight.key}},
                  image + element("p", text(flight.label + ", " + seconds_text(frame.time_s))));
@@ -35,19 +35,19 @@ Html pairs_of(const FlightRun& first, const FlightRun& second) {
 }  // namespace
 
 Figure frames_figure(const RunFolder& run) {
-  std::vector<const FlightRun*> filmed;
+  std::vector<const FlightRun*> flights;
   for (const FlightRun& flight : run.flights) {
-    if (!flight.frames.empty()) filmed.push_back(&flight);
+    if (!flight.frames.empty()) flights.push_back(&flight);
   }
-  if (filmed.empty()) return {};
-  if (filmed.size() == 2) {
-    return {"frames", "frames", pairs_of(*filmed[0], *filmed[1]),
-            "Pictures of both flights that show most nearly the same."};
+  if (flights.empty()) return {};
+  if (flights.size() == 2) {
+    return {"frames", "frames", pairs_of(*flights[0], *flights[1]),
+            "Images of both flights with the most similar views."};
   }
   Html cells;
-  for (const FrameFile& frame : pick_evenly(filmed[0]->frames, 2 * kPairs)) cells += frame_cell(*filmed[0], frame);
+  for (const FrameFile& frame : pick_evenly(flights[0]->frames, 2 * kPairs)) cells += frame_cell(*flights[0], frame);
   return {"frames", "frames", element("div", {{"class", "pair"}}, cells),
-          "Pictures of the " + filmed[0]->label + " flight."};
+          "Images of the " + flights[0]->label + " flight."};
 }
 
 }  // namespace tileflight::report

@@ -130,8 +130,7 @@ std::string unlisted_doubts(const json& results, const char* flight, const std::
 std::string remark_on_doubts(const json& results) {
   const std::size_t doubts = doubt_lines(results).size();
   if (doubts == 0) return "";
-  return doubts == 1 ? " One possible doubt stands beside it."
-                     : " " + std::to_string(doubts) + " possible doubts stand beside it.";
+  return doubts == 1 ? " There is one doubt about it." : " There are " + std::to_string(doubts) + " doubts about it.";
 }
 
 /// "mean 0.5569 m simulated, 0.5769 m surrogate, a difference of -0.0200 m (95 % interval -0.03 to -0.01 m)". If runs
@@ -170,7 +169,7 @@ std::string verdict_of_two(const json& results, const std::string& second) {
   std::string claim = "The maps of both flights are scored";
   if (word == "equivalent") claim = "Simulation predicted " + what;
   if (word == "different") claim = "Simulation did not predict " + what;
-  if (word == "undecided") claim = "It stays open whether simulation predicts " + what;
+  if (word == "undecided") claim = "Inconclusive: the data do not decide whether simulation predicts " + what;
   return claim + ": " + means_of(results, second) + "." + remark_on_doubts(results);
 }
 
@@ -201,18 +200,18 @@ std::string remark_on_floor(const nlohmann::json& results) {
   }
   if (!any) return "";
   return std::string(
-             "The floor is what points exactly on the true surface score, since surfaces do not pass through the "
-             "centres of voxels.") +
-         (below
-              ? " A mean below it is no better than that: the map has been drawn from the surface towards the centres."
-              : "");
+             "The floor is the mean error of points that lie exactly on the true surface: it is not zero because "
+             "surfaces do not pass through the centres of voxels.") +
+         (below ? " A mean below the floor is not more accurate: the alignment moved the map from the surface towards "
+                  "the voxel centres."
+                : "");
 }
 
 std::string verdict(const nlohmann::json& results) {
   const bool has_simulated = number_at(results, "/simulated/map/mean").has_value();
   const bool has_second = number_at(results, "/real/map/mean").has_value();
   const std::string second = has_second ? base::to_lower(flight_label("real", results["real"])) : "";
-  std::string sentence = "This run holds no scored map.";
+  std::string sentence = "This run has no scored map.";
   if (has_simulated && has_second) {
     sentence = verdict_of_two(results, second);
   } else if (has_simulated || has_second) {

@@ -29,7 +29,7 @@ std::string threshold_of(const std::string& key) { return key.substr(std::min(ke
 Wording wording_of(const std::string& part, const std::string& key) {
   const std::string at = threshold_of(key) + "\u00A0m";
   if (key == "lacking")
-    return {"Lacking of what the other map covers", "the share lacking of what the other map covers", true};
+    return {"Missing share of what the other map covers", "the missing share of what the other map covers", true};
   if (part == "completeness") return {"Completeness at " + at, "completeness at " + at, true};
   if (part == "path") return {"Path error (ATE), m", "the path error", false, 3};
   if (key == "median") return {"Median to the exact surface, m", "the median distance to the surface"};
@@ -102,14 +102,14 @@ std::string judged_and_unit(const MetricEntry& c) {
 std::string verdict_cell(const MetricEntry& c) {
   const std::string word = text_at(c.values, "/verdict").value_or(kUnknown);
   const bool decides = !c.values.contains("decides") || c.values["decides"] != false;
-  return decides ? word : word + " (does not decide)";
+  return decides ? word : word + " (not used for the verdict)";
 }
 
 /// "completeness at 0.2 m is 3.37 times the surrogate's (95 % interval 2.9 to 4.1; up to 1.02 counts as the same)".
 std::string phrase_of(const MetricEntry& c, const std::string& second) {
   const auto value = number_at(c.values, c.by_ratio() ? "/ratio" : "/difference");
   std::string words = c.wording.phrase + " is ";
-  if (!value) return words + "not known of both";
+  if (!value) return words + "not known for both";
   if (c.by_ratio()) {
     words += judged_text(c, "/ratio") + " times the " + second + "'s";
   } else {
@@ -118,8 +118,8 @@ std::string phrase_of(const MetricEntry& c, const std::string& second) {
   }
   const std::string interval = interval_text(c);
   const std::string same = c.by_ratio() ? margin_text(c).substr(std::string("\u00D7").size()) : margin_text(c);
-  return words + " (" + (interval == kUnknown ? "no interval" : "95\u00A0% interval " + interval) + "; up to " + same +
-         " counts as the same)";
+  return words + " (" + (interval == kUnknown ? "no interval" : "95\u00A0% interval " + interval) +
+         "; equivalence margin " + same + ")";
 }
 
 /// Phrases of the numbers that a verdict gives as its reasons.
@@ -155,8 +155,8 @@ Table map_comparison_table(const json& results) {
   const json comparison = results.is_object() ? results.value("comparison", json()) : json();
   const std::string second =
       results.is_object() && results.contains("real") ? flight_label("real", results["real"]) : "Second flight";
-  Table table{"What the verdict rests on: two values are equivalent, different, or it stays undecided",
-              {"", "Simulated", second, "Simulated against second", "95 % interval", "Same up to", "Verdict"},
+  Table table{"Basis of the verdict: two values are equivalent, different or undecided",
+              {"", "Simulated", second, "Simulated against second", "95 % interval", "Margin", "Verdict"},
               {}};
   for (const MetricEntry& c : compared_in(comparison)) {
     table.rows.push_back({c.wording.label, value_text(c, "simulated"), value_text(c, "real"), judged_and_unit(c),
@@ -172,10 +172,9 @@ Table missing_parts_table(const json& results) {
   const std::string second =
       results.contains("real") ? flight_label("real", results["real"]) : std::string("Second flight");
   Table table{
-      "Balls around the surface that both cameras saw, where one map has hardly a point and the other has many (the "
-      "surest first; "
-      "chance finds any in one of twenty pairs of maps)",
-      {"East, north, up, m", "Across, m", "Simulated points", second + " points", "Lacking in"},
+      "Spheres on the surface seen by both cameras where one map has many points and the other hardly any (most "
+      "significant first; by chance, one in twenty pairs of maps has any)",
+      {"East, north, up, m", "Diameter, m", "Simulated points", second + " points", "Missing in"},
       {}};
   for (const json& part : comparison.at(place)) {
     const auto at = [&](const char* axis) { return format_fixed(number_at(part, std::string("/center/") + axis), 0); };
@@ -218,7 +217,7 @@ std::string map_comparison_claim(const json& comparison, const std::string& seco
     return "Simulation predicted " + what + joined(phrases_of(comparison, "verdict_on", second));
   const std::string reasons = joined(phrases_of(comparison, "verdict_because", second));
   if (word == "different") return "Simulation did not predict " + what + reasons;
-  return "It stays open whether simulation predicts " + what + reasons;
+  return "Inconclusive: the data do not decide whether simulation predicts " + what + reasons;
 }
 
 }  // namespace tileflight::report

@@ -61,9 +61,9 @@ json results_with(const char* verdict, std::vector<std::string> because) {
 TEST(MapComparisonTables, TheVerdictSaysWhatDiffersAndThePublishedMeasureBeside) {
   const std::string sentence = verdict(results_with("different", {"completeness.lacking"}));
   EXPECT_THAT(sentence,
-              HasSubstr("Simulation did not predict the surrogate flight's map: the share lacking of what the "
-                        "other map covers is 40.6 percentage points below the surrogate's (95\u00A0% interval "
-                        "\u221256.0 to \u221225.0; up to 1 points counts as the same)"));
+              HasSubstr("Simulation did not predict the surrogate flight's map: the missing share of what the other "
+                        "map covers is 40.6 percentage points below the surrogate's (95\u00A0% interval "
+                        "\u221256.0 to \u221225.0; equivalence margin 1 points)"));
   EXPECT_THAT(sentence, HasSubstr("By the published measure, distance to voxel centres: mean 0.4499 m simulated, "
                                   "0.4755 m surrogate, a difference of \u22120.0256 m"));
   EXPECT_THAT(sentence, Not(HasSubstr("median distance")));
@@ -72,11 +72,13 @@ TEST(MapComparisonTables, TheVerdictSaysWhatDiffersAndThePublishedMeasureBeside)
 TEST(MapComparisonTables, UndecidedNamesWhatStaysOpen) {
   const std::string sentence =
       verdict(results_with("undecided", {"surface.median", "surface.within_0.1", "path.ate", "completeness.lacking"}));
-  EXPECT_THAT(sentence,
-              HasSubstr("It stays open whether simulation predicts the surrogate flight's map: the median "
-                        "distance to the surface is 0.699 times the surrogate's (95\u00A0% interval 0.47 to 1.05; "
-                        "up to 1.25 counts as the same); the share of points within 0.1\u00A0m is 8.3 percentage "
-                        "points above"));
+  EXPECT_THAT(
+      sentence,
+      HasSubstr(
+          "Inconclusive: the data do not decide whether simulation predicts the surrogate flight's map: the median "
+          "distance to the surface is 0.699 times the surrogate's (95\u00A0% interval 0.47 to 1.05; "
+          "equivalence margin 1.25); the share of points within 0.1\u00A0m is 8.3 percentage "
+          "points above"));
   EXPECT_THAT(sentence, HasSubstr("; and 1 more. By the published measure"));
 }
 
@@ -90,12 +92,12 @@ TEST(MapComparisonTables, ARowANumber) {
   const Table table = map_comparison_table(results_with("different", {"completeness.lacking"}));
   ASSERT_EQ(table.rows.size(), 6u);
   EXPECT_THAT(table.header, ElementsAre("", "Simulated", "Surrogate", "Simulated against second", "95 % interval",
-                                        "Same up to", "Verdict"));
+                                        "Margin", "Verdict"));
   EXPECT_THAT(table.rows[0], ElementsAre("Median to the exact surface, m", "0.0422", "0.0604", "\u00D70.699",
                                          "0.47 to 1.05", "\u00D71.25", "undecided"));
   EXPECT_THAT(table.rows[2], ElementsAre("Points within 0.1\u00A0m", "77.3\u00A0%", "69.0\u00A0%", "+8.3 points",
                                          "+1.0 to +15.0", "5 points", "undecided"));
-  EXPECT_EQ(table.rows[3].back(), "undecided (does not decide)");
+  EXPECT_EQ(table.rows[3].back(), "undecided (not used for the verdict)");
   EXPECT_EQ(table.rows[5][5], "\u00D71.25 or 0.1\u00A0m");
   EXPECT_EQ(table.rows[5][1], "0.020");
 }

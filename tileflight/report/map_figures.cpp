@@ -166,7 +166,7 @@ Figure error_maps_figure(const RunFolder& run) {
   }
   if (maps.empty()) return {};
   figure.content = element("div", {{"class", "columns"}}, maps) + on_page(colors);
-  figure.caption = "Map points from above, coloured by their error; the highest point lies on top.";
+  figure.caption = "Map points from above, coloured by their error; higher points are drawn over lower ones.";
   return figure;
 }
 

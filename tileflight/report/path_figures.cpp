@@ -118,16 +118,15 @@ Figure path_error_figure(const RunFolder& run) {
   }
   if (chart.lines.empty()) return {};
   fit_axes(chart);
-  return chart_figure(
-      "path-error", chart,
-      "How far the estimated path is from the true one, as the alignment of the maps has placed it. The "
-      "errors of the table are after an alignment of the paths themselves.");
+  return chart_figure("path-error", chart,
+                      "Distance between the estimated and the true path after the maps were aligned. The errors in the "
+                      "table are after aligning the paths themselves.");
 }
 
 Figure overlap_figure(const RunFolder& run) {
-  Chart chart{"Likeness of both flights' views", "", {"time, s", 0, 1e-3}, {"from 0 to 1", 0, 1}, {}, {}};
+  Chart chart{"Similarity of both flights' views", "", {"time, s", 0, 1e-3}, {"from 0 to 1", 0, 1}, {}, {}};
   const std::vector<std::pair<std::string, std::string>> kinds{{"Overlap of views", "overlap"},
-                                                               {"Correlation of pictures", "correlation"},
+                                                               {"Correlation of images", "correlation"},
                                                                {"Structural similarity", "structure"}};
   for (std::size_t kind = 0; kind < kinds.size(); ++kind) {
     ChartLine line{kinds[kind].first, kinds[kind].second, {}};
@@ -140,8 +139,9 @@ Figure overlap_figure(const RunFolder& run) {
   if (chart.lines.empty()) return {};
   fit_axes(chart);
   chart.y.high = 1.0;
-  return chart_figure("view-overlap", chart,
-                      "How much of the same surface both flights see at a time, and how alike the pictures are.");
+  return chart_figure(
+      "view-overlap", chart,
+      "How much of the same surface both flights see at the same time, and how similar their images are.");
 }
 
 }  // namespace tileflight::report

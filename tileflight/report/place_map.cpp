@@ -316,7 +316,7 @@ void draw_text(Canvas& canvas, const PlaceMap& map, const Layout& layout) {
     canvas.draw_text(kMargin_px, y, plate::truncate_to_width(canvas, map.notes[i], plate::body_lettering(), width),
                      plate::body_lettering());
   }
-  const std::string line = map.attribution.empty() ? "attribution: none given in the tiles" : map.attribution;
+  const std::string line = map.attribution.empty() ? "attribution: none in the tiles" : map.attribution;
   canvas.draw_text(kMargin_px, layout.height - kMargin_px + 6,
                    plate::truncate_to_width(canvas, line, plate::muted_lettering(12), width),
                    plate::muted_lettering(12));

@@ -66,19 +66,19 @@ Table place_table(const json& results) {
   if (!number_at(results, "/truth/voxels_occupied") && !number_at(results, "/truth/tiles_loaded")) return {};
   return {"The place as ground truth",
           {"", "Value"},
-          {{"Tiles wanted", whole("tiles_wanted")},
+          {{"Tiles needed", whole("tiles_wanted")},
            {"Tiles loaded", whole("tiles_loaded")},
            {"Tiles that failed", whole("tiles_failed")},
-           {"Complete at the error asked for", yes_or_no(results, "/truth/complete")},
+           {"Complete at the requested error", yes_or_no(results, "/truth/complete")},
            {"Largest geometric error loaded, m", metres("geometric_error_max")},
            {"Triangles", whole("triangles")},
-           {"Edge of a cell, m", metres("voxel_size")},
-           {"Occupied cells", whole("voxels_occupied")}}};
+           {"Voxel edge, m", metres("voxel_size")},
+           {"Occupied voxels", whole("voxels_occupied")}}};
 }
 
 Table coverage_table(const json& coverage) {
-  Table table{"What each way of loading tiles would have shown the camera: shares of pixels",
-              {"Tiles loaded by", "Tiles", "Right", "Coarser", "Missing", "Missing at worst", "Cells"},
+  Table table{"What the camera would have seen with each tile-loading strategy: shares of pixels",
+              {"Strategy", "Tiles", "Correct", "Coarser", "Missing", "Missing, worst frame", "Voxels"},
               {}};
   if (!coverage.is_object() || !coverage.contains("strategies") || !coverage["strategies"].is_object()) return table;
   for (const auto& [name, values] : coverage["strategies"].items()) {

@@ -16,9 +16,9 @@ TEST(PlaceTable, SaysWhatWasLoaded) {
   const Table table = place_table({{"truth", truth}});
   ASSERT_THAT(table.rows, SizeIs(8));
   EXPECT_THAT(table.rows[1], ElementsAre("Tiles loaded", "39"));
-  EXPECT_THAT(table.rows[3], ElementsAre("Complete at the error asked for", "no"));
+  EXPECT_THAT(table.rows[3], ElementsAre("Complete at the requested error", "no"));
   EXPECT_THAT(table.rows[5], ElementsAre("Triangles", "\u2013"));
-  EXPECT_THAT(table.rows[7], ElementsAre("Occupied cells", "118,308"));
+  EXPECT_THAT(table.rows[7], ElementsAre("Occupied voxels", "118,308"));
   EXPECT_THAT(place_table({{"truth", "elsewhere"}}).rows, SizeIs(0));
 }
 

@@ -33,8 +33,7 @@ Html files_list(const ReportContents& contents) {
   }
   Html items;
   for (const std::string& name : names) items += element("li", element("a", {{"href", name}}, text(name)));
-  return element("p", text("In the same folder, as long as this page lies there:")) +
-         element("ul", {{"class", "files"}}, items);
+  return element("p", text("Files in this page's folder:")) + element("ul", {{"class", "files"}}, items);
 }
 
 /// Sections in reading order; empty ones are left out.
@@ -48,15 +47,15 @@ std::vector<Section> sections_of(const RunFolder& run, const ReportContents& c, 
            table("quality") + table("budget")},
       {"comparison", "Simulated against second flight",
        table("verdict") + table("missing-parts") + table("comparison") + table("runs") + table("failure")},
-      {"frames", "Pictures of the flights", figure("frames")},
-      {"error-maps", "Where the error is", figure("error-maps") + table("parts") + table("regions")},
+      {"frames", "Images of the flights", figure("frames")},
+      {"error-maps", "Error by location", figure("error-maps") + table("parts") + table("regions")},
       {"paths", "Paths",
        columns(figure("paths") + figure("path-error")) + table("trajectory") + table("reproduction") +
            columns(figure("view-overlap"))},
       {"tracking", "Odometry and alignment", table("tracking")},
       {"ablation", "Variants of the simulated flight", table("ablation")},
       {"place", "Coverage of the place", table("place") + table("coverage")},
-      {"provenance", "Where the numbers come from",
+      {"provenance", "Provenance of the numbers",
        element("div", {{"class", "provenance"}}, provenance_tables(run.results))},
       {"files", "Files", files_list(c)}};
   std::erase_if(sections, [](const Section& section) { return section.content.empty(); });
@@ -74,13 +73,13 @@ Html notice(const std::vector<std::string>& missing) {
   if (missing.empty()) return {};
   Html items;
   for (const std::string& line : missing) items += element("li", text(line));
-  return element("div", {{"class", "notice"}}, text("Not shown, for want of data:") + element("ul", items));
+  return element("div", {{"class", "notice"}}, text("Not shown because data are missing:") + element("ul", items));
 }
 
 std::string second_flight_note(const nlohmann::json& results) {
   const std::string kind = text_at(results, "/real/kind").value_or("");
   if (kind != "surrogate") return "";
-  return " The second flight is a surrogate: no video of a real flight, but rendered, with a camera made worse on "
+  return " The second flight is a surrogate: not the video of a real flight but rendered, with a camera degraded on "
          "purpose.";
 }
 

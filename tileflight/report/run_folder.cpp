@@ -129,7 +129,7 @@ FlightRun read_flight(const fs::path& folder, const std::string& key, const json
   flight.label = flight_label(key, flight.values);
   const fs::path dataset = folder / key / "dataset";
   flight.frames = read_frames(dataset);
-  if (flight.frames.empty()) missing.push_back(key + "/dataset holds no pictures");
+  if (flight.frames.empty()) missing.push_back(key + "/dataset contains no images");
   if (fs::exists(dataset / "groundtruth.txt")) flight.truth = geometry::read_tum(dataset / "groundtruth.txt");
   const std::optional<geometry::LocalFrame> frame = local_frame(results);
   if (frame && fs::exists(dataset / "gps.csv")) flight.telemetry = read_telemetry(dataset / "gps.csv", *frame);

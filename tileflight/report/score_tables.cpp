@@ -93,9 +93,8 @@ std::string spread_text(const json& spread) {
 }  // namespace
 
 Table regions_table(const std::vector<FlightRun>& flights) {
-  Table table{"Regions that the alignment was made on, and those held back from it: points and their distance, m",
-              {"Region"},
-              {}};
+  Table table{
+      "Regions used for the alignment and regions held out from it: points and their distance, m", {"Region"}, {}};
   const json* const each = longest_list(flights, "/regions/each");
   if (!each) return table;
   for (const FlightRun& flight : flights) {
@@ -146,7 +145,7 @@ Table budget_table(const std::vector<FlightRun>& flights) {
 }
 
 Table runs_table(const std::vector<FlightRun>& flights) {
-  Table table{"Repeated runs, and their spread: mean \u00b1 standard deviation (95 % interval of the mean)",
+  Table table{"Repeated runs and their spread: mean \u00b1 standard deviation (95 % interval of the mean)",
               {"Run", "Points", "Mean to voxels, m", "Median to surface, m", "Path error, m"},
               {}};
   for (const FlightRun& flight : flights) {
@@ -164,8 +163,8 @@ Table runs_table(const std::vector<FlightRun>& flights) {
 }
 
 Table failure_table(const json& results) {
-  Table table{"What the simulated flight said of the other one's failures",
-              {"", "Asked", "Both", "Simulated only", "Other only", "Neither", "\u03c6", "Foretold", "False alarms"},
+  Table table{"How well the simulated flight predicted the other flight's failures",
+              {"", "Cases", "Both", "Simulated only", "Other only", "Neither", "\u03c6", "Predicted", "False alarms"},
               {}};
   const auto add = [&](const char* label, const std::string& pointer) {
     const json t = at(results, pointer);
@@ -178,7 +177,7 @@ Table failure_table(const json& results) {
       cells.push_back(format_percent(number_at(t, std::string("/") + key)));
     table.rows.push_back(std::move(cells));
   };
-  add("Pictures lost", "/failure/frames");
+  add("Frames lost", "/failure/frames");
   add("Places missed", "/failure/places/missed");
   return table;
 }

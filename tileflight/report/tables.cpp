@@ -147,7 +147,7 @@ Html terms_line(const json& results) {
 Html command_block(const json& provenance) {
   const auto command = text_at(provenance, "/command");
   if (!command) return {};
-  return element("h3", text("To make it again")) + element("pre", element("code", text(*command)));
+  return element("h3", text("Command to reproduce this run")) + element("pre", element("code", text(*command)));
 }
 
 json member(const json& object, const char* key) {
@@ -253,15 +253,15 @@ Table surface_table(const std::vector<FlightRun>& flights) {
 }
 
 Table tracking_table(const std::vector<FlightRun>& flights) {
-  return {"How each map was tracked and aligned",
+  return {"Tracking and alignment of each map",
           head_of("", flights),
-          {row("Frames given", flights, integer_cell("/odometry/frames")),
+          {row("Frames", flights, integer_cell("/odometry/frames")),
            row("Frames tracked", flights, integer_cell("/odometry/frames_tracked")),
            row("Lost before the end", flights, yes_no_cell("/odometry/lost")),
            row("Why", flights, text_cell("/odometry/lost_reason")),
            row("Keyframes", flights, integer_cell("/odometry/keyframes")),
            row("Odometry, frames/s", flights, shortest_cell("/odometry/frames_per_second")),
-           row("Alignment started from", flights, text_cell("/alignment/start")),
+           row("Alignment start", flights, text_cell("/alignment/start")),
            row("Alignment method", flights, text_cell("/alignment/method")),
            row("Alignment converged", flights, yes_no_cell("/alignment/converged")),
            row("Iterations", flights, integer_cell("/alignment/iterations")),
@@ -299,7 +299,7 @@ Table comparison_table(const nlohmann::json& results) {
   const auto low = number_at(c, "/mean_difference_ci95/0"), high = number_at(c, "/mean_difference_ci95/1");
   const std::string by = text_at(c, "/unit").value_or("") == "runs" ? "between runs, Welch's t" : "block bootstrap";
   const std::string interval = low && high ? format_signed(low, 4) + " to " + format_signed(high, 4) : kUnknown;
-  return {"By the published measure, distance to voxel centres: simulated minus second",
+  return {"Published measure (distance to voxel centres): simulated minus second",
           {"", "Value"},
           {{"Difference of mean errors, m", format_signed(number_at(c, "/mean_difference"), 4)},
            {"95 % interval (" + by + "), m", interval},
@@ -321,14 +321,15 @@ Table reproduction_table(const nlohmann::json& results) {
       cells.push_back(format_fixed(number_at(r, "/" + key + "/" + share), digits));
     return cells;
   };
-  const std::string poses =
-      text_at(r, "/poses").value_or("") == "true" ? "true poses" : "estimated poses, which are those flown";
+  const std::string poses = text_at(r, "/poses").value_or("") == "true"
+                                ? "true poses"
+                                : "estimated poses, which the simulated flight followed";
   Table table{"The simulated flight follows the other one: " + format_fixed(number_at(r, "/pairs"), 0) +
-                  " pairs of pictures, " + poses,
+                  " pairs of images, " + poses,
               {"", "10 %", "Median", "90 %"},
-              {spread("Overlap of views", "overlap", 3), spread("Correlation of pictures", "ncc", 3),
-               spread("Structural similarity", "ssim", 3), spread("Between the cameras, m", "position_m", 3),
-               spread("Between their axes, \u00b0", "rotation_deg", 3)}};
+              {spread("Overlap of views", "overlap", 3), spread("Correlation of images", "ncc", 3),
+               spread("Structural similarity", "ssim", 3), spread("Distance between the cameras, m", "position_m", 3),
+               spread("Angle between their axes, \u00b0", "rotation_deg", 3)}};
   table.rows.push_back({"Best time offset, s", "", format_signed(number_at(r, "/time_offset_s"), 3), ""});
   return table;
 }

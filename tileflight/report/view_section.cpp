@@ -7,8 +7,8 @@ namespace tileflight::report {
 namespace {
 
 constexpr const char* kWithoutScript =
-    "The interactive view needs a browser that runs the page's script and has WebGL 2. The pictures on this page show "
-    "the same place, maps and paths.";
+    "The interactive view needs a browser with JavaScript and WebGL 2. The figures on this page show the same place, "
+    "maps and paths.";
 
 /// Content of the script element: a CDATA section for XML, whose markers are comments in the script.
 std::string script_text() { return "//<![CDATA[\n" + std::string(page_script()) + "\n//]]>"; }

@@ -4,7 +4,7 @@ namespace tileflight::rpc {
 namespace {
 
 [[noreturn]] void throw_type_error(const char* due, const msgpack::object& value) {
-  throw DecodeError(std::string(due) + " is due, got " + describe_type(value));
+  throw DecodeError("expected " + std::string(due) + ", got " + describe_type(value));
 }
 
 bool is_text(const msgpack::object& value) {
@@ -26,12 +26,12 @@ const char* describe_type(const msgpack::object& value) {
       return "a boolean";
     case msgpack::type::POSITIVE_INTEGER:
     case msgpack::type::NEGATIVE_INTEGER:
-      return "a whole number";
+      return "an integer";
     case msgpack::type::FLOAT32:
     case msgpack::type::FLOAT64:
       return "a float";
     case msgpack::type::STR:
-      return "a text";
+      return "a string";
     case msgpack::type::BIN:
       return "bytes";
     case msgpack::type::ARRAY:
@@ -77,7 +77,7 @@ void decode(const msgpack::object& value, float& result) {
 }
 
 void decode(const msgpack::object& value, std::string& result) {
-  if (!is_text(value)) throw_type_error("a text", value);
+  if (!is_text(value)) throw_type_error("a string", value);
   result = to_bytes(value);
 }
 
@@ -89,7 +89,7 @@ void decode(const msgpack::object& value, std::vector<std::uint8_t>& result) {
 
 std::uint64_t decode_integer(const msgpack::object& value, bool& negative) {
   negative = value.type == msgpack::type::NEGATIVE_INTEGER;
-  if (!negative && value.type != msgpack::type::POSITIVE_INTEGER) throw_type_error("a whole number", value);
+  if (!negative && value.type != msgpack::type::POSITIVE_INTEGER) throw_type_error("an integer", value);
   return negative ? static_cast<std::uint64_t>(value.via.i64) : value.via.u64;
 }
 

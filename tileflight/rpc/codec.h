@@ -134,8 +134,8 @@ requires(std::is_integral_v<T> && !std::is_same_v<T, bool>) void decode(const ms
                                                           static_cast<std::int64_t>(std::numeric_limits<T>::min())
                              : bits <= static_cast<std::uint64_t>(std::numeric_limits<T>::max());
   if (!fits)
-    throw DecodeError("a whole number from " + std::to_string(std::numeric_limits<T>::min()) + " to " +
-                      std::to_string(std::numeric_limits<T>::max()) + " is due");
+    throw DecodeError("expected an integer from " + std::to_string(std::numeric_limits<T>::min()) + " to " +
+                      std::to_string(std::numeric_limits<T>::max()));
   result = static_cast<T>(bits);
 }
 
@@ -159,7 +159,7 @@ void decode_element(const msgpack::object_array& values, std::uint32_t i, T& res
 template <class T, std::size_t N>
 void decode(const msgpack::object& value, std::array<T, N>& result) {
   if (value.type != msgpack::type::ARRAY || value.via.array.size != N) {
-    throw DecodeError("an array of " + std::to_string(N) + " values is due, got " + describe_type(value));
+    throw DecodeError("expected an array of " + std::to_string(N) + " values, got " + describe_type(value));
   }
   for (std::uint32_t i = 0; i < N; ++i) decode_element(value.via.array, i, result[i]);
 }
@@ -168,7 +168,7 @@ template <class T>
 void decode(const msgpack::object& value, std::vector<T>& result) {
   static_assert(!std::is_same_v<T, bool>);
   if (value.type != msgpack::type::ARRAY)
-    throw DecodeError(std::string("an array is due, got ") + describe_type(value));
+    throw DecodeError(std::string("expected an array, got ") + describe_type(value));
   result.clear();
   for (std::uint32_t i = 0; i < value.via.array.size; ++i) decode_element(value.via.array, i, result.emplace_back());
 }
@@ -179,7 +179,7 @@ const msgpack::object* find_key(const msgpack::object_map& map, std::string_view
 /// Fields missing from the map keep the structure's default; unknown names are ignored.
 template <Structure T>
 void decode(const msgpack::object& value, T& result) {
-  if (value.type != msgpack::type::MAP) throw DecodeError(std::string("a map is due, got ") + describe_type(value));
+  if (value.type != msgpack::type::MAP) throw DecodeError(std::string("expected a map, got ") + describe_type(value));
   const auto read = [&](const auto& field) {
     const msgpack::object* found = find_key(value.via.map, field.name);
     if (found == nullptr) return;

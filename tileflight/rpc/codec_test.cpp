@@ -148,19 +148,19 @@ TEST(Codec, WholeNumbersMustFit) {
       [&] {
         decoded<int>(bytes({0xce, 0x80, 0, 0, 0}));
       },
-      ThrowsMessage<DecodeError>(HasSubstr("a whole number from -2147483648 to 2147483647 is due")));
+      ThrowsMessage<DecodeError>(HasSubstr("expected an integer from -2147483648 to 2147483647")));
   EXPECT_THAT([&] { decoded<std::uint16_t>(bytes({0xff})); },
-              ThrowsMessage<DecodeError>(HasSubstr("a whole number from 0 to 65535 is due")));
+              ThrowsMessage<DecodeError>(HasSubstr("expected an integer from 0 to 65535")));
   EXPECT_THAT(
       [&] {
         decoded<int>(bytes({0xd3, 0x80, 0, 0, 0, 0, 0, 0, 0}));
       },
-      ThrowsMessage<DecodeError>(HasSubstr("a whole number from -2147483648 to 2147483647 is due")));
+      ThrowsMessage<DecodeError>(HasSubstr("expected an integer from -2147483648 to 2147483647")));
   EXPECT_THAT(
       [] {
         decoded<int>(bytes({0xca, 0x3f, 0x80, 0, 0}));
       },
-      ThrowsMessage<DecodeError>("a whole number is due, got a float"));
+      ThrowsMessage<DecodeError>("expected an integer, got a float"));
 }
 
 TEST(Codec, FloatsBeyondTheirRangeAreInfinite) {
@@ -173,9 +173,9 @@ TEST(Codec, FloatsBeyondTheirRangeAreInfinite) {
 TEST(Codec, FaultsSayWhere) {
   const auto vectors = bytes({0x92, 0x80, 0x81, 0xa5}) + "x_val" + bytes({0xa1, 'a'});
   EXPECT_THAT([&] { decoded<std::vector<Inner>>(vectors); },
-              ThrowsMessage<DecodeError>("element 1: x_val: a number is due, got a text"));
+              ThrowsMessage<DecodeError>("element 1: x_val: expected a number, got a string"));
   EXPECT_THAT([&] { decoded<Inner>(bytes({0x90})); },
-              ThrowsMessage<DecodeError>(HasSubstr("a map is due, got an array")));
+              ThrowsMessage<DecodeError>(HasSubstr("expected a map, got an array")));
   using Pair = std::array<float, 2>;
   EXPECT_THAT([&] { decoded<Pair>(bytes({0x93, 1, 2, 3})); }, ThrowsMessage<DecodeError>(HasSubstr("2 values")));
 }

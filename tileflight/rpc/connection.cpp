@@ -68,12 +68,12 @@ void Connection::close(const std::string& reason) {
 void Connection::check_timeouts(double now_s) {
   const ServerLimits& limits = service_.options.limits;
   if (!authenticated_ && now_s - begun_s_ > limits.authentication_timeout_s)
-    return close("no token in " + seconds_text(limits.authentication_timeout_s));
+    return close("no token after " + seconds_text(limits.authentication_timeout_s));
   if (message_begun_s_ && now_s - *message_begun_s_ > limits.message_timeout_s) {
-    return close("half a message in " + seconds_text(limits.message_timeout_s));
+    return close("incomplete message after " + seconds_text(limits.message_timeout_s));
   }
   if (last_write_s_ && now_s - *last_write_s_ > limits.write_timeout_s) {
-    close("an answer not read in " + seconds_text(limits.write_timeout_s));
+    close("answer not read after " + seconds_text(limits.write_timeout_s));
   }
 }
 
@@ -159,7 +159,7 @@ bool Connection::authenticate(const std::string& message) {
   const Request request(message);
   const std::string& method = service_.options.token_method;
   if (request.method() != method) {
-    const std::string error = "tileflight: this server asks for a token: call " + method + " first";
+    const std::string error = "tileflight: this server requires a token: call " + method + " first";
     if (request.expects_response()) queue_response(encode_error(request.id(), error));
     return false;
   }
@@ -170,7 +170,7 @@ bool Connection::authenticate(const std::string& message) {
     token.clear();  // a value that is not a string is not the token
   }
   if (!equal_in_constant_time(token, service_.options.token)) {
-    close("a wrong token");
+    close("wrong token");
     return false;
   }
   Encoder out;
@@ -232,7 +232,7 @@ void Connection::finish_call(std::size_t message_bytes, std::string answer) {
 
 void Connection::queue_response(std::string bytes) {
   if (queued_bytes_ > service_.options.limits.max_queued_bytes) {
-    return close(std::to_string(queued_bytes_) + " bytes of answers are not read");
+    return close(std::to_string(queued_bytes_) + " bytes of answers were not read");
   }
   queued_bytes_ += bytes.size();
   const std::size_t size = bytes.size();

@@ -62,7 +62,7 @@ std::string sanitize_utf8(std::string_view text) {
 
 std::uint32_t Encoder::count(std::size_t values) {
   if (values > std::numeric_limits<std::uint32_t>::max()) {
-    throw std::length_error("an answer of more than 4 G values; ask for less at once");
+    throw std::length_error("the answer has more than 4 G values; request less at once");
   }
   return static_cast<std::uint32_t>(values);
 }

@@ -76,7 +76,7 @@ Header fixed_header(std::uint8_t first) {
     case 0xd8:
       return {1, 1 + (std::uint64_t{1} << (first - 0xd4U))};
     default:
-      throw ProtocolError("byte 0xc1, which no MessagePack value begins with");
+      throw ProtocolError("byte 0xc1, which cannot start a MessagePack value");
   }
 }
 

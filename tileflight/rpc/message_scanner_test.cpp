@@ -139,7 +139,7 @@ TEST(MessageScanner, RefusesWhatIsNoMessageAtItsFirstByte) {
   };
   for (const int first : {0x00, 0xc0, 0x47, 0xdb, 0x93 + 2, 0x90, 0xe0})
     expect_refused(first, "a message is an array of 4 values");
-  expect_refused(0xc1, "byte 0xc1, which no MessagePack value begins with");
+  expect_refused(0xc1, "byte 0xc1, which cannot start a MessagePack value");
 }
 
 }  // namespace

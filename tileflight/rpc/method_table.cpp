@@ -91,7 +91,7 @@ Response MethodTable::call(const Request& request) const {
     answer.bytes = out.take();
     return answer;
   } catch (const std::bad_alloc&) {
-    return fail(exception_message(request, "out of memory; ask for less at once"));
+    return fail(exception_message(request, "out of memory; request less at once"));
   } catch (const std::exception& fault) {
     return fail(exception_message(request, fault.what()));
   }

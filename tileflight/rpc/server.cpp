@@ -21,7 +21,8 @@ asio::ip::address parse_address(const std::string& text) {
   asio::error_code fault;
   const asio::ip::address address = asio::ip::make_address(text, fault);
   if (fault)
-    throw InputError("address " + text, "is no IPv4 or IPv6 address of this machine (127.0.0.1, 0.0.0.0, ::1)");
+    throw InputError("address " + text,
+                     "is not an IPv4 or IPv6 address of this machine (such as 127.0.0.1, 0.0.0.0, ::1)");
   return address;
 }
 
@@ -36,7 +37,7 @@ tcp::acceptor open_acceptor(asio::io_context& network, const ServerOptions& opti
     return acceptor;
   } catch (const asio::system_error& fault) {
     throw InputError("port " + std::to_string(options.port) + " of " + options.address,
-                     "cannot be listened at (" + fault.code().message() + "); choose another one (0: any free one)");
+                     "cannot listen on it (" + fault.code().message() + "); choose another port (0: any free one)");
   }
 }
 
@@ -121,7 +122,7 @@ void Server::Impl::evict_finished_client() {
   const auto ended = std::ranges::find_if(connections, [](const auto& one) { return one->has_finished_sending(); });
   if (ended == connections.end()) return;
   const std::shared_ptr<Connection> one = *ended;
-  one->close("it sends no more, and another client wants its place");
+  one->close("idle, and another client needs its connection");
 }
 
 void Server::Impl::tick() {
@@ -141,7 +142,7 @@ void Server::Impl::close_largest_holder() {
     const auto greediest = *std::ranges::max_element(
         connections, {}, [](const std::shared_ptr<Connection>& connection) { return connection->held_bytes(); });
     greediest->close("it holds " + std::to_string(greediest->held_bytes()) + " of the " +
-                     std::to_string(counters.held_bytes) + " bytes that wait");
+                     std::to_string(counters.held_bytes) + " bytes waiting to be sent");
   }
 }
 

@@ -9,10 +9,10 @@
 //                   barycentric weights of the hit. Computing a x b as (a - b) x (a + b) / 2 keeps the precision of
 //                   small distant triangles, and the neighbour across an edge computes exactly the opposite number:
 //                   no ray slips between two triangles.
-//   nearness        inverse depth 1 / z of the hit, which is r . n / (n . a) with the normal n = (b - a) x (c - a).
+//   inverse depth   1 / z of the hit, which is r . n / (n . a) with the normal n = (b - a) x (c - a).
 //
-// The nearest triangle has the largest nearness; ties are resolved by mesh and triangle number. So hits do not depend
-// on the order of traversal.
+// The nearest triangle has the largest inverse depth; ties are resolved by mesh and triangle number. So hits do not
+// depend on the order of traversal.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -28,7 +28,7 @@ namespace {
 
 constexpr int kPackets = 8;
 constexpr float kMaxSlope = 1.7F;             // maximum |x| and |y| of a ray
-constexpr float kNoHitInverseDepth = 1e-30F;  // inverse depth (nearness) if nothing was hit
+constexpr float kNoHitInverseDepth = 1e-30F;  // inverse depth if nothing was hit
 constexpr float kFar = 1e30F;                 // beyond all coordinates; finite, so that its product with 0 is 0
 
 /// At most seven children are deferred per level; Embree's builder makes at most 32 levels.
@@ -199,7 +199,7 @@ TILEFLIGHT_LANE_INLINE bool transform_rays(std::span<const RayPacket8> packets, 
   return beam.min_x > -kMaxSlope && beam.max_x < kMaxSlope && beam.min_y > -kMaxSlope && beam.max_y < kMaxSlope;
 }
 
-/// Resets the hits; disabled lanes get a nearness above any hit.
+/// Resets the hits; disabled lanes get an inverse depth above any hit.
 TILEFLIGHT_LANE_INLINE void clear_hits(std::span<const RayPacket8> packets, Beam& beam) {
   for (std::size_t p = 0; p < packets.size(); ++p) {
     const Float8 off = Float8{} + std::numeric_limits<float>::max();
@@ -306,28 +306,28 @@ TILEFLIGHT_LANE_INLINE void evaluate_plane(const Float8 (&coefficients)[3], int 
 }
 
 /// Lanes where the triangle is nearer than the hit so far, or equally near and first by its numbers.
-TILEFLIGHT_LANE_INLINE void break_ties(const Beam& beam, int p, const Float8& nearness, const Int8& mesh,
+TILEFLIGHT_LANE_INLINE void break_ties(const Beam& beam, int p, const Float8& inverse_depth, const Int8& mesh,
                                        const Int8& triangle, Int8& hit) {
   const Int8 before = (mesh < beam.mesh[p]) | ((mesh == beam.mesh[p]) & (triangle < beam.triangle[p]));
-  hit &= (nearness > beam.inverse_depth[p]) | before;
+  hit &= (inverse_depth > beam.inverse_depth[p]) | before;
 }
 
 /// Tests one triangle against one packet.
 TILEFLIGHT_LANE_INLINE void test_triangle(Beam& beam, const BeamLeaf& leaf, const TriangleSetup8& facets, int place,
                                           int p) {
   const Float8 x = beam.ray_x[p], y = beam.ray_y[p];
-  Float8 a, b, c, nearness;
+  Float8 a, b, c, inverse_depth;
   evaluate_plane(facets.edge_bc, place, x, y, a);
   evaluate_plane(facets.edge_ca, place, x, y, b);
   evaluate_plane(facets.edge_ab, place, x, y, c);
-  evaluate_plane(facets.inverse_depth, place, x, y, nearness);
-  const Int8 outside = (Int8)a | (Int8)b | (Int8)c | (Int8)(nearness - beam.inverse_depth[p]);
+  evaluate_plane(facets.inverse_depth, place, x, y, inverse_depth);
+  const Int8 outside = (Int8)a | (Int8)b | (Int8)c | (Int8)(inverse_depth - beam.inverse_depth[p]);
   if (sign_mask(outside) == 0xFFU) return;
   Int8 hit = ~outside >> 31;
   const Int8 mesh = Int8{} + static_cast<std::int32_t>(leaf.mesh[place]);
   const Int8 triangle = Int8{} + static_cast<std::int32_t>(leaf.triangle[place]);
-  break_ties(beam, p, nearness, mesh, triangle, hit);
-  beam.inverse_depth[p] = hit ? nearness : beam.inverse_depth[p];
+  break_ties(beam, p, inverse_depth, mesh, triangle, hit);
+  beam.inverse_depth[p] = hit ? inverse_depth : beam.inverse_depth[p];
   beam.weight_a[p] = hit ? a : beam.weight_a[p];
   beam.weight_b[p] = hit ? b : beam.weight_b[p];
   beam.weight_c[p] = hit ? c : beam.weight_c[p];

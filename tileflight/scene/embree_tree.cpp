@@ -14,7 +14,7 @@ namespace {
 void fill_vertices(RTCGeometry geometry, const geometry::TriangleMesh& mesh, const geometry::Vec3& anchor) {
   auto* out = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                                           3 * sizeof(float), mesh.vertices.size()));
-  if (out == nullptr) throw std::runtime_error("Embree: no memory for vertices");
+  if (out == nullptr) throw std::runtime_error("Embree: out of memory for vertices");
   for (const geometry::Vec3& vertex : mesh.vertices) {
     const geometry::Vec3 relative = vertex - anchor;
     for (int axis = 0; axis < 3; ++axis) *out++ = static_cast<float>(relative[axis]);

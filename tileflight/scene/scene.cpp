@@ -43,11 +43,11 @@ void check_attributes(const imaging::TexturedMesh& mesh, const std::string& wher
   const std::size_t vertices = mesh.mesh.vertices.size();
   if (!mesh.uv.empty() && mesh.uv.size() != vertices) {
     throw InputError(where, std::to_string(mesh.uv.size()) + " texture coordinates for " + std::to_string(vertices) +
-                                " vertices; give one a vertex");
+                                " vertices; give one per vertex");
   }
   if (!mesh.colors.empty() && mesh.colors.size() != vertices) {
     throw InputError(where, std::to_string(mesh.colors.size()) + " colours for " + std::to_string(vertices) +
-                                " vertices; give one a vertex");
+                                " vertices; give one per vertex");
   }
   const auto finite = [](const Eigen::Vector2f& uv) { return uv.allFinite(); };
   if (!std::ranges::all_of(mesh.uv, finite))
@@ -66,7 +66,7 @@ void check_mesh(const imaging::TexturedMesh& mesh, std::size_t index) {
     return t[0] < vertices && t[1] < vertices && t[2] < vertices;
   };
   if (!std::ranges::all_of(mesh.mesh.triangles, inside)) {
-    throw InputError(where, "a triangle names a vertex that is not there; repair the mesh");
+    throw InputError(where, "a triangle refers to a vertex that does not exist; repair the mesh");
   }
   check_attributes(mesh, where);
 }
@@ -179,7 +179,7 @@ Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geom
     check_mesh(meshes[i], i);
     impl_->triangle_count += meshes[i].mesh.triangles.size();
   }
-  if (impl_->triangle_count == 0) throw InputError("scene", "there is no triangle in it; is the region empty?");
+  if (impl_->triangle_count == 0) throw InputError("scene", "contains no triangle; is the region empty?");
   impl_->meshes = std::move(meshes);
   impl_->bounds = bounds_of(impl_->meshes);
   impl_->anchor = anchor.value_or(impl_->bounds.center());

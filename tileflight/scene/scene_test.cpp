@@ -339,7 +339,7 @@ TEST(Scene, RefusesWhatItCannotShow) {
   expect_refused(mesh, "tile 7: a vertex is not finite");
   mesh = one_triangle();
   mesh.mesh.triangles[0][2] = 3;
-  expect_refused(mesh, "a vertex that is not there");
+  expect_refused(mesh, "a vertex that does not exist");
   mesh = one_triangle();
   mesh.uv.resize(2, Eigen::Vector2f::Zero());
   expect_refused(mesh, "2 texture coordinates for 3 vertices");

@@ -124,16 +124,16 @@ std::vector<geometry::Box3> boxes_of(const std::vector<alignment::FoundRegion>& 
 alignment::RegionList refine_on_found_regions(const geometry::PointCloud& cloud, const MapInputs& map,
                                               const AlignTarget& target, alignment::AlignMapOptions& options,
                                               alignment::MapAlignment& aligned) {
-  if (!target.index) throw InputError("regions", "can only be found on a ground truth with a mesh");
+  if (!target.index) throw InputError("regions", "can only be found in a ground truth with a mesh");
   const geometry::PointCloud placed = geometry::transformed(aligned.result.T_target_source, cloud);
   const std::vector<geometry::PointCloud> others = other_maps(map, target, options);
   std::vector<const geometry::PointCloud*> maps = {&placed};
   for (const geometry::PointCloud& other : others) maps.push_back(&other);
   const alignment::FoundRegions found = alignment::find_regions(target.mesh, maps);
   if (found.aligned_on.empty()) {
-    aligned.result.note += std::string(aligned.result.note.empty() ? "" : "; ") +
-                           "no regions to align on were found (corners of planes with points of every map); the whole "
-                           "map was aligned";
+    aligned.result.note +=
+        std::string(aligned.result.note.empty() ? "" : "; ") +
+        "found no regions to align on (corners of planes with points of every map); the whole map was aligned";
     return {};
   }
   alignment::RegionList list{boxes_of(found.aligned_on), boxes_of(found.held_out), true};

@@ -97,7 +97,7 @@ std::vector<std::vector<fs::path>> maps_named(const std::vector<fs::path>& argum
       if (fs::exists(argument / flight / "metrics.json")) maps.push_back(list_metrics_files(argument / flight));
     }
     if (maps.size() == before)
-      throw InputError(argument.string(), "holds no scored map; name a metrics.json or a folder that `run` wrote");
+      throw InputError(argument.string(), "contains no scored map; give a metrics.json or a folder written by `run`");
   }
   return maps;
 }
@@ -134,8 +134,10 @@ double read_metric(const fs::path& metrics_json, const std::string& by) {
   const json metrics = base::read_json(metrics_json);
   const json::json_pointer pointer(place);
   if (!metrics.contains(pointer) || !metrics.at(pointer).is_number()) {
-    throw InputError(metrics_json.string(), "has no number '" + by + "' to rank by; there are map.mean, " +
-                                                "surface.median, trajectory.ate_rmse and the others of metrics.json");
+    throw InputError(
+        metrics_json.string(),
+        "has no number '" + by +
+            "' to rank by; use a number of metrics.json, such as map.mean, surface.median or trajectory.ate_rmse");
   }
   return metrics.at(pointer).get<double>();
 }
@@ -144,7 +146,7 @@ double read_metric(const fs::path& metrics_json, const std::string& by) {
 
 json compare_flights(const std::vector<fs::path>& simulated, const std::vector<fs::path>& real,
                      const EvaluationSettings& settings, std::uint64_t seed) {
-  if (simulated.empty() || real.empty()) throw InputError("comparison", "needs a run of each flight");
+  if (simulated.empty() || real.empty()) throw InputError("comparison", "needs at least one run of each flight");
   std::vector<evaluation::ComparedMap> maps{read_compared_map(simulated), read_compared_map(real)};
   maps[0].name = "simulated";
   maps[1].name = "real";

@@ -35,7 +35,7 @@ void check_tracking_gaps(double frames, double tracked, Doubts& doubts) {
   if (!(frames > 0.0) || tracked >= kFew * frames) return;
   doubts.push_back({std::to_string(static_cast<long>(tracked)) + " of " + std::to_string(static_cast<long>(frames)) +
                         " frames have a pose",
-                    kOdometry, "certain", "look at the frames without one; choose another stretch of the flight"});
+                    kOdometry, "certain", "look up the frames without a pose; choose another part of the flight"});
 }
 
 }  // namespace
@@ -57,7 +57,7 @@ Doubts odometry_doubts(const MapInputs& map) {
     if (about.is_object() && about.value("lost", false)) {
       const std::string why = text_of(about, "lost_reason");
       doubts.push_back({"the flight was not tracked to its end" + (why.empty() ? "" : ": " + why), kOdometry, "certain",
-                        "use the part that was tracked, or a flight that stays trackable"});
+                        "use the tracked part, or a flight that can be tracked throughout"});
     }
     if (about.is_object())
       check_tracking_gaps(number_of(about, "frames", 0.0), number_of(about, "frames_tracked", 0.0), doubts);
@@ -82,8 +82,8 @@ Doubts truth_doubts(const json& about) {
   if (error_m > kCoarse_m) {
     std::string metres = std::to_string(error_m);
     metres.resize(metres.find('.') + 3);
-    doubts.push_back({"the ground truth's tiles may err by " + metres + " m, by their own geometric error", kTruth,
-                      "possible", "ask for finer tiles (--error), or read distances below that as agreement"});
+    doubts.push_back({"the ground truth's tiles have a geometric error of up to " + metres + " m", kTruth, "possible",
+                      "request finer tiles (--error), or treat distances below that as agreement"});
   }
   return doubts;
 }
@@ -94,7 +94,7 @@ Doubts dataset_doubts(const fs::path& folder) {
   for (const render::FlightFault& fault : survey::faults_from_metadata(dataset::read_dataset(folder).metadata)) {
     const bool only_near = fault.key == "camera_near_surface" || fault.key == "no_surface_in_view";
     doubts.push_back({fault.what + " (frames " + survey::format_frame_ranges(fault.frames) + ")", "dataset",
-                      only_near ? "possible" : "likely", "look at those pictures, and change the flight"});
+                      only_near ? "possible" : "likely", "check those images and change the flight"});
   }
   return doubts;
 }

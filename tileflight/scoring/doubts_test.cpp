@@ -32,11 +32,11 @@ TEST_F(DoubtsOfAFlight, AnOdometryThatStoppedShort) {
 
 TEST_F(DoubtsOfAFlight, AnOdometrysOwnListIsAll) {
   write("odometry.json", R"({"frames": 120, "frames_tracked": 90, "lost": true,
-                            "doubts": [{"what": "the scale may have changed", "where": "odometry", "how_sure": "likely",
+                            "doubts": [{"what": "the scale may have drifted", "where": "odometry", "how_sure": "likely",
                                         "what_to_do": "look"}]})");
   const Doubts doubts = odometry_doubts({.map = folder_.path()});
   ASSERT_EQ(doubts.size(), 1u);
-  EXPECT_EQ(doubts[0].what, "the scale may have changed");
+  EXPECT_EQ(doubts[0].what, "the scale may have drifted");
 }
 
 TEST_F(DoubtsOfAFlight, AWholeOneHasNone) {

@@ -228,7 +228,7 @@ RegionPart select_over_region(geometry::PointCloud on_surface, const std::vector
   }
   if (part.surface_m.empty()) {
     throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.string() +
-                                           ": the alignment is wrong, or map and truth are of different places");
+                                           ": the alignment is wrong, or map and truth show different places");
   }
   const bool all = part.surface_m.size() == on_surface.size();
   part.points = all ? std::move(on_surface) : geometry::filter_points(on_surface, part.is_over);
@@ -267,20 +267,21 @@ Doubts score_doubts(const MapInputs& map, const json& about_truth, const fs::pat
   append_distinct(doubts, truth_doubts(about_truth));
   append_distinct(doubts, dataset_doubts(map.dataset));
   if (!metrics.surface) {
-    doubts.push_back({"the ground truth has no exact surface: distances to its cells' centres have a floor of " +
+    doubts.push_back({"the ground truth has no exact surface: distances to its voxel centres have a floor of " +
                           std::to_string(metrics.map.quantization_floor.mean).substr(0, 4) +
-                          " m, which hides what good maps differ in",
-                      "truth", "possible", "extract from meshes, or with smaller cells"});
+                          " m, which hides differences between good maps",
+                      "truth", "possible", "extract from meshes, or with smaller voxels"});
   }
   constexpr double kFewNear = 0.5;
   if (metrics.surface) {
     const auto& accuracy = metrics.surface->accuracy;
     if (!accuracy.empty() && accuracy.rbegin()->second < kFewNear) {
-      doubts.push_back({"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
-                            " % of the map's points over the region lie within " +
-                            std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
-                        "evaluation", "likely",
-                        "look at the map over the truth in the report: a wrong transform, or another place"});
+      doubts.push_back(
+          {"only " + std::to_string(static_cast<int>(100.0 * accuracy.rbegin()->second)) +
+               " % of the map's points over the region lie within " +
+               std::to_string(accuracy.rbegin()->first).substr(0, 4) + " m of the true surface",
+           "evaluation", "likely",
+           "check the map over the truth in the report: the transform may be wrong, or the place another"});
     }
   }
   return doubts;

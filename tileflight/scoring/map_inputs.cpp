@@ -24,7 +24,7 @@ geometry::PointCloud read_map(const fs::path& map) {
   const fs::path file = fs::is_directory(map) ? map / "map.ply" : map;
   if (fs::is_directory(map) && !fs::exists(file))
     throw InputError(map.string(),
-                     "holds no map.ply; name a folder that `odometry` wrote, or a cloud (.ply, .pcd, .xyz)");
+                     "contains no map.ply; give a folder written by `odometry`, or a cloud (.ply, .pcd, .xyz)");
   geometry::PointCloud cloud = geometry::read_cloud(file);
   if (cloud.empty()) throw InputError(file.string(), "the map has no points; there is nothing to score");
   return cloud;

@@ -64,7 +64,7 @@ std::vector<BarometerSample> simulate_barometer(const std::function<double(doubl
   for (std::uint64_t i = 0; i < times.count(); ++i, drift.step()) {
     const double time_s = times.at(i), height_m = height_at(time_s);
     if (!(height_m >= kLowest_m && height_m <= kHighest_m))
-      throw InputError("barometer", "the flight is not between 5 km below and 11 km above sea level");
+      throw InputError("barometer", "the flight must stay between 5 km below and 11 km above sea level");
     const double error_pa = drift.value() + options.noise_pa * base::normal_variates(noise_key, i)[0];
     const double pressure_pa = options.atmosphere.pressure_pa(height_m) + error_pa;
     samples.push_back(

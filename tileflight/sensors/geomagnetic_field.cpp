@@ -145,8 +145,9 @@ class GeomagneticPotential {
 
 Vec3 geomagnetic_field_ut(const geometry::LocalFrame& frame, const Vec3& position_local, double year) {
   if (!(year >= kEpoch && year <= kEnd))
-    throw InputError("magnetic field",
-                     "the World Magnetic Model 2025 holds from 2025 to 2030; give another year, or the field itself");
+    throw InputError(
+        "magnetic field",
+        "the World Magnetic Model 2025 is valid from 2025 to 2030; give a year in that range, or the field itself");
   const Vec3 ecef_m = frame.T_ecef_local() * position_local;
   return frame.T_local_ecef().rotation *
          (-kReferenceRadius_m * kMicroPerNano * GeomagneticPotential(year).gradient(ecef_m));

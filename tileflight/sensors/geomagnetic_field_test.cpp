@@ -52,9 +52,9 @@ TEST(GeomagneticField, AnglesAreACompasss) {
 TEST(GeomagneticField, HoldsForItsYearsOnly) {
   const LocalFrame frame({0, 0, {0}});
   EXPECT_THAT([&] { geomagnetic_field_ut(frame, Vec3::Zero(), 2024.9); },
-              ThrowsMessage<InputError>(HasSubstr("holds from 2025 to 2030")));
+              ThrowsMessage<InputError>(HasSubstr("is valid from 2025 to 2030")));
   EXPECT_THAT([&] { geomagnetic_field_ut(frame, Vec3::Zero(), 2031.0); },
-              ThrowsMessage<InputError>(HasSubstr("holds from 2025 to 2030")));
+              ThrowsMessage<InputError>(HasSubstr("is valid from 2025 to 2030")));
 }
 
 }  // namespace

@@ -70,7 +70,7 @@ ImuOptions imu_preset(const std::string& name) {
     options.accelerometer_range_m_s2 = options.gyroscope_range_rad_s = std::numeric_limits<double>::infinity();
     return options;
   }
-  throw InputError("IMU '" + name + "'", "is not known; known are adis16448, bmi160 and perfect");
+  throw InputError("IMU '" + name + "'", "is unknown; use adis16448, bmi160 or perfect");
 }
 
 ImuRecording simulate_imu(const MotionFunction& camera, double start_s, double end_s, const ImuOptions& options) {

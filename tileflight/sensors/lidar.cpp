@@ -130,7 +130,7 @@ LidarOptions lidar_preset(const std::string& name) {
   if (name == "os1-64") return os1_64();
   if (name == "hdl-64e") return hdl_64e();
   if (name == "livox-mid-40") return livox_mid_40();
-  throw InputError("lidar '" + name + "'", "is not known; known are vlp-16, os1-64, hdl-64e and livox-mid-40");
+  throw InputError("lidar '" + name + "'", "is unknown; use vlp-16, os1-64, hdl-64e or livox-mid-40");
 }
 
 /// Result of a beam.

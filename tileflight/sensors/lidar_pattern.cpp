@@ -102,7 +102,7 @@ void check_one(const SpinningPattern& pattern) {
   require(pattern.channel_delay_s >= 0.0 &&
               pattern.channel_delay_s * static_cast<double>(pattern.elevations_deg.size()) <= column_s * (1 + 1e-9),
           "channel_delay", "must be 0 or more, and all channels must fit into the time of a column");
-  require(pattern.azimuth_from_deg < pattern.azimuth_to_deg, "azimuth", "must go from less to more");
+  require(pattern.azimuth_from_deg < pattern.azimuth_to_deg, "azimuth", "must be given in increasing order");
 }
 
 void check_one(const RosettePattern& pattern) {

@@ -51,7 +51,7 @@ void check(const RangeFinderOptions& options) {
   const auto require = [](bool holds, const char* option, const char* what) {
     if (!holds) throw InputError(std::string("range finder ") + option, what);
   };
-  require(options.direction.allFinite() && options.direction.norm() > 1e-9, "direction", "must have a length");
+  require(options.direction.allFinite() && options.direction.norm() > 1e-9, "direction", "must not be zero");
   require(options.beam_width_deg >= 0.0 && options.beam_width_deg < 180.0, "beam_width", "must be 0 to 180 degrees");
   require(options.rays >= 1 && options.rays <= 10000, "rays", "must be 1 to 10000");
   require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "max_range",

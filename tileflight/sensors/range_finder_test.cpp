@@ -83,7 +83,7 @@ TEST(RangeFinder, NoiseHasItsSizeAndASampleDependsOnItsNumberAlone) {
 
 TEST(RangeFinder, RefusesImpossibleOptions) {
   EXPECT_THAT([&] { check(RangeFinderOptions{.direction = Vec3::Zero()}); },
-              ThrowsMessage<InputError>(HasSubstr("range finder direction: must have a length")));
+              ThrowsMessage<InputError>(HasSubstr("range finder direction: must not be zero")));
   EXPECT_THAT([&] { check(RangeFinderOptions{.rays = 0}); },
               ThrowsMessage<InputError>(HasSubstr("range finder rays: must be 1 to 10000")));
   EXPECT_THAT([&] { check(RangeFinderOptions{.min_range_m = 5, .max_range_m = 4}); },

@@ -37,7 +37,7 @@ DetectionInfo make_detection_info(const DetectedObject& seen, const ResidentScen
 DetectionFilter& Simulator::Impl::detection_filter(const std::string& camera_name, int image_type,
                                                    const std::string& vehicle_name, bool external) {
   if (image_type < 0 || image_type >= kImageTypeCount)
-    throw InputError("image type " + std::to_string(image_type), "is not known: 0 (Scene) to 9 (OpticalFlowVis)");
+    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 9 (OpticalFlowVis)");
   const SimCamera& wanted = camera(camera_name, vehicle_name, external);
   const std::string owner = external ? std::string() : slot(vehicle_name).vehicle->name();
   return detection_filters[owner + "/" + wanted.name() + "/" + std::to_string(image_type)];
@@ -50,7 +50,8 @@ void Simulator::sim_add_detection_filter_mesh_name(const std::string& camera, in
   const std::lock_guard lock(impl_->state_mutex);
   DetectionFilter& filter = impl_->detection_filter(camera, image_type, vehicle, external);
   if (filter.names.size() >= kMaxNames)
-    throw InputError("simAddDetectionFilterMeshName", "more than 1000 names; simClearDetectionMeshNames drops them");
+    throw InputError("simAddDetectionFilterMeshName",
+                     "more than 1000 names; remove them with simClearDetectionMeshNames");
   filter.names.push_back(mesh_name);
 }
 

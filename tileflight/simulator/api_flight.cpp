@@ -72,7 +72,8 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
   path.speed_m_s = check_speed(call.velocity, call.name);
   path.drivetrain = to_drivetrain(call.drivetrain, call.yaw_mode, call.name);
   path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, call.name);
-  require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name, "a lookahead of 0; -1 chooses one");
+  require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name,
+          "the lookahead must not be 0; -1 chooses it automatically");
   if (call.lookahead > 0.0F) path.lookahead_m = std::min(static_cast<double>(call.lookahead), 1e6);
   path.adaptive_lookahead = call.adaptive_lookahead > 0.0F;
   path.timeout_s = clamp_timeout_s(call.timeout_s, call.name);
@@ -90,8 +91,9 @@ vehicle::FlyVelocity make_fly_velocity(const char* call, const Vec3& velocity, f
 }
 
 /// Converts a position in a vehicle's own NED to the local frame.
-Vec3 to_local(const SimVehicle& craft, const geometry::SE3& T_local_ned, const Vector3r& position, const char* call) {
-  return T_local_ned * (checked_position(position, call) + craft.start_ned());
+Vec3 to_local(const SimVehicle& sim_vehicle, const geometry::SE3& T_local_ned, const Vector3r& position,
+              const char* call) {
+  return T_local_ned * (checked_position(position, call) + sim_vehicle.start_ned());
 }
 
 }  // namespace
@@ -100,18 +102,18 @@ Vec3 to_local(const SimVehicle& craft, const geometry::SE3& T_local_ned, const V
 bool Simulator::Impl::run_command(const std::string& name, const char* call,
                                   const std::function<vehicle::Command(SimVehicle&)>& command) {
   std::unique_lock lock(state_mutex);
-  SimVehicle& craft = require_multirotor(name, call);
+  SimVehicle& sim_vehicle = require_multirotor(name, call);
   if (clock.stopped()) return false;
-  const vehicle::Command wanted = command(craft);
-  if (!craft.api_control && !craft.settings().allow_api_always) {
-    log_line(std::string(call) + ": ignored, '" + craft.name() + "' is not under API control (enableApiControl)");
+  const vehicle::Command wanted = command(sim_vehicle);
+  if (!sim_vehicle.api_control && !sim_vehicle.settings().allow_api_always) {
+    log_line(std::string(call) + ": ignored, '" + sim_vehicle.name() + "' is not under API control (enableApiControl)");
     return false;
   }
-  if (!craft.armed) {
-    log_line(std::string(call) + ": ignored, '" + craft.name() + "' is not armed (armDisarm)");
+  if (!sim_vehicle.armed) {
+    log_line(std::string(call) + ": ignored, '" + sim_vehicle.name() + "' is not armed (armDisarm)");
     return false;
   }
-  const std::shared_ptr<const vehicle::Task> task = craft.command(wanted);
+  const std::shared_ptr<const vehicle::Task> task = sim_vehicle.command(wanted);
   clock.wait(lock, [&] { return task->outcome != vehicle::Outcome::kRunning; });
   return task->outcome == vehicle::Outcome::kFinished;
 }
@@ -128,15 +130,15 @@ bool Simulator::is_api_control_enabled(const std::string& vehicle) const {
 
 bool Simulator::arm_disarm(bool arm, const std::string& vehicle) {
   const std::lock_guard lock(impl_->state_mutex);
-  SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  if (!craft.settings().flies) return true;
-  if (!craft.api_control && !craft.settings().allow_api_always)
-    throw std::runtime_error("armDisarm: '" + craft.name() + "' is not under API control (enableApiControl)");
-  if (!arm && !craft.landed()) {
-    impl_->log_line("armDisarm: '" + craft.name() + "' is in the air and stays armed; land first");
+  SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  if (!sim_vehicle.settings().flies) return true;
+  if (!sim_vehicle.api_control && !sim_vehicle.settings().allow_api_always)
+    throw std::runtime_error("armDisarm: '" + sim_vehicle.name() + "' is not under API control (enableApiControl)");
+  if (!arm && !sim_vehicle.landed()) {
+    impl_->log_line("armDisarm: '" + sim_vehicle.name() + "' is in the air and stays armed; land first");
     return false;
   }
-  craft.armed = arm;
+  sim_vehicle.armed = arm;
   return true;
 }
 
@@ -147,8 +149,8 @@ void Simulator::cancel_last_task(const std::string& vehicle) {
 }
 
 bool Simulator::takeoff(float timeout_s, const std::string& vehicle) {
-  return impl_->run_command(vehicle, "takeoff", [&](SimVehicle& craft) -> vehicle::Command {
-    require(craft.state().velocity_m_s.norm() <= kAtRest_m_s, "takeoff", "the vehicle is moving");
+  return impl_->run_command(vehicle, "takeoff", [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+    require(sim_vehicle.state().velocity_m_s.norm() <= kAtRest_m_s, "takeoff", "the vehicle is moving");
     return vehicle::TakeOff{.height_m = kTakeOffHeight_m, .timeout_s = clamp_timeout_s(timeout_s, "takeoff")};
   });
 }
@@ -160,9 +162,9 @@ bool Simulator::land(float timeout_s, const std::string& vehicle) {
 }
 
 bool Simulator::go_home(float timeout_s, const std::string& vehicle) {
-  return impl_->run_command(vehicle, "goHome", [&](SimVehicle& craft) -> vehicle::Command {
+  return impl_->run_command(vehicle, "goHome", [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     vehicle::FollowPath path;
-    path.points = {impl_->T_local_ned * craft.home().translation};
+    path.points = {impl_->T_local_ned * sim_vehicle.home().translation};
     path.speed_m_s = kHomeSpeed_m_s;
     path.timeout_s = clamp_timeout_s(timeout_s, "goHome");
     return path;
@@ -177,8 +179,8 @@ bool Simulator::move_to_position(float x, float y, float z, float velocity, floa
                                  const YawMode& yaw_mode, float lookahead, float adaptive_lookahead,
                                  const std::string& vehicle) {
   const PathCall call{"moveToPosition", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
-  return impl_->run_command(vehicle, call.name, [&](SimVehicle& craft) -> vehicle::Command {
-    return make_follow_path(call, {to_local(craft, impl_->T_local_ned, {x, y, z}, call.name)});
+  return impl_->run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+    return make_follow_path(call, {to_local(sim_vehicle, impl_->T_local_ned, {x, y, z}, call.name)});
   });
 }
 
@@ -187,9 +189,9 @@ bool Simulator::move_on_path(const std::vector<Vector3r>& path, float velocity, 
                              const std::string& vehicle) {
   const PathCall call{"moveOnPath", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
   require(path.size() <= kMaxPoints, call.name, "more than 100000 points");
-  return impl_->run_command(vehicle, call.name, [&](SimVehicle& craft) -> vehicle::Command {
+  return impl_->run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     std::vector<Vec3> points;
-    for (const Vector3r& point : path) points.push_back(to_local(craft, impl_->T_local_ned, point, call.name));
+    for (const Vector3r& point : path) points.push_back(to_local(sim_vehicle, impl_->T_local_ned, point, call.name));
     return make_follow_path(call, std::move(points));
   });
 }
@@ -197,9 +199,9 @@ bool Simulator::move_on_path(const std::vector<Vector3r>& path, float velocity, 
 bool Simulator::move_to_z(float z, float velocity, float timeout_s, const YawMode& yaw_mode, float lookahead,
                           float adaptive_lookahead, const std::string& vehicle) {
   const PathCall call{"moveToZ", velocity, timeout_s, 0, yaw_mode, lookahead, adaptive_lookahead};
-  return impl_->run_command(vehicle, call.name, [&](SimVehicle& craft) -> vehicle::Command {
-    Vec3 goal = craft.position_local();
-    goal.z() = to_local(craft, impl_->T_local_ned, {0.0F, 0.0F, z}, call.name).z();
+  return impl_->run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
+    Vec3 goal = sim_vehicle.position_local();
+    goal.z() = to_local(sim_vehicle, impl_->T_local_ned, {0.0F, 0.0F, z}, call.name).z();
     return make_follow_path(call, {goal});
   });
 }
@@ -227,10 +229,10 @@ bool Simulator::move_by_velocity_z(float vx, float vy, float z, float duration_s
                                    const YawMode& yaw_mode, const std::string& vehicle) {
   const char* call = "moveByVelocityZ";
   if (duration_s <= 0.0F) return false;
-  return impl_->run_command(vehicle, call, [&](SimVehicle& craft) -> vehicle::Command {
+  return impl_->run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     vehicle::FlyVelocity command = make_fly_velocity(call, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
     command.velocity_m_s = enu_from_ned({vx, vy, 0.0});
-    command.height_m = to_local(craft, impl_->T_local_ned, {0.0F, 0.0F, z}, call).z();
+    command.height_m = to_local(sim_vehicle, impl_->T_local_ned, {0.0F, 0.0F, z}, call).z();
     return command;
   });
 }
@@ -249,11 +251,11 @@ bool Simulator::move_by_velocity_body_frame(float vx, float vy, float vz, float 
 bool Simulator::move_by_velocity_z_body_frame(float vx, float vy, float z, float duration_s, int drivetrain,
                                               const YawMode& yaw_mode, const std::string& vehicle) {
   const char* call = "moveByVelocityZBodyFrame";
-  return impl_->run_command(vehicle, call, [&](SimVehicle& craft) -> vehicle::Command {
+  return impl_->run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     vehicle::FlyVelocity command = make_fly_velocity(call, {vx, vy, 0.0}, duration_s, drivetrain, yaw_mode);
     command.velocity_m_s = frd_from_flu({vx, vy, 0.0});
     command.frame = vehicle::VelocityFrame::kHeading;
-    command.height_m = to_local(craft, impl_->T_local_ned, {0.0F, 0.0F, z}, call).z();
+    command.height_m = to_local(sim_vehicle, impl_->T_local_ned, {0.0F, 0.0F, z}, call).z();
     return command;
   });
 }

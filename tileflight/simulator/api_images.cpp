@@ -20,7 +20,7 @@ constexpr double kMaxPixels = 64e6;  // per call
 
 ImageType to_image_type(int image_type) {
   if (image_type < 0 || image_type >= kImageTypeCount)
-    throw InputError("image type " + std::to_string(image_type), "is not known: 0 (Scene) to 9 (OpticalFlowVis)");
+    throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 9 (OpticalFlowVis)");
   return static_cast<ImageType>(image_type);
 }
 
@@ -74,7 +74,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 /// Requires the mutex.
 PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requests, const std::string& vehicle_name,
                                            bool external) const {
-  if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 pictures in a call");
+  if (requests.size() > kMaxRequests) throw InputError("simGetImages", "more than 256 images in one call");
   PlannedImages planned;
   planned.time_ns = clock.time_ns();
   planned.viewpoints = viewpoints();
@@ -95,7 +95,7 @@ PlannedImages Simulator::Impl::plan_images(const std::vector<ImageRequest>& requ
     pixels += static_cast<double>(picture.view.lens.width()) * picture.view.lens.height();
     planned.images.push_back(std::move(picture));
   }
-  if (pixels > kMaxPixels) throw InputError("simGetImages", "more than 64 million pixels in a call");
+  if (pixels > kMaxPixels) throw InputError("simGetImages", "more than 64 million pixels in one call");
   return planned;
 }
 
@@ -156,24 +156,24 @@ std::vector<std::uint8_t> Simulator::sim_get_image(const std::string& camera, in
 /// A flying vehicle is placed as well, and stays there until its next command.
 void Simulator::sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, const std::string& vehicle) {
   const std::lock_guard lock(impl_->state_mutex);
-  SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const SE3& before = craft.state().T_ned_body;
-  const SE3 own(before.rotation, before.translation - craft.start_ned());
+  SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const SE3& before = sim_vehicle.state().T_ned_body;
+  const SE3 own(before.rotation, before.translation - sim_vehicle.start_ned());
   SE3 wanted = merge_pose(pose, own, "simSetVehiclePose");
-  wanted.translation += craft.start_ned();
+  wanted.translation += sim_vehicle.start_ned();
   if (ignore_collision) {
-    craft.teleport({wanted});
+    sim_vehicle.teleport({wanted});
   } else {
-    craft.sweep_to(wanted, impl_->clock.time_s());
+    sim_vehicle.sweep_to(wanted, impl_->clock.time_s());
   }
   impl_->clock.wake();
 }
 
 Pose Simulator::sim_get_vehicle_pose(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const SE3& T = craft.state().T_ned_body;
-  return to_airsim(SE3(T.rotation, T.translation - craft.start_ned()));
+  const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const SE3& T = sim_vehicle.state().T_ned_body;
+  return to_airsim(SE3(T.rotation, T.translation - sim_vehicle.start_ned()));
 }
 
 CameraInfo Simulator::sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const {

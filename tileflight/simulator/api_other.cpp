@@ -13,35 +13,37 @@ constexpr std::size_t kMaxVehicles = 64;
 constexpr std::size_t kMaxNameLength = 100;
 
 constexpr const char* kNoManualControl =
-    "there are no sticks and no motors of one's own; use moveByVelocity or moveByAngleRatesThrottle";
+    "remote control and motor commands are not simulated; use moveByVelocity or moveByAngleRatesThrottle";
 constexpr const char* kBakedLight =
-    "light and shadows are those of the tiles' pictures; tileflight render lights flights by sun and sky";
-constexpr const char* kBakedTextures = "tiles look as their pictures do; simSetSegmentationObjectID marks objects";
+    "light and shadows are part of the tiles' textures; tileflight render can light flights by sun and sky";
+constexpr const char* kBakedTextures =
+    "the tiles' textures cannot be changed; mark objects with simSetSegmentationObjectID";
 
 /// Why an AirSim call is not supported, and the alternative.
 std::string unsupported_reason(const std::string& call) {
   static const std::map<std::string, std::string> kReasons{
       {"simSpawnObject",
-       "objects cannot be put into tiles; add them to the mesh, tile it (tileflight tile) and serve that"},
-      {"simLoadLevel", "the place is the one that the server was started with; start another server on another port"},
+       "objects cannot be added to tiles; add them to the mesh, convert it (tileflight tile) and serve the result"},
+      {"simLoadLevel", "the place is fixed when the server starts; start another server on another port"},
       {"simSetTimeOfDay", kBakedLight},
       {"simSetLightIntensity", kBakedLight},
-      {"simEnableWeather", "there is no weather; tileflight render adds haze to pictures, simSetWind moves vehicles"},
+      {"simEnableWeather",
+       "weather is not simulated; tileflight render adds haze to images, simSetWind moves vehicles"},
       {"simSetWeatherParameter",
-       "there is no weather; tileflight render adds haze to pictures, simSetWind moves vehicles"},
+       "weather is not simulated; tileflight render adds haze to images, simSetWind moves vehicles"},
       {"simSetObjectMaterial", kBakedTextures},
       {"simSetObjectMaterialFromTexture", kBakedTextures},
       {"simSwapTextures", kBakedTextures},
-      {"simSetExtForce", "forces from outside are not simulated; simSetWind moves vehicles"},
+      {"simSetExtForce", "external forces are not simulated; simSetWind moves vehicles"},
       {"moveByRC", kNoManualControl},
       {"moveByManual", kNoManualControl},
       {"moveByMotorPWMs", kNoManualControl},
-      {"setSafety", "there is no safety evaluation; tfGroundTruth and getDistanceSensorData tell what is in the way"},
+      {"setSafety", "there is no safety evaluation; find obstacles with tfGroundTruth and getDistanceSensorData"},
   };
   if (const auto at = kReasons.find(call); at != kReasons.end()) return at->second;
   if (call.find("Car") != std::string::npos)
-    return "there are no cars; SimMode is Multirotor or ComputerVision in the settings";
-  return "cameras have no focus, aperture or film; simSetCameraFov and tfSetLens set their lenses";
+    return "cars are not simulated; set SimMode to Multirotor or ComputerVision in the settings";
+  return "cameras have no focus, aperture or film; set their lenses with simSetCameraFov and tfSetLens";
 }
 
 }  // namespace
@@ -70,7 +72,7 @@ bool Simulator::sim_add_vehicle(const std::string& name, const std::string& type
   const bool flies = type == "SimpleFlight" || type == "simpleflight";
   if (!flies && type != "ComputerVision" && type != "computervision")
     throw InputError("simAddVehicle",
-                     "the type '" + type.substr(0, kMaxNameLength) + "' is neither SimpleFlight nor ComputerVision");
+                     "the type '" + type.substr(0, kMaxNameLength) + "' must be SimpleFlight or ComputerVision");
   if (flies == impl_->settings.computer_vision) return false;  // as AirSim: vehicles of the other mode are rejected
   if (name.empty() || name.size() > kMaxNameLength) throw InputError("simAddVehicle", "the name is empty or too long");
   VehicleSettings vehicle = default_vehicle(name, flies, impl_->settings.camera_defaults);

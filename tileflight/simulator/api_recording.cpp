@@ -29,9 +29,9 @@ std::vector<RecordingFrame> Simulator::Impl::capture_recording_frames() {
       const std::lock_guard lock(state_mutex);
       planned = plan_images(requests, name, false);
       remember_camera_poses(planned);
-      const SimVehicle& craft = *slot(name).vehicle;
-      geometry::SE3 T = craft.state().T_ned_body;
-      T.translation -= craft.start_ned();
+      const SimVehicle& sim_vehicle = *slot(name).vehicle;
+      geometry::SE3 T = sim_vehicle.state().T_ned_body;
+      T.translation -= sim_vehicle.start_ned();
       moment.pose = to_airsim(T);
       moment.time_ns = planned.time_ns;
     }
@@ -69,9 +69,9 @@ void Simulator::Impl::begin_recording() {
   const std::string& named = settings.recording.folder;
   const auto& root = file_access.root();
   if (named.empty() && !root) {
-    throw InputError("startRecording",
-                     "there is nowhere to record to: give Recording.Folder in the settings, or start the server with "
-                     "--files FOLDER");
+    throw InputError(
+        "startRecording",
+        "there is nowhere to record to: set Recording.Folder in the settings, or start the server with --files FOLDER");
   }
   const std::scoped_lock lock(recording_mutex, state_mutex);
   if (recorder) return;

@@ -107,7 +107,8 @@ std::vector<MeshPositionVertexBuffersResponse> Simulator::sim_get_mesh_position_
   std::size_t vertices = 0;
   for (const imaging::TexturedMesh& mesh : place->scene().meshes()) vertices += mesh.mesh.vertices.size();
   if (vertices > kMaxMeshVertices)
-    throw InputError("simGetMeshPositionVertexBuffers", "more than 20 million vertices; use tfGroundTruth of a region");
+    throw InputError("simGetMeshPositionVertexBuffers",
+                     "more than 20 million vertices; use tfGroundTruth for a region");
   std::vector<MeshPositionVertexBuffersResponse> all;
   if (!place->has_surface()) return all;
   for (const imaging::TexturedMesh& mesh : place->scene().meshes())
@@ -190,12 +191,12 @@ std::vector<GeoPoint> Simulator::sim_get_world_extents() {
 LoadedRegion Simulator::tf_load_region(const Vector3r& center, const Vector3r& size, float error_m) {
   const Box3 box = to_local_box(impl_->T_local_ned, center, size, "tfLoadRegion");
   const double error = checked_error(error_m, "tfLoadRegion");
-  std::vector<SensorViewpoint> looks;
+  std::vector<SensorViewpoint> viewpoints;
   {
     const std::lock_guard lock(impl_->state_mutex);
-    looks = impl_->viewpoints();
+    viewpoints = impl_->viewpoints();
   }
-  return impl_->working_set.add_region(box, error, looks);
+  return impl_->working_set.add_region(box, error, viewpoints);
 }
 
 /// The error of each pixel is the geometric error of its tile at its distance from the camera.

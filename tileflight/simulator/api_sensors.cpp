@@ -17,8 +17,8 @@ constexpr double kGasConstant = 287.053;  // of dry air, J / (kg K)
 
 /// The sensor of this kind and name, or the first of its kind for an empty name. Errors use AirSim's wording.
 template <class Kind>
-const SensorSettings& find_sensor(const SimVehicle& craft, const std::string& name, const char* kind) {
-  for (const SensorSettings& sensor : craft.settings().sensors) {
+const SensorSettings& find_sensor(const SimVehicle& sim_vehicle, const std::string& name, const char* kind) {
+  for (const SensorSettings& sensor : sim_vehicle.settings().sensors) {
     if (std::holds_alternative<Kind>(sensor.kind) && (name.empty() || sensor.name == name)) return sensor;
   }
   throw std::runtime_error("No " + std::string(kind) + " with name " + name.substr(0, 100) + " exist on vehicle");
@@ -38,12 +38,13 @@ SensorNoiseState& find_noise_state(VehicleSlot& one, const std::string& sensor) 
 }
 
 SensorContext make_sensor_context(const Simulator::Impl& impl, const VehicleSlot& one) {
-  const SimVehicle& craft = *one.vehicle;
-  return {craft, one.history, impl.geodetic_frame, impl.clock.time_s(), impl.clock.time_ns(), craft.is_flying()};
+  const SimVehicle& sim_vehicle = *one.vehicle;
+  return {sim_vehicle,         one.history,          impl.geodetic_frame,
+          impl.clock.time_s(), impl.clock.time_ns(), sim_vehicle.is_flying()};
 }
 
-Pose to_local_ned_pose(const SimVehicle& craft, SE3 T_ned) {
-  T_ned.translation -= craft.start_ned();
+Pose to_local_ned_pose(const SimVehicle& sim_vehicle, SE3 T_ned) {
+  T_ned.translation -= sim_vehicle.start_ned();
   return to_airsim(T_ned);
 }
 
@@ -65,17 +66,17 @@ struct LidarCapture {
 
 LidarCapture capture_scan(Simulator::Impl& impl, const std::string& lidar, const std::string& vehicle) {
   LidarCapture taken;
-  std::vector<SensorViewpoint> looks;
+  std::vector<SensorViewpoint> viewpoints;
   {
     const std::lock_guard lock(impl.state_mutex);
-    const SimVehicle& craft = *impl.slot(vehicle).vehicle;
-    taken.settings = std::get<LidarSettings>(find_sensor<LidarSettings>(craft, lidar, "lidar").kind);
-    taken.T_ned_sensor = craft.state().T_ned_body * taken.settings.T_body_sensor;
-    taken.start_ned = craft.start_ned();
+    const SimVehicle& sim_vehicle = *impl.slot(vehicle).vehicle;
+    taken.settings = std::get<LidarSettings>(find_sensor<LidarSettings>(sim_vehicle, lidar, "lidar").kind);
+    taken.T_ned_sensor = sim_vehicle.state().T_ned_body * taken.settings.T_body_sensor;
+    taken.start_ned = sim_vehicle.start_ned();
     taken.time_ns = impl.clock.time_ns();
-    looks = impl.viewpoints();
+    viewpoints = impl.viewpoints();
   }
-  const auto place = impl.working_set.load_for(looks);
+  const auto place = impl.working_set.load_for(viewpoints);
   taken.returns = scan_lidar(*place, taken.settings, impl.T_local_ned * taken.T_ned_sensor);
   taken.segmentation_ids = impl.segmentation_ids.lookup(place->object_names());
   return taken;
@@ -146,12 +147,12 @@ GpsData Simulator::get_gps_data(const std::string& gps, const std::string& vehic
 }
 
 DistanceSensorData Simulator::get_distance_sensor_data(const std::string& distance_sensor, const std::string& vehicle) {
-  std::vector<SensorViewpoint> looks;
+  std::vector<SensorViewpoint> viewpoints;
   {
     const std::lock_guard lock(impl_->state_mutex);
-    looks = impl_->viewpoints();
+    viewpoints = impl_->viewpoints();
   }
-  const auto place = impl_->working_set.load_for(looks);
+  const auto place = impl_->working_set.load_for(viewpoints);
   const std::lock_guard lock(impl_->state_mutex);
   VehicleSlot& one = impl_->slot(vehicle);
   const SensorSettings& sensor = find_sensor<DistanceSensorSettings>(*one.vehicle, distance_sensor, "distance sensor");
@@ -165,9 +166,9 @@ DistanceSensorData Simulator::get_distance_sensor_data(const std::string& distan
 
 namespace {
 
-KinematicsState to_kinematics_state(const SimVehicle& craft) {
-  const VehicleState& state = craft.state();
-  const Pose pose = to_local_ned_pose(craft, state.T_ned_body);
+KinematicsState to_kinematics_state(const SimVehicle& sim_vehicle) {
+  const VehicleState& state = sim_vehicle.state();
+  const Pose pose = to_local_ned_pose(sim_vehicle, state.T_ned_body);
   return {pose.position,
           pose.orientation,
           to_airsim(state.velocity_m_s),
@@ -176,16 +177,16 @@ KinematicsState to_kinematics_state(const SimVehicle& craft) {
           to_airsim(state.angular_acceleration_rad_s2)};
 }
 
-CollisionInfo to_collision_info(const Simulator::Impl& impl, const SimVehicle& craft) {
-  const VehicleCollision& last = craft.collision();
+CollisionInfo to_collision_info(const Simulator::Impl& impl, const SimVehicle& sim_vehicle) {
+  const VehicleCollision& last = sim_vehicle.collision();
   CollisionInfo info;
   info.has_collided = last.unread;
   if (last.time_s <= 0.0 && !last.unread) return info;
   info.penetration_depth = static_cast<float>(last.depth_m);
   info.time_stamp = impl.clock.time_ns() - static_cast<std::uint64_t>((impl.clock.time_s() - last.time_s) * 1e9);
   info.normal = to_airsim(last.normal_ned);
-  info.impact_point = to_airsim(Vec3(last.point_ned - craft.start_ned()));
-  info.position = to_airsim(Vec3(last.position_ned - craft.start_ned()));
+  info.impact_point = to_airsim(Vec3(last.point_ned - sim_vehicle.start_ned()));
+  info.position = to_airsim(Vec3(last.position_ned - sim_vehicle.start_ned()));
   info.object_name = "surface";
   info.object_id = 0;
   return info;
@@ -203,26 +204,26 @@ void Simulator::sim_set_kinematics(const KinematicsState& state, bool /*ignore_c
                                    const std::string& vehicle) {
   const char* call = "simSetKinematics";
   const std::lock_guard lock(impl_->state_mutex);
-  SimVehicle& craft = *impl_->slot(vehicle).vehicle;
+  SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
   VehicleState wanted;
   wanted.T_ned_body = {checked_rotation(state.orientation, call),
-                       checked_position(state.position, call) + craft.start_ned()};
+                       checked_position(state.position, call) + sim_vehicle.start_ned()};
   wanted.velocity_m_s = checked_position(state.linear_velocity, call);
   wanted.angular_velocity_rad_s = checked_position(state.angular_velocity, call);
   wanted.acceleration_m_s2 = checked_position(state.linear_acceleration, call);
   wanted.angular_acceleration_rad_s2 = checked_position(state.angular_acceleration, call);
-  craft.teleport(wanted);
+  sim_vehicle.teleport(wanted);
   impl_->clock.wake();
 }
 
 EnvironmentState Simulator::sim_get_ground_truth_environment(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const Vec3 position = craft.state().T_ned_body.translation;
+  const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const Vec3 position = sim_vehicle.state().T_ned_body.translation;
   const sensors::Atmosphere air;
   const double height_m = clamp_atmosphere_height_m(impl_->geodetic_frame.to_geodetic(position).height.m);
   EnvironmentState state;
-  state.position = to_airsim(Vec3(position - craft.start_ned()));
+  state.position = to_airsim(Vec3(position - sim_vehicle.start_ned()));
   state.geo_point = impl_->geodetic_frame.to_geo_point(position);
   state.gravity = {0.0F, 0.0F, static_cast<float>(vehicle::kStandardGravity_m_s2)};
   state.air_pressure = static_cast<float>(air.pressure_pa(height_m));
@@ -233,29 +234,29 @@ EnvironmentState Simulator::sim_get_ground_truth_environment(const std::string& 
 
 CollisionInfo Simulator::sim_get_collision_info(const std::string& vehicle) {
   const std::lock_guard lock(impl_->state_mutex);
-  SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const CollisionInfo info = to_collision_info(*impl_, craft);
-  craft.collision().unread = false;
+  SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const CollisionInfo info = to_collision_info(*impl_, sim_vehicle);
+  sim_vehicle.collision().unread = false;
   return info;
 }
 
 MultirotorState Simulator::get_multirotor_state(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& craft = *impl_->slot(vehicle).vehicle;
+  const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
   MultirotorState state;
-  state.collision = to_collision_info(*impl_, craft);
-  state.kinematics_estimated = to_kinematics_state(craft);
-  state.gps_location = impl_->geodetic_frame.to_geo_point(craft.state().T_ned_body.translation);
+  state.collision = to_collision_info(*impl_, sim_vehicle);
+  state.kinematics_estimated = to_kinematics_state(sim_vehicle);
+  state.gps_location = impl_->geodetic_frame.to_geo_point(sim_vehicle.state().T_ned_body.translation);
   state.timestamp = impl_->clock.time_ns();
-  state.landed_state = craft.landed() ? 0 : 1;
+  state.landed_state = sim_vehicle.landed() ? 0 : 1;
   return state;
 }
 
 RotorStates Simulator::get_rotor_states(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& craft = impl_->require_multirotor(vehicle, "getRotorStates");
-  const vehicle::QuadrotorOptions& options = craft.options().quadrotor;
-  const vehicle::RotorSpeeds speeds = craft.rotor_speeds_rad_s();
+  const SimVehicle& sim_vehicle = impl_->require_multirotor(vehicle, "getRotorStates");
+  const vehicle::QuadrotorOptions& options = sim_vehicle.options().quadrotor;
+  const vehicle::RotorSpeeds speeds = sim_vehicle.rotor_speeds_rad_s();
   RotorStates states;
   states.timestamp = impl_->clock.time_ns();
   for (int i = 0; i < vehicle::kRotors; ++i) {
@@ -275,8 +276,8 @@ GeoPoint Simulator::get_home_geo_point(const std::string& vehicle) const {
 
 GeodeticPose Simulator::tf_geodetic_pose(const std::string& vehicle) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimVehicle& craft = *impl_->slot(vehicle).vehicle;
-  const SE3& T = craft.state().T_ned_body;
+  const SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
+  const SE3& T = sim_vehicle.state().T_ned_body;
   GeodeticPose pose;
   pose.geo_point = impl_->geodetic_frame.to_geo_point(T.translation);
   pose.altitude = impl_->geodetic_frame.to_geodetic(T.translation).height.m;

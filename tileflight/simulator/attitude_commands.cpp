@@ -13,8 +13,8 @@ using geometry::Vec3;
 
 constexpr double kMaxDuration_s = 3600.0;
 
-double check_range(float value, float most, const char* call, const char* what) {
-  if (!(std::abs(value) <= most)) throw InputError(call, std::string(what) + " is out of range");
+double check_range(float value, float max, const char* call, const char* what) {
+  if (!(std::abs(value) <= max)) throw InputError(call, std::string(what) + " is out of range");
   return value;
 }
 
@@ -33,32 +33,32 @@ struct VerticalCommand {
 };
 
 template <class Command>
-void apply_vertical_command(const VerticalCommand& lift, const SimVehicle& craft, const geometry::SE3& T_local_ned,
-                            const char* call, Command& command) {
+void apply_vertical_command(const VerticalCommand& lift, const SimVehicle& sim_vehicle,
+                            const geometry::SE3& T_local_ned, const char* call, Command& command) {
   if (lift.throttle) command.throttle = *lift.throttle;
   if (!lift.z) return;
-  const Vec3 place_ned = checked_position({0.0F, 0.0F, *lift.z}, call) + craft.start_ned();
+  const Vec3 place_ned = checked_position({0.0F, 0.0F, *lift.z}, call) + sim_vehicle.start_ned();
   command.height_m = (T_local_ned * place_ned).z();
 }
 
 bool command_attitude(Simulator::Impl& world, const char* call, float roll, float pitch, const vehicle::YawMode& yaw,
                       const VerticalCommand& lift, float duration_s, const std::string& vehicle) {
-  return world.run_command(vehicle, call, [&](SimVehicle& craft) -> vehicle::Command {
+  return world.run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     vehicle::FlyAttitude command{
         .roll_rad = check_angle(roll, call), .pitch_rad = check_angle(pitch, call), .yaw = yaw};
     command.duration_s = clamp_duration_s(duration_s, call);
-    apply_vertical_command(lift, craft, world.T_local_ned, call, command);
+    apply_vertical_command(lift, sim_vehicle, world.T_local_ned, call, command);
     return command;
   });
 }
 
 bool command_rates(Simulator::Impl& world, const char* call, const Vec3& rates_frd_rad_s, const VerticalCommand& lift,
                    float duration_s, const std::string& vehicle) {
-  return world.run_command(vehicle, call, [&](SimVehicle& craft) -> vehicle::Command {
+  return world.run_command(vehicle, call, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     vehicle::FlyRates command;
     command.rates_rad_s = frd_from_flu(rates_frd_rad_s);
     command.duration_s = clamp_duration_s(duration_s, call);
-    apply_vertical_command(lift, craft, world.T_local_ned, call, command);
+    apply_vertical_command(lift, sim_vehicle, world.T_local_ned, call, command);
     return command;
   });
 }

@@ -35,7 +35,7 @@ void read_capture(SettingsSection& section, CaptureSettings& capture) {
   capture.fov_deg = section.number("FOV_Degrees", capture.fov_deg, 0.1, 179.9);
   if (auto lens = section.section("Lens")) capture.lens = read_lens(std::move(*lens), capture);
   if (section.text("ProjectionMode", "perspective") == "orthographic")
-    section.fail("ProjectionMode", "orthographic pictures are not made here: perspective is");
+    section.fail("ProjectionMode", "orthographic images are not supported: use perspective");
   make_lens(capture, section.where());
   section.mark_ignored({"ImageType", "AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
                         "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
@@ -62,7 +62,7 @@ Camera make_fisheye_lens(const LensDescription& lens, int width, int height, con
   }
   const auto& i = lens.intrinsics;
   require(i.size() == 4 && i[0] > 0.0F && i[1] > 0.0F, where,
-          "the intrinsics are fx, fy, cx, cy, the first two above 0");
+          "the intrinsics must be fx, fy, cx, cy, with fx and fy above 0");
   return {imaging::KannalaBrandt{i[0], i[1], i[2] - 0.5, i[3] - 0.5, k}, width, height};
 }
 
@@ -71,7 +71,7 @@ Camera make_pinhole_lens(const LensDescription& lens, int width, int height, con
     return imaging::make_pinhole(width, height, lens.fov_degrees > 0.0F ? lens.fov_degrees : 90.0);
   const auto& i = lens.intrinsics;
   require(i.size() == 4 && i[0] > 0.0F && i[1] > 0.0F, where,
-          "the intrinsics are fx, fy, cx, cy, the first two above 0");
+          "the intrinsics must be fx, fy, cx, cy, with fx and fy above 0");
   return {imaging::PinholeRadtan{i[0], i[1], i[2] - 0.5, i[3] - 0.5, {}}, width, height};
 }
 
@@ -95,16 +95,17 @@ Camera make_lens(const CaptureSettings& capture, const std::string& where) {
   const int width = capture.width, height = capture.height;
   require(width >= 1 && height >= 1 && width <= kMaxSide_px && height <= kMaxSide_px &&
               static_cast<double>(width) * height <= kMaxPixels,
-          where, "a picture has at most 8192 x 8192 and 32 million pixels");
+          where, "an image must not exceed 8192 x 8192 or 32 million pixels");
   if (capture.lens) {
     check(*capture.lens, where);
     if (capture.lens->model == "panorama") return imaging::make_panorama(width, height);
     if (capture.lens->model == "pinhole") return make_pinhole_lens(*capture.lens, width, height, where);
     require(capture.lens->model == "fisheye", where,
-            "the lens '" + capture.lens->model + "' is not known: pinhole, fisheye, panorama");
+            "the lens '" + capture.lens->model + "' is unknown; use pinhole, fisheye or panorama");
     return make_fisheye_lens(*capture.lens, width, height, where);
   }
-  require(capture.fov_deg >= 0.1 && capture.fov_deg <= 179.9, where, "the field of view is from 0.1 to 179.9 degrees");
+  require(capture.fov_deg >= 0.1 && capture.fov_deg <= 179.9, where,
+          "the field of view must be from 0.1 to 179.9 degrees");
   const double f = focal_px(capture);
   return {imaging::PinholeRadtan{f, f, 0.5 * (width - 1), 0.5 * (height - 1), {}}, width, height};
 }

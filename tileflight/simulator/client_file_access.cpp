@@ -22,17 +22,17 @@ ClientFileAccess::ClientFileAccess(std::optional<fs::path> root) {
   std::error_code error;
   fs::create_directories(*root, error);
   root_ = fs::canonical(*root, error);
-  if (error) throw InputError(root->string(), "is not a folder that can be used for clients' files");
+  if (error) throw InputError(root->string(), "cannot be used as the folder for clients' files");
 }
 
 fs::path ClientFileAccess::resolve_writable(const std::string& name) const {
-  if (!root_) throw InputError("file", "this server writes no files for clients; start it with --files FOLDER");
+  if (!root_) throw InputError("file", "this server does not write files for clients; start it with --files FOLDER");
   if (name.empty() || name.size() > kMaxLength || name.find('\0') != std::string::npos)
     throw InputError("file", "the name is empty or too long");
   const fs::path path = fs::weakly_canonical(*root_ / name);
   if (!lies_below(path, *root_) || !path.has_filename())
     throw InputError("file",
-                     "'" + name.substr(0, 200) + "' lies outside of the folder that clients may write to (--files)");
+                     "'" + name.substr(0, 200) + "' lies outside the folder that clients may write to (--files)");
   fs::create_directories(path.parent_path());
   return path;
 }

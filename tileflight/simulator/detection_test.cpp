@@ -133,7 +133,7 @@ TEST_F(Detections, LeaveTheFlowOfPicturesAlone) {
 
 TEST_F(Detections, WhatCannotBeIsRefused) {
   EXPECT_THAT([&] { world_->sim_get_detections("nobody's", 0, "", false); },
-              testing::ThrowsMessage<std::runtime_error>(HasSubstr("there is none of that name")));
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("does not exist")));
   EXPECT_THAT([&] { world_->sim_get_detections("0", 10, "", false); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("image type 10")));
   EXPECT_THAT([&] { world_->sim_set_detection_filter_radius("0", 0, NAN, "", false); },

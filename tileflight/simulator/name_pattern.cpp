@@ -31,7 +31,7 @@ NamePattern::NamePattern(const std::string& expression, Case letters) {
   impl_.reset(new Impl{{expression, make_re2_options(letters)}});
   if (!impl_->expression.ok()) {
     throw InputError("pattern '" + expression.substr(0, 80) + "'",
-                     "is not a regular expression that can be read here: " + impl_->expression.error());
+                     "is not a supported regular expression: " + impl_->expression.error());
   }
 }
 

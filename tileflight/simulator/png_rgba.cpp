@@ -58,7 +58,7 @@ struct Stripe {
 Stripe deflate_rows(const Bytes& rows, bool last) {
   z_stream stream{};
   if (deflateInit2(&stream, kLevel, Z_DEFLATED, -15, 8, Z_DEFAULT_STRATEGY) != Z_OK)
-    throw std::runtime_error("zlib has no memory");
+    throw std::runtime_error("zlib: out of memory");
   Stripe stripe;
   stripe.deflated.resize(deflateBound(&stream, rows.size()) + 64);
   stream.next_in = const_cast<Bytef*>(rows.data());  // zlib does not modify it

@@ -31,7 +31,7 @@ fs::path new_folder(const fs::path& parent, const std::string& name) {
     if (fs::create_directory(folder, error) && !error) return folder;
     if (error) break;
   }
-  throw InputError(parent.string(), "no folder for a recording can be made there");
+  throw InputError(parent.string(), "cannot create a folder for the recording there");
 }
 
 /// Keeps letters, digits and a few other characters of a name; others could lead to another folder.

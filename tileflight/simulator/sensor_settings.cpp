@@ -15,10 +15,10 @@ using geometry::Vec3;
 
 constexpr double kMaxNumber = 1e9;
 
-SensorTiming read_timing(SettingsSection& s, const SensorTiming& otherwise) {
-  return {s.number("UpdateLatency", otherwise.latency_s, 0.0, 10.0),
-          s.number("UpdateFrequency", otherwise.frequency_hz, 1e-3, 1e5),
-          s.number("StartupDelay", otherwise.startup_delay_s, 0.0, 1e4)};
+SensorTiming read_timing(SettingsSection& s, const SensorTiming& fallback) {
+  return {s.number("UpdateLatency", fallback.latency_s, 0.0, 10.0),
+          s.number("UpdateFrequency", fallback.frequency_hz, 1e-3, 1e5),
+          s.number("StartupDelay", fallback.startup_delay_s, 0.0, 1e4)};
 }
 
 BarometerSettings read_barometer(SettingsSection& s) {
@@ -99,7 +99,7 @@ LidarSettings read_lidar(SettingsSection& s, bool flies) {
       s.choice("DataFrame", "VehicleInertialFrame", {"VehicleInertialFrame", "SensorLocalFrame"}) == "SensorLocalFrame";
   l.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
   if (l.points_per_second / l.rotations_per_second > 4e6)
-    s.fail("PointsPerSecond", "more than four million points in a turn");
+    s.fail("PointsPerSecond", "more than four million points per revolution");
   s.mark_ignored({"DrawDebugPoints", "ExternalController"});
   return l;
 }
@@ -119,7 +119,7 @@ SensorKind read_kind(int type, SettingsSection& section, bool flies) {
     case 6:
       return read_lidar(section, flies);
     default:
-      section.fail("SensorType", "is from 1 (barometer) to 6 (lidar)");
+      section.fail("SensorType", "must be from 1 (barometer) to 6 (lidar)");
   }
 }
 

@@ -80,7 +80,7 @@ VehicleSettings read_vehicle(const std::string& name, SettingsSection section, c
       section.choice("VehicleType", settings.computer_vision ? "ComputerVision" : "SimpleFlight",
                      {"SimpleFlight", "ComputerVision", "ExternalPhysics", "PX4Multirotor", "ArduCopter", "PhysXCar"});
   if (type == "PX4Multirotor" || type == "ArduCopter" || type == "PhysXCar")
-    section.fail("VehicleType", "'" + type + "' is not simulated here: SimpleFlight and ComputerVision are");
+    section.fail("VehicleType", "'" + type + "' is not simulated; use SimpleFlight or ComputerVision");
   vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
   vehicle.start_ned = section.position();
   vehicle.R_ned_body = section.orientation();
@@ -114,7 +114,7 @@ void read_vehicles(SettingsSection& root, Settings& settings) {
 
 void read_mode(SettingsSection& root, Settings& settings) {
   const std::string mode = root.choice("SimMode", "Multirotor", {"Multirotor", "ComputerVision", "Car", ""});
-  if (mode == "Car") root.fail("SimMode", "cars are not simulated here: Multirotor and ComputerVision are");
+  if (mode == "Car") root.fail("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
   settings.computer_vision = mode == "ComputerVision";
   const std::string physics =
       root.choice("PhysicsEngineName", "", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"});

@@ -46,7 +46,8 @@ void SimCamera::set_fov(double fov_deg) {
 void SimCamera::set_distortion(const std::string& key, double value) {
   const auto at = std::ranges::find(kDistortionNames, key);
   if (at == kDistortionNames.end())
-    throw InputError("camera '" + name() + "'", "'" + key.substr(0, 20) + "' is no distortion: K1, K2, K3, P1, P2");
+    throw InputError("camera '" + name() + "'",
+                     "'" + key.substr(0, 20) + "' is not a distortion parameter; use K1, K2, K3, P1 or P2");
   if (!(std::abs(value) <= kMaxDistortion))
     throw InputError("camera '" + name() + "'", key + " must be from -100 to 100");
   distortion_[static_cast<std::size_t>(at - kDistortionNames.begin())] = value;

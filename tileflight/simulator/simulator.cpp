@@ -44,7 +44,7 @@ Vec3 checked_position(const Vector3r& position, const char* what) {
 
 Eigen::Quaterniond checked_rotation(const Quaternionr& orientation, const char* what) {
   const Eigen::Quaterniond q = to_quaternion(orientation);
-  if (!q.coeffs().allFinite() || q.norm() < 1e-6) throw InputError(what, "the orientation is no quaternion");
+  if (!q.coeffs().allFinite() || q.norm() < 1e-6) throw InputError(what, "the orientation is not a quaternion");
   return q.normalized();
 }
 
@@ -110,7 +110,7 @@ void Simulator::Impl::set_frames() {
     if (!surface && !options.ned_origin_local) {
       start.head<2>() = working_set.center().head<2>();
       surface = working_set.surface_z(start.x(), start.y(), kMaxCoordinate_m);
-      warnings.push_back("there is no surface at the origin: vehicles start at the middle of the place");
+      warnings.push_back("there is no surface at the origin: vehicles start at the centre of the place");
     }
     start.z() = surface.value_or(working_set.center().z());
   }
@@ -206,12 +206,12 @@ const VehicleSlot& Simulator::Impl::slot(const std::string& name) const {
 }
 
 SimVehicle& Simulator::Impl::require_multirotor(const std::string& name, const char* call) {
-  SimVehicle& craft = *slot(name).vehicle;
-  if (!craft.settings().flies) {
-    throw std::runtime_error("Vehicle API for '" + craft.name() + "' is not available: " + call +
+  SimVehicle& sim_vehicle = *slot(name).vehicle;
+  if (!sim_vehicle.settings().flies) {
+    throw std::runtime_error("Vehicle API for '" + sim_vehicle.name() + "' is not available: " + call +
                              " is for vehicles that fly, and in the mode ComputerVision there are none");
   }
-  return craft;
+  return sim_vehicle;
 }
 
 SimCamera& Simulator::Impl::camera(const std::string& name, const std::string& vehicle_name, bool external) {
@@ -228,7 +228,7 @@ const SimCamera& Simulator::Impl::camera(const std::string& name, const std::str
   }
   std::string known;
   for (const SimCamera& one : cameras) known += (known.empty() ? "" : ", ") + one.name();
-  throw InputError("camera '" + name.substr(0, 100) + "'", "there is none of that name; there are: " + known);
+  throw InputError("camera '" + name.substr(0, 100) + "'", "does not exist; the cameras are: " + known);
 }
 
 SE3 Simulator::Impl::T_ned_camera(const SimCamera& camera, const std::string& name, bool external) const {
@@ -242,21 +242,21 @@ Vec3 Simulator::Impl::ned_origin(const std::string& name, bool external) const {
 
 std::vector<SensorViewpoint> Simulator::Impl::viewpoints() const {
   if (!working_set.follows_sensors()) return {};
-  std::vector<SensorViewpoint> looks;
+  std::vector<SensorViewpoint> viewpoints;
   for (const auto& one : vehicles) {
-    const SimVehicle& craft = *one->vehicle;
-    const SE3 T_local_body = T_local_ned * craft.state().T_ned_body;
+    const SimVehicle& sim_vehicle = *one->vehicle;
+    const SE3 T_local_body = T_local_ned * sim_vehicle.state().T_ned_body;
     double least = kMinPixelsPerRad;
-    for (const SensorSettings& sensor : craft.settings().sensors) {
+    for (const SensorSettings& sensor : sim_vehicle.settings().sensors) {
       if (const auto* lidar = std::get_if<LidarSettings>(&sensor.kind)) least = std::max(least, rays_per_rad(*lidar));
     }
-    looks.push_back({T_local_body.translation, least});
-    for (const SimCamera& camera : craft.cameras())
-      looks.push_back({T_local_body * camera.T_body_camera().translation, camera.pixels_per_rad()});
+    viewpoints.push_back({T_local_body.translation, least});
+    for (const SimCamera& camera : sim_vehicle.cameras())
+      viewpoints.push_back({T_local_body * camera.T_body_camera().translation, camera.pixels_per_rad()});
   }
   for (const SimCamera& camera : external_cameras)
-    looks.push_back({T_local_ned * camera.T_body_camera().translation, camera.pixels_per_rad()});
-  return looks;
+    viewpoints.push_back({T_local_ned * camera.T_body_camera().translation, camera.pixels_per_rad()});
+  return viewpoints;
 }
 
 Simulator::Simulator(const SimulatorOptions& options, SimulatorLog log, const Progress& progress)

@@ -17,7 +17,7 @@ constexpr double kMaxSide_m = 1e5;
 constexpr double kMaxOccupied = 5e7;  // 12 bytes per cell
 constexpr double kCellsAnArea = 3.0;  ///< touched by a surface as large as a cell's face, at most about
 
-VoxelGridSpec checked_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
+VoxelGridSpec checked_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t max_cells) {
   if (!center_local.allFinite() || center_local.cwiseAbs().maxCoeff() > 1e7)
     throw InputError("voxel grid", "its centre is not finite or too far away");
   if (!(edge_m >= 1e-3 && edge_m <= kMaxSide_m))
@@ -31,8 +31,8 @@ VoxelGridSpec checked_grid(const Vec3& center_local, const Vec3& size_m, double 
     product *= static_cast<double>(grid.cells[static_cast<std::size_t>(axis)]);
   }
   if (product < 1.0) throw InputError("voxel grid", "no cell of this resolution fits into the box");
-  if (product > static_cast<double>(most_cells))
-    throw InputError("voxel grid", "more than " + std::to_string(most_cells) + " cells; ask for fewer or larger ones");
+  if (product > static_cast<double>(max_cells))
+    throw InputError("voxel grid", "more than " + std::to_string(max_cells) + " cells; request fewer or larger ones");
   return grid;
 }
 
@@ -97,16 +97,16 @@ class RunLengthWriter {
 
 }  // namespace
 
-VoxelGridSpec make_airsim_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
-  VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, most_cells);
+VoxelGridSpec make_airsim_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t max_cells) {
+  VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, max_cells);
   const Vec3 halves(static_cast<double>(grid.cells[0] / 2), static_cast<double>(grid.cells[1] / 2),
                     static_cast<double>(grid.cells[2] / 2));
   set_box(grid, center_local - edge_m * (halves + Vec3::Constant(0.5)));
   return grid;
 }
 
-VoxelGridSpec make_centered_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t most_cells) {
-  VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, most_cells);
+VoxelGridSpec make_centered_grid(const Vec3& center_local, const Vec3& size_m, double edge_m, std::int64_t max_cells) {
+  VoxelGridSpec grid = checked_grid(center_local, size_m, edge_m, max_cells);
   const Vec3 cells(static_cast<double>(grid.cells[0]), static_cast<double>(grid.cells[1]),
                    static_cast<double>(grid.cells[2]));
   set_box(grid, center_local - 0.5 * edge_m * cells);
@@ -119,7 +119,7 @@ geometry::VoxelGrid voxelize_grid(const geometry::TriangleMesh& mesh, const Voxe
   const double likely = std::min(static_cast<double>(grid.count()),
                                  kCellsAnArea * area_m2 / (grid.voxel_size_m * grid.voxel_size_m) + 1.0);
   if (likely > kMaxOccupied)
-    throw InputError("voxel grid", "too many cells would be occupied; ask for a smaller box or larger cells");
+    throw InputError("voxel grid", "too many cells would be occupied; request a smaller box or larger cells");
   if (near.triangles.empty()) {
     const auto side = [&](std::size_t axis) { return static_cast<std::int32_t>(grid.cells[axis]); };
     return {grid.box.min(), grid.voxel_size_m, {side(0), side(1), side(2)}, {}};

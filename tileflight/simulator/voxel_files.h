@@ -20,12 +20,12 @@ struct VoxelGridSpec {
 };
 
 /// A grid in AirSim's layout: the centre is the centre of cell n/2 (integer division) along each axis. Throws
-/// InputError: not finite, no cell, sides over 100 km, more than `most_cells`.
+/// InputError: not finite, no cell, sides over 100 km, more than `max_cells`.
 VoxelGridSpec make_airsim_grid(const geometry::Vec3& center_local, const geometry::Vec3& size_m, double edge_m,
-                               std::int64_t most_cells);
+                               std::int64_t max_cells);
 /// A grid whose centre is the centre of the box.
 VoxelGridSpec make_centered_grid(const geometry::Vec3& center_local, const geometry::Vec3& size_m, double edge_m,
-                                 std::int64_t most_cells);
+                                 std::int64_t max_cells);
 
 /// Cells touched by a triangle. Throws InputError if the grid would need too much memory.
 geometry::VoxelGrid voxelize_grid(const geometry::TriangleMesh& mesh, const VoxelGridSpec& grid);

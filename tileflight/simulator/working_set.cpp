@@ -96,7 +96,8 @@ void WorkingSet::choose_residency(const Progress& progress) {
     placement_ = tiles::resolve_placement(*tree_, load, name);
   }
   if (is_default_origin_elsewhere(name)) {
-    warnings_.push_back("OriginGeopoint is AirSim's default, which is not in this place: the place's own is taken");
+    warnings_.push_back(
+        "OriginGeopoint is AirSim's default, which lies outside this place: the place's own origin is used");
     options_.load.origin.reset();
     return choose_residency(progress);
   }
@@ -106,10 +107,10 @@ void WorkingSet::choose_residency(const Progress& progress) {
   if (auto place = try_load({}, progress)) return set_current(*place);
   if (options_.residency == TileResidency::kRegion) {
     throw InputError(name,
-                     "the region needs more memory than is allowed: ask for less (--size), for coarser tiles "
-                     "(--error), allow more (--memory), or let tiles follow (--follow sensors)");
+                     "the region needs more memory than the limit: request a smaller region (--size) or coarser tiles "
+                     "(--error), raise the limit (--memory), or load only what the sensors see (--follow sensors)");
   }
-  log_line("the region does not fit into memory: tiles follow what the sensors can see");
+  log_line("the region does not fit into memory: only tiles that the sensors can see are loaded");
   follows_sensors_ = true;
 }
 
@@ -123,8 +124,8 @@ bool WorkingSet::is_default_origin_elsewhere(const std::string& name) const {
   if (std::abs(origin.latitude_deg - kDefaultOrigin.latitude_deg) < 1e-6 &&
       std::abs(origin.longitude_deg - kDefaultOrigin.longitude_deg) < 1e-6)
     return true;
-  throw InputError(name,
-                   "the origin (OriginGeopoint) lies elsewhere: the tileset spans " + tiles::describe_extent(*tree_));
+  throw InputError(
+      name, "the origin (OriginGeopoint) lies outside the tileset, which spans " + tiles::describe_extent(*tree_));
 }
 
 std::vector<std::string> WorkingSet::attribution() const {
@@ -144,13 +145,13 @@ void WorkingSet::set_current(std::shared_ptr<const ResidentScene> place) {
   current_ = std::move(place);
 }
 
-std::vector<WorkingSet::Cell> WorkingSet::cells_around(std::span<const SensorViewpoint> looks) const {
+std::vector<WorkingSet::Cell> WorkingSet::cells_around(std::span<const SensorViewpoint> viewpoints) const {
   std::vector<Cell> cells;
-  for (const SensorViewpoint& look : looks) {
+  for (const SensorViewpoint& viewpoint : viewpoints) {
     Cell cell{};
     for (int axis = 0; axis < 3; ++axis)
-      cell[static_cast<std::size_t>(axis)] = (std::floor(look.position[axis] / kCellSize_m) + 0.5) * kCellSize_m;
-    cell[3] = look.pixels_per_rad;
+      cell[static_cast<std::size_t>(axis)] = (std::floor(viewpoint.position[axis] / kCellSize_m) + 0.5) * kCellSize_m;
+    cell[3] = viewpoint.pixels_per_rad;
     cells.push_back(cell);
   }
   std::ranges::sort(cells);
@@ -185,10 +186,10 @@ tiles::RefinementCriterion WorkingSet::refinement_criterion(const std::vector<Ce
   return all;
 }
 
-std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const SensorViewpoint> looks) {
+std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const SensorViewpoint> viewpoints) {
   if (!follows_sensors_) return current();
   const std::lock_guard lock(loading_mutex_);
-  const std::vector<Cell> cells = cells_around(looks);
+  const std::vector<Cell> cells = cells_around(viewpoints);
   if (const auto place = current(); place && cells == cells_ && !(place->loaded().tiles_failed > 0 && may_retry()))
     return place;
   return load(cells, {});
@@ -203,15 +204,16 @@ std::shared_ptr<const ResidentScene> WorkingSet::load(const std::vector<Cell>& c
       return *place;
     }
     if (!pinned_.empty()) {
-      log_line("what the sensors can see does not fit into memory: the oldest region of tfLoadRegion is let go");
+      log_line(
+          "the tiles that the sensors can see do not fit into memory: the oldest region of tfLoadRegion is unloaded");
       pinned_.erase(pinned_.begin());
       continue;
     }
     if (!follows_sensors_ || error_px_ * kErrorGrowth > kCoarsest_px)
-      throw InputError(transport::redact_source(options_.source), "does not fit into the memory allowed (--memory)");
+      throw InputError(transport::redact_source(options_.source), "does not fit into the memory limit (--memory)");
     error_px_ = error_px_ * kErrorGrowth;
-    log_line("what the sensors can see does not fit into memory: tiles may err by " + std::to_string(error_px_.load()) +
-             " pixels from now on");
+    log_line("the tiles that the sensors can see do not fit into memory: their screen-space error is raised to " +
+             std::to_string(error_px_.load()) + " pixels");
   }
 }
 
@@ -285,18 +287,19 @@ bool WorkingSet::read_missing(const tiles::TileCut& cut, const std::vector<std::
   return true;
 }
 
-LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m, std::span<const SensorViewpoint> looks) {
+LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m,
+                                    std::span<const SensorViewpoint> viewpoints) {
   if (!tree_) return current()->loaded();
   const std::lock_guard lock(loading_mutex_);
   const std::vector<PinnedRegion> before = pinned_;
   if (pinned_.size() >= kMaxPinned) pinned_.erase(pinned_.begin());
   pinned_.push_back({{box_local.center(), box_local.sizes(), {}}, error_m});
-  const std::vector<Cell> cells = cells_around(looks);
+  const std::vector<Cell> cells = cells_around(viewpoints);
   const auto place = try_load(cells, {});
   if (!place) {
     pinned_ = before;
     throw InputError(transport::redact_source(options_.source),
-                     "the region needs more memory than is left: ask for less or for coarser tiles");
+                     "the region needs more memory than is left: request a smaller region or coarser tiles");
   }
   set_current(*place);
   cells_ = cells;
@@ -319,7 +322,7 @@ geometry::TriangleMesh WorkingSet::read_triangles(const Box3& box_local, double 
   if (!cut.failures.empty() && broken == Broken::kRefused) throw InputError(name, cut.failures.front());
   std::vector<tiles::LoadedContent> contents =
       tiles::read_cut(*source_, *tree_, cut, placement_.T_local_tileset, false, {}, scene_limit_bytes());
-  if (contents.size() < cut.contents.size()) throw InputError(name, "the region needs more memory than is allowed");
+  if (contents.size() < cut.contents.size()) throw InputError(name, "the region needs more memory than the limit");
   std::vector<imaging::TexturedMesh> meshes;
   for (tiles::LoadedContent& content : contents) {
     if (!content.failure.empty() && broken == Broken::kRefused) throw InputError(name, content.failure);

@@ -58,12 +58,12 @@ class WorkingSet {
 
   /// Returns a scene with everything that the sensors need, loading it if necessary. Throws InputError if not even the
   /// coarsest tiles fit.
-  std::shared_ptr<const ResidentScene> load_for(std::span<const SensorViewpoint> looks);
+  std::shared_ptr<const ResidentScene> load_for(std::span<const SensorViewpoint> viewpoints);
   /// The scene of the latest load_for().
   std::shared_ptr<const ResidentScene> current() const;
   /// Also keeps this region in memory from now on, at this error; only the latest 32 regions are kept. Throws
   /// InputError.
-  LoadedRegion add_region(const geometry::Box3& box_local, double error_m, std::span<const SensorViewpoint> looks);
+  LoadedRegion add_region(const geometry::Box3& box_local, double error_m, std::span<const SensorViewpoint> viewpoints);
   /// Every triangle near the box at the error given (0: the finest available), independent of the tiles in memory.
   /// Throws InputError: unreadable tiles, too many triangles.
   geometry::TriangleMesh triangles_in(const geometry::Box3& box_local, double error_m) const;
@@ -80,7 +80,7 @@ class WorkingSet {
   void open(const Progress& progress);
   void choose_residency(const Progress& progress);
   bool is_default_origin_elsewhere(const std::string& name) const;
-  std::vector<Cell> cells_around(std::span<const SensorViewpoint> looks) const;
+  std::vector<Cell> cells_around(std::span<const SensorViewpoint> viewpoints) const;
   tiles::RefinementCriterion refinement_criterion(const std::vector<Cell>& cells) const;
   std::shared_ptr<const ResidentScene> load(const std::vector<Cell>& cells, const Progress& progress);
   std::optional<std::shared_ptr<const ResidentScene>> try_load(const std::vector<Cell>& cells,

@@ -120,7 +120,7 @@ TEST_F(FollowingTiles, WithTooLittleMemoryTilesGetCoarserAndNothingIsMissing) {
   EXPECT_TRUE(place->loaded().complete);
   EXPECT_EQ(place->loaded().tiles_loaded, 1);
   EXPECT_GT(world.error_px(), 1.0);
-  EXPECT_THAT(lines, testing::Contains(testing::HasSubstr("pixels from now on")));
+  EXPECT_THAT(lines, testing::Contains(testing::HasSubstr("their screen-space error is raised to")));
 }
 
 TEST_F(FollowingTiles, ABrokenTileIsToldWithThePicture) {

@@ -44,7 +44,7 @@ FrameSampling sample_frames(const CoverageSettings& settings) {
   const vehicle::FlightPlan plan = vehicle::read_flight_plan(settings.flight);
   FrameSampling watch{imaging::read_calibration(plan.camera).camera, vehicle::frame_poses(plan), {}};
   const std::size_t all = watch.trajectory.size();
-  if (all == 0) throw InputError(settings.flight.string(), "has no frame");
+  if (all == 0) throw InputError(settings.flight.string(), "has no frames");
   const std::size_t count = std::min<std::size_t>(all, static_cast<std::size_t>(settings.frames));
   for (std::size_t i = 0; i < count; ++i)
     watch.frames.push_back(count == 1 ? 0 : (i * (all - 1) + (count - 1) / 2) / (count - 1));
@@ -77,7 +77,7 @@ class ContentPool {
     loaded_ = tiles::read_cut(source, tree, all_, T_local_tileset, true, progress);
     for (const tiles::LoadedContent& content : loaded_) {
       if (!content.failure.empty() && !allow_incomplete)
-        throw InputError(content.failure, "a tile is needed (--allow-incomplete goes on without)");
+        throw InputError(content.failure, "this tile is needed (--allow-incomplete continues without it)");
     }
   }
 
@@ -204,18 +204,18 @@ void count_frame_pixels(std::vector<StrategyResult>& all, const FrameSampling& w
                         const Progress& progress) {
   std::vector<std::uint32_t> owner;
   const scene::Scene scene(contents.meshes(truth, &owner));
-  std::vector<std::vector<Substitute>> stands(contents.size());
-  for (const std::uint32_t id : truth) stands[id] = find_substitutes(tree, contents[id]);
+  std::vector<std::vector<Substitute>> substitutes(contents.size());
+  for (const std::uint32_t id : truth) substitutes[id] = find_substitutes(tree, contents[id]);
   const double pixels_per_rad = tiles::view_cone_of(watch.camera).pixels_per_rad;
   const imaging::Camera camera = scale_to_width(watch.camera, settings.width);
   for (std::size_t i = 0; i < watch.frames.size(); ++i) {
     const std::vector<PixelHit> frame = trace_pixels(scene, owner, camera, watch.pose(i));
     for (StrategyResult& given : all) {
       const std::vector<bool> in_memory = nodes_in_memory(given.tiles_at(i), contents, tree.node_count());
-      given.shares.push_back(count_pixels(frame, stands, in_memory, pixels_per_rad, settings.error_px));
+      given.shares.push_back(count_pixels(frame, substitutes, in_memory, pixels_per_rad, settings.error_px));
     }
     report_progress(progress, static_cast<std::int64_t>(i + 1), static_cast<std::int64_t>(watch.frames.size()),
-                    "looking at frames");
+                    "checking frames");
   }
 }
 
@@ -402,7 +402,7 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   ContentPool contents;
   std::vector<StrategyResult> all = select_tiles(make_tile_strategies(strategy), watch, tree, contents);
   const ContentIds truth = contents.add(tiles::select_cut(tree, full_detail_criterion(strategy)));
-  if (truth.empty()) throw InputError(settings.flight.string(), "looks at no tile of " + name);
+  if (truth.empty()) throw InputError(settings.flight.string(), "sees no tile of " + name);
   contents.read(*source, tree, placement.T_local_tileset, settings.load.allow_incomplete, progress);
   place::require_surface(contents.meshes(truth), contents.has_points(truth), name);
   count_frame_pixels(all, watch, contents, truth, tree, settings, progress);

@@ -104,21 +104,21 @@ void add_distinct(const std::vector<std::string>& from, std::vector<std::string>
   }
 }
 
-void merge_part(const render::FlightRenderReport& report, const tiles::LoadedTiles& tiles, RenderSummary& filmed) {
-  tiles::LoadedTiles& all = filmed.tiles;
+void merge_part(const render::FlightRenderReport& report, const tiles::LoadedTiles& tiles, RenderSummary& summary) {
+  tiles::LoadedTiles& all = summary.tiles;
   all.local_frame = tiles.local_frame;
   all.region = tiles.region;
   all.terms = tiles.terms;
   all.cut_hash = tiles.cut_hash;
   all.cut_size = tiles.cut_size;
-  all.complete = tiles.complete && (filmed.parts == 0 || all.complete);
+  all.complete = tiles.complete && (summary.parts == 0 || all.complete);
   all.tiles_failed = std::max(all.tiles_failed, tiles.tiles_failed);
   all.triangles = std::max(all.triangles, tiles.triangles);
   add_distinct(tiles.attribution, all.attribution);
   add_distinct(tiles.warnings, all.warnings);
-  filmed.exposure_after = report.exposure_after;
-  filmed.seconds += report.seconds;
-  ++filmed.parts;
+  summary.exposure_after = report.exposure_after;
+  summary.seconds += report.seconds;
+  ++summary.parts;
 }
 
 /// Region of the output `visibility`.
@@ -152,7 +152,7 @@ class PartRenderer {
   /// Frames of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
   /// dataset's, for the data of other sensors.
   RenderSummary run(const fs::path& folder, FrameAssignment& share, const render::FrameSink& sink) {
-    RenderSummary filmed;
+    RenderSummary summary;
     bool any_surface = false, any_points = false;
     const std::size_t frames = mission_.frames.size();
     for (std::size_t begin = 0, count = frames; begin < frames; begin += count) {
@@ -167,7 +167,7 @@ class PartRenderer {
       options.end_frame = begin + count;
       if (tiles.local_frame) options.origin = tiles.local_frame->origin();
       options.scored_region = visibility_region_test(settings_, tiles.region);
-      options.exposure_before = filmed.exposure_after;
+      options.exposure_before = summary.exposure_after;
       if (share.store() != nullptr)
         options.frame_filter = [&share](std::size_t index) { return share.is_assigned(index); };
       if (share.is_first_rank()) {
@@ -179,10 +179,10 @@ class PartRenderer {
       };
       merge_part(render::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
                                        take, progress_),
-                 tiles, filmed);
+                 tiles, summary);
     }
     if (!any_surface) place::require_surface({}, any_points, transport::redact_source(settings_.source));
-    return filmed;
+    return summary;
   }
 
  private:
@@ -194,8 +194,8 @@ class PartRenderer {
     count = std::min(count, mission_.frames.size() - begin);
     while (true) {
       if (load_.flight) {
-        const std::size_t eyes_a_frame = load_.flight->view_cones.size() / mission_.frames.size();
-        load_.flight->part = {begin * eyes_a_frame, (begin + count) * eyes_a_frame};
+        const std::size_t cones_per_frame = load_.flight->view_cones.size() / mission_.frames.size();
+        load_.flight->part = {begin * cones_per_frame, (begin + count) * cones_per_frame};
       }
       try {
         return tiles::load_region(*source_, transport::redact_source(settings_.source), load_, progress_);
@@ -224,22 +224,22 @@ void write_photometric(const PlannedFlight& mission, const fs::path& folder) {
 
 /// Writes the dataset's metadata.
 void write_metadata(dataset::DatasetWriter& writer, const PlannedFlight& mission, const RenderSettings& settings,
-                    const RenderSummary& filmed, const std::vector<FrameRecord>& frames) {
+                    const RenderSummary& summary, const std::vector<FrameRecord>& frames) {
   if (settings.flight.outputs.photometric) write_photometric(mission, writer.temporary_folder());
   writer.set_groundtruth(mission.frames);
-  const std::vector<dataset::GpsFix> gps = simulate_gps(mission, filmed.tiles.local_frame, settings.seed);
+  const std::vector<dataset::GpsFix> gps = simulate_gps(mission, summary.tiles.local_frame, settings.seed);
   if (!gps.empty()) writer.set_gps(gps);
-  const auto attitudes = simulate_camera_attitude(mission, filmed.tiles.local_frame, settings.seed);
+  const auto attitudes = simulate_camera_attitude(mission, summary.tiles.local_frame, settings.seed);
   if (!attitudes.empty()) dataset::write_attitude_csv(writer.temporary_folder() / "attitude.csv", attitudes);
-  for (const auto& [key, value] : description(settings, filmed.tiles)) writer.describe(key, value);
-  const std::optional<geometry::LocalFrame>& frame = filmed.tiles.local_frame;
+  for (const auto& [key, value] : description(settings, summary.tiles)) writer.describe(key, value);
+  const std::optional<geometry::LocalFrame>& frame = summary.tiles.local_frame;
   for (const auto& [key, value] : place::describe_frame(frame ? std::optional(frame->origin()) : std::nullopt))
     writer.describe(key, value);
   const auto faults = render::find_flight_faults(frame_checks(frames), 0, mission.options.clearance_m);
   for (const auto& [key, value] : faults_to_metadata(faults)) writer.describe(key, value);
   if (const auto& light = mission.options.formation.light)
-    writer.describe("light", describe_sun_position(make_daylight(*light, filmed.tiles.local_frame->origin())->sun()));
-  mission.sensor_recorder->write(filmed.tiles.local_frame, mission.frames.poses.front().time_s,
+    writer.describe("light", describe_sun_position(make_daylight(*light, summary.tiles.local_frame->origin())->sun()));
+  mission.sensor_recorder->write(summary.tiles.local_frame, mission.frames.poses.front().time_s,
                                  writer.temporary_folder());
   for (const auto& [key, value] : mission.sensor_recorder->description()) writer.describe(key, value);
   if (!mission.vehicle.is_null()) {

@@ -199,17 +199,18 @@ std::vector<render::FlightFault> find_faults(const FlightCheck& check, const Fli
   const std::size_t count = check.frames.size();
   const auto share = [&](std::size_t i) { return check.views[i].surface_share; };
   faults.push_back(
-      {"view_nearly_empty", "less than " + percent(options.min_surface_share) + " of the view shows the place",
+      {"view_nearly_empty", "less than " + percent(options.min_surface_share) + " of the image shows the place",
        frames_where(count, [&](std::size_t i) { return share(i) > 0.0 && share(i) < options.min_surface_share; })});
-  faults.push_back({"nothing_below", "nothing is below the camera: it has left the place, or there is a hole in it",
+  faults.push_back({"nothing_below",
+                    "there is no surface below the camera: it has left the place, or the place has a hole",
                     frames_where(count, [&](std::size_t i) {
                       const scene::Surroundings& around = check.frames[i].surroundings;
                       return std::isinf(around.above_ground_m) && !around.inside;
                     })});
   faults.push_back(
       {"too_fast",
-       "the picture moves by more than " + percent(options.max_flow_share) +
-           " of its width to the next frame, which odometry may not follow: fly slower or take more frames",
+       "the image moves by more than " + percent(options.max_flow_share) +
+           " of its width between frames, which odometry may fail to track: fly slower or raise the frame rate",
        frames_where(count, [&](std::size_t i) { return check.views[i].flow_share > options.max_flow_share; })});
   return drop_empty(std::move(faults));
 }
@@ -219,11 +220,11 @@ std::optional<std::string> initialization_warning(const FlightCheck& check, cons
     return std::nullopt;
   std::ostringstream text;
   text.precision(2);
-  text << "too little parallax for odometry to begin: in the first "
-       << std::min(options.initialization_frames, check.frames.size()) << " frames what is seen turns by "
-       << degrees(check.initialization->parallax_rad) << "° at most, and "
+  text << "too little parallax to initialize odometry: over the first "
+       << std::min(options.initialization_frames, check.frames.size())
+       << " frames the viewing angle changes by at most " << degrees(check.initialization->parallax_rad) << "°, but "
        << degrees(options.min_initialization_parallax_rad)
-       << "° are needed: fly sideways, lower or faster at the beginning";
+       << "° are needed: fly sideways, lower or faster at the start";
   return text.str();
 }
 

@@ -84,8 +84,8 @@ TEST(FlightCheckTest, ParallaxIsTheAngleBetweenTheRays) {
   ASSERT_TRUE(check.initialization);
   EXPECT_NEAR(check.initialization->parallax_rad, std::atan(0.3 / 20), 2e-4);
   EXPECT_EQ(check.initialization->at_frame, 3U);
-  EXPECT_THAT(initialization_warning(check, {}).value(), HasSubstr("in the first 4 frames"));
-  EXPECT_THAT(initialization_warning(check, {}).value(), HasSubstr("0.86° at most, and 1.5° are needed"));
+  EXPECT_THAT(initialization_warning(check, {}).value(), HasSubstr("over the first 4 frames"));
+  EXPECT_THAT(initialization_warning(check, {}).value(), HasSubstr("0.86°, but 1.5° are needed"));
   EXPECT_FALSE(checked(scene, mission_of({poses[0]})).initialization) << "one frame";
 }
 

@@ -30,7 +30,7 @@ void write_followed_flight(const fs::path& real, const std::optional<flight::Smo
     geometry::write_tum(folder / "poses.txt", local);
     fs::copy_file(real / "dataset/camera.yaml", folder / "camera.yaml");
     base::write_file(folder / "flight.yaml",
-                     "# The path on which odometry found the other flight, at its pictures' times.\n"
+                     "# The other flight's path as estimated by odometry, at the times of its images.\n"
                      "camera: camera.yaml\ntrajectory: poses.txt\nsmooth: " +
                          flight::smoothing_text(is_smoothed ? smoothing : std::nullopt) + "\n");
   });

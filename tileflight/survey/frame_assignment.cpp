@@ -69,9 +69,10 @@ std::vector<FrameRecord> FrameAssignment::collect_frames() const {
     }
   }
   if (missing.empty()) return frames;
-  throw InputError(store_->dataset_folder().parent_path().string(),
-                   "has no frames " + describe_frame_ranges(missing) +
-                       " from the tiles of the others: the source changed meanwhile; give the same command again");
+  throw InputError(
+      store_->dataset_folder().parent_path().string(),
+      "has no frames " + describe_frame_ranges(missing) +
+          " rendered from the same tiles as the others: the source changed meanwhile; run the same command again");
 }
 
 }  // namespace tileflight::survey

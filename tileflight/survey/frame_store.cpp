@@ -28,7 +28,7 @@ constexpr std::uintmax_t kMaxRecord_bytes = 1 << 20;
 void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
 }
 
 /// Opens a file and locks it while the descriptor is open; -1: another process has the lock, or locking failed.
@@ -155,10 +155,10 @@ std::string FrameStore::prepare(const fs::path& dataset, const json& inputs) {
   const fs::path folder = folder_for(dataset);
   std::string note;
   if (fs::exists(folder)) {
-    if (any_rank_alive(folder / "ranks")) throw InputError(dataset.string(), "another process renders into it");
+    if (any_rank_alive(folder / "ranks")) throw InputError(dataset.string(), "another process is rendering into it");
     const json before = read_json(folder / "inputs.json");
     if (before != inputs || !fs::is_directory(folder / "dataset")) {
-      note = "frames that an earlier render left are not used: it had others of " + differences(before, inputs);
+      note = "frames of an earlier render are not reused, because these inputs differ: " + differences(before, inputs);
       std::error_code error;
       fs::remove_all(folder, error);
       if (error) throw InputError(folder.string(), "cannot be removed: " + error.message());
@@ -176,7 +176,7 @@ FrameStore::FrameStore(const fs::path& dataset, int rank, int ranks)
       rank_(rank),
       ranks_(ranks),
       lock_(lock_file(folder_ / "ranks" / std::to_string(rank))) {
-  if (lock_ < 0) throw InputError(folder_.string(), "cannot be written, or another process renders into it");
+  if (lock_ < 0) throw InputError(folder_.string(), "cannot be written, or another process is rendering into it");
 }
 
 FrameStore::~FrameStore() { ::close(lock_); }
@@ -225,7 +225,7 @@ std::string FrameStore::describe_state(std::size_t frames) const {
   const std::string of_all = std::to_string(frames - missing.size()) + " of " + std::to_string(frames) + " frames";
   return (ended.empty() ? "stopped" : ended + " of " + std::to_string(ranks_) + " died") + "; " + of_all +
          " are kept in " + folder_.string() + (missing.empty() ? "" : ", missing: " + describe_frame_ranges(missing)) +
-         "; the same command again renders what is missing";
+         "; run the same command again to render the missing frames";
 }
 
 void FrameStore::remove() const {

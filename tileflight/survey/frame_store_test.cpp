@@ -131,8 +131,8 @@ TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
     const FrameStore kept(out, 0, 1);
     kept.add(7, near);
     kept.add(1234567, blocked);
-    EXPECT_THAT(refusal_of([&] { FrameStore::prepare(out, {}); }), HasSubstr("another process renders into it"));
-    EXPECT_THAT(refusal_of([&] { FrameStore(out, 0, 1); }), HasSubstr("another process renders into it"));
+    EXPECT_THAT(refusal_of([&] { FrameStore::prepare(out, {}); }), HasSubstr("another process is rendering into it"));
+    EXPECT_THAT(refusal_of([&] { FrameStore(out, 0, 1); }), HasSubstr("another process is rendering into it"));
   }
   base::write_file(FrameStore::folder_for(out) / "frames/000009.json", "{\"exposure_ms\": 1");
   EXPECT_EQ(FrameStore::prepare(out / "", {{"program", "a"}, {"seed", 1}}), "");
@@ -150,7 +150,7 @@ TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
     EXPECT_TRUE(frames.at(1234567).check.path_is_blocked);
     EXPECT_EQ(frames.at(7).cut, "cut");
   }
-  EXPECT_THAT(FrameStore::prepare(out, {{"program", "a"}, {"seed", 2}}), HasSubstr("it had others of seed"));
+  EXPECT_THAT(FrameStore::prepare(out, {{"program", "a"}, {"seed", 2}}), HasSubstr("these inputs differ: seed"));
   const FrameStore kept(out, 0, 1);
   EXPECT_TRUE(kept.read_frames().empty());
   kept.remove();
@@ -204,7 +204,8 @@ TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
       share.add(frame);
     }
     rank.all_gather("");
-    EXPECT_THAT(refusal_of([&] { share.collect_frames(); }), HasSubstr("has no frames 9 from the tiles of the others"));
+    EXPECT_THAT(refusal_of([&] { share.collect_frames(); }),
+                HasSubstr("has no frames 9 rendered from the same tiles as the others"));
     rank.all_gather("");
     if (rank.rank() == 0) kept.add(9, frame_of(9.0, "cut"));
     rank.all_gather("");

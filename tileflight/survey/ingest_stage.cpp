@@ -27,8 +27,8 @@ void add_positions(const flight_logs::Telemetry& telemetry, IngestedFlightConfig
   if (flight.telemetry_height == "takeoff" && !flight.takeoff_height_m && !truth.empty()) {
     flight.takeoff_height_m = estimate_takeoff_height(telemetry, flight.telemetry, truth).m;
     std::ostringstream note;
-    note << "the take-off place lies " << std::fixed << std::setprecision(2) << *flight.takeoff_height_m
-         << " m above the ellipsoid, by the ground truth";
+    note << "the take-off point lies " << std::fixed << std::setprecision(2) << *flight.takeoff_height_m
+         << " m above the ellipsoid, according to the ground truth";
     warnings.push_back(note.str());
   }
   options.gps = to_gps_fixes(telemetry, flight, warnings);
@@ -45,7 +45,7 @@ void add_photo_metadata(const IngestedFlightConfig& flight, const std::filesyste
   if (photos.times.size() < 2 || flight.fps) return;
   if (photos.times.size() < photos.photos) {
     warnings.push_back(std::to_string(photos.photos - photos.times.size()) + " of " + std::to_string(photos.photos) +
-                       " photos do not say when they were taken, so that none is asked");
+                       " photos have no capture time, so the times of all photos are ignored");
     return;
   }
   warnings.insert(warnings.end(), photos.warnings.begin(), photos.warnings.end());
@@ -91,7 +91,7 @@ nlohmann::json synchronize_telemetry(const flight_logs::Telemetry& telemetry, co
                                      const Progress& progress) {
   const TelemetryOffset found = estimate_telemetry_offset(estimate_camera_path(options, out, progress), telemetry);
   if (!found.offset.determined) {
-    throw InputError(flight.telemetry.string(), "its time offset to the video is not determined (" +
+    throw InputError(flight.telemetry.string(), "its time offset to the video cannot be determined (" +
                                                     found.offset.reason +
                                                     "); give it in seconds: --time-offset (telemetry_offset)");
   }

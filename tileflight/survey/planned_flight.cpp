@@ -43,9 +43,9 @@ std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission) {
       for (const double time_s : {pose.time_s - open_s, pose.time_s + open_s}) poses.push_back(mission.pose_at(time_s));
     }
   }
-  std::vector<tiles::ViewCone> eyes = tiles::view_cones_along(mission.calibration.camera, poses);
+  std::vector<tiles::ViewCone> cones = tiles::view_cones_along(mission.calibration.camera, poses);
   const bool needs_all = mission.sensor_recorder->suite().needs_scene() || formation.light;  // shadow casters
-  return needs_all ? tiles::widen_to_all_directions(std::move(eyes)) : eyes;
+  return needs_all ? tiles::widen_to_all_directions(std::move(cones)) : cones;
 }
 
 }  // namespace tileflight::survey

@@ -85,23 +85,23 @@ SurroundingTiles read_surroundings(PreviewContext& flight, const Progress& progr
   constexpr std::array<DetailLevel, 5> kDetails{{{0.005, 20e3}, {0.01, 5e3}, {0.02, 2e3}, {0.05, 1e3}, {0.1, 300}}};
   const geometry::SE3& T_local_tileset = flight.place.placement().T_local_tileset;
   Box3 path_box;
-  std::vector<tiles::ViewCone> eyes;
+  std::vector<tiles::ViewCone> cones;
   for (const Vec3& p : subsample_path(flight.frames())) {
     path_box.extend(p);
-    eyes.push_back({.position = p});
+    cones.push_back({.position = p});
   }
   for (const DetailLevel& detail : kDetails) {
-    for (tiles::ViewCone& eye : eyes) eye.pixels_per_rad = 1 / detail.error_share;
+    for (tiles::ViewCone& cone : cones) cone.pixels_per_rad = 1 / detail.error_share;
     const Vec3 around(detail.reach_m, detail.reach_m, 20e3);
     const tiles::RefinementCriterion wanted =
-        place::restrict_to_box(tiles::limit_refinement(tiles::flight_criterion(eyes, T_local_tileset, 1.0),
+        place::restrict_to_box(tiles::limit_refinement(tiles::flight_criterion(cones, T_local_tileset, 1.0),
                                                        flight.settings.render.load.error_m),
                                Box3(path_box.min() - around, path_box.max() + around), T_local_tileset);
     if (auto part = flight.place.read(flight.place.select_cut(wanted), false, flight.memory, progress))
       return {std::move(*part), &detail != kDetails.data()};
   }
   throw tiles::MemoryLimitExceeded(flight.place.name(),
-                                   "the tiles around the path need more memory than is allowed; give more (--memory)");
+                                   "the tiles around the path need more memory than the limit; raise it (--memory)");
 }
 
 // ---- Images and their cost
@@ -136,15 +136,15 @@ SamplePicture render_picture(PreviewContext& flight, const std::string& name, st
                              std::vector<place::MissingTile>& missing, const Progress& progress) {
   SamplePicture picture{.name = name, .frame = frame, .thumbnail = {}};
   auto start = std::chrono::steady_clock::now();
-  const std::size_t eyes_a_frame = flight_view_cones(flight.mission).size() / flight.frames().size();
+  const std::size_t cones_per_frame = flight_view_cones(flight.mission).size() / flight.frames().size();
   const tiles::TileCut cut =
-      flight.place.select_cut(criterion_for_part(flight, {frame * eyes_a_frame, (frame + 1) * eyes_a_frame}));
+      flight.place.select_cut(criterion_for_part(flight, {frame * cones_per_frame, (frame + 1) * cones_per_frame}));
   auto part = flight.place.read(cut, true, flight.memory, progress);
   if (!part) {
     throw tiles::MemoryLimitExceeded(flight.place.name(),
-                                     "what frame " + std::to_string(frame) +
-                                         " looks at needs more memory than is allowed: ask for coarser "
-                                         "tiles (--error, --pixel-error) or allow more (--memory)");
+                                     "the part of the place that frame " + std::to_string(frame) +
+                                         " sees needs more memory than the limit: request coarser tiles (--error, "
+                                         "--pixel-error) or raise the limit (--memory)");
   }
   missing.insert(missing.end(), part->missing.begin(), part->missing.end());
   picture.tiles = part->tiles;
@@ -437,7 +437,7 @@ std::vector<std::string> missing_tile_warnings(std::vector<place::MissingTile> m
   if (distinct.empty()) return lines;
   lines.push_back("missing or broken: " + *distinct.begin() +
                   (distinct.size() > 1 ? " and " + std::to_string(distinct.size() - 1) + " more" : "") +
-                  "; render goes on without only by --allow-incomplete");
+                  "; `render` fails unless --allow-incomplete is given");
   return lines;
 }
 
@@ -446,9 +446,9 @@ std::vector<std::string> collect_warnings(const PreviewContext& flight, const Fl
   std::vector<std::string> warnings;
   const double away_m = distance_to_place_m(flight);
   if (away_m > 0) {
-    warnings.push_back(format("the flight comes no nearer to the place than %.0f m: the place spans ", away_m) +
+    warnings.push_back(format("the flight stays at least %.0f m away from the place: the place spans ", away_m) +
                        tiles::describe_extent(place_bounds(flight.place)) +
-                       " of the local frame; is --origin (or --center) that of the flight file?");
+                       " in the local frame; check that --origin (or --center) belongs to the flight file");
   }
   for (const render::FlightFault& fault : faults) warnings.push_back(fault_line(fault));
   if (const auto line = initialization_warning(check, flight.settings.check)) warnings.push_back(*line);
@@ -542,7 +542,7 @@ json preview(const PreviewSettings& settings, const fs::path& out, bool replace,
       settings, plan_flight(settings.render, progress),
       place::PlaceReader(settings.render.source, preview_load_options(settings.render), transport::Use::kAnalyse),
       settings.render.max_memory_bytes.value_or(place::default_memory_bytes())};
-  if (flight.frames().empty()) throw InputError(settings.render.flight.flight.string(), "has no frame");
+  if (flight.frames().empty()) throw InputError(settings.render.flight.flight.string(), "has no frames");
   std::vector<place::MissingTile> missing;
   SurroundingTiles around = read_surroundings(flight, progress);
   std::move(around.part.missing.begin(), around.part.missing.end(), std::back_inserter(missing));
@@ -554,7 +554,7 @@ json preview(const PreviewSettings& settings, const fs::path& out, bool replace,
   const std::vector<render::FlightFault> faults = find_faults(check, settings.check);
   std::vector<std::string> warnings = collect_warnings(flight, check, faults);
   if (around.is_coarser)
-    warnings.emplace_back("the path was checked against coarser tiles: memory wants it (--memory)");
+    warnings.emplace_back("the path was checked against coarser tiles because of the memory limit (--memory)");
   append(missing_tile_warnings(missing), warnings);
   append(flight.place.warnings(), warnings);
   const json found = describe(flight, check, pictures, faults, warnings);
@@ -591,7 +591,7 @@ std::string preview_text(const json& found, const fs::path& out) {
   text += format(", about %.2f GB of memory and about ", cost["memory_bytes"].get<double>() / 1e9) +
           about(cost["seconds"]["total"]) + format(" with %d threads\n", cost["threads"].get<int>());
   for (const auto& warning : found["warnings"]) text += "warning: " + warning.get<std::string>() + "\n";
-  if (found["warnings"].empty()) text += "nothing speaks against it\n";
+  if (found["warnings"].empty()) text += "no problems found\n";
   return text;
 }
 

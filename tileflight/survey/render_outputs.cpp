@@ -41,7 +41,7 @@ RenderOutputs parse_outputs(const std::string& words, const std::function<InputE
     const std::string word = words.substr(at, end - at);
     const auto member = output_flags().find(word);
     if (member == output_flags().end())
-      throw error("names '" + word + "', which is no output; did you mean '" + nearest_member(word) + "'?");
+      throw error("names '" + word + "', which is not an output; did you mean '" + nearest_member(word) + "'?");
     outputs.*member->second = true;
     at = words.find_first_not_of(kBetween, end);
   }

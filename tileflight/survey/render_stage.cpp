@@ -87,21 +87,21 @@ struct RenderedFrames {
 RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
                                bool replace, const FrameStore* kept, Ranks& ranks, const Progress& progress) {
   FrameAssignment share(ranks, kept, mission.frames.size());
-  std::optional<DatasetRenderer> film;
+  std::optional<DatasetRenderer> renderer;
   const auto start = std::chrono::steady_clock::now();
   double loading_s = 0.0;
   run_collectively(ranks, [&] {
-    film.emplace(mission, settings, out, replace, share, progress);
-    film->render();
+    renderer.emplace(mission, settings, out, replace, share, progress);
+    renderer->render();
     const std::chrono::duration<double> shot = std::chrono::steady_clock::now() - start;
-    loading_s = shot.count() - film->summary().seconds;
+    loading_s = shot.count() - renderer->summary().seconds;
   });
   const std::chrono::duration<double> all_shot = std::chrono::steady_clock::now() - start;
   RenderedFrames rendered;
   run_collectively(ranks, [&] {
-    if (ranks.rank() == 0) rendered.frames = film->finish();
+    if (ranks.rank() == 0) rendered.frames = renderer->finish();
   });
-  rendered.summary = film->summary();
+  rendered.summary = renderer->summary();
   rendered.summary.seconds = all_shot.count() - loading_s;  // includes the time spent waiting for other ranks
   rendered.resumed = share.frames_resumed();
   return rendered;
@@ -132,7 +132,7 @@ RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSetti
   if (ranks.rank() == 0) kept->remove();
   if (rendered.resumed > 0) {
     notes.push_back(std::to_string(rendered.resumed) + " of " + std::to_string(mission.frames.size()) +
-                    " frames were there from an earlier render");
+                    " frames were reused from an earlier render");
   }
   return rendered;
 }
@@ -142,10 +142,11 @@ void add_vehicle_warnings(const json& vehicle, std::vector<std::string>& warning
   if (vehicle["outcome"] != "finished") {
     warnings.push_back("the vehicle did not finish: " + vehicle["outcome"].get<std::string>() + " (vehicle.json)");
   }
-  const double most_m = vehicle.contains("tracking") ? vehicle["tracking"]["max_m"].get<double>() : 0.0;
-  if (most_m > kFarOff_m && vehicle["collisions"] == 0) {
-    warnings.push_back("the vehicle was up to " + std::to_string(std::lround(most_m)) +
-                       " m off its plan: too much wind or too fast a plan for it (tracking in vehicle.json)");
+  const double max_m = vehicle.contains("tracking") ? vehicle["tracking"]["max_m"].get<double>() : 0.0;
+  if (max_m > kFarOff_m && vehicle["collisions"] == 0) {
+    warnings.push_back(
+        "the vehicle was up to " + std::to_string(std::lround(max_m)) +
+        " m off its planned path: the wind is too strong or the plan too fast (see tracking in vehicle.json)");
   }
 }
 
@@ -158,7 +159,7 @@ std::vector<std::string> collect_warnings(const PlannedFlight& mission, const Re
     geometry::Box3 flown;
     for (const geometry::StampedPose& pose : mission.frames.poses) flown.extend(pose.T_local_camera.translation);
     const tiles::LoadedTiles& tiles = rendered.summary.tiles;
-    warnings.push_back("no picture shows anything of the tileset: " +
+    warnings.push_back("no image shows any part of the tileset: " +
                        tiles::describe_separation(flown, tiles.region.box(), tiles.local_frame));
   }
   warnings.insert(warnings.end(), rendered.summary.tiles.warnings.begin(), rendered.summary.tiles.warnings.end());
@@ -190,17 +191,17 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
   if (ranks.rank() != 0) return nullptr;
   std::vector<std::string> warnings = collect_warnings(mission, rendered);
   std::copy_if(notes.begin(), notes.end(), std::back_inserter(warnings), [](const auto& n) { return !n.empty(); });
-  const RenderSummary& filmed = rendered.summary;
+  const RenderSummary& summary = rendered.summary;
   const auto frames = static_cast<std::int64_t>(rendered.frames.size());
   return {{"frames", frames},
           {"frames_taken_up", rendered.resumed},
           {"ranks", ranks.count()},
-          {"seconds", filmed.seconds},
-          {"frames_per_second", filmed.seconds > 0.0 ? static_cast<double>(frames) / filmed.seconds : 0.0},
-          {"tiles", filmed.tiles.cut_size - filmed.tiles.tiles_failed},
-          {"parts", filmed.parts},
-          {"complete", filmed.tiles.complete},
-          {"triangles", filmed.tiles.triangles},
+          {"seconds", summary.seconds},
+          {"frames_per_second", summary.seconds > 0.0 ? static_cast<double>(frames) / summary.seconds : 0.0},
+          {"tiles", summary.tiles.cut_size - summary.tiles.tiles_failed},
+          {"parts", summary.parts},
+          {"complete", summary.tiles.complete},
+          {"triangles", summary.tiles.triangles},
           {"path_length", geometry::path_length_m(mission.frames)},
           {"warnings", warnings}};
 }

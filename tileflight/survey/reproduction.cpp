@@ -91,7 +91,7 @@ std::vector<FramePair> pair_frames(const FlightView& real, const FlightView& sim
   std::vector<FramePair> pairs;
   for (const auto& [r, s] : geometry::associate(frame_times(real.dataset), frame_times(simulated.dataset), within_s))
     pairs.push_back({.real = r, .simulated = s, .time_s = real.dataset.frames[r].time_s});
-  if (pairs.empty()) throw InputError(run.string(), "the two flights have no pictures of one time");
+  if (pairs.empty()) throw InputError(run.string(), "the two flights have no images at the same time");
   return subsample(pairs, kMaxPairs);
 }
 
@@ -243,7 +243,7 @@ json measure_reproduction(const fs::path& run, const Progress& progress) {
       pairs[i].ssim = alike.ssim;
     }
     report_progress(progress, static_cast<std::int64_t>(i) + 1, static_cast<std::int64_t>(pairs.size()),
-                    "comparing pictures");
+                    "comparing images");
   }
   const auto offset_s = pictures.can_compare() ? best_offset_s(pictures, pairs, simulated.dataset.frames.size(),
                                                                frame_interval_s(simulated.dataset))

@@ -23,7 +23,7 @@ using OptionalFrame = std::optional<geometry::LocalFrame>;
 void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be made: " + error.message());
+  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
 }
 
 std::string scan_name(std::size_t number) {
@@ -70,7 +70,7 @@ void SensorRecorder::record(const scene::Scene& scene, const OptionalFrame& fram
                             const fs::path& folder) {
   if (suite_.magnetometer && !suite_.magnetic_field.fixed_field_ut && !frame)
     throw InputError("magnetometer",
-                     "the place is not on the earth: give declination_deg, inclination_deg and strength_ut");
+                     "the place is not georeferenced: give declination_deg, inclination_deg and strength_ut");
   const double from_s = frames_.poses[begin].time_s;
   const double to_s = end < frames_.size() ? frames_.poses[end].time_s : std::numeric_limits<double>::infinity();
   if (suite_.lidar) scan(scene, from_s, to_s, folder);

@@ -81,7 +81,7 @@ TEST(SensorRecorder, OnTheEarthTheFieldAndTheHeightAreTheEarths) {
   suite.barometer = sensors::BarometerOptions{.noise_pa = 0.0, .drift_pa = 0.0};
   SensorRecorder sensors(suite, flight::path_through_poses(frames()), frames());
   EXPECT_THAT(tests::refusal_of([&] { sensors.record(ground(), {}, 0, 21, folder / "."); }),
-              HasSubstr("the place is not on the earth"));
+              HasSubstr("the place is not georeferenced"));
   // Quito, Ecuador: 2800 m above the ellipsoid; the geoid (EGM96) lies some 26 m above it there.
   const geometry::LocalFrame quito({-0.2, -78.5, {2800.0}});
   sensors.record(ground(), quito, 0, 21, folder / ".");

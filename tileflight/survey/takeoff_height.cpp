@@ -24,10 +24,9 @@ const flight_logs::TelemetryFix& find_ground_fix(const flight_logs::Telemetry& t
     return fix.height_above_takeoff_m && *fix.height_above_takeoff_m <= kMaxGroundHeight_m;
   });
   if (found != telemetry.fixes.end()) return *found;
-  throw InputError(
-      log.string(),
-      "has no position within 2 m of its take-off height, so that the place it took off from is not known; "
-      "say its height: --takeoff-height (takeoff_height in an experiment)");
+  throw InputError(log.string(),
+                   "has no position within 2 m of its take-off height, so the take-off point is unknown; give its "
+                   "height: --takeoff-height (takeoff_height in an experiment)");
 }
 
 /// Heights of the uppermost surface on a grid around a position; empty without a surface.
@@ -52,11 +51,12 @@ geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry
   const auto origin = place::origin_from_json(place::read_extract_json(truth));
   if (!origin) {
     throw InputError(truth.string(),
-                     "is not georeferenced, so that the take-off place is not found in it; say its height: "
+                     "is not georeferenced, so the take-off point cannot be located in it; give its height: "
                      "--takeoff-height (takeoff_height in an experiment)");
   }
   geometry::TriangleMesh mesh = ground_truth::read_ground_truth(truth).mesh;
-  if (mesh.triangles.empty()) throw InputError(truth.string(), "has no surface to find the take-off place's height on");
+  if (mesh.triangles.empty())
+    throw InputError(truth.string(), "has no surface to take the height of the take-off point from");
   std::vector<imaging::TexturedMesh> meshes(1);
   meshes[0].mesh = std::move(mesh);
   const scene::Scene scene(std::move(meshes));
@@ -64,10 +64,9 @@ geometry::EllipsoidalHeight estimate_takeoff_height(const flight_logs::Telemetry
   const Vec3 place = frame.local_from_geodetic({fix.latitude_deg, fix.longitude_deg, origin->height});
   const std::vector<double> heights = surface_heights(scene, place);
   if (heights.empty()) {
-    throw InputError(
-        log.string(),
-        "took off outside of the ground truth; say that place's height: --takeoff-height (takeoff_height in "
-        "an experiment), or extract a larger region");
+    throw InputError(log.string(),
+                     "took off outside the ground truth; give the height of the take-off point: --takeoff-height "
+                     "(takeoff_height in an experiment), or extract a larger region");
   }
   const Vec3 ground(place.x(), place.y(), base::upper_median(heights));
   return {frame.geodetic_from_local(ground).height.m - *fix.height_above_takeoff_m};

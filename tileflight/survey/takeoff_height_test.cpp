@@ -61,7 +61,7 @@ TEST_F(TakeoffAnchor, IsTheSurfacesHeightWhereTheLogIsOnTheGround) {
 
 TEST_F(TakeoffAnchor, WhatDoesNotSayTheHeightIsRefused) {
   EXPECT_THAT(tests::refusal_of([&] { height(log_at(0, 0, 12)); }), HasSubstr("within 2 m"));
-  EXPECT_THAT(tests::refusal_of([&] { height(log_at(500, 0, 0)); }), HasSubstr("outside of the ground truth"));
+  EXPECT_THAT(tests::refusal_of([&] { height(log_at(500, 0, 0)); }), HasSubstr("outside the ground truth"));
 }
 
 }  // namespace

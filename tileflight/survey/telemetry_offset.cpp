@@ -175,7 +175,7 @@ TelemetryOffset estimate_telemetry_offset(const Trajectory& T_map_camera, const 
     if (offset.determined) return {offset, source.name};
     result.offset.reason += (result.offset.reason.empty() ? "" : "; ") + source.name + ": " + offset.reason;
   }
-  if (result.offset.reason.empty()) result.offset.reason = "the log has neither rates, angles nor a track";
+  if (result.offset.reason.empty()) result.offset.reason = "the log has no rates, no angles and no track";
   return result;
 }
 

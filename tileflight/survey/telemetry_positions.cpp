@@ -20,10 +20,9 @@ HeightReference find_height_reference(const flight_logs::Telemetry& telemetry, c
   if (flight.telemetry_height == "sea-level") return HeightReference::kSeaLevel;
   if (telemetry.height_datum == flight_logs::HeightDatum::kEllipsoid) return HeightReference::kEllipsoid;
   if (telemetry.height_datum == flight_logs::HeightDatum::kMeanSeaLevel) return HeightReference::kSeaLevel;
-  throw InputError(
-      flight.telemetry.string(),
-      "does not say what its heights are above; say --telemetry-height (telemetry_height in an experiment) "
-      "ellipsoid, sea-level or takeoff");
+  throw InputError(flight.telemetry.string(),
+                   "does not state its height reference; give --telemetry-height (telemetry_height in an experiment) "
+                   "ellipsoid, sea-level or takeoff");
 }
 
 /// nullopt if the fix has no height of that kind.
@@ -46,8 +45,8 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
   const HeightReference above = find_height_reference(telemetry, flight);
   if (above == HeightReference::kTakeoff && !flight.takeoff_height_m) {
     throw InputError(flight.telemetry.string(),
-                     "heights above take-off need --takeoff-height (takeoff_height), the take-off place's metres above "
-                     "the ellipsoid, or a ground truth to find it in (--truth)");
+                     "heights above take-off need --takeoff-height (takeoff_height), the height of the take-off point "
+                     "above the ellipsoid in metres, or a ground truth to take it from (--truth)");
   }
   std::vector<dataset::GpsFix> fixes;
   std::size_t without_height = 0;
@@ -65,14 +64,13 @@ std::vector<dataset::GpsFix> to_gps_fixes(const flight_logs::Telemetry& telemetr
   if (fixes.empty() && above == HeightReference::kTakeoff)
     throw InputError(flight.telemetry.string(), "has no heights above take-off");
   if (fixes.empty()) {
-    throw InputError(
-        flight.telemetry.string(),
-        "has no absolute heights; say --telemetry-height takeoff and --takeoff-height (telemetry_height and "
-        "takeoff_height in an experiment)");
+    throw InputError(flight.telemetry.string(),
+                     "has no absolute heights; give --telemetry-height takeoff and --takeoff-height (telemetry_height "
+                     "and takeoff_height in an experiment)");
   }
   if (without_height > 0)
     warnings.push_back(std::to_string(without_height) +
-                       " positions of the flight log left out: no height of that kind");
+                       " positions of the flight log left out: they have no height of that kind");
   return fixes;
 }
 

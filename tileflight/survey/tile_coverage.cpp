@@ -9,12 +9,12 @@ namespace {
 
 enum class PixelQuality { kRight, kCoarser, kMissing };
 
-PixelQuality classify_pixel(const PixelHit& pixel, const std::vector<Substitute>& stands,
+PixelQuality classify_pixel(const PixelHit& pixel, const std::vector<Substitute>& substitutes,
                             const std::vector<bool>& node_in_memory, double pixels_per_rad, double error_px) {
-  for (const Substitute& stand : stands) {
-    if (!node_in_memory[stand.node]) continue;
-    const bool own = stand.node == stands.front().node;
-    const bool fine = stand.geometric_error_m * pixels_per_rad <= error_px * pixel.distance_m;
+  for (const Substitute& substitute : substitutes) {
+    if (!node_in_memory[substitute.node]) continue;
+    const bool own = substitute.node == substitutes.front().node;
+    const bool fine = substitute.geometric_error_m * pixels_per_rad <= error_px * pixel.distance_m;
     return own || fine ? PixelQuality::kRight : PixelQuality::kCoarser;
   }
   return PixelQuality::kMissing;
@@ -38,21 +38,21 @@ std::vector<PixelHit> trace_pixels(const scene::Scene& scene, const std::vector<
 }
 
 std::vector<Substitute> find_substitutes(const tiles::TilesetTree& tree, const tiles::CutContent& content) {
-  std::vector<Substitute> stands{{content.node, tree.geometric_error_m(content.node)}};
+  std::vector<Substitute> substitutes{{content.node, tree.geometric_error_m(content.node)}};
   for (auto above = tree.node(content.node).parent; above; above = tree.node(*above).parent) {
     if (tree.node(*above).refine == tiles::Refine::kAdd) break;
-    stands.push_back({*above, tree.geometric_error_m(*above)});
+    substitutes.push_back({*above, tree.geometric_error_m(*above)});
   }
-  return stands;
+  return substitutes;
 }
 
-PixelCounts count_pixels(const std::vector<PixelHit>& frame, const std::vector<std::vector<Substitute>>& stands,
+PixelCounts count_pixels(const std::vector<PixelHit>& frame, const std::vector<std::vector<Substitute>>& substitutes,
                          const std::vector<bool>& node_in_memory, double pixels_per_rad, double error_px) {
   PixelCounts shares;
   for (const PixelHit& pixel : frame) {
     if (pixel.content == PixelHit::kNoContent) continue;
     ++shares.pixels;
-    switch (classify_pixel(pixel, stands[pixel.content], node_in_memory, pixels_per_rad, error_px)) {
+    switch (classify_pixel(pixel, substitutes[pixel.content], node_in_memory, pixels_per_rad, error_px)) {
       case PixelQuality::kRight:
         ++shares.right;
         break;

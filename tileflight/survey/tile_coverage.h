@@ -40,10 +40,10 @@ struct PixelCounts {
   double share(std::int64_t count) const { return pixels > 0 ? static_cast<double>(count) / pixels : 0.0; }
 };
 
-/// Counts pixels. `stands[c]`: the substitutes of content c. A pixel is right if the nearest substitute in memory is
+/// Counts pixels. `substitutes[c]`: the substitutes of content c. A pixel is right if the nearest substitute in memory is
 /// the content's own tile, or has an error of at most `error_px` there, for a lens with `pixels_per_rad` pixels per
 /// radian.
-PixelCounts count_pixels(const std::vector<PixelHit>& frame, const std::vector<std::vector<Substitute>>& stands,
+PixelCounts count_pixels(const std::vector<PixelHit>& frame, const std::vector<std::vector<Substitute>>& substitutes,
                          const std::vector<bool>& node_in_memory, double pixels_per_rad, double error_px);
 
 }  // namespace tileflight::survey

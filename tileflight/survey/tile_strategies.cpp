@@ -55,12 +55,14 @@ std::vector<TileStrategy> make_tile_strategies(const StrategySettings& s) {
       tiles::flight_criterion(tiles::view_cones_along(s.camera, s.T_local_camera), s.T_local_tileset, s.error_px),
       s.error_m);
   const RefinementCriterion region = tiles::region_criterion(s.region, s.T_local_tileset, s.error_m);
-  return {{"view-follow", "a viewer's camera above the drone, looking down", false, above_drone},
-          {"view-high", "a viewer's camera high above the region", true, [high](const SE3&) { return high; }},
-          {"sensor", "a viewer with the sensor's own view", false,
-           [s](const SE3& pose) { return criterion_from_pose(sensor_viewer(s), pose, s); }},
-          {"flight", "one cut for all frames, by pixels of error", true, [flight](const SE3&) { return flight; }},
-          {"region", "one cut for the region, by metres of error", true, [region](const SE3&) { return region; }}};
+  return {
+      {"view-follow", "a viewer's camera above the drone, looking down", false, above_drone},
+      {"view-high", "a viewer's camera high above the region", true, [high](const SE3&) { return high; }},
+      {"sensor", "a viewer with the sensor's own view", false,
+       [s](const SE3& pose) { return criterion_from_pose(sensor_viewer(s), pose, s); }},
+      {"flight", "one set of tiles for all frames, by screen-space error", true,
+       [flight](const SE3&) { return flight; }},
+      {"region", "one set of tiles for the region, by geometric error", true, [region](const SE3&) { return region; }}};
 }
 
 RefinementCriterion full_detail_criterion(const StrategySettings& s) {

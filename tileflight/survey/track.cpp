@@ -52,7 +52,8 @@ void require_size(const fs::path& file, int width, int height, const imaging::Ca
   if (width == camera.width() && height == camera.height()) return;
   throw InputError(file.string(), "is " + std::to_string(width) + "x" + std::to_string(height) +
                                       ", the calibration is for " + std::to_string(camera.width()) + "x" +
-                                      std::to_string(camera.height()) + "; use pictures and calibration of one size");
+                                      std::to_string(camera.height()) +
+                                      "; use images and a calibration of the same size");
 }
 
 /// The frames of the range. In reverse order, times are relative to the last frame, because odometry needs increasing
@@ -133,7 +134,7 @@ odometry::Priors make_priors(const TrackOptions& extras, const std::vector<datas
   if (extras.init_from.empty()) return aids;
   if (!fs::is_directory(extras.init_from)) {
     aids.poses = geometry::read_tum(extras.init_from);
-    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to start from");
+    if (aids.poses.empty()) throw InputError(extras.init_from.string(), "has no poses to initialize from");
     if (reverse) reverse_times(aids.poses);
     return aids;
   }
@@ -180,7 +181,7 @@ imaging::Calibration playback_calibration(imaging::Calibration calibration, bool
 std::vector<std::string> add_rectification_warning(std::vector<std::string> warnings,
                                                    const imaging::Calibration& native, const TrackingCamera& view) {
   if (view.rectifier && native.line_delay_s > 0.0)
-    warnings.push_back("rectified pictures have lost their rows' times: the rolling shutter is not corrected");
+    warnings.push_back("the rolling shutter is not corrected: rectified images no longer have a time for each row");
   return warnings;
 }
 
@@ -225,7 +226,7 @@ std::string quality_csv(std::vector<odometry::FrameQuality> quality, const std::
 json describe(const odometry::OdometryResult& result, const SkippedFrames& skipped, std::vector<std::string> warnings) {
   if (skipped.frames > 0) {
     warnings.push_back(std::to_string(skipped.frames) +
-                       " pictures could not be decoded and were left out; the first: " + skipped.first_reason);
+                       " images could not be decoded and were left out; the first: " + skipped.first_reason);
   }
   return {
       {"frames", result.frames},
@@ -273,7 +274,7 @@ json describe_command_result(const fs::path& out, std::size_t frames) {
   const geometry::PointCloud map = geometry::read_cloud(out / "map.ply");
   return {
       {"frames", frames},           {"frames_tracked", trajectory.size()},
-      {"lost", trajectory.empty()}, {"lost_reason", trajectory.empty() ? "the outside program tracked no frame" : ""},
+      {"lost", trajectory.empty()}, {"lost_reason", trajectory.empty() ? "the external program tracked no frame" : ""},
       {"keyframes", nullptr},       {"points", map.size()},
       {"seconds", nullptr},         {"frames_per_second", nullptr}};
 }
@@ -463,7 +464,7 @@ nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path
                 folder, temporary / "command.log");
     for (const char* name : {"trajectory.txt", "map.ply"}) {
       if (!fs::exists(temporary / name))
-        throw InputError("odometry.command", std::string("left no ") + name + " in {out}");
+        throw InputError("odometry.command", std::string("did not write ") + name + " to {out}");
     }
     about = describe_command_result(temporary, data.frames.size());
     if (!fs::exists(temporary / "odometry.json")) base::write_file(temporary / "odometry.json", about.dump(2) + "\n");

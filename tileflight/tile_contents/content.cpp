@@ -24,7 +24,7 @@ void append_glb(Bytes bytes, const GltfContainerInfo& around, const std::string&
   constexpr std::uint32_t kJson = 0x4E4F534A;
   constexpr std::uint32_t kBinary = 0x004E4942;
   if (bytes.size() >= kHeader && read_uint32_le(bytes, 4) == 1) {
-    throw InputError(name, "glTF version 1 is not supported; 2 is (upgrade the tileset)");
+    throw InputError(name, "glTF version 1 is not supported, only 2: upgrade the tileset");
   }
   if (bytes.size() >= kHeader) require_version(bytes, 2, "glTF", name);
   Bytes rest = trim_to_byte_length(bytes, kHeader + kChunkHeader, name).subspan(kHeader);
@@ -70,7 +70,7 @@ void append_b3dm(Bytes bytes, const std::string& name, const ContentOptions& opt
   const TileTableLengths lengths = b3dm_lengths(tile);
   const TileTables tables = split_tables(tile, lengths, name);
   const TileTable features(tables.feature_json, tables.feature_binary, name + ": feature table");
-  if (!as_text(tables.body).starts_with("glTF")) throw InputError(name, "the b3dm holds no binary glTF");
+  if (!as_text(tables.body).starts_with("glTF")) throw InputError(name, "the b3dm contains no binary glTF");
   GltfContainerInfo around;
   if (const auto c = features.global("RTC_CENTER", 3)) around.rtc_center = {(*c)[0], (*c)[1], (*c)[2]};
   around.features = try_read_batch_table(tables, batch_length(features, lengths, tile), out.warnings);
@@ -86,7 +86,7 @@ void append_cmpt(Bytes bytes, const std::string& name, const ContentOptions& opt
   constexpr std::size_t kHeader = 16;
   const Bytes tile = trim_to_byte_length(bytes, kHeader, name);
   require_version(tile, 1, "cmpt", name);
-  if (nesting >= options.limits.max_nesting) throw InputError(name, "composites inside each other too deep");
+  if (nesting >= options.limits.max_nesting) throw InputError(name, "composites are nested too deeply");
   Bytes rest = tile.subspan(kHeader);
   const std::uint32_t count = read_uint32_le(tile, 12);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -100,7 +100,7 @@ void append_cmpt(Bytes bytes, const std::string& name, const ContentOptions& opt
 /// The model of an i3dm: GLB or glTF, never a tile container.
 DecodedContent read_model(Bytes bytes, const std::string& name, const ContentOptions& options) {
   const std::string kind = detect_content_format(bytes);
-  if (kind != "glb" && kind != "JSON") throw InputError(name, "is no glTF, as the model of an i3dm has to be");
+  if (kind != "glb" && kind != "JSON") throw InputError(name, "is not glTF, which the model of an i3dm must be");
   DecodedContent out;
   append_content(bytes, name, options, 0, out);
   return out;
@@ -117,7 +117,7 @@ void append_content(Bytes bytes, const std::string& name, const ContentOptions& 
   if (kind == "JSON") return append_gltf(as_text(bytes), {}, {}, name, options, out);
   if (kind == "empty") throw InputError(name, "is empty");
   if (kind == "HTML") throw InputError(name, "is a web page (HTML), not a tile");
-  if (kind == "unknown") throw InputError(name, "is no tile: its first bytes are those of no known format");
+  if (kind == "unknown") throw InputError(name, "is not a tile: its first bytes match no known format");
   throw InputError(name, kind + " contents are not supported");
 }
 

@@ -92,9 +92,9 @@ TEST(DecodeContent, NodesFormATree) {
   Json& node = writer.add_primitive(
       {{"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
   node["children"] = {0};
-  EXPECT_THAT(error(writer.glb()), HasSubstr("below itself"));
+  EXPECT_THAT(error(writer.glb()), HasSubstr("its own descendant"));
   node["children"] = {7};
-  EXPECT_THAT(error(writer.glb()), HasSubstr("names a node that is not there"));
+  EXPECT_THAT(error(writer.glb()), HasSubstr("refers to a node that does not exist"));
 }
 
 TEST(DecodeContent, StripsFansAndListsWithAndWithoutIndices) {
@@ -222,7 +222,7 @@ TEST(DecodeContent, OutsideFilesComeThroughTheReaders) {
   writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({1, 2, 3, 4, 5, 6, 7, 8, 10}, 3)}}}});
   writer.json()["buffers"] = {{{"uri", "a%20b.bin"}, {"byteLength", 36}}};
   const std::string gltf = writer.json().dump();
-  EXPECT_THAT(error(gltf), HasSubstr("lies in another file"));
+  EXPECT_THAT(error(gltf), HasSubstr("refers to another file"));
   ContentOptions options{.up_axis = UpAxis::kZ};
   options.read_resource = [&](const std::string& uri) {
     EXPECT_EQ(uri, "a%20b.bin");
@@ -255,7 +255,7 @@ TEST(DecodeContent, Composites) {
   };
   EXPECT_EQ(decode(composite(inner, 2)).meshes.size(), 2U);
   EXPECT_EQ(decode(composite(composite(inner, 2) + inner, 3)).meshes.size(), 4U);
-  EXPECT_THAT(error(composite(inner, 3)), HasSubstr("inner tile 2: cut short"));
+  EXPECT_THAT(error(composite(inner, 3)), HasSubstr("inner tile 2: truncated"));
   std::string nested = transport::testing::triangle_glb();
   for (int i = 0; i < 12; ++i) nested = composite(nested, 1);
   EXPECT_THAT(error(nested), HasSubstr("too deep"));
@@ -307,7 +307,7 @@ TEST(DecodeContent, MeshoptCompression) {
 
   Json& extension = writer.json()["bufferViews"][vertex_view]["extensions"]["EXT_meshopt_compression"];
   extension["byteStride"] = 10;
-  EXPECT_THAT(error(writer.glb()), HasSubstr("do not go together"));
+  EXPECT_THAT(error(writer.glb()), HasSubstr("do not match"));
   extension["byteStride"] = 12;
   extension["count"] = 1e12;
   EXPECT_THAT(error(writer.glb()), HasSubstr("limit on decompressed bytes"));
@@ -392,29 +392,29 @@ TEST(DecodeContent, NamesEachFault) {
       {"/accessors/0/count", -1, "count is not a whole number"},
       {"/accessors/0/count", 1.5, "count is not a whole number"},
       {"/accessors/0/byteOffset", 1e15, "accessors[0]: needs"},
-      {"/accessors/0/bufferView", 99, "bufferView 99 is not there"},
+      {"/accessors/0/bufferView", 99, "bufferView 99 does not exist"},
       {"/accessors/0/componentType", 1, "componentType 1"},
       {"/accessors/0/type", "VEC9", "type 'VEC9'"},
-      {"/accessors/0/type", "VEC2", "has 2 components, 3 wanted"},
+      {"/accessors/0/type", "VEC2", "has 2 components, expected 3"},
       {"/accessors/0", {{"componentType", 5126}, {"type", "VEC3"}, {"count", 1e14}}, "more zeros than the limit"},
       {"/accessors/1/count", 2, "TEXCOORD has 2 entries for 3 vertices"},
-      {"/bufferViews/0/byteLength", 1e15, "lie outside of its buffer"},
-      {"/bufferViews/1/byteOffset", 1e15, "lie outside of its buffer"},
-      {"/bufferViews/0/buffer", 3, "buffer 3 is not there"},
+      {"/bufferViews/0/byteLength", 1e15, "lie outside its buffer"},
+      {"/bufferViews/1/byteOffset", 1e15, "lie outside its buffer"},
+      {"/bufferViews/0/buffer", 3, "buffer 3 does not exist"},
       {"/bufferViews/1/byteStride", 4, "its elements overlap"},
-      {"/meshes/0/primitives/0/attributes/POSITION", 77, "POSITION 77 is not there"},
+      {"/meshes/0/primitives/0/attributes/POSITION", 77, "POSITION 77 does not exist"},
       {"/meshes/0/primitives/0/mode", 9, "mode is not a whole number from 0 to 6"},
-      {"/meshes/0/primitives/0/material", 9, "material 9 is not there"},
-      {"/meshes/0/primitives/0/indices", 0, "as indices must be"},
+      {"/meshes/0/primitives/0/material", 9, "material 9 does not exist"},
+      {"/meshes/0/primitives/0/indices", 0, "since it holds indices"},
       {"/meshes/0/primitives", 1, "primitives is number"},
-      {"/nodes/0/mesh", 5, "mesh 5 is not there"},
+      {"/nodes/0/mesh", 5, "mesh 5 does not exist"},
       {"/nodes/0/rotation", {0, 0, 0, 0}, "quaternion of length 0"},
       {"/nodes/0/matrix", {1}, "matrix has 1 numbers"},
       {"/nodes/0", 3, "nodes[0]: is not an object"},
-      {"/scene", 4, "scene 4 is not there"},
-      {"/textures/0/source", 4, "source 4 is not there"},
-      {"/images/0", Json::object(), "neither uri nor bufferView"},
-      {"/images/0", {{"uri", "http://host/a.png"}}, "lies in another file"},
+      {"/scene", 4, "scene 4 does not exist"},
+      {"/textures/0/source", 4, "source 4 does not exist"},
+      {"/images/0", Json::object(), "no uri and no bufferView"},
+      {"/images/0", {{"uri", "http://host/a.png"}}, "refers to another file"},
       {"/images/0/bufferView", 1, "images[0]"},
       {"/samplers/0/wrapS", 5, "wrap mode 5"},
       {"/extensionsRequired", {"ACME_secret"}, "needs the glTF extension ACME_secret"},
@@ -432,7 +432,7 @@ TEST(DecodeContent, IndicesBeyondTheVerticesAndPositionsThatAreNoNumbers) {
   const std::size_t positions = writer.add_accessor<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}, 3);
   writer.add_primitive(
       {{"attributes", {{"POSITION", positions}}}, {"indices", writer.add_accessor<std::uint32_t>({0, 1, 3}, 1)}});
-  EXPECT_THAT(error(writer.glb()), HasSubstr("names vertex 3 of 3"));
+  EXPECT_THAT(error(writer.glb()), HasSubstr("refers to vertex 3 of 3"));
   EXPECT_THAT(error(transport::testing::triangle_glb({0, 0, 0, 1, NAN, 0, 0, 1, 0})),
               HasSubstr("position of vertex 1 is not finite"));
   EXPECT_THAT(error(transport::testing::triangle_glb({0, 0, 0, 1, 0, INFINITY, 0, 1, 0})),
@@ -457,7 +457,7 @@ TEST(DecodeContent, LinesAreLeftOutWithAWarning) {
   writer.add_primitive({{"mode", 1}, {"attributes", {{"POSITION", writer.add_accessor<float>({0, 0, 0}, 3)}}}});
   const DecodedContent content = decode(writer.glb());
   EXPECT_TRUE(content.meshes.empty());
-  EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("lines carry no surface")));
+  EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("lines have no surface")));
 }
 
 }  // namespace

@@ -72,7 +72,7 @@ Buffers::Buffers(const Document& document, std::span<const std::byte> binary_chu
 void Buffers::spend(std::size_t bytes, const std::string& where) {
   const std::size_t limit = options_.limits.max_decompressed_bytes;
   if (bytes > limit - spent_bytes_) {
-    throw InputError(where, "grows beyond the limit of " + std::to_string(limit) + " decompressed bytes a tile");
+    throw InputError(where, "exceeds the limit of " + std::to_string(limit) + " decompressed bytes per tile");
   }
   spent_bytes_ += bytes;
 }
@@ -85,7 +85,7 @@ std::span<const std::byte> Buffers::buffer(std::size_t index) {
     auto it = outside_buffers_.find(index);
     if (it == outside_buffers_.end()) {
       if (!transport::is_data_uri(*declared.uri) && !options_.read_resource) {
-        throw InputError(where, "lies in another file, which cannot be read from here");
+        throw InputError(where, "refers to another file, which is not available here");
       }
       std::vector<std::byte> read = transport::is_data_uri(*declared.uri)
                                         ? transport::decode_data_uri(*declared.uri, where)
@@ -94,7 +94,7 @@ std::span<const std::byte> Buffers::buffer(std::size_t index) {
     }
     bytes = it->second;
   } else if (index != 0) {
-    throw InputError(where, "has no uri, and only the first buffer is the binary chunk");
+    throw InputError(where, "has no uri, but only the first buffer can be the binary chunk");
   }
   if (bytes.size() < declared.byte_length) {
     throw InputError(where,
@@ -108,7 +108,7 @@ std::span<const std::byte> Buffers::slice(std::size_t buffer_index, std::size_t 
   const std::span<const std::byte> bytes = buffer(buffer_index);
   if (offset > bytes.size() || length > bytes.size() - offset) {
     throw InputError(where, "bytes " + std::to_string(offset) + " to " + std::to_string(offset + length) +
-                                " lie outside of its buffer of " + std::to_string(bytes.size()));
+                                " lie outside its buffer of " + std::to_string(bytes.size()));
   }
   return bytes.subspan(offset, length);
 }
@@ -132,9 +132,9 @@ std::vector<std::byte> Buffers::decompress(const MeshoptView& view, const std::s
   const bool index_stride = view.byte_stride == 2 || view.byte_stride == 4;
   const bool valid =
       (attributes && attribute_stride) || (indices && index_stride && (view.mode == "INDICES" || view.count % 3 == 0));
-  if (!valid) throw InputError(where, "EXT_meshopt_compression with mode, stride or count that do not go together");
+  if (!valid) throw InputError(where, "EXT_meshopt_compression: mode, stride and count do not match");
   if (view.count > options_.limits.max_decompressed_bytes / view.byte_stride) {
-    throw InputError(where, "EXT_meshopt_compression of more elements than the limit on decompressed bytes allows");
+    throw InputError(where, "EXT_meshopt_compression: more elements than the limit on decompressed bytes allows");
   }
   spend(view.count * view.byte_stride, where);
   std::vector<std::byte> out(view.count * view.byte_stride);
@@ -147,7 +147,7 @@ std::vector<std::byte> Buffers::decompress(const MeshoptView& view, const std::s
   } else {
     failed = meshopt_decodeIndexSequence(out.data(), view.count, view.byte_stride, source, packed.size());
   }
-  if (failed != 0) throw InputError(where, "EXT_meshopt_compression data are malformed");
+  if (failed != 0) throw InputError(where, "EXT_meshopt_compression: malformed data");
   if (attributes && view.filter == "OCTAHEDRAL" && (view.byte_stride == 4 || view.byte_stride == 8)) {
     meshopt_decodeFilterOct(out.data(), view.count, view.byte_stride);
   } else if (attributes && view.filter == "QUATERNION" && view.byte_stride == 8) {
@@ -155,7 +155,7 @@ std::vector<std::byte> Buffers::decompress(const MeshoptView& view, const std::s
   } else if (attributes && view.filter == "EXPONENTIAL") {
     meshopt_decodeFilterExp(out.data(), view.count, view.byte_stride);
   } else if (view.filter != "NONE") {
-    throw InputError(where, "EXT_meshopt_compression with a filter that does not go with its mode and stride");
+    throw InputError(where, "EXT_meshopt_compression: the filter does not match mode and stride");
   }
   return out;
 }
@@ -189,7 +189,7 @@ std::vector<float> Buffers::floats(std::size_t index, std::size_t components) {
   const std::string where = name_ + ": " + part("accessors", index);
   if (accessor.components != components) {
     throw InputError(
-        where, "has " + std::to_string(accessor.components) + " components, " + std::to_string(components) + " wanted");
+        where, "has " + std::to_string(accessor.components) + " components, expected " + std::to_string(components));
   }
   const Elements from = elements(accessor, where);
   std::vector<float> out(accessor.count * components, 0.0F);
@@ -231,7 +231,7 @@ void Buffers::apply_sparse(const Accessor& accessor, std::vector<Out>& values, c
   for (std::size_t i = 0; i < sparse.count; ++i) {
     std::size_t place = 0;
     with_type(at.type, [&]<class T>(T) { place = static_cast<std::size_t>(load<T>(places.data + i * places.stride)); });
-    if (place >= accessor.count) throw InputError(where, "a sparse index lies outside of the accessor");
+    if (place >= accessor.count) throw InputError(where, "a sparse index lies outside the accessor");
     with_type(accessor.type, [&]<class T>(T) {
       for (std::size_t c = 0; c < accessor.components; ++c) {
         values[place * accessor.components + c] = convert(load<T>(news.data + i * news.stride + c * sizeof(T)));
@@ -244,7 +244,7 @@ std::vector<std::uint32_t> Buffers::indices(std::size_t index) {
   const Accessor& accessor = document_.accessors[index];
   const std::string where = name_ + ": " + part("accessors", index);
   if (accessor.components != 1 || !is_unsigned(accessor.type)) {
-    throw InputError(where, "is no list of unsigned integers, as indices must be");
+    throw InputError(where, "must be a list of unsigned integers, since it holds indices");
   }
   const Elements from = elements(accessor, where);
   std::vector<std::uint32_t> out(accessor.count, 0);

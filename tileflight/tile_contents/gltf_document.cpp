@@ -26,7 +26,7 @@ ComponentType component_type(std::size_t code, const std::string& where) {
     case 5126:
       return ComponentType::kFloat;
     default:
-      throw InputError(where, "componentType " + std::to_string(code) + " is not one of glTF");
+      throw InputError(where, "componentType " + std::to_string(code) + " is not defined by glTF");
   }
 }
 
@@ -34,7 +34,7 @@ std::size_t component_count(const std::string& type, const std::string& where) {
   static const std::map<std::string, std::size_t> kCounts = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
                                                              {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
   const auto it = kCounts.find(type);
-  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is not one of glTF");
+  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is not defined by glTF");
   return it->second;
 }
 
@@ -47,7 +47,7 @@ imaging::Wrap wrap_mode(std::size_t code, const std::string& where) {
     case 33648:
       return imaging::Wrap::kMirroredRepeat;
     default:
-      throw InputError(where, "wrap mode " + std::to_string(code) + " is not one of glTF");
+      throw InputError(where, "wrap mode " + std::to_string(code) + " is not defined by glTF");
   }
 }
 
@@ -70,7 +70,7 @@ class DocumentParser {
   DocumentParser(const Json& json, const std::string& name) : json_(json), name_(name) {}
 
   Document parse() {
-    if (!json_.is_object()) throw InputError(name_, "is not a glTF: a JSON object is wanted");
+    if (!json_.is_object()) throw InputError(name_, "is not a glTF: expected a JSON object");
     parse_asset();
     out_.extensions_used = find_strings(json_, "extensionsUsed", name_);
     out_.extensions_required = find_strings(json_, "extensionsRequired", name_);
@@ -109,7 +109,7 @@ class DocumentParser {
                                               const std::string& where) {
     const auto index = find_index(object, key, where);
     if (index && *index >= size) {
-      throw InputError(where, std::string(key) + " " + std::to_string(*index) + " is not there; the file has " +
+      throw InputError(where, std::string(key) + " " + std::to_string(*index) + " does not exist; the file has " +
                                   std::to_string(size));
     }
     return index;
@@ -125,7 +125,7 @@ class DocumentParser {
     const Json* asset = find_object(json_, "asset", name_);
     const std::string version = asset == nullptr ? "1.0" : find_string(*asset, "version", where).value_or("");
     if (!version.starts_with("2.")) {
-      throw InputError(name_, "glTF version '" + version + "' is not supported; 2.0 is (upgrade the tileset)");
+      throw InputError(name_, "glTF version '" + version + "' is not supported, only 2.0: upgrade the tileset");
     }
     out_.copyright = find_string(*asset, "copyright", where).value_or("");
   }
@@ -195,7 +195,7 @@ class DocumentParser {
 
   Image image(const Json& json, const std::string& where) const {
     Image image{find_string(json, "uri", where), reference(json, "bufferView", out_.views.size(), where)};
-    if (!image.uri && !image.view) throw InputError(where, "has neither uri nor bufferView");
+    if (!image.uri && !image.view) throw InputError(where, "has no uri and no bufferView");
     return image;
   }
 
@@ -320,7 +320,7 @@ class DocumentParser {
       out.channels.clear();
       for (const double channel : *channels) {
         if (channel != 0 && channel != 1 && channel != 2 && channel != 3)
-          throw InputError(where, "has a channel that no texture has");
+          throw InputError(where, "has a texture channel that does not exist");
         out.channels.push_back(static_cast<std::size_t>(channel));
       }
       if (out.channels.size() > 4) throw InputError(where, "has more than four channels");
@@ -380,7 +380,7 @@ class DocumentParser {
     std::vector<std::size_t> out;
     for (const Json& value : array) {
       if (!value.is_number_unsigned() || value.get<std::size_t>() >= node_count_) {
-        throw InputError(where, "names a node that is not there; the file has " + std::to_string(node_count_));
+        throw InputError(where, "refers to a node that does not exist; the file has " + std::to_string(node_count_));
       }
       out.push_back(value.get<std::size_t>());
     }

@@ -18,7 +18,7 @@ MetadataSchema schema_of(const Json& metadata, const ContentOptions& options, co
   if (const Json* schema = find_object(metadata, "schema", where)) return parse_metadata_schema(*schema, where);
   const auto uri = require_value(find_string(metadata, "schemaUri", where), "schema", where);
   if (!transport::is_data_uri(uri) && !options.read_resource)
-    throw InputError(where, "its schema lies in another file");
+    throw InputError(where, "its schema is in another file, which is not supported");
   const std::vector<std::byte> text =
       transport::is_data_uri(uri) ? transport::decode_data_uri(uri, where) : options.read_resource(uri);
   return parse_metadata_schema(parse_json(as_text(text), where), where);
@@ -33,7 +33,7 @@ std::shared_ptr<const imaging::FeatureTable> PropertyTables::table(std::size_t i
   try {
     return tables_[index] = read(index);
   } catch (const InputError& error) {
-    warn_once(std::string("features are without names: ") + error.what(), warnings);
+    warn_once(std::string("features have no names: ") + error.what(), warnings);
     return tables_[index] = nullptr;
   }
 }
@@ -43,14 +43,14 @@ std::shared_ptr<const imaging::FeatureTable> PropertyTables::read(std::size_t in
   if (!document_.structural_metadata) throw InputError(where, "is missing");
   const Json& metadata = *document_.structural_metadata;
   const Json* tables = find_array(metadata, "propertyTables", where);
-  if (tables == nullptr || index >= tables->size()) throw InputError(where, "has no such property table");
+  if (tables == nullptr || index >= tables->size()) throw InputError(where, "the property table does not exist");
   const auto view = [&](std::size_t i) {
-    if (i >= document_.views.size()) throw InputError(where, "names a bufferView that is not there");
+    if (i >= document_.views.size()) throw InputError(where, "refers to a bufferView that does not exist");
     return buffers_.view(i);
   };
   const PropertyTable rows((*tables)[index], schema_of(metadata, options_, where), view, where);
   if (rows.rows() > kMaxTableCells / std::max<std::size_t>(rows.columns().size(), 1)) {
-    throw InputError(where, "has more than " + std::to_string(kMaxTableCells) + " values, the limit");
+    throw InputError(where, "has more than " + std::to_string(kMaxTableCells) + " values, which is the limit");
   }
   auto out = std::make_shared<imaging::FeatureTable>();
   out->count = rows.rows();

@@ -44,8 +44,8 @@ void check_corners(const std::vector<Triangle>& triangles, std::size_t vertex_co
   for (const Triangle& triangle : triangles) {
     for (const std::uint32_t corner : triangle) {
       if (corner >= vertex_count) {
-        throw InputError(name,
-                         "a triangle names vertex " + std::to_string(corner) + " of " + std::to_string(vertex_count));
+        throw InputError(
+            name, "a triangle refers to vertex " + std::to_string(corner) + " of " + std::to_string(vertex_count));
       }
     }
   }
@@ -113,11 +113,11 @@ Geometry read_geometry(const Primitive& primitive, const Document& document, Buf
   check_count(out.feature_coords, 2, out.vertex_count(), "TEXCOORD", name);
   if (!out.colors.empty()) check_count(out.colors, out.color_components, out.vertex_count(), "COLOR_0", name);
   if (!out.feature_ids.empty() && out.feature_ids.size() != out.vertex_count()) {
-    throw InputError(name, request.feature_attribute + " has not one entry for each vertex");
+    throw InputError(name, request.feature_attribute + " must have one entry for each vertex");
   }
   check_corners(out.triangles, out.vertex_count(), name);
   for (const std::uint32_t point : out.points) {
-    if (point >= out.vertex_count()) throw InputError(name, "a point names vertex " + std::to_string(point));
+    if (point >= out.vertex_count()) throw InputError(name, "a point refers to vertex " + std::to_string(point));
   }
   return out;
 }

@@ -93,7 +93,7 @@ class MeshBuilder {
       pending.pop_back();
       // glTF 2.0, section 3.5.2: a node has at most one parent. A cycle would never end.
       if (visited[index])
-        throw InputError(name_, "node " + std::to_string(index) + " has two parents or is below itself");
+        throw InputError(name_, "node " + std::to_string(index) + " has two parents or is its own descendant");
       visited[index] = true;
       const gltf::Node& node = document_.nodes[index];
       const Mat4 T_tile_node = T_tile_parent * node.T_parent_node;
@@ -130,7 +130,7 @@ class MeshBuilder {
     if (instancing.feature_ids) {
       places.feature_ids = buffers_.ids(*instancing.feature_ids);
       if (places.feature_ids.size() != count)
-        throw InputError(name_, "EXT_instance_features has not one id an instance");
+        throw InputError(name_, "EXT_instance_features: expected one id for each instance");
     } else {
       places.feature_ids.resize(count);
       std::iota(places.feature_ids.begin(), places.feature_ids.end(), 0U);
@@ -161,7 +161,7 @@ class MeshBuilder {
       return values.empty() || values.size() == count * components;
     };
     if (!fits(t, 3) || !fits(r, 4) || !fits(s, 3)) {
-      throw InputError(name_, "EXT_mesh_gpu_instancing with attributes of different counts");
+      throw InputError(name_, "EXT_mesh_gpu_instancing: the attributes have different counts");
     }
     std::vector<Mat4> out;
     for (std::size_t i = 0; i < count; ++i) {
@@ -182,7 +182,7 @@ class MeshBuilder {
     for (std::size_t i = 0; i < mesh.primitives.size(); ++i) {
       const gltf::Primitive& primitive = mesh.primitives[i];
       if (!gltf::has_surface(primitive) && !gltf::has_points(primitive)) {
-        warn("lines carry no surface and are left out");
+        warn("lines have no surface and are left out");
         continue;
       }
       const std::string where = name_ + ": meshes[" + std::to_string(index) + "]: primitive " + std::to_string(i);
@@ -227,7 +227,7 @@ class MeshBuilder {
                             const std::string& where) {
     if (geometry.feature_coords.empty()) return;
     if (std::count(features.channels.begin(), features.channels.end(), 3U) > 0) {
-      return warn("feature ids in a texture's fourth channel are not read");
+      return warn("feature ids in a texture's fourth channel are ignored");
     }
     const gltf::Texture& sampled = document_.textures[features.texture.texture];
     const gltf::FeatureTexture texture{image_of(sampled, where), sampled.wrap_u, sampled.wrap_v, features.channels};
@@ -290,7 +290,7 @@ class MeshBuilder {
     if (!geometry.colors.empty()) out.colors = to_bytes(geometry.colors, geometry.color_components);
     if (texture == nullptr) return out;
     if (geometry.tex_coords.empty()) {
-      warn("a textured surface without texture coordinates is shown in its colour");
+      warn("a textured surface without texture coordinates is shown in its base colour");
       return out;
     }
     const gltf::Texture& sampled = document_.textures[texture->texture];
@@ -331,7 +331,7 @@ class MeshBuilder {
     };
     if (image.view) return decode(buffers_.view(*image.view));
     if (transport::is_data_uri(*image.uri)) return decode(transport::decode_data_uri(*image.uri, where));
-    if (!options_.read_image) throw InputError(where, "lies in another file, which cannot be read from here");
+    if (!options_.read_image) throw InputError(where, "refers to another file, which is not available here");
     return options_.read_image(*image.uri);
   }
 

@@ -30,7 +30,7 @@ class InstanceReader {
       out[i].topLeftCorner<3, 3>() = rotations[i] * scales[i].asDiagonal();
       out[i].topRightCorner<3, 1>() = positions[i];
       if (!out[i].allFinite()) {
-        throw InputError(table_.where(), "the place of instance " + std::to_string(i) + " is not finite");
+        throw InputError(table_.where(), "the position of instance " + std::to_string(i) + " is not finite");
       }
     }
     return out;
@@ -46,7 +46,7 @@ class InstanceReader {
       return out;
     }
     const auto whole = table_.values<std::uint16_t>("POSITION_QUANTIZED", 3 * count_);
-    if (!whole) throw InputError(table_.where(), "has neither POSITION nor POSITION_QUANTIZED");
+    if (!whole) throw InputError(table_.where(), "has no POSITION and no POSITION_QUANTIZED");
     const auto scale =
         require_value(table_.global("QUANTIZED_VOLUME_SCALE", 3), "QUANTIZED_VOLUME_SCALE", table_.where());
     const auto offset =
@@ -109,13 +109,13 @@ DecodedContent read_body(Bytes tile, Bytes body, const std::string& name, const 
                          const ModelReader& read_model) {
   const std::uint32_t format = read_uint32_le(tile, 28);
   if (format == 1) return read_model(body, name, options);
-  if (format != 0) throw InputError(name, "gltfFormat is " + std::to_string(format) + "; 0 (URI) or 1 (GLB) wanted");
+  if (format != 0) throw InputError(name, "gltfFormat is " + std::to_string(format) + "; expected 0 (URI) or 1 (GLB)");
   std::string uri(as_text(body));
   uri = uri.substr(0, uri.find('\0'));
   while (uri.ends_with(' ')) uri.pop_back();
-  if (uri.empty()) throw InputError(name, "names no model");
+  if (uri.empty()) throw InputError(name, "has no model URI");
   if (!transport::is_data_uri(uri) && !options.read_resource) {
-    throw InputError(name, "its model lies in another file, which cannot be read from here");
+    throw InputError(name, "its model is in another file, which is not available here");
   }
   ContentOptions beside = options;
   if (options.read_resource) {
@@ -145,7 +145,7 @@ void check_size(const DecodedContent& model, std::size_t count, const ContentLim
   const auto too_many = [&](std::size_t each, std::size_t limit) { return each > 0 && count > limit / each; };
   if (too_many(vertices, limits.max_vertices) || too_many(triangles, limits.max_triangles) ||
       too_many(points, limits.max_points) || too_many(model.meshes.size(), limits.max_meshes)) {
-    throw InputError(name, std::to_string(count) + " instances of its model are more than the limits allow");
+    throw InputError(name, std::to_string(count) + " instances of its model exceed the limits");
   }
 }
 
@@ -160,7 +160,7 @@ void append_i3dm(Bytes bytes, const std::string& name, const ContentOptions& opt
   const TileTable table(tables.feature_json, tables.feature_binary, name + ": feature table");
   const std::size_t count = require_value(table.count("INSTANCES_LENGTH"), "INSTANCES_LENGTH", table.where());
   if (count > tables.feature_json.size() + tables.feature_binary.size()) {
-    throw InputError(table.where(), "has not as many positions as INSTANCES_LENGTH says");
+    throw InputError(table.where(), "the number of positions differs from INSTANCES_LENGTH");
   }
   const DecodedContent model = read_body(tile, tables.body, name, options, read_model);
   check_size(model, count, options.limits, name);

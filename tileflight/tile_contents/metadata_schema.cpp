@@ -18,7 +18,7 @@ Enums parse_enums(const Json& schema, const std::string& where) {
     const std::string here = where + ": enum " + id;
     auto& [value_type, names] = enums[id];
     value_type = find_string(json, "valueType", here).value_or("UINT16");
-    if (component_size_bytes(value_type) == 0) throw InputError(here, "valueType '" + value_type + "' is not known");
+    if (component_size_bytes(value_type) == 0) throw InputError(here, "valueType '" + value_type + "' is unknown");
     const Json* values = find_array(json, "values", here);
     if (values == nullptr) throw InputError(here, "values are missing");
     for (const Json& value : *values) {
@@ -33,7 +33,7 @@ std::size_t components_of(const std::string& type, const std::string& where) {
   static const std::map<std::string, std::size_t> kCounts = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
                                                              {"MAT2", 4},   {"MAT3", 9}, {"MAT4", 16}};
   const auto it = kCounts.find(type);
-  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is not known");
+  if (it == kCounts.end()) throw InputError(where, "type '" + type + "' is unknown");
   return it->second;
 }
 
@@ -44,7 +44,7 @@ void append_numbers(const Json& json, const std::string& where, std::vector<doub
   } else if (json.is_number()) {
     out.push_back(json.get<double>());
   } else {
-    throw InputError(where, "offset or scale is no number");
+    throw InputError(where, "offset or scale is not a number");
   }
 }
 
@@ -53,7 +53,7 @@ std::vector<double> factors(const Json& json, const char* key, const MetadataPro
   std::vector<double> out;
   if (const Json* value = find_member(json, key)) append_numbers(*value, where, out);
   if (!out.empty() && out.size() != property.fixed_components()) {
-    throw InputError(where, std::string(key) + " has not as many numbers as a value has");
+    throw InputError(where, std::string(key) + " must have as many numbers as a value");
   }
   return out;
 }
@@ -81,7 +81,7 @@ MetadataProperty parse_property(const std::string& id, const Json& json, const E
     out.components = components_of(type, where);
     out.component_type = require_value(find_string(json, "componentType", where), "componentType", where);
     if (component_size_bytes(out.component_type) == 0) {
-      throw InputError(where, "componentType '" + out.component_type + "' is not known");
+      throw InputError(where, "componentType '" + out.component_type + "' is unknown");
     }
     out.offset = factors(json, "offset", out, where);
     out.scale = factors(json, "scale", out, where);

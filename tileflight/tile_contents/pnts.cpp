@@ -27,7 +27,7 @@ class DracoPoints {
     const std::size_t offset = require_value(find_index(extension, "byteOffset", where), "byteOffset", where);
     const std::size_t length = require_value(find_index(extension, "byteLength", where), "byteLength", where);
     if (offset > binary.size() || length > binary.size() - offset) {
-      throw InputError(where, "lies outside of the table's binary part");
+      throw InputError(where, "lies outside the table's binary part");
     }
     draco::DecoderBuffer buffer;
     buffer.Init(reinterpret_cast<const char*>(binary.data()) + offset, length);
@@ -52,7 +52,7 @@ class DracoPoints {
     std::vector<float> out(size() * components);
     for (draco::PointIndex point(0); point < cloud_->num_points(); ++point) {
       const draco::AttributeValueIndex index = attribute->mapped_index(point);
-      if (index.value() >= attribute->size()) throw InputError(where_, std::string(property) + " is cut short");
+      if (index.value() >= attribute->size()) throw InputError(where_, std::string(property) + " is truncated");
       attribute->ConvertValue<float>(index, static_cast<std::int8_t>(components), &out[point.value() * components]);
     }
     return out;
@@ -78,14 +78,14 @@ class PointReader {
   PointCloud read(std::size_t max_points, std::size_t table_bytes) {
     count_ = require_value(table_.count("POINTS_LENGTH"), "POINTS_LENGTH", table_.where());
     if (draco_ && draco_->size() != count_) {
-      throw InputError(table_.where(), "POINTS_LENGTH is " + std::to_string(count_) + ", the Draco part has " +
+      throw InputError(table_.where(), "POINTS_LENGTH is " + std::to_string(count_) + ", but the Draco part has " +
                                            std::to_string(draco_->size()));
     }
     if (count_ > max_points) {
-      throw InputError(table_.where(), "has more than " + std::to_string(max_points) + " points, the limit");
+      throw InputError(table_.where(), "has more than " + std::to_string(max_points) + " points, which is the limit");
     }
     if (!draco_ && count_ > table_bytes)
-      throw InputError(table_.where(), "has not as many points as POINTS_LENGTH says");
+      throw InputError(table_.where(), "the number of points differs from POINTS_LENGTH");
     PointCloud cloud;
     cloud.positions = positions();
     cloud.colors = colors();
@@ -115,7 +115,7 @@ class PointReader {
       }
     } else {
       const auto whole = table_.values<std::uint16_t>("POSITION_QUANTIZED", 3 * count_);
-      if (!whole) throw InputError(table_.where(), "has neither POSITION nor POSITION_QUANTIZED");
+      if (!whole) throw InputError(table_.where(), "has no POSITION and no POSITION_QUANTIZED");
       const auto scale =
           require_value(table_.global("QUANTIZED_VOLUME_SCALE", 3), "QUANTIZED_VOLUME_SCALE", table_.where());
       const auto offset =

@@ -57,8 +57,8 @@ std::string number_text(const Number& number) {
 std::vector<std::size_t> read_offsets(std::span<const std::byte> bytes, const std::string& type, std::size_t count,
                                       const std::string& where) {
   const std::size_t size = type.starts_with("UINT") ? component_size_bytes(type) : 0;
-  if (size == 0) throw InputError(where, "offset type '" + type + "' is not known");
-  if (bytes.size() / size <= count) throw InputError(where, "its offsets are cut short");
+  if (size == 0) throw InputError(where, "offset type '" + type + "' is unknown");
+  if (bytes.size() / size <= count) throw InputError(where, "its offsets are truncated");
   std::vector<std::size_t> out(count + 1);
   for (std::size_t i = 0; i <= count; ++i) {
     out[i] = static_cast<std::size_t>(std::get<std::uint64_t>(number_at(bytes, type, i)));
@@ -87,7 +87,7 @@ PropertyTable::PropertyTable(const Json& json, const MetadataSchema& schema, con
   for (const auto& [id, column] : properties->items()) {
     const std::string here = where + ": property " + id;
     const MetadataProperty* property = metadata_class->second.find(id);
-    if (property == nullptr) throw InputError(here, "is not one of class '" + name + "'");
+    if (property == nullptr) throw InputError(here, "does not belong to class '" + name + "'");
     columns_.push_back(read_column(*property, column, view, here));
     properties_.push_back(*property);
   }

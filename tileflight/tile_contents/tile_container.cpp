@@ -18,12 +18,12 @@ std::uint32_t read_uint32_le(Bytes bytes, std::size_t offset) {
 
 Bytes trim_to_byte_length(Bytes bytes, std::size_t header_bytes, const std::string& name) {
   if (bytes.size() < header_bytes) {
-    throw InputError(name, "cut short: " + std::to_string(bytes.size()) + " bytes, the header alone has " +
+    throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " bytes, but the header alone has " +
                                std::to_string(header_bytes));
   }
   const std::uint32_t length = read_uint32_le(bytes, 8);
   if (length > bytes.size()) {
-    throw InputError(name, "cut short: " + std::to_string(bytes.size()) + " of " + std::to_string(length) + " bytes");
+    throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " of " + std::to_string(length) + " bytes");
   }
   if (length < header_bytes)
     throw InputError(name, "its header gives a length of " + std::to_string(length) + " bytes");
@@ -34,7 +34,7 @@ void require_version(Bytes bytes, std::uint32_t wanted, const std::string& kind,
   const std::uint32_t version = read_uint32_le(bytes, 4);
   if (version != wanted) {
     throw InputError(
-        name, kind + " version " + std::to_string(version) + " is not supported; " + std::to_string(wanted) + " is");
+        name, kind + " version " + std::to_string(version) + " is not supported, only " + std::to_string(wanted));
   }
 }
 

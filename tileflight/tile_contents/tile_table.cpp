@@ -53,7 +53,7 @@ std::size_t components_of(const std::string& type, const std::string& where) {
   if (type.size() == 4 && type.starts_with("VEC") && type[3] >= '2' && type[3] <= '4') {
     return static_cast<std::size_t>(type[3] - '0');
   }
-  throw InputError(where, "type '" + type + "' is not known");
+  throw InputError(where, "type '" + type + "' is unknown");
 }
 
 /// One property of a batch table from the binary part.
@@ -62,10 +62,10 @@ std::vector<std::string> binary_column(const Json& reference, Bytes binary, std:
   const std::size_t offset = require_value(find_index(reference, "byteOffset", where), "byteOffset", where);
   const std::string type = require_value(find_string(reference, "componentType", where), "componentType", where);
   const Component* component = component_of(type);
-  if (component == nullptr) throw InputError(where, "componentType '" + type + "' is not known");
+  if (component == nullptr) throw InputError(where, "componentType '" + type + "' is unknown");
   const std::size_t components = components_of(find_string(reference, "type", where).value_or("SCALAR"), where);
   if (offset > binary.size() || count > (binary.size() - offset) / (component->bytes * components)) {
-    throw InputError(where, "lies outside of the table's binary part");
+    throw InputError(where, "lies outside the table's binary part");
   }
   std::vector<std::string> out(count);
   for (std::size_t i = 0; i < count * components; ++i) {
@@ -84,7 +84,7 @@ Bytes TileTable::binary_part(const Json& reference, const char* key, std::size_t
   const std::string where = where_ + ": " + key;
   const std::size_t offset = require_value(find_index(reference, "byteOffset", where), "byteOffset", where);
   if (offset > binary_.size() || count > (binary_.size() - offset) / bytes_each) {
-    throw InputError(where, "lies outside of the table's binary part");
+    throw InputError(where, "lies outside the table's binary part");
   }
   return binary_.subspan(offset, count * bytes_each);
 }
@@ -115,7 +115,7 @@ std::optional<std::vector<std::uint32_t>> TileTable::ids(const char* key, std::s
   if (type == "UNSIGNED_BYTE") return widened(std::uint8_t{});
   if (type == "UNSIGNED_INT") return widened(std::uint32_t{});
   if (type == "UNSIGNED_SHORT") return widened(std::uint16_t{});
-  throw InputError(where_ + ": " + key, "componentType '" + type + "' is none of an id");
+  throw InputError(where_ + ": " + key, "componentType '" + type + "' cannot be the type of an id");
 }
 
 std::shared_ptr<const imaging::FeatureTable> read_batch_table(Bytes json, Bytes binary, std::size_t count,
@@ -142,7 +142,7 @@ std::shared_ptr<const imaging::FeatureTable> try_read_batch_table(const TileTabl
   try {
     return read_batch_table(tables.batch_json, tables.batch_binary, count, "batch table");
   } catch (const InputError& error) {
-    warn_once(std::string("features are without names: ") + error.what(), warnings);
+    warn_once(std::string("features have no names: ") + error.what(), warnings);
     return nullptr;
   }
 }

@@ -104,7 +104,7 @@ TEST(PropertyTable, FaultsAreNamed) {
   EXPECT_THAT(base::testing::error_of([&] {
                 table(number, 1, {{"b", {{"values", 0}}}}, {"1234"});
               }),
-              HasSubstr("is not one of class"));
+              HasSubstr("does not belong to class"));
   EXPECT_THAT(base::testing::error_of([] {
                 schema({{"a", {{"type", "VEC9"}, {"componentType", "UINT8"}}}});
               }),
@@ -151,7 +151,7 @@ TEST(Features, ABrokenBatchTableCostsTheNamesNotTheTile) {
       "b3dm", {{{"BATCH_LENGTH", 2}}, "", {{"height", {{"byteOffset", 8}, {"componentType", "DOUBLE"}}}}, "short"},
       two_buildings("_BATCHID").glb());
   const tile_contents::DecodedContent content = decode(bytes);
-  EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("features are without names")));
+  EXPECT_THAT(content.warnings, ElementsAre(HasSubstr("features have no names")));
   EXPECT_EQ(content.meshes.at(0).features, nullptr);
   EXPECT_THAT(content.meshes.at(0).feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
 }
@@ -215,9 +215,10 @@ TEST(Features, IdsInATexture) {
   sets[0]["nullFeatureId"] = 1;
   EXPECT_EQ(decode(writer.glb()).meshes[0].feature_ids[mesh.mesh.triangles[1][1]], kNoFeature);
   sets[0]["texture"]["channels"] = {3};
-  EXPECT_THAT(decode(writer.glb()).warnings, ElementsAre("feature ids in a texture's fourth channel are not read"));
+  EXPECT_THAT(decode(writer.glb()).warnings, ElementsAre("feature ids in a texture's fourth channel are ignored"));
   sets[0]["texture"]["channels"] = {4};
-  EXPECT_THAT(base::testing::error_of([&] { decode(writer.glb()); }), HasSubstr("a channel that no texture has"));
+  EXPECT_THAT(base::testing::error_of([&] { decode(writer.glb()); }),
+              HasSubstr("a texture channel that does not exist"));
 }
 
 TEST(Features, InstancesHaveIdsOfTheirOwn) {

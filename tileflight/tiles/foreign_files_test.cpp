@@ -66,7 +66,7 @@ TEST(ForeignFiles, FaultsOfTheValidatorAreNamed) {
       {"boundingVolumeSphereArrayElementOutOfRange.json", "radius of the bounding sphere is negative"},
       {"extensionsRequiredInvalidType.json", "extensionsRequired is"},
       {"implicitTilingValid.json", "example-0-0-0.subtree: is missing"},
-      {"implicitTilingContentsUriTemplateVariableInvalid.json", "a variable {"},
+      {"implicitTilingContentsUriTemplateVariableInvalid.json", "the unknown variable {"},
       {"implicitTilingSubtreeLevelsInvalidValue.json", "subtreeLevels"},
       {"implicitTilingSubtreesUriMissing.json", "subtrees.uri is missing"},
       {"implicitTilingInvalidType.json", "implicitTiling is"},
@@ -209,7 +209,7 @@ TEST(ForeignFiles, AHexagonInEveryPrimitiveMode) {
   }
   ASSERT_EQ(content.clouds.size(), 1U);
   EXPECT_EQ(content.clouds[0].size(), 7U);
-  EXPECT_THAT(content.warnings, ::testing::ElementsAre(HasSubstr("lines carry no surface")));
+  EXPECT_THAT(content.warnings, ::testing::ElementsAre(HasSubstr("lines have no surface")));
 }
 
 /// One model, plain and packed with positions of 9, 12 and 15 bits.
@@ -265,7 +265,7 @@ TEST(ForeignFiles, ALeafThatIsMissingIsNamed) {
 TEST(ForeignFiles, AnArchiveThatHoldsNothing) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/packages");
   EXPECT_THAT(base::testing::error_of([&] { load(folder / "valid.3tz"); }),
-              HasSubstr("holds nothing: none of its tiles has a content"));
+              HasSubstr("is empty: none of its tiles has content"));
 }
 
 TEST(ForeignFiles, TexturesInKtx2) {
@@ -298,14 +298,14 @@ TEST(ForeignFiles, EverySubtreeOfTheValidatorIsReadOrNamed) {
     EXPECT_THAT(message_of(file.filename().c_str()), Not(HasSubstr("\n"))) << file;
   }
   const std::pair<const char*, const char*> cases[] = {
-      {"binarySubtreeComputedLengthInvalid.subtree", "cut short"},
+      {"binarySubtreeComputedLengthInvalid.subtree", "truncated"},
       {"binarySubtreeInvalidMagic.subtree", "not valid JSON"},
       {"binarySubtreeInvalidVersion.subtree", "version"},
       {"binarySubtreeJsonInvalid.subtree", "not valid JSON"},
       {"subtreeChildSubtreeAvailabilityInvalidType.json", "childSubtreeAvailability is"},
       {"subtreeTileAvailabilityBitstreamAndConstant.json", "both bitstream and constant"},
       {"subtreeTileAvailabilityMissing.json", "tileAvailability is missing"},
-      {"subtreeTileAvailabilityNeitherBitstreamNorConstant.json", "neither bitstream nor constant"}};
+      {"subtreeTileAvailabilityNeitherBitstreamNorConstant.json", "no bitstream and no constant"}};
   for (const auto& [file, wanted] : cases) EXPECT_THAT(message_of(file), HasSubstr(wanted)) << file;
   EXPECT_EQ(message_of("binarySubtreeValid.subtree"), "");
 }

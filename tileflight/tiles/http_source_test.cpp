@@ -131,10 +131,10 @@ TEST_F(HttpSourceTest, EachFaultGivesTheBytesOrOneError) {
        [](const ServedRequest&, ServedConnection& c) { return c.answer(302, "", {"Location: http://localhost:1/x"}); }},
   };
   const std::map<std::string, std::string> errors = {{"404", "status 404"},
-                                                     {"cut short", "closed before the end"},
+                                                     {"cut short", "closed early"},
                                                      {"wrong length", "east.glb"},
                                                      {"reset", "cannot be fetched"},
-                                                     {"web page", "answered with a web page"},
+                                                     {"web page", "sent a web page"},
                                                      {"garbage", "east.glb"},
                                                      {"empty", "east.glb"},
                                                      {"no content", "status 204"},
@@ -202,7 +202,7 @@ TEST_F(HttpSourceTest, HeadersAndParametersGoToTheOwnOriginAlone) {
 TEST_F(HttpSourceTest, AHeaderIsOneLineWithAName) {
   for (const char* header : {"no colon", ": value", "A b: c", "A: b\r\nC: d"}) {
     EXPECT_THAT(base::testing::error_of([&] { transport::UrlProvider(place_.root(), {header}); }),
-                HasSubstr("--header: is written"));
+                HasSubstr("--header: must have the form"));
   }
 }
 
@@ -339,7 +339,7 @@ TEST_F(CachedHttpSource, AStaleCopyServesWhileTheServerDoesNotUnlessItMustBeAske
   read(source);
   broken_ = true;
   EXPECT_EQ(read(source), "content of \"1\"");
-  EXPECT_THAT(source.warnings(), ElementsAre(HasSubstr("could not be asked about 1 kept files")));
+  EXPECT_THAT(source.warnings(), ElementsAre(HasSubstr("not reachable to revalidate 1 cached files")));
   broken_ = false;
   cache_control_ = "max-age=0, must-revalidate";
   etag_ = "\"2\"";

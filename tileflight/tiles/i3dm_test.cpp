@@ -122,20 +122,20 @@ TEST(I3dm, FaultsAreNamed) {
     return base::testing::error_of([&] { read(i3dm(tables, body, format), options); });
   };
   EXPECT_THAT(message({}), HasSubstr("INSTANCES_LENGTH is missing"));
-  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}}}), HasSubstr("neither POSITION"));
+  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}}}), HasSubstr("no POSITION"));
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 4000000000U}, {"POSITION", {{"byteOffset", 0}}}}}),
               HasSubstr("positions"));
-  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, "nothing"), HasSubstr("is no glTF"));
+  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, "nothing"), HasSubstr("is not glTF"));
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, flat_triangle(), 3),
               HasSubstr("gltfFormat is 3"));
-  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, "", 0), HasSubstr("names no model"));
+  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, "", 0), HasSubstr("has no model URI"));
   tile_contents::ContentOptions few;
   few.limits.max_vertices = 5;
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 2}, {"POSITION", {0, 0, 0, 0, 0, 0}}}}, flat_triangle(), 1, few),
-              HasSubstr("more than the limits allow"));
+              HasSubstr("exceed the limits"));
   // A model must not contain tiles.
   const std::string inner = i3dm({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}});
-  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, inner), HasSubstr("is no glTF"));
+  EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}, {"POSITION", {0, 0, 0}}}}, inner), HasSubstr("is not glTF"));
 }
 
 /// Cesium's instanced tilesets: 25 models in five rows around one location, in all encodings.

@@ -76,7 +76,7 @@ ImplicitTiling parse_implicit_tiling(const tile_contents::Json& json, const std:
   const std::string scheme = tile_contents::require_value(tile_contents::find_string(json, "subdivisionScheme", where),
                                                           "subdivisionScheme", where);
   if (scheme != "QUADTREE" && scheme != "OCTREE") {
-    throw InputError(where, "subdivisionScheme is '" + scheme + "'; QUADTREE or OCTREE wanted");
+    throw InputError(where, "subdivisionScheme is '" + scheme + "'; expected QUADTREE or OCTREE");
   }
   out.octree = scheme == "OCTREE";
   const auto subtree_levels =
@@ -86,11 +86,11 @@ ImplicitTiling parse_implicit_tiling(const tile_contents::Json& json, const std:
     available = *last + 1;
   const std::size_t levels = tile_contents::require_value(available, "availableLevels", where);
   if (subtree_levels < 1 || subtree_levels > (out.octree ? 8U : 12U)) {
-    throw InputError(where, "subtreeLevels is " + std::to_string(subtree_levels) + "; 1 to " +
-                                (out.octree ? "8 (octree)" : "12 (quadtree)") + " are read");
+    throw InputError(where, "subtreeLevels is " + std::to_string(subtree_levels) + "; supported are 1 to " +
+                                (out.octree ? "8 (octree)" : "12 (quadtree)"));
   }
   if (levels < 1 || levels > kMaxLevels) {
-    throw InputError(where, "availableLevels is " + std::to_string(levels) + "; 1 to 32 are read");
+    throw InputError(where, "availableLevels is " + std::to_string(levels) + "; supported are 1 to 32");
   }
   out.subtree_levels = static_cast<std::uint32_t>(subtree_levels);
   out.available_levels = static_cast<std::uint32_t>(levels);
@@ -133,7 +133,7 @@ std::string expand_template(const std::string& text, const ImplicitTiling& tilin
     } else if (variable == "x" || variable == "y" || (variable == "z" && tiling.octree)) {
       out += std::to_string(tile.xyz[static_cast<std::size_t>(variable[0] - 'x')]);
     } else {
-      throw InputError(where, "the template '" + text + "' has a variable {" + variable + "} that there is not");
+      throw InputError(where, "the template '" + text + "' has the unknown variable {" + variable + "}");
     }
     i = end;
   }

@@ -77,9 +77,9 @@ TEST(ImplicitTiling, Templates) {
   EXPECT_EQ(expand_template("{level}/{x}/{y}.glb", quadtree, {4, {11, 2, 0}}, "t"), "4/11/2.glb");
   EXPECT_EQ(expand_template("{z}{x", box_tiling(true), {4, {11, 2, 7}}, "t"), "7{x");
   EXPECT_THAT(base::testing::error_of([&] { expand_template("{z}.glb", quadtree, {}, "t"); }),
-              HasSubstr("a variable {z}"));
+              HasSubstr("the unknown variable {z}"));
   EXPECT_THAT(base::testing::error_of([&] { expand_template("{lod}.glb", quadtree, {}, "t"); }),
-              HasSubstr("a variable {lod}"));
+              HasSubstr("the unknown variable {lod}"));
 }
 
 /// Two levels of a quadtree, bits in Morton order: the root, its children (1, 0) and (0, 1), and of the sixteen child
@@ -130,7 +130,7 @@ TEST(Subtree, AsJsonWithABufferBesideIt) {
   };
   expect_two_levels(parse_subtree(base::testing::to_bytes(json.dump()), place_of(box_tiling(false)), "s", read));
   EXPECT_THAT(base::testing::error_of([&] { parse(json.dump(), box_tiling(false)); }),
-              HasSubstr("lies in another file"));
+              HasSubstr("refers to another file"));
 }
 
 TEST(Subtree, AsBefore11) {
@@ -226,11 +226,11 @@ TEST(Subtree, FaultsAreNamed) {
   };
   EXPECT_EQ(message([](Json&) {}), "");
   EXPECT_THAT(message([](Json& j) { j.erase("tileAvailability"); }), HasSubstr("tileAvailability is missing"));
-  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = Json::object(); }), HasSubstr("neither bitstream nor"));
-  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"bitstream", 7}}; }), HasSubstr("is not there"));
-  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"constant", 0}}; }), HasSubstr("its own root"));
-  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteLength"] = 1; }), HasSubstr("2 wanted"));
-  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteOffset"] = 15; }), HasSubstr("outside of its buffer"));
+  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = Json::object(); }), HasSubstr("no bitstream and no"));
+  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"bitstream", 7}}; }), HasSubstr("does not exist"));
+  EXPECT_THAT(message([](Json& j) { j["tileAvailability"] = {{"constant", 0}}; }), HasSubstr("its root tile"));
+  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteLength"] = 1; }), HasSubstr("expected 2"));
+  EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteOffset"] = 15; }), HasSubstr("outside its buffer"));
   EXPECT_THAT(message([](Json& j) { j["buffers"][0]["byteLength"] = 99; }), HasSubstr("binary part"));
   EXPECT_THAT(message([](Json& j) { j["contentAvailability"].push_back({{"constant", 1}}); }), HasSubstr("2 contents"));
   const std::string whole = transport::testing::subtree(two_levels(), two_levels_binary());

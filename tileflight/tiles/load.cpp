@@ -42,7 +42,7 @@ void collect(LoadedContent&& content, LoadedTiles& out, tile_contents::Attributi
 
 void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out) {
   if (!options.allow_incomplete)
-    throw InputError(what, "the region is not complete (--allow-incomplete goes on without)");
+    throw InputError(what, "the region is not complete (--allow-incomplete continues without this tile)");
   ++out.tiles_failed;
   out.failures.push_back(what);
 }
@@ -64,9 +64,9 @@ bool holds_nothing(const TilesetTree& tree) {
 }
 
 /// Explains why a flight's images see no tile, and what to do.
-std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<ViewCone>& eyes) {
+std::string nothing_seen(const TilesetTree& tree, const Placement& placement, const std::vector<ViewCone>& cones) {
   geometry::Box3 flown;
-  for (const ViewCone& eye : eyes) flown.extend(eye.position);
+  for (const ViewCone& cone : cones) flown.extend(cone.position);
   const geometry::Box3 tileset = local_bounding_box(tree.volume(tree.root()), placement.T_local_tileset);
   return "the flight sees nothing of the tileset: " + describe_separation(flown, tileset, placement.local_frame);
 }
@@ -110,9 +110,9 @@ LoadedTiles load_region(transport::TileSource& source, const std::string& name, 
   LoadedTiles out;
   const TileCut cut = select_flight_cut(tree, placement, options, out);
   if (cut.contents.empty() && cut.failures.empty() && !is_partial_flight(options)) {
-    if (holds_nothing(tree)) throw InputError(name, "the tileset holds nothing: none of its tiles has a content");
+    if (holds_nothing(tree)) throw InputError(name, "the tileset is empty: none of its tiles has content");
     if (options.flight) throw InputError(name, nothing_seen(tree, placement, options.flight->view_cones));
-    throw InputError(name, "no tile with content meets the region " + describe_extent(placement.region.box()) +
+    throw InputError(name, "no tile with content overlaps the region " + describe_extent(placement.region.box()) +
                                "; the tileset spans " + describe_extent(tree));
   }
 
@@ -128,10 +128,9 @@ LoadedTiles load_region(transport::TileSource& source, const std::string& name, 
   std::vector<LoadedContent> contents =
       read_cut(counted, tree, cut, placement.T_local_tileset, options.textures, progress, options.max_memory_bytes);
   if (contents.size() < cut.contents.size()) {
-    throw MemoryLimitExceeded(name,
-                              "what is wanted needs more than " + gigabytes(options.max_memory_bytes) +
-                                  " of memory: ask for less (--size), for coarser tiles (--error, --pixel-error), or "
-                                  "allow more (--memory)");
+    throw MemoryLimitExceeded(name, "the requested tiles need more than " + gigabytes(options.max_memory_bytes) +
+                                        " of memory: request a smaller region (--size) or coarser tiles (--error, "
+                                        "--pixel-error), or raise the limit (--memory)");
   }
   for (LoadedContent& content : contents) {
     if (content.failure.empty()) {

@@ -103,7 +103,7 @@ TEST_F(LoadRegion, FirstFailureIsNamedWhateverTheThreadsDo) {
   source_.add("west.b3dm", std::string("garbage garbage"));
   source_.remove("east.glb");
   for (int i = 0; i < 20; ++i)
-    EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is no tile"));
+    EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is not a tile"));
 }
 
 TEST_F(LoadRegion, MissingExternalTilesetIsNamedOrCounted) {
@@ -124,7 +124,7 @@ TEST_F(LoadRegion, EmptyRegionNamesTheExtent) {
   options.center_local = Vec3(500, 0, 0);
   options.size = Vec3(4, 4, 4);
   const std::string message = base::testing::error_of([&] { load(source_, options); });
-  EXPECT_THAT(message, HasSubstr("no tile with content meets the region x 498.0 … 502.0"));
+  EXPECT_THAT(message, HasSubstr("no tile with content overlaps the region x 498.0 … 502.0"));
   EXPECT_THAT(message, HasSubstr("spans x -10.0 … 10.0"));
 }
 
@@ -141,14 +141,14 @@ TEST_F(LoadRegion, FlightThatSeesNothingIsToldWhereItIs) {
                              "… 31.0 m, and the tileset spans x -10.0 … 10.0"));
   EXPECT_THAT(far, HasSubstr(" m away; positions are metres east, north and up"));
   const std::string above = message_from({Vec3(0, 0, 12)});
-  EXPECT_THAT(above, HasSubstr(", 10 m away; check where it looks (pitch_deg -90 is straight down"));
+  EXPECT_THAT(above, HasSubstr(", 10 m away; check the camera's direction (pitch_deg -90 is straight down"));
 }
 
 TEST_F(LoadRegion, TilesetWithoutContentSaysSo) {
   source_.add("tileset.json", transport::testing::tileset(
                                   transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5))
                                   .dump());
-  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("the tileset holds nothing"));
+  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("the tileset is empty"));
 }
 
 TEST_F(LoadRegion, WrongOptionsAreTold) {
@@ -240,7 +240,7 @@ TEST(LoadRegionOnEarth, ALargePlaceWantsACentre) {
       transport::testing::tileset(transport::testing::tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
   const std::string message = base::testing::error_of([&] { load(source); });
   EXPECT_THAT(message, HasSubstr("more than 4 km²; give --center and --size"));
-  EXPECT_THAT(message, HasSubstr("about latitude 46.1"));
+  EXPECT_THAT(message, HasSubstr("around latitude 46.1"));
 }
 
 TEST(LoadRegionOnEarth, TheGlobeDoesNotTellTheHeightOfTheGround) {

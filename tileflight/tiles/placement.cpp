@@ -32,7 +32,8 @@ std::string format(const char* pattern, double a, double b) {
 LocalFrame frame_at(const Geodetic& origin, const std::string& source) {
   const bool valid =
       std::abs(origin.latitude_deg) <= 90 && std::abs(origin.longitude_deg) <= 360 && std::isfinite(origin.height.m);
-  if (!valid) throw InputError(source, "the origin or centre is not a place: latitude is from -90 to 90 degrees");
+  if (!valid)
+    throw InputError(source, "the origin or centre is not a valid position: latitude must be from -90 to 90 degrees");
   return LocalFrame(origin);
 }
 
@@ -66,7 +67,7 @@ Region region_about(const Vec3& center, const LoadOptions& options, const Box3& 
   const bool has_height = std::isfinite(center.z()) && wants_height(options);
   if (!has_height && tileset.sizes().z() > kTallestKnown_m) {
     throw InputError(source,
-                     "the tileset does not tell how high the ground is there: give the height in --center and the "
+                     "the tileset does not state the height of the ground there: give the height in --center and the "
                      "third number of --size");
   }
   Region region;
@@ -125,7 +126,7 @@ Placement frame_of(const TilesetTree& tree, const LoadOptions& options, const st
     placement.T_local_tileset = T_own_tileset(tree);
     if (!placement.T_local_tileset.matrix().isIdentity()) {
       placement.warnings.push_back(
-          "the transform by which Cesium ion puts down this movable model is undone: local coordinates are the model's "
+          "the transform by which Cesium ion places this movable model is undone: local coordinates are the model's "
           "own");
     }
   }
@@ -147,7 +148,7 @@ Vec3 center_in_frame(const LoadOptions& options, const Placement& placement, con
 /// The region of the polygons, and their bounding box.
 Region region_of_areas(const LoadOptions& options, const Placement& placement, const std::string& source) {
   if (!placement.local_frame) {
-    throw InputError(source, "polygons are places on the Earth, and the tileset is not: give its --origin");
+    throw InputError(source, "polygons need a georeferenced tileset, and this one is not: give its --origin");
   }
   Region region = placement.region;
   Box3 around;
@@ -155,7 +156,7 @@ Region region_of_areas(const LoadOptions& options, const Placement& placement, c
     region.parts.push_back(to_local_prism(area, *placement.local_frame, region.box()));
     around.extend(geometry::bounds(region.parts.back()));
   }
-  if (!(around.sizes().minCoeff() > 0)) throw InputError(source, "a polygon's heights or its area are empty");
+  if (!(around.sizes().minCoeff() > 0)) throw InputError(source, "a polygon has no area or no height range");
   region.center = around.center();
   region.size = around.sizes();
   return region;
@@ -197,13 +198,13 @@ std::string describe_extent(const TilesetTree& tree) {
   const Geodetic center = geometry::geodetic_from_ecef(center_of(volume));
   const Vec3 size = local_bounding_box(volume, LocalFrame(center).T_local_ecef()).sizes();
   return format("%.0f m × %.0f m", size.x(), size.y()) +
-         format(" about latitude %.6f, longitude %.6f", center.latitude_deg, center.longitude_deg) +
+         format(" around latitude %.6f, longitude %.6f", center.latitude_deg, center.longitude_deg) +
          format(", heights %.1f … %.1f m", center.height.m - size.z() / 2, center.height.m + size.z() / 2);
 }
 
 std::string describe_separation(const Box3& flown, const Box3& tileset, const std::optional<LocalFrame>& frame) {
   std::string text = "it flies at " + describe_extent(flown) + ", and the tileset spans " + describe_extent(tileset) +
-                     " of the same local frame";
+                     " in the same local frame";
   if (frame) {
     const Geodetic& origin = frame->origin();
     text += format(" (its origin is latitude %.6f, longitude %.6f", origin.latitude_deg, origin.longitude_deg) +
@@ -213,12 +214,12 @@ std::string describe_separation(const Box3& flown, const Box3& tileset, const st
   if (apart_m > 0.0) text += format(", %.0f m away", apart_m, 0);
   if (apart_m > tileset.sizes().norm()) {
     return text +
-           "; positions are metres east, north and up of the frame's origin: give them so, or the origin that "
-           "they are meant from (--origin LAT,LON,HEIGHT)";
+           "; positions are metres east, north and up from the frame's origin: convert them, or give the origin they "
+           "refer to (--origin LAT,LON,HEIGHT)";
   }
   return text +
-         "; check where it looks (pitch_deg -90 is straight down, yaw_deg is clockwise from north) and how high "
-         "it flies";
+         "; check the camera's direction (pitch_deg -90 is straight down, yaw_deg is clockwise from north) and the "
+         "flight's height";
 }
 
 Placement resolve_placement(const TilesetTree& tree, const LoadOptions& options, const std::string& source) {

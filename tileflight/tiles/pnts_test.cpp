@@ -94,7 +94,7 @@ TEST(Pnts, FaultsAreNamed) {
   };
   const std::string two = base::testing::to_raw_bytes<float>({0, 0, 0, 1, 1, 1});
   EXPECT_THAT(message(Json::object(), two), HasSubstr("POINTS_LENGTH is missing"));
-  EXPECT_THAT(message({{"POINTS_LENGTH", 2}}, two), HasSubstr("neither POSITION nor POSITION_QUANTIZED"));
+  EXPECT_THAT(message({{"POINTS_LENGTH", 2}}, two), HasSubstr("no POSITION and no POSITION_QUANTIZED"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 3}, {"POSITION", {{"byteOffset", 0}}}}, two), HasSubstr("POSITION: lies"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 4000000000U}, {"POSITION", {{"byteOffset", 0}}}}, two), HasSubstr("points"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}},

@@ -346,7 +346,7 @@ TEST_F(Ion, WhatCannotBeOpenedIsToldInOneLine) {
   EXPECT_THAT(base::testing::error_of([&] { load("1", options); }),
               HasSubstr("ion:1: is of type IMAGERY, not 3DTILES"));
   EXPECT_THAT(base::testing::error_of([&] { load("x", options); }),
-              HasSubstr("ion:x: an asset of Cesium ion is a number"));
+              HasSubstr("ion:x: a Cesium ion asset is given by its number"));
   options.ion_token = "wrong-SECRET";
   EXPECT_THAT(base::testing::error_of([&] { load("7", options); }),
               AllOf(HasSubstr("status 401: Invalid access token; see CESIUM_ION_TOKEN"), Not(HasSubstr("SECRET"))));

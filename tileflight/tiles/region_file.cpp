@@ -39,7 +39,7 @@ Ring ring_of(const json& positions) {
   for (const json& position : positions) {
     ring.push_back(position_of(position));
     if (ring.size() > 1 && std::abs(ring.back().x() - ring[ring.size() - 2].x()) > 180) {
-      throw std::runtime_error("a polygon crosses the antimeridian: cut it there into two (RFC 7946, section 3.1.9)");
+      throw std::runtime_error("a polygon crosses the antimeridian: split it there (RFC 7946, section 3.1.9)");
     }
   }
   if (ring.front() != ring.back()) throw std::runtime_error("a ring is not closed: its last position is not its first");

@@ -233,8 +233,8 @@ TEST(S2Volume, FaultsAreNamed) {
     return base::testing::error_of(
         [&] { parse_tileset_json(transport::testing::tileset(transport::testing::tile(volume, 1)).dump(), "t"); });
   };
-  EXPECT_THAT(fault(s2_volume("NOT_A_VALID_TOKEN")), HasSubstr("token 'NOT_A_VALID_TOKEN' names no S2 cell"));
-  EXPECT_THAT(fault(s2_volume("89c6c7", 2, 1)), HasSubstr("lowest height lies above its highest"));
+  EXPECT_THAT(fault(s2_volume("NOT_A_VALID_TOKEN")), HasSubstr("token 'NOT_A_VALID_TOKEN' is not an S2 cell"));
+  EXPECT_THAT(fault(s2_volume("89c6c7", 2, 1)), HasSubstr("minimum height lies above its maximum"));
   EXPECT_THAT(fault({{"extensions", {{"3DTILES_bounding_volume_S2", {{"token", "3"}}}}}}),
               HasSubstr("minimumHeight is missing"));
   Json volume = s2_volume("3");
@@ -253,7 +253,7 @@ TEST(S2Volume, RealFiles) {
   const auto volume = std::get<S2Volume>(read("validTilesetWithS2.json").tiles[0].bounding_volume);
   EXPECT_EQ(std::pair(volume.cell.face, volume.cell.level), std::pair(0U, 0U));
   EXPECT_EQ(volume.max_height_m, 10000);
-  EXPECT_THAT(base::testing::error_of([&] { read("s2TokenInvalidValue.json"); }), HasSubstr("names no S2 cell"));
+  EXPECT_THAT(base::testing::error_of([&] { read("s2TokenInvalidValue.json"); }), HasSubstr("is not an S2 cell"));
   EXPECT_THAT(base::testing::error_of([&] { read("s2AndInvalidBox.json"); }), HasSubstr("box"));
 }
 

@@ -30,17 +30,17 @@ struct SubtreeParts {
 SubtreeParts parts_of(Bytes bytes, const std::string& name) {
   constexpr std::size_t kHeader = 24;
   if (!as_text(bytes).starts_with("subt")) return {as_text(bytes), {}};
-  if (bytes.size() < kHeader) throw InputError(name, "cut short: the header of a subtree has 24 bytes");
+  if (bytes.size() < kHeader) throw InputError(name, "truncated: the header of a subtree has 24 bytes");
   std::uint32_t version = 0;
   std::uint64_t json = 0;
   std::uint64_t binary = 0;
   std::memcpy(&version, bytes.data() + 4, sizeof version);
   std::memcpy(&json, bytes.data() + 8, sizeof json);
   std::memcpy(&binary, bytes.data() + 16, sizeof binary);
-  if (version != 1) throw InputError(name, "subtree version " + std::to_string(version) + " is not supported; 1 is");
+  if (version != 1) throw InputError(name, "subtree version " + std::to_string(version) + " is not supported, only 1");
   const Bytes rest = bytes.subspan(kHeader);
   if (json > rest.size() || binary > rest.size() - json) {
-    throw InputError(name, "cut short: " + std::to_string(bytes.size()) + " bytes, its header tells of more");
+    throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " bytes, fewer than its header declares");
   }
   return {as_text(rest.first(json)), rest.subspan(json, binary)};
 }
@@ -55,7 +55,7 @@ class SubtreeBuffers {
   Bytes view(std::size_t index) {
     const std::string where = name_ + ": bufferViews[" + std::to_string(index) + "]";
     const tile_contents::Json* views = tile_contents::find_array(json_, "bufferViews", name_);
-    if (views == nullptr || index >= views->size()) throw InputError(where, "is not there");
+    if (views == nullptr || index >= views->size()) throw InputError(where, "does not exist");
     const tile_contents::Json& json = (*views)[index];
     const Bytes bytes =
         buffer(tile_contents::require_value(tile_contents::find_index(json, "buffer", where), "buffer", where));
@@ -63,7 +63,7 @@ class SubtreeBuffers {
     const std::size_t length =
         tile_contents::require_value(tile_contents::find_index(json, "byteLength", where), "byteLength", where);
     if (offset > bytes.size() || length > bytes.size() - offset) {
-      throw InputError(where, "lies outside of its buffer of " + std::to_string(bytes.size()) + " bytes");
+      throw InputError(where, "lies outside its buffer of " + std::to_string(bytes.size()) + " bytes");
     }
     return bytes.subspan(offset, length);
   }
@@ -72,7 +72,7 @@ class SubtreeBuffers {
   Bytes buffer(std::size_t index) {
     const std::string where = name_ + ": buffers[" + std::to_string(index) + "]";
     const tile_contents::Json* buffers = tile_contents::find_array(json_, "buffers", name_);
-    if (buffers == nullptr || index >= buffers->size()) throw InputError(where, "is not there");
+    if (buffers == nullptr || index >= buffers->size()) throw InputError(where, "does not exist");
     const std::optional<std::string> uri = tile_contents::find_string((*buffers)[index], "uri", where);
     const std::size_t length = tile_contents::require_value(
         tile_contents::find_index((*buffers)[index], "byteLength", where), "byteLength", where);
@@ -82,10 +82,10 @@ class SubtreeBuffers {
     }
     auto it = outside_.find(index);
     if (it == outside_.end()) {
-      if (!read_resource_) throw InputError(where, "lies in another file, which cannot be read from here");
+      if (!read_resource_) throw InputError(where, "refers to another file, which is not available here");
       it = outside_.emplace(index, read_resource_(*uri)).first;
     }
-    if (it->second.size() < length) throw InputError(where, "is shorter than it says");
+    if (it->second.size() < length) throw InputError(where, "is shorter than declared");
     return Bytes(it->second).first(length);
   }
 
@@ -106,14 +106,14 @@ class Availability {
     auto stream = tile_contents::find_index(json, "bitstream", where);
     if (!stream) stream = tile_contents::find_index(json, "bufferView", where);  // before 1.1
     const auto constant = tile_contents::find_index(json, "constant", where, 1);
-    if (!stream && !constant) throw InputError(where, "has neither bitstream nor constant");
+    if (!stream && !constant) throw InputError(where, "has no bitstream and no constant");
     if (stream && constant) throw InputError(where, "has both bitstream and constant");
     constant_ = constant.value_or(0) == 1;
     if (!stream) return;
     stream_ = buffers.view(*stream);
     if (stream_.size() < (bits + 7) / 8) {
-      throw InputError(where, "its bitstream has " + std::to_string(stream_.size()) + " bytes, " +
-                                  std::to_string((bits + 7) / 8) + " wanted");
+      throw InputError(where, "its bitstream has " + std::to_string(stream_.size()) + " bytes, expected " +
+                                  std::to_string((bits + 7) / 8));
     }
   }
 
@@ -159,7 +159,8 @@ class SubtreeParser {
   Subtree parse() {
     read_availability();
     read_metadata();
-    if (!tiles_.at(0)) throw InputError(name_, "its own root is not available, though it is named as one that is");
+    if (!tiles_.at(0))
+      throw InputError(name_, "its root tile is marked as unavailable, but its parent lists the subtree as available");
     std::vector<std::size_t> row = {0};  // indices within a level, ascending
     add_tile(root_, 0, 0);
     for (std::uint32_t level = 0; level + 1 < levels_ && !row.empty(); ++level) row = add_level(level, row);
@@ -200,7 +201,7 @@ class SubtreeParser {
   Availability availability(const tile_contents::Json& json, std::size_t bits, const std::string& where) {
     const Availability out(json, bits, buffers_, where);
     const auto count = tile_contents::find_index(json, "availableCount", where);
-    if (count && *count != out.count()) warn("an availableCount does not go with its bits; the bits are taken");
+    if (count && *count != out.count()) warn("an availableCount differs from its bits; the bits are used");
     return out;
   }
 
@@ -220,7 +221,7 @@ class SubtreeParser {
     }
     for (const tile_contents::Json& content : *contents) contents_.push_back(availability(content, bits_, where));
     if (contents_.size() > tiling_.content_templates.size()) {
-      throw InputError(where, "tells of " + std::to_string(contents_.size()) + " contents, the tileset of " +
+      throw InputError(where, "has " + std::to_string(contents_.size()) + " contents per tile, but the tileset has " +
                                   std::to_string(tiling_.content_templates.size()));
     }
   }
@@ -230,14 +231,15 @@ class SubtreeParser {
     if (tables == nullptr || !tiling_.schema) return;
     const auto table = [&](std::size_t index) {
       const std::string where = name_ + ": propertyTables[" + std::to_string(index) + "]";
-      if (index >= tables->size()) throw InputError(where, "is not there");
+      if (index >= tables->size()) throw InputError(where, "does not exist");
       return tile_contents::PropertyTable((*tables)[index], *tiling_.schema,
                                           [&](std::size_t view) { return buffers_.view(view); }, where);
     };
     if (const auto index = tile_contents::find_index(json_, "tileMetadata", name_)) tile_metadata_ = table(*index);
     if (const auto indices = tile_contents::find_numbers(json_, "contentMetadata", 0, name_)) {
       for (const double index : *indices) {
-        if (!(index >= 0 && index < 1e6)) throw InputError(name_, "contentMetadata names a table that is not there");
+        if (!(index >= 0 && index < 1e6))
+          throw InputError(name_, "contentMetadata refers to a table that does not exist");
         content_metadata_.push_back(table(static_cast<std::size_t>(index)));
       }
     }
@@ -351,7 +353,7 @@ Subtree parse_subtree(Bytes bytes, const ImplicitSubtree& place, const std::stri
                       const std::function<std::vector<std::byte>(const std::string&)>& read_resource) {
   const SubtreeParts parts = parts_of(bytes, name);
   const tile_contents::Json json = tile_contents::parse_json(parts.json, name, {.max_depth = 64});
-  if (!json.is_object()) throw InputError(name, "is not a subtree: a JSON object is wanted");
+  if (!json.is_object()) throw InputError(name, "is not a subtree: expected a JSON object");
   SubtreeBuffers buffers(json, parts.binary, name, read_resource);
   return SubtreeParser(json, buffers, place, name).parse();
 }

@@ -15,7 +15,7 @@ using geometry::Vec3;
 std::optional<double> one_number(const SemanticValues& values, const std::string& semantic, const std::string& where) {
   const auto numbers = values.numbers(semantic);
   if (!numbers) return std::nullopt;
-  if (numbers->size() != 1 || !std::isfinite((*numbers)[0])) throw InputError(where, semantic + " is no number");
+  if (numbers->size() != 1 || !std::isfinite((*numbers)[0])) throw InputError(where, semantic + " is not a number");
   return (*numbers)[0];
 }
 
@@ -42,7 +42,7 @@ std::optional<S2Cell> s2_cell_of(const std::string& semantic, const SemanticValu
   const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), id);
   const bool is_number = error == std::errc() && end == text->data() + text->size();
   const std::optional<S2Cell> cell = is_number ? s2_cell_from_id(id) : std::nullopt;
-  if (!cell) throw InputError(where, semantic + " is no S2 cell");
+  if (!cell) throw InputError(where, semantic + " is not an S2 cell");
   return cell;
 }
 
@@ -71,7 +71,7 @@ GeographicRegion parse_region(const std::vector<double>& v, const std::string& w
   }
   if (v[1] > v[3] || v[4] > v[5]) {
     throw InputError(where,
-                     "boundingVolume.region has its south above its north, or its lowest height above its highest");
+                     "boundingVolume.region has its south above its north, or its minimum height above its maximum");
   }
   return {v[0], std::max(v[1], -kPole_rad), v[2], std::min(v[3], kPole_rad), v[4], v[5]};
 }
@@ -90,7 +90,7 @@ TileSemantics read_semantics(const std::string& prefix, const SemanticValues& va
   out.geometric_error_m = one_number(values, "TILE_GEOMETRIC_ERROR", where);
   if (out.geometric_error_m.value_or(0) < 0) throw InputError(where, "TILE_GEOMETRIC_ERROR is negative");
   if (const auto refine = one_number(values, "TILE_REFINE", where)) {
-    if (*refine != 0 && *refine != 1) throw InputError(where, "TILE_REFINE is neither 0 (ADD) nor 1 (REPLACE)");
+    if (*refine != 0 && *refine != 1) throw InputError(where, "TILE_REFINE must be 0 (ADD) or 1 (REPLACE)");
     out.refine = *refine == 0 ? Refine::kAdd : Refine::kReplace;
   }
   return out;

@@ -22,7 +22,8 @@ struct TileSemantics {
   bool has_transform = false;      ///< TILE_TRANSFORM is present; it is ignored
 };
 
-inline constexpr const char* kTransformWarning = "TILE_TRANSFORM in metadata is not heeded: tiles stand by their JSON";
+inline constexpr const char* kTransformWarning =
+    "TILE_TRANSFORM in metadata is ignored: the transforms in the tileset's JSON are used";
 
 /// Accessors for numbers and text by semantic; nullopt if there is no value.
 struct SemanticValues {

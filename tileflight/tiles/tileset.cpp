@@ -27,12 +27,12 @@ S2Volume s2_volume_of(const tile_contents::Json& json, const std::string& where)
   const std::string token =
       tile_contents::require_value(tile_contents::find_string(json, "token", where), "token", where);
   const std::optional<S2Cell> cell = s2_cell_from_token(token);
-  if (!cell) throw InputError(where, "its token '" + token + "' names no S2 cell");
+  if (!cell) throw InputError(where, "its token '" + token + "' is not an S2 cell");
   const double low_m =
       tile_contents::require_value(tile_contents::find_number(json, "minimumHeight", where), "minimumHeight", where);
   const double high_m =
       tile_contents::require_value(tile_contents::find_number(json, "maximumHeight", where), "maximumHeight", where);
-  if (low_m > high_m) throw InputError(where, "its lowest height lies above its highest");
+  if (low_m > high_m) throw InputError(where, "its minimum height lies above its maximum");
   return {*cell, low_m, high_m};
 }
 
@@ -84,10 +84,10 @@ class TilesetParser {
       : name_(name), limits_(limits), read_text_(read_text) {}
 
   Tileset parse(const tile_contents::Json& json) {
-    if (!json.is_object()) throw InputError(name_, "is not a tileset: a JSON object is wanted");
+    if (!json.is_object()) throw InputError(name_, "is not a tileset: expected a JSON object");
     parse_asset(json);
     tileset_.geometric_error_m = tile_contents::find_number(json, "geometricError", name_);
-    if (!tileset_.geometric_error_m) warn("a tileset without geometricError: that of its root is taken");
+    if (!tileset_.geometric_error_m) warn("the tileset has no geometricError; its root's is used");
     if (tileset_.geometric_error_m.value_or(0) < 0) throw InputError(name_, "geometricError is negative");
     tileset_.extensions_used = tile_contents::find_strings(json, "extensionsUsed", name_);
     tileset_.extensions_required = tile_contents::find_strings(json, "extensionsRequired", name_);
@@ -119,12 +119,12 @@ class TilesetParser {
     tileset_.version =
         tile_contents::require_value(tile_contents::find_string(*asset, "version", where), "version", where);
     if (tileset_.version != "1.0" && tileset_.version != "1.1") {
-      throw InputError(where, "3D Tiles version '" + tileset_.version + "' is not known; 1.0 and 1.1 are read");
+      throw InputError(where, "3D Tiles version '" + tileset_.version + "' is not supported; use 1.0 or 1.1");
     }
     tileset_.copyright = tile_contents::find_string(*asset, "copyright", where).value_or("");
     tileset_.generator = tile_contents::find_string(*asset, "generator", where).value_or("");
     const std::string axis = upper(tile_contents::find_string(*asset, "gltfUpAxis", where).value_or("Y"));
-    if (axis != "X" && axis != "Y" && axis != "Z") throw InputError(where, "gltfUpAxis is none of X, Y and Z");
+    if (axis != "X" && axis != "Y" && axis != "Z") throw InputError(where, "gltfUpAxis must be X, Y or Z");
     tileset_.gltf_up_axis = axis == "X"   ? tile_contents::UpAxis::kX
                             : axis == "Y" ? tile_contents::UpAxis::kY
                                           : tile_contents::UpAxis::kZ;
@@ -198,7 +198,7 @@ class TilesetParser {
     const std::optional<double> error_m = tile_contents::find_number(json, "geometricError", where);
     if (error_m && *error_m < 0) throw InputError(where, "geometricError is negative");
     if (error_m) return *error_m;
-    warn("a tile without geometricError: that of its parent is taken");
+    warn("a tile has no geometricError; its parent's is used");
     return parent != nullptr ? parent->geometric_error_m : tileset_.geometric_error_m.value_or(0.0);
   }
 
@@ -207,7 +207,7 @@ class TilesetParser {
     if (!written) return std::nullopt;
     const std::string value = upper(*written);
     if (value != "ADD" && value != "REPLACE") {
-      throw InputError(where, "refine is '" + *written + "'; ADD or REPLACE wanted");
+      throw InputError(where, "refine is '" + *written + "'; expected ADD or REPLACE");
     }
     if (value != *written) warn("refine in lower case is read as " + value);
     return value == "ADD" ? Refine::kAdd : Refine::kReplace;
@@ -222,7 +222,7 @@ class TilesetParser {
     const tile_contents::Json* extensions =
         volume == nullptr ? nullptr : tile_contents::find_object(*volume, "extensions", where);
     if (extensions == nullptr || extensions->empty()) {
-      throw InputError(where, "boundingVolume has none of box, region and sphere");
+      throw InputError(where, "boundingVolume has no box, region or sphere");
     }
     // An unknown volume must not be treated as missing: it intersects everything, and using it reports what is
     // unsupported.
@@ -316,7 +316,7 @@ class TilesetParser {
   static void check_templates(const ImplicitTiling& tiling, const std::string& where) {
     if (const auto* s2 = std::get_if<S2Volume>(&tiling.root_volume);
         s2 != nullptr && s2->cell.level + tiling.available_levels > kMaxS2Level + 1) {
-      throw InputError(where, "divides an S2 cell more often than S2 does");
+      throw InputError(where, "subdivides an S2 cell beyond the deepest S2 level");
     }
     expand_template(tiling.subtree_template, tiling, {}, where + ": subtrees");
     for (const std::string& content : tiling.content_templates) {
@@ -383,7 +383,7 @@ class TilesetParser {
             transport::uri_for_message(*uri)));
       }
     } catch (const InputError& error) {
-      warn(std::string("metadata are not heeded, since their schema cannot be read: ") + error.what());
+      warn(std::string("metadata are ignored because their schema cannot be read: ") + error.what());
     }
     return schema_;
   }

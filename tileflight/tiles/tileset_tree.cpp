@@ -231,8 +231,8 @@ void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
     throw InputError(name(named_by), "external tilesets form a cycle: " + way);
   }
   if (chain.size() > static_cast<std::size_t>(limits_.max_external_chain)) {
-    throw InputError(name(named_by), "external tilesets inside each other more than " +
-                                         std::to_string(limits_.max_external_chain) + " deep");
+    throw InputError(name(named_by),
+                     "external tilesets are nested more than " + std::to_string(limits_.max_external_chain) + " deep");
   }
 }
 

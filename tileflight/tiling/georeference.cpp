@@ -42,7 +42,7 @@ class GeodeticConverter {
     if (!transformation_)
       throw InputError(
           place.stated_by,
-          "'" + place.crs + "' is no coordinate reference system that PROJ knows; name it like EPSG:32717");
+          "'" + place.crs + "' is not a coordinate reference system known to PROJ; use a name such as EPSG:32717");
   }
 
   Geodetic operator()(const Vec3& position) const {
@@ -50,8 +50,8 @@ class GeodeticConverter {
     const PJ_COORD out = proj_trans(transformation_.get(), PJ_FWD, proj_coord(at.x(), at.y(), at.z(), HUGE_VAL));
     if (!std::isfinite(out.xyz.x) || !std::isfinite(out.xyz.y) || !std::isfinite(out.xyz.z))
       throw InputError(georeference_.stated_by, "the coordinates " + std::to_string(at.x()) + ", " +
-                                                    std::to_string(at.y()) + " do not lie in " + georeference_.crs +
-                                                    "; is the offset right?");
+                                                    std::to_string(at.y()) + " lie outside " + georeference_.crs +
+                                                    "; check the offset");
     return {out.xyz.y, out.xyz.x, {out.xyz.z}};
   }
 
@@ -89,8 +89,8 @@ Georeference read_odm(const fs::path& file) {
   const std::vector<double> offset = numbers_in(base::take_line(rest).value_or(""));
   if (crs.empty() || offset.size() < 2)
     throw InputError(file.string(),
-                     "is not understood: expected a line like 'WGS84 UTM 17N' and one with the offset "
-                     "east and north; --no-georeference goes on without it");
+                     "unknown format: expected a line like 'WGS84 UTM 17N' and one with the offset east and north; "
+                     "--no-georeference ignores the file");
   return {crs, {offset[0], offset[1], 0.0}, file.string()};
 }
 
@@ -108,7 +108,7 @@ Georeference read_metadata_xml(const fs::path& file) {
   const std::vector<double> origin = numbers_in(origin_text);
   if (srs.empty() || (origin.size() != 3 && !origin_text.empty()))
     throw InputError(file.string(),
-                     "has no SRS with a SRSOrigin of three numbers; --no-georeference goes on without it");
+                     "has no SRS with an SRSOrigin of three numbers; --no-georeference ignores the file");
   return {std::string(srs), origin.empty() ? Vec3(Vec3::Zero()) : Vec3(origin[0], origin[1], origin[2]), file.string()};
 }
 

@@ -43,7 +43,7 @@ TEST(Georeference, OpenDroneMapsFileIsFound) {
   EXPECT_EQ(place->offset, Vec3(500000.5, 5600000.25, 0));
   write(folder / "odm_texturing/odm_georeferencing_model_geo.txt", "WGS84 UTM 61N\n1 2\n");
   EXPECT_THAT([&] { find_georeference(mesh); },
-              ThrowsMessage<InputError>(HasSubstr("is not understood: expected a line like 'WGS84 UTM 17N'")));
+              ThrowsMessage<InputError>(HasSubstr("unknown format: expected a line like 'WGS84 UTM 17N'")));
 }
 
 TEST(Georeference, MetadataXmlIsFound) {
@@ -57,7 +57,7 @@ TEST(Georeference, MetadataXmlIsFound) {
   EXPECT_EQ(place->offset, Vec3(440000, 4420000.5, 10));
   write(folder / "metadata.xml", "<ModelMetadata/>");
   EXPECT_THAT([&] { find_georeference(folder / "model.obj"); },
-              ThrowsMessage<InputError>(HasSubstr("has no SRS with a SRSOrigin of three numbers")));
+              ThrowsMessage<InputError>(HasSubstr("has no SRS with an SRSOrigin of three numbers")));
 }
 
 /// Oracle: another library's inverse of the projection gives each vertex's position.
@@ -102,12 +102,12 @@ TEST(Georeference, WhatIsNoPlaceIsRefused) {
       [&] {
         reproject_to_local({"EPSG:1", {}, "test"}, meshes);
       },
-      ThrowsMessage<InputError>(HasSubstr("'EPSG:1' is no coordinate reference system that PROJ knows")));
+      ThrowsMessage<InputError>(HasSubstr("'EPSG:1' is not a coordinate reference system known to PROJ")));
   EXPECT_THAT(
       [&] {
         reproject_to_local({"my map", {}, "test"}, meshes);
       },
-      ThrowsMessage<InputError>(HasSubstr("'my map' is no coordinate reference system that PROJ knows")));
+      ThrowsMessage<InputError>(HasSubstr("'my map' is not a coordinate reference system known to PROJ")));
   EXPECT_THAT(
       [&] {
         reproject_to_local({"ENU:here", {}, "test"}, meshes);
@@ -117,7 +117,7 @@ TEST(Georeference, WhatIsNoPlaceIsRefused) {
       [&] {
         reproject_to_local({"EPSG:32717", {1e12, 1e12, 0}, "test"}, meshes);
       },
-      ThrowsMessage<InputError>(HasSubstr("do not lie in EPSG:32717")));
+      ThrowsMessage<InputError>(HasSubstr("lie outside EPSG:32717")));
 }
 
 }  // namespace

@@ -106,10 +106,11 @@ struct AtlasPlan {
   RectanglePacking packing;
 };
 
-AtlasPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int sheet_px) {
+AtlasPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int max_atlas_px) {
   AtlasPlan plan{scale, {}, {}};
   const auto scaled = [&](std::int64_t length) {
-    return static_cast<int>(std::clamp(std::ceil(static_cast<double>(length) * scale), 1.0, double{1.0 * sheet_px}));
+    return static_cast<int>(
+        std::clamp(std::ceil(static_cast<double>(length) * scale), 1.0, double{1.0 * max_atlas_px}));
   };
   for (const TexelWindow& w : windows) plan.sizes.push_back({scaled(w.width), scaled(w.height)});
   plan.packing = pack_rectangles(plan.sizes);
@@ -118,20 +119,20 @@ AtlasPlan plan_at(const std::vector<TexelWindow>& windows, double scale, int she
 
 /// The largest scale that fits the atlas, at most the source's. If the windows do not fit even at one texel each, the
 /// oversized plan is kept.
-AtlasPlan plan_atlas(const std::vector<TexelWindow>& windows, int sheet_px) {
+AtlasPlan plan_atlas(const std::vector<TexelWindow>& windows, int max_atlas_px) {
   double area = 0;
   for (const TexelWindow& w : windows) area += static_cast<double>(w.width) * static_cast<double>(w.height);
-  AtlasPlan plan = plan_at(windows, std::min(1.0, sheet_px / std::sqrt(std::max(1.0, area))), sheet_px);
+  AtlasPlan plan = plan_at(windows, std::min(1.0, max_atlas_px / std::sqrt(std::max(1.0, area))), max_atlas_px);
   for (int attempt = 0; attempt < 64; ++attempt) {
-    if (std::max(plan.packing.size.width, plan.packing.size.height) <= sheet_px) break;
-    plan = plan_at(windows, 0.93 * plan.scale, sheet_px);
+    if (std::max(plan.packing.size.width, plan.packing.size.height) <= max_atlas_px) break;
+    plan = plan_at(windows, 0.93 * plan.scale, max_atlas_px);
   }
   return plan;
 }
 
 /// Maps a part's texture coordinates to the atlas. `first`: the part's first window in the plan.
 void move_uv(const PartWindows& windows, const AtlasPlan& plan, std::size_t first, TexturedMesh& part) {
-  const Eigen::Vector2d sheet(plan.packing.size.width, plan.packing.size.height);
+  const Eigen::Vector2d atlas(plan.packing.size.width, plan.packing.size.height);
   for (std::size_t i = 0; i < part.uv.size(); ++i) {
     const std::size_t own = windows.window_of_vertex[i], planned = first + own;
     const TexelWindow& w = windows.windows[own];
@@ -140,13 +141,13 @@ void move_uv(const PartWindows& windows, const AtlasPlan& plan, std::size_t firs
     const Eigen::Vector2d size(plan.sizes[planned].width, plan.sizes[planned].height);
     const Eigen::Vector2d whole(static_cast<double>(w.width), static_cast<double>(w.height));
     const Eigen::Vector2d corner(plan.packing.positions[planned].x, plan.packing.positions[planned].y);
-    const Eigen::Vector2d uv = (corner + within.cwiseProduct(size).cwiseQuotient(whole)).cwiseQuotient(sheet);
+    const Eigen::Vector2d uv = (corner + within.cwiseProduct(size).cwiseQuotient(whole)).cwiseQuotient(atlas);
     part.uv[i] = uv.cwiseMax(0.0).cwiseMin(1.0).cast<float>();
   }
 }
 
 /// One texture for all textured parts.
-double pack_into_atlas(std::vector<TexturedMesh>& parts, int sheet_px) {
+double pack_into_atlas(std::vector<TexturedMesh>& parts, int max_atlas_px) {
   std::vector<PartWindows> windows(parts.size());
   std::vector<TexelWindow> all;
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -154,15 +155,15 @@ double pack_into_atlas(std::vector<TexturedMesh>& parts, int sheet_px) {
     all.insert(all.end(), windows[i].windows.begin(), windows[i].windows.end());
   }
   if (all.empty()) return 1.0;
-  const AtlasPlan plan = plan_atlas(all, sheet_px);
-  const auto sheet = std::make_shared<imaging::RgbImage>(plan.packing.size.width, plan.packing.size.height);
+  const AtlasPlan plan = plan_atlas(all, max_atlas_px);
+  const auto atlas = std::make_shared<imaging::RgbImage>(plan.packing.size.width, plan.packing.size.height);
   std::size_t first = 0;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (!parts[i].texture) continue;
     for (std::size_t w = 0; w < windows[i].windows.size(); ++w)
-      draw_window(parts[i], windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w], *sheet);
+      draw_window(parts[i], windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w], *atlas);
     move_uv(windows[i], plan, first, parts[i]);
-    parts[i].texture = sheet;
+    parts[i].texture = atlas;
     parts[i].wrap_u = parts[i].wrap_v = imaging::Wrap::kClampToEdge;
     first += windows[i].windows.size();
   }
@@ -210,7 +211,7 @@ TriangleNumbering::TriangleRef TriangleNumbering::operator()(std::uint32_t numbe
 }
 
 LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes, const TriangleNumbering& numbers,
-                               const std::vector<std::uint32_t>& triangles, int sheet_px) {
+                               const std::vector<std::uint32_t>& triangles, int max_atlas_px) {
   std::vector<TexturedMesh> parts;
   for (std::size_t i = 0; i < triangles.size();) {
     const std::size_t mesh = numbers(triangles[i]).mesh;
@@ -219,7 +220,7 @@ LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes, const Tr
       own.push_back(numbers(triangles[i]).triangle);
     parts.push_back(part_of(meshes[mesh], own));
   }
-  const double scale = pack_into_atlas(parts, sheet_px);
+  const double scale = pack_into_atlas(parts, max_atlas_px);
   return {merged(std::move(parts)), scale};
 }
 

@@ -30,9 +30,9 @@ struct LeafContent {
 };
 
 /// Extracts the triangles with these numbers (ascending), unchanged, and copies the parts of the textures that they use
-/// to a new atlas of at most `sheet_px` texels a side: triangles that share vertices stay together, in a window of
+/// to a new atlas of at most `max_atlas_px` texels a side: triangles that share vertices stay together, in a window of
 /// texels copied from the source.
 LeafContent build_leaf_content(const std::vector<imaging::TexturedMesh>& meshes, const TriangleNumbering& numbers,
-                               const std::vector<std::uint32_t>& triangles, int sheet_px);
+                               const std::vector<std::uint32_t>& triangles, int max_atlas_px);
 
 }  // namespace tileflight::tiling

@@ -42,10 +42,10 @@ MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
   content.limits.max_texture_pixels = imaging::DecodeLimits{}.max_pixels;
   const std::vector<std::byte> bytes = base::read_bytes(file);
   if (const std::string kind = tile_contents::detect_content_format(bytes); kind != "glb" && kind != "JSON")
-    throw InputError(file.string(), "is not a glTF file, by its first bytes");
+    throw InputError(file.string(), "is not a glTF file, judging by its first bytes");
   tile_contents::DecodedContent decoded = tile_contents::decode_content(bytes, file.string(), content);
   if (decoded.meshes.empty() && !decoded.clouds.empty())
-    throw InputError(file.string(), "holds points without surface; a mesh is needed");
+    throw InputError(file.string(), "contains points without a surface; a mesh is needed");
   return {std::move(decoded.meshes), std::move(decoded.copyrights), std::move(decoded.warnings)};
 }
 
@@ -86,7 +86,7 @@ void check_extent(const std::vector<TexturedMesh>& meshes, const std::string& fi
   for (const TexturedMesh& m : meshes)
     for (const Vec3& vertex : m.mesh.vertices)
       if (!(vertex.cwiseAbs().maxCoeff() <= kMost_m))
-        throw InputError(file, "has a vertex farther than 100 000 km from its origin; is --scale right?");
+        throw InputError(file, "has a vertex farther than 100 000 km from its origin; check --scale");
 }
 
 }  // namespace
@@ -95,7 +95,7 @@ MeshSource read_mesh_source(const fs::path& file, const MeshSourceOptions& optio
   const std::string ending = ending_of(file);
   const bool is_gltf = ending == ".glb" || ending == ".gltf";
   if (!is_gltf && ending != ".obj" && ending != ".ply")
-    throw InputError(file.string(), "is no mesh file that is known: the name must end in .obj, .glb, .gltf or .ply");
+    throw InputError(file.string(), "unknown mesh format (.obj, .glb, .gltf or .ply expected)");
   MeshSource source = is_gltf            ? read_gltf(file, options)
                       : ending == ".obj" ? read_obj_meshes(file, options.textures)
                                          : read_ply_meshes(file, options.textures);
@@ -104,7 +104,7 @@ MeshSource read_mesh_source(const fs::path& file, const MeshSourceOptions& optio
   hold_texture_coordinates(source.meshes);
   if (const std::int64_t dropped = drop_flat_triangles(source.meshes); dropped > 0)
     source.warnings.push_back(std::to_string(dropped) + " triangles without area are left out");
-  if (source.meshes.empty()) throw InputError(file.string(), "holds no triangle that has an area");
+  if (source.meshes.empty()) throw InputError(file.string(), "contains no triangle with an area");
   return source;
 }
 

@@ -117,13 +117,13 @@ TEST_F(MeshFile, UpAndScaleAreAppliedAndFlatTrianglesLeftOut) {
   ASSERT_EQ(source.meshes[0].mesh.triangles.size(), 1U);
   EXPECT_TRUE(source.meshes[0].mesh.vertices[2].isApprox(Vec3(0, 0, 2)));
   EXPECT_THAT(source.warnings,
-              ::testing::UnorderedElementsAre(HasSubstr("2 triangles without area"), HasSubstr("1 faces of fewer")));
+              ::testing::UnorderedElementsAre(HasSubstr("2 triangles without area"), HasSubstr("1 faces with fewer")));
 }
 
 TEST_F(MeshFile, BrokenObjIsRefusedWithItsLine) {
   expect_refused("a.obj", "", HasSubstr("no triangle"));
   expect_refused("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", HasSubstr("no triangle"));
-  expect_refused("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", HasSubstr("no triangle that has an area"));
+  expect_refused("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", HasSubstr("no triangle with an area"));
   expect_refused("a.obj", "v 0 0 0\nv nan 0 0\n", AllOf(HasSubstr("line 2"), HasSubstr("not finite")));
   expect_refused("a.obj", "v 0 0 1e999\n", HasSubstr("line 1"));
   expect_refused("a.obj", "v 0 0\n", HasSubstr("three coordinates"));
@@ -149,9 +149,9 @@ TEST_F(MeshFile, MissingLibrariesAndTexturesAreNamed) {
   }
   write("the wall.png", "no picture");
   EXPECT_THAT([&] { read("a.obj", kObj); },
-              ThrowsMessage<InputError>(HasSubstr("the wall.png: is neither JPEG, PNG nor WebP")));
+              ThrowsMessage<InputError>(HasSubstr("the wall.png: is not a JPEG, PNG or WebP image")));
   write("my place.mtl", "newmtl other\nKd 1 x 1\n");
-  EXPECT_THAT([&] { read("a.obj", kObj); }, ThrowsMessage<InputError>(HasSubstr("Kd needs one number or three")));
+  EXPECT_THAT([&] { read("a.obj", kObj); }, ThrowsMessage<InputError>(HasSubstr("Kd needs one or three numbers")));
 }
 
 TEST_F(MeshFile, TextureCoordinatesThatAreNotFiniteAreWarnedOf) {
@@ -231,7 +231,8 @@ TEST_F(MeshFile, GlbIsReadWithItsNodesAndAxis) {
     EXPECT_TRUE(source.meshes[0].mesh.vertices[i].isApprox(mesh.mesh.vertices[i], 1e-9));
   EXPECT_EQ(source.meshes[0].colors, mesh.colors);
   EXPECT_EQ(source.copyrights, std::vector<std::string>{"me"});
-  const MeshSource as_it_is = read_mesh_source(folder_ / "a.glb", {.up = tile_contents::UpAxis::kZ, .metres_per_unit = 2});
+  const MeshSource as_it_is =
+      read_mesh_source(folder_ / "a.glb", {.up = tile_contents::UpAxis::kZ, .metres_per_unit = 2});
   EXPECT_TRUE(as_it_is.meshes[0].mesh.vertices[2].isApprox(2 * Vec3(100, 6, -204), 1e-9));
   expect_refused("b.glb", "glTF but not really", HasSubstr("b.glb"));
   expect_refused("b.gltf", "<html>", HasSubstr("b.gltf"));

@@ -56,13 +56,13 @@ struct MeshMeasures {
 };
 
 MeshMeasures measure(const std::vector<TexturedMesh>& meshes, const MeshTilesetOptions& options) {
-  const double sheet = kAtlasFill * options.max_atlas_px * options.max_atlas_px;
+  const double atlas_px2 = kAtlasFill * options.max_atlas_px * options.max_atlas_px;
   MeshMeasures out;
   for (const TexturedMesh& m : meshes)
     for (const Triangle& t : m.mesh.triangles) {
-      const double texels = texels_of(m, t), on_sheet = m.texture ? std::min(texels, sheet) / sheet : 0.0;
+      const double texels = texels_of(m, t), atlas_share = m.texture ? std::min(texels, atlas_px2) / atlas_px2 : 0.0;
       out.middles.emplace_back((m.mesh.vertices[t[0]] + m.mesh.vertices[t[1]] + m.mesh.vertices[t[2]]) / 3);
-      out.weights.push_back(static_cast<float>(1.0 / options.tile_triangles + on_sheet));
+      out.weights.push_back(static_cast<float>(1.0 / options.tile_triangles + atlas_share));
       out.weight += static_cast<double>(out.weights.back());
       out.area_m2 += area_m2(m, t);
       out.texels += texels;
@@ -189,7 +189,7 @@ class MeshTiler {
         out[i] = transfer_colors(parts[i], colors, paint);
         write_tile(level, i, {out[i].mesh});
       }
-      advance("painting coarser tiles");
+      advance("writing coarser tiles");
     });
     std::vector<TexturedMesh> tiles;
     for (TexturedSurface& tile : out) {

@@ -66,11 +66,11 @@ void read_map(std::string_view line, MtlMaterial& material) {
 /// `r g b`, or one number for a grey.
 void read_color(std::string_view line, const std::string& where, MtlMaterial& material) {
   auto& [r, g, b] = material.color;
-  if (!take_number(line, r)) throw InputError(where, "Kd needs one number or three");
+  if (!take_number(line, r)) throw InputError(where, "Kd needs one or three numbers");
   if (trimmed(line).empty()) {
     g = b = r;
   } else if (!take_number(line, g) || !take_number(line, b)) {
-    throw InputError(where, "Kd needs one number or three");
+    throw InputError(where, "Kd needs one or three numbers");
   }
   for (float& value : material.color) value = std::clamp(value, 0.0F, 1.0F);
 }

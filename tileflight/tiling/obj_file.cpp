@@ -71,7 +71,7 @@ class ObjParser {
 
   /// `v x y z`, `v x y z w` (w, the weight of rational curves, is ignored), `v x y z r g b`, with or without alpha.
   void read_position(std::string_view line) {
-    if (faces_.positions.size() >= simplification::kInvalidIndex) fail("more vertices than can be counted");
+    if (faces_.positions.size() >= simplification::kInvalidIndex) fail("too many vertices");
     std::array<double, 7> values{};
     std::size_t count = 0;
     while (count < values.size()) {
@@ -99,7 +99,7 @@ class ObjParser {
   }
 
   void read_uv(std::string_view line) {
-    if (faces_.uv.size() >= simplification::kInvalidIndex) fail("more texture coordinates than can be counted");
+    if (faces_.uv.size() >= simplification::kInvalidIndex) fail("too many texture coordinates");
     const std::string_view u = base::take_field(line), v = base::take_field(line);
     if (u.empty()) fail("a texture coordinate needs a number");
     Eigen::Vector2f uv(static_cast<float>(number(u)), v.empty() ? 0.0F : static_cast<float>(number(v)));
@@ -117,7 +117,7 @@ class ObjParser {
     const auto size = static_cast<std::int64_t>(count);
     const std::int64_t at = *value < 0 ? size + *value : *value - 1;
     if (*value == 0 || at < 0 || at >= size)
-      fail("a face names " + std::string(what) + " " + std::to_string(*value) + ", but there are " +
+      fail("a face refers to " + std::string(what) + " " + std::to_string(*value) + ", but there are " +
            std::to_string(count) + " so far");
     return static_cast<std::uint32_t>(at);
   }

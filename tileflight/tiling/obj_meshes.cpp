@@ -62,8 +62,8 @@ class Materials {
     fs::path path = named_file(obj, name);
     std::error_code ignored;
     if (!fs::exists(path, ignored))
-      throw InputError(obj.string(), "names the material library '" + line +
-                                         "', which is not there; put it beside the file, or give --no-textures");
+      throw InputError(obj.string(), "refers to the material library '" + line +
+                                         "', which does not exist; put it beside the file, or give --no-textures");
     return path;
   }
 
@@ -85,7 +85,7 @@ class TextureCache {
     std::error_code ignored;
     if (!fs::exists(file, ignored))
       throw InputError(entry.library.string(), "the texture '" + entry.material.texture + "' of the material '" +
-                                                   material + "' is not there (" + file.string() +
+                                                   material + "' does not exist (" + file.string() +
                                                    "); put it there, or give --no-textures");
     return picture = std::make_shared<const imaging::RgbImage>(imaging::read_rgb(file));
   }
@@ -143,7 +143,8 @@ class ObjMeshes {
       add_texture(entry->material, pictures_.read(*entry, name), mesh);
     } else {
       if (has_picture)
-        warnings_.insert("faces of the textured material '" + name + "' lack texture coordinates; they get its colour");
+        warnings_.insert("faces of the textured material '" + name +
+                         "' have no texture coordinates; they are shown in its colour");
       apply_material_color(entry != nullptr ? entry->material : MtlMaterial{}, mesh);
     }
     meshes_.push_back(std::move(mesh));
@@ -151,7 +152,7 @@ class ObjMeshes {
 
   void warn_of_counts() {
     if (obj_.faces_left_out > 0)
-      warnings_.insert(std::to_string(obj_.faces_left_out) + " faces of fewer than three corners are left out");
+      warnings_.insert(std::to_string(obj_.faces_left_out) + " faces with fewer than three corners are left out");
     if (obj_.uv_not_finite > 0) warnings_.insert("texture coordinates that are not finite are read as 0");
   }
 

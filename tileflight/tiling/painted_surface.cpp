@@ -111,10 +111,10 @@ struct ChartLayout {
   }
 };
 
-ChartLayout plan_at(const std::vector<FlatChart>& charts, double texel_m, int sheet_px) {
+ChartLayout plan_at(const std::vector<FlatChart>& charts, double texel_m, int max_atlas_px) {
   ChartLayout plan{texel_m, {}, {}};
   const auto texels = [&](double length_m) {
-    return static_cast<int>(std::min(std::ceil(length_m / texel_m), 2.0 * sheet_px)) + 1 + 2 * kGutter_px;
+    return static_cast<int>(std::min(std::ceil(length_m / texel_m), 2.0 * max_atlas_px)) + 1 + 2 * kGutter_px;
   };
   for (const FlatChart& chart : charts)
     plan.slots.push_back({texels(chart.box.sizes().x()), texels(chart.box.sizes().y())});

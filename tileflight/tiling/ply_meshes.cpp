@@ -64,7 +64,7 @@ class PlyMeshes {
     const PlyElement& vertex = element("vertex");
     const PlyElement* face = header_.find("face");
     if (face == nullptr || face->count == 0)
-      throw InputError(file_, "holds points without faces; a mesh is needed (reconstruct a surface first)");
+      throw InputError(file_, "contains points without faces; a mesh is needed (reconstruct a surface first)");
     read_vertices(vertex);
     read_faces(*face);
     bytes_ = {};
@@ -141,7 +141,7 @@ class PlyMeshes {
   void read_corners(std::uint64_t row, const std::vector<double>& values) {
     for (const double value : values) {
       if (!(value >= 0 && value < static_cast<double>(faces_.positions.size())))
-        throw InputError(file_, "face " + std::to_string(row) + " names vertex " +
+        throw InputError(file_, "face " + std::to_string(row) + " refers to vertex " +
                                     std::to_string(static_cast<std::int64_t>(std::clamp(value, -1e15, 1e15))) + " of " +
                                     std::to_string(faces_.positions.size()));
       const auto index = static_cast<std::uint32_t>(value);
@@ -154,7 +154,7 @@ class PlyMeshes {
       for (std::size_t k = 0; k < corners_.size(); ++k)
         corners_[k].uv = uv_index(finite(corner_uv_[2 * k]), finite(corner_uv_[2 * k + 1]));
     if (!(picture_ >= 0 && picture_ < std::max<double>(1.0, static_cast<double>(pictures_.size()))))
-      throw InputError(file_, "face " + std::to_string(row) + " names a texture that the header does not");
+      throw InputError(file_, "face " + std::to_string(row) + " refers to a texture that is not in the header");
     if (corners_.size() >= 3)
       simplification::add_face(corners_, faces_.positions, group_of(static_cast<std::size_t>(picture_)));
     corners_.clear();
@@ -185,7 +185,7 @@ class PlyMeshes {
       std::error_code ignored;
       if (!fs::exists(path, ignored))
         throw InputError(file_, "the texture '" + pictures_[picture] +
-                                    "' is not there; put it beside the file, or give --no-textures");
+                                    "' does not exist; put it beside the file, or give --no-textures");
       image = std::make_shared<const imaging::RgbImage>(imaging::read_rgb(path));
     }
     mesh.texture = image;

@@ -22,8 +22,8 @@ RgbImage small_image(const TexturedMesh& mesh, int halvings) {
     };
     return RgbImage(2, 2, {byte(0), byte(1), byte(2)});
   }
-  const auto halved = [&](int length) { return std::max(1, (length + (1 << halvings) - 1) >> halvings); };
-  return resize_area(*mesh.texture, halved(mesh.texture->width), halved(mesh.texture->height));
+  const auto scaled_length = [&](int length) { return std::max(1, (length + (1 << halvings) - 1) >> halvings); };
+  return resize_area(*mesh.texture, scaled_length(mesh.texture->width), scaled_length(mesh.texture->height));
 }
 
 /// Copies an image to (x, y) with its edge repeated around it.

@@ -66,7 +66,9 @@ std::string path_in_archive(const std::string& uri, const std::string& archive) 
   const std::string path = uri_path(uri);
   const bool leaves = !uri_scheme(uri).empty() || uri.starts_with("/") || path.starts_with("/") || path == ".." ||
                       path.starts_with("../") || path.find("/../") != std::string::npos || path.ends_with("/..");
-  if (leaves) throw InputError(uri_for_message(uri), "leaves the archive " + archive + "; refused");
+  if (leaves)
+    throw InputError(uri_for_message(uri),
+                     "refers to a file outside the archive " + archive + ", which is not allowed");
   return path;
 }
 

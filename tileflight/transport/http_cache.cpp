@@ -158,7 +158,7 @@ HttpCache::HttpCache(const fs::path& folder, const HttpCacheOptions& options)
   std::error_code error;
   fs::create_directories(folder, error);
   if (error || !fs::is_directory(folder)) {
-    throw InputError(folder.string(), "the folder of the cache cannot be made (--no-cache goes on without)");
+    throw InputError(folder.string(), "the cache folder cannot be created (--no-cache works without it)");
   }
   const std::lock_guard lock(mutex_);
   open();
@@ -221,8 +221,8 @@ void HttpCache::begin_anew() {
       std::error_code ignored;
       fs::rename(file_, aside, ignored);
       for (const char* ending : {"-wal", "-shm"}) fs::remove(file_.string() + ending, ignored);
-      warnings_.push_back(file_.string() + ": the cache was damaged; it is set aside as " + aside.filename().string() +
-                          " and begun anew");
+      warnings_.push_back(file_.string() + ": the cache was damaged; it was renamed to " + aside.filename().string() +
+                          " and a new one was started");
     }
   }
   open_locked();
@@ -230,7 +230,7 @@ void HttpCache::begin_anew() {
 
 void HttpCache::warn_and_stop(const std::string& cause) {
   database_.reset();
-  warnings_.push_back(file_.string() + ": the cache cannot be used (" + cause + "); going on without it");
+  warnings_.push_back(file_.string() + ": the cache cannot be used (" + cause + "); continuing without it");
 }
 
 void HttpCache::run(const std::function<void(sqlite3*)>& work) {

@@ -138,7 +138,7 @@ TEST_F(HttpCacheTest, WhatIsNoDatabaseIsSetAsideWithOneWarning) {
   cache.store("a", kAnswer, base::testing::to_bytes("new"));
   EXPECT_EQ(text(cache, "a"), "new");
   EXPECT_THAT(cache.warnings(),
-              ElementsAre(HasSubstr("the cache was damaged; it is set aside as http-1.sqlite.damaged")));
+              ElementsAre(HasSubstr("the cache was damaged; it was renamed to http-1.sqlite.damaged")));
   EXPECT_EQ(fs::file_size(folder_ / "http-1.sqlite.damaged"), 5000U);
   EXPECT_EQ(integrity(), "ok");
 }
@@ -165,7 +165,7 @@ TEST_F(HttpCacheTest, DamageWithinIsSetAsideWhenItIsMet) {
   for (int i = 0; i < 50; ++i) cache.body(std::to_string(i));
   cache.store("a", kAnswer, base::testing::to_bytes("new"));
   EXPECT_EQ(text(cache, "a"), "new");
-  EXPECT_THAT(cache.warnings(), ElementsAre(HasSubstr("begun anew")));
+  EXPECT_THAT(cache.warnings(), ElementsAre(HasSubstr("a new one was started")));
   EXPECT_EQ(integrity(), "ok");
 }
 
@@ -186,7 +186,7 @@ TEST_F(HttpCacheTest, APlaceThatCannotBeWrittenIsToldOnce) {
   HttpCache cache = open();
   cache.store("a", kAnswer, base::testing::to_bytes("new"));
   EXPECT_EQ(text(cache, "a"), "(none)");
-  EXPECT_THAT(cache.warnings(), ElementsAre(HasSubstr("going on without it")));
+  EXPECT_THAT(cache.warnings(), ElementsAre(HasSubstr("continuing without it")));
 }
 
 TEST_F(HttpCacheTest, ThreadsShareIt) {

@@ -96,7 +96,7 @@ TEST(HttpCacheWriter, DamageIsSetAsideWithAWarning) {
   writer.wait_for_all();
   std::vector<std::string> warnings = cache.warnings();  // whichever of the two finds the damage first
   for (const std::string& warning : writer.warnings()) warnings.push_back(warning);
-  EXPECT_THAT(warnings, ElementsAre(HasSubstr("begun anew")));
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("a new one was started")));
   HttpCache after(folder.path());
   EXPECT_EQ(text_in(after, "19"), "new");
 }

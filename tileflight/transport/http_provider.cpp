@@ -17,7 +17,7 @@ std::string validate_header(const std::string& header) {
   const bool one_line =
       std::none_of(header.begin(), header.end(), [](unsigned char c) { return c < ' ' && c != '\t'; });
   // The value may be a secret, so the message does not show it.
-  if (!has_name || !one_line) throw InputError("--header", "is written \"Name: value\", on one line");
+  if (!has_name || !one_line) throw InputError("--header", "must have the form \"Name: value\", on one line");
   return header;
 }
 

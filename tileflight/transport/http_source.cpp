@@ -21,7 +21,7 @@ std::string describe_status(long status) {
     case 400:
       return "bad request";
     case 401:
-      return "not authorised: the key or token is missing, wrong or has run out";
+      return "not authorised: the key or token is missing, wrong or expired";
     case 403:
       return "forbidden: the key or token does not permit it";
     case 404:
@@ -179,7 +179,7 @@ std::vector<std::byte> HttpSource::process_not_modified(const std::string& uri, 
 std::vector<std::byte> HttpSource::process_response(const std::string& uri, HttpResponse response) {
   if (response.status != 200) throw_http_error(uri, response);
   if (is_web_page(response)) {
-    throw InputError(uri_for_message(uri), "the server answered with a web page, not with the file");
+    throw InputError(uri_for_message(uri), "the server sent a web page instead of the file");
   }
   provider_->observe_response(uri, response.body);
   if (cache_) store_in_cache(uri, response);
@@ -217,8 +217,8 @@ std::vector<std::string> HttpSource::warnings() const {
   }
   const std::lock_guard lock(mutex_);
   if (used_stale_ > 0) {
-    out.push_back(uri_for_message(root_uri_) + ": the server could not be asked about " + std::to_string(used_stale_) +
-                  " kept files; they were used as they are in the cache");
+    out.push_back(uri_for_message(root_uri_) + ": the server was not reachable to revalidate " +
+                  std::to_string(used_stale_) + " cached files; the cached copies were used");
   }
   return out;
 }

@@ -148,7 +148,7 @@ HttpTransfer::NextStep HttpTransfer::follow_redirect(const std::string& target) 
     return give_up("is redirected more than " + std::to_string(options_.max_redirects) + " times");
   }
   if (!request_.headers_for_redirect)
-    return give_up("is redirected to " + uri_for_message(target) + ", which is not followed");
+    return give_up("is redirected to " + uri_for_message(target) + ", which is not allowed");
   try {
     request_.headers = request_.headers_for_redirect(target);
     request_.url = target;
@@ -181,8 +181,7 @@ HttpTransfer::NextStep HttpTransfer::give_up(const std::string& what) {
 std::string HttpTransfer::cause_of(CURLcode code) const {
   const std::string text = error_text_[0] != '\0' ? error_text_ : curl_easy_strerror(code);
   if (code == CURLE_PARTIAL_FILE) {
-    return "the connection was closed before the end, after " + std::to_string(outcome_.response.body.size()) +
-           " bytes";
+    return "the connection was closed early, after " + std::to_string(outcome_.response.body.size()) + " bytes";
   }
   return "cannot be fetched: " + text;
 }
@@ -225,7 +224,7 @@ bool HttpTransfer::take_header(std::string_view line) {
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), announced);
   const bool too_large = error == std::errc::result_out_of_range || announced > options_.max_response_bytes;
   if (!too_large) return true;
-  refusal_ = "announces " + value + " bytes, more than the " + std::to_string(options_.max_response_bytes) + " allowed";
+  refusal_ = "declares " + value + " bytes, more than the " + std::to_string(options_.max_response_bytes) + " allowed";
   return false;
 }
 

@@ -54,7 +54,7 @@ std::unique_ptr<TileSource> open_provider(std::unique_ptr<HttpProvider> provider
 std::unique_ptr<TileSource> open_url(const std::string& source, const SourceOptions& options) {
   const std::string ending = uri_extension(source);
   if (ending == "3tz" || ending == "3dtiles") {
-    throw InputError(uri_for_message(source), "archives are read from files: download it first");
+    throw InputError(uri_for_message(source), "archives are not read over HTTP: download it first");
   }
   const bool is_folder = source.ends_with('/');
   return open_provider(std::make_unique<UrlProvider>(is_folder ? source + "tileset.json" : source, options.headers),
@@ -89,7 +89,7 @@ std::unique_ptr<TileSource> open_file(const std::string& source) {
   const fs::path path(source);
   if (!fs::exists(path)) throw InputError(source, "no such file or folder");
   if (fs::is_regular_file(path) && is_mesh(path, first_bytes(path)))
-    throw InputError(source, "is a mesh and no tileset; `tileflight tile` makes a tileset of it");
+    throw InputError(source, "is a mesh, not a tileset; convert it with `tileflight tile`");
   switch (kind_of(path)) {
     case FileKind::kSqlite:
       return std::make_unique<SqliteSource>(path);

@@ -43,9 +43,9 @@ Origin parse_origin(const std::string& url) {
   const std::unique_ptr<CURLU, FreeUrl> parsed(curl_url());
   const CURLUcode code = curl_url_set(parsed.get(), CURLUPART_URL, url.c_str(), CURLU_DISALLOW_USER);
   if (code == CURLUE_USER_NOT_ALLOWED) {
-    throw InputError(uri_for_message(url), "has a user name in it; give credentials as a header instead (--header)");
+    throw InputError(uri_for_message(url), "contains a user name; give credentials in a header instead (--header)");
   }
-  if (code != CURLUE_OK) throw InputError(uri_for_message(url), "is not a URL that can be read");
+  if (code != CURLUE_OK) throw InputError(uri_for_message(url), "is not a valid URL");
   return {scheme, base::to_lower(part(parsed.get(), CURLUPART_HOST)),
           part(parsed.get(), CURLUPART_PORT, CURLU_DEFAULT_PORT)};
 }
@@ -58,7 +58,8 @@ OriginPolicy::OriginPolicy(const std::string& root_url, std::vector<std::string>
 void OriginPolicy::check(const std::string& url) const {
   const Origin origin = parse_origin(url);
   if (own_.scheme == "https" && origin.scheme == "http") {
-    throw InputError(uri_for_message(url), "would be fetched without encryption, by a tileset that came over https");
+    throw InputError(uri_for_message(url),
+                     "would be fetched without encryption, but its tileset was loaded over https");
   }
   if (is_own_origin(own_, origin)) return;
   const bool allowed = std::any_of(allowed_hosts_.begin(), allowed_hosts_.end(), [&](const std::string& host) {
@@ -67,8 +68,8 @@ void OriginPolicy::check(const std::string& url) const {
   if (allowed) return;
   const std::string host =
       origin.host == own_.host || origin.host == "localhost" ? origin.host + ":" + origin.port : origin.host;
-  throw InputError(uri_for_message(url), "is on another host than its tileset (" + own_.host +
-                                             "); if that is meant, allow it with --allow-host " + host);
+  throw InputError(uri_for_message(url),
+                   "is on another host than its tileset (" + own_.host + "); to allow it, add --allow-host " + host);
 }
 
 bool OriginPolicy::is_same_origin(const std::string& url) const { return is_own_origin(own_, parse_origin(url)); }

@@ -17,7 +17,7 @@ TEST(OriginPolicy, OriginsAreReadAsTheClientReadsThem) {
   EXPECT_THAT(base::testing::error_of([] { parse_origin("http://user:SECRET@host/"); }),
               ::testing::AllOf(HasSubstr("user name"), Not(HasSubstr("SECRET"))));
   EXPECT_THAT(base::testing::error_of([] { parse_origin("a/b.glb"); }), HasSubstr("not an http"));
-  EXPECT_THAT(base::testing::error_of([] { parse_origin("http://"); }), HasSubstr("not a URL"));
+  EXPECT_THAT(base::testing::error_of([] { parse_origin("http://"); }), HasSubstr("not a valid URL"));
 }
 
 TEST(OriginPolicy, OnlyTheOwnOrigin) {

@@ -20,13 +20,13 @@ std::string_view as_text(std::span<const std::byte> bytes) {
 std::string find_session(std::span<const std::byte> tileset_json) {
   std::string session;
   // Checks every string of the document at any depth: only URIs carry the parameter. Nothing is kept in memory.
-  const auto look = [&](int /*depth*/, nlohmann::json::parse_event_t event, nlohmann::json& value) {
+  const auto find_parameter = [&](int /*depth*/, nlohmann::json::parse_event_t event, nlohmann::json& value) {
     if (event == nlohmann::json::parse_event_t::value && value.is_string() && session.empty()) {
       session = query_value(value.get_ref<const std::string&>(), "session");
     }
     return true;
   };
-  const auto parsed = nlohmann::json::parse(as_text(tileset_json), look, false);
+  const auto parsed = nlohmann::json::parse(as_text(tileset_json), find_parameter, false);
   return parsed.is_discarded() ? std::string() : session;
 }
 
@@ -89,8 +89,8 @@ void GoogleProvider::start_session(HttpClient& client) {
   const HttpResponse response = client.get(make_request(root_uri_));
   const std::string session = response.status == 200 ? find_session(response.body) : "";
   if (session.empty()) {
-    throw InputError(uri_for_message(root_uri_),
-                     "the session has run out and no other was given (status " + std::to_string(response.status) + ")");
+    throw InputError(uri_for_message(root_uri_), "the session has expired and no new one was granted (status " +
+                                                     std::to_string(response.status) + ")");
   }
   take_session(session);
 }

@@ -86,7 +86,7 @@ IonProvider::IonProvider(const IonOptions& options) : options_(options), name_("
   const bool is_number =
       !options_.asset.empty() && options_.asset.size() <= 18 &&
       std::all_of(options_.asset.begin(), options_.asset.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
-  if (!is_number) throw InputError(name_, "an asset of Cesium ion is a number: ion:12345");
+  if (!is_number) throw InputError(name_, "a Cesium ion asset is given by its number, e.g. ion:12345");
   if (options_.token.empty()) {
     throw InputError(name_, "needs a token of Cesium ion in the environment variable CESIUM_ION_TOKEN");
   }
@@ -115,7 +115,7 @@ IonProvider::Endpoint IonProvider::get_endpoint(HttpClient& client) const {
       is_external && answer.contains("options") ? string_at(answer["options"], "url") : string_at(answer, "url");
   endpoint.access_token = is_external ? "" : string_at(answer, "accessToken");
   if (endpoint.url.empty() || (!is_external && endpoint.access_token.empty())) {
-    throw InputError(name_, "Cesium ion's answer names no URL of a tileset");
+    throw InputError(name_, "Cesium ion's answer contains no tileset URL");
   }
   const json attributions = answer.value("attributions", json::array());
   for (const json& attribution : attributions) {

@@ -10,13 +10,13 @@ namespace {
 std::string text_of(Use use) {
   switch (use) {
     case Use::kAnalyse:
-      return "pictures for machine analysis";
+      return "images for machine analysis";
     case Use::kExtract:
       return "extraction of geometry";
     case Use::kCache:
       return "keeping tiles in a cache";
     case Use::kOffline:
-      return "use without the server";
+      return "offline use";
   }
   return "";
 }
@@ -57,7 +57,7 @@ void require_permitted(const TermsOfUse& terms, Use use, bool accepted, const st
   if (forbidden == nullptr || accepted) return;
   throw InputError(source, "the terms of " + terms.provider + " forbid " + text_of(use) + " (\"" +
                                forbidden->term_text + "\", " + forbidden->url +
-                               "); if your own agreement allows it, say so with --terms-accepted");
+                               "); if your own agreement allows it, add --terms-accepted");
 }
 
 }  // namespace tileflight::transport

@@ -46,13 +46,14 @@ fs::path FolderSource::file_of(const std::string& uri) const {
   const std::string shown = uri_for_message(uri);
   const std::string scheme = uri_scheme(uri);
   if (!scheme.empty() && !(scheme == "file" && options_.allow_outside_folder)) {
-    throw InputError(shown, "a tileset in a folder may name only files beside it, not a URI with '" + scheme + ":'");
+    throw InputError(shown, "a tileset in a folder may refer only to files in it, not to a URI with '" + scheme + ":'");
   }
   const std::string path = uri_path(uri);
   if (uri.starts_with("//"))
-    throw InputError(shown, "a tileset in a folder may name only files beside it, no other host");
+    throw InputError(shown, "a tileset in a folder may refer only to files in it, not to another host");
   if (!options_.allow_outside_folder && leaves_folder(path)) {
-    throw InputError(shown, "leaves the folder of the tileset, " + folder_.string() + "; refused");
+    throw InputError(shown,
+                     "refers to a file outside the tileset's folder, " + folder_.string() + ", which is not allowed");
   }
   return folder_ / path;
 }

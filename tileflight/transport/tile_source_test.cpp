@@ -43,13 +43,14 @@ TEST_F(FolderSourceTest, ReadsFilesByEscapedNames) {
 TEST_F(FolderSourceTest, NoPathLeavesTheFolder) {
   FolderSource source(folder_ / "place" / "tileset.json");
   for (const char* uri : {"../secret", "sub/../../secret", "%2e%2e/secret", "..%2fsecret", "/etc/passwd"}) {
-    EXPECT_THAT(base::testing::error_of([&] { source.read(uri); }), HasSubstr("leaves the folder")) << uri;
+    EXPECT_THAT(base::testing::error_of([&] { source.read(uri); }), HasSubstr("a file outside the tileset's folder"))
+        << uri;
     EXPECT_EQ(source.size(uri), std::nullopt) << uri;
   }
   for (const char* uri : {"file:///etc/passwd", "http://host/a.glb", "c:/a.glb"}) {
-    EXPECT_THAT(base::testing::error_of([&] { source.read(uri); }), HasSubstr("may name only files beside it")) << uri;
+    EXPECT_THAT(base::testing::error_of([&] { source.read(uri); }), HasSubstr("may refer only to files in it")) << uri;
   }
-  EXPECT_THAT(base::testing::error_of([&] { source.read("//host/a.glb"); }), HasSubstr("no other host"));
+  EXPECT_THAT(base::testing::error_of([&] { source.read("//host/a.glb"); }), HasSubstr("not to another host"));
 }
 
 TEST_F(FolderSourceTest, MayBeAllowedToLeave) {
@@ -73,7 +74,7 @@ TEST_F(FolderSourceTest, OpensFolderOrFile) {
   EXPECT_THAT(base::testing::error_of([&] { open_source(folder_.string()); }), HasSubstr("no tileset.json"));
   EXPECT_THAT(base::testing::error_of([&] { open_source((folder_ / "none").string()); }), HasSubstr("no such file"));
   EXPECT_THAT(base::testing::error_of([&] { open_source("https://host/place.3tz"); }),
-              HasSubstr("archives are read from files"));
+              HasSubstr("archives are not read over HTTP"));
 }
 
 TEST(ReadUri, DataUrisCarryTheirBytes) {

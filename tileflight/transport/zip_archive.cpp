@@ -57,7 +57,7 @@ ZipArchive::ZipArchive(ReadAt read_at, std::uint64_t size, const std::string& na
 }
 
 std::vector<std::byte> ZipArchive::bytes_at(std::uint64_t offset, std::uint64_t length, const std::string& what) const {
-  if (offset > size_ || length > size_ - offset) throw InputError(name_, what + " lies outside of the archive");
+  if (offset > size_ || length > size_ - offset) throw InputError(name_, what + " lies outside the archive");
   return read_at_(offset, static_cast<std::size_t>(length));
 }
 
@@ -71,7 +71,7 @@ ZipArchive::Directory ZipArchive::find_directory() const {
     const Directory small{at<std::uint16_t>(end, 10), at<std::uint32_t>(end, 12), at<std::uint32_t>(end, 16)};
     return find_zip64_directory(size_ - tail_bytes + i, small);
   }
-  throw InputError(name_, "is no whole ZIP archive: it has no end record");
+  throw InputError(name_, "is not a complete ZIP archive: it has no end record");
 }
 
 ZipArchive::Directory ZipArchive::find_zip64_directory(std::uint64_t end_offset, const Directory& small) const {
@@ -97,7 +97,7 @@ void ZipArchive::read_directory(const Directory& directory) {
     const std::size_t name_bytes = at<std::uint16_t>(rest, 28);
     const std::size_t extra_bytes = at<std::uint16_t>(rest, 30);
     const std::size_t whole = kEntryBytes + name_bytes + extra_bytes + at<std::uint16_t>(rest, 32);
-    if (whole > rest.size()) throw InputError(name_, "its directory is cut short at entry " + std::to_string(i));
+    if (whole > rest.size()) throw InputError(name_, "its directory is truncated at entry " + std::to_string(i));
     Entry entry;
     entry.encrypted = (at<std::uint16_t>(rest, 8) & 1U) != 0;
     entry.method = at<std::uint16_t>(rest, 10);
@@ -108,7 +108,7 @@ void ZipArchive::read_directory(const Directory& directory) {
     apply_zip64(rest.subspan(kEntryBytes + name_bytes, extra_bytes),
                 {&entry.unpacked, &entry.packed, &entry.header_offset});
     const std::string path(reinterpret_cast<const char*>(rest.data()) + kEntryBytes, name_bytes);
-    if (!entries_.emplace(path, entry).second) throw InputError(name_, "holds '" + path + "' twice");
+    if (!entries_.emplace(path, entry).second) throw InputError(name_, "contains '" + path + "' twice");
     rest = rest.subspan(whole);
   }
 }
@@ -118,7 +118,7 @@ void ZipArchive::read_directory(const Directory& directory) {
 void ZipArchive::check_index() {
   constexpr std::size_t kIndexEntry = 24;
   if (size(kIndexName) == std::nullopt) {
-    warnings_.push_back("the archive has no index; its directory is read");
+    warnings_.push_back("the archive has no index; its directory is used");
     return;
   }
   using Hash = std::pair<std::uint64_t, std::uint64_t>;
@@ -132,7 +132,7 @@ void ZipArchive::check_index() {
     last = hash;
     index[hash] = at<std::uint64_t>(bytes, i + 16);
   }
-  if (!sorted) warnings_.push_back("the archive's index is not sorted; its directory is read");
+  if (!sorted) warnings_.push_back("the archive's index is not sorted; its directory is used");
   for (const auto& [path, entry] : entries_) {
     if (path == kIndexName || path.ends_with('/')) continue;
     const std::array<std::uint8_t, 16> digest = base::md5(path);
@@ -141,7 +141,7 @@ void ZipArchive::check_index() {
     std::memcpy(&hash.second, digest.data() + 8, 8);
     const auto it = index.find(hash);
     if (it != index.end() && it->second == entry.header_offset) continue;
-    warnings_.push_back("the archive's index does not lead to '" + path + "'; its directory is read");
+    warnings_.push_back("the archive's index does not point to '" + path + "'; its directory is used");
     return;
   }
 }
@@ -155,7 +155,7 @@ std::vector<std::byte> ZipArchive::packed_bytes(const std::string& path, const E
   constexpr std::size_t kHeaderBytes = 30;
   const std::string what = "the entry '" + path + "'";
   const std::vector<std::byte> header = bytes_at(entry.header_offset, kHeaderBytes, what);
-  if (at<std::uint32_t>(header, 0) != kLocalHeader) throw InputError(name_, what + " has no header where it should be");
+  if (at<std::uint32_t>(header, 0) != kLocalHeader) throw InputError(name_, what + " has no header at its offset");
   const std::uint64_t name_bytes = at<std::uint16_t>(header, 26);
   const std::vector<std::byte> name = bytes_at(entry.header_offset + kHeaderBytes, name_bytes, what);
   if (std::string_view(reinterpret_cast<const char*>(name.data()), name.size()) != path) {
@@ -172,8 +172,8 @@ std::vector<std::byte> ZipArchive::read(const std::string& path) const {
   const std::string where = name_ + ": " + path;
   if (entry.encrypted) throw InputError(where, "is encrypted");
   if (entry.unpacked > limits_.max_file_bytes) {
-    throw InputError(where, "has " + std::to_string(entry.unpacked) + " bytes; at most " +
-                                std::to_string(limits_.max_file_bytes) + " are read");
+    throw InputError(where, "has " + std::to_string(entry.unpacked) + " bytes, more than the limit of " +
+                                std::to_string(limits_.max_file_bytes));
   }
   std::vector<std::byte> bytes = packed_bytes(path, entry);
   if (entry.method == 0) {
@@ -184,8 +184,8 @@ std::vector<std::byte> ZipArchive::read(const std::string& path) const {
   } else if (entry.method == 93) {
     bytes = base::decompress_zstd(bytes, static_cast<std::size_t>(entry.unpacked), where);
   } else {
-    throw InputError(
-        where, "is compressed by method " + std::to_string(entry.method) + "; stored, deflate and Zstandard are read");
+    throw InputError(where, "is compressed by method " + std::to_string(entry.method) +
+                                "; supported are stored, deflate and Zstandard");
   }
   if (crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()) != entry.crc) {
     throw InputError(where, "is damaged: its checksum differs");

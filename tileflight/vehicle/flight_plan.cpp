@@ -84,8 +84,9 @@ void check_plan(const YamlSection& section, const FlightPlan& plan) {
   check_vehicle(section, plan);
   if (!plan.poses && plan.mission.empty() && plan.waypoints.size() < 2)
     throw section.error("waypoints", "must be at least two, or 'trajectory' must name a TUM file");
-  if (!plan.poses && plan.smoothing) throw section.error("smooth", "is of a 'trajectory'; waypoints are met exactly");
-  if (!plan.poses && !plan.fps) throw section.error("fps", "is missing; waypoints have no frames of their own");
+  if (!plan.poses && plan.smoothing)
+    throw section.error("smooth", "applies to a 'trajectory' only; waypoints are passed exactly");
+  if (!plan.poses && !plan.fps) throw section.error("fps", "is missing; waypoints do not define frames");
 }
 
 geometry::Trajectory project_onto_path(const flight::Path& path, geometry::Trajectory trajectory) {

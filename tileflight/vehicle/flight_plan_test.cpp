@@ -85,7 +85,7 @@ TEST_F(FlightPlanFile, PosesOfAFileSmoothed) {
     EXPECT_EQ(frame_poses(read(plan + smooth + "fps: 2\n")).size(), 79u);
   }
   EXPECT_THAT(fault(plan + "smooth: 0\n"), HasSubstr("must be 'auto', 'none' or the seconds between two knots"));
-  EXPECT_THAT(fault(std::string(kMission) + "smooth: auto\n"), HasSubstr("is of a 'trajectory'"));
+  EXPECT_THAT(fault(std::string(kMission) + "smooth: auto\n"), HasSubstr("applies to a 'trajectory'"));
 }
 
 TEST_F(FlightPlanFile, VariablesAreFilledIn) {

@@ -64,7 +64,7 @@ void check(const QuadrotorOptions& options) {
   const Vec3 drag = options.linear_drag_n_s_m.cwiseMin(options.quadratic_drag_n_s2_m2);
   if (!drag.allFinite() || drag.minCoeff() < 0.0) throw InputError("quadrotor", "drag must not be negative");
   if (kRotors * options.max_rotor_thrust_n() < 1.1 * options.body.mass_kg * kStandardGravity_m_s2)
-    throw InputError("quadrotor", "the rotors cannot lift it: their thrust must be a tenth more than its weight");
+    throw InputError("quadrotor", "the rotors cannot lift it: their thrust must exceed its weight by at least 10 %");
 }
 
 }  // namespace tileflight::vehicle

@@ -23,14 +23,15 @@ void require_timeout(double timeout_s, const std::string& command) {
 void require_yaw(const YawMode& yaw, Drivetrain drivetrain, const std::string& command) {
   require(std::isfinite(yaw.value), command, "the yaw must be finite");
   require(drivetrain == Drivetrain::kMaxDegreeOfFreedom || yaw.kind != YawMode::Kind::kRate, command,
-          "forward only leaves no room for a yaw rate; give an angle from the direction of flight");
+          "a yaw rate is not possible when flying forward only; give an angle from the direction of flight");
 }
 
 template <class Leaning>
 void require_height_or_throttle(const Leaning& c, const char* command) {
-  require(c.height_m.has_value() != c.throttle.has_value(), command, "a height or a throttle is needed, and not both");
+  require(c.height_m.has_value() != c.throttle.has_value(), command, "give either a height or a throttle, not both");
   require(std::isfinite(c.height_m.value_or(0.0)), command, "the height must be finite");
-  require(c.throttle.value_or(0.0) >= 0.0 && c.throttle.value_or(0.0) <= 1.0, command, "the throttle is from 0 to 1");
+  require(c.throttle.value_or(0.0) >= 0.0 && c.throttle.value_or(0.0) <= 1.0, command,
+          "the throttle must be from 0 to 1");
   require(is_valid_duration(c.duration_s), command, "the duration must not be negative");
 }
 

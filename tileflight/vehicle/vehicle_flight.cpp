@@ -27,7 +27,7 @@ constexpr double kMinLevelRight = 0.5;
 double camera_yaw_rad(const Eigen::Quaterniond& R_local_camera) {
   const Vec3 right = R_local_camera * Vec3::UnitX();
   if (right.head<2>().norm() < kMinLevelRight)
-    throw InputError("vehicle", "a camera that is rolled over 60 degrees has no heading that a craft could fly");
+    throw InputError("vehicle", "a camera rolled by more than 60 degrees has no heading that a vehicle could fly");
   return std::atan2(right.x(), -right.y());
 }
 
@@ -86,7 +86,8 @@ class CameraPathRecorder {
   /// Adds the final pose even if no sample is due.
   flight::Path finish(const Vehicle& vehicle) {
     if (steps_ == 0 || steps_ % kStepsPerSample != 0) {
-      if (steps_ == 0) throw InputError("vehicle", "does not fly at all");
+      if (steps_ == 0)
+        throw InputError("vehicle", "the plan ends before the first simulation step; check its commands");
       add(vehicle);
     }
     return flight::path_through_poses(samples_);
@@ -114,7 +115,7 @@ void settle(Vehicle& vehicle, const Setpoint& place, const ObstacleQuery& obstac
   const bool inside = collides && touches(obstacles, place.position_m, vehicle.options().radius_m);
   const auto stay = [place](double) { return place; };
   if (inside || vehicle.run(TrackReference{stay, kSettling_s}) == Outcome::kCollided || vehicle.collisions() > 0)
-    throw InputError("vehicle", "touches something where it starts; move its start away, or set 'collision: off'");
+    throw InputError("vehicle", "collides at its start position; move the start, or set 'collision: off'");
 }
 
 /// Accumulates the camera's distance from the plan.

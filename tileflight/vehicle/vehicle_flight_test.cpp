@@ -136,7 +136,7 @@ TEST(VehicleFlight, AWallEndsItOrBouncesIt) {
   EXPECT_THAT(tileflight::tests::refusal_of([&] {
                 flown(plan, tests::plane({1, 0, 0}, 0.1));
               }),
-              testing::HasSubstr("touches something where it starts"));
+              testing::HasSubstr("collides at its start position"));
 }
 
 class VehicleFile : public testing::Test {

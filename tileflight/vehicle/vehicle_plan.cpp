@@ -15,15 +15,15 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 constexpr double kDefaultTimeout_s = 600.0;
 constexpr std::size_t kMaxPoints = 10000;
 
-double read_positive(YamlSection& section, const std::string& key, double otherwise) {
-  const double value = section.number(key).value_or(otherwise);
+double read_positive(YamlSection& section, const std::string& key, double fallback) {
+  const double value = section.number(key).value_or(fallback);
   if (!(value > 0.0)) throw section.error(key, "must be more than 0");
   return value;
 }
 
-Vec3 read_vector(YamlSection& section, const std::string& key, const Vec3& otherwise) {
+Vec3 read_vector(YamlSection& section, const std::string& key, const Vec3& fallback) {
   const auto numbers = section.numbers(key, 3, 3);
-  return numbers ? Vec3(numbers->at(0), numbers->at(1), numbers->at(2)) : otherwise;
+  return numbers ? Vec3(numbers->at(0), numbers->at(1), numbers->at(2)) : fallback;
 }
 
 Vec3 read_required_vector(YamlSection& section, const std::string& key) {
@@ -65,18 +65,18 @@ CameraMount read_mount(YamlSection& section) {
 }
 
 void read_craft(YamlSection& section, VehicleOptions& options) {
-  QuadrotorOptions& craft = options.quadrotor;
-  craft.body.mass_kg = read_positive(section, "mass_kg", craft.body.mass_kg);
-  craft.linear_drag_n_s_m = read_vector(section, "linear_drag", craft.linear_drag_n_s_m);
-  craft.quadratic_drag_n_s2_m2 = read_vector(section, "quadratic_drag", craft.quadratic_drag_n_s2_m2);
+  QuadrotorOptions& quadrotor = options.quadrotor;
+  quadrotor.body.mass_kg = read_positive(section, "mass_kg", quadrotor.body.mass_kg);
+  quadrotor.linear_drag_n_s_m = read_vector(section, "linear_drag", quadrotor.linear_drag_n_s_m);
+  quadrotor.quadratic_drag_n_s2_m2 = read_vector(section, "quadratic_drag", quadrotor.quadratic_drag_n_s2_m2);
   options.controller.max_tilt_rad =
       read_positive(section, "max_tilt_deg", options.controller.max_tilt_rad / kRadiansPerDegree) * kRadiansPerDegree;
 }
 
 /// Reads a duration with an upper limit: longer than any battery lasts, but finite in case of a typing error.
-double read_seconds(YamlSection& step, const char* key, double otherwise_s) {
+double read_seconds(YamlSection& step, const char* key, double fallback_s) {
   constexpr double kMost_s = 3600.0;
-  const double value_s = step.number(key).value_or(otherwise_s);
+  const double value_s = step.number(key).value_or(fallback_s);
   if (!(value_s >= 0.0 && value_s <= kMost_s)) throw step.error(key, "must be from 0 to 3600 seconds");
   return value_s;
 }
@@ -92,7 +92,7 @@ void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
   const auto heading_deg = step.number("heading_deg"), rate_deg_s = step.number("yaw_rate_deg_s");
   if (heading_deg && rate_deg_s) throw step.error("yaw_rate_deg_s", "and heading_deg are both given; keep one");
   if (drivetrain == Drivetrain::kForwardOnly && (heading_deg || rate_deg_s))
-    throw step.error("drivetrain", "forward says where it points; leave heading_deg and yaw_rate_deg_s out");
+    throw step.error("drivetrain", "'forward' already sets the heading; leave out heading_deg and yaw_rate_deg_s");
   if (heading_deg) yaw = {YawMode::Kind::kAngle, heading_to_yaw_rad(*heading_deg)};
   if (rate_deg_s) yaw = {YawMode::Kind::kRate, -*rate_deg_s * kRadiansPerDegree};
 }
@@ -100,7 +100,7 @@ void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
 std::vector<Vec3> read_points(YamlSection& step) {
   const auto numbers = step.numbers("points", 3, 3 * kMaxPoints);
   if (!numbers || numbers->size() % 3 != 0)
-    throw step.error("points", "must be a list of numbers, east, north, up of each point after the other");
+    throw step.error("points", "must be a list of numbers: east, north, up of each point in turn");
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < numbers->size(); i += 3)
     points.emplace_back((*numbers)[i], (*numbers)[i + 1], (*numbers)[i + 2]);

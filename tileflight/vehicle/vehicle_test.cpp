@@ -299,11 +299,11 @@ TEST(Vehicle, TurnsAtTheRatesAskedForAboutItsAxes) {
 TEST(Vehicle, LeaningNeedsAHeightOrAThrottle) {
   Vehicle vehicle({}, {}, Vec3(0, 0, 50), 0.0);
   EXPECT_THAT([&] { vehicle.command(FlyAttitude{}); },
-              ThrowsMessage<InputError>(HasSubstr("attitude: a height or a throttle is needed")));
+              ThrowsMessage<InputError>(HasSubstr("attitude: give either a height or a throttle")));
   EXPECT_THAT([&] { vehicle.command(FlyAttitude{.height_m = 50.0, .throttle = 0.5}); },
-              ThrowsMessage<InputError>(HasSubstr("attitude: a height or a throttle is needed")));
+              ThrowsMessage<InputError>(HasSubstr("attitude: give either a height or a throttle")));
   EXPECT_THAT([&] { vehicle.command(FlyAttitude{.throttle = 1.5}); },
-              ThrowsMessage<InputError>(HasSubstr("attitude: the throttle is from 0 to 1")));
+              ThrowsMessage<InputError>(HasSubstr("attitude: the throttle must be from 0 to 1")));
   EXPECT_THAT([&] { vehicle.command(FlyRates{.rates_rad_s = Vec3(NAN, 0, 0), .throttle = 0.5}); },
               ThrowsMessage<InputError>(HasSubstr("rates: a rate is not finite")));
 }

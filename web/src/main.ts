@@ -22,17 +22,17 @@ async function begin(host: HTMLElement): Promise<void> {
   const store = document.getElementById('view-data');
   if (!store) return;
   if (!hasWebGl()) {
-    say(host, 'pictures', 'This browser gives the page no WebGL 2, so there is no interactive view here; the pictures above and below show the same place, maps and paths.');
+    say(host, 'pictures', 'The interactive view needs WebGL 2, and there is no WebGL 2 in this browser; the figures above and below show the same place, maps and paths.');
     return;
   }
-  say(host, 'loading', 'The view is being made\u2026');
+  say(host, 'loading', 'Loading the view\u2026');
   try {
     await View.show(await readViewData(store.textContent ?? ''), host);
     store.remove();
     say(host, 'ready', matchMedia('(pointer: coarse)').matches ? WITH_FINGERS : WITH_A_MOUSE);
   } catch (error) {
     host.replaceChildren();
-    say(host, 'pictures', `The interactive view could not be made (${error instanceof Error ? error.message : String(error)}); the pictures above and below show the same place, maps and paths.`);
+    say(host, 'pictures', `The interactive view could not be created (${error instanceof Error ? error.message : String(error)}); the figures above and below show the same place, maps and paths.`);
   }
 }
 

@@ -30,7 +30,7 @@ class PictureStrip {
     const index = frameAt(this.flight.frames, time_s);
     if (index === this.shown) return;
     this.shown = index;
-    const taken = `${this.flight.label} flight, picture at ${number(this.flight.start_s + this.flight.frames[index]!.time_s, 2)} s`;
+    const taken = `${this.flight.label} flight, image at ${number(this.flight.start_s + this.flight.frames[index]!.time_s, 2)} s`;
     this.image.src = this.addresses[index]!;
     this.image.alt = taken;
     this.caption.textContent = taken;

@@ -50,7 +50,7 @@ export class View {
   private readonly stage: Stage;
   private readonly frame = make('div', { class: 'view-canvas' });
   private readonly layerBoxes = make('fieldset', { class: 'view-layers' }, make('legend', {}, 'Layers'));
-  private readonly info = make('output', { class: 'view-info', id: 'view-info', 'aria-live': 'polite' }, 'No point chosen.');
+  private readonly info = make('output', { class: 'view-info', id: 'view-info', 'aria-live': 'polite' }, 'No point selected.');
   private readonly legend = make('div', { class: 'view-legend', id: 'view-legend' });
   private readonly whereabouts = make('p', { class: 'view-where', id: 'view-where' });
   private readonly flights: FlightLayers[] = [];
@@ -172,14 +172,14 @@ export class View {
     const canvas = this.stage.canvas;
     canvas.tabIndex = 0;
     canvas.setAttribute('role', 'application');
-    canvas.setAttribute('aria-label', 'View of the place, the maps and the paths. Arrow keys turn it, plus and minus zoom, Enter chooses the point in the middle, Home resets.');
+    canvas.setAttribute('aria-label', 'View of the place, the maps and the paths. Arrow keys turn it, plus and minus zoom, Enter selects the point in the centre, Home resets.');
     canvas.addEventListener('keydown', (event) => this.onKey(event));
     let down = new Vector2();
     canvas.addEventListener('pointerdown', (event) => (down = new Vector2(event.clientX, event.clientY)));
     canvas.addEventListener('pointerup', (event) => {
       if (down.distanceTo(new Vector2(event.clientX, event.clientY)) < 4) this.pickAt(event.clientX, event.clientY);
     });
-    canvas.addEventListener('webglcontextlost', () => (this.info.textContent = 'The browser has taken the view\u2019s graphics away; load the page again.'));
+    canvas.addEventListener('webglcontextlost', () => (this.info.textContent = 'The browser has released the view\u2019s graphics context; reload the page.'));
   }
 
   private onKey(event: KeyboardEvent): void {
@@ -217,11 +217,11 @@ export class View {
     const parts: string[] = [];
     if (surface_m !== null) parts.push(`error ${number(surface_m, 3)} m to the surface`);
     if (voxel_m !== null) parts.push(`${surface_m === null ? 'error ' : ''}${number(voxel_m, 3)} m to the nearest cell\u2019s centre`);
-    return parts.join(', ') || 'error not known';
+    return parts.join(', ') || 'error unknown';
   }
 
   private pickBox(): HTMLElement {
-    return make('fieldset', {}, make('legend', {}, 'Chosen point'), this.info);
+    return make('fieldset', {}, make('legend', {}, 'Selected point'), this.info);
   }
 
   private colorChoice(): HTMLElement {
@@ -247,7 +247,7 @@ export class View {
   private lookChoice(): HTMLElement {
     const box = make('fieldset', { class: 'view-looks' }, make('legend', {}, 'View'));
     const looks: [Look, string][] = [['orbit', 'Orbit'], ['top', 'From above']];
-    if (this.flights.some((f) => f.estimate ?? f.truth)) looks.push(['follow', 'Follow'], ['camera', 'In the camera']);
+    if (this.flights.some((f) => f.estimate ?? f.truth)) looks.push(['follow', 'Follow'], ['camera', 'Camera view']);
     for (const [look, text] of looks) box.append(button(`view-look-${look}`, text, () => this.look(look)));
     box.append(button('view-reset', 'Reset', () => this.reset()));
     if (this.flights.length > 1) {
@@ -264,7 +264,7 @@ export class View {
 
   private reset(): void {
     this.mark.visible = false;
-    this.info.textContent = 'No point chosen.';
+    this.info.textContent = 'No point selected.';
     this.look('orbit');
   }
 

@@ -127,7 +127,7 @@ class Looking(unittest.TestCase):
             self.client.client.call("simGetVehiclePose", 1, 2, 3)
         with self.assertRaisesRegex(airsim.RPCError, "^rpclib: server could not find function 'fly'"):
             self.client.client.call("fly")
-        with self.assertRaisesRegex(airsim.RPCError, "argument 1: position: x_val: a number is due, got a text"):
+        with self.assertRaisesRegex(airsim.RPCError, "argument 1: position: x_val: expected a number, got a string"):
             self.client.client.call("simSetVehiclePose", {"position": {"x_val": "far"}}, True, "")
         with self.assertRaisesRegex(airsim.RPCError, "Vehicle API for 'Nobody' is not available"):
             self.client.simGetVehiclePose("Nobody")

@@ -61,7 +61,7 @@ class VehicleClient:
         fits = server >= self.getMinRequiredServerVersion() and needed <= self.getClientVersion()
         print(versions, file=sys.stdout if fits else sys.stderr)
         if not fits:
-            print("client and server are of versions that do not fit", file=sys.stderr)
+            print("client and server versions are incompatible", file=sys.stderr)
         print()
 
     def reset(self) -> None:
