@@ -71,7 +71,7 @@ void OdometryPipeline::require_usable(const InputFrame& frame,
   if (frame.image.width != camera.width() || frame.image.height != camera.height()) {
     throw InputError(where, "is " + std::to_string(frame.image.width) + "x" + std::to_string(frame.image.height) +
                                 ", the calibration is for " + std::to_string(camera.width()) + "x" +
-                                std::to_string(camera.height()) + "; use pictures and calibration of one size");
+                                std::to_string(camera.height()) + "; use images and a calibration of the same size");
   }
   if (!std::isfinite(frame.time_s)) throw InputError(where, "its time is not a finite number of seconds");
   if (!log_.read.empty()) require_later(log_.read.back(), frame);
@@ -243,7 +243,7 @@ void OdometryPipeline::fail(Failures& failures, const InputFrame& frame,
   const std::string rmse =
       std::isfinite(alignment.finest_rmse()) ? std::to_string(alignment.finest_rmse()).substr(0, 5) : "none";
   failures.reason = "tracking lost at frame " + std::to_string(frame.index) + ": " + std::to_string(failures.count) +
-                    " pictures in a row do not align with the last keyframe (RMSE " + rmse + " grey values, " +
+                    " consecutive frames do not align with the last keyframe (RMSE " + rmse + " grey values, " +
                     std::to_string(static_cast<int>(100 * alignment.inside_share)) + " % of its points in view)";
 }
 
