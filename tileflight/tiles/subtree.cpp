@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tiles/tile_semantics.h"
 
@@ -17,8 +18,6 @@ using Bytes = std::span<const std::byte>;
 /// Limit of tiles per file, because a few bytes can declare many ("constant": 1 makes all tiles available).
 constexpr std::size_t kMaxTiles = std::size_t{1} << 20;
 
-std::string_view as_text(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
-
 /// The two parts of a subtree file; a JSON subtree has no binary part.
 struct SubtreeParts {
   std::string_view json;
@@ -27,7 +26,7 @@ struct SubtreeParts {
 
 SubtreeParts parts_of(Bytes bytes, const std::string& name) {
   constexpr std::size_t kHeader = 24;
-  if (!as_text(bytes).starts_with("subt")) return {as_text(bytes), {}};
+  if (!base::as_text(bytes).starts_with("subt")) return {base::as_text(bytes), {}};
   if (bytes.size() < kHeader) throw InputError(name, "cut short: the header of a subtree has 24 bytes");
   std::uint32_t version = 0;
   std::uint64_t json = 0;
@@ -40,7 +39,7 @@ SubtreeParts parts_of(Bytes bytes, const std::string& name) {
   if (json > rest.size() || binary > rest.size() - json) {
     throw InputError(name, "cut short: " + std::to_string(bytes.size()) + " bytes, its header tells of more");
   }
-  return {as_text(rest.first(json)), rest.subspan(json, binary)};
+  return {base::as_text(rest.first(json)), rest.subspan(json, binary)};
 }
 
 /// The buffers of a subtree and the views into them.
