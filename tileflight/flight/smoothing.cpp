@@ -7,7 +7,7 @@
 
 namespace tileflight::flight {
 
-std::optional<SmoothingOptions> read_smoothing(base::YamlSection& section,
+std::optional<SmoothingOptions> read_smoothing(base::StrictSection& section,
                                                const std::optional<SmoothingOptions>& otherwise) {
   const std::optional<std::string> text = section.text("smooth");
   if (!text) return otherwise;

@@ -3,7 +3,7 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::flight {
 
@@ -17,7 +17,7 @@ struct SmoothingOptions {
 
 /// Reads the key `smooth` of a section: `none` (interpolate every pose), `auto`, or seconds between knots. Returns
 /// `otherwise` if the key is absent. Throws InputError for anything else.
-std::optional<SmoothingOptions> read_smoothing(base::YamlSection& section,
+std::optional<SmoothingOptions> read_smoothing(base::StrictSection& section,
                                                const std::optional<SmoothingOptions>& otherwise);
 
 /// Describes the smoothing in words.

@@ -141,17 +141,17 @@ TEST(VehicleFlight, AWallEndsItOrBouncesIt) {
 
 class VehicleFile : public testing::Test {
  protected:
-  base::YamlSection load(const std::string& text) {
+  base::StrictSection load(const std::string& text) {
     std::ofstream(folder_ / "flight.yaml") << text;
-    return base::YamlSection::load(folder_ / "flight.yaml");
+    return base::StrictSection::load(folder_ / "flight.yaml");
   }
   VehiclePlan vehicle(const std::string& text) {
-    base::YamlSection file = load(text);
+    base::StrictSection file = load(text);
     auto section = file.section("vehicle");
     return read_vehicle(*section);
   }
   std::vector<MissionStep> mission(const std::string& text) {
-    base::YamlSection file = load(text);
+    base::StrictSection file = load(text);
     return read_mission(file);
   }
   tileflight::tests::TemporaryFolder folder_;
