@@ -73,7 +73,6 @@ inline bool warp_patch(const Lens& lens, const Patch& patch, const Eigen::Matrix
   return true;
 }
 
-/// Position of pattern pixel k in the target.
 /// Whether the whole pattern can be sampled in the target.
 inline bool pattern_inside(const PyramidLevel& target, const WarpedPatch& warped) {
   const float reach_x = kPatternRadius_px * warped.d_pixel_d_host_pixel.row(0).cwiseAbs().maxCoeff() + 1.0F;

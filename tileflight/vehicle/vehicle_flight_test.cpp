@@ -171,7 +171,7 @@ constexpr const char* kMission = R"(mission:
 TEST_F(VehicleFile, AMissionIsFlownFromTakeOffToLanding) {
   VehiclePlan plan = vehicle("vehicle: {collision: stop, start: [1, 2, 0.35], landed: true, pitch_deg: -30}\n");
   EXPECT_EQ(plan.options.collision, CollisionPolicy::kStop);
-  const VehicleFlight flight = fly_mission(mission(kMission), plan, level_ground(0.0));
+  const VehicleFlight flight = fly_mission(mission(kMission), plan, tests::level_ground(0.0));
   EXPECT_EQ(flight.outcome, Outcome::kFinished);
   ASSERT_EQ(flight.mission.size(), 8u);
   EXPECT_EQ(flight.mission[2].name, "path");
