@@ -70,7 +70,9 @@ void distance_to_voxel_centers(benchmark::State& state) {
 
 void compare_runs(benchmark::State& state) {
   const auto kept = [](std::size_t n) {
-    return tileflight::evaluation::kept_distances(map_points(n), voxel_centers(), 1.0);
+    const PointCloud map = map_points(n);
+    return tileflight::evaluation::keep_within_cutoff(
+        map.positions, tileflight::evaluation::cloud_distances(map, voxel_centers(), "map", "voxel centres"), 1.0);
   };
   const auto simulated = kept(84029), real = kept(71918);
   tileflight::evaluation::DistanceComparison comparison;

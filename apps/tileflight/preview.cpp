@@ -66,7 +66,7 @@ void add_preview(CLI::App& app, CommonOptions& common, Selection& selection) {
       if (by_flight || !has_region) settings.error_px = options->pixel_error;
       settings.flight.flight = options->flight;
       if (!options->degrade.empty()) {
-        auto degrade = base::YamlSection::load(options->degrade);
+        auto degrade = base::StrictSection::load(options->degrade);
         experiment::read_degrade(degrade, settings.flight);
       }
       const nlohmann::json found = survey::preview(options->settings, options->out, shared.force, progress);

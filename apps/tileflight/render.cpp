@@ -143,7 +143,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
                                       [](const std::string& what) { return InputError("--outputs", what); });
       outputs.depth = outputs.depth || options->depth;
       if (!options->degrade.empty()) {
-        auto degrade = base::YamlSection::load(options->degrade);
+        auto degrade = base::StrictSection::load(options->degrade);
         experiment::read_degrade(degrade, options->settings.flight);
       }
       const nlohmann::json r = render(options->settings, options->out, shared.force, progress);

@@ -8,6 +8,7 @@
 
 #include "number_text.h"
 #include "tileflight/base/known_keys.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/base/text_fields.h"
 
 namespace tileflight::app {
@@ -31,12 +32,6 @@ std::vector<std::string> options_of(const CLI::App& app) {
   return names;
 }
 
-std::string list(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 double number(const std::string& text) {
   return base::parse_number<double>(text).value_or(std::numeric_limits<double>::infinity());
 }
@@ -57,7 +52,8 @@ std::string look_up(const CLI::App& command) { return "; see `" + full_name(comm
 std::string unknown_command(const CLI::App& app, const std::string& word) {
   const std::vector<std::string> commands = commands_of(app);
   const std::string meant = base::did_you_mean(word, commands);
-  return "unknown command '" + word + "'" + (meant.empty() ? "; the commands are " + list(commands) : meant);
+  return "unknown command '" + word + "'" +
+         (meant.empty() ? "; the commands are " + base::joined(commands) : meant);
 }
 
 std::string unknown_option(const CLI::App& command, const std::string& name) {
@@ -100,7 +96,7 @@ std::string choice_fault(const std::string& fault) {
   std::vector<std::string> words;
   std::istringstream all(parts[3].str());
   for (std::string word; std::getline(all, word, ',');) words.push_back(word);
-  return parts[1].str() + " must be one of " + list(words) + ", got '" + parts[2].str() + "'" +
+  return parts[1].str() + " must be one of " + base::joined(words) + ", got '" + parts[2].str() + "'" +
          base::did_you_mean(parts[2].str(), words);
 }
 
@@ -124,7 +120,7 @@ std::string usage_fault(const CLI::App& app, const std::vector<std::string>& arg
     }
   }
   if (!commands_of(*command).empty())
-    return "a command is required: " + list(commands_of(*command)) + look_up(*command);
+    return "a command is required: " + base::joined(commands_of(*command)) + look_up(*command);
   const std::string told = choice_fault(count_fault(range_fault(fault)));
   return full_name(*command).substr(app.get_name().size() + 1) + ": " + told +
          (told.ends_with('?') ? "" : look_up(*command));

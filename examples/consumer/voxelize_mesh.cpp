@@ -1,19 +1,20 @@
-// voxelize_mesh MESH.ply EDGE OUT.binvox: the cells of a regular grid that a mesh touches.
+// voxelize_mesh MESH.glb EDGE OUT.binvox: the cells of a regular grid that a mesh touches.
 #include <cstdlib>
 #include <iostream>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/geometry/cloud_files.h"
+#include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/voxel_grid.h"
+#include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/voxelize.h"
 
 int main(int argc, char** argv) {
   if (argc != 4) {
-    std::cerr << "usage: voxelize_mesh MESH.ply EDGE_METRES OUT.binvox\n";
+    std::cerr << "usage: voxelize_mesh MESH.glb EDGE_METRES OUT.binvox\n";
     return 1;
   }
   try {
-    const tileflight::geometry::TriangleMesh mesh = tileflight::geometry::read_ply_mesh(argv[1]);
+    const tileflight::geometry::TriangleMesh mesh = tileflight::ground_truth::read_mesh_glb(argv[1]);
     const auto grid = tileflight::ground_truth::voxelize(mesh, bounds(mesh), std::atof(argv[2]));
     tileflight::geometry::write_binvox(argv[3], grid);
     std::cout << grid.occupied.size() << " cells of " << grid.dims[0] << " x " << grid.dims[1] << " x " << grid.dims[2]

@@ -6,6 +6,7 @@
 
 #include "tests/run_program.h"
 #include "tests/tiny_flight.h"
+#include "tileflight/ground_truth/mesh_glb.h"
 
 namespace tileflight::library_test {
 namespace {
@@ -34,15 +35,12 @@ void build_project(const fs::path& source, const fs::path& build, std::vector<st
 }
 
 /// The surface of a cube whose edges are 2 m.
-void write_cube(const fs::path& file) {
-  std::ofstream ply(file);
-  ply << "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-         "element face 12\nproperty list uchar int vertex_indices\nend_header\n";
-  for (int i = 0; i < 8; ++i) ply << 2 * (i & 1) << ' ' << (i & 2) << ' ' << (i & 4) / 2 << '\n';
-  for (const char* face : {"0 1 3", "0 3 2", "4 7 5", "4 6 7", "0 5 1", "0 4 5", "2 3 7", "2 7 6", "0 2 6", "0 6 4",
-                           "1 5 7", "1 7 3"}) {
-    ply << "3 " << face << '\n';
-  }
+imaging::TexturedMesh make_cube() {
+  imaging::TexturedMesh cube;
+  for (int i = 0; i < 8; ++i) cube.vertices.emplace_back(2 * (i & 1), i & 2, (i & 4) / 2);
+  cube.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 7, 5}, {4, 6, 7}, {0, 5, 1}, {0, 4, 5},
+                    {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 5, 7}, {1, 7, 3}};
+  return cube;
 }
 
 TEST(Library, TheInstalledPackageDoesWhatTheProgramDoes) {
@@ -53,8 +51,8 @@ TEST(Library, TheInstalledPackageDoesWhatTheProgramDoes) {
   build_project(kSource / "examples/consumer", build, {"-DCMAKE_PREFIX_PATH=" + installed.string()});
 
   // Of 4 x 4 x 4 cells the surface touches all but the inner 2 x 2 x 2.
-  write_cube(folder / "cube.ply");
-  EXPECT_THAT(run({(build / "voxelize_mesh").string(), (folder / "cube.ply").string(), "0.5",
+  ground_truth::write_mesh_glb(folder / "cube.glb", {make_cube()}, false);
+  EXPECT_THAT(run({(build / "voxelize_mesh").string(), (folder / "cube.glb").string(), "0.5",
                    (folder / "cube.binvox").string()}),
               HasSubstr("56 cells of 4 x 4 x 4"));
   EXPECT_TRUE(fs::exists(folder / "cube.binvox"));

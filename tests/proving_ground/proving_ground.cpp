@@ -21,7 +21,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/place/extract.h"
@@ -56,9 +56,9 @@ struct Options {
 };
 
 std::vector<Place> read_places(const fs::path& file, const fs::path& out) {
-  auto root = base::YamlSection::load(file);
+  auto root = base::StrictSection::load(file);
   std::vector<Place> places;
-  for (base::YamlSection& section : root.sections("places")) {
+  for (base::StrictSection& section : root.sections("places")) {
     Place place;
     place.name = section.text("name").value_or("");
     place.source = section.text("source").value_or("");

@@ -9,7 +9,6 @@
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/alignment/transform_file.h"
-#include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
@@ -35,16 +34,6 @@ AlignMapOptions paper_options() {
 }
 
 namespace {
-
-PointSpread compute_spread(const std::vector<Vec3>& points) {
-  PointSpread spread;
-  const auto n = static_cast<double>(points.size());
-  for (const Vec3& p : points) {
-    spread.mean += p / n;
-    spread.second_moment += p * p.transpose() / n;
-  }
-  return spread;
-}
 
 std::vector<Vec3> positions(const geometry::Trajectory& trajectory) {
   std::vector<Vec3> result;
@@ -119,10 +108,6 @@ json to_json(const MapAlignment& alignment) {
   object["steps"] = json::array();
   for (const IcpResult& s : alignment.steps) object["steps"].push_back(to_json(s));
   return object;
-}
-
-void write_transform(const std::filesystem::path& file, const MapAlignment& alignment) {
-  base::write_file(file, to_json(alignment).dump(2) + "\n");
 }
 
 }  // namespace tileflight::alignment

@@ -86,7 +86,4 @@ MapAlignment align_map(const geometry::PointCloud& map, const geometry::Trajecto
 /// The keys of the final result (transform.json), with `telemetry` and `steps` as diagnostics.
 nlohmann::json to_json(const MapAlignment& alignment);
 
-/// Writes `transform.json` with those keys. Throws InputError.
-void write_transform(const std::filesystem::path& file, const MapAlignment& alignment);
-
 }  // namespace tileflight::alignment

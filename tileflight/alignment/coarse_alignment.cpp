@@ -90,16 +90,6 @@ Attempt align_from_scale(const PointCloud& few, const Sim3& start, const Alignme
   return a;
 }
 
-PointSpread compute_spread(const std::vector<Vec3>& points) {
-  PointSpread spread;
-  const auto n = static_cast<double>(points.size());
-  for (const Vec3& p : points) {
-    spread.mean += p / n;
-    spread.second_moment += p * p.transpose() / n;
-  }
-  return spread;
-}
-
 /// Note about a different result that fits nearly as well as the best.
 std::string rival_note(const std::vector<Attempt>& attempts, std::size_t best, const PointSpread& spread,
                        double apart_m) {

@@ -263,7 +263,7 @@ IcpResult run_icp(Matcher& matcher, const CenteredSource& source, const Sim3& in
   }
   end = check_stop(evaluate, end, source, options, result);
   result.iterations = end.iterations;
-  result.T_target_source = source.uncentered(end.T);
+  result.T_target_source = uncentered(end.T, source.source_center, source.target_center);
   result.rmse_m = end.evaluation.rms_m;
   result.correspondences = end.evaluation.matched;
   result.fitness = static_cast<double>(end.evaluation.matched) / static_cast<double>(source.points.size());

@@ -25,10 +25,6 @@ struct CenteredSource {
   geometry::Sim3 start;
   PointSpread spread;
   double length_m = 1.0;  ///< RMS distance of the transformed points from their centre
-
-  geometry::Sim3 uncentered(const geometry::Sim3& T) const {
-    return {T.scale, T.rotation, target_center + T.translation - T.scale * (T.rotation * source_center)};
-  }
 };
 
 /// Sums over the matched points at one transform.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "tileflight/geometry/transform.h"
 
 namespace tileflight::alignment {
@@ -25,7 +27,13 @@ struct PointSpread {
   geometry::Mat3 second_moment = geometry::Mat3::Zero();  ///< mean of p p^T
 };
 
+PointSpread compute_spread(const std::vector<geometry::Vec3>& points);
+
 /// Root mean square of |A p - B p| over the points, metres.
 double rms_motion_m(const geometry::Sim3& A, const geometry::Sim3& B, const PointSpread& points);
+
+/// Converts a fit about two centres to the points' own coordinates.
+geometry::Sim3 uncentered(const geometry::Sim3& T, const geometry::Vec3& source_center,
+                          const geometry::Vec3& target_center);
 
 }  // namespace tileflight::alignment

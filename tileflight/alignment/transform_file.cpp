@@ -115,10 +115,6 @@ IcpResult alignment_from_json(const json& object, const std::string& where) {
   return result;
 }
 
-void write_transform(const std::filesystem::path& file, const IcpResult& result) {
-  base::write_file(file, to_json(result).dump(2) + "\n");
-}
-
 IcpResult read_transform(const std::filesystem::path& file) {
   const json object = base::read_json(file);
   return alignment_from_json(object, file.string());

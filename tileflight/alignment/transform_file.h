@@ -17,7 +17,6 @@ nlohmann::json to_json(const IcpResult& result);
 IcpResult alignment_from_json(const nlohmann::json& json, const std::string& where);
 
 /// Writes the file atomically. Throws InputError.
-void write_transform(const std::filesystem::path& file, const IcpResult& result);
 IcpResult read_transform(const std::filesystem::path& file);
 
 }  // namespace tileflight::alignment

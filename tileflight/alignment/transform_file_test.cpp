@@ -32,7 +32,7 @@ IcpResult some_result() {
 
 TEST(TransformFile, RoundTrip) {
   const tests::TemporaryFolder folder;
-  write_transform(folder / "transform.json", some_result());
+  base::write_file(folder / "transform.json", to_json(some_result()).dump());
   const IcpResult back = read_transform(folder / "transform.json");
   EXPECT_LT((back.T_target_source.matrix() - some_result().T_target_source.matrix()).norm(), 1e-9);
   EXPECT_EQ(to_json(back).at("rmse"), 0.4321);

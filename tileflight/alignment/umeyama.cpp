@@ -7,6 +7,7 @@
 #include <random>
 
 #include "tileflight/alignment/point_moments.h"
+#include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
@@ -42,11 +43,6 @@ Vec3 mean(const std::vector<Vec3>& points) {
 ScaleRange scale_range(ScaleMode scale) {
   if (scale == ScaleMode::kFixed) return {1.0, 1.0};
   return {0.0, std::numeric_limits<double>::infinity()};
-}
-
-/// Converts a fit about the two centres to the points' own coordinates.
-Sim3 uncenter(const Sim3& T, const Vec3& source_center, const Vec3& target_center) {
-  return {T.scale, T.rotation, target_center + T.translation - T.scale * (T.rotation * source_center)};
 }
 
 double squared_residual(const Sim3& T, const Vec3& p, const Vec3& q) { return (q - T * p).squaredNorm(); }
@@ -111,7 +107,7 @@ UmeyamaResult weighted_umeyama(const std::vector<Vec3>& source, const std::vecto
 
   const SimilarityFit fit = fit_similarity(moments, scale_range(scale));
   UmeyamaResult result;
-  result.T_target_source = uncenter(fit.T_target_source, source_center, target_center);
+  result.T_target_source = uncentered(fit.T_target_source, source_center, target_center);
   result.inliers = inliers;
   result.well_conditioned = fit.well_conditioned;
   double squares = 0.0;

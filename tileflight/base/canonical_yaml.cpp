@@ -4,9 +4,9 @@
 #include <cmath>
 #include <vector>
 
+#include "tileflight/base/document_value.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_fields.h"
-#include "tileflight/base/yaml_section.h"
 
 namespace tileflight::base {
 namespace {

@@ -70,27 +70,6 @@ class Descriptor {
   int fd_;
 };
 
-/// Removes a temporary file or folder unless it was renamed away.
-class RemovedOnExit {
- public:
-  explicit RemovedOnExit(fs::path path) : path_(std::move(path)) {}
-  ~RemovedOnExit() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  RemovedOnExit(const RemovedOnExit&) = delete;
-  RemovedOnExit& operator=(const RemovedOnExit&) = delete;
-
- private:
-  fs::path path_;
-};
-
-void rename_or_throw(const fs::path& from, const fs::path& to) {
-  std::error_code error;
-  fs::rename(from, to, error);
-  if (error) throw InputError(to.string(), "cannot be written: " + error.message());
-}
-
 /// Size reported for a regular file; 0 for pipes and devices, which are read to their end.
 std::uintmax_t size_hint(const fs::path& file) {
   struct stat status {};

@@ -1,24 +1,24 @@
 #include "tileflight/base/noise.h"
 
+#include "tileflight/base/simd.h"
+
 namespace tileflight::base {
 namespace {
 
 float smooth(float t) { return t * t * (3.0F - 2.0F * t); }
 
-/// Four numbers (GCC and Clang vector extension): the corners of a lattice cell are hashed in parallel.
+/// The corners of a lattice cell are hashed in parallel.
 using Bits4 = std::uint32_t __attribute__((vector_size(16)));
-using Ints4 = std::int32_t __attribute__((vector_size(16)));
-using Floats4 = float __attribute__((vector_size(16)));
 
 /// hash_lattice at (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), as numbers in [-1, 1).
-Floats4 corner_values(std::int32_t x, std::int32_t y, std::uint32_t seed) {
+Float4 corner_values(std::int32_t x, std::int32_t y, std::uint32_t seed) {
   const std::uint32_t x0 = static_cast<std::uint32_t>(x) * 0x9e3779b1U + seed, x1 = x0 + 0x9e3779b1U;
   const std::uint32_t y0 = static_cast<std::uint32_t>(y) * 0x7feb352dU, y1 = y0 + 0x7feb352dU;
   Bits4 h{x0 ^ y0, x1 ^ y0, x0 ^ y1, x1 ^ y1};
   h ^= h >> 15;
   h *= 0x2c1b3c6dU;
   h ^= h >> 12;
-  return __builtin_convertvector(reinterpret_cast<Ints4>(h), Floats4) * 0x1p-31F;
+  return __builtin_convertvector(reinterpret_cast<Int4>(h), Float4) * 0x1p-31F;
 }
 
 std::uint32_t layer_seed(std::int32_t z, std::uint32_t seed) {
@@ -30,7 +30,7 @@ std::uint32_t layer_seed(std::int32_t z, std::uint32_t seed) {
 float value_noise(double x, double y, std::uint32_t seed) {
   const std::int32_t ix = floor_to_int(x), iy = floor_to_int(y);
   const float u = smooth(static_cast<float>(x - ix)), v = smooth(static_cast<float>(y - iy));
-  const Floats4 at = corner_values(ix, iy, seed);
+  const Float4 at = corner_values(ix, iy, seed);
   const float low = at[0] + u * (at[1] - at[0]), high = at[2] + u * (at[3] - at[2]);
   return low + v * (high - low);
 }

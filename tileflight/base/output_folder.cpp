@@ -19,27 +19,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* kElsewhere = "; choose another folder";
 
-/// Removes a temporary folder unless it was renamed away.
-class RemovedOnExit {
- public:
-  explicit RemovedOnExit(fs::path path) : path_(std::move(path)) {}
-  ~RemovedOnExit() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  RemovedOnExit(const RemovedOnExit&) = delete;
-  RemovedOnExit& operator=(const RemovedOnExit&) = delete;
-
- private:
-  fs::path path_;
-};
-
-void rename_or_throw(const fs::path& from, const fs::path& to) {
-  std::error_code error;
-  fs::rename(from, to, error);
-  if (error) throw InputError(to.string(), "cannot be written: " + error.message());
-}
-
 /// Whether `path` is `folder` or lies below it, after resolving links; both must exist.
 bool is_within(const fs::path& path, const fs::path& folder) {
   std::error_code error;

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "tileflight/base/input_error.h"
+
 namespace tileflight::base {
 namespace {
 
@@ -93,6 +95,12 @@ void restore_backup(const fs::path& target) {
   } else {
     remove_all(moved);
   }
+}
+
+void rename_or_throw(const fs::path& from, const fs::path& to) {
+  std::error_code error;
+  fs::rename(from, to, error);
+  if (error) throw InputError(to.string(), "cannot be written: " + error.message());
 }
 
 }  // namespace tileflight::base

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <filesystem>
+#include <system_error>
+#include <utility>
 
 namespace tileflight::base {
 
@@ -18,5 +20,23 @@ std::filesystem::path make_backup_path(const std::filesystem::path& target);
 /// Recovers from a process that was killed while replacing `target`: puts the backup back if `target` is missing,
 /// removes the backup if `target` is there.
 void restore_backup(const std::filesystem::path& target);
+
+/// Removes a temporary file or folder unless it was renamed away.
+class RemovedOnExit {
+ public:
+  explicit RemovedOnExit(std::filesystem::path path) : path_(std::move(path)) {}
+  ~RemovedOnExit() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  RemovedOnExit(const RemovedOnExit&) = delete;
+  RemovedOnExit& operator=(const RemovedOnExit&) = delete;
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Throws InputError if that is not possible.
+void rename_or_throw(const std::filesystem::path& from, const std::filesystem::path& to);
 
 }  // namespace tileflight::base

@@ -2,6 +2,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/make_folder.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/output_folder.h"
 #include "tileflight/base/temporary_path.h"
@@ -35,12 +36,6 @@ fs::path make_temporary(const fs::path& target) {
   const fs::path temporary = base::make_temporary_path(target);
   if (!fs::create_directory(temporary, error)) throw InputError(target.string(), "cannot be created: " + error.message());
   return temporary;
-}
-
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
 }
 
 std::string times_text(const std::map<std::size_t, FrameTiming>& stamps) {
@@ -126,7 +121,7 @@ DatasetWriter::DatasetWriter(fs::path folder, imaging::Calibration calibration, 
   impl_->options = std::move(options);
   base::require_writable(impl_->output);
   temporary_ = impl_->options.build_folder.empty() ? make_temporary(impl_->target) : impl_->options.build_folder;
-  make_folder(temporary_ / "images");
+  base::make_folder(temporary_ / "images");
 }
 
 DatasetWriter::~DatasetWriter() {

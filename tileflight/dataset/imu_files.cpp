@@ -7,8 +7,8 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/base/text_fields.h"
-#include "tileflight/base/yaml_section.h"
 
 namespace tileflight::dataset {
 
@@ -34,7 +34,7 @@ ImuReading parse_reading(const std::string& where, const std::vector<std::string
   return {1e-9 * static_cast<double>(*time_ns), {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
-double required(base::YamlSection& section, const std::string& key) {
+double required(base::StrictSection& section, const std::string& key) {
   const std::optional<double> value = section.number(key);
   if (!value) throw section.error(key, "is missing");
   if (*value < 0.0) throw section.error(key, "must not be negative");
@@ -74,7 +74,7 @@ void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReadi
 }
 
 ImuCalibration read_imu_yaml(const std::filesystem::path& file) {
-  base::YamlSection section = base::YamlSection::load(file);
+  base::StrictSection section = base::StrictSection::load(file);
   ImuCalibration calibration;
   calibration.update_rate_hz = required(section, "update_rate");
   calibration.accelerometer_noise_density = required(section, "accelerometer_noise_density");

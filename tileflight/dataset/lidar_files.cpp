@@ -7,6 +7,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/geometry/cloud_files.h"
 
 namespace tileflight::dataset {
@@ -15,14 +16,9 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-template <class Value>
-void append_bytes(std::string& bytes, const Value& value) {
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
 void append_position(std::string& bytes, const ScanPoint& point) {
-  for (int axis = 0; axis < 3; ++axis) append_bytes(bytes, point.position[axis]);
-  append_bytes(bytes, point.intensity);
+  for (int axis = 0; axis < 3; ++axis) base::append_raw(bytes, point.position[axis]);
+  base::append_raw(bytes, point.intensity);
 }
 
 std::vector<ScanPoint> read_ply(const std::filesystem::path& file) {
@@ -62,8 +58,8 @@ void write_scan_ply(const std::filesystem::path& file, const std::vector<ScanPoi
                       "property float time\nproperty ushort ring\nend_header\n";
   for (const ScanPoint& point : points) {
     append_position(bytes, point);
-    append_bytes(bytes, point.time_s);
-    append_bytes(bytes, point.ring);
+    base::append_raw(bytes, point.time_s);
+    base::append_raw(bytes, point.ring);
   }
   base::write_file(file, bytes);
 }

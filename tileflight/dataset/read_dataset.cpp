@@ -13,8 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
 void check_image_size(const Dataset& dataset) {
   const imaging::GrayImage image = imaging::read_gray(dataset.frames.front().image);
   const imaging::Camera& camera = dataset.calibration.camera;

@@ -4,11 +4,9 @@
 #include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::dataset {
-namespace {
+namespace {}  // namespace
 
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
-}  // namespace
 
 ScaledCalibration read_scaled_calibration(const std::filesystem::path& file, const std::string& camera_id, int width,
                                           int height, std::vector<std::string>& notes) {

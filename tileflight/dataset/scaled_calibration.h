@@ -14,6 +14,9 @@ struct ScaledCalibration {
   std::string scaled_from;  ///< the image size of the file, "1920x1080"; empty if it equals that of the images
 };
 
+/// "1920x1080", for messages.
+std::string size_text(int width, int height);
+
 /// Reads the file's camera for images of this size, scaled (with a note) if only the aspect ratio is the same.
 /// `camera_id`: which of several cameras in the file, else empty. Throws InputError: another aspect ratio, and errors
 /// of imaging::read_calibration.

@@ -10,6 +10,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/make_folder.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/imaging/image_files.h"
@@ -131,12 +132,6 @@ class FrameReader {
   std::size_t at_ = 0;
 };
 
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directory(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
-}
-
 imaging::GrayImage to_infrared(const imaging::Gray16Image& ids) {
   imaging::GrayImage grey(ids.width, ids.height);
   std::transform(ids.pixels.begin(), ids.pixels.end(), grey.pixels.begin(),
@@ -154,9 +149,9 @@ SegmentationWriter::SegmentationWriter(fs::path dataset_folder, const Segmentati
     : folder_(std::move(dataset_folder)),
       runs_folder_(options.runs_folder.empty() ? folder_ / "segmentation.runs" : options.runs_folder),
       options_(options) {
-  if (options.segmentation) make_folder(folder_ / "segmentation");
-  if (options.infrared) make_folder(folder_ / "infrared");
-  make_folder(runs_folder_);
+  if (options.segmentation) base::make_folder(folder_ / "segmentation");
+  if (options.infrared) base::make_folder(folder_ / "infrared");
+  base::make_folder(runs_folder_);
 }
 
 void SegmentationWriter::add(std::size_t index, const imaging::Image<std::uint32_t>& labels,

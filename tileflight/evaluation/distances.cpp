@@ -178,30 +178,4 @@ SurfaceMetrics score_surface(const std::vector<double>& distances, const std::ve
   return result;
 }
 
-MapMetrics evaluate_map(const PointCloud& aligned_map, const PointCloud& voxel_centers,
-                        const PointCloud& surface_samples, const MapMetricsOptions& options) {
-  const auto distances = cloud_distances(aligned_map, voxel_centers, "map", "voxel centres");
-  std::vector<double> floor;
-  if (!surface_samples.empty())
-    floor = cloud_distances(surface_samples, voxel_centers, "surface samples", "voxel centres");
-  return score_map(distances, compute_quantization_floor(floor, options.cutoff_m), options);
-}
-
-SurfaceMetrics evaluate_surface(const PointCloud& aligned_map, const geometry::TriangleMesh& surface,
-                                const PointCloud& seen_samples, const std::vector<double>& thresholds_m) {
-  if (surface.triangles.empty()) throw InputError("surface", "has no triangles; there is nothing to measure to");
-  const auto distances = surface_distances(aligned_map, geometry::TriangleIndex(surface));
-  std::vector<double> samples;
-  if (!seen_samples.empty()) {
-    const double farthest = thresholds_m.empty() ? 0.0 : *std::max_element(thresholds_m.begin(), thresholds_m.end());
-    samples = cloud_distances(seen_samples, aligned_map, "surface samples", "map", farthest);
-  }
-  return score_surface(distances, samples, thresholds_m);
-}
-
-KeptDistances kept_distances(const PointCloud& aligned_map, const PointCloud& voxel_centers, double cutoff_m) {
-  return keep_within_cutoff(aligned_map.positions, cloud_distances(aligned_map, voxel_centers, "map", "voxel centres"),
-                            cutoff_m);
-}
-
 }  // namespace tileflight::evaluation

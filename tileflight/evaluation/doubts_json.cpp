@@ -2,8 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tileflight/base/input_error.h"
-#include "tileflight/evaluation/json_reader.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::evaluation {
 
@@ -16,13 +15,12 @@ json to_json(const Doubts& doubts) {
   return list;
 }
 
-Doubts doubts_from_json(const json& list, const std::string& where) {
-  if (!list.is_array()) throw InputError(where, "key 'doubts' must be a list");
+Doubts read_doubts(base::StrictSection& section) {
   Doubts doubts;
-  for (const json& item : list) {
-    JsonReader reader(item, where, "doubts");
-    doubts.push_back({reader.text("what"), reader.text("where"), reader.text("how_sure"), reader.text("what_to_do")});
-    reader.expect_all_read();
+  for (base::StrictSection& doubt : section.sections("doubts")) {
+    doubts.push_back({doubt.required_text("what"), doubt.required_text("where"), doubt.required_text("how_sure"),
+                      doubt.required_text("what_to_do")});
+    doubt.require_all_keys_used();
   }
   return doubts;
 }

@@ -5,12 +5,16 @@
 
 #include "tileflight/base/doubt.h"
 
+namespace tileflight::base {
+class StrictSection;
+}
+
 namespace tileflight::evaluation {
 
 /// [{what, where, how_sure, what_to_do}], the key `doubts` of results.
 nlohmann::json to_json(const Doubts& doubts);
 
-/// The inverse. Throws InputError (`where`, cause) if the JSON has another form.
-Doubts doubts_from_json(const nlohmann::json& list, const std::string& where);
+/// The key `doubts` of `section`; empty if it is absent. Throws InputError as StrictSection does.
+Doubts read_doubts(base::StrictSection& section);
 
 }  // namespace tileflight::evaluation

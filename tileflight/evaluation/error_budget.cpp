@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "tileflight/evaluation/json_reader.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::evaluation {
 
@@ -60,9 +60,10 @@ json to_json(const ErrorSource& part) {
       {"metres", part.value_m ? json(*part.value_m) : json(nullptr)}, {"kind", part.kind}, {"how", part.explanation}};
 }
 
-ErrorSource read_part(JsonReader reader) {
-  ErrorSource part{finite_or_none(reader.number("metres")), reader.text("kind"), reader.text("how")};
-  reader.expect_all_read();
+ErrorSource read_part(base::StrictSection reader) {
+  ErrorSource part{finite_or_none(reader.required_number("metres")), reader.required_text("kind"),
+                   reader.required_text("how")};
+  reader.require_all_keys_used();
   return part;
 }
 
@@ -97,19 +98,18 @@ json to_json(const ErrorBudget& b) {
           {"not_separated", b.not_separated}};
 }
 
-ErrorBudget error_budget_from_json(const json& object, const std::string& where) {
-  JsonReader reader(object, where, "error_budget");
+ErrorBudget read_error_budget(base::StrictSection reader) {
   ErrorBudget b;
-  b.voxel = read_part(reader.object("voxel"));
-  b.tiles = read_part(reader.object("tiles"));
-  b.alignment = read_part(reader.object("alignment"));
-  b.path = read_part(reader.object("path"));
-  b.odometry = read_part(reader.object("odometry"));
-  b.total_m = finite_or_none(reader.number("total"));
-  b.within_m = reader.number("within");
-  b.share_within = reader.number("share_within");
-  b.not_separated = reader.texts("not_separated");
-  reader.expect_all_read();
+  b.voxel = read_part(reader.required_section("voxel"));
+  b.tiles = read_part(reader.required_section("tiles"));
+  b.alignment = read_part(reader.required_section("alignment"));
+  b.path = read_part(reader.required_section("path"));
+  b.odometry = read_part(reader.required_section("odometry"));
+  b.total_m = finite_or_none(reader.required_number("total"));
+  b.within_m = reader.required_number("within");
+  b.share_within = reader.required_number("share_within");
+  b.not_separated = reader.required_texts("not_separated");
+  reader.require_all_keys_used();
   return b;
 }
 

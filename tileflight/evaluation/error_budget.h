@@ -7,6 +7,10 @@
 #include <string>
 #include <vector>
 
+namespace tileflight::base {
+class StrictSection;
+}
+
 namespace tileflight::evaluation {
 
 /// One source of a map's error.
@@ -46,7 +50,7 @@ ErrorBudget error_budget(const ErrorBudgetInputs& inputs);
 /// not_separated}.
 nlohmann::json to_json(const ErrorBudget& budget);
 
-/// The inverse; throws InputError (`where`, key, cause).
-ErrorBudget error_budget_from_json(const nlohmann::json& json, const std::string& where);
+/// The inverse. Throws InputError as StrictSection does.
+ErrorBudget read_error_budget(base::StrictSection section);
 
 }  // namespace tileflight::evaluation

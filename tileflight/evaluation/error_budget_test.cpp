@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "tests/refusal.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::evaluation::error_budget_test {
 namespace {
@@ -57,11 +58,11 @@ TEST(ErrorBudget, AnAlignmentLessCertainThanTheTotalLeavesNothing) {
 
 TEST(ErrorBudget, RoundTripAndComplaints) {
   const nlohmann::json written = to_json(error_budget(some_inputs()));
-  EXPECT_EQ(to_json(error_budget_from_json(written, "m.json")), written);
+  EXPECT_EQ(to_json(read_error_budget(base::StrictSection(written, "m.json"))), written);
   nlohmann::json broken = written;
   broken["tiles"].erase("kind");
-  EXPECT_EQ(tests::refusal_of([&] { error_budget_from_json(broken, "m.json"); }),
-            "m.json: key 'error_budget.tiles.kind' is missing");
+  EXPECT_EQ(tests::refusal_of([&] { read_error_budget(base::StrictSection(broken, "m.json")); }),
+            "m.json: 'tiles.kind' is missing");
 }
 
 }  // namespace

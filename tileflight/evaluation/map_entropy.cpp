@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/evaluation/json_reader.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::evaluation {
@@ -118,17 +118,16 @@ MapEntropy map_entropy(const geometry::PointCloud& map, const MapEntropyOptions&
   return map_entropy(map, geometry::NearestIndex(map.positions), options);
 }
 
-MapEntropy map_entropy_from_json(const nlohmann::json& object, const std::string& where) {
-  JsonReader reader(object, where, "entropy");
+MapEntropy read_map_entropy(base::StrictSection reader) {
   MapEntropy e;
-  e.radius_m = reader.number("radius");
-  e.points = reader.count("points");
-  e.sampled = reader.has("asked") ? reader.count("asked") : e.points;  // older files used all points
-  e.evaluated = reader.count("judged");
-  reader.number("share_judged");  // follows from the counts
-  e.mean = reader.number("mean");
-  if (reader.has("standard_error")) e.standard_error = reader.number("standard_error");
-  reader.expect_all_read();
+  e.radius_m = reader.required_number("radius");
+  e.points = reader.required_count("points");
+  e.sampled = reader.has("asked") ? reader.required_count("asked") : e.points;  // older files used all points
+  e.evaluated = reader.required_count("judged");
+  reader.required_number("share_judged");  // follows from the counts
+  e.mean = reader.required_number("mean");
+  if (reader.has("standard_error")) e.standard_error = reader.required_number("standard_error");
+  reader.require_all_keys_used();
   return e;
 }
 

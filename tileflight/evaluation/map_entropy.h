@@ -8,6 +8,10 @@
 #include "tileflight/geometry/nearest.h"
 #include "tileflight/geometry/point_cloud.h"
 
+namespace tileflight::base {
+class StrictSection;
+}
+
 namespace tileflight::evaluation {
 
 /// Sharpness of a map without ground truth: mean map entropy; lower is sharper. Comparable only between maps of the
@@ -46,7 +50,7 @@ MapEntropy map_entropy(const geometry::PointCloud& aligned_map, const geometry::
 /// {radius, points, asked, judged, share_judged (of those asked), mean, standard_error}.
 nlohmann::json to_json(const MapEntropy& entropy);
 
-/// The inverse; throws InputError (`where`, key, cause).
-MapEntropy map_entropy_from_json(const nlohmann::json& json, const std::string& where);
+/// The inverse. Throws InputError as StrictSection does.
+MapEntropy read_map_entropy(base::StrictSection section);
 
 }  // namespace tileflight::evaluation

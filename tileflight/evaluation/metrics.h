@@ -107,17 +107,6 @@ struct MapMetricsOptions {
   int bins = 50;
 };
 
-/// `surface_samples`: points evenly distributed on the true surface, for the quantisation floor; empty: no floor.
-/// Throws InputError for an empty or non-finite map or truth.
-MapMetrics evaluate_map(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers,
-                        const geometry::PointCloud& surface_samples, const MapMetricsOptions& options = {});
-
-/// `seen_samples`: samples of the true surface that the flight's camera saw, for completeness; empty: no completeness.
-/// Throws InputError as evaluate_map() does.
-SurfaceMetrics evaluate_surface(const geometry::PointCloud& aligned_map, const geometry::TriangleMesh& surface,
-                                const geometry::PointCloud& seen_samples,
-                                const std::vector<double>& thresholds_m = {0.1, 0.2, 0.5, 1.0});
-
 enum class TrajectoryAlignment { kSim3, kSE3, kNone };
 
 /// ATE after alignment of the camera positions (Umeyama), RPE over the given path lengths. Poses are paired by time
@@ -169,9 +158,6 @@ struct KeptDistances {
   std::vector<double> distances;
   std::size_t points = 0;  ///< all points of the map, kept or not
 };
-/// Distances of the points within the cut-off of a voxel centre.
-KeptDistances kept_distances(const geometry::PointCloud& aligned_map, const geometry::PointCloud& voxel_centers,
-                             double cutoff_m);
 
 /// Interval by spatial block bootstrap: cubes of block_m, each with the points of both runs in it, are drawn with
 /// replacement, since errors of neighbours are correlated (also between the runs where the truth is coarse). Kuensch

@@ -9,13 +9,14 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/json_file.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/doubts_json.h"
-#include "tileflight/evaluation/json_reader.h"
 #include "tileflight/geometry/cloud_files.h"
 
 namespace tileflight::evaluation {
 
+using base::StrictSection;
 using nlohmann::json;
 
 namespace {
@@ -24,145 +25,139 @@ constexpr const char* kVoxelScalar = "voxel_distance";
 constexpr const char* kSurfaceScalar = "surface_distance";
 constexpr const char* kRegionScalar = "over_region";
 
-DistanceStatistics read_statistics(JsonReader& reader, std::size_t count) {
+DistanceStatistics read_statistics(StrictSection& reader, std::size_t count) {
   DistanceStatistics s;
   s.count = count;
-  s.mean = reader.number("mean");
-  s.std = reader.number("std");
-  s.median = reader.number("median");
-  s.rmse = reader.number("rmse");
+  s.mean = reader.required_number("mean");
+  s.std = reader.required_number("std");
+  s.median = reader.required_number("median");
+  s.rmse = reader.required_number("rmse");
   return s;
 }
 
 /// Empty for older files without percentiles.
-Percentiles read_percentiles(JsonReader& parent) {
+Percentiles read_percentiles(StrictSection& parent) {
   Percentiles percentiles;
   if (!parent.has("percentiles")) return percentiles;
-  JsonReader reader = parent.object("percentiles");
+  StrictSection reader = parent.required_section("percentiles");
   for (const std::string& key : reader.keys()) {
     int percent = 0;
     const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), percent);
     const bool whole = error == std::errc() && end == key.data() + key.size();
-    if (!whole || percent < 0 || percent > 100) reader.fail(key, "must be a whole percentage, 0 to 100");
-    percentiles[percent] = reader.number(key);
+    if (!whole || percent < 0 || percent > 100) throw reader.error(key, "must be a whole percentage, 0 to 100");
+    percentiles[percent] = reader.required_number(key);
   }
   return percentiles;
 }
 
-Histogram read_histogram(JsonReader reader) {
-  Histogram histogram{reader.numbers("edges"), reader.counts("counts")};
+Histogram read_histogram(StrictSection reader) {
+  Histogram histogram{reader.required_numbers("edges"), reader.required_counts("counts")};
   if (histogram.edges.size() != histogram.counts.size() + 1)
-    reader.fail("edges", "must have one more entry than counts");
-  reader.expect_all_read();
+    throw reader.error("edges", "must have one more entry than counts");
+  reader.require_all_keys_used();
   return histogram;
 }
 
-DistanceStatistics read_floor(JsonReader reader) {
-  const DistanceStatistics floor = read_statistics(reader, reader.count("count"));
-  reader.expect_all_read();
+DistanceStatistics read_floor(StrictSection reader) {
+  const DistanceStatistics floor = read_statistics(reader, reader.required_count("count"));
+  reader.require_all_keys_used();
   return floor;
 }
 
-MapMetrics read_map(JsonReader reader) {
+MapMetrics read_map(StrictSection reader) {
   MapMetrics m;
-  m.points = reader.count("points");
-  m.correspondences = reader.count("correspondences");
-  if (m.correspondences > m.points) reader.fail("correspondences", "must not exceed the number of points");
+  m.points = reader.required_count("points");
+  m.correspondences = reader.required_count("correspondences");
+  if (m.correspondences > m.points) throw reader.error("correspondences", "must not exceed the number of points");
   m.distances = read_statistics(reader, m.correspondences);
   m.percentiles = read_percentiles(reader);
-  m.histogram = read_histogram(reader.object("histogram"));
-  m.cutoff_m = reader.number("cutoff");
-  m.quantization_floor = read_floor(reader.object("quantization_floor"));
-  reader.number("share_kept");  // redundant with the counts, as is the next key
-  if (reader.has("cumulative")) reader.numbers("cumulative");
-  if (reader.text("truth") != "voxel-centres") reader.fail("truth", "must be \"voxel-centres\"");
-  reader.expect_all_read();
+  m.histogram = read_histogram(reader.required_section("histogram"));
+  m.cutoff_m = reader.required_number("cutoff");
+  m.quantization_floor = read_floor(reader.required_section("quantization_floor"));
+  reader.required_number("share_kept");  // redundant with the counts, as is the next key
+  if (reader.has("cumulative")) reader.required_numbers("cumulative");
+  if (reader.required_text("truth") != "voxel-centres") throw reader.error("truth", "must be \"voxel-centres\"");
+  reader.require_all_keys_used();
   return m;
 }
 
-std::map<double, double> read_shares(JsonReader reader) {
+std::map<double, double> read_shares(StrictSection reader) {
   std::map<double, double> shares;
   for (const std::string& key : reader.keys()) {
     double threshold_m = 0.0;
     const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), threshold_m);
-    if (error != std::errc() || end != key.data() + key.size()) reader.fail(key, "must be a threshold in metres");
-    shares[threshold_m] = reader.number(key);
+    if (error != std::errc() || end != key.data() + key.size())
+      throw reader.error(key, "must be a threshold in metres");
+    shares[threshold_m] = reader.required_number(key);
   }
   return shares;
 }
 
 /// Empty for older files without a curve.
-CumulativeCurve read_cumulative(JsonReader& parent) {
+CumulativeCurve read_cumulative(StrictSection& parent) {
   if (!parent.has("cumulative")) return {};
-  JsonReader reader = parent.object("cumulative");
-  CumulativeCurve curve{reader.numbers("thresholds"), reader.numbers("shares")};
-  reader.expect_all_read();
+  StrictSection reader = parent.required_section("cumulative");
+  CumulativeCurve curve{reader.required_numbers("thresholds"), reader.required_numbers("shares")};
+  reader.require_all_keys_used();
   return curve;
 }
 
-bool is_given(JsonReader& reader, const std::string& key) { return reader.has(key) && !reader.value(key).is_null(); }
-
-std::optional<SurfaceMetrics> read_surface(JsonReader& parent, const std::string& where) {
-  if (parent.value("surface").is_null()) return std::nullopt;
-  JsonReader reader = parent.object("surface");
+SurfaceMetrics read_surface(StrictSection reader) {
   SurfaceMetrics m;
-  m.distances = read_statistics(reader, reader.count("points"));
+  m.distances = read_statistics(reader, reader.required_count("points"));
   m.percentiles = read_percentiles(reader);
   m.cumulative = read_cumulative(reader);
-  if (is_given(reader, "normals")) m.normals = normals_from_json(reader.value("normals"), where);
-  m.accuracy = read_shares(reader.object("accuracy"));
-  m.completeness = read_shares(reader.object("completeness"));
-  m.f_score = read_shares(reader.object("f_score"));
-  reader.expect_all_read();
+  if (const auto normals = reader.section("normals")) m.normals = read_normal_consistency(*normals);
+  m.accuracy = read_shares(reader.required_section("accuracy"));
+  m.completeness = read_shares(reader.required_section("completeness"));
+  m.f_score = read_shares(reader.required_section("f_score"));
+  reader.require_all_keys_used();
   return m;
 }
 
-RelativePoseError read_relative_error(JsonReader reader) {
+RelativePoseError read_relative_error(StrictSection reader) {
   RelativePoseError e;
-  e.delta_m = reader.number("delta_m");
-  e.pairs = reader.count("pairs");
-  e.translation_rmse_m = reader.number("translation_rmse_m");
-  e.rotation_rmse_deg = reader.number("rotation_rmse_deg");
-  reader.expect_all_read();
+  e.delta_m = reader.required_number("delta_m");
+  e.pairs = reader.required_count("pairs");
+  e.translation_rmse_m = reader.required_number("translation_rmse_m");
+  e.rotation_rmse_deg = reader.required_number("rotation_rmse_deg");
+  reader.require_all_keys_used();
   return e;
 }
 
-PathDrift read_drift(JsonReader reader) {
+PathDrift read_drift(StrictSection reader) {
   PathDrift d;
-  d.segment_length_m = reader.number("stretch_m");
-  d.subpaths = reader.count("subpaths");
-  d.translation_percent = reader.number("translation_percent");
-  d.rotation_deg_per_m = reader.number("rotation_deg_per_m");
-  reader.expect_all_read();
+  d.segment_length_m = reader.required_number("stretch_m");
+  d.subpaths = reader.required_count("subpaths");
+  d.translation_percent = reader.required_number("translation_percent");
+  d.rotation_deg_per_m = reader.required_number("rotation_deg_per_m");
+  reader.require_all_keys_used();
   return d;
 }
 
-ScaleDrift read_scale_drift(JsonReader reader) {
+ScaleDrift read_scale_drift(StrictSection reader) {
   ScaleDrift d;
-  d.segment_length_m = reader.number("stretch_m");
-  d.segments = reader.count("stretches");
-  d.max_deviation = reader.number("largest");
-  d.rms = reader.number("rms");
-  reader.expect_all_read();
+  d.segment_length_m = reader.required_number("stretch_m");
+  d.segments = reader.required_count("stretches");
+  d.max_deviation = reader.required_number("largest");
+  d.rms = reader.required_number("rms");
+  reader.require_all_keys_used();
   return d;
 }
 
-std::optional<TrajectoryMetrics> read_trajectory(JsonReader& parent, const std::string& where) {
-  if (parent.value("trajectory").is_null()) return std::nullopt;
-  JsonReader reader = parent.object("trajectory");
+TrajectoryMetrics read_trajectory(StrictSection reader) {
   TrajectoryMetrics m;
-  m.ate_rmse_m = reader.number("ate_rmse");
-  m.ate_mean_m = reader.number("ate_mean");
-  m.ate_max_m = reader.number("ate_max");
-  m.path_length_m = reader.number("path_length");
-  m.scale = reader.number("scale");
-  m.poses = reader.count("poses");
-  if (reader.has("drift")) m.drift = read_drift(reader.object("drift"));  // older files lack both
-  if (reader.has("scale_drift")) m.scale_drift = read_scale_drift(reader.object("scale_drift"));
-  const json& list = reader.value("rpe");
-  if (!list.is_array()) reader.fail("rpe", "must be a list");
-  for (const json& entry : list) m.rpe.push_back(read_relative_error({entry, where, reader.name("rpe")}));
-  reader.expect_all_read();
+  m.ate_rmse_m = reader.required_number("ate_rmse");
+  m.ate_mean_m = reader.required_number("ate_mean");
+  m.ate_max_m = reader.required_number("ate_max");
+  m.path_length_m = reader.required_number("path_length");
+  m.scale = reader.required_number("scale");
+  m.poses = reader.required_count("poses");
+  if (reader.has("drift")) m.drift = read_drift(reader.required_section("drift"));  // older files lack both
+  if (reader.has("scale_drift")) m.scale_drift = read_scale_drift(reader.required_section("scale_drift"));
+  reader.require("rpe");
+  for (const StrictSection& entry : reader.sections("rpe")) m.rpe.push_back(read_relative_error(entry));
+  reader.require_all_keys_used();
   return m;
 }
 
@@ -217,17 +212,17 @@ json to_json(const Metrics& metrics) {
 }
 
 Metrics metrics_from_json(const json& object, const std::string& where) {
-  JsonReader reader(object, where, "");
+  StrictSection reader(object, where);
   Metrics metrics;
-  metrics.map = read_map(reader.object("map"));
-  metrics.surface = read_surface(reader, where);
-  metrics.trajectory = read_trajectory(reader, where);
-  if (is_given(reader, "entropy")) metrics.entropy = map_entropy_from_json(reader.value("entropy"), where);
-  if (is_given(reader, "error_budget"))
-    metrics.error_budget = error_budget_from_json(reader.value("error_budget"), where);
-  if (reader.has("regions")) metrics.regions = read_region_scores(reader.object("regions"), where);
-  if (reader.has("doubts")) metrics.doubts = doubts_from_json(reader.value("doubts"), where);  // absent in older files
-  reader.expect_all_read();
+  metrics.map = read_map(reader.required_section("map"));
+  for (const char* key : {"surface", "trajectory"}) reader.require(key);  // null if they were not computed
+  if (const auto surface = reader.section("surface")) metrics.surface = read_surface(*surface);
+  if (const auto trajectory = reader.section("trajectory")) metrics.trajectory = read_trajectory(*trajectory);
+  if (const auto entropy = reader.section("entropy")) metrics.entropy = read_map_entropy(*entropy);
+  if (const auto budget = reader.section("error_budget")) metrics.error_budget = read_error_budget(*budget);
+  if (const auto regions = reader.section("regions")) metrics.regions = read_region_scores(*regions);
+  metrics.doubts = read_doubts(reader);  // absent in older files
+  reader.require_all_keys_used();
   return metrics;
 }
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tileflight/evaluation/json_reader.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::evaluation {
 
@@ -66,18 +66,17 @@ nlohmann::json to_json(const NormalConsistency& n) {
           {"share_within_30_deg", n.share_within_30_deg}};
 }
 
-NormalConsistency normals_from_json(const nlohmann::json& object, const std::string& where) {
-  JsonReader reader(object, where, "surface.normals");
+NormalConsistency read_normal_consistency(base::StrictSection reader) {
   NormalConsistency n;
-  n.points = reader.count("points");
-  n.sampled = reader.has("asked") ? reader.count("asked") : n.points;  // older files used all points
-  n.evaluated = reader.count("judged");
-  reader.number("share_judged");  // follows from the counts
-  n.within_m = reader.number("within");
-  n.neighbors = reader.count("neighbors");
-  n.mean_abs_cos = reader.number("mean_abs_cos");
-  n.share_within_30_deg = reader.number("share_within_30_deg");
-  reader.expect_all_read();
+  n.points = reader.required_count("points");
+  n.sampled = reader.has("asked") ? reader.required_count("asked") : n.points;  // older files used all points
+  n.evaluated = reader.required_count("judged");
+  reader.required_number("share_judged");  // follows from the counts
+  n.within_m = reader.required_number("within");
+  n.neighbors = reader.required_count("neighbors");
+  n.mean_abs_cos = reader.required_number("mean_abs_cos");
+  n.share_within_30_deg = reader.required_number("share_within_30_deg");
+  reader.require_all_keys_used();
   return n;
 }
 

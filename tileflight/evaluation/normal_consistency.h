@@ -8,6 +8,10 @@
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/triangle_index.h"
 
+namespace tileflight::base {
+class StrictSection;
+}
+
 namespace tileflight::evaluation {
 
 /// Agreement of a map's normals with those of the true surface. Random normals give a mean |cos| of 1/2 and a share of
@@ -32,7 +36,7 @@ NormalConsistency normal_consistency(const geometry::PointCloud& asked, const ge
 /// {points, asked, judged, share_judged (of those asked), within, neighbors, mean_abs_cos, share_within_30_deg}.
 nlohmann::json to_json(const NormalConsistency& consistency);
 
-/// The inverse; throws InputError (`where`, key, cause).
-NormalConsistency normals_from_json(const nlohmann::json& json, const std::string& where);
+/// The inverse. Throws InputError as StrictSection does.
+NormalConsistency read_normal_consistency(base::StrictSection section);
 
 }  // namespace tileflight::evaluation

@@ -4,8 +4,11 @@
 
 #include <algorithm>
 
+#include "tileflight/base/strict_section.h"
+
 namespace tileflight::evaluation {
 
+using base::StrictSection;
 using geometry::Box3;
 using geometry::Vec3;
 using nlohmann::json;
@@ -33,38 +36,38 @@ json statistics(const DistanceStatistics& s) {
 
 json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-DistanceStatistics read_statistics(JsonReader& reader) {
+DistanceStatistics read_statistics(StrictSection& reader) {
   DistanceStatistics s;
-  s.count = reader.count("points");
-  s.mean = reader.number("mean");
-  s.std = reader.number("std");
-  s.median = reader.number("median");
-  s.rmse = reader.number("rmse");
+  s.count = reader.required_count("points");
+  s.mean = reader.required_number("mean");
+  s.std = reader.required_number("std");
+  s.median = reader.required_number("median");
+  s.rmse = reader.required_number("rmse");
   return s;
 }
 
-DistanceStatistics read_whole(JsonReader reader) {
+DistanceStatistics read_whole(StrictSection reader) {
   const DistanceStatistics s = read_statistics(reader);
-  reader.expect_all_read();
+  reader.require_all_keys_used();
   return s;
 }
 
-Vec3 read_vector(JsonReader& reader, const std::string& key) {
-  const std::vector<double> v = reader.numbers(key);
-  if (v.size() != 3) reader.fail(key, "must be three numbers");
+Vec3 read_vector(StrictSection& reader, const std::string& key) {
+  const std::vector<double> v = reader.required_numbers(key);
+  if (v.size() != 3) throw reader.error(key, "must be three numbers");
   return {v[0], v[1], v[2]};
 }
 
-RegionScore read_region(JsonReader reader) {
+RegionScore read_region(StrictSection reader) {
   RegionScore region;
   const Vec3 center = read_vector(reader, "center"), half = 0.5 * read_vector(reader, "size");
-  if (!(half.minCoeff() > 0.0)) reader.fail("size", "must be positive");
+  if (!(half.minCoeff() > 0.0)) throw reader.error("size", "must be positive");
   region.box = Box3(center - half, center + half);
-  const std::string use = reader.text("use");
-  if (use != "held-out" && use != "aligned-on") reader.fail("use", "must be \"aligned-on\" or \"held-out\"");
+  const std::string use = reader.required_text("use");
+  if (use != "held-out" && use != "aligned-on") throw reader.error("use", "must be \"aligned-on\" or \"held-out\"");
   region.held_out = use == "held-out";
   region.distances = read_statistics(reader);
-  reader.expect_all_read();
+  reader.require_all_keys_used();
   return region;
 }
 
@@ -99,15 +102,13 @@ json to_json(const RegionScores& scores) {
   return {{"aligned_on", statistics(scores.aligned_on)}, {"held_out", statistics(scores.held_out)}, {"each", each}};
 }
 
-RegionScores read_region_scores(JsonReader reader, const std::string& where) {
+RegionScores read_region_scores(StrictSection reader) {
   RegionScores scores;
-  scores.aligned_on = read_whole(reader.object("aligned_on"));
-  scores.held_out = read_whole(reader.object("held_out"));
-  const json& each = reader.value("each");
-  if (!each.is_array()) reader.fail("each", "must be a list of regions");
-  for (std::size_t k = 0; k < each.size(); ++k)
-    scores.each.push_back(read_region(JsonReader(each[k], where, reader.name("each." + std::to_string(k)))));
-  reader.expect_all_read();
+  scores.aligned_on = read_whole(reader.required_section("aligned_on"));
+  scores.held_out = read_whole(reader.required_section("held_out"));
+  reader.require("each");
+  for (const StrictSection& region : reader.sections("each")) scores.each.push_back(read_region(region));
+  reader.require_all_keys_used();
   return scores;
 }
 

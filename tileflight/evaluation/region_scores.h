@@ -4,8 +4,11 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/evaluation/json_reader.h"
 #include "tileflight/evaluation/metrics.h"
+
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight::evaluation {
 
@@ -28,8 +31,8 @@ struct RegionScores {
 RegionScores score_regions(const std::vector<geometry::Vec3>& points, const std::vector<double>& distances_m,
                            const std::vector<geometry::Box3>& aligned_on, const std::vector<geometry::Box3>& held_out);
 
-/// `regions` of metrics.json, and back. Throws InputError as JsonReader does.
+/// `regions` of metrics.json, and back. Throws InputError as StrictSection does.
 nlohmann::json to_json(const RegionScores& scores);
-RegionScores read_region_scores(JsonReader reader, const std::string& where);
+RegionScores read_region_scores(base::StrictSection section);
 
 }  // namespace tileflight::evaluation

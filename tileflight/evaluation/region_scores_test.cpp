@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/strict_section.h"
 
 namespace tileflight::evaluation::region_scores_test {
 namespace {
@@ -40,7 +41,7 @@ TEST(RegionScores, JsonAndBack) {
   const RegionScores s = score_regions(kPoints, kDistances_m, {kLeft}, {kRight, kEmpty});
   const nlohmann::json written = to_json(s);
   const RegionScores back =
-      read_region_scores(JsonReader(nlohmann::json::parse(written.dump()), "metrics.json", ""), "metrics.json");
+      read_region_scores(base::StrictSection(nlohmann::json::parse(written.dump()), "metrics.json"));
   EXPECT_EQ(to_json(back).dump(), written.dump());
   ASSERT_EQ(back.each.size(), 3u);
   EXPECT_TRUE(back.each[1].held_out);
@@ -48,13 +49,13 @@ TEST(RegionScores, JsonAndBack) {
 }
 
 TEST(RegionScores, BrokenOnesAreRefused) {
-  nlohmann::json broken = to_json(score_regions(kPoints, kDistances_m, {kLeft}, {}));
+  nlohmann::json broken = nlohmann::json::parse(to_json(score_regions(kPoints, kDistances_m, {kLeft}, {})).dump());
   broken["each"][0]["use"] = "both";
-  EXPECT_THAT([&] { read_region_scores(JsonReader(broken, "metrics.json", ""), "metrics.json"); },
-              ThrowsMessage<InputError>(HasSubstr("key 'each.0.use' must be")));
+  EXPECT_THAT([&] { read_region_scores(base::StrictSection(broken, "metrics.json")); },
+              ThrowsMessage<InputError>(HasSubstr("'each[0].use' must be")));
   broken["each"] = 3;
-  EXPECT_THAT([&] { read_region_scores(JsonReader(broken, "metrics.json", ""), "metrics.json"); },
-              ThrowsMessage<InputError>(HasSubstr("key 'each' must be a list of regions")));
+  EXPECT_THAT([&] { read_region_scores(base::StrictSection(broken, "metrics.json")); },
+              ThrowsMessage<InputError>(HasSubstr("'each' must be a list")));
 }
 
 }  // namespace

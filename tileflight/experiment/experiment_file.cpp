@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/experiment/command_files.h"
 #include "tileflight/experiment/stage_options.h"
 
@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 namespace {
 
 /// `origin: [lat, lon, height]`, `center: [lat, lon]` or `[lat, lon, height]`.
-geometry::Geodetic geodetic(const YamlSection& section, const std::string& key, const std::vector<double>& numbers) {
+geometry::Geodetic geodetic(const StrictSection& section, const std::string& key, const std::vector<double>& numbers) {
   if (std::abs(numbers[0]) > 90.0 || std::abs(numbers[1]) > 360.0) {
     throw section.error(key, "must be latitude, longitude in degrees (and height in metres)");
   }
@@ -26,20 +26,14 @@ geometry::Geodetic geodetic(const YamlSection& section, const std::string& key, 
 geometry::Vec3 vec3(const std::vector<double>& numbers) { return {numbers[0], numbers[1], numbers[2]}; }
 
 /// A tileset named as SOURCE on the command line; a path is relative to the file.
-std::string read_source(YamlSection& section, const std::string& key) {
+std::string read_source(StrictSection& section, const std::string& key) {
   const std::optional<std::string> text = section.text(key);
   if (!text) return "";
   const bool is_path = text->find(':') == std::string::npos && *text != "google";
   return is_path ? (section.file().parent_path() / *text).lexically_normal().string() : *text;
 }
 
-double read_positive(YamlSection& section, const std::string& key, double fallback) {
-  const double value = section.number(key).value_or(fallback);
-  if (value <= 0) throw section.error(key, "must be positive");
-  return value;
-}
-
-SiteConfig read_place(YamlSection section) {
+SiteConfig read_place(StrictSection section) {
   SiteConfig place;
   place.source = read_source(section, "source");
   if (place.source.empty()) throw section.error("source", "is missing: the tileset, e.g. `source: tiles/tileset.json`");
@@ -51,7 +45,7 @@ SiteConfig read_place(YamlSection section) {
   place.terms_accepted = section.boolean("terms_accepted").value_or(false);
   place.view_margin_m = section.number("view_margin").value_or(place.view_margin_m);
   if (place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
-  place.texture_scale = read_positive(section, "texture_scale", place.texture_scale);
+  place.texture_scale = section.positive_number("texture_scale").value_or(place.texture_scale);
   if (place.error_m < 0) throw section.error("error", "must not be negative");
   if (place.center && place.center_local) throw section.error("center_local", "does not go together with 'center'");
   if ((place.center || place.center_local) != place.size.has_value()) {
@@ -61,26 +55,26 @@ SiteConfig read_place(YamlSection section) {
   return place;
 }
 
-TruthConfig read_truth(YamlSection section) {
+TruthConfig read_truth(StrictSection section) {
   TruthConfig truth;
-  truth.voxel_m = read_positive(section, "voxel", truth.voxel_m);
-  truth.samples_per_m2 = read_positive(section, "samples_per_m2", truth.samples_per_m2);
+  truth.voxel_m = section.positive_number("voxel").value_or(truth.voxel_m);
+  truth.samples_per_m2 = section.positive_number("samples_per_m2").value_or(truth.samples_per_m2);
   section.require_all_keys_used();
   return truth;
 }
 
-fs::path required_path(YamlSection& section, const std::string& key) {
+fs::path required_path(StrictSection& section, const std::string& key) {
   const std::optional<fs::path> path = section.path(key);
   if (!path) throw section.error(key, "is missing");
   if (!fs::exists(*path)) throw section.error(key, "names " + path->string() + ", which does not exist");
   return *path;
 }
 
-fs::path optional_path(YamlSection& section, const std::string& key) {
+fs::path optional_path(StrictSection& section, const std::string& key) {
   return section.has(key) ? required_path(section, key) : fs::path();
 }
 
-void read_resolution(YamlSection& section, survey::RenderedFlightConfig& render) {
+void read_resolution(StrictSection& section, survey::RenderedFlightConfig& render) {
   const auto v = section.numbers("resolution", 2, 2);
   if (!v) return;
   render.width = static_cast<int>((*v)[0]);
@@ -88,7 +82,7 @@ void read_resolution(YamlSection& section, survey::RenderedFlightConfig& render)
   if (*render.width < 16 || *render.height < 16) throw section.error("resolution", "must be at least 16 x 16");
 }
 
-survey::RenderedFlightConfig read_render(YamlSection section) {
+survey::RenderedFlightConfig read_render(StrictSection section) {
   survey::RenderedFlightConfig render;
   render.follows_real = section.choice("follow", {"real"}).has_value();
   if (!render.follows_real) render.flight = required_path(section, "flight");
@@ -112,7 +106,7 @@ survey::RenderedFlightConfig read_render(YamlSection section) {
 }
 
 /// The content of a section without some of its keys.
-std::string meaning_without(const YamlSection& section, const std::vector<std::string>& left_out) {
+std::string meaning_without(const StrictSection& section, const std::vector<std::string>& left_out) {
   std::vector<std::string> keys = section.keys();
   std::ranges::sort(keys);
   std::string text;
@@ -122,7 +116,7 @@ std::string meaning_without(const YamlSection& section, const std::vector<std::s
   return text;
 }
 
-Variant read_variant(YamlSection section, const survey::RenderedFlightConfig& flight) {
+Variant read_variant(StrictSection section, const survey::RenderedFlightConfig& flight) {
   Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .yaml_text = {}};
   const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
   if (variant.name.empty() || !std::ranges::all_of(variant.name, is_plain))
@@ -134,7 +128,7 @@ Variant read_variant(YamlSection section, const survey::RenderedFlightConfig& fl
   if (section.has("camera")) variant.render.camera = required_path(section, "camera");
   read_resolution(section, variant.render);
   variant.render.samples_per_pixel = section.integer("samples_per_pixel").value_or(flight.samples_per_pixel);
-  if (section.has("texture_scale")) variant.texture_scale = read_positive(section, "texture_scale", 1.0);
+  if (section.has("texture_scale")) variant.texture_scale = section.positive_number("texture_scale").value_or(1.0);
   if (auto degrade = section.section("degrade")) {
     variant.render.video.reset();
     read_degrade(*degrade, variant.render);
@@ -144,9 +138,9 @@ Variant read_variant(YamlSection section, const survey::RenderedFlightConfig& fl
   return variant;
 }
 
-std::vector<Variant> read_variants(YamlSection& root, const std::optional<FlightConfig>& simulated) {
+std::vector<Variant> read_variants(StrictSection& root, const std::optional<FlightConfig>& simulated) {
   std::vector<Variant> variants;
-  for (YamlSection& section : root.sections("variants")) {
+  for (StrictSection& section : root.sections("variants")) {
     if (!simulated || !simulated->render) throw root.error("variants", "need a rendered 'simulated' flight");
     variants.push_back(read_variant(section, *simulated->render));
     for (std::size_t i = 0; i + 1 < variants.size(); ++i)
@@ -156,7 +150,7 @@ std::vector<Variant> read_variants(YamlSection& root, const std::optional<Flight
   return variants;
 }
 
-survey::IngestedFlightConfig read_ingest(YamlSection section) {
+survey::IngestedFlightConfig read_ingest(StrictSection section) {
   survey::IngestedFlightConfig ingest;
   ingest.video = required_path(section, "video");
   ingest.camera = required_path(section, "camera");
@@ -179,7 +173,7 @@ survey::IngestedFlightConfig read_ingest(YamlSection section) {
   return ingest;
 }
 
-FlightConfig read_flight(YamlSection section, const std::string& default_kind) {
+FlightConfig read_flight(StrictSection section, const std::string& default_kind) {
   FlightConfig flight;
   flight.kind = section.choice("kind", {"simulated", "video", "surrogate"}).value_or(default_kind);
   if (auto render = section.section("render")) flight.render = read_render(*render);
@@ -193,7 +187,7 @@ FlightConfig read_flight(YamlSection section, const std::string& default_kind) {
   return flight;
 }
 
-void read_repetition(YamlSection& section, OdometryConfig& odometry) {
+void read_repetition(StrictSection& section, OdometryConfig& odometry) {
   constexpr int kMostRuns = 100;
   odometry.runs = section.integer("runs").value_or(odometry.runs);
   if (odometry.runs < 1 || odometry.runs > kMostRuns) throw section.error("runs", "must be 1 to 100");
@@ -205,7 +199,7 @@ void read_repetition(YamlSection& section, OdometryConfig& odometry) {
                         "applies to the built-in odometry only; an external command chooses its own frame order");
 }
 
-OdometryConfig read_odometry(YamlSection section) {
+OdometryConfig read_odometry(StrictSection section) {
   OdometryConfig odometry;
   odometry.command = section.text("command").value_or("");
   odometry.options = read_odometry_options(section);
@@ -220,34 +214,33 @@ OdometryConfig read_odometry(YamlSection section) {
   return odometry;
 }
 
-double read_ratio_margin(YamlSection& section, const std::string& key, double fallback) {
-  const double value = read_positive(section, key, fallback);
-  if (!(value > 1.0))
-    throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
+double read_ratio_margin(StrictSection& section, const std::string& key, double fallback) {
+  const double value = section.positive_number(key).value_or(fallback);
+  if (!(value > 1.0)) throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
   return value;
 }
 
-scoring::EvaluationSettings read_evaluation(YamlSection section) {
+scoring::EvaluationSettings read_evaluation(StrictSection section) {
   scoring::EvaluationSettings settings;
-  settings.cutoff_m = read_positive(section, "cutoff", settings.cutoff_m);
+  settings.cutoff_m = section.positive_number("cutoff").value_or(settings.cutoff_m);
   if (const auto v = section.numbers("thresholds", 1, 16)) settings.thresholds_m = *v;
-  settings.equivalence_margin_m = read_positive(section, "equivalence_margin", settings.equivalence_margin_m);
+  settings.equivalence_margin_m = section.positive_number("equivalence_margin").value_or(settings.equivalence_margin_m);
   settings.ratio_margin = read_ratio_margin(section, "ratio_margin", settings.ratio_margin);
-  settings.share_margin = read_positive(section, "share_margin", settings.share_margin);
+  settings.share_margin = section.positive_number("share_margin").value_or(settings.share_margin);
   settings.completeness_margin = read_ratio_margin(section, "completeness_margin", settings.completeness_margin);
-  settings.lacking_margin = read_positive(section, "lacking_margin", settings.lacking_margin);
-  settings.path_margin_m = read_positive(section, "path_margin", settings.path_margin_m);
+  settings.lacking_margin = section.positive_number("lacking_margin").value_or(settings.lacking_margin);
+  settings.path_margin_m = section.positive_number("path_margin").value_or(settings.path_margin_m);
   settings.completeness_samples_per_m2 =
-      read_positive(section, "completeness_samples_per_m2", settings.completeness_samples_per_m2);
-  settings.entropy_radius_m = read_positive(section, "entropy_radius", settings.entropy_radius_m);
-  settings.agreement_cell_m = read_positive(section, "agreement_cell", settings.agreement_cell_m);
+      section.positive_number("completeness_samples_per_m2").value_or(settings.completeness_samples_per_m2);
+  settings.entropy_radius_m = section.positive_number("entropy_radius").value_or(settings.entropy_radius_m);
+  settings.agreement_cell_m = section.positive_number("agreement_cell").value_or(settings.agreement_cell_m);
   section.require_all_keys_used();
   return settings;
 }
 
 }  // namespace
 
-void read_degrade(YamlSection& section, survey::RenderedFlightConfig& flight) {
+void read_degrade(StrictSection& section, survey::RenderedFlightConfig& flight) {
   const std::optional<int> crf = section.integer("video_crf");
   const std::optional<double> megabits = section.number("video_bitrate");
   if (crf && megabits) throw section.error("video_bitrate", "does not go together with 'video_crf'");
@@ -262,7 +255,7 @@ std::vector<fs::path> command_input_files(const Experiment& experiment) {
 }
 
 Experiment read_experiment(const fs::path& file) {
-  YamlSection root = YamlSection::load(file);
+  StrictSection root = StrictSection::load(file);
   Experiment experiment;
   experiment.file = file;
   experiment.name = root.text("name").value_or(file.stem().string());

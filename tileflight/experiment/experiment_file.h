@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tileflight/alignment/align_map.h"
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/dataset/video.h"
 #include "tileflight/flight/smoothing.h"
 #include "tileflight/geometry/geodesy.h"
@@ -89,7 +89,7 @@ struct Experiment {
 };
 
 /// Reads the keys of `degrade:`, from an experiment's section or a separate file, into the flight. Throws InputError.
-void read_degrade(base::YamlSection& section, survey::RenderedFlightConfig& flight);
+void read_degrade(base::StrictSection& section, survey::RenderedFlightConfig& flight);
 
 /// The files named by `odometry.command` (command_files.h).
 std::vector<std::filesystem::path> command_input_files(const Experiment& experiment);

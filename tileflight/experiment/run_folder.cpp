@@ -16,6 +16,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/folder_marker.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/make_folder.h"
 #include "tileflight/base/output_folder.h"
 
 namespace tileflight::experiment {
@@ -107,12 +108,6 @@ void write_marker(const fs::path& folder) {
                    "tileflight run\n# Stages of this run; stages whose inputs change are run again.\n");
 }
 
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
-}
-
 bool is_run_file(const fs::path& file) {
   const std::string name = file.filename().string();
   const std::string with_folder = file.parent_path().filename().string() + "/" + name;
@@ -143,10 +138,10 @@ void check_run_folder(const fs::path& folder) {
 
 RunFolder::RunFolder(fs::path folder) : path_(std::move(folder)) {
   check_run_folder(path_);
-  make_folder(path_);
+  base::make_folder(path_);
   lock_ = lock_folder(path_);
   write_marker(path_);
-  make_folder(path_ / "stages");
+  base::make_folder(path_ / "stages");
 }
 
 RunFolder::~RunFolder() {

@@ -11,20 +11,14 @@ namespace {
 
 constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
 
-double read_positive(YamlSection& section, const std::string& key, double fallback) {
-  const double value = section.number(key).value_or(fallback);
-  if (value <= 0) throw section.error(key, "must be positive");
-  return value;
-}
-
-int read_at_least(YamlSection& section, const std::string& key, int min, int fallback) {
+int read_at_least(StrictSection& section, const std::string& key, int min, int fallback) {
   const int value = section.integer(key).value_or(fallback);
   if (value < min) throw section.error(key, "must be at least " + std::to_string(min));
   return value;
 }
 
 /// `method: all-evidence`, or one of ICP's methods.
-void read_method(YamlSection& section, alignment::AlignMapOptions& options) {
+void read_method(StrictSection& section, alignment::AlignMapOptions& options) {
   using alignment::IcpMethod;
   const auto word =
       section.choice("method", {"all-evidence", "point-to-point", "point-to-plane", "point-to-mesh", "generalized"});
@@ -37,19 +31,19 @@ void read_method(YamlSection& section, alignment::AlignMapOptions& options) {
 }
 
 /// The section's presence enables it.
-render::AutoExposure read_auto_exposure(YamlSection& section) {
+render::AutoExposure read_auto_exposure(StrictSection& section) {
   constexpr double kMiddleGrey = 0.18;
   render::AutoExposure a;
-  a.target = read_positive(section, "target", kMiddleGrey);
+  a.target = section.positive_number("target").value_or(kMiddleGrey);
   a.time_constant_s = section.number("time_constant").value_or(a.time_constant_s);
-  a.min_gain = read_positive(section, "min_gain", a.min_gain);
-  a.max_gain = read_positive(section, "max_gain", a.max_gain);
+  a.min_gain = section.positive_number("min_gain").value_or(a.min_gain);
+  a.max_gain = section.positive_number("max_gain").value_or(a.max_gain);
   section.require_all_keys_used();
   return a;
 }
 
 /// `light: {model: baked | sun-and-sky, time, turbidity, ground_albedo, exposure, white_balance}`.
-std::optional<render::DaylightOptions> read_light(YamlSection& section) {
+std::optional<render::DaylightOptions> read_light(StrictSection& section) {
   const bool is_baked = section.choice("model", {"baked", "sun-and-sky"}).value_or("sun-and-sky") == "baked";
   render::DaylightOptions light;
   if (const auto time = section.text("time")) {
@@ -66,7 +60,7 @@ std::optional<render::DaylightOptions> read_light(YamlSection& section) {
 }
 
 /// `key: [red, green, blue]`, 0 to 255.
-std::optional<imaging::Rgb8> read_color(YamlSection& section, const std::string& key) {
+std::optional<imaging::Rgb8> read_color(StrictSection& section, const std::string& key) {
   const auto values = section.numbers(key, 3, 3);
   if (!values) return std::nullopt;
   imaging::Rgb8 color;
@@ -79,9 +73,9 @@ std::optional<imaging::Rgb8> read_color(YamlSection& section, const std::string&
 }
 
 /// `key: [{center: [x, y, z], size: [east, north, up]}]`, metres, local frame.
-std::vector<geometry::Box3> read_regions(YamlSection& section, const std::string& key) {
+std::vector<geometry::Box3> read_regions(StrictSection& section, const std::string& key) {
   std::vector<geometry::Box3> regions;
-  for (YamlSection& region : section.sections(key)) {
+  for (StrictSection& region : section.sections(key)) {
     const auto center = region.numbers("center", 3, 3);
     const auto size = region.numbers("size", 3, 3);
     if (!center) throw region.error("center", "is missing");
@@ -101,7 +95,7 @@ std::vector<geometry::Box3> read_regions(YamlSection& section, const std::string
 /// exposure_samples, line_delay (s), vignetting, auto_exposure {target, time_constant (s), min_gain, max_gain},
 /// exposure_drift, exposure_drift_period (s), exposure_steps [{time, gain}], white_electrons, read_noise_electrons,
 /// gamma, sharpening, sharpening_radius (px).
-render::ImageFormation read_image_formation(YamlSection& section) {
+render::ImageFormation read_image_formation(StrictSection& section) {
   render::ImageFormation f;
   const auto number = [&section](const std::string& key, double& value) {
     value = section.number(key).value_or(value);
@@ -118,7 +112,7 @@ render::ImageFormation read_image_formation(YamlSection& section) {
   if (auto automatic = section.section("auto_exposure")) f.auto_exposure = read_auto_exposure(*automatic);
   number("exposure_drift", f.exposure_drift);
   number("exposure_drift_period", f.exposure_drift_period_s);
-  for (YamlSection& step : section.sections("exposure_steps")) {
+  for (StrictSection& step : section.sections("exposure_steps")) {
     f.exposure_steps.push_back({step.number("time").value_or(0.0), step.number("gain").value_or(1.0)});
     step.require_all_keys_used();
   }
@@ -134,9 +128,9 @@ render::ImageFormation read_image_formation(YamlSection& section) {
 
 namespace {
 
-alignment::RobustKernel read_kernel(YamlSection& section, alignment::RobustKernel kernel) {
+alignment::RobustKernel read_kernel(StrictSection& section, alignment::RobustKernel kernel) {
   using alignment::KernelType;
-  kernel.scale_m = read_positive(section, "kernel_scale", kernel.scale_m);
+  kernel.scale_m = section.positive_number("kernel_scale").value_or(kernel.scale_m);
   const auto word = section.choice("kernel", {"none", "huber", "tukey", "geman-mcclure"});
   if (word && *word != "none") {
     kernel.kind = *word == "huber"   ? KernelType::kHuber
@@ -147,7 +141,7 @@ alignment::RobustKernel read_kernel(YamlSection& section, alignment::RobustKerne
 }
 
 /// `start: auto | as-it-is | geometry | true-poses`, or the path of a transform.json.
-void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
+void read_start(StrictSection& section, alignment::AlignMapOptions& options) {
   const std::string word = section.text("start").value_or("auto");
   if (word == "auto") return;
   if (word == "as-it-is") {
@@ -162,7 +156,7 @@ void read_start(YamlSection& section, alignment::AlignMapOptions& options) {
   }
 }
 
-std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<double>& fallback) {
+std::vector<double> read_scale_seeds(StrictSection& section, const std::vector<double>& fallback) {
   const auto seeds = section.numbers("scale_seeds", 1, 16);
   if (!seeds) return fallback;
   for (const double seed : *seeds) {
@@ -173,23 +167,23 @@ std::vector<double> read_scale_seeds(YamlSection& section, const std::vector<dou
 
 }  // namespace
 
-alignment::AlignMapOptions read_alignment_options(YamlSection& section) {
+alignment::AlignMapOptions read_alignment_options(StrictSection& section) {
   alignment::AlignMapOptions options;
   if (section.choice("preset", {"paper", "default"}).value_or("default") == "paper")
     options = alignment::paper_options();
   read_start(section, options);
   options.icp.kernel = read_kernel(section, options.icp.kernel);
-  options.icp.kept_share = read_positive(section, "kept_share", options.icp.kept_share);
+  options.icp.kept_share = section.positive_number("kept_share").value_or(options.icp.kept_share);
   if (options.icp.kept_share > 1.0) throw section.error("kept_share", "must be at most 1");
   options.scale_seeds = read_scale_seeds(section, options.scale_seeds);
   read_method(section, options);
-  options.icp.radius_m = read_positive(section, "radius", options.icp.radius_m);
-  options.icp.rms_change_m = read_positive(section, "rms_change", options.icp.rms_change_m);
+  options.icp.radius_m = section.positive_number("radius").value_or(options.icp.radius_m);
+  options.icp.rms_change_m = section.positive_number("rms_change").value_or(options.icp.rms_change_m);
   options.icp.max_iterations = read_at_least(section, "max_iterations", 1, options.icp.max_iterations);
   if (section.choice("scale", {"estimated", "fixed"}).value_or("estimated") == "fixed") {
     options.icp.scale = alignment::ScaleMode::kFixed;
   }
-  options.icp.max_scale_change = read_positive(section, "max_scale_change", options.icp.max_scale_change);
+  options.icp.max_scale_change = section.positive_number("max_scale_change").value_or(options.icp.max_scale_change);
   if (options.icp.max_scale_change < 1) throw section.error("max_scale_change", "must be at least 1");
   options.icp.regions = read_regions(section, "regions");
   options.held_out = read_regions(section, "held_out");
@@ -203,7 +197,7 @@ alignment::AlignMapOptions read_alignment_options(YamlSection& section) {
   return options;
 }
 
-odometry::OdometryOptions read_odometry_options(YamlSection& section) {
+odometry::OdometryOptions read_odometry_options(StrictSection& section) {
   odometry::OdometryOptions options;
   options.selection.points_per_keyframe =
       read_at_least(section, "points_per_keyframe", 50, options.selection.points_per_keyframe);
@@ -213,7 +207,8 @@ odometry::OdometryOptions read_odometry_options(YamlSection& section) {
       read_at_least(section, "max_keyframes", options.window.min_keyframes, options.window.max_keyframes);
   options.window.iterations = read_at_least(section, "iterations", 1, options.window.iterations);
   options.map.min_observations = read_at_least(section, "min_observations", 1, options.map.min_observations);
-  options.map.max_relative_sigma = read_positive(section, "max_relative_deviation", options.map.max_relative_sigma);
+  options.map.max_relative_sigma =
+      section.positive_number("max_relative_deviation").value_or(options.map.max_relative_sigma);
   if (const auto deg = section.number("min_parallax")) {
     if (!(*deg >= 0.0)) throw section.error("min_parallax", "must not be negative");
     options.map.min_parallax_rad = *deg * kRadiansOfDegree;

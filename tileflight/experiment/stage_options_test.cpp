@@ -12,7 +12,7 @@ namespace {
 using testing::HasSubstr;
 
 render::ImageFormation formation(const std::string& text) {
-  YamlSection section(YAML::Load(text), "degrade.yaml", "");
+  StrictSection section(base::DocumentValue(YAML::Load(text)), "degrade.yaml", "");
   return read_image_formation(section);
 }
 

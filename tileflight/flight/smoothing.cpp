@@ -3,14 +3,15 @@
 #include <iomanip>
 #include <sstream>
 
+#include "tileflight/base/strict_section.h"
 #include "tileflight/base/text_parsing.h"
 
 namespace tileflight::flight {
 
-std::optional<SmoothingOptions> read_smoothing(base::YamlSection& section,
-                                               const std::optional<SmoothingOptions>& otherwise) {
+std::optional<SmoothingOptions> read_smoothing(base::StrictSection& section,
+                                               const std::optional<SmoothingOptions>& fallback) {
   const std::optional<std::string> text = section.text("smooth");
-  if (!text) return otherwise;
+  if (!text) return fallback;
   if (*text == "none") return std::nullopt;
   if (*text == "auto") return SmoothingOptions{};
   const std::optional<double> spacing_s = base::parse_finite_number(*text);

@@ -3,7 +3,9 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/base/yaml_section.h"
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight::flight {
 
@@ -16,9 +18,9 @@ struct SmoothingOptions {
 };
 
 /// Reads the key `smooth` of a section: `none` (interpolate every pose), `auto`, or seconds between knots. Returns
-/// `otherwise` if the key is absent. Throws InputError for anything else.
-std::optional<SmoothingOptions> read_smoothing(base::YamlSection& section,
-                                               const std::optional<SmoothingOptions>& otherwise);
+/// `fallback` if the key is absent. Throws InputError for anything else.
+std::optional<SmoothingOptions> read_smoothing(base::StrictSection& section,
+                                               const std::optional<SmoothingOptions>& fallback);
 
 /// Describes the smoothing in words.
 std::string smoothing_text(const std::optional<SmoothingOptions>& smoothing);

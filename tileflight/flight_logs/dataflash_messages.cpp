@@ -14,6 +14,7 @@
 #include <optional>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 
 namespace tileflight::flight_logs {
 namespace {
@@ -27,8 +28,6 @@ constexpr std::size_t kMessageHeaderBytes = 3;
 constexpr std::size_t kFormatType = 128;
 constexpr std::size_t kFormatBytes = 89;
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
-
-std::string_view text_of(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
 template <typename T>
 double number_at(Bytes bytes, std::size_t offset) {
@@ -88,7 +87,7 @@ const FieldType* field_type(char letter) {
 
 /// Text in a fixed-length field, up to its first zero byte.
 std::string_view text_field(Bytes bytes, std::size_t offset, std::size_t length) {
-  const std::string_view text = text_of(bytes.subspan(offset, length));
+  const std::string_view text = base::as_text(bytes.subspan(offset, length));
   return text.substr(0, text.find('\0'));
 }
 
@@ -172,13 +171,13 @@ class Reader {
   /// Size of the message at this offset, including its header; 0 if there is none.
   std::size_t message_bytes(std::size_t at) const {
     const Bytes rest = bytes_.subspan(at);
-    if (rest.size() < kMessageHeaderBytes || !text_of(rest.first(2)).starts_with(kMagic)) return 0;
+    if (rest.size() < kMessageHeaderBytes || !base::as_text(rest.first(2)).starts_with(kMagic)) return 0;
     return layouts_[static_cast<std::uint8_t>(rest[2])].bytes;
   }
 
   /// The next offset at which a whole message may start, or the end of the file.
   std::size_t next_message(std::size_t at) const {
-    const std::string_view text = text_of(bytes_);
+    const std::string_view text = base::as_text(bytes_);
     for (at = text.find(kMagic, at); at != std::string_view::npos; at = text.find(kMagic, at + 1)) {
       const std::size_t size = message_bytes(at);
       if (size > 0 && at + size <= bytes_.size()) return at;

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/base/text_parsing.h"
 
 namespace tileflight::flight_logs {
@@ -27,8 +28,6 @@ constexpr std::string_view kMagic("ULog\x01\x12\x35", 7);
 constexpr std::string_view kLetters = "BFIMPQARDLCSO";
 /// A complete synchronization message: size, letter, eight fixed bytes.
 constexpr std::string_view kSync("\x08\x00S\x2F\x73\x13\x20\x25\x0C\xBB\x12", 11);
-
-std::string_view text_of(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
 template <typename T>
 T value_at(Bytes bytes, std::size_t offset) {
@@ -134,7 +133,7 @@ class Reader {
 
  private:
   void check_header() const {
-    if (!text_of(bytes_).starts_with(kMagic))
+    if (!base::as_text(bytes_).starts_with(kMagic))
       throw InputError(where_, "is not a ULog file: it does not start with 'ULog'");
     if (bytes_.size() < kHeaderBytes) throw InputError(where_, "is truncated within the header; copy the log again");
   }
@@ -169,7 +168,7 @@ class Reader {
         at += *size;
         continue;
       }
-      const std::size_t sync = text_of(rest).find(kSync);
+      const std::size_t sync = base::as_text(rest).find(kSync);
       if (sync == std::string_view::npos) {
         cut_ = cut_ || is_last;
         return;
@@ -198,14 +197,14 @@ class Reader {
   }
 
   void add_format(Bytes payload) {
-    if (std::optional<Format> format = parse_format(text_of(payload))) {
+    if (std::optional<Format> format = parse_format(base::as_text(payload))) {
       formats_.insert_or_assign(format->topic, std::move(format->fields));
     }
   }
 
   void subscribe(Bytes payload) {
     if (payload.size() <= 3 || value_at<std::uint8_t>(payload, 0) != 0) return;  // instance 0 only
-    const auto topic = wanted_.find(std::string(text_of(payload.subspan(3))));
+    const auto topic = wanted_.find(std::string(base::as_text(payload.subspan(3))));
     if (topic == wanted_.end()) return;
     Subscription subscription{.topic = topic->first, .locations = {}};
     for (const std::string& field : topic->second) subscription.locations.push_back(find_field(topic->first, field));

@@ -19,13 +19,6 @@ namespace {
 /// Limit of file size; clouds of several hundred million points are accepted.
 constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
 
-/// ".ply" of "map.PLY".
-std::string ending_of(const std::filesystem::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-  return ending;
-}
-
 InputError unknown_ending(const std::filesystem::path& file) {
   return {file.string(), "unknown point-cloud format (.ply, .pcd or .xyz expected)"};
 }
@@ -176,23 +169,10 @@ std::string xyz_header(const PointCloud& cloud) {
   return text + "\n";
 }
 
-/// Appends a polygon as a fan of triangles.
-void append_fan(const std::vector<double>& corners, std::size_t vertices, const std::string& where,
-                std::vector<Triangle>& triangles) {
-  if (corners.size() < 3) throw InputError(where, "has fewer than three corners");
-  for (const double corner : corners) {
-    if (!(corner >= 0.0) || corner != std::floor(corner) || corner >= static_cast<double>(vertices)) {
-      throw InputError(where, "refers to a vertex that does not exist");
-    }
-  }
-  const auto index = [&](std::size_t i) { return static_cast<std::uint32_t>(corners[i]); };
-  for (std::size_t i = 2; i < corners.size(); ++i) triangles.push_back({index(0), index(i - 1), index(i)});
-}
-
 }  // namespace
 
 PointCloud read_cloud(const std::filesystem::path& file) {
-  const std::string ending = ending_of(file);
+  const std::string ending = base::to_lower(file.extension().string());
   std::error_code error;
   if (!std::filesystem::exists(file, error))
     throw InputError(file.string(), "cannot be opened: No such file or directory");
@@ -204,49 +184,12 @@ PointCloud read_cloud(const std::filesystem::path& file) {
 }
 
 void write_cloud(const std::filesystem::path& file, const PointCloud& cloud, CloudEncoding encoding) {
-  const std::string ending = ending_of(file);
+  const std::string ending = base::to_lower(file.extension().string());
   if (ending == ".ply") return write_rows(file, ply_header(cloud, encoding), cloud, encoding);
   if (ending == ".xyz") return write_rows(file, xyz_header(cloud), cloud, CloudEncoding::kAscii);
   if (ending != ".pcd") throw unknown_ending(file);
   base::write_file(file,
                    encode_pcd(cloud, encoding == CloudEncoding::kAscii ? PcdEncoding::kAscii : PcdEncoding::kBinary));
-}
-
-TriangleMesh read_ply_mesh(const std::filesystem::path& file) {
-  const std::string bytes = base::read_text(file, kMaxBytes);
-  const PlyHeader header = parse_ply_header(bytes, file.string());
-  TriangleMesh mesh;
-  mesh.vertices = parse_ply_cloud(bytes, file.string()).positions;
-  const PlyElement* face = header.find("face");
-  if (face == nullptr || face->count == 0)
-    throw InputError(file.string(), "has no faces: a mesh is needed, not a cloud");
-  const auto corners = std::find_if(face->properties.begin(), face->properties.end(), [](const PlyProperty& p) {
-    return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
-  });
-  if (corners == face->properties.end()) throw InputError(file.string(), "its faces have no list 'vertex_indices'");
-  const auto wanted = static_cast<std::size_t>(corners - face->properties.begin());
-  visit_ply_element(bytes, header, "face", file.string(),
-                    [&](std::uint64_t row, std::size_t property, const std::vector<double>& values) {
-                      if (property != wanted) return;
-                      const std::string where = file.string() + ", face " + std::to_string(row);
-                      append_fan(values, mesh.vertices.size(), where, mesh.triangles);
-                    });
-  return mesh;
-}
-
-void write_ply_mesh(const std::filesystem::path& file, const TriangleMesh& mesh) {
-  std::string text = "ply\n" + ply_format_line(CloudEncoding::kBinary) + "element vertex " +
-                     std::to_string(mesh.vertices.size()) +
-                     "\nproperty double x\nproperty double y\nproperty double z\nelement face " +
-                     std::to_string(mesh.triangles.size()) + "\nproperty list uchar uint vertex_indices\nend_header\n";
-  for (const Vec3& v : mesh.vertices) {
-    for (const double value : v) append_value(text, value, CloudEncoding::kBinary);
-  }
-  for (const Triangle& t : mesh.triangles) {
-    append_value(text, std::uint8_t{3}, CloudEncoding::kBinary);
-    for (const std::uint32_t corner : t) append_value(text, corner, CloudEncoding::kBinary);
-  }
-  base::write_file(file, text);
 }
 
 }  // namespace tileflight::geometry

@@ -19,8 +19,4 @@ PointCloud read_cloud(const std::filesystem::path& file);
 void write_cloud(const std::filesystem::path& file, const PointCloud& cloud,
                  CloudEncoding encoding = CloudEncoding::kBinary);
 
-/// Reads the triangles of a PLY file (polygons are split into fans); throws InputError if it has no faces.
-TriangleMesh read_ply_mesh(const std::filesystem::path& file);
-void write_ply_mesh(const std::filesystem::path& file, const TriangleMesh& mesh);
-
 }  // namespace tileflight::geometry

@@ -309,38 +309,6 @@ TEST(Xyz, BadInputIsNamed) {
   expect_refused("c.xyz", "1 2 nan\n", "not finite");
 }
 
-TEST(PlyMesh, RoundTripAndPolygons) {
-  const tests::TemporaryFolder folder;
-  const TriangleMesh mesh{{{0, 0, 2885.0001}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}, {{0, 1, 2}, {1, 3, 2}}};
-  write_ply_mesh(folder / "m.ply", mesh);
-  const TriangleMesh read = read_ply_mesh(folder / "m.ply");
-  EXPECT_EQ(read.vertices, mesh.vertices);
-  EXPECT_EQ(read.triangles, mesh.triangles);
-  base::write_file(
-      folder / "quad.ply",
-      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face "
-      "1\nproperty uchar flags\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 4 0 1 "
-      "2 3\n");
-  EXPECT_DOUBLE_EQ(surface_area_m2(read_ply_mesh(folder / "quad.ply")), 1.0);
-}
-
-TEST(PlyMesh, BadInputIsNamed) {
-  const tests::TemporaryFolder folder;
-  const std::string head =
-      kPlyHead + "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n";
-  const auto expect = [&](const std::string& text, const std::string& message) {
-    base::write_file(folder / "m.ply", text);
-    EXPECT_THAT([&] { read_ply_mesh(folder / "m.ply"); }, ThrowsMessage<InputError>(HasSubstr(message))) << text;
-  };
-  expect(kPlyHead + "end_header\n0 0 0\n1 0 0\n", "has no faces");
-  expect(head + "3 0 1 2\n", "face 0: refers to a vertex that does not exist");
-  expect(head + "3 0 1 -1\n", "refers to a vertex that does not exist");
-  expect(head + "2 0 1\n", "fewer than three corners");
-  expect(head + "3 0 1\n", "face 0 of 1: the file ends");
-  expect(head + "255 0 1\n", "face 0 of 1: the file ends");
-  expect(kPlyHead + "element face 1\nproperty int a\nend_header\n0 0 0\n1 0 0\n3\n", "no list 'vertex_indices'");
-}
-
 TEST(CloudFiles, ReadsFilesOfOtherPrograms) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "icp");
   const PointCloud ascii = read_cloud(folder / "pcl_bunny/bun0.pcd");
@@ -361,10 +329,6 @@ TEST(CloudFiles, ReadsFilesOfOtherPrograms) {
 
   EXPECT_EQ(read_cloud(folder / "small_gicp_lidar_pair/source.ply").size(), 69792U);
   EXPECT_EQ(read_cloud(folder / "small_gicp_lidar_pair/target.ply").scalars.count("scalar_intensity"), 1U);
-  const TriangleMesh cube = read_ply_mesh(folder / "pcl_bunny/cube.ply");
-  EXPECT_EQ(cube.triangles.size(), 12U);
-  const Vec3 sides = bounds(cube).sizes();
-  EXPECT_NEAR(surface_area_m2(cube), 2 * (sides.x() * sides.y() + sides.y() * sides.z() + sides.z() * sides.x()), 1e-4);
 }
 
 TEST(PointCloud, TransformedAndFiltered) {

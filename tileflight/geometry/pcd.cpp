@@ -8,6 +8,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/lzf.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/geometry/cloud_columns.h"
 
@@ -224,12 +225,6 @@ std::string expanded_body(std::string_view body, const PcdHeader& header, const 
   return *std::move(expanded);
 }
 
-/// Appends the bytes of `value`.
-template <typename Number>
-void append_bytes(std::string& bytes, Number value) {
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
-}
-
 float packed_rgb(const std::array<std::uint8_t, 3>& c) {
   return std::bit_cast<float>(std::uint32_t{c[0]} << 16 | std::uint32_t{c[1]} << 8 | std::uint32_t{c[2]});
 }
@@ -287,7 +282,7 @@ std::string binary_body(const FloatColumns& columns, std::size_t points) {
   std::string bytes;
   bytes.reserve(points * columns.size() * sizeof(float));
   for (std::size_t i = 0; i < points; ++i) {
-    for (const auto& column : columns) append_bytes(bytes, column.second[i]);
+    for (const auto& column : columns) base::append_raw(bytes, column.second[i]);
   }
   return bytes;
 }
@@ -295,12 +290,12 @@ std::string binary_body(const FloatColumns& columns, std::size_t points) {
 std::string compressed_body(const FloatColumns& columns) {
   std::string expanded;
   for (const auto& column : columns) {
-    for (const float value : column.second) append_bytes(expanded, value);
+    for (const float value : column.second) base::append_raw(expanded, value);
   }
   const std::string compressed = base::lzf_compress(expanded);
   std::string bytes;
-  append_bytes(bytes, static_cast<std::uint32_t>(compressed.size()));
-  append_bytes(bytes, static_cast<std::uint32_t>(expanded.size()));
+  base::append_raw(bytes, static_cast<std::uint32_t>(compressed.size()));
+  base::append_raw(bytes, static_cast<std::uint32_t>(expanded.size()));
   return bytes + compressed;
 }
 

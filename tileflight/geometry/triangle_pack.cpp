@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cstring>
 
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::geometry {
 namespace {
 
-using Double4 = double __attribute__((vector_size(32)));
-using Mask4 = long long __attribute__((vector_size(32)));  ///< -1: true, 0: false
+using base::Double4;
+using base::Mask4;
 
 struct Vec3x4 {
   Double4 x, y, z;

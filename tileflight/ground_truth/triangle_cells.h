@@ -17,6 +17,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "tileflight/base/noise.h"
 #include "tileflight/geometry/mesh.h"
 
 namespace tileflight::ground_truth {
@@ -34,13 +35,7 @@ struct CellRange {
 
 constexpr double kTouchTolerance_cells = 1e-9;
 
-/// Floor of a number that fits an int32; std::floor is a function call on targets without the rounding instruction.
-inline std::int32_t floor_int(double value) {
-  const auto truncated = static_cast<std::int32_t>(value);
-  return truncated - (value < truncated ? 1 : 0);
-}
-
-inline std::int32_t ceil_int(double value) { return -floor_int(-value); }
+inline std::int32_t ceil_int(double value) { return -base::floor_to_int(-value); }
 
 /// Cells that the triangle's bounding box touches, extended by at most one cell beyond `dims` on either side (two cells
 /// outside stand for all further ones).
@@ -51,7 +46,7 @@ inline CellRange bounding_cells(const CellTriangle& t, const std::array<std::int
     const double low = std::min({t[0][a], t[1][a], t[2][a]}) - kTouchTolerance_cells;
     const double high = std::max({t[0][a], t[1][a], t[2][a]}) + kTouchTolerance_cells;
     range.low[axis] = ceil_int(std::clamp(low, -1.0, dims[axis] + 2.0)) - 1;
-    range.high[axis] = floor_int(std::clamp(high, -2.0, dims[axis] + 1.0));
+    range.high[axis] = base::floor_to_int(std::clamp(high, -2.0, dims[axis] + 1.0));
   }
   return range;
 }
@@ -208,7 +203,7 @@ class TouchedCells {
       if (!(range_v.low <= range_v.high) || !(range_w.low <= range_w.high)) continue;
       auto cell = inside_.low;
       cell[u] += k_u;
-      for (std::int32_t k_v = ceil_int(range_v.low); k_v <= floor_int(range_v.high); ++k_v) {
+      for (std::int32_t k_v = ceil_int(range_v.low); k_v <= base::floor_to_int(range_v.high); ++k_v) {
         Interval range = range_w;
         sides_vw.narrow(k_v, range);
         range.intersect(plane(k_u, k_v));
@@ -221,7 +216,7 @@ class TouchedCells {
   void emit(std::array<std::int32_t, 3> cell, std::size_t w, const Interval& range) {
     if (!(range.low <= range.high)) return;
     const std::int32_t first = ceil_int(range.low);
-    const std::int32_t last = floor_int(range.high);
+    const std::int32_t last = base::floor_to_int(range.high);
     if (first > last) return;
     const std::int32_t base = cell[w];
     cell[w] = base + first;

@@ -5,6 +5,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
@@ -64,12 +65,6 @@ std::vector<std::string> colmap_ids(std::string_view text) {
   }
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 bool is_number(std::string_view field) { return base::parse_number<double>(field).has_value(); }
 
 /// Whether the fields are CAMERA_ID MODEL ….
@@ -118,13 +113,13 @@ std::vector<std::string> camera_ids(const std::filesystem::path& file) {
 Calibration read_calibration(const std::filesystem::path& file, const std::string& camera_id) {
   const std::vector<std::string> ids = camera_ids(file);
   if (camera_id.empty() && ids.size() > 1)
-    throw InputError(file.string(), "holds " + std::to_string(ids.size()) + " cameras (" + joined(ids) +
+    throw InputError(file.string(), "holds " + std::to_string(ids.size()) + " cameras (" + base::joined(ids) +
                                         "): choose the one that took the images (--camera-id)");
   if (camera_id.empty() && ids.size() == 1) return read_calibration(file, ids.front());
   if (camera_id.empty()) return read_calibration(file);
   if (ids.empty()) throw InputError(file.string(), "contains one camera without a name: leave --camera-id out");
   if (std::find(ids.begin(), ids.end(), camera_id) == ids.end())
-    throw InputError(file.string(), "has no camera " + camera_id + ", only " + joined(ids));
+    throw InputError(file.string(), "has no camera " + camera_id + ", only " + base::joined(ids));
   const auto number = base::parse_number<std::int64_t>(camera_id);
   return number ? read_colmap_cameras(file, *number) : read_kalibr_camera(file, camera_id);
 }

@@ -39,7 +39,6 @@ class Initializer {
   /// Images before this one are no longer needed.
   std::size_t first_frame() const { return first_frame_; }
   double parallax_rad() const { return parallax_.empty() ? 0.0 : parallax_.back(); }
-  double max_parallax_rad() const { return max_parallax_; }
   /// Why there is no initialization yet.
   std::string failure_reason() const;
 

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "tileflight/base/float8.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::initialization {
 namespace {

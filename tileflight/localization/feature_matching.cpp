@@ -9,7 +9,7 @@
 #include <limits>
 #include <utility>
 
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::localization {
 

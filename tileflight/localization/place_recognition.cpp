@@ -64,20 +64,10 @@ Sim3 lift_to_3d(const PlaneSimilarity& T, const std::vector<Vec3>& surface, cons
           Vec3(T.translation.x(), T.translation.y(), z)};
 }
 
-alignment::PointSpread compute_spread(const std::vector<Vec3>& points) {
-  alignment::PointSpread spread;
-  const auto n = static_cast<double>(points.size());
-  for (const Vec3& p : points) {
-    spread.mean += p / n;
-    spread.second_moment += p * p.transpose() / n;
-  }
-  return spread;
-}
-
 /// Candidates that place the points clearly differently; of two similar ones the first is kept.
 std::vector<PlaceCandidate> keep_distinct(const std::vector<PlaceCandidate>& all, const std::vector<Vec3>& points,
                                           std::size_t most) {
-  const alignment::PointSpread spread = compute_spread(points);
+  const alignment::PointSpread spread = alignment::compute_spread(points);
   const double size = std::sqrt((spread.second_moment - spread.mean * spread.mean.transpose()).trace());
   constexpr double kSame = 0.03;  // as a share of the map's size
   std::vector<PlaceCandidate> kept;

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <optional>
 
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 
 // An octave is processed in tiles of kTileSize pixels, with a margin that contains what blurring and describing the
 // features of the tile need. A tile fits into the cache, and tiles are processed in parallel.

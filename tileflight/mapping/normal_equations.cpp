@@ -8,7 +8,7 @@
 #include <cassert>
 #include <cstdint>
 
-#include "tileflight/base/float8.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::mapping {
 namespace {

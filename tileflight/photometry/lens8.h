@@ -2,7 +2,7 @@
 
 // Lens::project for eight directions at once: the same formulas on SIMD vectors.
 
-#include "tileflight/base/float8.h"
+#include "tileflight/base/simd.h"
 #include "tileflight/photometry/lens.h"
 
 namespace tileflight::photometry {

@@ -14,7 +14,7 @@
 #include <cmath>
 #include <optional>
 
-#include "tileflight/base/float8.h"
+#include "tileflight/base/simd.h"
 #include "tileflight/photometry/pyramid.h"
 
 namespace tileflight::photometry {
@@ -73,11 +73,6 @@ inline bool warp_patch(const Lens& lens, const Patch& patch, const Eigen::Matrix
   return true;
 }
 
-/// Position of pattern pixel k in the target.
-inline Eigen::Vector2f pattern_pixel(const WarpedPatch& warped, int k) {
-  return warped.pixel + warped.d_pixel_d_host_pixel * Eigen::Vector2f(kPattern[k][0], kPattern[k][1]);
-}
-
 /// Whether the whole pattern can be sampled in the target.
 inline bool pattern_inside(const PyramidLevel& target, const WarpedPatch& warped) {
   const float reach_x = kPatternRadius_px * warped.d_pixel_d_host_pixel.row(0).cwiseAbs().maxCoeff() + 1.0F;
@@ -85,12 +80,6 @@ inline bool pattern_inside(const PyramidLevel& target, const WarpedPatch& warped
   return warped.pixel.x() >= reach_x && warped.pixel.y() >= reach_y &&
          warped.pixel.x() < static_cast<float>(target.width - 1) - reach_x &&
          warped.pixel.y() < static_cast<float>(target.height - 1) - reach_y;
-}
-
-/// Weight of a Huber norm: 1 within `huber`, then huber / |r|. The energy is weight * r^2 * (2 - weight).
-inline float huber_weight(float residual, float huber) {
-  const float magnitude = std::abs(residual);
-  return magnitude < huber ? 1.0F : huber / magnitude;
 }
 
 }  // namespace tileflight::photometry

@@ -11,8 +11,6 @@
 #include <cstring>
 #include <utility>
 
-#include "tileflight/base/float8.h"
-
 namespace tileflight::photometry {
 namespace {
 

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <vector>
 
+#include "tileflight/base/simd.h"
 #include "tileflight/imaging/image.h"
 #include "tileflight/imaging/photometric.h"
 #include "tileflight/photometry/lens.h"
@@ -17,7 +18,7 @@
 namespace tileflight::photometry {
 
 /// Intensity (grey values), its central differences (grey values per pixel), and the squared gradient.
-using Texel = float __attribute__((vector_size(16)));
+using Texel = base::Float4;
 enum TexelPart { kIntensity = 0, kGradX = 1, kGradY = 2, kGradSquared = 3 };
 
 /// One pyramid level. It stores grey values only; gradients are computed on access, because few pixels are read. Pixel

@@ -1,6 +1,6 @@
 #include "tileflight/photometry/residual.h"
 
-#include "tileflight/base/float8.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::photometry {
 namespace {

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <utility>
 
-#include "tileflight/base/float8.h"
+#include "tileflight/base/simd.h"
 
 namespace tileflight::photometry {
 namespace {
@@ -99,7 +99,7 @@ std::array<float, 4> cubic_weights(float t) {
   return {0.5F * (-t + 2 * t2 - t3), 0.5F * (2 - 5 * t2 + 3 * t3), 0.5F * (t + 4 * t2 - 3 * t3), 0.5F * (t3 - t2)};
 }
 
-using Float4 = float __attribute__((vector_size(16)));
+using base::Float4;
 
 /// Four pixels from (x, y) to the right; border pixels are repeated outside.
 template <class Pixel>

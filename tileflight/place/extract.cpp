@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
@@ -20,18 +21,7 @@ namespace {
 
 using nlohmann::json;
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 json to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
-json frame_json(const std::optional<geometry::LocalFrame>& frame) {
-  if (!frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
-  const geometry::Geodetic& origin = frame->origin();
-  return {
-      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
-}
 
 /// Rings of the polygons that bound the region, if any, metres in the local frame.
 json region_json(const tiles::Region& region) {
@@ -123,7 +113,7 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
   tiles::LoadOptions load = settings.load;
   load.uses = {transport::Use::kExtract};
   const tiles::LoadedTiles loaded = tiles::load_region(settings.source, load, progress);
-  const double load_seconds = seconds_since(start);
+  const double load_seconds = base::seconds_since(start);
 
   json result;
   base::write_folder(output, [&](const std::filesystem::path& temporary) {
@@ -135,7 +125,7 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
     result = describe(settings, loaded, truth);
     result["quantization_floor"] = quantization_floor_json(std::move(truth.quantization_floor_m));
     result["seconds"] = {
-        {"load", load_seconds}, {"truth", seconds_since(truth_start)}, {"total", seconds_since(start)}};
+        {"load", load_seconds}, {"truth", base::seconds_since(truth_start)}, {"total", base::seconds_since(start)}};
     base::write_file(temporary / "extract.json", result.dump(2) + "\n");
   });
   return result;
@@ -147,6 +137,13 @@ nlohmann::json read_extract_json(const std::filesystem::path& folder) {
   if (!result.is_object())
     throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
   return result;
+}
+
+json frame_json(const std::optional<geometry::LocalFrame>& frame) {
+  if (!frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
+  const geometry::Geodetic& origin = frame->origin();
+  return {
+      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
 }
 
 std::optional<geometry::Geodetic> origin_from_json(const nlohmann::json& extract_json) {

@@ -27,6 +27,10 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
 /// Reads extract.json of a folder written by extract().
 nlohmann::json read_extract_json(const std::filesystem::path& folder);
 
+/// The local frame's origin as {origin_lat, origin_lon (degrees), origin_height (metres above the ellipsoid)}; nulls
+/// without a frame.
+nlohmann::json frame_json(const std::optional<geometry::LocalFrame>& frame);
+
 /// The local frame's origin in an extract.json; nullopt if the place is not georeferenced.
 std::optional<geometry::Geodetic> origin_from_json(const nlohmann::json& extract_json);
 

@@ -7,7 +7,9 @@
 #include <cstdio>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/place/extract.h"
 #include "tileflight/place/ground_view.h"
 #include "tileflight/place/memory_budget.h"
 #include "tileflight/place/propose_region.h"
@@ -40,12 +42,6 @@ std::string format_metres(double value, double longest_m) {
   return format("%.*f", longest_m >= 100 ? 1 : longest_m >= 10 ? 2 : 3, value);
 }
 
-std::string join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : "; ") + name;
-  return text;
-}
-
 /// The extent shown.
 Box3 choose_extent(PlaceReader& place, const InspectMapSettings& settings, std::uintmax_t memory,
                    const Progress& progress) {
@@ -69,13 +65,6 @@ render::OrthophotoOptions top_down_options(const InspectMapSettings& settings, c
   options.top_m = region.max().z();
   options.bottom_m = region.min().z();
   return options;
-}
-
-json frame_json(const tiles::Placement& placement) {
-  if (!placement.local_frame) return {{"origin_lat", nullptr}, {"origin_lon", nullptr}, {"origin_height", nullptr}};
-  const geometry::Geodetic& origin = placement.local_frame->origin();
-  return {
-      {"origin_lat", origin.latitude_deg}, {"origin_lon", origin.longitude_deg}, {"origin_height", origin.height.m}};
 }
 
 /// Extent of the surface in the image, and the share of pixels that have one.
@@ -177,7 +166,7 @@ json inspect_map(const InspectMapSettings& settings, const std::filesystem::path
   const auto& frame = place.placement().local_frame;
   report::PlaceMap map{.title = source_display_name(settings.source),
                        .notes = map_notes(place, view, found),
-                       .attribution = join(place.attribution()),
+                       .attribution = base::joined(place.attribution(), "; "),
                        .ground = to_ground_picture(view),
                        .frame = frame,
                        .outlines = missing_outlines(view),
@@ -188,7 +177,7 @@ json inspect_map(const InspectMapSettings& settings, const std::filesystem::path
   std::vector<std::string> warnings = ground_view_warnings(view);
   const std::vector<std::string> of_place = place.warnings();
   warnings.insert(warnings.end(), of_place.begin(), of_place.end());
-  return {{"map", map_json(view, found, picture)},     {"frame", frame_json(place.placement())},
+  return {{"map", map_json(view, found, picture)},     {"frame", frame_json(place.placement().local_frame)},
           {"georeferenced", place.is_georeferenced()}, {"proposal", to_json(*proposed, frame)},
           {"attribution", place.attribution()},        {"warnings", warnings}};
 }

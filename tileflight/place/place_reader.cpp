@@ -4,18 +4,13 @@
 #include <filesystem>
 #include <set>
 
+#include "tileflight/base/string_lists.h"
 #include "tileflight/tiles/bounding_volume.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/transport/open_source.h"
 
 namespace tileflight::place {
 namespace {
-
-void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& text : from) {
-    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
-  }
-}
 
 std::uintmax_t memory_of(const PlacePart& part) {
   std::uintmax_t bytes = 0;
@@ -69,7 +64,7 @@ std::optional<PlacePart> PlaceReader::read(const tiles::TileCut& cut, bool textu
     }
     std::move(content.clouds.begin(), content.clouds.end(), std::back_inserter(part.clouds));
     for (const std::string& copyright : content.copyrights) copyrights_.add(copyright);
-    add_distinct(content.warnings, warnings_);
+    base::add_distinct(content.warnings, warnings_);
   }
   part.memory_bytes = memory_of(part);
   return part;
@@ -79,15 +74,15 @@ std::vector<std::string> PlaceReader::attribution() const {
   tile_contents::AttributionCollector all = copyrights_;
   for (const auto& [uri, tileset] : tree_.files_read()) all.add(tileset->copyright);
   std::vector<std::string> names = source_->attribution();
-  add_distinct(all.sorted_holders(), names);
+  base::add_distinct(all.sorted_holders(), names);
   return names;
 }
 
 std::vector<std::string> PlaceReader::warnings() const {
   std::vector<std::string> all = placement_.warnings;
-  add_distinct(source_->warnings(), all);
-  add_distinct(tree_.warnings(), all);
-  add_distinct(warnings_, all);
+  base::add_distinct(source_->warnings(), all);
+  base::add_distinct(tree_.warnings(), all);
+  base::add_distinct(warnings_, all);
   return all;
 }
 

@@ -42,16 +42,6 @@ struct Candidate {
   double ray_score() const { return rays ? rays->score : fit.inlier_share; }
 };
 
-alignment::PointSpread compute_spread(const ObservedPoints& points) {
-  alignment::PointSpread spread;
-  const auto n = static_cast<double>(points.size());
-  for (const Vec3& p : points.positions) {
-    spread.mean += p / n;
-    spread.second_moment += p * p.transpose() / n;
-  }
-  return spread;
-}
-
 // ---- starts ----
 
 /// Rotates a start about an axis through the path's centre.
@@ -274,7 +264,8 @@ std::optional<PictureAgreement> StartRefiner::check_pictures(Sim3& T, std::size_
     const Sim3 carried = fit_inlier_poses(poses, used);
     agreement = picture_agreement(located, fit.is_inlier, carried, evidence_.path);
     T = carried;
-    if (sigma_m != nullptr) *sigma_m = picture_sigma_m(poses, used, carried, compute_spread(coarse_points_));
+    if (sigma_m != nullptr)
+      *sigma_m = picture_sigma_m(poses, used, carried, alignment::compute_spread(coarse_points_.positions));
     if (agreement->located == agreement->tried) break;
   }
   return agreement;
@@ -416,7 +407,7 @@ class MapRegistrar {
         services_(services),
         options_(options),
         refiner_(points, evidence, surface, services, options),
-        spread_(compute_spread(refiner_.coarse_points())) {}
+        spread_(alignment::compute_spread(refiner_.coarse_points().positions)) {}
 
   RegistrationResult run(const Progress& progress) {
     constexpr std::int64_t kSteps = 4;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "tileflight/geometry/transform.h"
 
@@ -26,18 +25,5 @@ struct SimilarityEstimate {
   /// The same estimate expressed about another centre.
   SimilarityEstimate recentered(const geometry::Vec3& new_center) const;
 };
-
-/// Maximum-likelihood combination of independent estimates close to one another, about the first one's centre. The list
-/// must not be empty.
-SimilarityEstimate fuse(const std::vector<SimilarityEstimate>& estimates);
-
-/// Squared Mahalanobis distance between two estimates, over the directions that both determine: `degrees_of_freedom` of
-/// them, at most seven.
-struct Disagreement {
-  double squared_mahalanobis = 0.0;
-  int degrees_of_freedom = 0;
-  geometry::Vec7 motion = geometry::Vec7::Zero();  ///< from the first to the second, about the first's centre
-};
-Disagreement compute_disagreement(const SimilarityEstimate& a, const SimilarityEstimate& b);
 
 }  // namespace tileflight::registration

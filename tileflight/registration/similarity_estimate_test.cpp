@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <random>
 
 namespace tileflight::registration::similarity_estimate_test {
@@ -42,42 +41,6 @@ TEST(SimilarityEstimate, AnotherCenterTellsTheSameProbability) {
   const Vec7 about_b = motion_between(b.T_target_source, moved, b.center);
   EXPECT_NEAR(about_b.dot(b.information * about_b) / small.dot(a.information * small), 1.0, 1e-3);
   EXPECT_LT((b.recentered(a.center).information - a.information).norm(), 1e-9 * a.information.norm());
-}
-
-TEST(SimilarityEstimate, FusionIsTheWeightedMeanAndKeepsWhatOnlyOneKnows) {
-  const Vec3 center(5.0, 5.0, 5.0);
-  SimilarityEstimate a{some_similarity(), center, Mat7::Zero()}, b = a;
-  a.information.diagonal() << 100, 100, 100, 1e4, 1e4, 1e4, 1e4;
-  b.information.diagonal() << 300, 0, 0, 0, 0, 0, 0;
-  Vec7 motion = Vec7::Zero();
-  motion.head<3>() = Vec3(0.04, 7.0, 7.0);  // undetermined in y and z
-  b.T_target_source = apply_motion(a.T_target_source, motion, center);
-  const Vec7 found = motion_between(a.T_target_source, fuse({a, b}).T_target_source, center);
-  EXPECT_NEAR(found[0], 0.03, 1e-6);
-  EXPECT_LT(found.tail<6>().norm(), 1e-6);
-}
-
-TEST(SimilarityEstimate, DisagreementIsTheSumOfCovariances) {
-  SimilarityEstimate a{some_similarity(), Vec3(3.0, 1.0, -2.0), 1e4 * random_information(2)};
-  SimilarityEstimate b{some_similarity(), a.center, 1e4 * random_information(3)};
-  Vec7 motion;
-  motion << 0.01, -0.02, 0.005, 0.003, 0.001, -0.002, 0.004;
-  b.T_target_source = apply_motion(a.T_target_source, motion, a.center);
-  const Disagreement d = compute_disagreement(a, b);
-  const Mat7 covariance = a.information.inverse() + b.information.inverse();
-  EXPECT_EQ(d.degrees_of_freedom, 7);
-  EXPECT_NEAR(d.squared_mahalanobis, motion.dot(covariance.ldlt().solve(motion)), 1e-3 * d.squared_mahalanobis);
-}
-
-TEST(SimilarityEstimate, WhatEitherDoesNotKnowIsNoDisagreement) {
-  SimilarityEstimate a{some_similarity(), Vec3::Zero(), 1e4 * Mat7::Identity()}, b = a;
-  b.information(6, 6) = 0.0;
-  Vec7 motion = Vec7::Zero();
-  motion[6] = 0.5;
-  b.T_target_source = apply_motion(a.T_target_source, motion, a.center);
-  const Disagreement d = compute_disagreement(a, b);
-  EXPECT_EQ(d.degrees_of_freedom, 6);
-  EXPECT_LT(d.squared_mahalanobis, 1e-6);
 }
 
 }  // namespace

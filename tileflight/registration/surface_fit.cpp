@@ -50,9 +50,6 @@ struct Source {
   Sim3 centered(const Sim3& T) const {
     return {T.scale, T.rotation, T.translation + T.scale * (T.rotation * source_center) - target_center};
   }
-  Sim3 uncentered(const Sim3& T) const {
-    return {T.scale, T.rotation, target_center + T.translation - T.scale * (T.rotation * source_center)};
-  }
 };
 
 bool is_in_regions(const Vec3& moved, const std::vector<geometry::Box3>& regions) {
@@ -200,7 +197,9 @@ class SurfaceFitter {
   /// Adds the prior: the deviation from it, as a motion about the target's centre, weighted by its information.
   void add_known(const Sim3& T, alignment::PointToPlaneSystem& planes, double& cost) const {
     const SimilarityEstimate known = options_.prior->recentered(source_.target_center);
-    const Vec7 deviation = motion_between(known.T_target_source, source_.uncentered(T), source_.target_center);
+    const Vec7 deviation =
+        motion_between(known.T_target_source, alignment::uncentered(T, source_.source_center, source_.target_center),
+                       source_.target_center);
     Vec7 units;
     units << Vec3::Ones(), Vec3::Constant(1.0 / source_.length_m), 1.0 / source_.length_m;
     planes.hessian += units.asDiagonal() * known.information * units.asDiagonal();
@@ -392,7 +391,7 @@ SurfaceFit fit_to_surface(const ObservedPoints& points, const geometry::Triangle
   residuals = fitter.residuals(T, &which);
   information = shape_information(residuals, which, source);
 
-  fit.T_target_source = source.uncentered(T);
+  fit.T_target_source = alignment::uncentered(T, source.source_center, source.target_center);
   fit.matched = end.evaluation.matched;
   fit.rmse_m = end.evaluation.rms_m;
   fit.fitness = static_cast<double>(fit.matched) / static_cast<double>(fit.points);

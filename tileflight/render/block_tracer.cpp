@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 #include "tileflight/render/footprint.h"
 #include "tileflight/render/linear_color.h"
 

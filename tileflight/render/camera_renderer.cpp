@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 #include "tileflight/render/appearance.h"
 #include "tileflight/render/block_tracer.h"
 #include "tileflight/render/daylight_shader.h"
@@ -73,10 +73,9 @@ struct ViewCounts {
 };
 
 TILEFLIGHT_LANE_INLINE imaging::Rgb8 encode_srgb(const Float4& squares) {
-  using Words = std::int32_t __attribute__((vector_size(16)));
   Float4 roots;
   for (int c = 0; c < 4; ++c) roots[c] = std::sqrt(squares[c]);
-  const Words values = __builtin_convertvector(roots + 0.5F, Words);
+  const auto values = __builtin_convertvector(roots + 0.5F, base::Int4);
   return {static_cast<std::uint8_t>(values[0]), static_cast<std::uint8_t>(values[1]),
           static_cast<std::uint8_t>(values[2])};
 }

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 #include "tileflight/render/ray_table.h"
 
 // Each function is one branch-free loop over the eight lanes, which the compiler vectorises.

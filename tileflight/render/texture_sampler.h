@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "tileflight/base/wide_vectors.h"
+#include "tileflight/base/simd.h"
 #include "tileflight/imaging/textured_mesh.h"
 #include "tileflight/render/mip_pyramid.h"
 
@@ -15,8 +15,8 @@
 // and are exact if neighbours are equal; mip levels are averaged in exact linear light.
 namespace tileflight::render {
 
-using Float4 = float __attribute__((vector_size(16)));  // red, green, blue, undefined
-using Float8 = float __attribute__((vector_size(32)));
+using base::Float4;  // red, green, blue, undefined
+using base::Float8;
 
 /// A texture and its sampling parameters.
 struct Texture {
@@ -75,11 +75,10 @@ TILEFLIGHT_LANE_INLINE void unpack(std::uint64_t first, std::uint64_t second, Fl
   using Bytes = std::uint8_t __attribute__((vector_size(16)));
   using Shorts = std::uint16_t __attribute__((vector_size(16)));
   using Longs = std::uint64_t __attribute__((vector_size(16)));
-  using Words = std::int32_t __attribute__((vector_size(32)));
   const auto bytes = (Bytes)Longs{(first & 0xFFFFFFFFU) | (second << 32U), 0};
   const auto shorts =
       (Shorts)__builtin_shufflevector(bytes, Bytes{}, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-  texels = __builtin_convertvector(__builtin_convertvector(shorts, Words), Float8);
+  texels = __builtin_convertvector(__builtin_convertvector(shorts, base::Int8), Float8);
 }
 
 /// Bilinear mean of four squared texels: the `left` and `right` ones of the upper (0) and the lower row (1).

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tileflight/report/axis_ticks.h"
+#include "tileflight/report/drawing.h"
 #include "tileflight/report/figure.h"
 #include "tileflight/report/number_format.h"
 
@@ -27,14 +28,6 @@ struct Frame {
   }
 };
 
-Html line(double x1, double y1, double x2, double y2, const std::string& style) {
-  return empty_element("line", {{"x1", svg_number(x1)},
-                                {"y1", svg_number(y1)},
-                                {"x2", svg_number(x2)},
-                                {"y2", svg_number(y2)},
-                                {"class", style}});
-}
-
 Html label(double x, double y, const std::string& anchor, const std::string& content) {
   return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}}, text(content));
 }
@@ -47,14 +40,15 @@ Html axes(const Frame& frame) {
                             up = nice_ticks(frame.y.low, frame.y.high, kTicks);
   for (const double tick : across) {
     const double x = frame.across(tick);
-    result += line(x, kHeight - kBottom, x, kHeight - kBottom + 5, "axis") +
+    result += svg_line(x, kHeight - kBottom, x, kHeight - kBottom + 5, "axis") +
               label(x, kHeight - kBottom + 19, "middle", tick_text(tick, step_of(across)));
   }
   for (const double tick : up) {
     const double y = frame.down(tick);
-    result += line(kLeft, y, kWidth - kRight, y, "grid") + label(kLeft - 7, y + 4, "end", tick_text(tick, step_of(up)));
+    result +=
+        svg_line(kLeft, y, kWidth - kRight, y, "grid") + label(kLeft - 7, y + 4, "end", tick_text(tick, step_of(up)));
   }
-  result += line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "axis");
+  result += svg_line(kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, "axis");
   result += label((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle", frame.x.label);
   const double middle = (kTop + kHeight - kBottom) / 2;
   result += element("text",
@@ -89,7 +83,7 @@ Html draw_line(const Frame& frame, const ChartLine& series) {
 
 Html draw_mark(const Frame& frame, const ChartMark& mark) {
   const double x = frame.across(std::clamp(mark.x, frame.x.low, frame.x.high));
-  return line(x, kTop, x, kHeight - kBottom, "mark " + mark.style);
+  return svg_line(x, kTop, x, kHeight - kBottom, "mark " + mark.style);
 }
 
 std::vector<LegendEntry> legend_of(const Chart& chart) {

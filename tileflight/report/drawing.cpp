@@ -34,6 +34,14 @@ Html legend_lines(const std::vector<LegendEntry>& entries, double from_y) {
 
 }  // namespace
 
+Html svg_line(double x1, double y1, double x2, double y2, const std::string& style) {
+  return empty_element("line", {{"x1", svg_number(x1)},
+                                {"y1", svg_number(y1)},
+                                {"x2", svg_number(x2)},
+                                {"y2", svg_number(y2)},
+                                {"class", style}});
+}
+
 Html legend(const std::vector<LegendEntry>& entries) {
   if (entries.empty()) return {};
   Html list;

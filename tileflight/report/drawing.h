@@ -14,6 +14,9 @@ struct LegendEntry {
 };
 Html legend(const std::vector<LegendEntry>& entries);
 
+/// A line between two points, with a class of the page's style sheet.
+Html svg_line(double x1, double y1, double x2, double y2, const std::string& style);
+
 /// Content of an SVG, in units of its view box (0, 0, width, height), independent of whether it is put on a page or in
 /// a file.
 struct Drawing {

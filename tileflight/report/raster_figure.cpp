@@ -104,23 +104,4 @@ std::string truncate_to_width(const Canvas& canvas, const std::string& text, con
   return cut + "\u2026";
 }
 
-std::vector<std::string> wrap_words(const Canvas& canvas, const std::string& text, const TextStyle& lettering,
-                                    double width_px) {
-  std::vector<std::string> lines;
-  std::istringstream rest(text);
-  std::string line, word;
-  while (rest >> word) {
-    const std::string longer = line.empty() ? word : line + " " + word;
-    if (!line.empty() && canvas.text_width(longer, lettering) > width_px) {
-      lines.push_back(line);
-      line = word;
-    } else {
-      line = longer;
-    }
-  }
-  if (!line.empty()) lines.push_back(line);
-  for (std::string& l : lines) l = truncate_to_width(canvas, l, lettering, width_px);
-  return lines;
-}
-
 }  // namespace tileflight::report::plate

@@ -54,8 +54,5 @@ void draw_border(imaging::Canvas& canvas, const PlotArea& frame);
 /// Shortens the text to fit the width, with an ellipsis if it was cut.
 std::string truncate_to_width(const imaging::Canvas& canvas, const std::string& text,
                               const imaging::TextStyle& lettering, double width_px);
-/// Wraps text into lines of at most the width.
-std::vector<std::string> wrap_words(const imaging::Canvas& canvas, const std::string& text,
-                                    const imaging::TextStyle& lettering, double width_px);
 
 }  // namespace tileflight::report::plate

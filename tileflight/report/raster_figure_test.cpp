@@ -22,7 +22,7 @@ TEST(RasterFigure, TicksAreRoundNumbersWithATrueMinus) {
   EXPECT_THAT(texts, ElementsAre("\u221210", "\u22125", "0", "5", "10"));
 }
 
-TEST(RasterFigure, WordsThatDoNotFitAreCutOrWrapped) {
+TEST(RasterFigure, WordsThatDoNotFitAreCut) {
   const Canvas canvas(10, 10, kBackground);
   const std::string long_text = "Réserve naturelle: données ouvertes de la commune";
   EXPECT_EQ(truncate_to_width(canvas, long_text, body_lettering(), 1000), long_text);
@@ -33,12 +33,6 @@ TEST(RasterFigure, WordsThatDoNotFitAreCutOrWrapped) {
   for (double width = 10; width < 200; width += 3)
     EXPECT_LE(canvas.text_width(truncate_to_width(canvas, "éééééééééé", body_lettering(), width), body_lettering()),
               std::max(width, 15.0));
-  std::string all;
-  for (const std::string& line : wrap_words(canvas, long_text, body_lettering(), 150)) {
-    EXPECT_LE(canvas.text_width(line, body_lettering()), 150);
-    all += (all.empty() ? "" : " ") + line;
-  }
-  EXPECT_EQ(all, long_text);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "tileflight/report/axis_ticks.h"
+#include "tileflight/report/drawing.h"
 
 namespace tileflight::report {
 namespace {
@@ -112,14 +113,6 @@ struct Plot {
   double down(double north) const { return kTop + (extent.north - north) * scale; }
 };
 
-Html line(double x1, double y1, double x2, double y2, const std::string& style) {
-  return empty_element("line", {{"x1", svg_number(x1)},
-                                {"y1", svg_number(y1)},
-                                {"x2", svg_number(x2)},
-                                {"y2", svg_number(y2)},
-                                {"class", style}});
-}
-
 Html label(double x, double y, const std::string& anchor, const std::string& content, const std::string& style = "") {
   return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}, {"class", style}},
                  text(content));
@@ -134,11 +127,11 @@ Html axes(const Plot& plot) {
   const double step = round_down_to_nice(std::max(plot.extent.width_m(), plot.extent.height_m()) / 4);
   const double bottom = kTop + plot.height;
   for (double east = std::ceil(plot.extent.west / step) * step; east <= plot.extent.east; east += step) {
-    result += line(plot.across(east), bottom, plot.across(east), bottom + 5, "axis");
+    result += svg_line(plot.across(east), bottom, plot.across(east), bottom + 5, "axis");
     result += label(plot.across(east), bottom + 18, "middle", tick_text(east, step));
   }
   for (double north = std::ceil(plot.extent.south / step) * step; north <= plot.extent.north; north += step) {
-    result += line(kLeft - 5, plot.down(north), kLeft, plot.down(north), "axis");
+    result += svg_line(kLeft - 5, plot.down(north), kLeft, plot.down(north), "axis");
     result += label(kLeft - 8, plot.down(north) + 4, "end", tick_text(north, step));
   }
   result += label(kLeft + plot.width / 2, bottom + 35, "middle", "east, m");
@@ -153,7 +146,7 @@ Html axes(const Plot& plot) {
 Html scale_bar(const Plot& plot) {
   const double length_m = round_down_to_nice(plot.extent.width_m() / 4);
   const double x = kLeft + 14, y = kTop + plot.height - 14;
-  const Html bar = line(x, y, x + length_m * plot.scale, y, "scale-bar");
+  const Html bar = svg_line(x, y, x + length_m * plot.scale, y, "scale-bar");
   return bar + label(x + length_m * plot.scale / 2, y - 6, "middle", svg_number(length_m) + " m", "halo");
 }
 

@@ -18,13 +18,19 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "tileflight/base/simd.h"
 #include "tileflight/scene/beam_tree.h"
-#include "tileflight/scene/float8_math.h"
 
 namespace tileflight::scene {
 namespace {
+
+using base::Float8;
+using base::horizontal_min;
+using base::Int8;
+using base::sign_mask;
 
 constexpr int kPackets = 8;
 constexpr float kMaxSlope = 1.7F;             // maximum |x| and |y| of a ray
@@ -49,6 +55,18 @@ TILEFLIGHT_LANE_INLINE Vector3 cross(const Vector3& a, const Vector3& b) {
 }
 TILEFLIGHT_LANE_INLINE Vector3 scaled(const Vector3& a, float by) { return {a.x * by, a.y * by, a.z * by}; }
 TILEFLIGHT_LANE_INLINE Vector3 minus(const Vector3& a, const Vector3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+
+// This file is compiled with -Wno-psabi, so that these may return vectors: since they are always inlined, no calling
+// convention is involved.
+TILEFLIGHT_LANE_INLINE Float8 lane_min(const Float8& a, const Float8& b) { return a < b ? a : b; }
+TILEFLIGHT_LANE_INLINE Float8 lane_max(const Float8& a, const Float8& b) { return a > b ? a : b; }
+TILEFLIGHT_LANE_INLINE Float8 lane_abs(const Float8& a) { return (Float8)((Int8)a & 0x7FFFFFFF); }
+
+TILEFLIGHT_LANE_INLINE Float8 load(const float (&from)[8]) {
+  Float8 lanes;
+  base::load_float8(from, lanes);
+  return lanes;
+}
 
 /// Eight vectors.
 struct Vector3x8 {
@@ -322,7 +340,7 @@ TILEFLIGHT_LANE_INLINE void test_triangle(Beam& beam, const BeamLeaf& leaf, cons
   evaluate_plane(facets.edge_ab, place, x, y, c);
   evaluate_plane(facets.inverse_depth, place, x, y, inverse_depth);
   const Int8 outside = (Int8)a | (Int8)b | (Int8)c | (Int8)(inverse_depth - beam.inverse_depth[p]);
-  if (sign_mask(outside) == 0xFFU) return;
+  if (sign_mask((Int8)outside) == 0xFFU) return;
   Int8 hit = ~outside >> 31;
   const Int8 mesh = Int8{} + static_cast<std::int32_t>(leaf.mesh[place]);
   const Int8 triangle = Int8{} + static_cast<std::int32_t>(leaf.triangle[place]);
@@ -391,7 +409,7 @@ TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, const Bea
   const Int8 outside =
       (Int8)inside[0] | (Int8)inside[1] | (Int8)inside[2] | (Int8)inside[3] | (Int8)(farthest - depths);
   const std::size_t bottom = size;
-  for (unsigned children = ~sign_mask(outside) & 0xFFU; children != 0; children &= children - 1) {
+  for (unsigned children = ~sign_mask((Int8)outside) & 0xFFU; children != 0; children &= children - 1) {
     const int k = std::countr_zero(children);
     const float depth_m = depths[k];
     std::size_t at = size++;
@@ -424,14 +442,14 @@ TILEFLIGHT_LANE_INLINE void write_hits(const Beam& beam, int p, RayPacket8& pack
   const Int8 hit = beam.mesh[p] != -1;
   const Float8 sum = beam.weight_a[p] + beam.weight_b[p] + beam.weight_c[p];
   const Float8 scale = 1.0F / (sum > 0.0F ? sum : Float8{} + 1.0F);
-  store(hit ? 1.0F / (beam.inverse_depth[p] * beam.direction_z[p]) : load(packet.far), packet.far);
-  store(beam.normal[p].x, packet.normal_x);
-  store(beam.normal[p].y, packet.normal_y);
-  store(beam.normal[p].z, packet.normal_z);
-  store(beam.weight_b[p] * scale, packet.u);
-  store(beam.weight_c[p] * scale, packet.v);
-  store(beam.mesh[p], packet.mesh);
-  store(beam.triangle[p], packet.triangle);
+  base::store_float8(hit ? 1.0F / (beam.inverse_depth[p] * beam.direction_z[p]) : load(packet.far), packet.far);
+  base::store_float8(beam.normal[p].x, packet.normal_x);
+  base::store_float8(beam.normal[p].y, packet.normal_y);
+  base::store_float8(beam.normal[p].z, packet.normal_z);
+  base::store_float8(beam.weight_b[p] * scale, packet.u);
+  base::store_float8(beam.weight_c[p] * scale, packet.v);
+  std::memcpy(packet.mesh, &beam.mesh[p], sizeof(packet.mesh));
+  std::memcpy(packet.triangle, &beam.triangle[p], sizeof(packet.triangle));
 }
 
 TILEFLIGHT_WIDE_VECTORS bool intersect_beam(BeamNode::Child root, float reach_m, std::span<RayPacket8> packets) {

@@ -70,16 +70,4 @@ bool path_hits_surface(const Scene& scene, std::span<const Vec3> way) {
   return false;
 }
 
-PathClearance compute_path_clearance(const Scene& scene, const std::vector<Vec3>& path, double reach_m) {
-  scene.build_ray_tree();
-  PathClearance found{std::vector<Surroundings>(path.size()), {}};
-  std::vector<std::uint8_t> blocked(path.size(), 0);  // vector<bool> is not safe for parallel writes
-  tbb::parallel_for(std::size_t{0}, path.size(), [&](std::size_t i) {
-    found.at[i] = find_surroundings(scene, path[i], reach_m);
-    if (i + 1 < path.size()) blocked[i] = path_hits_surface(scene, std::span(path).subspan(i, 2)) ? 1 : 0;
-  });
-  found.blocked_after.assign(blocked.begin(), blocked.end());
-  return found;
-}
-
 }  // namespace tileflight::scene

@@ -2,7 +2,6 @@
 
 #include <limits>
 #include <span>
-#include <vector>
 
 #include "tileflight/scene/scene.h"
 
@@ -28,13 +27,5 @@ Surroundings find_surroundings(const Scene& scene, const geometry::Vec3& point, 
 
 /// Whether a surface intersects the polyline through these points.
 bool path_hits_surface(const Scene& scene, std::span<const geometry::Vec3> way);
-
-/// Surroundings of each point of a path, and whether the segment to the next point crosses a surface (false for the
-/// last). Parallel; the result does not depend on the number of threads.
-struct PathClearance {
-  std::vector<Surroundings> at;
-  std::vector<bool> blocked_after;
-};
-PathClearance compute_path_clearance(const Scene& scene, const std::vector<geometry::Vec3>& path, double reach_m);
 
 }  // namespace tileflight::scene

@@ -142,10 +142,9 @@ TEST(Clearance, GoesThroughAWallBetweenTwoPoints) {
   const Scene scene = place({box({10, -20, 0}, {10.2, 20, 10})});
   const std::vector<Vec3> through{{0, 0, 5}, {8, 0, 5}, {16, 0, 5}, {20, 0, 5}};
   EXPECT_TRUE(path_hits_surface(scene, through));
-  const PathClearance found = compute_path_clearance(scene, through, kReach_m);
-  EXPECT_THAT(found.blocked_after, testing::ElementsAre(false, true, false, false));
-  for (const Surroundings& at : found.at) EXPECT_FALSE(at.inside) << "each point is in the open";
-  EXPECT_NEAR(found.at[1].clearance_m, 2.0, 1e-6);
+  for (const Vec3& at : through)
+    EXPECT_FALSE(find_surroundings(scene, at, kReach_m).inside) << "each point is in the open";
+  EXPECT_NEAR(find_surroundings(scene, through[1], kReach_m).clearance_m, 2.0, 1e-6);
 
   const std::vector<Vec3> over{{0, 0, 5}, {8, 0, 11}, {16, 0, 11}, {20, 0, 5}};
   EXPECT_FALSE(path_hits_surface(scene, over));
@@ -156,12 +155,13 @@ TEST(Clearance, GoesThroughAWallBetweenTwoPoints) {
 
 TEST(Clearance, AFlightThatStartsInsideLeavesThroughTheWall) {
   const Scene scene = place({box({-5, -5, 0}, {5, 5, 8})});
-  const PathClearance found = compute_path_clearance(scene, {{0, 0, 4}, {3, 0, 4}, {6, 0, 4}, {9, 0, 4}}, kReach_m);
-  EXPECT_TRUE(found.at[0].inside);
-  EXPECT_TRUE(found.at[1].inside);
-  EXPECT_FALSE(found.at[2].inside);
-  EXPECT_THAT(found.blocked_after, testing::ElementsAre(false, true, false, false));
-  EXPECT_THAT(compute_path_clearance(scene, {}, kReach_m).at, testing::IsEmpty());
+  const std::vector<Vec3> path{{0, 0, 4}, {3, 0, 4}, {6, 0, 4}, {9, 0, 4}};
+  EXPECT_TRUE(find_surroundings(scene, path[0], kReach_m).inside);
+  EXPECT_TRUE(find_surroundings(scene, path[1], kReach_m).inside);
+  EXPECT_FALSE(find_surroundings(scene, path[2], kReach_m).inside);
+  EXPECT_FALSE(path_hits_surface(scene, std::span(path).first(2)));
+  EXPECT_TRUE(path_hits_surface(scene, std::span(path).subspan(1, 2)));
+  EXPECT_FALSE(path_hits_surface(scene, std::span(path).last(2)));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/geometry/trajectory.h"
@@ -43,8 +44,9 @@ void check_tracking_gaps(double frames, double tracked, Doubts& doubts) {
 Doubts read_doubts(const fs::path& json_file) {
   if (!fs::exists(json_file)) return {};
   const json object = json::parse(base::read_text(json_file), nullptr, false);
-  if (!object.is_object() || !object.contains("doubts")) return {};
-  return evaluation::doubts_from_json(object["doubts"], json_file.string());
+  if (!object.is_object()) return {};
+  base::StrictSection section(object, json_file);
+  return evaluation::read_doubts(section);
 }
 
 Doubts odometry_doubts(const MapInputs& map) {

@@ -93,22 +93,12 @@ TrajectoryPair read_poses(const MapInputs& map) {
   return poses;
 }
 
-/// map to local for distances to voxel centres: `published` if align() stored it (the paper's last step), else the
-/// transform itself.
-geometry::Sim3 published_transform(const fs::path& transform_file) {
+/// map to local: the transform that align() stored under `key`, else the transform itself. `published` (the paper's
+/// last step) is for distances to voxel centres, `to_surface` for those to the exact surface.
+geometry::Sim3 read_transform_of(const fs::path& transform_file, const std::string& key) {
   const json all = json::parse(base::read_text(transform_file), nullptr, false);
-  if (all.is_object() && all.contains("published")) {
-    return alignment::alignment_from_json(all["published"], transform_file.string() + ": published").T_target_source;
-  }
-  return alignment::read_transform(transform_file).T_target_source;
-}
-
-/// map to local for distances to the exact surface: `to_surface` if align() stored it, else the transform itself.
-geometry::Sim3 surface_transform(const fs::path& transform_file) {
-  const json all = json::parse(base::read_text(transform_file), nullptr, false);
-  if (all.is_object() && all.contains("to_surface")) {
-    return alignment::alignment_from_json(all["to_surface"], transform_file.string() + ": to_surface").T_target_source;
-  }
+  if (all.is_object() && all.contains(key))
+    return alignment::alignment_from_json(all[key], transform_file.string() + ": " + key).T_target_source;
   return alignment::read_transform(transform_file).T_target_source;
 }
 
@@ -294,8 +284,8 @@ fs::path seen_surface_file(const fs::path& metrics_json) { return metrics_json.p
 nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, const fs::path& transform_file,
                         const EvaluationSettings& settings, const fs::path& out, const Progress& progress) {
   geometry::PointCloud cloud = read_map(map.map);
-  const geometry::Sim3 T_published_map = published_transform(transform_file);
-  const geometry::Sim3 T_surface_map = surface_transform(transform_file);
+  const geometry::Sim3 T_published_map = read_transform_of(transform_file, "published");
+  const geometry::Sim3 T_surface_map = read_transform_of(transform_file, "to_surface");
   const TruthFolder truth = read_truth(truth_folder);
   const TrajectoryPair poses = read_poses(map);
   const std::optional<double> path_m = distance_to_true_poses_m(poses, T_surface_map, cloud);

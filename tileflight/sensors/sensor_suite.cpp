@@ -3,36 +3,36 @@
 #include <string>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/render/sample_times.h"
 #include "tileflight/sensors/geomagnetic_field.h"
 
 namespace tileflight::sensors {
 namespace {
 
-using base::YamlSection;
+using base::StrictSection;
 using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec3;
 
-void read_number(YamlSection& section, const std::string& key, double& value) {
+void read_number(StrictSection& section, const std::string& key, double& value) {
   value = section.number(key).value_or(value);
 }
 
-void read_integer(YamlSection& section, const std::string& key, int& value) {
+void read_integer(StrictSection& section, const std::string& key, int& value) {
   value = section.integer(key).value_or(value);
 }
 
-void read_vector(YamlSection& section, const std::string& key, Vec3& value) {
+void read_vector(StrictSection& section, const std::string& key, Vec3& value) {
   if (const auto numbers = section.numbers(key, 3, 3)) value = Vec3(numbers->data());
 }
 
 /// Reads a matrix row by row.
-void read_matrix(YamlSection& section, const std::string& key, Mat3& value) {
+void read_matrix(StrictSection& section, const std::string& key, Mat3& value) {
   if (const auto numbers = section.numbers(key, 9, 9)) value = Mat3(numbers->data()).transpose();
 }
 
-void read_seed(YamlSection& section, std::uint64_t& seed) {
+void read_seed(StrictSection& section, std::uint64_t& seed) {
   if (const auto value = section.integer("seed")) {
     if (*value < 0) throw section.error("seed", "must not be negative");
     seed = static_cast<std::uint64_t>(*value);
@@ -41,7 +41,7 @@ void read_seed(YamlSection& section, std::uint64_t& seed) {
 
 /// Reads the remaining keys and checks the options; errors name the section's position.
 template <class Options>
-Options finish_and_check(YamlSection& section, const Options& options) {
+Options finish_and_check(StrictSection& section, const Options& options) {
   section.require_all_keys_used();
   try {
     check(options);
@@ -51,12 +51,12 @@ Options finish_and_check(YamlSection& section, const Options& options) {
   return options;
 }
 
-void read_rate(YamlSection& section, double& rate_hz) {
+void read_rate(StrictSection& section, double& rate_hz) {
   read_number(section, "rate_hz", rate_hz);
   if (!(rate_hz > 0.0 && rate_hz <= 1e5)) throw section.error("rate_hz", "must lie between 0 and 100000");
 }
 
-ImuOptions read_imu(YamlSection section, std::uint64_t seed, const SE3& T_camera_imu) {
+ImuOptions read_imu(StrictSection section, std::uint64_t seed, const SE3& T_camera_imu) {
   ImuOptions o = imu_preset(section.choice("preset", {"adis16448", "bmi160", "perfect"}).value_or("adis16448"));
   o.seed = seed;
   o.T_camera_imu = T_camera_imu;
@@ -76,7 +76,7 @@ ImuOptions read_imu(YamlSection section, std::uint64_t seed, const SE3& T_camera
   return finish_and_check(section, o);
 }
 
-GnssOptions read_gnss(YamlSection section, std::uint64_t seed) {
+GnssOptions read_gnss(StrictSection section, std::uint64_t seed) {
   GnssOptions o{.seed = seed};
   read_seed(section, o.seed);
   read_rate(section, o.rate_hz);
@@ -94,7 +94,7 @@ GnssOptions read_gnss(YamlSection section, std::uint64_t seed) {
   return o;
 }
 
-AttitudeOptions read_attitude(YamlSection section, std::uint64_t seed) {
+AttitudeOptions read_attitude(StrictSection section, std::uint64_t seed) {
   AttitudeOptions o{.seed = seed};
   read_seed(section, o.seed);
   read_rate(section, o.rate_hz);
@@ -105,7 +105,7 @@ AttitudeOptions read_attitude(YamlSection section, std::uint64_t seed) {
   return finish_and_check(section, o);
 }
 
-BarometerOptions read_barometer(YamlSection section, std::uint64_t seed, double& origin_above_sea_m) {
+BarometerOptions read_barometer(StrictSection section, std::uint64_t seed, double& origin_above_sea_m) {
   BarometerOptions o{.seed = seed};
   read_seed(section, o.seed);
   read_rate(section, o.rate_hz);
@@ -119,7 +119,7 @@ BarometerOptions read_barometer(YamlSection section, std::uint64_t seed, double&
 }
 
 /// The field is given completely or not at all.
-void read_magnetic_field(YamlSection& section, MagneticField& field) {
+void read_magnetic_field(StrictSection& section, MagneticField& field) {
   const auto declination = section.number("declination_deg"), inclination = section.number("inclination_deg");
   const auto strength = section.number("strength_ut");
   const int given = (declination ? 1 : 0) + (inclination ? 1 : 0) + (strength ? 1 : 0);
@@ -130,7 +130,7 @@ void read_magnetic_field(YamlSection& section, MagneticField& field) {
   if (!(field.year >= 2025.0 && field.year <= 2030.0)) throw section.error("year", "must lie between 2025 and 2030");
 }
 
-MagnetometerOptions read_magnetometer(YamlSection section, std::uint64_t seed, const SE3& T_camera_imu,
+MagnetometerOptions read_magnetometer(StrictSection section, std::uint64_t seed, const SE3& T_camera_imu,
                                       MagneticField& field) {
   MagnetometerOptions o{.seed = seed, .T_camera_sensor = T_camera_imu};
   read_seed(section, o.seed);
@@ -142,7 +142,7 @@ MagnetometerOptions read_magnetometer(YamlSection section, std::uint64_t seed, c
   return finish_and_check(section, o);
 }
 
-RangeFinderOptions read_range_finder(YamlSection section, std::uint64_t seed) {
+RangeFinderOptions read_range_finder(StrictSection section, std::uint64_t seed) {
   RangeFinderOptions o{.seed = seed};
   read_seed(section, o.seed);
   read_rate(section, o.rate_hz);
@@ -160,7 +160,7 @@ RangeFinderOptions read_range_finder(YamlSection section, std::uint64_t seed) {
 }
 
 /// One value of `elevations_deg` per channel; or `channels` values, evenly from the lowest to the highest.
-void read_elevations(YamlSection& section, std::vector<double>& elevations_deg) {
+void read_elevations(StrictSection& section, std::vector<double>& elevations_deg) {
   if (const auto given = section.numbers("elevations_deg", 1, 4096)) elevations_deg = *given;
   const auto channels = section.integer("channels");
   const auto ends = section.numbers("elevation_range_deg", 2, 2);
@@ -173,7 +173,7 @@ void read_elevations(YamlSection& section, std::vector<double>& elevations_deg) 
     elevations_deg.push_back((*ends)[0] + ((*ends)[1] - (*ends)[0]) * i / (*channels - 1));
 }
 
-void read_pattern_keys(YamlSection& section, SpinningPattern& p) {
+void read_pattern_keys(StrictSection& section, SpinningPattern& p) {
   read_integer(section, "columns", p.columns);
   read_elevations(section, p.elevations_deg);
   read_number(section, "channel_delay_s", p.channel_delay_s);
@@ -183,7 +183,7 @@ void read_pattern_keys(YamlSection& section, SpinningPattern& p) {
   }
 }
 
-void read_pattern_keys(YamlSection& section, RosettePattern& p) {
+void read_pattern_keys(StrictSection& section, RosettePattern& p) {
   read_number(section, "points_per_second", p.points_per_second);
   read_number(section, "fov_deg", p.fov_deg);
   if (const auto speeds = section.numbers("prism_rpm", 2, 2)) {
@@ -192,14 +192,14 @@ void read_pattern_keys(YamlSection& section, RosettePattern& p) {
   }
 }
 
-void read_pattern_keys(YamlSection& section, RasterPattern& p) {
+void read_pattern_keys(StrictSection& section, RasterPattern& p) {
   read_integer(section, "columns", p.columns);
   read_integer(section, "rows", p.rows);
   read_number(section, "horizontal_fov_deg", p.horizontal_fov_deg);
   read_number(section, "vertical_fov_deg", p.vertical_fov_deg);
 }
 
-void read_pattern(YamlSection& section, LidarPattern& pattern) {
+void read_pattern(StrictSection& section, LidarPattern& pattern) {
   const auto kind = section.choice("pattern", {"spinning", "rosette", "raster"});
   if (kind == "spinning" && !std::holds_alternative<SpinningPattern>(pattern)) pattern = SpinningPattern{};
   if (kind == "rosette" && !std::holds_alternative<RosettePattern>(pattern)) pattern = RosettePattern{};
@@ -213,7 +213,7 @@ void read_pattern(YamlSection& section, LidarPattern& pattern) {
 }
 
 /// Kalibr's convention: maps lidar coordinates to the camera's; 16 numbers, row by row.
-void read_mount(YamlSection& section, SE3& T_camera_lidar) {
+void read_mount(StrictSection& section, SE3& T_camera_lidar) {
   const auto numbers = section.numbers("T_cam_lidar", 16, 16);
   if (!numbers) return;
   const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(numbers->data());
@@ -223,13 +223,13 @@ void read_mount(YamlSection& section, SE3& T_camera_lidar) {
   T_camera_lidar = SE3(rotation, m.topRightCorner<3, 1>());
 }
 
-ScanMotion read_motion(YamlSection& section) {
+ScanMotion read_motion(StrictSection& section) {
   const std::string word = section.choice("motion", {"distorted", "corrected", "frozen"}).value_or("distorted");
   if (word == "corrected") return ScanMotion::kCorrected;
   return word == "frozen" ? ScanMotion::kFrozen : ScanMotion::kDistorted;
 }
 
-LidarOptions read_lidar(YamlSection section, std::uint64_t seed, bool& kitti_scans) {
+LidarOptions read_lidar(StrictSection section, std::uint64_t seed, bool& kitti_scans) {
   const auto preset = section.choice("preset", {"vlp-16", "os1-64", "hdl-64e", "livox-mid-40"});
   LidarOptions o = preset ? lidar_preset(*preset) : LidarOptions{};
   o.seed = seed;
@@ -253,7 +253,7 @@ LidarOptions read_lidar(YamlSection section, std::uint64_t seed, bool& kitti_sca
   return finish_and_check(section, o);
 }
 
-SensorSuite read_suite(YamlSection section, std::uint64_t seed, const SE3& T_camera_imu) {
+SensorSuite read_suite(StrictSection section, std::uint64_t seed, const SE3& T_camera_imu) {
   SensorSuite suite;
   if (auto s = section.section("imu")) suite.imu = read_imu(*s, seed, T_camera_imu);
   if (auto s = section.section("gnss")) suite.gnss = read_gnss(*s, seed);
@@ -270,11 +270,11 @@ SensorSuite read_suite(YamlSection section, std::uint64_t seed, const SE3& T_cam
 }  // namespace
 
 SensorSuite read_sensor_suite(const std::filesystem::path& flight_file, std::uint64_t seed, const SE3& T_camera_imu) {
-  YamlSection flight = YamlSection::load(flight_file);
+  StrictSection flight = StrictSection::load(flight_file);
   const auto section = flight.section("sensors");
   const auto file = flight.path("sensors_file");
   if (section && file) throw flight.error("sensors_file", "and 'sensors' are both given; keep one of the two");
-  if (file) return read_suite(YamlSection::load(*file), seed, T_camera_imu);
+  if (file) return read_suite(StrictSection::load(*file), seed, T_camera_imu);
   return section ? read_suite(*section, seed, T_camera_imu) : SensorSuite{};
 }
 

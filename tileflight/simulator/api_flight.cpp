@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/require.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/simulator_impl.h"
 
@@ -19,13 +20,9 @@ constexpr double kMaxDuration_s = 3600.0;   // upper limit of a task's duration
 constexpr std::size_t kMaxPoints = 100000;  // per path
 constexpr double kMaxSpeed_m_s = 1000.0;
 
-void require(bool holds, const char* call, const std::string& what) {
-  if (!holds) throw InputError(call, what);
-}
-
 /// AirSim's clients send 3e38 for "no limit".
 double clamp_duration_s(float seconds, const char* call) {
-  require(!std::isnan(seconds), call, "the time is not a number");
+  base::require(!std::isnan(seconds), call, "the time is not a number");
   return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
 }
 
@@ -35,13 +32,14 @@ double clamp_timeout_s(float seconds, const char* call) {
 }
 
 double check_speed(float velocity, const char* call) {
-  require(velocity > 0.0F && velocity <= kMaxSpeed_m_s, call, "the velocity must be above 0 and at most 1000 m/s");
+  base::require(velocity > 0.0F && velocity <= kMaxSpeed_m_s, call,
+                "the velocity must be above 0 and at most 1000 m/s");
   return velocity;
 }
 
 Drivetrain to_drivetrain(int drivetrain, const YawMode& yaw, const char* call) {
-  require(drivetrain == 0 || drivetrain == 1, call, "the drivetrain is 0 (any direction) or 1 (forward only)");
-  require(!(drivetrain == 1 && yaw.is_rate), call, "a yaw rate is not possible with the drivetrain forward only");
+  base::require(drivetrain == 0 || drivetrain == 1, call, "the drivetrain is 0 (any direction) or 1 (forward only)");
+  base::require(!(drivetrain == 1 && yaw.is_rate), call, "a yaw rate is not possible with the drivetrain forward only");
   return drivetrain == 1 ? Drivetrain::kForwardOnly : Drivetrain::kMaxDegreeOfFreedom;
 }
 
@@ -50,7 +48,7 @@ double heading_to_local_yaw_rad(double heading_deg) { return vehicle::heading_to
 
 vehicle::YawMode to_yaw_mode(const YawMode& yaw, Drivetrain drivetrain, const char* call) {
   using Kind = vehicle::YawMode::Kind;
-  require(std::isfinite(yaw.yaw_or_rate) && std::abs(yaw.yaw_or_rate) <= 1e6F, call, "the yaw is out of range");
+  base::require(std::isfinite(yaw.yaw_or_rate) && std::abs(yaw.yaw_or_rate) <= 1e6F, call, "the yaw is out of range");
   if (yaw.is_rate)
     return yaw.yaw_or_rate == 0.0F ? vehicle::YawMode{} : vehicle::YawMode{Kind::kRate, -radians(yaw.yaw_or_rate)};
   if (drivetrain == Drivetrain::kForwardOnly) return {Kind::kAngle, -radians(yaw.yaw_or_rate)};
@@ -72,8 +70,7 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
   path.speed_m_s = check_speed(call.velocity, call.name);
   path.drivetrain = to_drivetrain(call.drivetrain, call.yaw_mode, call.name);
   path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, call.name);
-  require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name,
-          "the lookahead must not be 0; -1 chooses it automatically");
+  base::require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name, "the lookahead must not be 0; -1 chooses it automatically");
   if (call.lookahead > 0.0F) path.lookahead_m = std::min(static_cast<double>(call.lookahead), 1e6);
   path.adaptive_lookahead = call.adaptive_lookahead > 0.0F;
   path.timeout_s = clamp_timeout_s(call.timeout_s, call.name);
@@ -82,7 +79,7 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
 
 vehicle::FlyVelocity make_fly_velocity(const char* call, const Vec3& velocity, float duration_s, int drivetrain,
                                        const YawMode& yaw_mode) {
-  require(velocity.allFinite() && velocity.norm() <= kMaxSpeed_m_s, call, "the velocity is out of range");
+  base::require(velocity.allFinite() && velocity.norm() <= kMaxSpeed_m_s, call, "the velocity is out of range");
   vehicle::FlyVelocity command;
   command.duration_s = clamp_duration_s(duration_s, call);
   command.drivetrain = to_drivetrain(drivetrain, yaw_mode, call);
@@ -150,7 +147,7 @@ void Simulator::cancel_last_task(const std::string& vehicle) {
 
 bool Simulator::takeoff(float timeout_s, const std::string& vehicle) {
   return impl_->run_command(vehicle, "takeoff", [&](SimVehicle& sim_vehicle) -> vehicle::Command {
-    require(sim_vehicle.state().velocity_m_s.norm() <= kAtRest_m_s, "takeoff", "the vehicle is moving");
+    base::require(sim_vehicle.state().velocity_m_s.norm() <= kAtRest_m_s, "takeoff", "the vehicle is moving");
     return vehicle::TakeOff{.height_m = kTakeOffHeight_m, .timeout_s = clamp_timeout_s(timeout_s, "takeoff")};
   });
 }
@@ -188,7 +185,7 @@ bool Simulator::move_on_path(const std::vector<Vector3r>& path, float velocity, 
                              const YawMode& yaw_mode, float lookahead, float adaptive_lookahead,
                              const std::string& vehicle) {
   const PathCall call{"moveOnPath", velocity, timeout_s, drivetrain, yaw_mode, lookahead, adaptive_lookahead};
-  require(path.size() <= kMaxPoints, call.name, "more than 100000 points");
+  base::require(path.size() <= kMaxPoints, call.name, "more than 100000 points");
   return impl_->run_command(vehicle, call.name, [&](SimVehicle& sim_vehicle) -> vehicle::Command {
     std::vector<Vec3> points;
     for (const Vector3r& point : path) points.push_back(to_local(sim_vehicle, impl_->T_local_ned, point, call.name));
@@ -262,8 +259,10 @@ bool Simulator::move_by_velocity_z_body_frame(float vx, float vy, float z, float
 
 bool Simulator::rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_degrees, const std::string& vehicle) {
   return impl_->run_command(vehicle, "rotateToYaw", [&](SimVehicle&) -> vehicle::Command {
-    require(std::isfinite(yaw_degrees) && std::abs(yaw_degrees) <= 1e6F, "rotateToYaw", "the yaw is out of range");
-    require(margin_degrees > 0.0F && margin_degrees <= 180.0F, "rotateToYaw", "the margin must be above 0 degrees");
+    base::require(std::isfinite(yaw_degrees) && std::abs(yaw_degrees) <= 1e6F, "rotateToYaw",
+                  "the yaw is out of range");
+    base::require(margin_degrees > 0.0F && margin_degrees <= 180.0F, "rotateToYaw",
+                  "the margin must be above 0 degrees");
     return vehicle::TurnToYaw{heading_to_local_yaw_rad(yaw_degrees), radians(margin_degrees),
                               clamp_timeout_s(timeout_s, "rotateToYaw")};
   });
@@ -271,8 +270,8 @@ bool Simulator::rotate_to_yaw(float yaw_degrees, float timeout_s, float margin_d
 
 bool Simulator::rotate_by_yaw_rate(float yaw_rate_degrees_s, float duration_s, const std::string& vehicle) {
   return impl_->run_command(vehicle, "rotateByYawRate", [&](SimVehicle&) -> vehicle::Command {
-    require(std::isfinite(yaw_rate_degrees_s) && std::abs(yaw_rate_degrees_s) <= 1e5F, "rotateByYawRate",
-            "the rate is out of range");
+    base::require(std::isfinite(yaw_rate_degrees_s) && std::abs(yaw_rate_degrees_s) <= 1e5F, "rotateByYawRate",
+                  "the rate is out of range");
     return vehicle::TurnAtRate{-radians(yaw_rate_degrees_s), clamp_duration_s(duration_s, "rotateByYawRate")};
   });
 }

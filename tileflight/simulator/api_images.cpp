@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
@@ -63,10 +64,6 @@ ImageResponse make_response(const PlannedImage& picture, const RenderLayers& lay
 std::string missing_tiles_message(const ResidentScene& place) {
   if (place.loaded().tiles_failed == 0) return {};
   return std::to_string(place.loaded().tiles_failed) + " tiles could not be read: parts of the place may be missing";
-}
-
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 }  // namespace
@@ -131,7 +128,7 @@ std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& p
     }
   }
   images += responses.size();
-  const double seconds = seconds_since(start);
+  const double seconds = base::seconds_since(start);
   last_image_seconds = seconds;
   image_seconds += seconds;
   return responses;

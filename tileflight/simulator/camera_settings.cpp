@@ -4,11 +4,13 @@
 #include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/require.h"
 #include "tileflight/simulator/frames.h"
 
 namespace tileflight::simulator {
 namespace {
 
+using base::StrictSection;
 using geometry::SE3;
 using geometry::Vec3;
 using imaging::Camera;
@@ -16,41 +18,40 @@ using imaging::Camera;
 constexpr int kMaxSide_px = 8192;
 constexpr double kMaxPixels = 32e6;
 
-LensDescription read_lens(SettingsSection section, const CaptureSettings& capture) {
+LensDescription read_lens(StrictSection section, const CaptureSettings& capture) {
   LensDescription lens;
-  lens.model = section.choice("Model", "fisheye", {"pinhole", "fisheye", "kannala-brandt", "panorama"});
+  lens.model =
+      section.choice_in_any_case("Model", {"pinhole", "fisheye", "kannala-brandt", "panorama"}).value_or("fisheye");
   if (lens.model == "kannala-brandt") lens.model = "fisheye";
   lens.width = capture.width;
   lens.height = capture.height;
   lens.fov_degrees = static_cast<float>(section.number("FOV_Degrees", 0.0, 0.0, 360.0));
-  for (const double k : section.numbers("K", 4)) lens.k.push_back(static_cast<float>(k));
-  for (const double value : section.numbers("Intrinsics", 4)) lens.intrinsics.push_back(static_cast<float>(value));
-  section.warn_unknown_keys();
+  for (const double k : section.numbers("K", 0, 4).value_or(std::vector<double>{}))
+    lens.k.push_back(static_cast<float>(k));
+  for (const double value : section.numbers("Intrinsics", 0, 4).value_or(std::vector<double>{}))
+    lens.intrinsics.push_back(static_cast<float>(value));
+  section.require_all_keys_used();
   return lens;
 }
 
-void read_capture(SettingsSection& section, CaptureSettings& capture) {
+void read_capture(StrictSection& section, CaptureSettings& capture) {
   capture.width = section.integer("Width", capture.width, 1, kMaxSide_px);
   capture.height = section.integer("Height", capture.height, 1, kMaxSide_px);
   capture.fov_deg = section.number("FOV_Degrees", capture.fov_deg, 0.1, 179.9);
   if (auto lens = section.section("Lens")) capture.lens = read_lens(std::move(*lens), capture);
-  if (section.text("ProjectionMode", "perspective") == "orthographic")
-    section.fail("ProjectionMode", "orthographic images are not supported: use perspective");
-  make_lens(capture, section.where());
-  section.mark_ignored({"ImageType", "AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
-                        "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
-                        "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod",
-                        "MotionBlurAmount", "MotionBlurMax", "TargetGamma", "OrthoWidth", "LumenGIEnable",
-                        "LumenReflectionEnable", "ChromaticAberrationScale"});
-  section.warn_unknown_keys();
+  if (section.text("ProjectionMode").value_or("perspective") == "orthographic")
+    throw section.error("ProjectionMode", "orthographic images are not supported: use perspective");
+  make_lens(capture, section.place());
+  section.ignore({"ImageType", "AutoExposureSpeed", "AutoExposureBias", "AutoExposureMaxBrightness",
+                  "AutoExposureMinBrightness", "AutoExposureLowPercent", "AutoExposureHighPercent",
+                  "AutoExposureHistogramLogMin", "AutoExposureHistogramLogMax", "AutoExposureMethod",
+                  "MotionBlurAmount", "MotionBlurMax", "TargetGamma", "OrthoWidth", "LumenGIEnable",
+                  "LumenReflectionEnable", "ChromaticAberrationScale"});
+  section.require_all_keys_used();
 }
 
 double focal_px(const CaptureSettings& capture) {
   return 0.5 * std::max(capture.width, capture.height) / std::tan(0.5 * radians(capture.fov_deg));
-}
-
-void require(bool holds, const std::string& where, const std::string& what) {
-  if (!holds) throw InputError(where, what);
 }
 
 Camera make_fisheye_lens(const LensDescription& lens, int width, int height, const std::string& where) {
@@ -61,8 +62,8 @@ Camera make_fisheye_lens(const LensDescription& lens, int width, int height, con
     return imaging::make_fisheye(width, height, fov_deg, k);
   }
   const auto& i = lens.intrinsics;
-  require(i.size() == 4 && i[0] > 0.0F && i[1] > 0.0F, where,
-          "the intrinsics must be fx, fy, cx, cy, with fx and fy above 0");
+  base::require(i.size() == 4 && i[0] > 0.0F && i[1] > 0.0F, where,
+                "the intrinsics must be fx, fy, cx, cy, with fx and fy above 0");
   return {imaging::KannalaBrandt{i[0], i[1], i[2] - 0.5, i[3] - 0.5, k}, width, height};
 }
 
@@ -70,19 +71,19 @@ Camera make_pinhole_lens(const LensDescription& lens, int width, int height, con
   if (lens.intrinsics.empty())
     return imaging::make_pinhole(width, height, lens.fov_degrees > 0.0F ? lens.fov_degrees : 90.0);
   const auto& i = lens.intrinsics;
-  require(i.size() == 4 && i[0] > 0.0F && i[1] > 0.0F, where,
-          "the intrinsics must be fx, fy, cx, cy, with fx and fy above 0");
+  base::require(i.size() == 4 && i[0] > 0.0F && i[1] > 0.0F, where,
+                "the intrinsics must be fx, fy, cx, cy, with fx and fy above 0");
   return {imaging::PinholeRadtan{i[0], i[1], i[2] - 0.5, i[3] - 0.5, {}}, width, height};
 }
 
 void check(const LensDescription& lens, const std::string& where) {
-  require(lens.k.size() <= 4, where, "a fisheye lens has at most four coefficients");
+  base::require(lens.k.size() <= 4, where, "a fisheye lens has at most four coefficients");
   for (const float value : lens.k)
-    require(std::isfinite(value) && std::abs(value) < 1e3F, where, "a coefficient is out of range");
+    base::require(std::isfinite(value) && std::abs(value) < 1e3F, where, "a coefficient is out of range");
   for (const float value : lens.intrinsics)
-    require(std::isfinite(value) && std::abs(value) < 1e6F, where, "the intrinsics are out of range");
-  require(std::isfinite(lens.fov_degrees) && lens.fov_degrees >= 0.0F && lens.fov_degrees <= 360.0F, where,
-          "the field of view is out of range");
+    base::require(std::isfinite(value) && std::abs(value) < 1e6F, where, "the intrinsics are out of range");
+  base::require(std::isfinite(lens.fov_degrees) && lens.fov_degrees >= 0.0F && lens.fov_degrees <= 360.0F, where,
+                "the field of view is out of range");
 }
 
 SE3 offset(double x, double y, double pitch_deg, double yaw_deg) {
@@ -91,36 +92,48 @@ SE3 offset(double x, double y, double pitch_deg, double yaw_deg) {
 
 }  // namespace
 
+Vec3 read_position(StrictSection& section, const Vec3& otherwise) {
+  constexpr double kFar_m = 1e7;
+  const auto along = [&](const char* key, double value) { return section.number(key, value, -kFar_m, kFar_m); };
+  return {along("X", otherwise.x()), along("Y", otherwise.y()), along("Z", otherwise.z())};
+}
+
+Eigen::Quaterniond read_orientation(StrictSection& section) {
+  const auto angle = [&](const char* key) { return radians(section.number(key, 0.0, -3600.0, 3600.0)); };
+  const double roll = angle("Roll"), pitch = angle("Pitch");
+  return rotation_from_rpy(roll, pitch, angle("Yaw"));
+}
+
 Camera make_lens(const CaptureSettings& capture, const std::string& where) {
   const int width = capture.width, height = capture.height;
-  require(width >= 1 && height >= 1 && width <= kMaxSide_px && height <= kMaxSide_px &&
-              static_cast<double>(width) * height <= kMaxPixels,
-          where, "an image must not exceed 8192 x 8192 or 32 million pixels");
+  base::require(width >= 1 && height >= 1 && width <= kMaxSide_px && height <= kMaxSide_px &&
+                    static_cast<double>(width) * height <= kMaxPixels,
+                where, "an image must not exceed 8192 x 8192 or 32 million pixels");
   if (capture.lens) {
     check(*capture.lens, where);
     if (capture.lens->model == "panorama") return imaging::make_panorama(width, height);
     if (capture.lens->model == "pinhole") return make_pinhole_lens(*capture.lens, width, height, where);
-    require(capture.lens->model == "fisheye", where,
-            "the lens '" + capture.lens->model + "' is unknown; use pinhole, fisheye or panorama");
+    base::require(capture.lens->model == "fisheye", where,
+                  "the lens '" + capture.lens->model + "' is unknown; use pinhole, fisheye or panorama");
     return make_fisheye_lens(*capture.lens, width, height, where);
   }
-  require(capture.fov_deg >= 0.1 && capture.fov_deg <= 179.9, where,
-          "the field of view must be from 0.1 to 179.9 degrees");
+  base::require(capture.fov_deg >= 0.1 && capture.fov_deg <= 179.9, where,
+                "the field of view must be from 0.1 to 179.9 degrees");
   const double f = focal_px(capture);
   return {imaging::PinholeRadtan{f, f, 0.5 * (width - 1), 0.5 * (height - 1), {}}, width, height};
 }
 
-CameraSettings read_camera(const std::string& name, SettingsSection section, const CameraSettings& defaults) {
+CameraSettings read_camera(const std::string& name, StrictSection section, const CameraSettings& defaults) {
   CameraSettings camera = defaults;
   camera.name = name;
-  camera.T_body_camera = SE3(section.orientation(), section.position());
-  for (SettingsSection& entry : section.list("CaptureSettings")) {
+  camera.T_body_camera = SE3(read_orientation(section), read_position(section));
+  for (StrictSection& entry : section.sections("CaptureSettings")) {
     const int type = entry.integer("ImageType", 0, -1, 100);
     CaptureSettings unused;
     read_capture(entry, type >= 0 && type < kImageTypeCount ? camera.captures[static_cast<std::size_t>(type)] : unused);
   }
-  section.mark_ignored({"NoiseSettings", "Gimbal", "UnrealEngine"});
-  section.warn_unknown_keys();
+  section.ignore({"NoiseSettings", "Gimbal", "UnrealEngine"});
+  section.require_all_keys_used();
   return camera;
 }
 

@@ -6,6 +6,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
 #include "tileflight/sensors/barometer.h"
+#include "tileflight/sensors/gauss_markov.h"
 #include "tileflight/simulator/frames.h"
 #include "tileflight/simulator/simulation_clock.h"
 
@@ -45,8 +46,11 @@ class NormalGenerator {
 Vec3 bias3(SensorNoiseState& noise, std::size_t first, double sigma, double tau_s, double elapsed_s,
            NormalGenerator& normals) {
   Vec3 bias = Vec3::Zero();
-  for (std::size_t i = 0; i < 3; ++i)
-    bias[static_cast<Eigen::Index>(i)] = noise.biases[first + i].advance(sigma, tau_s, elapsed_s, normals.next());
+  for (std::size_t i = 0; i < 3; ++i) {
+    double& value = noise.biases[first + i];
+    value = sensors::gauss_markov_step(value, sigma, std::exp(-elapsed_s / tau_s), normals.next());
+    bias[static_cast<Eigen::Index>(i)] = value;
+  }
   return bias;
 }
 
@@ -99,12 +103,6 @@ const VehicleState* StateHistory::at(double time_s) const {
   return after == states_.begin() ? &states_.front().second : &std::prev(after)->second;
 }
 
-double GaussMarkovBias::advance(double sigma, double tau_s, double elapsed_s, double normal) {
-  const double left = std::exp(-elapsed_s / tau_s);
-  value_ = left * value_ + sigma * std::sqrt(std::max(0.0, 1.0 - left * left)) * normal;
-  return value_;
-}
-
 /// White noise with the densities of AirSim's keys (angle and velocity random walks), at the physics rate; the
 /// accelerometer measures specific force.
 ImuData read_imu(const ImuSettings& settings, const SensorContext& now, SensorNoiseState& noise) {
@@ -131,8 +129,9 @@ ImuData read_imu(const ImuSettings& settings, const SensorContext& now, SensorNo
 BarometerData read_barometer(const BarometerSettings& settings, const SensorContext& now, SensorNoiseState& noise) {
   const DelayedState reading = delayed_state(settings.timing, now);
   NormalGenerator normals(noise.seed, reading.time_ns);
-  const double factor = noise.biases[0].advance(settings.pressure_factor_sigma, settings.pressure_factor_tau_s,
-                                                elapsed_s(noise, reading.time_s), normals.next());
+  const double decay = std::exp(-elapsed_s(noise, reading.time_s) / settings.pressure_factor_tau_s);
+  double& factor = noise.biases[0];
+  factor = sensors::gauss_markov_step(factor, settings.pressure_factor_sigma, decay, normals.next());
   const double height_m = now.geodetic_frame.to_geodetic(reading.state.T_ned_body.translation).height.m;
   const double true_pa = sensors::Atmosphere{}.pressure_pa(clamp_atmosphere_height_m(height_m));
   const double pressure_pa = true_pa * (1.0 + factor) + settings.noise_sigma_pa * normals.next();

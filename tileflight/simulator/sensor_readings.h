@@ -43,21 +43,11 @@ class StateHistory {
   std::deque<std::pair<double, VehicleState>> states_;
 };
 
-/// A random bias: first-order Gauss-Markov process, advanced exactly over any time step.
-class GaussMarkovBias {
- public:
-  double advance(double sigma, double tau_s, double elapsed_s, double normal);
-  double value() const { return value_; }
-
- private:
-  double value_ = 0.0;
-};
-
 /// Noise state of one sensor, determined by its seed and its reading times.
 struct SensorNoiseState {
   std::uint64_t seed = 1;
   double last_read_s = 0.0;
-  std::array<GaussMarkovBias, 6> biases;
+  std::array<double, 6> biases{};  ///< first-order Gauss-Markov processes
 };
 
 /// Context of a sensor reading.

@@ -3,25 +3,26 @@
 #include <algorithm>
 #include <utility>
 
+#include "tileflight/base/strict_section.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/simulator/settings_section.h"
 
 namespace tileflight::simulator {
 namespace {
 
+using base::StrictSection;
 using geometry::SE3;
 using geometry::Vec3;
 
 constexpr double kMaxNumber = 1e9;
 
-SensorTiming read_timing(SettingsSection& s, const SensorTiming& fallback) {
+SensorTiming read_timing(StrictSection& s, const SensorTiming& fallback) {
   return {s.number("UpdateLatency", fallback.latency_s, 0.0, 10.0),
           s.number("UpdateFrequency", fallback.frequency_hz, 1e-3, 1e5),
           s.number("StartupDelay", fallback.startup_delay_s, 0.0, 1e4)};
 }
 
-BarometerSettings read_barometer(SettingsSection& s) {
+BarometerSettings read_barometer(StrictSection& s) {
   BarometerSettings b;
   b.timing = read_timing(s, b.timing);
   b.pressure_factor_sigma = s.number("PressureFactorSigma", b.pressure_factor_sigma, 0.0, 0.1);
@@ -31,7 +32,7 @@ BarometerSettings read_barometer(SettingsSection& s) {
   return b;
 }
 
-ImuSettings read_imu(SettingsSection& s) {
+ImuSettings read_imu(StrictSection& s) {
   ImuSettings i;
   i.angular_random_walk_deg_sqrt_h = s.number("AngularRandomWalk", i.angular_random_walk_deg_sqrt_h, 0.0, 1e4);
   i.gyro_bias_stability_deg_h = s.number("GyroBiasStability", i.gyro_bias_stability_deg_h, 0.0, 1e6);
@@ -39,11 +40,11 @@ ImuSettings read_imu(SettingsSection& s) {
   i.velocity_random_walk_m_s_sqrt_h = s.number("VelocityRandomWalk", i.velocity_random_walk_m_s_sqrt_h, 0.0, 1e4);
   i.accel_bias_stability_ug = s.number("AccelBiasStability", i.accel_bias_stability_ug, 0.0, 1e6);
   i.accel_bias_tau_s = s.number("AccelBiasStabilityTau", i.accel_bias_tau_s, 1e-3, kMaxNumber);
-  s.mark_ignored({"GenerateNoise"});
+  s.ignore({"GenerateNoise"});
   return i;
 }
 
-GpsSettings read_gps(SettingsSection& s) {
+GpsSettings read_gps(StrictSection& s) {
   GpsSettings g;
   g.timing = read_timing(s, g.timing);
   g.eph_tau_s =
@@ -59,7 +60,7 @@ GpsSettings read_gps(SettingsSection& s) {
   return g;
 }
 
-MagnetometerSettings read_magnetometer(SettingsSection& s) {
+MagnetometerSettings read_magnetometer(StrictSection& s) {
   MagnetometerSettings m;
   m.timing = read_timing(s, m.timing);
   m.noise_sigma_gauss = s.number("NoiseSigma", m.noise_sigma_gauss, 0.0, 100.0);
@@ -71,17 +72,17 @@ MagnetometerSettings read_magnetometer(SettingsSection& s) {
 /// AirSim places sensors of vehicles that do not fly one metre above them.
 Vec3 default_place(bool flies) { return {0.0, 0.0, flies ? 0.0 : -1.0}; }
 
-DistanceSensorSettings read_distance(SettingsSection& s, bool flies) {
+DistanceSensorSettings read_distance(StrictSection& s, bool flies) {
   DistanceSensorSettings d;
   d.min_m = s.number("MinDistance", d.min_m, 0.0, 1e5);
   d.max_m = s.number("MaxDistance", d.max_m, d.min_m, 1e5);
   d.noise_sigma_m = s.number("NoiseSigma", d.noise_sigma_m, 0.0, 1e3);
-  d.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
-  s.mark_ignored({"DrawDebugPoints", "ExternalController"});
+  d.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
+  s.ignore({"DrawDebugPoints", "ExternalController"});
   return d;
 }
 
-LidarSettings read_lidar(SettingsSection& s, bool flies) {
+LidarSettings read_lidar(StrictSection& s, bool flies) {
   LidarSettings l;
   if (!flies) {
     l.upper_deg = 10.0;
@@ -95,16 +96,16 @@ LidarSettings read_lidar(SettingsSection& s, bool flies) {
   l.horizontal_to_deg = s.number("HorizontalFOVEnd", l.horizontal_to_deg, -360.0, 360.0);
   l.upper_deg = s.number("VerticalFOVUpper", l.upper_deg, -90.0, 90.0);
   l.lower_deg = s.number("VerticalFOVLower", l.lower_deg, -90.0, 90.0);
-  l.in_sensor_frame =
-      s.choice("DataFrame", "VehicleInertialFrame", {"VehicleInertialFrame", "SensorLocalFrame"}) == "SensorLocalFrame";
-  l.T_body_sensor = SE3(s.orientation(), s.position(default_place(flies)));
+  l.in_sensor_frame = s.choice_in_any_case("DataFrame", {"VehicleInertialFrame", "SensorLocalFrame"})
+                          .value_or("VehicleInertialFrame") == "SensorLocalFrame";
+  l.T_body_sensor = SE3(read_orientation(s), read_position(s, default_place(flies)));
   if (l.points_per_second / l.rotations_per_second > 4e6)
-    s.fail("PointsPerSecond", "more than four million points per revolution");
-  s.mark_ignored({"DrawDebugPoints", "ExternalController"});
+    throw s.error("PointsPerSecond", "more than four million points per revolution");
+  s.ignore({"DrawDebugPoints", "ExternalController"});
   return l;
 }
 
-SensorKind read_kind(int type, SettingsSection& section, bool flies) {
+SensorKind read_kind(int type, StrictSection& section, bool flies) {
   switch (type) {
     case 1:
       return read_barometer(section);
@@ -119,17 +120,17 @@ SensorKind read_kind(int type, SettingsSection& section, bool flies) {
     case 6:
       return read_lidar(section, flies);
     default:
-      section.fail("SensorType", "must be from 1 (barometer) to 6 (lidar)");
+      throw section.error("SensorType", "must be from 1 (barometer) to 6 (lidar)");
   }
 }
 
 }  // namespace
 
-std::vector<SensorSettings> read_sensors(SettingsSection& parent, const char* key, bool flies,
+std::vector<SensorSettings> read_sensors(StrictSection& parent, const std::string& key, bool flies,
                                          std::vector<SensorSettings> sensors) {
-  for (auto& [name, section] : parent.members(key)) {
+  for (auto& [name, section] : parent.named_sections(key)) {
     const auto known = std::ranges::find(sensors, name, &SensorSettings::name);
-    const bool enabled = section.boolean("Enabled", false);
+    const bool enabled = section.boolean("Enabled").value_or(false);
     const bool only_switches = !section.has("SensorType") && known != sensors.end();
     const int type = section.integer("SensorType", 0, 0, 100);
     if (!only_switches) {
@@ -140,7 +141,7 @@ std::vector<SensorSettings> read_sensors(SettingsSection& parent, const char* ke
         sensors.push_back(std::move(sensor));
       }
     }
-    section.warn_unknown_keys();
+    section.require_all_keys_used();
     if (!enabled)
       std::erase_if(sensors, [&, name = name](const SensorSettings& sensor) { return sensor.name == name; });
   }

@@ -6,13 +6,14 @@
 #include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/simulator/settings_section.h"
 
 namespace tileflight::simulator {
 namespace {
 
+using base::StrictSection;
 using geometry::Vec3;
 using nlohmann::json;
 
@@ -26,39 +27,40 @@ const std::vector<std::string> kIgnoredKeys{
     "SpeedUnitLabel",  "EngineSound", "ShowLosDebugLines", "MotionBlurAmount", "ForegroundColor",
     "MoveWorldOrigin"};
 
-geometry::Geodetic read_origin(SettingsSection section) {
+geometry::Geodetic read_origin(StrictSection section) {
   const geometry::Geodetic origin{section.number("Latitude", kDefaultOrigin.latitude_deg, -90.0, 90.0),
                                   section.number("Longitude", kDefaultOrigin.longitude_deg, -180.0, 180.0),
                                   {section.number("Altitude", kDefaultOrigin.height.m, -10000.0, 100000.0)}};
-  section.warn_unknown_keys();
+  section.require_all_keys_used();
   return origin;
 }
 
-RecordingSettings read_recording(SettingsSection section) {
+RecordingSettings read_recording(StrictSection section) {
   RecordingSettings recording;
-  recording.enabled = section.boolean("Enabled", false);
-  recording.on_move = section.boolean("RecordOnMove", false);
+  recording.enabled = section.boolean("Enabled").value_or(false);
+  recording.on_move = section.boolean("RecordOnMove").value_or(false);
   recording.interval_s = section.number("RecordInterval", 0.05, 0.003, 3600.0);
-  recording.folder = section.text("Folder", "");
-  recording.dataset = section.boolean("Dataset", false);
+  recording.folder = section.text("Folder").value_or("");
+  recording.dataset = section.boolean("Dataset").value_or(false);
   std::vector<RecordingCamera> cameras;
-  for (SettingsSection& entry : section.list("Cameras")) {
-    cameras.push_back({entry.text("CameraName", ""), entry.integer("ImageType", 0, 0, kImageTypeCount - 1),
-                       entry.boolean("PixelsAsFloat", false), entry.boolean("Compress", true),
-                       entry.text("VehicleName", "")});
-    entry.mark_ignored({"Annotation"});
-    entry.warn_unknown_keys();
+  for (StrictSection& entry : section.sections("Cameras")) {
+    cameras.push_back({entry.text("CameraName").value_or(""), entry.integer("ImageType", 0, 0, kImageTypeCount - 1),
+                       entry.boolean("PixelsAsFloat").value_or(false), entry.boolean("Compress").value_or(true),
+                       entry.text("VehicleName").value_or("")});
+    entry.ignore({"Annotation"});
+    entry.require_all_keys_used();
   }
   if (!cameras.empty()) recording.cameras = std::move(cameras);
-  section.warn_unknown_keys();
+  section.require_all_keys_used();
   return recording;
 }
 
-void read_segmentation(SettingsSection section, Settings& settings) {
-  const std::string method = section.choice("InitMethod", "CommonObjectsRandomIDs", {"None", "CommonObjectsRandomIDs"});
+void read_segmentation(StrictSection section, Settings& settings) {
+  const std::string method =
+      section.choice_in_any_case("InitMethod", {"None", "CommonObjectsRandomIDs"}).value_or("CommonObjectsRandomIDs");
   settings.random_ids = method == "CommonObjectsRandomIDs";
-  section.mark_ignored({"MeshNamingMethod", "OverrideExisting"});
-  section.warn_unknown_keys();
+  section.ignore({"MeshNamingMethod", "OverrideExisting"});
+  section.require_all_keys_used();
 }
 
 /// Replaces cameras of the same name, and appends the others.
@@ -73,37 +75,40 @@ void put_cameras(std::vector<CameraSettings> own, std::vector<CameraSettings>& c
   }
 }
 
-VehicleSettings read_vehicle(const std::string& name, SettingsSection section, const Settings& settings,
+VehicleSettings read_vehicle(const std::string& name, StrictSection section, const Settings& settings,
                              const std::vector<SensorSettings>& default_sensors) {
   VehicleSettings vehicle = default_vehicle(name, !settings.computer_vision, settings.camera_defaults);
-  const std::string type =
-      section.choice("VehicleType", settings.computer_vision ? "ComputerVision" : "SimpleFlight",
-                     {"SimpleFlight", "ComputerVision", "ExternalPhysics", "PX4Multirotor", "ArduCopter", "PhysXCar"});
+  const std::string type = section
+                               .choice_in_any_case("VehicleType", {"SimpleFlight", "ComputerVision", "ExternalPhysics",
+                                                                   "PX4Multirotor", "ArduCopter", "PhysXCar"})
+                               .value_or(settings.computer_vision ? "ComputerVision" : "SimpleFlight");
   if (type == "PX4Multirotor" || type == "ArduCopter" || type == "PhysXCar")
-    section.fail("VehicleType", "'" + type + "' is not simulated; use SimpleFlight or ComputerVision");
+    throw section.error("VehicleType", "'" + type + "' is not simulated; use SimpleFlight or ComputerVision");
   vehicle.flies = type == "SimpleFlight" && !settings.computer_vision;
-  vehicle.start_ned = section.position();
-  vehicle.R_ned_body = section.orientation();
-  vehicle.armed = section.choice("DefaultVehicleState", "Inactive", {"Inactive", "Armed", ""}) == "Armed";
-  vehicle.allow_api_always = section.boolean("AllowAPIAlways", false);
-  const bool passes = section.boolean("EnableCollisionPassthrogh", false);
-  vehicle.enable_collisions = section.boolean("EnableCollisions", true) && !passes;
+  vehicle.start_ned = read_position(section);
+  vehicle.R_ned_body = read_orientation(section);
+  vehicle.armed =
+      section.choice_in_any_case("DefaultVehicleState", {"Inactive", "Armed", ""}).value_or("Inactive") == "Armed";
+  vehicle.allow_api_always = section.boolean("AllowAPIAlways").value_or(false);
+  const bool passes = section.boolean("EnableCollisionPassthrogh").value_or(false);
+  vehicle.enable_collisions = section.boolean("EnableCollisions").value_or(true) && !passes;
   std::vector<CameraSettings> cameras;
-  for (auto& [camera, entry] : section.members("Cameras"))
+  for (auto& [camera, entry] : section.named_sections("Cameras"))
     cameras.push_back(read_camera(resolve_camera_alias(camera), std::move(entry), settings.camera_defaults));
   put_cameras(std::move(cameras), vehicle.cameras);
   vehicle.sensors = read_sensors(section, "Sensors", vehicle.flies, default_sensors);
-  section.mark_ignored({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC",
-                        "FollowDistance", "UseSerial", "Model"});
-  section.warn_unknown_keys();
+  section.ignore({"AutoCreate", "PawnPath", "IsFpvVehicle", "EnableTrace", "DebugSymbolScale", "RC", "FollowDistance",
+                  "UseSerial", "Model"});
+  section.require_all_keys_used();
   return vehicle;
 }
 
-void read_vehicles(SettingsSection& root, Settings& settings) {
+void read_vehicles(StrictSection& root, Settings& settings) {
   const bool flies = !settings.computer_vision;
   const std::vector<SensorSettings> sensors = read_sensors(root, "DefaultSensors", flies, default_sensors(flies));
-  auto entries = root.members("Vehicles");
-  if (entries.size() > kMaxVehicles) root.fail("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
+  auto entries = root.named_sections("Vehicles");
+  if (entries.size() > kMaxVehicles)
+    throw root.error("Vehicles", "more than " + std::to_string(kMaxVehicles) + " vehicles");
   for (auto& [name, entry] : entries)
     settings.vehicles.push_back(read_vehicle(name, std::move(entry), settings, sensors));
   if (!settings.vehicles.empty()) return;
@@ -112,17 +117,19 @@ void read_vehicles(SettingsSection& root, Settings& settings) {
   settings.vehicles.back().sensors = sensors;
 }
 
-void read_mode(SettingsSection& root, Settings& settings) {
-  const std::string mode = root.choice("SimMode", "Multirotor", {"Multirotor", "ComputerVision", "Car", ""});
-  if (mode == "Car") root.fail("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
+void read_mode(StrictSection& root, Settings& settings) {
+  const std::string mode =
+      root.choice_in_any_case("SimMode", {"Multirotor", "ComputerVision", "Car", ""}).value_or("Multirotor");
+  if (mode == "Car") throw root.error("SimMode", "cars are not simulated; use Multirotor or ComputerVision");
   settings.computer_vision = mode == "ComputerVision";
   const std::string physics =
-      root.choice("PhysicsEngineName", "", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"});
+      root.choice_in_any_case("PhysicsEngineName", {"", "FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX"})
+          .value_or("");
   if (physics == "ExternalPhysicsEngine") settings.computer_vision = true;
   settings.clock.speed = root.number("ClockSpeed", 1.0, 1e-3, 1e3);
-  settings.clock.on_demand = root.boolean("StepOnDemand", false);
+  settings.clock.on_demand = root.boolean("StepOnDemand").value_or(false);
   if (root.has("ApiServerPort")) settings.port = root.integer("ApiServerPort", 41451, 0, 65535);
-  if (root.has("LocalHostIp")) settings.address = root.text("LocalHostIp", "");
+  if (root.has("LocalHostIp")) settings.address = root.text("LocalHostIp").value_or("");
 }
 
 json parse_settings_json(const std::string& text, const std::string& name) {
@@ -148,15 +155,15 @@ VehicleSettings default_vehicle(const std::string& name, bool flies, const Camer
 Settings read_settings(const std::string& text, const std::string& name) {
   const json document = parse_settings_json(text, name);
   Settings settings;
-  SettingsSection root(document, name, settings.warnings);
+  StrictSection root(document, name, "", &settings.warnings);
   read_mode(root, settings);
   if (auto origin = root.section("OriginGeopoint")) settings.origin = read_origin(std::move(*origin));
-  settings.start_on_surface = root.boolean("StartOnSurface", true);
-  settings.inverted_voxel_scale = root.boolean("InvertedVoxelScale", false);
+  settings.start_on_surface = root.boolean("StartOnSurface").value_or(true);
+  settings.inverted_voxel_scale = root.boolean("InvertedVoxelScale").value_or(false);
   if (auto wind = root.section("Wind")) {
-    settings.wind_ned_m_s = wind->position();
-    if (settings.wind_ned_m_s.norm() > 100.0) root.fail("Wind", "more than 100 m/s");
-    wind->warn_unknown_keys();
+    settings.wind_ned_m_s = read_position(*wind);
+    if (settings.wind_ned_m_s.norm() > 100.0) throw root.error("Wind", "more than 100 m/s");
+    wind->require_all_keys_used();
   }
   if (auto recording = root.section("Recording")) settings.recording = read_recording(std::move(*recording));
   if (auto segmentation = root.section("SegmentationSettings")) read_segmentation(std::move(*segmentation), settings);
@@ -164,10 +171,10 @@ Settings read_settings(const std::string& text, const std::string& name) {
     settings.camera_defaults = read_camera("", std::move(*defaults), {});
   }
   read_vehicles(root, settings);
-  for (auto& [camera, entry] : root.members("ExternalCameras"))
+  for (auto& [camera, entry] : root.named_sections("ExternalCameras"))
     settings.external_cameras.push_back(read_camera(camera, std::move(entry), settings.camera_defaults));
-  root.mark_ignored(kIgnoredKeys);
-  root.warn_unknown_keys();
+  root.ignore(kIgnoredKeys);
+  root.require_all_keys_used();
   return settings;
 }
 

@@ -92,17 +92,18 @@ TEST(Settings, TheReferencesExampleIsReadWithoutAWarning) {
 TEST(Settings, UnknownKeysAreNamedWithTheNearest) {
   const Settings settings = read_settings(R"({"SimMod": 1, "Vehicles": {"A": {"Camera": {}}}})", "settings.json");
   ASSERT_EQ(settings.warnings.size(), 2U);
-  EXPECT_THAT(settings.warnings[0], testing::AllOf(HasSubstr("settings.json: Vehicles.A"), HasSubstr("'Cameras'")));
+  EXPECT_THAT(settings.warnings[0],
+              testing::AllOf(HasSubstr("settings.json: 'Vehicles.A.Camera'"), HasSubstr("'Cameras'")));
   EXPECT_THAT(settings.warnings[1], testing::AllOf(HasSubstr("'SimMod'"), HasSubstr("'SimMode'")));
 }
 
 TEST(Settings, WrongValuesAreRefusedInOneLineThatNamesThePlace) {
   EXPECT_THAT(refusal_of("{"), HasSubstr("settings.json"));
-  EXPECT_THAT(refusal_of(R"({"SimMode": "Car"})"), HasSubstr("settings.json: SimMode"));
-  EXPECT_THAT(refusal_of(R"({"ClockSpeed": "fast"})"), HasSubstr("settings.json: ClockSpeed: must be a number"));
+  EXPECT_THAT(refusal_of(R"({"SimMode": "Car"})"), HasSubstr("settings.json: 'SimMode'"));
+  EXPECT_THAT(refusal_of(R"({"ClockSpeed": "fast"})"), HasSubstr("settings.json: 'ClockSpeed' must be a number"));
   EXPECT_THAT(refusal_of(R"({"ClockSpeed": 0})"), HasSubstr("out of range"));
-  EXPECT_THAT(refusal_of(R"({"Vehicles": []})"), HasSubstr("settings.json: Vehicles"));
-  EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"X": 1e300}}})"), HasSubstr("settings.json: Vehicles.A.X"));
+  EXPECT_THAT(refusal_of(R"({"Vehicles": []})"), HasSubstr("settings.json: 'Vehicles'"));
+  EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"X": 1e300}}})"), HasSubstr("settings.json: 'Vehicles.A.X'"));
   EXPECT_THAT(refusal_of(R"({"CameraDefaults": {"CaptureSettings": [{"Width": 1000000}]}})"),
               HasSubstr("CameraDefaults.CaptureSettings[0].Width"));
   EXPECT_THAT(refusal_of(R"({"Vehicles": {"A": {"Sensors": {"L": {"SensorType": 9}}}}})"), HasSubstr("Sensors.L"));

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/transport/open_source.h"
@@ -33,12 +34,6 @@ Box3 bounding_box(const std::vector<imaging::TexturedMesh>& meshes) {
   }
   if (box.isEmpty()) box.extend(Vec3(Vec3::Zero()));
   return box;
-}
-
-void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& text : from) {
-    if (std::ranges::find(to, text) == to.end()) to.push_back(text);
-  }
 }
 
 }  // namespace
@@ -101,7 +96,7 @@ void WorkingSet::choose_residency(const Progress& progress) {
     options_.load.origin.reset();
     return choose_residency(progress);
   }
-  add_distinct(placement_.warnings, warnings_);
+  base::add_distinct(placement_.warnings, warnings_);
   if (follows_sensors_) return;
   const std::lock_guard lock(loading_mutex_);
   if (auto place = try_load({}, progress)) return set_current(*place);
@@ -131,7 +126,7 @@ bool WorkingSet::is_default_origin_elsewhere(const std::string& name) const {
 std::vector<std::string> WorkingSet::attribution() const {
   const std::lock_guard lock(loading_mutex_);
   std::vector<std::string> all = attribution_;
-  if (source_) add_distinct(source_->attribution(), all);
+  if (source_) base::add_distinct(source_->attribution(), all);
   return all;
 }
 
@@ -282,7 +277,7 @@ bool WorkingSet::read_missing(const tiles::TileCut& cut, const std::vector<std::
     }
     ++tiles_read_;
     tile.meshes = std::move(contents[k].meshes);
-    add_distinct(contents[k].copyrights, attribution_);
+    base::add_distinct(contents[k].copyrights, attribution_);
   }
   return true;
 }

@@ -9,6 +9,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/dataset/attitude_csv.h"
 #include "tileflight/dataset/encode_queue.h"
 #include "tileflight/dataset/video.h"
@@ -58,12 +59,6 @@ std::vector<dataset::CameraAttitude> simulate_camera_attitude(const PlannedFligh
   return attitudes;
 }
 
-std::string join(const std::vector<std::string>& lines) {
-  return std::accumulate(lines.begin(), lines.end(), std::string(), [](std::string text, const std::string& line) {
-    return text + (text.empty() ? "" : "; ") + line;
-  });
-}
-
 std::map<std::string, std::string> description(const RenderSettings& settings, const tiles::LoadedTiles& tiles) {
   return {{"made_by", "tileflight render " + place::version()},
           {"source", transport::redact_source(settings.source)},
@@ -71,7 +66,7 @@ std::map<std::string, std::string> description(const RenderSettings& settings, c
           {"seed", std::to_string(settings.seed)},
           {"cut_sha256", tiles.cut_hash},
           {"tiles", std::to_string(tiles.cut_size - tiles.tiles_failed)},
-          {"attribution", join(tiles.attribution)},
+          {"attribution", base::joined(tiles.attribution, "; ")},
           {"terms_provider", tiles.terms.provider},
           {"terms_accepted", settings.load.source.terms_accepted ? "true" : "false"}};
 }
@@ -98,12 +93,6 @@ class FrameReorderBuffer {
   std::size_t next_ = 0;
 };
 
-void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& text : from) {
-    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
-  }
-}
-
 void merge_part(const render::FlightRenderReport& report, const tiles::LoadedTiles& tiles, RenderSummary& summary) {
   tiles::LoadedTiles& all = summary.tiles;
   all.local_frame = tiles.local_frame;
@@ -114,8 +103,8 @@ void merge_part(const render::FlightRenderReport& report, const tiles::LoadedTil
   all.complete = tiles.complete && (summary.parts == 0 || all.complete);
   all.tiles_failed = std::max(all.tiles_failed, tiles.tiles_failed);
   all.triangles = std::max(all.triangles, tiles.triangles);
-  add_distinct(tiles.attribution, all.attribution);
-  add_distinct(tiles.warnings, all.warnings);
+  base::add_distinct(tiles.attribution, all.attribution);
+  base::add_distinct(tiles.warnings, all.warnings);
   summary.exposure_after = report.exposure_after;
   summary.seconds += report.seconds;
   ++summary.parts;

@@ -59,7 +59,7 @@ class FollowedFlight : public testing::Test {
     geometry::write_tum(real / "odometry/trajectory.txt", geometry::transformed(T_local_map().inverse(), poses));
     alignment::IcpResult aligned;
     aligned.T_target_source = T_local_map();
-    alignment::write_transform(real / "transform.json", aligned);
+    base::write_file(real / "transform.json", alignment::to_json(aligned).dump());
     imaging::Calibration calibration;
     calibration.camera = imaging::make_fisheye(64, 48, 120.0);
     imaging::write_kalibr(real / "dataset/camera.yaml", calibration);

@@ -13,6 +13,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/make_folder.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/imaging/fast_png.h"
 #include "tileflight/imaging/image_files.h"
@@ -24,12 +25,6 @@ namespace {
 using nlohmann::json;
 
 constexpr std::uintmax_t kMaxRecord_bytes = 1 << 20;
-
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
-}
 
 /// Opens a file and locks it while the descriptor is open; -1: another process has the lock, or locking failed.
 int lock_file(const fs::path& file) {
@@ -166,7 +161,7 @@ std::string FrameStore::prepare(const fs::path& dataset, const json& inputs) {
     std::error_code ignored;
     fs::remove_all(folder / "ranks", ignored);
   }
-  for (const char* part : {"frames", "ranks", "dataset"}) make_folder(folder / part);
+  for (const char* part : {"frames", "ranks", "dataset"}) base::make_folder(folder / part);
   base::write_file(folder / "inputs.json", inputs.dump(1));
   return note;
 }
@@ -186,7 +181,7 @@ void FrameStore::add(std::size_t index, const FrameRecord& frame) const {
 }
 
 void FrameStore::add_picture(std::size_t index, const imaging::RgbImage& picture) const {
-  make_folder(folder_ / "pictures");
+  base::make_folder(folder_ / "pictures");
   const std::vector<std::byte> bytes = imaging::encode_png_fast(picture);
   base::write_file(folder_ / "pictures" / (dataset::frame_id(index) + ".png"),
                    {reinterpret_cast<const char*>(bytes.data()), bytes.size()});

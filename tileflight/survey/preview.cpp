@@ -12,9 +12,11 @@
 #include <set>
 #include <sstream>
 
+#include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/place/ground_view.h"
 #include "tileflight/place/memory_budget.h"
@@ -36,10 +38,6 @@ using geometry::Box3;
 using geometry::Vec2;
 using geometry::Vec3;
 using nlohmann::json;
-
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
 
 /// The flight, and the place under it.
 struct PreviewContext {
@@ -160,16 +158,16 @@ SamplePicture render_picture(PreviewContext& flight, const std::string& name, st
   if (const auto& local = flight.place.placement().local_frame) options.origin = local->origin();
   options.frame_filter = [&](std::size_t) {  // called when the renderer is ready to cast its first ray
     if (picture.load_s == 0.0) {
-      picture.load_s = seconds_since(start);
+      picture.load_s = base::seconds_since(start);
       start = std::chrono::steady_clock::now();
     }
     return true;
   };
   const render::FrameSink sink = [&](const render::FlightFrame& sensed) {
-    picture.render_s = seconds_since(start);
+    picture.render_s = base::seconds_since(start);
     const auto encoding = std::chrono::steady_clock::now();
     imaging::encode_jpeg(sensed.rgb, 95);
-    picture.encode_s = seconds_since(encoding);
+    picture.encode_s = base::seconds_since(encoding);
     picture.thumbnail = make_thumbnail(sensed.rgb, flight.settings.picture_width);
     picture.surface_share = sensed.check.view.surface_share;
   };
@@ -344,12 +342,6 @@ Box3 map_bounds(const report::FlightOverlay& map, double least_m) {
   return {box.min() - short_m / 2, box.max() + short_m / 2};
 }
 
-std::string join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : "; ") + name;
-  return text;
-}
-
 template <class... Numbers>
 std::string format(const char* pattern, Numbers... numbers) {
   char text[256];
@@ -493,7 +485,7 @@ PreviewFigures draw_figures(PreviewContext& flight, const scene::Scene& scene, c
                                    flight.settings.render.flight.flight.filename().string(),
                           .notes = {profile.notes[0] + format("; %d x %d pixels, %.0f° wide", camera.width(),
                                                               camera.height(), camera.horizontal_fov_deg())},
-                          .attribution = join(flight.place.attribution()),
+                          .attribution = base::joined(flight.place.attribution(), "; "),
                           .ground = place::to_ground_picture(view),
                           .frame = flight.place.placement().local_frame,
                           .outlines = place::missing_outlines(view),

@@ -6,6 +6,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/make_folder.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/lidar_files.h"
@@ -19,12 +20,6 @@ namespace {
 
 using geometry::Vec3;
 using OptionalFrame = std::optional<geometry::LocalFrame>;
-
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw InputError(folder.string(), "cannot be created: " + error.message());
-}
 
 std::string scan_name(std::size_t number) {
   char text[32];
@@ -87,7 +82,7 @@ void SensorRecorder::record(const scene::Scene& scene, const OptionalFrame& fram
 
 /// Only complete scans are recorded.
 void SensorRecorder::scan(const scene::Scene& scene, double from_s, double to_s, const fs::path& folder) {
-  make_folder(folder / "lidar");
+  base::make_folder(folder / "lidar");
   const sensors::Lidar lidar(scene, *suite_.lidar);
   const double period_s = sensors::scan_period_s(suite_.lidar->pattern);
   for (std::uint64_t number = first_index_from(from_s, start_s(), period_s);; ++number) {
@@ -161,7 +156,7 @@ void SensorRecorder::write_magnetometer(const OptionalFrame& frame, double shift
 }
 
 void SensorRecorder::write_scan_lists(double shift_s, const fs::path& folder) const {
-  make_folder(folder / "lidar");
+  base::make_folder(folder / "lidar");
   geometry::Trajectory poses = scans_;
   std::string times;
   for (std::size_t i = 0; i < poses.size(); ++i) {

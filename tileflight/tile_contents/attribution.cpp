@@ -5,6 +5,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/content.h"
 #include "tileflight/tile_contents/tile_container.h"
 
@@ -48,7 +49,7 @@ std::vector<std::string> find_copyrights(std::span<const std::byte> content) {
   const auto add = [&found](std::string_view json_text) {
     if (const std::string copyright = copyright_of(json_text); !copyright.empty()) found.push_back(copyright);
   };
-  const std::string_view text = as_text(content);
+  const std::string_view text = base::as_text(content);
   if (detect_content_format(content) == "JSON") add(text);
   for (std::size_t at = text.find(kMagic); at != std::string_view::npos; at = text.find(kMagic, at + 1)) {
     if (text.size() - at < kBeforeJson || text.substr(at + 16, 4) != kJsonChunk) continue;

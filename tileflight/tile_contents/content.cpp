@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/gltf_meshes.h"
 #include "tileflight/tile_contents/i3dm.h"
 #include "tileflight/tile_contents/pnts.h"
@@ -40,7 +41,7 @@ void append_glb(Bytes bytes, const GltfContainerInfo& around, const std::string&
   const Bytes json = next_chunk(kJson);
   if (json.empty()) throw InputError(name, "the GLB does not begin with a JSON chunk");
   const Bytes binary = rest.size() < kChunkHeader ? Bytes() : next_chunk(kBinary);
-  append_gltf(as_text(json), binary, around, name, options, out);
+  append_gltf(base::as_text(json), binary, around, name, options, out);
 }
 
 /// Handles two older header forms: 20 bytes (batch length, batch table length) and 24 (batch table JSON and binary
@@ -70,7 +71,7 @@ void append_b3dm(Bytes bytes, const std::string& name, const ContentOptions& opt
   const TileTableLengths lengths = b3dm_lengths(tile);
   const TileTables tables = split_tables(tile, lengths, name);
   const TileTable features(tables.feature_json, tables.feature_binary, name + ": feature table");
-  if (!as_text(tables.body).starts_with("glTF")) throw InputError(name, "the b3dm contains no binary glTF");
+  if (!base::as_text(tables.body).starts_with("glTF")) throw InputError(name, "the b3dm contains no binary glTF");
   GltfContainerInfo around;
   if (const auto c = features.global("RTC_CENTER", 3)) around.rtc_center = {(*c)[0], (*c)[1], (*c)[2]};
   around.features = try_read_batch_table(tables, batch_length(features, lengths, tile), out.warnings);
@@ -114,7 +115,7 @@ void append_content(Bytes bytes, const std::string& name, const ContentOptions& 
   if (kind == "pnts") return append_pnts(bytes, name, options, out);
   if (kind == "i3dm") return append_i3dm(bytes, name, options, read_model, out);
   if (kind == "cmpt") return append_cmpt(bytes, name, options, nesting, out);
-  if (kind == "JSON") return append_gltf(as_text(bytes), {}, {}, name, options, out);
+  if (kind == "JSON") return append_gltf(base::as_text(bytes), {}, {}, name, options, out);
   if (kind == "empty") throw InputError(name, "is empty");
   if (kind == "HTML") throw InputError(name, "is a web page (HTML), not a tile");
   if (kind == "unknown") throw InputError(name, "is not a tile: its first bytes match no known format");
@@ -128,7 +129,7 @@ std::string detect_content_format(Bytes bytes) {
       {"b3dm", "b3dm"}, {"glTF", "glb"},  {"cmpt", "cmpt"}, {"i3dm", "i3dm"},
       {"pnts", "pnts"}, {"vctr", "vctr"}, {"geom", "geom"}, {"subt", "subtree"}};
   if (bytes.empty()) return "empty";
-  const std::string_view text = as_text(bytes);
+  const std::string_view text = base::as_text(bytes);
   const auto magic = kMagics.find(text.substr(0, 4));
   if (magic != kMagics.end()) return magic->second;
   if (text.starts_with("\x1f\x8b")) return "gzip";

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tile_contents/property_table.h"
 #include "tileflight/tile_contents/tile_table.h"
@@ -21,7 +22,7 @@ MetadataSchema schema_of(const Json& metadata, const ContentOptions& options, co
     throw InputError(where, "its schema is in another file, which is not supported");
   const std::vector<std::byte> text =
       transport::is_data_uri(uri) ? transport::decode_data_uri(uri, where) : options.read_resource(uri);
-  return parse_metadata_schema(parse_json(as_text(text), where), where);
+  return parse_metadata_schema(parse_json(base::as_text(text), where), where);
 }
 
 }  // namespace

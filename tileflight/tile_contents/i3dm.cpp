@@ -1,6 +1,7 @@
 #include "tileflight/tile_contents/i3dm.h"
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/tile_contents/content_transform.h"
 #include "tileflight/tile_contents/octahedral.h"
@@ -110,7 +111,7 @@ DecodedContent read_body(Bytes tile, Bytes body, const std::string& name, const 
   const std::uint32_t format = read_uint32_le(tile, 28);
   if (format == 1) return read_model(body, name, options);
   if (format != 0) throw InputError(name, "gltfFormat is " + std::to_string(format) + "; expected 0 (URI) or 1 (GLB)");
-  std::string uri(as_text(body));
+  std::string uri(base::as_text(body));
   uri = uri.substr(0, uri.find('\0'));
   while (uri.ends_with(' ')) uri.pop_back();
   if (uri.empty()) throw InputError(name, "has no model URI");

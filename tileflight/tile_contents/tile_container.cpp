@@ -3,12 +3,11 @@
 #include <cstring>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 
 namespace tileflight::tile_contents {
 
 using Bytes = std::span<const std::byte>;
-
-std::string_view as_text(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
 std::uint32_t read_uint32_le(Bytes bytes, std::size_t offset) {
   std::uint32_t value = 0;

@@ -4,13 +4,10 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <string_view>
 
 namespace tileflight::tile_contents {
 
-/// Common header of 3D Tiles 1.0 containers (b3dm, i3dm, pnts, cmpt) and GLB: magic, version, total length.
-
-std::string_view as_text(std::span<const std::byte> bytes);
+// Common header of 3D Tiles 1.0 containers (b3dm, i3dm, pnts, cmpt) and GLB: magic, version, total length.
 
 /// Reads a little-endian integer. The caller must have checked the bounds.
 std::uint32_t read_uint32_le(std::span<const std::byte> bytes, std::size_t offset);

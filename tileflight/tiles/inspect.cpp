@@ -4,6 +4,7 @@
 #include <set>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/tile_contents/attribution.h"
 #include "tileflight/tiles/placement.h"
 #include "tileflight/tiles/tileset_tree.h"
@@ -11,12 +12,6 @@
 
 namespace tileflight::tiles {
 namespace {
-
-void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& text : from) {
-    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
-  }
-}
 
 /// Traverses a whole tree, including external tilesets.
 class TilesetInspector {
@@ -153,16 +148,16 @@ class TilesetInspector {
     tile_contents::AttributionCollector attribution;
     for (const auto& [uri, tileset] : tree_.files_read()) {
       attribution.add(tileset->copyright);
-      add_distinct(tileset->extensions_used, out_.extensions_used);
-      add_distinct(tileset->extensions_required, out_.extensions_required);
-      add_distinct(unsupported_extensions(*tileset), out_.extensions_unsupported);
+      base::add_distinct(tileset->extensions_used, out_.extensions_used);
+      base::add_distinct(tileset->extensions_required, out_.extensions_required);
+      base::add_distinct(unsupported_extensions(*tileset), out_.extensions_unsupported);
     }
-    add_distinct(source_.warnings(), out_.warnings);
-    add_distinct(tree_.warnings(), out_.warnings);
+    base::add_distinct(source_.warnings(), out_.warnings);
+    base::add_distinct(tree_.warnings(), out_.warnings);
     out_.external_tilesets = static_cast<std::int64_t>(tree_.files_read().size()) - 1;
     for (const std::string& uri : sample_of_contents()) add_copyrights(uri, attribution);
     out_.attribution = source_.attribution();
-    add_distinct(attribution.sorted_holders(), out_.attribution);
+    base::add_distinct(attribution.sorted_holders(), out_.attribution);
   }
 
   /// Contents to read for attribution: up to 64 local files, or 5 from a server; none if the provider itself states

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/tile_contents/attribution.h"
 #include "tileflight/tiles/bounding_volume.h"
 #include "tileflight/tiles/cut_reader.h"
@@ -19,12 +20,6 @@ namespace {
 
 using imaging::TexturedMesh;
 
-void add_distinct(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& text : from) {
-    if (std::find(to.begin(), to.end(), text) == to.end()) to.push_back(text);
-  }
-}
-
 /// Appends a loaded content to the result.
 void collect(LoadedContent&& content, LoadedTiles& out, tile_contents::AttributionCollector& attribution) {
   ++out.tiles_loaded;
@@ -37,7 +32,7 @@ void collect(LoadedContent&& content, LoadedTiles& out, tile_contents::Attributi
     out.clouds.push_back(std::move(cloud));
   }
   for (const std::string& copyright : content.copyrights) attribution.add(copyright);
-  add_distinct(content.warnings, out.warnings);
+  base::add_distinct(content.warnings, out.warnings);
 }
 
 void fail(const std::string& what, const LoadOptions& options, LoadedTiles& out) {
@@ -121,7 +116,7 @@ LoadedTiles load_region(transport::TileSource& source, const std::string& name, 
   out.tiles_wanted = static_cast<std::int64_t>(cut.contents.size() + cut.failures.size());
   out.geometric_error_max_m = cut.geometric_error_max_m;
   out.warnings = placement.warnings;
-  add_distinct(source.warnings(), out.warnings);
+  base::add_distinct(source.warnings(), out.warnings);
   for (const std::string& failure : cut.failures) fail(failure, options, out);
 
   tile_contents::AttributionCollector attribution;
@@ -140,11 +135,11 @@ LoadedTiles load_region(transport::TileSource& source, const std::string& name, 
     }
   }
   for (const auto& [uri, tileset] : tree.files_read()) attribution.add(tileset->copyright);
-  add_distinct(tree.warnings(), out.warnings);
-  add_distinct(source.warnings(), out.warnings);  // including warnings of the reads
+  base::add_distinct(tree.warnings(), out.warnings);
+  base::add_distinct(source.warnings(), out.warnings);  // including warnings of the reads
   out.terms = source.terms();
   out.attribution = source.attribution();
-  add_distinct(attribution.sorted_holders(), out.attribution);
+  base::add_distinct(attribution.sorted_holders(), out.attribution);
   out.complete = out.tiles_failed == 0;
   out.bytes_read = counted.bytes();
   return out;

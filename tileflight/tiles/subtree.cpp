@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tiles/tile_semantics.h"
 
@@ -19,8 +20,6 @@ using Bytes = std::span<const std::byte>;
 /// Limit of tiles per file, because a few bytes can declare many ("constant": 1 makes all tiles available).
 constexpr std::size_t kMaxTiles = std::size_t{1} << 20;
 
-std::string_view as_text(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
-
 /// The two parts of a subtree file; a JSON subtree has no binary part.
 struct SubtreeParts {
   std::string_view json;
@@ -29,7 +28,7 @@ struct SubtreeParts {
 
 SubtreeParts parts_of(Bytes bytes, const std::string& name) {
   constexpr std::size_t kHeader = 24;
-  if (!as_text(bytes).starts_with("subt")) return {as_text(bytes), {}};
+  if (!base::as_text(bytes).starts_with("subt")) return {base::as_text(bytes), {}};
   if (bytes.size() < kHeader) throw InputError(name, "truncated: the header of a subtree has 24 bytes");
   std::uint32_t version = 0;
   std::uint64_t json = 0;
@@ -42,7 +41,7 @@ SubtreeParts parts_of(Bytes bytes, const std::string& name) {
   if (json > rest.size() || binary > rest.size() - json) {
     throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " bytes, fewer than its header declares");
   }
-  return {as_text(rest.first(json)), rest.subspan(json, binary)};
+  return {base::as_text(rest.first(json)), rest.subspan(json, binary)};
 }
 
 /// The buffers of a subtree and the views into them.

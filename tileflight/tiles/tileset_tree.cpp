@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/tiles/subtree.h"
 #include "tileflight/transport/uri.h"
 
@@ -13,10 +14,6 @@ namespace {
 
 constexpr std::array<std::string_view, 12> kTileEndings = {"b3dm", "i3dm", "pnts",    "cmpt",    "glb",     "gltf",
                                                            "vctr", "geom", "terrain", "subtree", "geojson", "bin"};
-
-std::string_view as_text(const std::vector<std::byte>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
 
 /// Whether it is JSON with a member "root", which glTF lacks: distinguishes the two without parsing.
 bool looks_like_tileset(std::string_view text) {
@@ -141,7 +138,7 @@ bool TilesetTree::is_external_tileset(NodeId id, std::size_t content) {
   if (std::find(kTileEndings.begin(), kTileEndings.end(), ending) != kTileEndings.end()) return false;
   const auto known = sniffed_.find(uri);
   if (known != sniffed_.end()) return known->second;
-  return sniffed_[uri] = looks_like_tileset(as_text(transport::read_uri(source_, uri)));
+  return sniffed_[uri] = looks_like_tileset(base::as_text(transport::read_uri(source_, uri)));
 }
 
 NodeId TilesetTree::external_root(NodeId id, std::size_t content) {
@@ -211,10 +208,10 @@ std::shared_ptr<const Tileset> TilesetTree::read_tileset(const std::string& uri)
   }
   const std::vector<std::byte> bytes = transport::read_uri(source_, uri);
   const TextReader read_text = [&](const std::string& reference) {
-    return std::string(as_text(transport::read_uri(source_, transport::resolve_uri(uri, reference))));
+    return std::string(base::as_text(transport::read_uri(source_, transport::resolve_uri(uri, reference))));
   };
   auto tileset = std::make_shared<const Tileset>(
-      parse_tileset_json(as_text(bytes), transport::uri_for_message(uri), limits_.file, read_text));
+      parse_tileset_json(base::as_text(bytes), transport::uri_for_message(uri), limits_.file, read_text));
   files_read_.emplace_back(uri, tileset);
   return tileset;
 }

@@ -6,6 +6,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/ktx2.h"
 #include "tileflight/tile_contents/content.h"
@@ -22,12 +23,6 @@ using geometry::Triangle;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 using tile_contents::UpAxis;
-
-std::string ending_of(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-  return ending;
-}
 
 MeshSource read_gltf(const fs::path& file, const MeshSourceOptions& options) {
   tile_contents::ContentOptions content;
@@ -92,7 +87,7 @@ void check_extent(const std::vector<TexturedMesh>& meshes, const std::string& fi
 }  // namespace
 
 MeshSource read_mesh_source(const fs::path& file, const MeshSourceOptions& options) {
-  const std::string ending = ending_of(file);
+  const std::string ending = base::to_lower(file.extension().string());
   const bool is_gltf = ending == ".glb" || ending == ".gltf";
   if (!is_gltf && ending != ".obj" && ending != ".ply")
     throw InputError(file.string(), "unknown mesh format (.obj, .glb, .gltf or .ply expected)");

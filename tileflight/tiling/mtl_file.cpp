@@ -6,17 +6,12 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_fields.h"
+#include "tileflight/base/text_parsing.h"
 
 namespace tileflight::tiling {
 namespace {
 
 constexpr std::string_view kBlanks = " \t";
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(kBlanks);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
-}
 
 /// Takes a number from the front of `line`.
 bool take_number(std::string_view& line, float& value) {
@@ -42,7 +37,7 @@ int argument_count(std::string_view option) {
 
 /// Options precede the file name, which is the rest of the line.
 void read_map(std::string_view line, MtlMaterial& material) {
-  line = trimmed(line);
+  line = base::trim(line);
   while (line.starts_with('-')) {
     std::string_view rest = line;
     const std::string_view option = base::take_field(rest);
@@ -58,7 +53,7 @@ void read_map(std::string_view line, MtlMaterial& material) {
     } else {
       for (int i = 0; i < argument_count(option); ++i) base::take_field(rest);
     }
-    line = trimmed(rest);
+    line = base::trim(rest);
   }
   material.texture = std::string(line);
 }
@@ -67,7 +62,7 @@ void read_map(std::string_view line, MtlMaterial& material) {
 void read_color(std::string_view line, const std::string& where, MtlMaterial& material) {
   auto& [r, g, b] = material.color;
   if (!take_number(line, r)) throw InputError(where, "Kd needs one or three numbers");
-  if (trimmed(line).empty()) {
+  if (base::trim(line).empty()) {
     g = b = r;
   } else if (!take_number(line, g) || !take_number(line, b)) {
     throw InputError(where, "Kd needs one or three numbers");
@@ -84,9 +79,9 @@ std::map<std::string, MtlMaterial> parse_mtl(std::string_view text, const std::s
   while (auto line = base::take_line(text)) {
     const std::string where = name + ", line " + std::to_string(++line_number);
     const std::string_view key = base::take_field(*line);
-    if (key == "newmtl") material = &out[std::string(trimmed(*line))];
+    if (key == "newmtl") material = &out[std::string(base::trim(*line))];
     if (material == nullptr) continue;
-    if (key == "Kd" && !trimmed(*line).starts_with("spectral") && !trimmed(*line).starts_with("xyz"))
+    if (key == "Kd" && !base::trim(*line).starts_with("spectral") && !base::trim(*line).starts_with("xyz"))
       read_color(*line, where, *material);
     if (key == "map_Kd" || key == "map_kd") read_map(*line, *material);
   }

@@ -8,6 +8,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_fields.h"
+#include "tileflight/base/text_parsing.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -15,12 +16,6 @@ namespace {
 using geometry::Vec3;
 
 constexpr std::string_view kBlanks = " \t";
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(kBlanks);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
-}
 
 /// One object per file.
 class ObjParser {
@@ -59,8 +54,8 @@ class ObjParser {
     if (key == "v") return read_position(line);
     if (key == "vt") return read_uv(line);
     if (key == "f") return read_face(line);
-    if (key == "usemtl") return use_material(std::string(trimmed(line)));
-    if (key == "mtllib") out_.libraries.emplace_back(trimmed(line));
+    if (key == "usemtl") return use_material(std::string(base::trim(line)));
+    if (key == "mtllib") out_.libraries.emplace_back(base::trim(line));
   }
 
   double number(std::string_view field) const {

@@ -9,18 +9,14 @@
 #include <optional>
 #include <string_view>
 
+#include "tileflight/base/text_parsing.h"
+
 namespace tileflight::transport {
 namespace {
 
 std::string value_of(const HttpHeaders& headers, const std::string& name) {
   const auto it = headers.find(name);
   return it == headers.end() ? std::string() : it->second;
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front())) != 0) text.remove_prefix(1);
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back())) != 0) text.remove_suffix(1);
-  return text;
 }
 
 std::optional<std::int64_t> seconds_of(std::string_view text) {
@@ -63,11 +59,11 @@ std::map<std::string, std::string> parse_cache_control(const std::string& text) 
     for (bool quoted = false; end < text.size() && (quoted || text[end] != ','); ++end) {
       if (text[end] == '"') quoted = !quoted;
     }
-    const std::string_view directive = trimmed(std::string_view(text).substr(start, end - start));
+    const std::string_view directive = base::trim(std::string_view(text).substr(start, end - start));
     const std::size_t equals = std::min(directive.find('='), directive.size());
-    std::string name(trimmed(directive.substr(0, equals)));
+    std::string name(base::trim(directive.substr(0, equals)));
     std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
-    std::string value(trimmed(directive.substr(std::min(equals + 1, directive.size()))));
+    std::string value(base::trim(directive.substr(std::min(equals + 1, directive.size()))));
     std::erase(value, '"');
     if (!name.empty()) directives.emplace(name, value);  // the first of repeated directives counts
     start = end + 1;

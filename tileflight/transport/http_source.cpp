@@ -6,15 +6,12 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/transport/uri.h"
 #include "tileflight/transport/url_secrets.h"
 
 namespace tileflight::transport {
 namespace {
-
-std::string_view as_text(const std::vector<std::byte>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
 
 std::string describe_status(long status) {
   switch (status) {
@@ -36,7 +33,7 @@ std::string describe_status(long status) {
 /// Error text of a JSON response: {"error": {"message"}} (Google) or {"message"} (Cesium ion).
 std::string reason_of(const HttpResponse& response) {
   constexpr std::size_t kLongest = 200;
-  const nlohmann::json json = nlohmann::json::parse(as_text(response.body), nullptr, false);
+  const nlohmann::json json = nlohmann::json::parse(base::as_text(response.body), nullptr, false);
   if (!json.is_object()) return "";
   const nlohmann::json& holder = json.contains("error") && json["error"].is_object() ? json["error"] : json;
   if (!holder.contains("message") || !holder["message"].is_string()) return "";
@@ -47,7 +44,7 @@ std::string reason_of(const HttpResponse& response) {
 /// A login or error page with a success status.
 bool is_web_page(const HttpResponse& response) {
   if (response.header("content-type").find("html") == std::string::npos) return false;
-  std::string start(as_text(response.body).substr(0, 256));
+  std::string start(base::as_text(response.body).substr(0, 256));
   start.erase(0, start.find_first_not_of(" \t\r\n\xEF\xBB\xBF"));
   return start.starts_with("<");
 }
@@ -191,7 +188,7 @@ void HttpSource::store_in_cache(const std::string& uri, const HttpResponse& resp
   const Freshness freshness = evaluate_freshness(response.headers, response.requested_at_s, response.received_at_s);
   std::vector<std::string> secrets = provider_->secrets();
   // A tileset may pass its session on to its children.
-  const std::string_view text = as_text(response.body);
+  const std::string_view text = base::as_text(response.body);
   if (text.find_first_not_of(" \t\r\n\xEF\xBB\xBF") == text.find('{')) {
     for (const char* sign : {"session=", "key=", "token="}) secrets.emplace_back(sign);
   }

@@ -6,6 +6,7 @@
 #include <ctime>
 #include <utility>
 
+#include "tileflight/base/text_parsing.h"
 #include "tileflight/transport/uri.h"
 #include "tileflight/transport/url_secrets.h"
 
@@ -48,12 +49,6 @@ bool is_loopback(const std::string& url) {
 
 std::string text_of(milliseconds time) {
   return time.count() % 1000 == 0 ? std::to_string(time.count() / 1000) + " s" : std::to_string(time.count()) + " ms";
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front())) != 0) text.remove_prefix(1);
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back())) != 0) text.remove_suffix(1);
-  return text;
 }
 
 }  // namespace
@@ -214,9 +209,9 @@ bool HttpTransfer::take_header(std::string_view line) {
   }
   const std::size_t colon = line.find(':');
   if (colon == std::string_view::npos) return true;
-  std::string name(trimmed(line.substr(0, colon)));
+  std::string name(base::trim(line.substr(0, colon)));
   std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
-  const std::string value(trimmed(line.substr(colon + 1)));
+  const std::string value(base::trim(line.substr(colon + 1)));
   std::string& kept = headers[name];
   kept += (kept.empty() ? "" : ", ") + value;
   if (name != "content-length") return true;

@@ -5,17 +5,12 @@
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/transport/uri.h"
 #include "tileflight/transport/url_secrets.h"
 
 namespace tileflight::transport {
-namespace {
-
-std::string_view as_text(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
-}  // namespace
+namespace {}  // namespace
 
 std::string find_session(std::span<const std::byte> tileset_json) {
   std::string session;
@@ -26,7 +21,7 @@ std::string find_session(std::span<const std::byte> tileset_json) {
     }
     return true;
   };
-  const auto parsed = nlohmann::json::parse(as_text(tileset_json), find_parameter, false);
+  const auto parsed = nlohmann::json::parse(base::as_text(tileset_json), find_parameter, false);
   return parsed.is_discarded() ? std::string() : session;
 }
 

@@ -31,7 +31,6 @@ class ZipArchive {
   std::vector<std::byte> read(const std::string& path) const;
   /// Decompressed size; nullopt if there is no such entry.
   std::optional<std::uint64_t> size(const std::string& path) const;
-  std::size_t entry_count() const { return entries_.size(); }
   /// Differences between the .3tz index and the ZIP directory.
   const std::vector<std::string>& warnings() const { return warnings_; }
 

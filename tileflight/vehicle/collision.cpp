@@ -67,14 +67,6 @@ bool is_separating(const Contact& contact, const Vec3& way) { return contact.nor
 
 }  // namespace
 
-ObstacleQuery level_ground(double height_m) {
-  return [height_m](const Vec3& from, const Vec3& to) -> std::optional<SurfaceHit> {
-    const double above = from.z() - height_m, below = to.z() - height_m;
-    if (above * below > 0.0 || above == below) return std::nullopt;
-    return SurfaceHit{from + (to - from) * (above / (above - below)), Vec3::UnitZ()};
-  };
-}
-
 std::optional<Contact> first_contact(const ObstacleQuery& obstacles, const Vec3& from, const Vec3& to,
                                      double radius_m) {
   const Vec3 way = to - from;

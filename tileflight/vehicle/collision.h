@@ -17,9 +17,6 @@ struct SurfaceHit {
 /// vehicle does not depend on a scene.
 using ObstacleQuery = std::function<std::optional<SurfaceHit>(const geometry::Vec3& from, const geometry::Vec3& to)>;
 
-/// A horizontal plane at a height, for flights without a scene.
-ObstacleQuery level_ground(double height_m);
-
 /// First contact of a moving sphere: its centre at contact, and the surface.
 struct Contact {
   geometry::Vec3 center;

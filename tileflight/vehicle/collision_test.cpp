@@ -69,7 +69,7 @@ TEST(FirstContact, HeadOnTheSphereIsExact) {
 }
 
 TEST(FirstContact, LeavingASurfaceIsNone) {
-  const ObstacleQuery ground = level_ground(0.0);
+  const ObstacleQuery ground = tests::level_ground(0.0);
   EXPECT_FALSE(first_contact(ground, {0, 0, 0.2}, {0, 0, 0.25}, kRadius_m));
   EXPECT_FALSE(first_contact(ground, {0, 0, 0.3}, {5, 0, 0.3}, kRadius_m));
   EXPECT_TRUE(first_contact(ground, {0, 0, 0.3}, {5, 0, 0.29}, kRadius_m));
@@ -80,7 +80,7 @@ TEST(FirstContact, ABallAtRestTouchesOrNot) {
   const ObstacleQuery ball = tests::sphere({0, 0, 0}, 1.0);
   EXPECT_TRUE(touches(ball, {1.25, 0, 0}, kRadius_m));
   EXPECT_FALSE(touches(ball, {1.3, 0, 0}, kRadius_m));
-  EXPECT_FALSE(touches(level_ground(0), {0, 0, kRadius_m}, kRadius_m));
+  EXPECT_FALSE(touches(tests::level_ground(0), {0, 0, kRadius_m}, kRadius_m));
 }
 
 TEST(FirstContact, ThinWallsStopAnySpeed) {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/flight/path.h"
 #include "tileflight/flight/smooth_path.h"
 #include "tileflight/vehicle/vehicle_flight.h"
@@ -13,23 +13,17 @@
 namespace tileflight::vehicle {
 namespace {
 
-using base::YamlSection;
+using base::StrictSection;
 
 constexpr double kMaxFrames = 1e7;
 
-std::optional<double> read_positive(YamlSection& section, const std::string& key) {
-  const std::optional<double> value = section.number(key);
-  if (value && *value <= 0) throw section.error(key, "must be more than 0");
-  return value;
-}
-
-std::optional<geometry::Vec3> read_vector(YamlSection& section, const std::string& key) {
+std::optional<geometry::Vec3> read_vector(StrictSection& section, const std::string& key) {
   const auto numbers = section.numbers(key, 3, 3);
   if (!numbers) return std::nullopt;
   return geometry::Vec3(numbers->at(0), numbers->at(1), numbers->at(2));
 }
 
-flight::Waypoint read_waypoint(YamlSection section) {
+flight::Waypoint read_waypoint(StrictSection section) {
   flight::Waypoint waypoint;
   const std::optional<geometry::Vec3> position = read_vector(section, "position");
   waypoint.look_at = read_vector(section, "look_at");
@@ -45,30 +39,30 @@ flight::Waypoint read_waypoint(YamlSection section) {
   return waypoint;
 }
 
-std::vector<flight::Waypoint> read_waypoints(YamlSection& plan) {
+std::vector<flight::Waypoint> read_waypoints(StrictSection& plan) {
   std::vector<flight::Waypoint> waypoints;
-  for (const YamlSection& waypoint : plan.sections("waypoints")) waypoints.push_back(read_waypoint(waypoint));
+  for (const StrictSection& waypoint : plan.sections("waypoints")) waypoints.push_back(read_waypoint(waypoint));
   return waypoints;
 }
 
-std::optional<int> read_max_frames(YamlSection& plan) {
-  const std::optional<double> value = read_positive(plan, "max_frames");
+std::optional<int> read_max_frames(StrictSection& plan) {
+  const std::optional<double> value = plan.positive_number("max_frames");
   if (!value) return std::nullopt;
   if (*value != std::floor(*value) || *value > kMaxFrames)
     throw plan.error("max_frames", "must be a whole number up to ten million");
   return static_cast<int>(*value);
 }
 
-flight::SpeedLimits read_limits(YamlSection& plan) {
+flight::SpeedLimits read_limits(StrictSection& plan) {
   flight::SpeedLimits limits;
-  limits.speed_m_s = read_positive(plan, "speed_m_s").value_or(limits.speed_m_s);
-  limits.acceleration_m_s2 = read_positive(plan, "acceleration_m_s2").value_or(limits.acceleration_m_s2);
-  limits.yaw_rate_deg_s = read_positive(plan, "yaw_rate_deg_s").value_or(limits.yaw_rate_deg_s);
+  limits.speed_m_s = plan.positive_number("speed_m_s").value_or(limits.speed_m_s);
+  limits.acceleration_m_s2 = plan.positive_number("acceleration_m_s2").value_or(limits.acceleration_m_s2);
+  limits.yaw_rate_deg_s = plan.positive_number("yaw_rate_deg_s").value_or(limits.yaw_rate_deg_s);
   return limits;
 }
 
 /// Only waypoints and missions can be flown by a vehicle, and a mission requires one.
-void check_vehicle(const YamlSection& section, const FlightPlan& plan) {
+void check_vehicle(const StrictSection& section, const FlightPlan& plan) {
   if (plan.vehicle && plan.poses)
     throw section.error("vehicle", "and 'trajectory' are both given; a vehicle flies waypoints or a mission");
   if (plan.mission.empty()) return;
@@ -77,7 +71,7 @@ void check_vehicle(const YamlSection& section, const FlightPlan& plan) {
 }
 
 /// Checks that the plan states exactly one kind of path and when to take images.
-void check_plan(const YamlSection& section, const FlightPlan& plan) {
+void check_plan(const StrictSection& section, const FlightPlan& plan) {
   if (plan.camera.empty()) throw section.error("camera", "is missing; name the calibration file");
   if (plan.poses && !plan.waypoints.empty())
     throw section.error("waypoints", "and 'trajectory' are both given; keep one of the two");
@@ -108,7 +102,7 @@ geometry::Trajectory sample_path(const flight::Path& path, double fps, double mo
 }  // namespace
 
 FlightPlan read_flight_plan(const std::filesystem::path& file) {
-  YamlSection section = YamlSection::load(file);
+  StrictSection section = StrictSection::load(file);
   FlightPlan plan;
   plan.camera = section.path("camera").value_or("");
   const auto trajectory = section.path("trajectory");
@@ -117,7 +111,7 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
   if (auto vehicle = section.section("vehicle")) plan.vehicle = read_vehicle(*vehicle);
   plan.mission = read_mission(section);
   plan.limits = read_limits(section);
-  plan.fps = read_positive(section, "fps");
+  plan.fps = section.positive_number("fps");
   plan.max_frames = read_max_frames(section);
   section.section("sensors");  // accepted here, but read by sensors::read_sensor_suite
   plan.sensors_file = section.path("sensors_file").value_or("");
@@ -128,7 +122,7 @@ FlightPlan read_flight_plan(const std::filesystem::path& file) {
 }
 
 std::vector<std::filesystem::path> referenced_files(const std::filesystem::path& file) {
-  YamlSection section = YamlSection::load(file);
+  StrictSection section = StrictSection::load(file);
   std::vector<std::filesystem::path> files{file};
   for (const char* key : {"camera", "trajectory", "sensors_file"}) {
     if (const auto named = section.path(key)) files.push_back(*named);

@@ -54,26 +54,12 @@ RigidBodyState integrate(const RigidBody& body, const RigidBodyState& state, dou
   return apply_delta(state, (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0));
 }
 
-double kinetic_energy_j(const RigidBody& body, const RigidBodyState& state) {
-  const Vec3& w = state.angular_velocity_rad_s;
-  return 0.5 * body.mass_kg * state.velocity_m_s.squaredNorm() + 0.5 * w.dot(body.inertia_kg_m2 * w);
-}
-
-Vec3 angular_momentum(const RigidBody& body, const RigidBodyState& state) {
-  return state.R_local_body * (body.inertia_kg_m2 * state.angular_velocity_rad_s);
-}
-
 double yaw_rad(const Eigen::Quaterniond& R_local_body) {
   const Vec3 forward = R_local_body * Vec3::UnitX();
   return std::atan2(forward.y(), forward.x());
 }
 
 double heading_to_yaw_rad(double heading_deg) { return wrap_angle_rad((90.0 - heading_deg) * pi / 180.0); }
-
-double yaw_to_heading_deg(double yaw_rad) {
-  const double heading = std::fmod(90.0 - yaw_rad * 180.0 / pi, 360.0);
-  return heading < 0.0 ? heading + 360.0 : heading;
-}
 
 double wrap_angle_rad(double angle_rad) {
   const double wrapped = std::remainder(angle_rad, 2.0 * pi);

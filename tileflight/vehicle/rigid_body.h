@@ -35,16 +35,10 @@ using WrenchFunction = std::function<Wrench(const RigidBodyState& state, double 
 RigidBodyState integrate(const RigidBody& body, const RigidBodyState& state, double step_s,
                          const WrenchFunction& wrench);
 
-/// Kinetic energy of translation and rotation, joules.
-double kinetic_energy_j(const RigidBody& body, const RigidBodyState& state);
-/// About the centre of mass, local frame, kg m^2/s.
-geometry::Vec3 angular_momentum(const RigidBody& body, const RigidBodyState& state);
-
 /// Direction of the body's x axis seen from above, counter-clockwise from east, in (-pi, pi].
 double yaw_rad(const Eigen::Quaterniond& R_local_body);
-/// Conversion between yaw and compass heading, degrees clockwise from north, in [0, 360).
+/// Yaw of a compass heading, degrees clockwise from north.
 double heading_to_yaw_rad(double heading_deg);
-double yaw_to_heading_deg(double yaw_rad);
 /// The equivalent angle in (-pi, pi].
 double wrap_angle_rad(double angle_rad);
 /// Level orientation with its x axis at the yaw.

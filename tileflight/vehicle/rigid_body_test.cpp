@@ -26,6 +26,17 @@ RigidBodyState tumbling() {
   return state;
 }
 
+/// Of translation and rotation.
+double kinetic_energy_j(const RigidBody& body, const RigidBodyState& state) {
+  const Vec3& w = state.angular_velocity_rad_s;
+  return 0.5 * body.mass_kg * state.velocity_m_s.squaredNorm() + 0.5 * w.dot(body.inertia_kg_m2 * w);
+}
+
+/// About the centre of mass, local frame, kg m^2/s.
+Vec3 angular_momentum(const RigidBody& body, const RigidBodyState& state) {
+  return state.R_local_body * (body.inertia_kg_m2 * state.angular_velocity_rad_s);
+}
+
 RigidBodyState after(const RigidBody& body, RigidBodyState state, double seconds, int steps,
                      const WrenchFunction& wrench) {
   for (int i = 0; i < steps; ++i) state = integrate(body, state, seconds / steps, wrench);
@@ -97,8 +108,6 @@ TEST(RigidBody, YawAndHeading) {
   EXPECT_NEAR(heading_to_yaw_rad(90), 0, 1e-15);
   EXPECT_NEAR(heading_to_yaw_rad(180), -pi / 2, 1e-15);
   EXPECT_NEAR(heading_to_yaw_rad(-90), pi, 1e-15);
-  for (const double heading : {0.0, 10.0, 123.0, 300.0, 359.0})
-    EXPECT_NEAR(yaw_to_heading_deg(heading_to_yaw_rad(heading)), heading, 1e-12);
   EXPECT_NEAR(yaw_rad(level_orientation(2.0) * Eigen::AngleAxisd(0.4, Vec3::UnitX())), 2.0, 1e-12);
   EXPECT_EQ(wrap_angle_rad(-pi), pi);
   EXPECT_NEAR(wrap_angle_rad(7.0), 7.0 - 2 * pi, 1e-15);

@@ -16,6 +16,9 @@ inline ObstacleQuery plane(const geometry::Vec3& normal, double offset) {
   };
 }
 
+/// A horizontal plane at a height.
+inline ObstacleQuery level_ground(double height_m) { return plane(geometry::Vec3::UnitZ(), height_m); }
+
 inline ObstacleQuery sphere(const geometry::Vec3& center, double radius_m) {
   return [=](const geometry::Vec3& from, const geometry::Vec3& to) -> std::optional<SurfaceHit> {
     const geometry::Vec3 d = to - from, m = from - center;

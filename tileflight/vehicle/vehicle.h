@@ -75,7 +75,6 @@ class Vehicle {
   /// The setpoint of the current step.
   const Setpoint& setpoint() const { return setpoint_; }
   bool landed() const { return landed_; }
-  bool stopped_by_collision() const { return crashed_; }
   const std::optional<Collision>& last_collision() const { return last_collision_; }
   std::int64_t collisions() const { return collisions_; }
   const VehicleOptions& options() const { return options_; }

@@ -141,17 +141,17 @@ TEST(VehicleFlight, AWallEndsItOrBouncesIt) {
 
 class VehicleFile : public testing::Test {
  protected:
-  base::YamlSection load(const std::string& text) {
+  base::StrictSection load(const std::string& text) {
     std::ofstream(folder_ / "flight.yaml") << text;
-    return base::YamlSection::load(folder_ / "flight.yaml");
+    return base::StrictSection::load(folder_ / "flight.yaml");
   }
   VehiclePlan vehicle(const std::string& text) {
-    base::YamlSection file = load(text);
+    base::StrictSection file = load(text);
     auto section = file.section("vehicle");
     return read_vehicle(*section);
   }
   std::vector<MissionStep> mission(const std::string& text) {
-    base::YamlSection file = load(text);
+    base::StrictSection file = load(text);
     return read_mission(file);
   }
   tileflight::tests::TemporaryFolder folder_;
@@ -171,7 +171,7 @@ constexpr const char* kMission = R"(mission:
 TEST_F(VehicleFile, AMissionIsFlownFromTakeOffToLanding) {
   VehiclePlan plan = vehicle("vehicle: {collision: stop, start: [1, 2, 0.35], landed: true, pitch_deg: -30}\n");
   EXPECT_EQ(plan.options.collision, CollisionPolicy::kStop);
-  const VehicleFlight flight = fly_mission(mission(kMission), plan, level_ground(0.0));
+  const VehicleFlight flight = fly_mission(mission(kMission), plan, tests::level_ground(0.0));
   EXPECT_EQ(flight.outcome, Outcome::kFinished);
   ASSERT_EQ(flight.mission.size(), 8u);
   EXPECT_EQ(flight.mission[2].name, "path");

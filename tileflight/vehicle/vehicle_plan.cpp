@@ -7,7 +7,7 @@
 namespace tileflight::vehicle {
 namespace {
 
-using base::YamlSection;
+using base::StrictSection;
 using geometry::Vec3;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
@@ -15,24 +15,18 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 constexpr double kDefaultTimeout_s = 600.0;
 constexpr std::size_t kMaxPoints = 10000;
 
-double read_positive(YamlSection& section, const std::string& key, double fallback) {
-  const double value = section.number(key).value_or(fallback);
-  if (!(value > 0.0)) throw section.error(key, "must be more than 0");
-  return value;
-}
-
-Vec3 read_vector(YamlSection& section, const std::string& key, const Vec3& fallback) {
+Vec3 read_vector(StrictSection& section, const std::string& key, const Vec3& fallback) {
   const auto numbers = section.numbers(key, 3, 3);
   return numbers ? Vec3(numbers->at(0), numbers->at(1), numbers->at(2)) : fallback;
 }
 
-Vec3 read_required_vector(YamlSection& section, const std::string& key) {
+Vec3 read_required_vector(StrictSection& section, const std::string& key) {
   const auto numbers = section.numbers(key, 3, 3);
   if (!numbers) throw section.error(key, "is missing; give three numbers");
   return {numbers->at(0), numbers->at(1), numbers->at(2)};
 }
 
-WindOptions read_wind(YamlSection& section) {
+WindOptions read_wind(StrictSection& section) {
   WindOptions wind;
   constexpr double kHurricane_m_s = 100.0;
   wind.mean_m_s = read_vector(section, "wind_m_s", wind.mean_m_s);
@@ -42,20 +36,20 @@ WindOptions read_wind(YamlSection& section) {
                     : word == "moderate" ? Turbulence::kModerate
                     : word == "severe"   ? Turbulence::kSevere
                                          : Turbulence::kNone;
-  wind.height_above_ground_m = read_positive(section, "height_above_ground_m", wind.height_above_ground_m);
+  wind.height_above_ground_m = section.positive_number("height_above_ground_m").value_or(wind.height_above_ground_m);
   const int seed = section.integer("seed").value_or(1);
   if (seed < 0) throw section.error("seed", "must not be negative");
   wind.seed = static_cast<std::uint64_t>(seed);
   return wind;
 }
 
-CollisionPolicy read_collision(YamlSection& section) {
+CollisionPolicy read_collision(StrictSection& section) {
   const std::string word = section.choice("collision", {"off", "stop", "bounce"}).value_or("off");
   if (word == "off") return CollisionPolicy::kOff;
   return word == "stop" ? CollisionPolicy::kStop : CollisionPolicy::kBounce;
 }
 
-CameraMount read_mount(YamlSection& section) {
+CameraMount read_mount(StrictSection& section) {
   CameraMount mount;
   mount.gimbal = section.choice("mount", {"gimbal", "fixed"}).value_or("gimbal") == "gimbal";
   mount.pitch_deg = section.number("pitch_deg").value_or(mount.pitch_deg);
@@ -64,29 +58,30 @@ CameraMount read_mount(YamlSection& section) {
   return mount;
 }
 
-void read_craft(YamlSection& section, VehicleOptions& options) {
+void read_quadrotor(StrictSection& section, VehicleOptions& options) {
   QuadrotorOptions& quadrotor = options.quadrotor;
-  quadrotor.body.mass_kg = read_positive(section, "mass_kg", quadrotor.body.mass_kg);
+  quadrotor.body.mass_kg = section.positive_number("mass_kg").value_or(quadrotor.body.mass_kg);
   quadrotor.linear_drag_n_s_m = read_vector(section, "linear_drag", quadrotor.linear_drag_n_s_m);
   quadrotor.quadratic_drag_n_s2_m2 = read_vector(section, "quadratic_drag", quadrotor.quadratic_drag_n_s2_m2);
   options.controller.max_tilt_rad =
-      read_positive(section, "max_tilt_deg", options.controller.max_tilt_rad / kRadiansPerDegree) * kRadiansPerDegree;
+      section.positive_number("max_tilt_deg").value_or(options.controller.max_tilt_rad / kRadiansPerDegree) *
+      kRadiansPerDegree;
 }
 
 /// Reads a duration with an upper limit: longer than any battery lasts, but finite in case of a typing error.
-double read_seconds(YamlSection& step, const char* key, double fallback_s) {
+double read_seconds(StrictSection& step, const char* key, double fallback_s) {
   constexpr double kMost_s = 3600.0;
   const double value_s = step.number(key).value_or(fallback_s);
   if (!(value_s >= 0.0 && value_s <= kMost_s)) throw step.error(key, "must be from 0 to 3600 seconds");
   return value_s;
 }
 
-double read_timeout(YamlSection& step) {
-  read_positive(step, "timeout_s", kDefaultTimeout_s);
+double read_timeout(StrictSection& step) {
+  step.positive_number("timeout_s").value_or(kDefaultTimeout_s);
   return read_seconds(step, "timeout_s", kDefaultTimeout_s);
 }
 
-void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
+void read_yaw(StrictSection& step, YawMode& yaw, Drivetrain& drivetrain) {
   const std::string word = step.choice("drivetrain", {"free", "forward"}).value_or("free");
   drivetrain = word == "forward" ? Drivetrain::kForwardOnly : Drivetrain::kMaxDegreeOfFreedom;
   const auto heading_deg = step.number("heading_deg"), rate_deg_s = step.number("yaw_rate_deg_s");
@@ -97,7 +92,7 @@ void read_yaw(YamlSection& step, YawMode& yaw, Drivetrain& drivetrain) {
   if (rate_deg_s) yaw = {YawMode::Kind::kRate, -*rate_deg_s * kRadiansPerDegree};
 }
 
-std::vector<Vec3> read_points(YamlSection& step) {
+std::vector<Vec3> read_points(StrictSection& step) {
   const auto numbers = step.numbers("points", 3, 3 * kMaxPoints);
   if (!numbers || numbers->size() % 3 != 0)
     throw step.error("points", "must be a list of numbers: east, north, up of each point in turn");
@@ -107,17 +102,17 @@ std::vector<Vec3> read_points(YamlSection& step) {
   return points;
 }
 
-FollowPath read_path(YamlSection& step, bool one_point) {
+FollowPath read_path(StrictSection& step, bool one_point) {
   FollowPath path;
   path.points = one_point ? std::vector<Vec3>{read_required_vector(step, "position")} : read_points(step);
-  path.speed_m_s = read_positive(step, "speed_m_s", path.speed_m_s);
+  path.speed_m_s = step.positive_number("speed_m_s").value_or(path.speed_m_s);
   read_yaw(step, path.yaw, path.drivetrain);
   path.lookahead_m = step.number("lookahead_m");
   path.timeout_s = read_timeout(step);
   return path;
 }
 
-FlyVelocity read_velocity(YamlSection& step) {
+FlyVelocity read_velocity(StrictSection& step) {
   FlyVelocity velocity;
   velocity.velocity_m_s = read_required_vector(step, "velocity_m_s");
   velocity.duration_s = read_seconds(step, "duration_s", velocity.duration_s);
@@ -128,28 +123,29 @@ FlyVelocity read_velocity(YamlSection& step) {
   return velocity;
 }
 
-TurnToYaw read_turn(YamlSection& step) {
+TurnToYaw read_turn(StrictSection& step) {
   const auto heading_deg = step.number("heading_deg");
   if (!heading_deg) throw step.error("heading_deg", "is missing");
   TurnToYaw turn{heading_to_yaw_rad(*heading_deg)};
-  turn.margin_rad = read_positive(step, "margin_deg", turn.margin_rad / kRadiansPerDegree) * kRadiansPerDegree;
+  turn.margin_rad =
+      step.positive_number("margin_deg").value_or(turn.margin_rad / kRadiansPerDegree) * kRadiansPerDegree;
   turn.timeout_s = read_timeout(step);
   return turn;
 }
 
-TurnAtRate read_turn_rate(YamlSection& step) {
+TurnAtRate read_turn_rate(StrictSection& step) {
   const auto rate_deg_s = step.number("yaw_rate_deg_s");
   if (!rate_deg_s) throw step.error("yaw_rate_deg_s", "is missing");
   return {-*rate_deg_s * kRadiansPerDegree, read_seconds(step, "duration_s", 1.0)};
 }
 
-Command read_command(const std::string& word, YamlSection& step) {
+Command read_command(const std::string& word, StrictSection& step) {
   if (word == "takeoff") {
     const TakeOff defaults;
-    return TakeOff{read_positive(step, "height_m", defaults.height_m),
-                   read_positive(step, "speed_m_s", defaults.speed_m_s), read_timeout(step)};
+    return TakeOff{step.positive_number("height_m").value_or(defaults.height_m),
+                   step.positive_number("speed_m_s").value_or(defaults.speed_m_s), read_timeout(step)};
   }
-  if (word == "land") return Land{read_positive(step, "speed_m_s", Land{}.speed_m_s), read_timeout(step)};
+  if (word == "land") return Land{step.positive_number("speed_m_s").value_or(Land{}.speed_m_s), read_timeout(step)};
   if (word == "hover") return Hover{read_seconds(step, "duration_s", 0.0)};
   if (word == "velocity") return read_velocity(step);
   if (word == "turn") return read_turn(step);
@@ -159,15 +155,15 @@ Command read_command(const std::string& word, YamlSection& step) {
 
 }  // namespace
 
-VehiclePlan read_vehicle(YamlSection& section) {
+VehiclePlan read_vehicle(StrictSection& section) {
   VehiclePlan plan;
   VehicleOptions& options = plan.options;
   options.wind = read_wind(section);
   options.collision = read_collision(section);
   options.bounce.restitution = section.number("restitution").value_or(options.bounce.restitution);
   options.bounce.friction = section.number("friction").value_or(options.bounce.friction);
-  options.radius_m = read_positive(section, "radius_m", options.radius_m);
-  read_craft(section, options);
+  options.radius_m = section.positive_number("radius_m").value_or(options.radius_m);
+  read_quadrotor(section, options);
   plan.mount = read_mount(section);
   plan.start_m = read_vector(section, "start", plan.start_m);
   plan.start_yaw_rad = heading_to_yaw_rad(section.number("start_heading_deg").value_or(0.0));
@@ -176,9 +172,9 @@ VehiclePlan read_vehicle(YamlSection& section) {
   return plan;
 }
 
-std::vector<MissionStep> read_mission(YamlSection& plan) {
+std::vector<MissionStep> read_mission(StrictSection& plan) {
   std::vector<MissionStep> mission;
-  for (YamlSection& step : plan.sections("mission")) {
+  for (StrictSection& step : plan.sections("mission")) {
     const auto word = step.choice("do", {"takeoff", "land", "hover", "go_to", "path", "velocity", "turn", "turn_rate"});
     if (!word) throw step.error("do", "is missing; name the command");
     const Command command = read_command(*word, step);

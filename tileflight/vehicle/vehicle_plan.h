@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "tileflight/base/yaml_section.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/vehicle/vehicle.h"
 
 namespace tileflight::vehicle {
@@ -36,11 +36,11 @@ struct VehiclePlan {
 /// Reads `vehicle:`. Keys: wind_m_s, turbulence, height_above_ground_m, seed, collision, restitution, friction,
 /// radius_m, mount, pitch_deg, offset_m, start, start_heading_deg, landed, mass_kg, linear_drag, quadratic_drag,
 /// max_tilt_deg. Throws InputError (file, line, key).
-VehiclePlan read_vehicle(base::YamlSection& section);
+VehiclePlan read_vehicle(base::StrictSection& section);
 
 /// Reads `mission:`, a list of commands `{do: WORD, ...}`: takeoff, land, hover, go_to, path, velocity, turn,
 /// turn_rate. docs/vehicles.md lists their keys. Throws InputError (file, line, key).
-std::vector<MissionStep> read_mission(base::YamlSection& plan);
+std::vector<MissionStep> read_mission(base::StrictSection& plan);
 
 /// "finished", "timed out", "cancelled", "collided", "running".
 std::string outcome_text(Outcome outcome);

@@ -57,7 +57,7 @@ TEST(PathProgress, GoesOnAndNeverBack) {
 
 TEST(Vehicle, TakesOffFromTheGroundAndLandsOnIt) {
   const VehicleOptions options;
-  Vehicle vehicle(options, level_ground(0.0), {1, 2, options.radius_m}, pi / 2, true);
+  Vehicle vehicle(options, tests::level_ground(0.0), {1, 2, options.radius_m}, pi / 2, true);
   wait(vehicle, 1.0);
   EXPECT_TRUE(vehicle.landed());
   EXPECT_EQ(vehicle.state().position_m.z(), options.radius_m);
@@ -166,7 +166,6 @@ TEST(Vehicle, AWallStopsOrBouncesItOrIsNotThere) {
   VehicleOptions options;
   Vehicle stopped = hovering(options, wall);
   EXPECT_EQ(stopped.run(path_of({{60, 0, kStart_m}}, 8)), Outcome::kCollided);
-  EXPECT_TRUE(stopped.stopped_by_collision());
   EXPECT_NEAR(stopped.state().position_m.x(), 20 - options.radius_m, 1e-6);
   ASSERT_TRUE(stopped.last_collision());
   EXPECT_NEAR(stopped.last_collision()->impact_m_s, 8.0, 1.0);
@@ -223,7 +222,7 @@ TEST(Vehicle, TheSameCommandsGiveTheSameFlight) {
   const auto flown = [](std::uint64_t seed) {
     VehicleOptions options;
     options.wind = {{3, 0, 0}, Turbulence::kLight, 30.0, seed};
-    Vehicle vehicle = hovering(options, level_ground(0.0));
+    Vehicle vehicle = hovering(options, tests::level_ground(0.0));
     vehicle.run(path_of({{10, 0, 12}, {10, 10, 12}}, 5));
     return vehicle.state();
   };

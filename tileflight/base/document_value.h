@@ -1,0 +1,54 @@
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace tileflight::base {
+
+/// A value of a YAML or JSON file: a scalar, a list or a map. The accessors of scalars return nullopt if the value is
+/// of another type.
+class DocumentValue {
+ public:
+  explicit DocumentValue(YAML::Node node) : value_(std::move(node)) {}
+  /// `json` must outlive it; null: the value is absent.
+  explicit DocumentValue(const nlohmann::json* json) : value_(json) {}
+
+  bool is_absent() const;
+  /// Absent, or without a value (`key:` in YAML, null in JSON).
+  bool is_null() const;
+  bool is_map() const;
+  bool is_list() const;
+  /// ":12", the line in the file; empty for JSON, which does not keep it.
+  std::string line() const;
+
+  /// A finite number.
+  std::optional<double> number() const;
+  std::optional<int> integer() const;
+  std::optional<bool> boolean() const;
+  /// Text of a scalar; in YAML with its variables expanded (expand_variables; `where`: place for errors).
+  std::optional<std::string> text(const std::string& where) const;
+
+  /// Entries of a list; empty for other values.
+  std::vector<DocumentValue> entries() const;
+  /// Keys of a map; empty for other values.
+  std::vector<std::string> keys() const;
+  /// The value of a map's key; absent if there is none.
+  DocumentValue member(const std::string& key) const;
+
+  /// Canonical text (canonical_yaml.h) of a YAML value.
+  std::string canonical_text() const;
+
+ private:
+  std::variant<YAML::Node, const nlohmann::json*> value_;
+};
+
+/// Replaces `${NAME}` by the environment variable's value and `${NAME:-fallback}` by the fallback if the variable is
+/// not set. Throws InputError, naming the variable, if one without a fallback is not set.
+std::string expand_variables(const std::string& text, const std::string& where);
+
+}  // namespace tileflight::base
