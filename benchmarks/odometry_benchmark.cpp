@@ -146,18 +146,18 @@ std::optional<Sequence> machangara(int width, std::size_t most) {
 /// Hilly ground through a wide lens; rendered here.
 std::optional<Sequence> synthetic() {
   constexpr int kFrames = 90;
-  photometry::tests::Relief relief;
+  photometry::test_support::Relief relief;
   relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
   relief.highest_m = 2.0;
   relief.texel_m = 0.5;
   const imaging::Camera camera = imaging::make_fisheye(640, 400, 140.0);
-  const photometry::tests::ReliefCamera scene(camera, relief);
+  const photometry::test_support::ReliefCamera scene(camera, relief);
   auto images = std::make_shared<std::vector<RgbImage>>();
   Sequence sequence;
   sequence.calibration.camera = camera;
   for (int i = 0; i < kFrames; ++i) {
     const double s = i / 30.0;
-    const auto pose = photometry::tests::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+    const auto pose = photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
                                                     Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
     images->push_back(scene.render(pose));
     sequence.truth.push_back(pose.translation);

@@ -133,8 +133,8 @@ class SlowServer {
   [[noreturn]] static void serve(const fs::path& folder, int port_pipe) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     const std::map<std::string, std::string> files = files_of(folder);
-    const transport::testing::TestHttpServer server(
-        [&files](const transport::testing::ServedRequest& request, transport::testing::ServedConnection& connection) {
+    const transport::test_support::TestHttpServer server(
+        [&files](const transport::test_support::ServedRequest& request, transport::test_support::ServedConnection& connection) {
           connection.wait(kLatency);
           const auto file = files.find(request.path().substr(1));
           return file != files.end() ? connection.answer(200, file->second, {"Cache-Control: max-age=3600"})

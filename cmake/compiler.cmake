@@ -6,6 +6,9 @@ target_compile_options(tileflight_compiler INTERFACE -Wall -Wextra -Wpedantic -W
 if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
   target_compile_options(tileflight_compiler INTERFACE -Wno-unknown-warning-option)
 endif()
+if(CMAKE_UNITY_BUILD)  # what these warn of is right in one file and looks wrong beside another
+  target_compile_options(tileflight_compiler INTERFACE -Wno-shadow -Wno-subobject-linkage)
+endif()
 if(TILEFLIGHT_WARNINGS_AS_ERRORS)
   target_compile_options(tileflight_compiler INTERFACE -Werror)
 endif()

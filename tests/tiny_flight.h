@@ -16,9 +16,9 @@ class TinyFlight {
  public:
   static constexpr int kFrames = 36;
 
-  static const odometry::tests::Sequence& sequence() {
-    static const odometry::tests::Sequence kSequence =
-        odometry::tests::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), kFrames);
+  static const odometry::test_support::Sequence& sequence() {
+    static const odometry::test_support::Sequence kSequence =
+        odometry::test_support::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), kFrames);
     return kSequence;
   }
 

@@ -18,7 +18,7 @@ namespace {
 
 using nlohmann::literals::operator""_json_pointer;
 
-struct Options {
+struct AlignOptions {
   MapOptions map;
   std::string target;
   std::string out;
@@ -38,7 +38,7 @@ alignment::IcpMethod method_named(const std::string& name) {
   return name == "generalized" ? IcpMethod::kGeneralized : IcpMethod::kPointToPoint;
 }
 
-alignment::AlignMapOptions align_options(const Options& options) {
+alignment::AlignMapOptions align_options(const AlignOptions& options) {
   using alignment::AlignmentStart;
   alignment::AlignMapOptions align;
   if (options.preset == "paper") align = alignment::paper_options();
@@ -77,7 +77,7 @@ std::string notes_of(const nlohmann::json& transform) {
 }  // namespace
 
 void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<AlignOptions>();
   CLI::App* command = app.add_subcommand("align", "registration of a map to ground truth");
   command->footer(
       "Example:\n  tileflight align out/odometry --to out/truth --dataset out/dataset --out transform.json");

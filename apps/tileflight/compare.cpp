@@ -13,7 +13,7 @@ namespace {
 
 using nlohmann::json;
 
-struct Options {
+struct CompareOptions {
   std::vector<std::filesystem::path> maps;
   scoring::EvaluationSettings settings;
   scoring::ComparisonFiles files;
@@ -72,7 +72,7 @@ std::string line_of(const json& pair) {
   return text.str();
 }
 
-Output compare(const Options& options) {
+Output compare(const CompareOptions& options) {
   const json result = scoring::compare_maps(options.maps, options.settings, options.seed, options.files);
   std::ostringstream text;
   for (const json& map : result["maps"]) {
@@ -84,7 +84,7 @@ Output compare(const Options& options) {
   return {result, text.str()};
 }
 
-Output rank(const Options& options) {
+Output rank(const CompareOptions& options) {
   const json result = scoring::compare_ranking(options.maps, options.by, options.seed);
   std::ostringstream text;
   for (const json& item : result["list"]) {
@@ -99,7 +99,7 @@ Output rank(const Options& options) {
 }  // namespace
 
 void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CompareOptions>();
   CLI::App* command = app.add_subcommand("compare", "compare scored maps side by side, with statistics");
   command->footer(
       "Example:\n  tileflight compare out/stadium/simulated/metrics.json out/stadium/real/metrics.json\n"

@@ -10,7 +10,7 @@
 namespace tileflight::app {
 namespace {
 
-struct Options {
+struct ExtractOptions {
   std::string source;
   RegionOptions region;
   SourceArguments source_arguments;
@@ -18,7 +18,7 @@ struct Options {
   std::string out;
 };
 
-std::string summary(const nlohmann::json& result, const std::string& out) {
+std::string extract_summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
   text << out << ": " << result["triangles"] << " triangles from " << result["tiles_loaded"] << " of "
        << result["tiles_wanted"] << " tiles" << (result["complete"].get<bool>() ? " (complete)" : " (INCOMPLETE)")
@@ -31,7 +31,7 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
 }  // namespace
 
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ExtractOptions>();
   CLI::App* command = app.add_subcommand("extract", "ground truth of a region: mesh, surface points, voxels");
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
@@ -48,7 +48,7 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
       settings.load.source = source_options(options->source_arguments);
       const nlohmann::json result = place::extract(settings, options->out, shared.force, progress);
-      return {result, summary(result, options->out)};
+      return {result, extract_summary(result, options->out)};
     };
   });
 }

@@ -66,7 +66,7 @@ std::string list(const std::vector<std::string>& words) {
   return text.empty() ? "none" : text;
 }
 
-std::string summary(const tiles::TilesetSummary& s) {
+std::string inspect_summary(const tiles::TilesetSummary& s) {
   std::ostringstream text;
   text << std::fixed << std::setprecision(1);
   text << "3D Tiles " << s.version << (s.generator.empty() ? "" : ", made by " + s.generator) << "\n"
@@ -129,7 +129,7 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
       Output output{nlohmann::json::object(), ""};
       if (tells_whole_tileset(options->place, options->source)) {
         const tiles::TilesetSummary s = tiles::inspect_tileset(options->source, source, progress);
-        output = {to_json(s), summary(s)};
+        output = {to_json(s), inspect_summary(s)};
       }
       inspect_place(options->source, source, *command, options->place, output, progress);
       return output;

@@ -10,7 +10,7 @@
 namespace tileflight::app {
 namespace {
 
-struct Options {
+struct OdometryCommandOptions {
   std::string dataset;
   std::string out;
   survey::FrameRange range;
@@ -25,7 +25,7 @@ struct Options {
 
 constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
 
-void add_extras(CLI::App& command, Options& options) {
+void add_extras(CLI::App& command, OdometryCommandOptions& options) {
   survey::TrackOptions& extras = options.extras;
   command.add_option("--camera", extras.camera, "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
   command.add_option("--camera-id", extras.camera_id, "camera to use if the calibration holds several");
@@ -40,7 +40,7 @@ void add_extras(CLI::App& command, Options& options) {
                      "folder for an image of each keyframe with its points, coloured from red (near) to blue (far)");
 }
 
-void add_map_filters(CLI::App& command, Options& options) {
+void add_map_filters(CLI::App& command, OdometryCommandOptions& options) {
   odometry::MapOptions& map = options.settings.map;
   options.min_parallax_deg = map.min_parallax_rad * kDegreesOfRadian;
   command
@@ -61,7 +61,7 @@ void add_map_filters(CLI::App& command, Options& options) {
                    "map: keep only points of the joint optimisation (the most accurate)");
 }
 
-std::string summary(const nlohmann::json& result, const std::string& out) {
+std::string odometry_summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   text << out << ": " << result["frames_tracked"] << " of " << result["frames"] << " frames tracked, "
@@ -74,7 +74,7 @@ std::string summary(const nlohmann::json& result, const std::string& out) {
 }  // namespace
 
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<OdometryCommandOptions>();
   CLI::App* command = app.add_subcommand("odometry", "Direct Sparse Odometry: images in, trajectory and map out");
   command->footer("Example:\n  tileflight odometry out/stadium/simulated/dataset --out /tmp/odometry");
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
@@ -113,7 +113,7 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
       if (result["frames_tracked"].get<std::int64_t>() == 0) {
         throw std::runtime_error(options->dataset + ": " + result["lost_reason"].get<std::string>());
       }
-      return {result, summary(result, options->out)};
+      return {result, odometry_summary(result, options->out)};
     };
   });
 }

@@ -15,7 +15,7 @@
 namespace tileflight::app {
 namespace {
 
-struct Options {
+struct TileOptions {
   std::string mesh;
   std::string out;
   std::vector<double> georeference;  // latitude, longitude, height
@@ -29,7 +29,7 @@ struct Options {
   tiling::MeshTilesetOptions tileset;
 };
 
-tiling::MeshSourceOptions source_of(const Options& options) {
+tiling::MeshSourceOptions source_of(const TileOptions& options) {
   tiling::MeshSourceOptions out;
   const std::map<std::string, tile_contents::UpAxis> axes{
       {"x", tile_contents::UpAxis::kX}, {"y", tile_contents::UpAxis::kY}, {"z", tile_contents::UpAxis::kZ}};
@@ -40,7 +40,7 @@ tiling::MeshSourceOptions source_of(const Options& options) {
 }
 
 /// Georeference of the mesh, from the options or else from a file beside it. Moves a mesh that is in map coordinates.
-std::optional<geometry::LocalFrame> place_on_earth(const Options& options, tiling::MeshSource& source,
+std::optional<geometry::LocalFrame> place_on_earth(const TileOptions& options, tiling::MeshSource& source,
                                                    std::string& stated_by) {
   if (options.no_georeference) return std::nullopt;
   if (!options.georeference.empty()) {
@@ -69,7 +69,7 @@ nlohmann::json frame_json(const std::optional<geometry::LocalFrame>& frame, cons
           {"stated_by", stated_by}};
 }
 
-nlohmann::json result_of(const Options& options, const tiling::MeshTilesetSummary& summary,
+nlohmann::json result_of(const TileOptions& options, const tiling::MeshTilesetSummary& summary,
                          const std::vector<std::string>& warnings) {
   nlohmann::json levels = nlohmann::json::array();
   for (const tiling::TilesetLevel& level : summary.levels)
@@ -104,7 +104,7 @@ std::string text_of(const nlohmann::json& result) {
   return text.str();
 }
 
-Output tile(const Options& options, const CommonOptions& shared, const Progress& progress) {
+Output tile(const TileOptions& options, const CommonOptions& shared, const Progress& progress) {
   nlohmann::json result;
   const base::OutputFolder output{.folder = options.out,
                                   .command = "tile",
@@ -131,7 +131,7 @@ Output tile(const Options& options, const CommonOptions& shared, const Progress&
   return {result, text_of(result)};
 }
 
-void add_options(CLI::App& command, Options& options) {
+void add_options(CLI::App& command, TileOptions& options) {
   command.add_option("MESH", options.mesh, "mesh: .obj (with .mtl and textures), .glb, .gltf or .ply")->required();
   command.add_option("--out", options.out, "folder to write")->required();
   auto* georeference = command
@@ -176,7 +176,7 @@ void add_options(CLI::App& command, Options& options) {
 }  // namespace
 
 void add_tile(CLI::App& app, CommonOptions& common, Selection& selection) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TileOptions>();
   CLI::App* command = app.add_subcommand("tile", "convert a mesh to 3D Tiles with levels of detail");
   command->footer(
       "Example:\n  tileflight tile odm_textured_model_geo.obj --out tiles\n"

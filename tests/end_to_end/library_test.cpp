@@ -37,9 +37,9 @@ void build_project(const fs::path& source, const fs::path& build, std::vector<st
 /// The surface of a cube whose edges are 2 m.
 imaging::TexturedMesh make_cube() {
   imaging::TexturedMesh cube;
-  for (int i = 0; i < 8; ++i) cube.vertices.emplace_back(2 * (i & 1), i & 2, (i & 4) / 2);
-  cube.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 7, 5}, {4, 6, 7}, {0, 5, 1}, {0, 4, 5},
-                    {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 5, 7}, {1, 7, 3}};
+  for (int i = 0; i < 8; ++i) cube.mesh.vertices.emplace_back(2 * (i & 1), i & 2, (i & 4) / 2);
+  cube.mesh.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 7, 5}, {4, 6, 7}, {0, 5, 1}, {0, 4, 5},
+                         {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 5, 7}, {1, 7, 3}};
   return cube;
 }
 

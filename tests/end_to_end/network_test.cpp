@@ -33,7 +33,7 @@ class Network : public ::testing::Test {
   }
 
   tests::TemporaryFolder folder_;
-  tiles::testing::TestHttpTileset place_;
+  tiles::test_support::TestHttpTileset place_;
 };
 
 TEST_F(Network, ATilesetBehindAKeyIsExtractedAndTheKeyIsNowhere) {

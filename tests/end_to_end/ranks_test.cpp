@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using tests::file_text;
 using tests::ProgramResult;
 using tests::run_tileflight;

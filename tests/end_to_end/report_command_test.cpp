@@ -8,7 +8,7 @@ namespace tileflight::report_command_test {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using tests::file_text;
 using tests::ProgramResult;
 using tests::run_tileflight;

@@ -21,11 +21,11 @@ namespace {
 namespace fs = std::filesystem;
 using geometry::Vec3;
 using nlohmann::json;
-using testing::AllOf;
-using testing::Contains;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
 using tests::file_text;
 using tests::ProgramResult;
 using tests::run_tileflight;

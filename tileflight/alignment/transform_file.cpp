@@ -57,7 +57,7 @@ geometry::Sim3 similarity_from(const Mat4& matrix, const std::string& where) {
   }
 }
 
-json numbers(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+json as_json_list(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
 json to_json(const AlignmentUncertainty& u) {
   constexpr double kDegrees = 57.29577951308232;
@@ -66,8 +66,8 @@ json to_json(const AlignmentUncertainty& u) {
     const geometry::Vec7 row = u.covariance.row(r).transpose();
     rows.push_back(std::vector<double>(row.begin(), row.end()));
   }
-  return {{"translation_sigma", numbers(u.translation_sigma_m)},
-          {"rotation_sigma_deg", numbers(kDegrees * u.rotation_sigma_rad)},
+  return {{"translation_sigma", as_json_list(u.translation_sigma_m)},
+          {"rotation_sigma_deg", as_json_list(kDegrees * u.rotation_sigma_rad)},
           {"scale_sigma", u.scale_sigma},
           {"rms_motion_sigma", u.rms_motion_sigma_m},
           {"covariance", rows}};

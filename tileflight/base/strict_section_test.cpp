@@ -11,7 +11,7 @@
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 
-namespace tileflight::base {
+namespace tileflight::base::strict_section_test {
 namespace {
 
 using testing::ElementsAre;
@@ -166,4 +166,4 @@ TEST(ExpandVariables, ValuesAreNotExpandedAgain) {
 }
 
 }  // namespace
-}  // namespace tileflight::base
+}  // namespace tileflight::base::strict_section_test

@@ -8,7 +8,7 @@
 #include "tileflight/base/input_error.h"
 
 /// Byte strings for hand-made test files, and checks of the errors they cause.
-namespace tileflight::base::testing {
+namespace tileflight::base::test_support {
 
 using Bytes = std::vector<std::byte>;
 
@@ -34,4 +34,4 @@ inline std::string error_of(const std::function<void()>& call) {
   return "";
 }
 
-}  // namespace tileflight::base::testing
+}  // namespace tileflight::base::test_support

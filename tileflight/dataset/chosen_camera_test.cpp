@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using tests::moving_picture;
+using test_support::moving_picture;
 using tests::refusal_of;
 
 constexpr int kWidth = 64, kHeight = 48;

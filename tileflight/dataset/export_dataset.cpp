@@ -18,7 +18,7 @@ struct Layout {
   exports::LayoutWriter write;
 };
 
-const std::vector<Layout>& layouts() {
+const std::vector<Layout>& known_layouts() {
   static const std::vector<Layout> kLayouts{{"tum-mono", exports::write_tum_mono},
                                             {"euroc", exports::write_euroc},
                                             {"kitti", exports::write_kitti},
@@ -31,7 +31,7 @@ const std::vector<Layout>& layouts() {
 const std::vector<std::string>& export_layouts() {
   static const std::vector<std::string> kNames = [] {
     std::vector<std::string> names;
-    for (const Layout& layout : layouts()) names.push_back(layout.name);
+    for (const Layout& layout : known_layouts()) names.push_back(layout.name);
     return names;
   }();
   return kNames;
@@ -40,7 +40,7 @@ const std::vector<std::string>& export_layouts() {
 ExportResult export_dataset(const Dataset& dataset, const std::string& layout, const fs::path& folder, bool replace,
                             const Progress& progress, std::vector<fs::path> inputs) {
   inputs.push_back(dataset.folder);
-  for (const Layout& known : layouts()) {
+  for (const Layout& known : known_layouts()) {
     if (known.name != layout) continue;
     ExportResult result{dataset.frames.size(), {}};
     // Other tools write the same layouts: only the marker identifies ours.

@@ -47,7 +47,7 @@ class Export : public testing::Test {
     calibration.camera = camera;
     calibration.T_cam_imu = kCamImu;
     DatasetWriter writer(folder_ / "data", calibration, {.replace = true, .png = true});
-    for (int i = 0; i < kFrames; ++i) writer.add_frame(i, time_of(i), 5.0 + i, tests::moving_picture(64, 48, i));
+    for (int i = 0; i < kFrames; ++i) writer.add_frame(i, time_of(i), 5.0 + i, test_support::moving_picture(64, 48, i));
     if (truth) writer.set_groundtruth(poses());
     write_imu_csv(writer.temporary_folder() / "imu.csv", {{2.5, Vec3(1, 2, 3), Vec3(4, 5, 6)}});
     write_imu_yaml(writer.temporary_folder() / "imu.yaml", {250.0, 1e-3, 2e-3, 3e-3, 4e-3});
@@ -66,7 +66,7 @@ void expect_same_frames(const Dataset& read, double first_s) {
   ASSERT_EQ(read.frames.size(), static_cast<std::size_t>(kFrames));
   for (int i = 0; i < kFrames; ++i) {
     EXPECT_NEAR(read.frames[i].time_s, first_s + 0.05 * i, 1e-9);
-    EXPECT_EQ(imaging::read_rgb(read.frames[i].image).pixels, tests::moving_picture(64, 48, i).pixels);
+    EXPECT_EQ(imaging::read_rgb(read.frames[i].image).pixels, test_support::moving_picture(64, 48, i).pixels);
   }
 }
 
@@ -98,7 +98,7 @@ Dataset with_path(const fs::path& folder, const imaging::Calibration& calibratio
                   const std::map<std::string, std::string>& about, const std::function<void(const fs::path&)>& add) {
   DatasetWriter writer(folder, calibration, {});
   for (std::size_t i = 0; i < truth.size(); ++i)
-    writer.add_frame(i, truth.poses[i].time_s, 0.0, tests::moving_picture(64, 48, static_cast<int>(i)));
+    writer.add_frame(i, truth.poses[i].time_s, 0.0, test_support::moving_picture(64, 48, static_cast<int>(i)));
   writer.set_groundtruth(truth);
   for (const auto& [key, value] : about) writer.describe(key, value);
   add(writer.temporary_folder());
@@ -232,7 +232,7 @@ TEST_F(Export, ColmapHasThePosesAndTheLens) {
   expect_same_lens(imaging::read_calibration(model / "cameras.txt").camera, fisheye());
   EXPECT_THAT(base::read_text(model / "images.txt"), HasSubstr(" 1 000003.png\n"));
   EXPECT_TRUE(fs::is_regular_file(model / "points3D.txt"));
-  EXPECT_EQ(imaging::read_rgb(folder_ / "colmap/images/000003.png").pixels, tests::moving_picture(64, 48, 3).pixels);
+  EXPECT_EQ(imaging::read_rgb(folder_ / "colmap/images/000003.png").pixels, test_support::moving_picture(64, 48, 3).pixels);
 }
 
 TEST_F(Export, WhatALayoutCannotHoldIsSaid) {

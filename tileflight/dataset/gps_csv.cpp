@@ -12,15 +12,15 @@ namespace tileflight::dataset {
 
 namespace {
 
-constexpr std::string_view kHeader = "t,lat,lon,height,horizontal_sigma,vertical_sigma";
-constexpr std::size_t kColumns = 6;
+constexpr std::string_view kGpsHeader = "t,lat,lon,height,horizontal_sigma,vertical_sigma";
+constexpr std::size_t kGpsColumns = 6;
 
 GpsFix parse_fix(const std::string& where, const std::vector<std::string_view>& fields) {
-  if (fields.size() != kColumns)
+  if (fields.size() != kGpsColumns)
     throw InputError(where,
-                     "expected 6 numbers (" + std::string(kHeader) + "), found " + std::to_string(fields.size()));
-  std::array<double, kColumns> v{};
-  for (std::size_t i = 0; i < kColumns; ++i) {
+                     "expected 6 numbers (" + std::string(kGpsHeader) + "), found " + std::to_string(fields.size()));
+  std::array<double, kGpsColumns> v{};
+  for (std::size_t i = 0; i < kGpsColumns; ++i) {
     const auto value = base::parse_number<double>(fields[i]);
     if (!value || !std::isfinite(*value))
       throw InputError(where, "\"" + std::string(fields[i]) + "\" is not a finite number");
@@ -51,7 +51,7 @@ std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file) {
 }
 
 void write_gps_csv(const std::filesystem::path& file, const std::vector<GpsFix>& fixes) {
-  std::string text = std::string(kHeader) + "\n";
+  std::string text = std::string(kGpsHeader) + "\n";
   for (const GpsFix& fix : fixes) {
     text += base::fixed_text(fix.time_s) + "," + base::fixed_text(fix.position.latitude_deg) + "," +
             base::fixed_text(fix.position.longitude_deg) + "," + base::fixed_text(fix.position.height.m) + "," +

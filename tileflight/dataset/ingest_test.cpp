@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
-using tests::moving_picture;
+using test_support::moving_picture;
 using tests::refusal_of;
 
 constexpr int kWidth = 96;
@@ -69,7 +69,7 @@ TEST_F(IngestTest, VideoBecomesADataset) {
   const Dataset dataset = read_dataset(folder / "set");
   ASSERT_EQ(dataset.frames.size(), 60U);
   EXPECT_NEAR(dataset.frames[59].time_s, 59 / 30.0, 1e-4);
-  EXPECT_GT(tests::psnr(imaging::read_rgb(dataset.frames[31].image), moving_picture(kWidth, kHeight, 31)), 30.0);
+  EXPECT_GT(test_support::psnr(imaging::read_rgb(dataset.frames[31].image), moving_picture(kWidth, kHeight, 31)), 30.0);
   ASSERT_EQ(dataset.gps.size(), 20U);
   EXPECT_NEAR(dataset.gps[3].time_s, 0.3, 1e-12);  // on the video's clock
   EXPECT_EQ(dataset.gps[3].position.height.m, 2883.0);

@@ -180,7 +180,7 @@ TEST(McapExport, ADatasetBecomesOneFileInTheOrderOfTime) {
   DatasetWriter writer(folder / "data", calibration, {});
   geometry::Trajectory poses;
   for (int i = 0; i < 3; ++i) {
-    writer.add_frame(i, 0.1 * i, 0.0, tests::moving_picture(64, 48, i));
+    writer.add_frame(i, 0.1 * i, 0.0, test_support::moving_picture(64, 48, i));
     poses.poses.push_back({0.1 * i, {}});
   }
   writer.set_groundtruth(poses);

@@ -9,7 +9,7 @@
 #include "tests/refusal.h"
 #include "tileflight/imaging/image.h"
 
-namespace tileflight::dataset::tests {
+namespace tileflight::dataset::test_support {
 
 /// A smooth pattern that moves with `frame`, so that a decoded image identifies its frame.
 inline imaging::RgbImage moving_picture(int width, int height, int frame) {
@@ -34,4 +34,4 @@ inline double psnr(const imaging::RgbImage& a, const imaging::RgbImage& b) {
 
 using tileflight::tests::refusal_of;
 
-}  // namespace tileflight::dataset::tests
+}  // namespace tileflight::dataset::test_support

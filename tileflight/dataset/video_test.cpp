@@ -19,8 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
-using tests::moving_picture;
-using tests::psnr;
+using test_support::moving_picture;
+using test_support::psnr;
 using tests::refusal_of;
 using tileflight::tests::TemporaryFolder;
 

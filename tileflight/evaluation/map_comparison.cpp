@@ -21,12 +21,12 @@ using nlohmann::json;
 
 namespace {
 
-constexpr double kNaN = ComparedMetric::kNaN;
+constexpr double kNoValue = ComparedMetric::kNaN;
 /// Smallest number of effective blocks; with fewer their variance is unreliable. Chosen by hand.
 constexpr double kMinBlocks = 8.0;
 
 /// "within_0.1".
-std::string key_of(const char* what, double threshold_m) {
+std::string difference_key(const char* what, double threshold_m) {
   char text[32];
   const auto end = std::to_chars(text, text + sizeof text, threshold_m).ptr;
   return std::string(what) + "_" + std::string(text, end);
@@ -42,8 +42,8 @@ struct MetricDefinition {
   std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)> exchange_differences{};
 };
 
-double share_within(const std::vector<double>& distances, double threshold_m) {
-  if (distances.empty()) return kNaN;
+double share_within_m(const std::vector<double>& distances, double threshold_m) {
+  if (distances.empty()) return kNoValue;
   const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
   return static_cast<double>(within) / static_cast<double>(distances.size());
 }
@@ -91,7 +91,7 @@ class MedianBins {
       const double part = counts[k] > 0.0 ? (half - before) / counts[k] : 0.5;
       return std::exp(low_ + (static_cast<double>(k - 1) + part) * step_);
     }
-    return kNaN;
+    return kNoValue;
   }
 
  private:
@@ -138,11 +138,11 @@ std::vector<MetricDefinition> surface_numbers(const MedianBins& bins, const MapC
           {measured("rms", MarginScale::kRatio, o.ratio_margin),
            [=](const ScoredMap& m, const ScoredMap&) { return rms_within(m.surface.distances, o.cutoff_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return std::sqrt(squares(s, map) / kept(s, map)); }},
-          {measured(key_of("within", o.accuracy_within_m), MarginScale::kDifference, o.share_margin),
-           [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.surface.distances, o.accuracy_within_m); },
+          {measured(difference_key("within", o.accuracy_within_m), MarginScale::kDifference, o.share_margin),
+           [=](const ScoredMap& m, const ScoredMap&) { return share_within_m(m.surface.distances, o.accuracy_within_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return within(s, map) / points(s, map); }},
-          {measured(key_of("beyond", o.cutoff_m), MarginScale::kDifference, o.share_margin),
-           [=](const ScoredMap& m, const ScoredMap&) { return 1.0 - share_within(m.surface.distances, o.cutoff_m); },
+          {measured(difference_key("beyond", o.cutoff_m), MarginScale::kDifference, o.share_margin),
+           [=](const ScoredMap& m, const ScoredMap&) { return 1.0 - share_within_m(m.surface.distances, o.cutoff_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return 1.0 - kept(s, map) / points(s, map); }}};
 }
 
@@ -190,11 +190,11 @@ std::vector<MetricDefinition> completeness_numbers(const MapComparisonOptions& o
     const double within_m = o.completeness_within_m[t];
     const auto column = static_cast<Eigen::Index>(1 + t);
     numbers.push_back(
-        {{.name = "completeness." + key_of("within", within_m),
+        {{.name = "completeness." + difference_key("within", within_m),
           .scale = MarginScale::kRatio,
           .margin = o.completeness_margin,
           .is_decisive = t + 1 == o.completeness_within_m.size()},
-         [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.seen.map_distance_m, within_m); },
+         [=](const ScoredMap& m, const ScoredMap&) { return share_within_m(m.seen.map_distance_m, within_m); },
          [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
            return s[map * columns.each() + column] / s[map * columns.each()];
          }});
@@ -306,7 +306,7 @@ std::optional<ComparedMetric> path_of(const std::vector<ScoredMap>& simulated, c
                    .scale = MarginScale::kRatio,
                    .margin = o.path_ratio_margin,
                    .absolute_margin = o.path_margin_m};
-  const auto ate = [](const ScoredMap& map, const ScoredMap&) { return map.ate_rmse_m.value_or(kNaN); };
+  const auto ate = [](const ScoredMap& map, const ScoredMap&) { return map.ate_rmse_m.value_or(kNoValue); };
   const std::vector<double> s = values_by_run(simulated, real, ate), r = values_by_run(real, simulated, ate);
   if (!std::isfinite(s.front()) || !std::isfinite(r.front())) return std::nullopt;
   if (of_runs) return compare_by_runs(m, s, r);

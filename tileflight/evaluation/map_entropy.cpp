@@ -19,7 +19,7 @@ using geometry::Vec3;
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnjudged = std::numeric_limits<double>::quiet_NaN();
 /// Smallest over largest eigenvalue below which the volume is due to rounding.
 constexpr double kFlat = 1e-12;
 
@@ -39,7 +39,7 @@ Mat3 covariance(const std::vector<Vec3>& points, const std::vector<geometry::Nei
 double entropy_of(const Mat3& S) {
   const Eigen::SelfAdjointEigenSolver<Mat3> solver(S, Eigen::EigenvaluesOnly);
   const Vec3 spread = solver.eigenvalues();
-  if (!(spread[0] > kFlat * spread[2])) return kNaN;
+  if (!(spread[0] > kFlat * spread[2])) return kUnjudged;
   return 0.5 * (3.0 * std::log(2.0 * std::numbers::pi * std::numbers::e) + spread.array().log().sum());
 }
 
@@ -102,7 +102,7 @@ MapEntropy map_entropy(const geometry::PointCloud& map, const geometry::NearestI
                        const MapEntropyOptions& options) {
   check(map, options);
   const std::vector<std::uint32_t> asked = sample_points(map.positions, index, options);
-  std::vector<double> entropies(asked.size(), kNaN);
+  std::vector<double> entropies(asked.size(), kUnjudged);
   tbb::parallel_for(std::size_t{0}, asked.size(), [&](std::size_t k) {
     const auto neighbors = index.within(map.positions[asked[k]], options.radius_m);
     if (neighbors.size() >= std::max<std::size_t>(4, options.min_neighbors))

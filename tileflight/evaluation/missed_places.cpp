@@ -14,15 +14,15 @@ using geometry::Vec3;
 
 namespace {
 
-using CellIndex = std::array<std::int64_t, 3>;
+using PlaceCell = std::array<std::int64_t, 3>;
 
-CellIndex cell_index(const Vec3& p, double edge_m) {
+PlaceCell place_cell(const Vec3& p, double edge_m) {
   const Vec3 cell = (p / edge_m).array().floor();
   return {static_cast<std::int64_t>(cell.x()), static_cast<std::int64_t>(cell.y()),
           static_cast<std::int64_t>(cell.z())};
 }
 
-Vec3 center_of(const CellIndex& place, double edge_m) {
+Vec3 center_of(const PlaceCell& place, double edge_m) {
   const Vec3 corner(static_cast<double>(place[0]), static_cast<double>(place[1]), static_cast<double>(place[2]));
   return edge_m * (corner + Vec3::Constant(0.5));
 }
@@ -41,13 +41,13 @@ void check(const MissedPlacesOptions& options) {
 }
 
 /// Cells seen by either camera.
-std::map<CellIndex, SurfaceCell> all_cells(const SeenSurface& simulated, const SeenSurface& real,
+std::map<PlaceCell, SurfaceCell> all_cells(const SeenSurface& simulated, const SeenSurface& real,
                                            const MissedPlacesOptions& options) {
-  std::map<CellIndex, SurfaceCell> cells;
+  std::map<PlaceCell, SurfaceCell> cells;
   std::size_t flight = 0;
   for (const SeenSurface* surface : {&simulated, &real}) {
     for (std::size_t i = 0; i < surface->positions.size(); ++i) {
-      const CellIndex place = cell_index(surface->positions[i], options.cell_m);
+      const PlaceCell place = place_cell(surface->positions[i], options.cell_m);
       SurfaceCell& cell = cells[place];
       cell.center = center_of(place, options.cell_m);
       ++cell.seen[flight];
@@ -59,8 +59,8 @@ std::map<CellIndex, SurfaceCell> all_cells(const SeenSurface& simulated, const S
 }
 
 std::vector<ContingencyTable> by_block(const std::vector<SurfaceCell>& cells, double block_m) {
-  std::map<CellIndex, ContingencyTable> blocks;
-  for (const SurfaceCell& cell : cells) blocks[cell_index(cell.center, block_m)].add(cell.missed(0), cell.missed(1));
+  std::map<PlaceCell, ContingencyTable> blocks;
+  for (const SurfaceCell& cell : cells) blocks[place_cell(cell.center, block_m)].add(cell.missed(0), cell.missed(1));
   std::vector<ContingencyTable> list;
   for (const auto& [place, block] : blocks) list.push_back(block);
   return list;

@@ -16,7 +16,7 @@ using geometry::Vec3;
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoNormal = std::numeric_limits<double>::quiet_NaN();
 const double kCos30 = std::sqrt(3.0) / 2.0;
 
 /// Normal of a triangle, not normalised; zero for a triangle without area.
@@ -27,7 +27,7 @@ Vec3 direction_of(const geometry::TriangleMesh& mesh, std::size_t triangle) {
 
 double abs_cos(const Vec3& a, const Vec3& b) {
   const double lengths = a.norm() * b.norm();
-  return lengths > 0.0 ? std::min(1.0, std::abs(a.dot(b)) / lengths) : kNaN;
+  return lengths > 0.0 ? std::min(1.0, std::abs(a.dot(b)) / lengths) : kNoNormal;
 }
 
 }  // namespace
@@ -35,7 +35,7 @@ double abs_cos(const Vec3& a, const Vec3& b) {
 NormalConsistency normal_consistency(const geometry::PointCloud& map, const geometry::TriangleMesh& surface,
                                      const geometry::TriangleIndex& index, double within_m, std::size_t neighbors) {
   assert(map.normals.size() == map.size());
-  std::vector<double> cosines(map.size(), kNaN);
+  std::vector<double> cosines(map.size(), kNoNormal);
   tbb::parallel_for(std::size_t{0}, map.size(), [&](std::size_t i) {
     if (const auto nearest = index.nearest(map.positions[i], within_m))
       cosines[i] = abs_cos(map.normals[i].cast<double>(), direction_of(surface, nearest->triangle));

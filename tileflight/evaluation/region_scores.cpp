@@ -30,13 +30,13 @@ DistanceStatistics score_of(const std::vector<Vec3>& points, const std::vector<d
   return compute_statistics(std::move(taken));
 }
 
-json statistics(const DistanceStatistics& s) {
+json statistics_json(const DistanceStatistics& s) {
   return {{"points", s.count}, {"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
 }
 
 json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-DistanceStatistics read_statistics(StrictSection& reader) {
+DistanceStatistics read_region_statistics(StrictSection& reader) {
   DistanceStatistics s;
   s.count = reader.required_count("points");
   s.mean = reader.required_number("mean");
@@ -47,7 +47,7 @@ DistanceStatistics read_statistics(StrictSection& reader) {
 }
 
 DistanceStatistics read_whole(StrictSection reader) {
-  const DistanceStatistics s = read_statistics(reader);
+  const DistanceStatistics s = read_region_statistics(reader);
   reader.require_all_keys_used();
   return s;
 }
@@ -66,7 +66,7 @@ RegionScore read_region(StrictSection reader) {
   const std::string use = reader.required_text("use");
   if (use != "held-out" && use != "aligned-on") throw reader.error("use", "must be \"aligned-on\" or \"held-out\"");
   region.held_out = use == "held-out";
-  region.distances = read_statistics(reader);
+  region.distances = read_region_statistics(reader);
   reader.require_all_keys_used();
   return region;
 }
@@ -93,13 +93,13 @@ RegionScores score_regions(const std::vector<Vec3>& points, const std::vector<do
 json to_json(const RegionScores& scores) {
   json each = json::array();
   for (const RegionScore& region : scores.each) {
-    json entry = statistics(region.distances);
+    json entry = statistics_json(region.distances);
     entry["use"] = region.held_out ? "held-out" : "aligned-on";
     entry["center"] = numbers(region.box.center());
     entry["size"] = numbers(region.box.sizes());
     each.push_back(std::move(entry));
   }
-  return {{"aligned_on", statistics(scores.aligned_on)}, {"held_out", statistics(scores.held_out)}, {"each", each}};
+  return {{"aligned_on", statistics_json(scores.aligned_on)}, {"held_out", statistics_json(scores.held_out)}, {"each", each}};
 }
 
 RegionScores read_region_scores(StrictSection reader) {

@@ -54,10 +54,10 @@ Extent extent_along(int axis, const std::vector<Vec3>& a, const std::vector<Vec3
 }
 
 /// Number of points of each set in small squares, which are merged to larger ones.
-using Counts = BySquare<std::array<double, 2>>;
+using SquareCounts = BySquare<std::array<double, 2>>;
 
-Counts counted(const std::vector<Vec3>& a, const std::vector<Vec3>& b, const BlockGrid& fine) {
-  Counts counts;
+SquareCounts counted(const std::vector<Vec3>& a, const std::vector<Vec3>& b, const BlockGrid& fine) {
+  SquareCounts counts;
   std::size_t set = 0;
   for (const auto* points : {&a, &b}) {
     for (const Vec3& p : *points) counts[square_of(p, fine.east_m, fine.north_m, fine.edge_m)][set] += 1.0;
@@ -67,7 +67,7 @@ Counts counted(const std::vector<Vec3>& a, const std::vector<Vec3>& b, const Blo
 }
 
 /// Effective number of blocks, of the set that has fewer.
-double effective_blocks(const Counts& fine, double fine_edge_m, double edge_m) {
+double effective_blocks(const SquareCounts& fine, double fine_edge_m, double edge_m) {
   BySquare<std::array<double, 2>> blocks;
   for (const auto& [square, count] : fine) {
     const auto along = [&](std::int64_t number) {
@@ -127,7 +127,7 @@ std::optional<BlockGrid> choose_block_grid(const std::vector<Vec3>& a, const std
   if (!(longest_m > 0.0)) return std::nullopt;
   BlockGrid blocks{.east_m = east.low, .north_m = north.low, .edge_m = longest_m / kFineAnEdge};
   const double fine_m = blocks.edge_m;
-  const Counts fine = counted(a, b, blocks);
+  const SquareCounts fine = counted(a, b, blocks);
   for (double edge_m = longest_m; edge_m >= kFinestBlock * fine_m; edge_m *= kSmaller) {
     blocks.edge_m = edge_m;
     blocks.effective = effective_blocks(fine, fine_m, edge_m);

@@ -12,7 +12,7 @@ using geometry::Trajectory;
 
 namespace {
 
-constexpr double kRadian_deg = 57.295779513082320877;
+constexpr double kDegreesPerRadian = 57.295779513082320877;
 /// Factor on a length, so that rounded sums of equal steps reach it.
 constexpr double kReached = 1.0 - 1e-9;
 
@@ -70,7 +70,7 @@ PathDrift compute_path_drift(const Trajectory& estimate, const Trajectory& truth
   }
   if (drift.subpaths == 0) return drift;
   drift.translation_percent = 100.0 * translation / static_cast<double>(drift.subpaths);
-  drift.rotation_deg_per_m = kRadian_deg * rotation_rad_m / static_cast<double>(drift.subpaths);
+  drift.rotation_deg_per_m = kDegreesPerRadian * rotation_rad_m / static_cast<double>(drift.subpaths);
   return drift;
 }
 

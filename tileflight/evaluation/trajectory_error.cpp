@@ -79,7 +79,7 @@ std::vector<std::size_t> milestones(const Trajectory& trajectory, double length_
   return result;
 }
 
-SE3 motion(const Trajectory& trajectory, std::size_t from, std::size_t to) {
+SE3 relative_motion(const Trajectory& trajectory, std::size_t from, std::size_t to) {
   return trajectory.poses[from].T_local_camera.inverse() * trajectory.poses[to].T_local_camera;
 }
 
@@ -91,7 +91,7 @@ RelativePoseError relative_error(const PairedPoses& poses, double delta_m) {
   double translation = 0.0, rotation = 0.0;
   for (std::size_t k = 1; k < stones.size(); ++k) {
     const SE3 error =
-        motion(poses.truth, stones[k - 1], stones[k]).inverse() * motion(poses.estimate, stones[k - 1], stones[k]);
+        relative_motion(poses.truth, stones[k - 1], stones[k]).inverse() * relative_motion(poses.estimate, stones[k - 1], stones[k]);
     const double angle_deg = geometry::so3_log(error.rotation).norm() * kRadian_deg;
     translation += error.translation.squaredNorm();
     rotation += angle_deg * angle_deg;

@@ -10,7 +10,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 
-namespace tileflight::experiment {
+namespace tileflight::experiment::pipeline_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -254,4 +254,4 @@ TEST_F(PipelineTest, FilesThatAreGoneAreNamed) {
 }
 
 }  // namespace
-}  // namespace tileflight::experiment
+}  // namespace tileflight::experiment::pipeline_test

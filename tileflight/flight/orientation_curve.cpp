@@ -1,8 +1,8 @@
 #include "tileflight/flight/orientation_curve.h"
 
 #include <cmath>
-#include <numbers>
 
+#include "tileflight/base/angles.h"
 #include "tileflight/flight/path.h"
 
 namespace tileflight::flight {
@@ -11,7 +11,7 @@ namespace {
 using geometry::Mat3;
 using geometry::Vec3;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
+using base::kRadiansPerDegree;
 
 Mat3 rolled(const Vec3& forward, const Vec3& right, double roll_deg) {
   const Vec3 down = forward.cross(right);

@@ -1,11 +1,11 @@
 #include "tileflight/flight/path.h"
 
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <string>
 #include <variant>
 
+#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/flight/cubic_spline.h"
 #include "tileflight/flight/orientation_curve.h"
@@ -18,7 +18,7 @@ using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
+using base::kRadiansPerDegree;
 /// Grid cells between two waypoints for speed planning.
 constexpr int kCellsPerSegment = 64;
 /// Between the grid's samples the bounds may be slightly exceeded.

@@ -23,14 +23,14 @@ static_assert(std::endian::native == std::endian::little);
 
 using Bytes = std::span<const std::byte>;
 
-constexpr std::string_view kMagic("\xA3\x95", 2);
-constexpr std::size_t kMessageHeaderBytes = 3;
+constexpr std::string_view kDataflashMagic("\xA3\x95", 2);
+constexpr std::size_t kDataflashHeaderBytes = 3;
 constexpr std::size_t kFormatType = 128;
 constexpr std::size_t kFormatBytes = 89;
 constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 template <typename T>
-double number_at(Bytes bytes, std::size_t offset) {
+double dataflash_number_at(Bytes bytes, std::size_t offset) {
   T value;
   std::memcpy(&value, bytes.data() + offset, sizeof value);
   return static_cast<double>(value);
@@ -40,7 +40,7 @@ double text_at(Bytes, std::size_t) { return kMissing; }
 
 /// Decodes IEEE 754 half precision.
 double half_at(Bytes bytes, std::size_t offset) {
-  const auto bits = static_cast<unsigned>(number_at<std::uint16_t>(bytes, offset));
+  const auto bits = static_cast<unsigned>(dataflash_number_at<std::uint16_t>(bytes, offset));
   const int exponent = static_cast<int>(bits >> 10 & 31U);
   const double fraction = (bits & 1023U) / 1024.0, sign = (bits >> 15) != 0 ? -1.0 : 1.0;
   if (exponent == 31) return kMissing;
@@ -56,23 +56,23 @@ struct FieldType {
 };
 
 constexpr FieldType kFieldTypes[] = {
-    {'b', 1, number_at<std::int8_t>},
-    {'B', 1, number_at<std::uint8_t>},
-    {'h', 2, number_at<std::int16_t>},
-    {'H', 2, number_at<std::uint16_t>},
-    {'i', 4, number_at<std::int32_t>},
-    {'I', 4, number_at<std::uint32_t>},
-    {'q', 8, number_at<std::int64_t>},
-    {'Q', 8, number_at<std::uint64_t>},
-    {'f', 4, number_at<float>},
-    {'d', 8, number_at<double>},
+    {'b', 1, dataflash_number_at<std::int8_t>},
+    {'B', 1, dataflash_number_at<std::uint8_t>},
+    {'h', 2, dataflash_number_at<std::int16_t>},
+    {'H', 2, dataflash_number_at<std::uint16_t>},
+    {'i', 4, dataflash_number_at<std::int32_t>},
+    {'I', 4, dataflash_number_at<std::uint32_t>},
+    {'q', 8, dataflash_number_at<std::int64_t>},
+    {'Q', 8, dataflash_number_at<std::uint64_t>},
+    {'f', 4, dataflash_number_at<float>},
+    {'d', 8, dataflash_number_at<double>},
     {'g', 2, half_at},
-    {'M', 1, number_at<std::uint8_t>},
-    {'c', 2, number_at<std::int16_t>, .01},
-    {'C', 2, number_at<std::uint16_t>, .01},
-    {'e', 4, number_at<std::int32_t>, .01},
-    {'E', 4, number_at<std::uint32_t>, .01},
-    {'L', 4, number_at<std::int32_t>, 1e-7},
+    {'M', 1, dataflash_number_at<std::uint8_t>},
+    {'c', 2, dataflash_number_at<std::int16_t>, .01},
+    {'C', 2, dataflash_number_at<std::uint16_t>, .01},
+    {'e', 4, dataflash_number_at<std::int32_t>, .01},
+    {'E', 4, dataflash_number_at<std::uint32_t>, .01},
+    {'L', 4, dataflash_number_at<std::int32_t>, 1e-7},
     {'n', 4, text_at},
     {'N', 16, text_at},
     {'Z', 64, text_at},
@@ -112,7 +112,7 @@ std::vector<std::string> labels_of(std::string_view text) {
 }
 
 /// Position of a wanted number in a message, including the header.
-struct FieldLocation {
+struct DataflashFieldLocation {
   std::size_t field = 0, offset = 0;
   const FieldType* type = nullptr;  ///< nullptr: the format has no such field
 };
@@ -123,11 +123,11 @@ struct Layout {
   std::string name;
   std::string letters;
   std::vector<std::string> labels;
-  std::vector<FieldLocation> locations;  ///< of the wanted fields
+  std::vector<DataflashFieldLocation> locations;  ///< of the wanted fields
   LogRows* rows = nullptr;               ///< nullptr: not wanted
 
-  FieldLocation find(std::string_view label) const {
-    FieldLocation place{.field = 0, .offset = kMessageHeaderBytes, .type = nullptr};
+  DataflashFieldLocation find(std::string_view label) const {
+    DataflashFieldLocation place{.field = 0, .offset = kDataflashHeaderBytes, .type = nullptr};
     for (; place.field < letters.size(); ++place.field) {
       const FieldType* type = field_type(letters[place.field]);
       if (type == nullptr || place.offset + type->bytes > bytes) return {};
@@ -141,9 +141,9 @@ struct Layout {
   }
 };
 
-class Reader {
+class DataflashReader {
  public:
-  Reader(Bytes bytes, const std::map<std::string, std::vector<DataflashField>>& wanted, std::string where)
+  DataflashReader(Bytes bytes, const std::map<std::string, std::vector<DataflashField>>& wanted, std::string where)
       : bytes_(bytes), wanted_(wanted), where_(std::move(where)) {
     layouts_[kFormatType].bytes = kFormatBytes;
   }
@@ -171,14 +171,14 @@ class Reader {
   /// Size of the message at this offset, including its header; 0 if there is none.
   std::size_t message_bytes(std::size_t at) const {
     const Bytes rest = bytes_.subspan(at);
-    if (rest.size() < kMessageHeaderBytes || !base::as_text(rest.first(2)).starts_with(kMagic)) return 0;
+    if (rest.size() < kDataflashHeaderBytes || !base::as_text(rest.first(2)).starts_with(kDataflashMagic)) return 0;
     return layouts_[static_cast<std::uint8_t>(rest[2])].bytes;
   }
 
   /// The next offset at which a whole message may start, or the end of the file.
   std::size_t next_message(std::size_t at) const {
     const std::string_view text = base::as_text(bytes_);
-    for (at = text.find(kMagic, at); at != std::string_view::npos; at = text.find(kMagic, at + 1)) {
+    for (at = text.find(kDataflashMagic, at); at != std::string_view::npos; at = text.find(kDataflashMagic, at + 1)) {
       const std::size_t size = message_bytes(at);
       if (size > 0 && at + size <= bytes_.size()) return at;
     }
@@ -193,7 +193,7 @@ class Reader {
     if (layout.name == "UNIT") add_unit(layout, message);
     if (layout.rows == nullptr) return;
     std::vector<double> row;
-    for (const FieldLocation& place : layout.locations) {
+    for (const DataflashFieldLocation& place : layout.locations) {
       row.push_back(place.type != nullptr ? place.type->read(message, place.offset) : kMissing);
     }
     layout.rows->push_back(std::move(row));
@@ -207,7 +207,7 @@ class Reader {
                   .labels = labels_of(text_field(message, 25, 64)),
                   .locations = {},
                   .rows = nullptr};
-    if (layout.bytes < kMessageHeaderBytes) return;
+    if (layout.bytes < kDataflashHeaderBytes) return;
     ++formats_;
     if (type == kFormatType) return;
     if (const auto found = wanted_.find(layout.name); found != wanted_.end()) {
@@ -220,11 +220,11 @@ class Reader {
 
   /// FMTU: for each field of a type, a letter each for its unit and its multiplier.
   void add_multipliers(const Layout& layout, Bytes message) {
-    const FieldLocation type = layout.find("FmtType"), multipliers = layout.find("MultIds"),
+    const DataflashFieldLocation type = layout.find("FmtType"), multipliers = layout.find("MultIds"),
                         units = layout.find("UnitIds");
     if (type.type == nullptr || type.type->bytes != 1) return;
     const auto number = static_cast<std::uint8_t>(message[type.offset]);
-    const auto text_at_place = [&](const FieldLocation& place) {
+    const auto text_at_place = [&](const DataflashFieldLocation& place) {
       return std::string(text_field(message, place.offset, place.type->bytes));
     };
     if (multipliers.type != nullptr) multiplier_letters_[number] = text_at_place(multipliers);
@@ -233,7 +233,7 @@ class Reader {
 
   /// UNIT: the label of a unit letter.
   void add_unit(const Layout& layout, Bytes message) {
-    const FieldLocation letter = layout.find("Id"), label = layout.find("Label");
+    const DataflashFieldLocation letter = layout.find("Id"), label = layout.find("Label");
     if (letter.type == nullptr || label.type == nullptr || letter.type->bytes != 1) return;
     units_[static_cast<char>(message[letter.offset])] =
         std::string(text_field(message, label.offset, label.type->bytes));
@@ -241,7 +241,7 @@ class Reader {
 
   /// MULT: the value of a multiplier letter.
   void add_multiplier(const Layout& layout, Bytes message) {
-    const FieldLocation letter = layout.find("Id"), value = layout.find("Mult");
+    const DataflashFieldLocation letter = layout.find("Id"), value = layout.find("Mult");
     if (letter.type == nullptr || value.type == nullptr || letter.type->bytes != 1) return;
     const double multiplier = value.type->read(message, value.offset);
     if (std::isfinite(multiplier)) {
@@ -251,7 +251,7 @@ class Reader {
 
   /// Factor for a field's raw number: its multiplier, which includes the scale implied by the format letter; if there
   /// is none ('-' is 0, '?' unknown), that letter's scale times the field's own multiplier.
-  double find_multiplier(std::uint8_t type, const FieldLocation& place, const DataflashField& field) const {
+  double find_multiplier(std::uint8_t type, const DataflashFieldLocation& place, const DataflashField& field) const {
     if (place.type == nullptr) return 1.0;
     const auto letters = multiplier_letters_.find(type);
     if (letters != multiplier_letters_.end() && place.field < letters->second.size()) {
@@ -263,7 +263,7 @@ class Reader {
   }
 
   /// The log's unit for a field; empty if it states none.
-  std::string_view unit_of(std::uint8_t type, const FieldLocation& place) const {
+  std::string_view unit_of(std::uint8_t type, const DataflashFieldLocation& place) const {
     const auto letters = unit_letters_.find(type);
     if (place.type == nullptr || letters == unit_letters_.end() || place.field >= letters->second.size()) return {};
     const auto known = units_.find(letters->second[place.field]);
@@ -276,7 +276,7 @@ class Reader {
       const std::uint8_t type = type_of_.at(name);
       const std::vector<DataflashField>& fields = wanted_.at(name);
       for (std::size_t i = 0; i < fields.size(); ++i) {
-        const FieldLocation place = layouts_[type].name == name ? layouts_[type].locations[i] : FieldLocation{};
+        const DataflashFieldLocation place = layouts_[type].name == name ? layouts_[type].locations[i] : DataflashFieldLocation{};
         const double factor =
             find_multiplier(type, place, fields[i]) * angle_factor(unit_of(type, place), fields[i].unit);
         for (std::vector<double>& row : rows) row[i] *= factor;
@@ -306,14 +306,14 @@ class Reader {
 }  // namespace
 
 bool is_dataflash(std::string_view head) {
-  return head.starts_with(kMagic) || head.substr(0, 256).find(
+  return head.starts_with(kDataflashMagic) || head.substr(0, 256).find(
                                          "\xA3\x95\x80\x80\x59"
                                          "FMT") != std::string_view::npos;
 }
 
 DataflashMessages read_dataflash_messages(Bytes bytes, const std::map<std::string, std::vector<DataflashField>>& wanted,
                                           const std::string& where) {
-  return Reader(bytes, wanted, where).read();
+  return DataflashReader(bytes, wanted, where).read();
 }
 
 }  // namespace tileflight::flight_logs

@@ -20,9 +20,9 @@ std::optional<double> number_attribute(const XmlEvents::Attributes& attributes, 
   return found == attributes.end() ? std::nullopt : base::parse_finite_number(found->second);
 }
 
-class TrackReader {
+class GpxReader {
  public:
-  explicit TrackReader(std::string where) : where_(std::move(where)) {}
+  explicit GpxReader(std::string where) : where_(std::move(where)) {}
 
   bool start(std::string_view name, const XmlEvents::Attributes& attributes) {
     if (++depth_ == 1 && name != "gpx") {
@@ -76,7 +76,7 @@ class TrackReader {
 }  // namespace
 
 Telemetry read_gpx(const std::filesystem::path& file) {
-  TrackReader reader(file.string());
+  GpxReader reader(file.string());
   const std::string bytes = base::read_text(file, base::kMaxLogBytes);
   const std::string fault =
       read_xml(bytes, file.string(),

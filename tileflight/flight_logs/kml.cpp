@@ -30,9 +30,9 @@ std::optional<TelemetryFix> parse_coord(std::string_view text) {
   return fix;
 }
 
-class TrackReader {
+class KmlReader {
  public:
-  explicit TrackReader(std::string where) : where_(std::move(where)) {}
+  explicit KmlReader(std::string where) : where_(std::move(where)) {}
 
   bool start(std::string_view name) {
     if (++depth_ == 1 && name != "kml") {
@@ -83,7 +83,7 @@ class TrackReader {
 }  // namespace
 
 Telemetry read_kml(const std::filesystem::path& file) {
-  TrackReader reader(file.string());
+  KmlReader reader(file.string());
   const std::string bytes = base::read_text(file, base::kMaxLogBytes);
   const std::string fault =
       read_xml(bytes, file.string(),

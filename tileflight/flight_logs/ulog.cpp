@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kFarthestAttitude_s = 0.2;
-constexpr double kThreeDimensionalFix = 3;
+constexpr double kULogThreeDimensionalFix = 3;
 
 /// Receiver topics use degrees and metres since PX4 1.14; before, 1e-7 degrees and millimetres.
 const UlogFields kReceiverFields = {
@@ -26,22 +26,22 @@ const UlogFields kEstimatorFields = {"timestamp", "lat", "lon", "alt", "alt_elli
 const UlogFields kAttitudeFields = {"timestamp", "q[0]", "q[1]", "q[2]", "q[3]"};
 
 /// One position; missing numbers are NaN.
-struct Position {
+struct ULogPosition {
   double time_s, latitude_deg, longitude_deg, sea_level_m, ellipsoid_m;
   bool has_fix;
 };
 
-Position receiver_position(const std::vector<double>& row) {
+ULogPosition ulog_receiver_position(const std::vector<double>& row) {
   const bool has_degrees = !std::isnan(row[1]);
   return {.time_s = 1e-6 * row[0],
           .latitude_deg = has_degrees ? row[1] : 1e-7 * row[5],
           .longitude_deg = has_degrees ? row[2] : 1e-7 * row[6],
           .sea_level_m = has_degrees ? row[3] : 1e-3 * row[7],
           .ellipsoid_m = has_degrees ? row[4] : 1e-3 * row[8],
-          .has_fix = !(row[9] < kThreeDimensionalFix)};
+          .has_fix = !(row[9] < kULogThreeDimensionalFix)};
 }
 
-Position estimator_position(const std::vector<double>& row) {
+ULogPosition ulog_estimator_position(const std::vector<double>& row) {
   return {.time_s = 1e-6 * row[0],
           .latitude_deg = row[1],
           .longitude_deg = row[2],
@@ -50,28 +50,28 @@ Position estimator_position(const std::vector<double>& row) {
           .has_fix = true};
 }
 
-bool is_usable(const Position& p) {
+bool is_usable_ulog_position(const ULogPosition& p) {
   return p.has_fix && std::isfinite(p.time_s) && std::isfinite(p.latitude_deg) && std::isfinite(p.longitude_deg);
 }
 
 /// Positions of the first topic that holds a fix; else of the last one with data.
-std::vector<Position> positions_of(const UlogTopics& topics) {
-  std::vector<Position> positions;
+std::vector<ULogPosition> ulog_positions(const UlogTopics& topics) {
+  std::vector<ULogPosition> positions;
   for (const char* name : {"vehicle_gps_position", "sensor_gps", "vehicle_global_position"}) {
     const auto found = topics.rows.find(name);
     if (found == topics.rows.end()) continue;
     const bool is_estimate = found->first == "vehicle_global_position";
     positions.clear();
     std::transform(found->second.begin(), found->second.end(), std::back_inserter(positions),
-                   is_estimate ? estimator_position : receiver_position);
-    if (std::any_of(positions.begin(), positions.end(), is_usable)) break;
+                   is_estimate ? ulog_estimator_position : ulog_receiver_position);
+    if (std::any_of(positions.begin(), positions.end(), is_usable_ulog_position)) break;
   }
   return positions;
 }
 
 /// Drivers and simulators without a geoid leave the field at 0, or copy the other height into it.
-bool has_ellipsoidal_heights(const std::vector<Position>& positions) {
-  return std::any_of(positions.begin(), positions.end(), [](const Position& p) {
+bool has_ellipsoidal_heights(const std::vector<ULogPosition>& positions) {
+  return std::any_of(positions.begin(), positions.end(), [](const ULogPosition& p) {
     return std::isfinite(p.ellipsoid_m) && p.ellipsoid_m != 0.0 && p.ellipsoid_m != p.sea_level_m;
   });
 }
@@ -87,7 +87,7 @@ void set_attitude(TelemetryFix& fix, const std::vector<double>& row) {
   fix.body_roll_deg = kDegrees * std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
 }
 
-const LogRows& rows_of(const UlogTopics& topics, const std::string& name) {
+const LogRows& ulog_rows(const UlogTopics& topics, const std::string& name) {
   static const LogRows none;
   const auto found = topics.rows.find(name);
   return found == topics.rows.end() ? none : found->second;
@@ -95,14 +95,14 @@ const LogRows& rows_of(const UlogTopics& topics, const std::string& name) {
 
 /// Angular rates as filtered for the controller, else the sensor's.
 std::vector<BodyRate> body_rates(const UlogTopics& topics) {
-  const LogRows& filtered = rows_of(topics, "vehicle_angular_velocity");
-  return to_body_rates(filtered.empty() ? rows_of(topics, "sensor_combined") : filtered, 1e-6);
+  const LogRows& filtered = ulog_rows(topics, "vehicle_angular_velocity");
+  return to_body_rates(filtered.empty() ? ulog_rows(topics, "sensor_combined") : filtered, 1e-6);
 }
 
-FixFilter filtered(const std::vector<Position>& positions, bool ellipsoidal, const LogRows& attitudes) {
+FixFilter filtered(const std::vector<ULogPosition>& positions, bool ellipsoidal, const LogRows& attitudes) {
   FixFilter filter;
-  for (const Position& position : positions) {
-    if (!is_usable(position)) {
+  for (const ULogPosition& position : positions) {
+    if (!is_usable_ulog_position(position)) {
       filter.drop_without_fix();
       continue;
     }
@@ -131,9 +131,9 @@ Telemetry read_ulog(const std::filesystem::path& file) {
       {"sensor_combined", {"timestamp", "gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"}}};
   const std::vector<std::byte> bytes = base::read_bytes(file, base::kMaxLogBytes);
   const UlogTopics topics = read_ulog_topics(bytes, wanted, file.string());
-  const std::vector<Position> positions = positions_of(topics);
+  const std::vector<ULogPosition> positions = ulog_positions(topics);
   const bool ellipsoidal = has_ellipsoidal_heights(positions);
-  Telemetry telemetry = filtered(positions, ellipsoidal, sort_by_time(rows_of(topics, "vehicle_attitude")))
+  Telemetry telemetry = filtered(positions, ellipsoidal, sort_by_time(ulog_rows(topics, "vehicle_attitude")))
                             .finish(file.string(), "position messages");
   telemetry.warnings.insert(telemetry.warnings.end(), topics.warnings.begin(), topics.warnings.end());
   telemetry.body_rates = body_rates(topics);

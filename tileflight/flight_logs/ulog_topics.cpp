@@ -22,9 +22,9 @@ static_assert(std::endian::native == std::endian::little);
 using Bytes = std::span<const std::byte>;
 
 constexpr std::size_t kHeaderBytes = 16;
-constexpr std::size_t kMessageHeaderBytes = 3;
+constexpr std::size_t kULogMessageHeaderBytes = 3;
 constexpr std::size_t kLargestMessage = 65535;
-constexpr std::string_view kMagic("ULog\x01\x12\x35", 7);
+constexpr std::string_view kULogMagic("ULog\x01\x12\x35", 7);
 constexpr std::string_view kLetters = "BFIMPQARDLCSO";
 /// A complete synchronization message: size, letter, eight fixed bytes.
 constexpr std::string_view kSync("\x08\x00S\x2F\x73\x13\x20\x25\x0C\xBB\x12", 11);
@@ -44,17 +44,17 @@ struct BasicType {
 };
 
 template <typename T>
-double number_at(Bytes bytes, std::size_t offset) {
+double ulog_number_at(Bytes bytes, std::size_t offset) {
   return static_cast<double>(value_at<T>(bytes, offset));
 }
 
 constexpr BasicType kBasicTypes[] = {
-    {"int8_t", 1, number_at<std::int8_t>},   {"uint8_t", 1, number_at<std::uint8_t>},
-    {"int16_t", 2, number_at<std::int16_t>}, {"uint16_t", 2, number_at<std::uint16_t>},
-    {"int32_t", 4, number_at<std::int32_t>}, {"uint32_t", 4, number_at<std::uint32_t>},
-    {"int64_t", 8, number_at<std::int64_t>}, {"uint64_t", 8, number_at<std::uint64_t>},
-    {"float", 4, number_at<float>},          {"double", 8, number_at<double>},
-    {"bool", 1, number_at<std::uint8_t>},    {"char", 1, number_at<std::uint8_t>},
+    {"int8_t", 1, ulog_number_at<std::int8_t>},   {"uint8_t", 1, ulog_number_at<std::uint8_t>},
+    {"int16_t", 2, ulog_number_at<std::int16_t>}, {"uint16_t", 2, ulog_number_at<std::uint16_t>},
+    {"int32_t", 4, ulog_number_at<std::int32_t>}, {"uint32_t", 4, ulog_number_at<std::uint32_t>},
+    {"int64_t", 8, ulog_number_at<std::int64_t>}, {"uint64_t", 8, ulog_number_at<std::uint64_t>},
+    {"float", 4, ulog_number_at<float>},          {"double", 8, ulog_number_at<double>},
+    {"bool", 1, ulog_number_at<std::uint8_t>},    {"char", 1, ulog_number_at<std::uint8_t>},
 };
 
 const BasicType* basic_type(std::string_view name) {
@@ -87,15 +87,15 @@ std::optional<Field> parse_field(std::string_view text) {
 }
 
 /// `topic:field;field;`
-struct Format {
+struct MessageFormat {
   std::string topic;
   std::vector<Field> fields;
 };
 
-std::optional<Format> parse_format(std::string_view text) {
+std::optional<MessageFormat> parse_format(std::string_view text) {
   const std::size_t colon = text.find(':');
   if (colon == std::string_view::npos || colon == 0) return std::nullopt;
-  Format format{.topic = std::string(text.substr(0, colon)), .fields = {}};
+  MessageFormat format{.topic = std::string(text.substr(0, colon)), .fields = {}};
   text.remove_prefix(colon + 1);
   while (!text.empty()) {
     const std::size_t end = std::min(text.find(';'), text.size());
@@ -108,14 +108,14 @@ std::optional<Format> parse_format(std::string_view text) {
 }
 
 /// Position of a wanted number in a message's data.
-struct FieldLocation {
+struct ULogFieldLocation {
   std::size_t offset = 0;
   const BasicType* type = nullptr;  ///< nullptr: the format has no such field
 };
 
-class Reader {
+class ULogReader {
  public:
-  Reader(Bytes bytes, const std::map<std::string, UlogFields>& wanted, std::string where)
+  ULogReader(Bytes bytes, const std::map<std::string, UlogFields>& wanted, std::string where)
       : bytes_(bytes), wanted_(wanted), where_(std::move(where)) {}
 
   UlogTopics read() {
@@ -133,7 +133,7 @@ class Reader {
 
  private:
   void check_header() const {
-    if (!base::as_text(bytes_).starts_with(kMagic))
+    if (!base::as_text(bytes_).starts_with(kULogMagic))
       throw InputError(where_, "is not a ULog file: it does not start with 'ULog'");
     if (bytes_.size() < kHeaderBytes) throw InputError(where_, "is truncated within the header; copy the log again");
   }
@@ -142,10 +142,10 @@ class Reader {
   /// crash in the middle of a message.
   std::vector<std::size_t> appended_offsets() const {
     constexpr std::size_t kFlagBytes = 40;
-    if (bytes_.size() < kHeaderBytes + kMessageHeaderBytes + kFlagBytes) return {};
+    if (bytes_.size() < kHeaderBytes + kULogMessageHeaderBytes + kFlagBytes) return {};
     const Bytes message = bytes_.subspan(kHeaderBytes);
     if (value_at<std::uint16_t>(message, 0) < kFlagBytes || value_at<char>(message, 2) != 'B') return {};
-    const Bytes flags = message.subspan(kMessageHeaderBytes, kFlagBytes);
+    const Bytes flags = message.subspan(kULogMessageHeaderBytes, kFlagBytes);
     const auto incompatible = value_at<std::uint64_t>(flags, 8);
     if ((incompatible & ~std::uint64_t{1}) != 0) {
       throw InputError(where_, "needs unsupported ULog features (incompatible flags); convert it with pyulog");
@@ -153,7 +153,7 @@ class Reader {
     std::vector<std::size_t> offsets;
     for (std::size_t i = 0; i < 3 && incompatible == 1; ++i) {
       const auto offset = value_at<std::uint64_t>(flags, 16 + 8 * i);
-      const std::size_t least = offsets.empty() ? kHeaderBytes + kMessageHeaderBytes + kFlagBytes : offsets.back();
+      const std::size_t least = offsets.empty() ? kHeaderBytes + kULogMessageHeaderBytes + kFlagBytes : offsets.back();
       if (offset >= least && offset < bytes_.size()) offsets.push_back(static_cast<std::size_t>(offset));
     }
     return offsets;
@@ -164,7 +164,7 @@ class Reader {
       const Bytes rest = bytes_.subspan(at, end - at);
       const std::optional<std::size_t> size = whole_message(rest);
       if (size) {
-        handle(value_at<char>(rest, 2), rest.subspan(kMessageHeaderBytes, *size - kMessageHeaderBytes));
+        handle(value_at<char>(rest, 2), rest.subspan(kULogMessageHeaderBytes, *size - kULogMessageHeaderBytes));
         at += *size;
         continue;
       }
@@ -180,8 +180,8 @@ class Reader {
 
   /// Size of the message at the front, including its header; nullopt if it is missing or truncated.
   static std::optional<std::size_t> whole_message(Bytes rest) {
-    if (rest.size() < kMessageHeaderBytes) return std::nullopt;
-    const std::size_t size = kMessageHeaderBytes + value_at<std::uint16_t>(rest, 0);
+    if (rest.size() < kULogMessageHeaderBytes) return std::nullopt;
+    const std::size_t size = kULogMessageHeaderBytes + value_at<std::uint16_t>(rest, 0);
     const bool is_known = kLetters.find(value_at<char>(rest, 2)) != std::string_view::npos;
     return is_known && size <= rest.size() ? std::optional(size) : std::nullopt;
   }
@@ -197,7 +197,7 @@ class Reader {
   }
 
   void add_format(Bytes payload) {
-    if (std::optional<Format> format = parse_format(base::as_text(payload))) {
+    if (std::optional<MessageFormat> format = parse_format(base::as_text(payload))) {
       formats_.insert_or_assign(format->topic, std::move(format->fields));
     }
   }
@@ -217,14 +217,14 @@ class Reader {
     if (found == subscriptions_.end()) return;
     const Bytes data = payload.subspan(2);
     std::vector<double> row;
-    for (const FieldLocation& place : found->second.locations) {
+    for (const ULogFieldLocation& place : found->second.locations) {
       const bool is_there = place.type != nullptr && place.offset + place.type->bytes <= data.size();
       row.push_back(is_there ? place.type->read(data, place.offset) : std::numeric_limits<double>::quiet_NaN());
     }
     topics_.rows[found->second.topic].push_back(std::move(row));
   }
 
-  FieldLocation find_field(const std::string& topic, std::string_view wanted) const {
+  ULogFieldLocation find_field(const std::string& topic, std::string_view wanted) const {
     const std::string_view name = wanted.substr(0, wanted.find('['));
     std::size_t element = 0;
     if (name.size() < wanted.size()) {
@@ -272,7 +272,7 @@ class Reader {
 
   struct Subscription {
     std::string topic;
-    std::vector<FieldLocation> locations;
+    std::vector<ULogFieldLocation> locations;
   };
 
   static constexpr int kDeepestFormat = 8;
@@ -292,7 +292,7 @@ class Reader {
 
 UlogTopics read_ulog_topics(std::span<const std::byte> bytes, const std::map<std::string, UlogFields>& wanted,
                             const std::string& where) {
-  return Reader(bytes, wanted, where).read();
+  return ULogReader(bytes, wanted, where).read();
 }
 
 }  // namespace tileflight::flight_logs

@@ -57,7 +57,7 @@ void set_each(std::vector<PcdField>& fields, std::vector<std::string_view> value
 }
 
 /// Applies one line of the header. `values`: the fields after the key.
-void apply_header_line(PcdHeader& header, std::string_view key, const std::vector<std::string_view>& values,
+void apply_pcd_line(PcdHeader& header, std::string_view key, const std::vector<std::string_view>& values,
                        const std::string& where) {
   const auto number = [&] { return parse_or_throw<std::uint64_t>(values.empty() ? "" : values[0], where); };
   if (key == "FIELDS") {
@@ -107,7 +107,7 @@ void check_header(const PcdHeader& header, std::size_t body_bytes, const std::st
   }
 }
 
-PcdHeader parse_header(std::string_view bytes, const std::string& file) {
+PcdHeader parse_pcd_header(std::string_view bytes, const std::string& file) {
   PcdHeader header;
   std::string_view rest = bytes;
   for (int line_number = 1;; ++line_number) {
@@ -117,7 +117,7 @@ PcdHeader parse_header(std::string_view bytes, const std::string& file) {
     if (fields.empty() || fields[0].starts_with('#')) continue;
     const std::string_view key = fields[0];
     fields.erase(fields.begin());
-    apply_header_line(header, key, fields, file + ", line " + std::to_string(line_number));
+    apply_pcd_line(header, key, fields, file + ", line " + std::to_string(line_number));
     if (key == "DATA") break;
   }
   header.size_bytes = bytes.size() - rest.size();
@@ -128,26 +128,26 @@ PcdHeader parse_header(std::string_view bytes, const std::string& file) {
 bool is_packed_color(const PcdField& f) { return (f.name == "rgb" || f.name == "rgba") && f.size == 4; }
 
 template <typename Number>
-double number_at(const char* bytes) {
+double pcd_number_at(const char* bytes) {
   Number value;
   std::memcpy(&value, bytes, sizeof(Number));
   return static_cast<double>(value);
 }
 
-double binary_number(const PcdField& f, const char* bytes) {
+double pcd_number(const PcdField& f, const char* bytes) {
   // The bits of a packed colour may be declared as a float.
-  if (is_packed_color(f)) return number_at<std::uint32_t>(bytes);
-  if (f.type == 'F') return f.size == 4 ? number_at<float>(bytes) : number_at<double>(bytes);
+  if (is_packed_color(f)) return pcd_number_at<std::uint32_t>(bytes);
+  if (f.type == 'F') return f.size == 4 ? pcd_number_at<float>(bytes) : pcd_number_at<double>(bytes);
   const bool is_signed = f.type == 'I';
   switch (f.size) {
     case 1:
-      return is_signed ? number_at<std::int8_t>(bytes) : number_at<std::uint8_t>(bytes);
+      return is_signed ? pcd_number_at<std::int8_t>(bytes) : pcd_number_at<std::uint8_t>(bytes);
     case 2:
-      return is_signed ? number_at<std::int16_t>(bytes) : number_at<std::uint16_t>(bytes);
+      return is_signed ? pcd_number_at<std::int16_t>(bytes) : pcd_number_at<std::uint16_t>(bytes);
     case 4:
-      return is_signed ? number_at<std::int32_t>(bytes) : number_at<std::uint32_t>(bytes);
+      return is_signed ? pcd_number_at<std::int32_t>(bytes) : pcd_number_at<std::uint32_t>(bytes);
     default:
-      return is_signed ? number_at<std::int64_t>(bytes) : number_at<std::uint64_t>(bytes);
+      return is_signed ? pcd_number_at<std::int64_t>(bytes) : pcd_number_at<std::uint64_t>(bytes);
   }
 }
 
@@ -207,7 +207,7 @@ void read_binary(std::string_view body, const PcdHeader& header, bool field_afte
     const int column = columns.column_of_field[f];
     for (std::uint64_t point = 0; column >= 0 && point < header.points; ++point) {
       const char* bytes = body.data() + first + point * stride;
-      cloud.set(static_cast<std::size_t>(column), point, binary_number(field, bytes));
+      cloud.set(static_cast<std::size_t>(column), point, pcd_number(field, bytes));
     }
     offset += field_bytes;
   }
@@ -302,7 +302,7 @@ std::string compressed_body(const FloatColumns& columns) {
 }  // namespace
 
 PointCloud parse_pcd(std::string_view bytes, const std::string& file) {
-  const PcdHeader header = parse_header(bytes, file);
+  const PcdHeader header = parse_pcd_header(bytes, file);
   const std::string_view body = bytes.substr(header.size_bytes);
   // Decompressed before memory is allocated for the points: only then is their number verified.
   const bool compressed = header.encoding == PcdEncoding::kBinaryCompressed;

@@ -95,7 +95,7 @@ BinvoxDims parse_dims(const std::vector<std::string_view>& fields, const std::st
 }
 
 /// Applies one line between the first and "data".
-void apply_header_line(BinvoxHeader& header, const std::vector<std::string_view>& fields, const std::string& where) {
+void apply_binvox_line(BinvoxHeader& header, const std::vector<std::string_view>& fields, const std::string& where) {
   if (fields[0] == "dim") {
     header.dims = parse_dims(fields, where);
   } else if (fields[0] == "translate") {
@@ -108,7 +108,7 @@ void apply_header_line(BinvoxHeader& header, const std::vector<std::string_view>
   }
 }
 
-BinvoxHeader parse_header(std::string_view bytes, const std::string& file) {
+BinvoxHeader parse_binvox_header(std::string_view bytes, const std::string& file) {
   BinvoxHeader header;
   std::string_view rest = bytes;
   const auto first = base::split_fields(base::take_line(rest).value_or(""));
@@ -121,7 +121,7 @@ BinvoxHeader parse_header(std::string_view bytes, const std::string& file) {
     const auto fields = base::split_fields(*line);
     if (fields.empty()) continue;
     if (fields[0] == "data") break;
-    apply_header_line(header, fields, file + ", line " + std::to_string(line_number));
+    apply_binvox_line(header, fields, file + ", line " + std::to_string(line_number));
   }
   if (header.dims.cells() == 0) throw InputError(file, "the binvox header has no line 'dim'");
   if (!header.translate.allFinite() || !std::isfinite(header.scale) || header.scale <= 0.0) {
@@ -193,14 +193,14 @@ void write_binvox(const std::filesystem::path& file, const VoxelGrid& grid) {
 
 VoxelGrid read_binvox(const std::filesystem::path& file) {
   const std::string bytes = base::read_text(file);
-  const BinvoxHeader header = parse_header(bytes, file.string());
+  const BinvoxHeader header = parse_binvox_header(bytes, file.string());
   VoxelGrid grid = frame_of(header);
   grid.occupied = parse_runs(bytes, header, file.string());
   return grid;
 }
 
 VoxelGrid read_binvox_header(const std::filesystem::path& file) {
-  return frame_of(parse_header(base::read_text(file), file.string()));
+  return frame_of(parse_binvox_header(base::read_text(file), file.string()));
 }
 
 }  // namespace tileflight::geometry

@@ -45,7 +45,7 @@ std::vector<double> numbers_from(const std::string& file, const Line& line, std:
 }
 
 /// Kalibr's name for a lens model of DSO.
-std::string distortion_of(const std::string& file, const Line& line) {
+std::string dso_distortion(const std::string& file, const Line& line) {
   static const std::map<std::string, std::string, std::less<>> kModels{{"Pinhole", "none"},
                                                                        {"FOV", "fov"},
                                                                        {"RadTan", "radtan"},
@@ -67,7 +67,7 @@ struct ModelLine {
 ModelLine read_model(const std::string& file, const Line& line) {
   ModelLine model;
   if (std::isalpha(static_cast<unsigned char>(line.fields.front().front())) != 0 && line.fields.front() != "nan") {
-    model.distortion = distortion_of(file, line);
+    model.distortion = dso_distortion(file, line);
     model.numbers = numbers_from(file, line, 1);
   } else {
     model.numbers = numbers_from(file, line, 0);
@@ -89,7 +89,7 @@ struct Size {
   int width = 0, height = 0;
 };
 
-Size read_size(const std::string& file, const Line& line) {
+Size read_dso_size(const std::string& file, const Line& line) {
   if (line.fields.size() == 2) {
     const auto width = base::parse_number<int>(line.fields[0]);
     const auto height = base::parse_number<int>(line.fields[1]);
@@ -168,9 +168,9 @@ Calibration read_dso_camera(const std::filesystem::path& file) {
   const std::vector<Line> lines = lines_of(text);
   if (lines.size() < 2) throw InputError(name, "must have a line with the camera model and one with the image size");
   ModelLine model = read_model(name, lines[0]);
-  const Size size = read_size(name, lines[1]);
+  const Size size = read_dso_size(name, lines[1]);
   if (lines.size() > 2) check_rectification(name, lines[2]);
-  if (lines.size() > 3) read_size(name, lines[3]);
+  if (lines.size() > 3) read_dso_size(name, lines[3]);
   make_absolute(model.numbers, size);
   const std::span<const double> numbers = model.numbers;
   Calibration calibration;

@@ -15,8 +15,8 @@
 namespace tileflight::imaging::etc1s_test {
 namespace {
 
-using base::testing::to_bytes;
-using testing::BitWriter;
+using base::test_support::to_bytes;
+using test_support::BitWriter;
 
 /// A Huffman code of random lengths for some of `symbols` symbols: leaves of a tree grown by repeatedly splitting one
 /// of them.
@@ -173,9 +173,9 @@ class RandomTexture {
     BitWriter tables;
     for (const RandomCode* code : {&predictions, &deltas, &indices, &runs}) write_table(*code, random_, tables);
     tables.number(static_cast<std::uint32_t>(history_.size()), 13);
-    const Etc1sCodebooks books(endpoints_.size(), base::testing::to_bytes(endpoints), selectors_.size(),
-                               base::testing::to_bytes(selectors), base::testing::to_bytes(tables.bytes()), "e");
-    return books.decode_slice(base::testing::to_bytes(write_slice(predictions, deltas, indices, runs)), width_, height_,
+    const Etc1sCodebooks books(endpoints_.size(), base::test_support::to_bytes(endpoints), selectors_.size(),
+                               base::test_support::to_bytes(selectors), base::test_support::to_bytes(tables.bytes()), "e");
+    return books.decode_slice(base::test_support::to_bytes(write_slice(predictions, deltas, indices, runs)), width_, height_,
                               "e");
   }
 

@@ -39,30 +39,30 @@ std::vector<double> read_matrix(const OpenCvStorage& storage, const std::string&
   return {k[0], k[4], k[2], k[5]};
 }
 
-int side_of(const StorageEntry& entry, std::size_t place, const std::string& file) {
+int opencv_side(const StorageEntry& entry, std::size_t place, const std::string& file) {
   const auto side = base::parse_number<int>(entry.values[place]);
   if (side && *side >= 1 && *side <= kMaxImageSide_px) return *side;
   throw InputError(file, quoted(entry.key) + " must be whole pixels from 1 to " + std::to_string(kMaxImageSide_px) +
                              ", not " + quoted(entry.values[place]));
 }
 
-struct Size {
+struct ImageSize {
   int width = 0, height = 0;
 };
 
-Size read_size(const OpenCvStorage& storage, const std::string& file) {
+ImageSize read_image_size(const OpenCvStorage& storage, const std::string& file) {
   const StorageEntry* width = storage.find({"imagewidth", "width"});
   const StorageEntry* height = storage.find({"imageheight", "height"});
   if (width != nullptr && height != nullptr) {
     for (const StorageEntry* entry : {width, height})
       if (entry->values.size() != 1) throw InputError(file, quoted(entry->key) + " must be one number");
-    return {side_of(*width, 0, file), side_of(*height, 0, file)};
+    return {opencv_side(*width, 0, file), opencv_side(*height, 0, file)};
   }
   const StorageEntry* size = storage.find({"imagesize"});
   if (size == nullptr)
     throw InputError(file, "has no image size: add the lines \"image_width\" and \"image_height\", pixels");
   if (size->values.size() != 2) throw InputError(file, quoted(size->key) + " must be width and height");
-  return {side_of(*size, 0, file), side_of(*size, 1, file)};
+  return {opencv_side(*size, 0, file), opencv_side(*size, 1, file)};
 }
 
 enum class Family { kNotSaid, kPerspective, kFisheye };
@@ -105,7 +105,7 @@ Calibration read_opencv(const std::filesystem::path& file) {
   const std::string name = file.string();
   const OpenCvStorage storage(base::read_text(file, kMaxCalibrationBytes), name);
   const std::vector<double> focal = read_matrix(storage, name);
-  const Size size = read_size(storage, name);
+  const ImageSize size = read_image_size(storage, name);
   const NamedDistortion distortion = read_distortion(storage, name);
   Calibration calibration;
   calibration.camera = make_camera(name, {distortion.name, focal, distortion.coefficients, size.width, size.height});

@@ -27,7 +27,7 @@ Ratio ratio(const Coefficients& d, double r2) {
 }
 
 /// Inverse of the radial part alone; nullopt beyond the radius at which it stops increasing.
-std::optional<Vec2> undistort_radial(const Coefficients& d, double max_radius, const Vec2& target) {
+std::optional<Vec2> undistort_rational(const Coefficients& d, double max_radius, const Vec2& target) {
   const auto value = [&d](double r) { return r * ratio(d, r * r).value; };
   const auto slope = [&d](double r) {
     const Ratio at = ratio(d, r * r);
@@ -79,7 +79,7 @@ double max_valid_radius(const Coefficients& d) {
 }
 
 std::optional<Vec2> undistort(const Coefficients& d, double max_radius, const Vec2& target) {
-  const std::optional<Vec2> start = undistort_radial(d, max_radius, target);
+  const std::optional<Vec2> start = undistort_rational(d, max_radius, target);
   const auto distorted = [&d](const Vec2& at) { return distort(d, at); };
   const std::optional<Vec2> m = is_radial(d) ? start : undistort_from(distorted, start.value_or(target), target);
   if (m && m->norm() > max_radius) return std::nullopt;

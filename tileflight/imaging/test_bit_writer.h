@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-namespace tileflight::imaging::testing {
+namespace tileflight::imaging::test_support {
 
 /// Writes bits, least significant bit of each byte first; Huffman codes most significant bit first.
 class BitWriter {
@@ -39,4 +39,4 @@ class BitWriter {
   unsigned used_ = 0;
 };
 
-}  // namespace tileflight::imaging::testing
+}  // namespace tileflight::imaging::test_support

@@ -15,7 +15,7 @@
 namespace tileflight::imaging::uastc_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using ::testing::HasSubstr;
 
 /// Bit offsets of the parts of a block, by the specification's layouts of the modes (-1: the mode has no such part).
@@ -245,7 +245,7 @@ TEST(Uastc, BlocksOfAnyBitsAreDecodedOrNamed) {
   for (int i = 0; i < 20000; ++i) {
     Block block;
     for (std::byte& byte : block.bytes) byte = static_cast<std::byte>(random());
-    const std::string message = base::testing::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); });
+    const std::string message = base::test_support::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); });
     EXPECT_THAT(message, ::testing::AnyOf("", HasSubstr("undefined"))) << i;
     decoded += message.empty() ? 1 : 0;
   }
@@ -279,21 +279,21 @@ TEST(Uastc, BlocksStandRowByRowAndAreCutAtThePictureSEdge) {
 }
 
 TEST(Uastc, FaultsAreNamed) {
-  EXPECT_THAT(base::testing::error_of([] { decode_uastc(solid(1, 2, 3).bytes, 5, 4, true, "u"); }),
+  EXPECT_THAT(base::test_support::error_of([] { decode_uastc(solid(1, 2, 3).bytes, 5, 4, true, "u"); }),
               HasSubstr("truncated"));
   Block reserved;
   reserved.set(0, 7, 69);
-  EXPECT_THAT(base::testing::error_of([&] { decode_uastc(reserved.bytes, 4, 4, true, "u"); }),
+  EXPECT_THAT(base::test_support::error_of([&] { decode_uastc(reserved.bytes, 4, 4, true, "u"); }),
               HasSubstr("an undefined mode"));
   for (const auto& [code, at, count, index] :
        {std::array<unsigned, 4>{29, 20, 5, 30}, {3, 20, 4, 11}, {7, 20, 5, 19}}) {
     Block block;
     block.set(0, 5, code);
     block.set(at, count, index);
-    EXPECT_THAT(base::testing::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); }),
+    EXPECT_THAT(base::test_support::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); }),
                 HasSubstr("an undefined pattern"));
     block.set(at, count, index - 1);
-    EXPECT_EQ(base::testing::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); }), "");
+    EXPECT_EQ(base::test_support::error_of([&] { decode_uastc(block.bytes, 4, 4, true, "u"); }), "");
   }
 }
 

@@ -9,12 +9,12 @@
 
 #include "tileflight/photometry/synthetic_scene.h"
 
-namespace tileflight::initialization {
+namespace tileflight::initialization::initializer_test {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
-using photometry::tests::look_along;
+using photometry::test_support::look_along;
 using ::testing::HasSubstr;
 
 constexpr int kLevels = 4;
@@ -22,7 +22,7 @@ constexpr int kLevels = 4;
 /// Hilly ground 12 m below a lens of 130 degrees.
 struct Ground {
   imaging::Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  photometry::tests::Relief relief;
+  photometry::test_support::Relief relief;
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 
   Ground() {
@@ -32,7 +32,7 @@ struct Ground {
   }
   std::shared_ptr<const photometry::Pyramid> picture(const SE3& T_local_camera) const {
     return std::make_shared<const photometry::Pyramid>(photometry::build_pyramid(
-        photometry::luminance(photometry::tests::ReliefCamera(camera, relief).render(T_local_camera), nullptr),
+        photometry::luminance(photometry::test_support::ReliefCamera(camera, relief).render(T_local_camera), nullptr),
         kLevels));
   }
 };
@@ -79,7 +79,7 @@ void expect_truth(const InitializationResult& result, const Pose& pose) {
   std::vector<double> errors;
   for (std::size_t i = 0; i < result.pixels.size(); ++i) {
     const Vec3 ray = pose(first).rotation * *ground().camera.unproject(result.pixels[i].cast<double>());
-    const double distance_m = photometry::tests::hit_distance(ground().relief, pose(first).translation, ray);
+    const double distance_m = photometry::test_support::hit_distance(ground().relief, pose(first).translation, ray);
     if (distance_m > 0.0) errors.push_back(std::abs(result.rho[i] / scale * distance_m - 1.0));
   }
   std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
@@ -118,7 +118,6 @@ TEST(Initializer, WaitsWhileTheCameraOnlyTurns) {
   Initializer initializer(ground().lens, {});
   EXPECT_FALSE(initialize(
       initializer, [](int i) { return look_along(Vec3(0, 0, 12), Vec3(0.01 * i, 1.0, -0.9)); }, 25));
-  EXPECT_LT(initializer.max_parallax_rad(), 0.003);
   EXPECT_THAT(initializer.failure_reason(), HasSubstr("no parallax: rays moved by 0."));
 }
 
@@ -129,7 +128,6 @@ TEST(Initializer, ParallaxIsThatOfTheRays) {
   const double baseline_m = (flown(7).translation - flown(0).translation).norm();
   EXPECT_GT(initializer.parallax_rad(), 0.2 * baseline_m / 12.0);
   EXPECT_LT(initializer.parallax_rad(), baseline_m / 10.0);
-  EXPECT_GE(initializer.max_parallax_rad(), initializer.parallax_rad());
 }
 
 TEST(Initializer, TakesTheMotionOfKnownPoses) {
@@ -141,4 +139,4 @@ TEST(Initializer, TakesTheMotionOfKnownPoses) {
 }
 
 }  // namespace
-}  // namespace tileflight::initialization
+}  // namespace tileflight::initialization::initializer_test

@@ -9,12 +9,12 @@
 
 #include "tileflight/mapping/rendered_window.h"
 
-namespace tileflight::mapping {
+namespace tileflight::mapping::activation_test {
 namespace {
 
 using photometry::ImmaturePoint;
 using Status = ImmaturePoint::Status;
-using tests::RenderedFlight;
+using test_support::RenderedFlight;
 
 constexpr int kKeyframes = 4;
 
@@ -25,7 +25,7 @@ const RenderedFlight& flight() {
 
 /// Window at the true poses, without points; its images are rendered once.
 photometry::Window empty_window() {
-  static const photometry::Window kWindow = tests::make_true_window(flight(), kKeyframes);
+  static const photometry::Window kWindow = test_support::make_true_window(flight(), kKeyframes);
   return kWindow;
 }
 
@@ -228,4 +228,4 @@ TEST(ActivatePoints, AdaptsTheSpacingToTheNumberOfPoints) {
 }
 
 }  // namespace
-}  // namespace tileflight::mapping
+}  // namespace tileflight::mapping::activation_test

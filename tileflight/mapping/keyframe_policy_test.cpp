@@ -7,7 +7,7 @@
 
 #include "tileflight/mapping/random_window.h"
 
-namespace tileflight::mapping {
+namespace tileflight::mapping::keyframe_policy_test {
 namespace {
 
 using geometry::SE3;
@@ -160,7 +160,7 @@ struct Fate {
 };
 template <class Change>
 Fate fate_of(const Change& change) {
-  photometry::Window window = tests::random_window(4, 1, 5);
+  photometry::Window window = test_support::random_window(4, 1, 5);
   for (photometry::Keyframe& keyframe : window.keyframes) {
     keyframe.points[0].good_observations = 4;
     keyframe.points[0].information = 51.0F;
@@ -221,4 +221,4 @@ TEST(RetirePoints, TakesWellObservedOnesIntoThePriorAndDropsTheOthers) {
 }
 
 }  // namespace
-}  // namespace tileflight::mapping
+}  // namespace tileflight::mapping::keyframe_policy_test

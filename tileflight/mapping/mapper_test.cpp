@@ -10,12 +10,12 @@
 #include "tileflight/mapping/rendered_window.h"
 #include "tileflight/mapping/tracer.h"
 
-namespace tileflight::mapping {
+namespace tileflight::mapping::mapper_test {
 namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
-using tests::RenderedFlight;
+using test_support::RenderedFlight;
 
 constexpr int kFirstKeyframes = 4, kKeyframes = 9;  // keyframe i is image 2 i
 
@@ -169,4 +169,4 @@ TEST(Mapper, ReferencePointsHaveTheTrueDistancesFromTheirKeyframe) {
 }
 
 }  // namespace
-}  // namespace tileflight::mapping
+}  // namespace tileflight::mapping::mapper_test

@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 void expect_schur_solution_is_the_dense_one(photometry::Window window) {
   const auto pairs = make_host_target_pairs(window);
   const auto points = all_points(window);
-  const NormalEquations dense = tests::dense_equations(window, pairs, points);
+  const NormalEquations dense = test_support::dense_equations(window, pairs, points);
   const NormalEquations reduced = build_normal_equations(window, pairs, points, 0.0);
   const int n = window.unknowns();
   const MatrixXd H_pp = dense.H.bottomRightCorner(points.size(), points.size());
@@ -37,15 +37,15 @@ void expect_schur_solution_is_the_dense_one(photometry::Window window) {
 }
 
 TEST(NormalEquations, SchurSolutionIsTheDenseOne) {
-  expect_schur_solution_is_the_dense_one(tests::random_window(4, 25, 1));
+  expect_schur_solution_is_the_dense_one(test_support::random_window(4, 25, 1));
 }
 
 TEST(NormalEquations, SchurSolutionIsTheDenseOneWithTheLens) {
-  expect_schur_solution_is_the_dense_one(tests::random_window(4, 25, 1, true));
+  expect_schur_solution_is_the_dense_one(test_support::random_window(4, 25, 1, true));
 }
 
 TEST(NormalEquations, SkipObservationsThatAreNotGood) {
-  photometry::Window window = tests::random_window(3, 10, 2);
+  photometry::Window window = test_support::random_window(3, 10, 2);
   const auto pairs = make_host_target_pairs(window);
   photometry::Window without = window;
   for (photometry::Keyframe& keyframe : window.keyframes)
@@ -58,7 +58,7 @@ TEST(NormalEquations, SkipObservationsThatAreNotGood) {
 }
 
 TEST(NormalEquations, AreTheSameForAnyNumberOfThreads) {
-  photometry::Window window = tests::random_window(5, 300, 3);
+  photometry::Window window = test_support::random_window(5, 300, 3);
   const auto pairs = make_host_target_pairs(window);
   const auto points = all_points(window);
   const auto build = [&](int threads) {
@@ -70,7 +70,7 @@ TEST(NormalEquations, AreTheSameForAnyNumberOfThreads) {
 }
 
 TEST(Gauge, MovesNoRelativePoseAndProjectsAway) {
-  const photometry::Window window = tests::random_window(4, 0, 4);
+  const photometry::Window window = test_support::random_window(4, 0, 4);
   const MatrixXd N = gauge_nullspace(window);
   const auto pairs = make_host_target_pairs(window);
   for (int h = 0; h < window.size(); ++h) {
@@ -96,7 +96,7 @@ void expect_marginalization_keeps_the_solution(photometry::Window window) {
   const int n = window.unknowns(), kept = n - 8;
   // Full problem: all unknowns, with the brightness prior and some damping against the gauge.
   window.H_prior.diagonal().array() += 1.0;
-  NormalEquations full = tests::dense_equations(window, pairs, points);
+  NormalEquations full = test_support::dense_equations(window, pairs, points);
   full.H.topLeftCorner(n, n) += window.H_prior;
   full.b.head(n) += window.b_prior;
   const VectorXd x_full = -full.H.ldlt().solve(full.b);
@@ -111,17 +111,17 @@ void expect_marginalization_keeps_the_solution(photometry::Window window) {
 }
 
 TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblem) {
-  expect_marginalization_keeps_the_solution(tests::random_window(4, 20, 5));
+  expect_marginalization_keeps_the_solution(test_support::random_window(4, 20, 5));
 }
 
 TEST(Marginalization, PointsAndAKeyframeLeaveTheSolutionOfTheFullProblemWithTheLens) {
-  expect_marginalization_keeps_the_solution(tests::random_window(4, 20, 5, true));
+  expect_marginalization_keeps_the_solution(test_support::random_window(4, 20, 5, true));
 }
 
 TEST(Marginalization, LinearisesAboutTheFirstEstimate) {
   // Residuals measured at delta are extrapolated linearly to zero: the prior must have the same minimum as one made at
   // zero.
-  photometry::Window at_zero = tests::random_window(3, 15, 6, true), moved = at_zero;
+  photometry::Window at_zero = test_support::random_window(3, 15, 6, true), moved = at_zero;
   const auto pairs = make_host_target_pairs(at_zero);
   std::mt19937 random(9);
   for (photometry::Keyframe& keyframe : moved.keyframes) keyframe.delta = 0.01 * photometry::Vec8::Random();
@@ -148,7 +148,7 @@ TEST(Marginalization, LinearisesAboutTheFirstEstimate) {
 }
 
 TEST(Marginalization, RemovingAKeyframeRenumbersObservations) {
-  photometry::Window window = tests::random_window(4, 3, 7);
+  photometry::Window window = test_support::random_window(4, 3, 7);
   window.keyframes[1].points.clear();
   remove_keyframe(window, 1);
   ASSERT_EQ(window.size(), 3);

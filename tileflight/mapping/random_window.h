@@ -7,7 +7,7 @@
 
 #include "tileflight/mapping/marginalization.h"
 
-namespace tileflight::mapping::tests {
+namespace tileflight::mapping::test_support {
 
 inline geometry::SE3 random_pose(std::mt19937& random, double size) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
@@ -97,4 +97,4 @@ inline NormalEquations dense_equations(const photometry::Window& window, const s
   return dense;
 }
 
-}  // namespace tileflight::mapping::tests
+}  // namespace tileflight::mapping::test_support

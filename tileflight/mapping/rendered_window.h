@@ -11,7 +11,7 @@
 #include "tileflight/photometry/pixel_selector.h"
 #include "tileflight/photometry/synthetic_scene.h"
 
-namespace tileflight::mapping::tests {
+namespace tileflight::mapping::test_support {
 
 /// Images of a flight sideways and forwards, 20 m above hills of 2 m, by a lens of 130 degrees.
 class RenderedFlight {
@@ -23,7 +23,7 @@ class RenderedFlight {
   }
 
   imaging::RgbImage image(int i) const {
-    return photometry::tests::ReliefCamera(camera, relief).render(T_camera_map(i).inverse());
+    return photometry::test_support::ReliefCamera(camera, relief).render(T_camera_map(i).inverse());
   }
   std::shared_ptr<const photometry::Pyramid> pyramid(int i) const {
     return std::make_shared<const photometry::Pyramid>(
@@ -31,7 +31,7 @@ class RenderedFlight {
   }
   /// True pose of image i; the map frame is the relief's.
   static geometry::SE3 T_camera_map(int i) {
-    return photometry::tests::look_along(geometry::Vec3(0.5 * i, 0.35 * i, 20.0 + 0.1 * i),
+    return photometry::test_support::look_along(geometry::Vec3(0.5 * i, 0.35 * i, 20.0 + 0.1 * i),
                                          geometry::Vec3(0.01 * i, 1.0, -0.9))
         .inverse();
   }
@@ -39,7 +39,7 @@ class RenderedFlight {
   float rho(int i, const Eigen::Vector3f& ray) const {
     const geometry::SE3 T_map_camera = T_camera_map(i).inverse();
     const double distance_m =
-        photometry::tests::hit_distance(relief, T_map_camera.translation, T_map_camera.rotation * ray.cast<double>());
+        photometry::test_support::hit_distance(relief, T_map_camera.translation, T_map_camera.rotation * ray.cast<double>());
     return distance_m > 0.0 ? static_cast<float>(1.0 / distance_m) : 0.0F;
   }
   /// Patches of up to `count` pixels of image i that see the ground.
@@ -57,7 +57,7 @@ class RenderedFlight {
   static constexpr int kLevels = 4;
   photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 130.0);
-  photometry::tests::Relief relief;
+  photometry::test_support::Relief relief;
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 };
 
@@ -87,4 +87,4 @@ inline std::vector<photometry::Observation> observe_everywhere(int host, int key
   return observations;
 }
 
-}  // namespace tileflight::mapping::tests
+}  // namespace tileflight::mapping::test_support

@@ -23,7 +23,7 @@ struct BruteForce {
   int unknowns = 0;
 
   explicit BruteForce(const photometry::Window& w) : window(w), points(all_points(w)), unknowns(w.unknowns()) {
-    information = tests::dense_equations(window, make_host_target_pairs(window), points).H;
+    information = test_support::dense_equations(window, make_host_target_pairs(window), points).H;
     information.topLeftCorner(unknowns, unknowns) += window.H_prior;
     information /= kVariance;
   }
@@ -85,12 +85,12 @@ void expect_brute_force_value(photometry::Window window) {
   EXPECT_NEAR(step.log_scale, log_scale, 1e-3 * log_scale + 1e-8);
 }
 
-TEST(StepUncertainty, IsTheBruteForceOne) { expect_brute_force_value(tests::random_window(4, 25, 1)); }
+TEST(StepUncertainty, IsTheBruteForceOne) { expect_brute_force_value(test_support::random_window(4, 25, 1)); }
 
-TEST(StepUncertainty, IsTheBruteForceOneWithTheLens) { expect_brute_force_value(tests::random_window(3, 25, 5, true)); }
+TEST(StepUncertainty, IsTheBruteForceOneWithTheLens) { expect_brute_force_value(test_support::random_window(3, 25, 5, true)); }
 
 TEST(StepUncertainty, IsTheBruteForceOneWherePointsAreNotSeenEverywhere) {
-  photometry::Window window = tests::random_window(4, 25, 2);
+  photometry::Window window = test_support::random_window(4, 25, 2);
   for (photometry::Keyframe& keyframe : window.keyframes) {
     for (std::size_t p = 0; p < keyframe.points.size(); p += 2) {
       std::erase_if(keyframe.points[p].observations, [](const photometry::Observation& o) { return o.target == 3; });
@@ -100,7 +100,7 @@ TEST(StepUncertainty, IsTheBruteForceOneWherePointsAreNotSeenEverywhere) {
 }
 
 TEST(StepUncertainty, OfNothingSharedSaysThatTheScaleIsUnknown) {
-  photometry::Window window = tests::random_window(3, 10, 3);
+  photometry::Window window = test_support::random_window(3, 10, 3);
   window.keyframes[2].points.clear();
   for (photometry::Keyframe& keyframe : window.keyframes) {
     for (photometry::ActivePoint& point : keyframe.points)
@@ -111,7 +111,7 @@ TEST(StepUncertainty, OfNothingSharedSaysThatTheScaleIsUnknown) {
 }
 
 TEST(StepUncertainty, LeavesTheWindowAsItWas) {
-  photometry::Window window = tests::random_window(3, 10, 4);
+  photometry::Window window = test_support::random_window(3, 10, 4);
   window.keyframes[1].points[3].information = 17.0F;
   step_uncertainty(window, 2, kVariance);
   EXPECT_EQ(window.keyframes[1].points[3].information, 17.0F);

@@ -15,7 +15,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr std::size_t kChunk = 64;  ///< points per task
+constexpr std::size_t kPointsAChunk = 64;  ///< points per task
 
 struct Energy {
   double residuals = 0.0;
@@ -58,11 +58,11 @@ class Linearizer {
  private:
   template <class Add>
   Energy parallel_sum(const std::vector<PointRef>& points, const Add& add) const {
-    const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
+    const std::size_t chunks = (points.size() + kPointsAChunk - 1) / kPointsAChunk;
     std::vector<Energy> parts(chunks);
     tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t c) {
-      const std::size_t end = std::min(points.size(), (c + 1) * kChunk);
-      for (std::size_t i = c * kChunk; i < end; ++i) add(points[i], parts[c]);
+      const std::size_t end = std::min(points.size(), (c + 1) * kPointsAChunk);
+      for (std::size_t i = c * kPointsAChunk; i < end; ++i) add(points[i], parts[c]);
     });
     Energy total;
     for (const Energy& part : parts) {

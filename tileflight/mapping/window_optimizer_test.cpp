@@ -11,12 +11,12 @@
 #include "tileflight/mapping/random_window.h"
 #include "tileflight/mapping/rendered_window.h"
 
-namespace tileflight::mapping {
+namespace tileflight::mapping::window_optimizer_test {
 namespace {
 
 using geometry::SE3;
 using photometry::ResidualState;
-using tests::RenderedFlight;
+using test_support::RenderedFlight;
 
 constexpr int kKeyframes = 4;
 
@@ -28,13 +28,13 @@ const RenderedFlight& flight() {
 /// Window of true poses and inverse distances, all points observed everywhere.
 photometry::Window true_window() {
   static const photometry::Window kWindow = [] {
-    photometry::Window window = tests::make_true_window(flight(), kKeyframes);
+    photometry::Window window = test_support::make_true_window(flight(), kKeyframes);
     for (int h = 0; h < kKeyframes; ++h) {
       for (const photometry::Patch& patch : flight().patches(2 * h, *window.keyframes[h].pyramid, 200)) {
         photometry::ActivePoint point;
         point.patch = patch;
         point.rho = flight().rho(2 * h, patch.ray);
-        point.observations = tests::observe_everywhere(h, kKeyframes);
+        point.observations = test_support::observe_everywhere(h, kKeyframes);
         window.keyframes[h].points.push_back(point);
       }
     }
@@ -194,7 +194,7 @@ double prior_energy(const photometry::Window& window, const Eigen::VectorXd& del
 }
 
 TEST(Relinearize, KeepsTheStateAndThePriorsEnergyUpToAConstant) {
-  photometry::Window window = tests::random_window(3, 2, 7, true);
+  photometry::Window window = test_support::random_window(3, 2, 7, true);
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
   const int n = window.unknowns();
@@ -221,7 +221,7 @@ TEST(Relinearize, KeepsTheStateAndThePriorsEnergyUpToAConstant) {
 }
 
 TEST(RemoveBadResiduals, CountsGoodOnesOnceAndRemovesPointsWithoutAny) {
-  photometry::Window window = tests::random_window(3, 3, 9);
+  photometry::Window window = test_support::random_window(3, 3, 9);
   for (photometry::Keyframe& keyframe : window.keyframes) {
     keyframe.T_camera_map_linear.rotation.setIdentity();
     keyframe.frame_index = 10 * keyframe.id;
@@ -254,7 +254,7 @@ TEST(RemoveBadResiduals, CountsGoodOnesOnceAndRemovesPointsWithoutAny) {
 }
 
 TEST(UpdateEnergyThreshold, IsHalfTheConstantAndHalfOfThe70thPercentile) {
-  photometry::Window window = tests::random_window(3, 11, 4);
+  photometry::Window window = test_support::random_window(3, 11, 4);
   for (int i = 0; i < 11; ++i) {
     for (photometry::Keyframe& keyframe : window.keyframes) {
       for (photometry::Observation& o : keyframe.points[i].observations) {
@@ -278,4 +278,4 @@ TEST(UpdateEnergyThreshold, IsHalfTheConstantAndHalfOfThe70thPercentile) {
 }
 
 }  // namespace
-}  // namespace tileflight::mapping
+}  // namespace tileflight::mapping::window_optimizer_test

@@ -17,22 +17,22 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
-namespace tileflight::odometry {
+namespace tileflight::odometry::incremental_odometry_test {
 namespace {
 
 using geometry::SE3;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
-using tests::small_options;
+using test_support::small_options;
 
-const tests::Sequence& hill_flight() {
-  static const tests::Sequence kFlight = tests::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
+const test_support::Sequence& hill_flight() {
+  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 40);
   return kFlight;
 }
 
 /// The flight with pictures `from` to `to` black.
-tests::Sequence interrupted_flight(std::size_t from, std::size_t to) {
-  tests::Sequence flight = hill_flight();
+test_support::Sequence interrupted_flight(std::size_t from, std::size_t to) {
+  test_support::Sequence flight = hill_flight();
   for (std::size_t i = from; i < to; ++i)
     std::fill(flight.images[i].pixels.begin(), flight.images[i].pixels.end(), imaging::Rgb8{});
   return flight;
@@ -41,7 +41,7 @@ tests::Sequence interrupted_flight(std::size_t from, std::size_t to) {
 double time_s(std::size_t i) { return static_cast<double>(i) / 30.0; }
 
 /// Adds pictures from `begin` to `end` (or the last).
-std::vector<FrameResult> add_frames(Odometry& odometry, const tests::Sequence& flight, std::size_t begin = 0,
+std::vector<FrameResult> add_frames(Odometry& odometry, const test_support::Sequence& flight, std::size_t begin = 0,
                                     std::size_t end = std::numeric_limits<std::size_t>::max()) {
   std::vector<FrameResult> results;
   for (std::size_t i = begin; i < std::min(end, flight.images.size()); ++i)
@@ -102,7 +102,7 @@ void expect_same_result(const OdometryResult& a, const OdometryResult& b) {
   ASSERT_EQ(a.camera.has_value(), b.camera.has_value());
 }
 
-void expect_same_as_batch(const tests::Sequence& flight, const OdometryOptions& options) {
+void expect_same_as_batch(const test_support::Sequence& flight, const OdometryOptions& options) {
   Odometry odometry(flight.calibration, options);
   add_frames(odometry, flight);
   expect_same_result(odometry.finish(), run_odometry(flight.calibration, nullptr, flight.source(), options));
@@ -121,13 +121,13 @@ TEST(IncrementalOdometry, EqualsTheBatchThatStopsReadingWhereItIsLost) {
 }
 
 TEST(IncrementalOdometry, EqualsTheBatchWithoutAMap) {
-  tests::Sequence flight = hill_flight();
+  test_support::Sequence flight = hill_flight();
   flight.images.resize(3);
   expect_same_as_batch(flight, small_options());
 }
 
 TEST(IncrementalOdometry, PriorPosesOneByOneEqualThoseGivenAtOnce) {
-  const tests::Sequence& flight = hill_flight();
+  const test_support::Sequence& flight = hill_flight();
   Priors priors;
   Odometry odometry(flight.calibration, small_options());
   for (std::size_t i = 0; i < flight.images.size(); ++i) {
@@ -143,7 +143,7 @@ TEST(IncrementalOdometry, PriorPosesOneByOneEqualThoseGivenAtOnce) {
 }
 
 TEST(IncrementalOdometry, PosesComeAtOnceAndTheirRefinementIsSmall) {
-  const tests::Sequence& flight = hill_flight();
+  const test_support::Sequence& flight = hill_flight();
   Odometry odometry(flight.calibration, small_options());
   const std::vector<FrameResult> frames = add_frames(odometry, flight);
   const OdometryResult result = odometry.finish();
@@ -177,7 +177,7 @@ TEST(IncrementalOdometry, PosesComeAtOnceAndTheirRefinementIsSmall) {
 TEST(IncrementalOdometry, SaysThatAnImageDoesNotAlignAndThatItIsLost) {
   OdometryOptions options = small_options();
   options.tracking.max_failed_frames = 2;
-  const tests::Sequence flight = interrupted_flight(25, 30);
+  const test_support::Sequence flight = interrupted_flight(25, 30);
   Odometry odometry(flight.calibration, options);
   const std::vector<FrameResult> frames = add_frames(odometry, flight);
   EXPECT_EQ(frames[24].status, FrameStatus::kTracked);
@@ -192,7 +192,7 @@ TEST(IncrementalOdometry, SaysThatAnImageDoesNotAlignAndThatItIsLost) {
 }
 
 TEST(IncrementalOdometry, ShowsTheMapSoFar) {
-  const tests::Sequence& flight = hill_flight();
+  const test_support::Sequence& flight = hill_flight();
   Odometry odometry(flight.calibration, small_options());
   add_frames(odometry, flight, 0, 2);
   EXPECT_TRUE(odometry.trajectory().empty());
@@ -212,7 +212,7 @@ TEST(IncrementalOdometry, ShowsTheMapSoFar) {
 }
 
 TEST(IncrementalOdometry, AWrongCallIsRefusedAndChangesNothing) {
-  const tests::Sequence& flight = hill_flight();
+  const test_support::Sequence& flight = hill_flight();
   const imaging::RgbImage& image = flight.images[30];
   const auto refusal = [](const std::string& text) { return ThrowsMessage<InputError>(HasSubstr(text)); };
   Odometry odometry(flight.calibration, small_options());
@@ -256,7 +256,7 @@ TEST(IncrementalOdometry, ACalibrationHasAnImageSize) {
 }
 
 TEST(IncrementalOdometry, GoesOnAfterAMove) {
-  const tests::Sequence& flight = hill_flight();
+  const test_support::Sequence& flight = hill_flight();
   Odometry first(flight.calibration, small_options());
   add_frames(first, flight, 0, 20);
   Odometry second = std::move(first);
@@ -265,4 +265,4 @@ TEST(IncrementalOdometry, GoesOnAfterAMove) {
 }
 
 }  // namespace
-}  // namespace tileflight::odometry
+}  // namespace tileflight::odometry::incremental_odometry_test

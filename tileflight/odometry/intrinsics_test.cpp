@@ -17,10 +17,10 @@ Eigen::Vector4d intrinsics(const Camera& camera) {
   return std::visit([](const auto& m) { return Eigen::Vector4d(m.fx, m.fy, m.cx, m.cy); }, camera.model());
 }
 
-OdometryResult run(const tests::Sequence& truth, const photometry::IntrinsicsDelta& error, bool refine) {
-  tests::Sequence sequence = truth;
+OdometryResult run(const test_support::Sequence& truth, const photometry::IntrinsicsDelta& error, bool refine) {
+  test_support::Sequence sequence = truth;
   sequence.calibration.camera = photometry::apply_delta(truth.calibration.camera, error);
-  photometry::OdometryOptions options = tests::small_options();
+  photometry::OdometryOptions options = test_support::small_options();
   options.window.refine_intrinsics = refine;
   return run_odometry(sequence.calibration, nullptr, sequence.source(), options);
 }
@@ -31,7 +31,7 @@ std::vector<SE3> part_of_an_orbit(int frames) {
   for (int i = 0; i < frames; ++i) {
     const double angle = 1.2 * i / frames - 0.6;
     const Vec3 position(10.0 * std::sin(angle), -10.0 * std::cos(angle), 12.0 + std::sin(3.0 * angle));
-    truth.push_back(photometry::tests::look_along(position, -position));
+    truth.push_back(photometry::test_support::look_along(position, -position));
   }
   return truth;
 }
@@ -41,13 +41,13 @@ Eigen::Vector4d off(const OdometryResult& result, const Camera& truth) {
   return (intrinsics(result.camera.value()) - intrinsics(truth)) / intrinsics(truth)[0];
 }
 
-double median_height_m(const OdometryResult& result, const tests::Sequence& sequence) {
-  return base::upper_median(tests::height_errors_m(tests::hilly_ground(), result, sequence.truth));
+double median_height_m(const OdometryResult& result, const test_support::Sequence& sequence) {
+  return base::upper_median(test_support::height_errors_m(test_support::hilly_ground(), result, sequence.truth));
 }
 
 /// Most of an error of the focal lengths is removed within 75 images (despite the prior on the given ones), and the map
 /// improves.
-void expect_the_lens_comes_back(const tests::Sequence& sequence, double focal_error) {
+void expect_the_lens_comes_back(const test_support::Sequence& sequence, double focal_error) {
   const photometry::IntrinsicsDelta error(focal_error, focal_error, 0.0, 0.0);
   const OdometryResult refined = run(sequence, error, true), as_given = run(sequence, error, false);
   EXPECT_FALSE(refined.lost) << refined.lost_reason;
@@ -59,21 +59,21 @@ void expect_the_lens_comes_back(const tests::Sequence& sequence, double focal_er
 
 TEST(Intrinsics, OfAFisheyeComeBack) {
   const Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  const tests::Sequence sequence = tests::render_hill_flight(camera, 75);
+  const test_support::Sequence sequence = test_support::render_hill_flight(camera, 75);
   expect_the_lens_comes_back(sequence, -0.02);
   expect_the_lens_comes_back(sequence, 0.02);
 }
 
 TEST(Intrinsics, OfAPinholeComeBack) {
-  const tests::Sequence sequence =
-      tests::render_sequence(imaging::make_pinhole(320, 220, 80.0), tests::hilly_ground(), part_of_an_orbit(75));
+  const test_support::Sequence sequence =
+      test_support::render_sequence(imaging::make_pinhole(320, 220, 80.0), test_support::hilly_ground(), part_of_an_orbit(75));
   expect_the_lens_comes_back(sequence, -0.02);
   expect_the_lens_comes_back(sequence, 0.02);
 }
 
 TEST(Intrinsics, ThatAreRightStay) {
   for (const Camera& camera : {imaging::make_fisheye(320, 200, 130.0), imaging::make_pinhole(320, 220, 80.0)}) {
-    const tests::Sequence sequence = tests::render_sequence(camera, tests::hilly_ground(), part_of_an_orbit(75));
+    const test_support::Sequence sequence = test_support::render_sequence(camera, test_support::hilly_ground(), part_of_an_orbit(75));
     const OdometryResult refined = run(sequence, photometry::IntrinsicsDelta::Zero(), true),
                          fixed = run(sequence, photometry::IntrinsicsDelta::Zero(), false);
     EXPECT_LT(off(refined, camera).cwiseAbs().maxCoeff(), 0.005) << off(refined, camera).transpose();
@@ -83,7 +83,7 @@ TEST(Intrinsics, ThatAreRightStay) {
 
 TEST(Intrinsics, StayAsGivenWhereAskedFor) {
   const Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  const OdometryResult result = run(tests::render_hill_flight(camera, 20), photometry::IntrinsicsDelta::Zero(), false);
+  const OdometryResult result = run(test_support::render_hill_flight(camera, 20), photometry::IntrinsicsDelta::Zero(), false);
   ASSERT_TRUE(result.camera);
   EXPECT_EQ(intrinsics(*result.camera), intrinsics(camera));
 }

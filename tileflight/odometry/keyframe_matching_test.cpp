@@ -17,16 +17,16 @@ namespace {
 using geometry::SE3;
 using geometry::Sim3;
 using geometry::Vec3;
-using tests::KeyframeMaker;
+using test_support::KeyframeMaker;
 
 const KeyframeMaker& maker() {
-  static const KeyframeMaker kMaker(tests::hilly_terrain());
+  static const KeyframeMaker kMaker(test_support::hilly_terrain());
   return kMaker;
 }
 
 /// Over the same ground: displaced sideways, higher, and rolled by a third of a turn about the axis.
-const SE3 kFirst = photometry::tests::look_along(Vec3(0, 0, 14), Vec3(0.1, 1.0, -1.6));
-const SE3 kSecond = photometry::tests::look_along(Vec3(1.0, 0.6, 15), Vec3(-0.1, 1.0, -1.7)) *
+const SE3 kFirst = photometry::test_support::look_along(Vec3(0, 0, 14), Vec3(0.1, 1.0, -1.6));
+const SE3 kSecond = photometry::test_support::look_along(Vec3(1.0, 0.6, 15), Vec3(-0.1, 1.0, -1.7)) *
                     SE3(geometry::so3_exp(Vec3(0, 0, 2.1)), Vec3::Zero());
 
 TEST(KeyframeMatching, FindsCornersAgainUnderAnotherRollAndAWideLens) {

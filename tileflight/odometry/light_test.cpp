@@ -37,8 +37,8 @@ RgbImage taken(const RgbImage& irradiance, const PhotometricCalibration& calibra
   return image;
 }
 
-const tests::Sequence& clean_flight() {
-  static const tests::Sequence kFlight = tests::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 32);
+const test_support::Sequence& clean_flight() {
+  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 32);
   return kFlight;
 }
 
@@ -47,14 +47,14 @@ double exposure_of(std::size_t frame) {
   return (frame < 18 ? 1.0 : 0.8) * (0.94 + 0.06 * std::cos(0.8 * static_cast<double>(frame)));
 }
 
-tests::Sequence filmed(const PhotometricCalibration& calibration) {
-  tests::Sequence flight = clean_flight();
+test_support::Sequence filmed(const PhotometricCalibration& calibration) {
+  test_support::Sequence flight = clean_flight();
   for (std::size_t i = 0; i < flight.images.size(); ++i)
     flight.images[i] = taken(flight.images[i], calibration, exposure_of(i));
   return flight;
 }
 
-FrameSource with_exposures(const tests::Sequence& sequence) {
+FrameSource with_exposures(const test_support::Sequence& sequence) {
   return [source = sequence.source()]() -> std::optional<InputFrame> {
     std::optional<InputFrame> frame = source();
     if (frame) frame->exposure_ms = 10.0 * exposure_of(static_cast<std::size_t>(frame->index));
@@ -73,26 +73,26 @@ TEST(Light, LuminanceUndoesResponseAndVignette) {
 }
 
 TEST(Light, AKnownCalibrationUndoneGivesTheCleanResult) {
-  const tests::Sequence& clean = clean_flight();
+  const test_support::Sequence& clean = clean_flight();
   const PhotometricCalibration calibration = made_up_calibration(320, 200);
-  const tests::Sequence dim = filmed(calibration);
-  const photometry::OdometryOptions options = tests::small_options();
+  const test_support::Sequence dim = filmed(calibration);
+  const photometry::OdometryOptions options = test_support::small_options();
   const OdometryResult expected = run_odometry(clean.calibration, nullptr, clean.source(), options);
   const OdometryResult undone = run_odometry(dim.calibration, &calibration, with_exposures(dim), options);
   ASSERT_FALSE(undone.lost) << undone.lost_reason;
   EXPECT_EQ(undone.frames_tracked, expected.frames_tracked);
-  EXPECT_LT(tests::relative_ate(expected.trajectory, clean.truth), 0.004);
-  EXPECT_LT(tests::relative_ate(undone.trajectory, clean.truth), 0.004);
+  EXPECT_LT(test_support::relative_ate(expected.trajectory, clean.truth), 0.004);
+  EXPECT_LT(test_support::relative_ate(undone.trajectory, clean.truth), 0.004);
   EXPECT_NEAR(static_cast<double>(undone.map.size()), static_cast<double>(expected.map.size()),
               0.25 * static_cast<double>(expected.map.size()));
 }
 
 TEST(Light, WithoutACalibrationAffineLightFollowsTheExposure) {
-  const tests::Sequence dim = filmed(made_up_calibration(320, 200));
-  const OdometryResult result = run_odometry(dim.calibration, nullptr, dim.source(), tests::small_options());
+  const test_support::Sequence dim = filmed(made_up_calibration(320, 200));
+  const OdometryResult result = run_odometry(dim.calibration, nullptr, dim.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 30);
-  EXPECT_LT(tests::relative_ate(result.trajectory, dim.truth), 0.01);
+  EXPECT_LT(test_support::relative_ate(result.trajectory, dim.truth), 0.01);
 }
 
 }  // namespace

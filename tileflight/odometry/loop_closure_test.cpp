@@ -16,7 +16,7 @@ namespace {
 using geometry::SE3;
 using geometry::Sim3;
 using geometry::Vec3;
-using tests::KeyframeMaker;
+using test_support::KeyframeMaker;
 
 /// A circular path of 1.2 turns over a place; the camera looks forward and down.
 std::vector<SE3> round_trip(int keyframes) {
@@ -25,7 +25,7 @@ std::vector<SE3> round_trip(int keyframes) {
   for (int i = 0; i < keyframes; ++i) {
     const double angle = 1.2 * 2.0 * std::numbers::pi * i / keyframes;
     const Vec3 place(kRadius_m * std::cos(angle), kRadius_m * std::sin(angle), 13.0 + 0.4 * std::sin(3.0 * angle));
-    path.push_back(photometry::tests::look_along(place, Vec3(-std::sin(angle), std::cos(angle), -1.5)));
+    path.push_back(photometry::test_support::look_along(place, Vec3(-std::sin(angle), std::cos(angle), -1.5)));
   }
   return path;
 }
@@ -53,7 +53,7 @@ std::vector<loops::LoopKeyframe> drifted(const KeyframeMaker& maker, const std::
 double ate_share_of(const std::vector<SE3>& poses, const std::vector<SE3>& truth) {
   geometry::Trajectory trajectory;
   for (std::size_t i = 0; i < poses.size(); ++i) trajectory.poses.push_back({static_cast<double>(i), poses[i]});
-  return tests::relative_ate(trajectory, truth, 1.0);
+  return test_support::relative_ate(trajectory, truth, 1.0);
 }
 
 std::vector<SE3> poses_of(const std::vector<loops::LoopKeyframe>& keyframes) {
@@ -63,7 +63,7 @@ std::vector<SE3> poses_of(const std::vector<loops::LoopKeyframe>& keyframes) {
 }
 
 TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
-  const KeyframeMaker maker(tests::hilly_terrain());
+  const KeyframeMaker maker(test_support::hilly_terrain());
   const std::vector<SE3> truth = round_trip(60);
   const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.15);
   const std::vector<loops::Loop> loops = loops::find_loops(keyframes, {});
@@ -85,9 +85,9 @@ TEST(LoopClosure, AFlightThatReturnsLosesMostOfItsDrift) {
 }
 
 TEST(LoopClosure, NothingIsFoundOnAWayThatDoesNotReturn) {
-  const KeyframeMaker maker(tests::hilly_terrain());
+  const KeyframeMaker maker(test_support::hilly_terrain());
   std::vector<SE3> truth;
-  for (int i = 0; i < 30; ++i) truth.push_back(photometry::tests::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
+  for (int i = 0; i < 30; ++i) truth.push_back(photometry::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
   const std::vector<loops::LoopKeyframe> keyframes = drifted(maker, truth, 1.05);
   const std::vector<loops::Loop> loops = loops::find_loops(keyframes, {});
   EXPECT_TRUE(loops.empty());
@@ -97,20 +97,20 @@ TEST(LoopClosure, NothingIsFoundOnAWayThatDoesNotReturn) {
 
 TEST(LoopClosure, GroundThatRepeatsIsNotTakenForAReturn) {
   for (const double period_m : {3.0, 30.0}) {  // repeats many times in each image; less than once
-    photometry::tests::Relief relief = tests::hilly_terrain();
+    photometry::test_support::Relief relief = test_support::hilly_terrain();
     relief.height_m = [](double, double) { return 0.0; };
     relief.highest_m = 0.0;
     relief.period_m = period_m;
     std::vector<SE3> truth;
-    for (int i = 0; i < 30; ++i) truth.push_back(photometry::tests::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
+    for (int i = 0; i < 30; ++i) truth.push_back(photometry::test_support::look_along(Vec3(0, 3.0 * i, 13), Vec3(0, 1, -1.5)));
     EXPECT_TRUE(loops::find_loops(drifted(KeyframeMaker(relief), truth, 1.05), {}).empty()) << period_m;
   }
 }
 
 TEST(LoopClosure, DistancesComeFromThePointsAboutACorner) {
-  const KeyframeMaker maker(tests::hilly_terrain());
-  const SE3 host = photometry::tests::look_along(Vec3(0, 0, 13), Vec3(0, 1, -1.5)),
-            other = photometry::tests::look_along(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
+  const KeyframeMaker maker(test_support::hilly_terrain());
+  const SE3 host = photometry::test_support::look_along(Vec3(0, 0, 13), Vec3(0, 1, -1.5)),
+            other = photometry::test_support::look_along(Vec3(1, 0.5, 13), Vec3(0, 1, -1.5));
   std::vector<loops::LoopKeyframe> keyframes{{3, 0, host, maker.features(host)}, {4, 1, other, maker.features(other)}};
   // All points are hosted by the first keyframe; the second sees them from the side.
   std::vector<mapping::MapPoint> points;
@@ -148,8 +148,8 @@ TEST(LoopClosure, PointsKeepTheirPlaceInThePictureWhenTheirHostIsScaled) {
 
 TEST(LoopClosure, AWholeFlightWithoutReturnIsTheSameToTheLastBit) {
   const imaging::Camera camera = imaging::make_fisheye(240, 160, 120.0);
-  const tests::Sequence sequence = tests::render_hill_flight(camera, 40);
-  photometry::OdometryOptions options = tests::small_options();
+  const test_support::Sequence sequence = test_support::render_hill_flight(camera, 40);
+  photometry::OdometryOptions options = test_support::small_options();
   const OdometryResult without = run_odometry(sequence.calibration, nullptr, sequence.source(), options);
   options.loops.enabled = true;
   const OdometryResult with = run_odometry(sequence.calibration, nullptr, sequence.source(), options);

@@ -13,13 +13,13 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
-using photometry::tests::Relief;
+using photometry::test_support::Relief;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
-using tests::relative_ate;
-using tests::render_sequence;
-using tests::Sequence;
-using tests::small_options;
+using test_support::relative_ate;
+using test_support::render_sequence;
+using test_support::Sequence;
+using test_support::small_options;
 
 /// Nearly flat ground seen obliquely from above through a wide lens: its mirror solution defeats two-view
 /// initialization. The first `frames` of 50.
@@ -32,7 +32,7 @@ Sequence over_flat_ground(std::size_t frames) {
     std::vector<SE3> truth;
     for (int i = 0; i < 50; ++i) {
       const double s = i / 30.0;
-      truth.push_back(photometry::tests::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+      truth.push_back(photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
                                                     Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0)));
     }
     return render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
@@ -64,7 +64,7 @@ TEST(Odometry, FollowsForwardFlightThroughHills) {
   relief.texel_m = 0.5;
   std::vector<SE3> truth;
   for (int i = 0; i < 50; ++i)
-    truth.push_back(photometry::tests::look_along(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
+    truth.push_back(photometry::test_support::look_along(Vec3(0.2 * std::sin(0.1 * i), 0.25 * i, 8.0), Vec3(0, 1, -0.25)));
   const Sequence sequence = render_sequence(imaging::make_pinhole(320, 220, 80.0), relief, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
@@ -91,7 +91,7 @@ TEST(Odometry, SaysThatThereIsNoParallax) {
   Relief relief;
   std::vector<SE3> truth;
   for (int i = 0; i < 12; ++i)
-    truth.push_back(photometry::tests::look_along(Vec3(0, 0, 20), Vec3(0.02 * i, 1.0, -1.0)));
+    truth.push_back(photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0.02 * i, 1.0, -1.0)));
   const Sequence sequence = render_sequence(imaging::make_fisheye(240, 160, 120.0), relief, truth);
   const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), small_options());
   EXPECT_TRUE(result.lost);

@@ -38,8 +38,8 @@ TEST(PriorAlignment, VariancesGoWithTheSquareOfTheScale) {
   EXPECT_NEAR(result.map.scalars["inverse_depth_variance"][0], 1e-6, 1e-12);
 }
 
-const tests::Sequence& flight() {
-  static const tests::Sequence kFlight = tests::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), 30);
+const test_support::Sequence& flight() {
+  static const test_support::Sequence kFlight = test_support::render_hill_flight(imaging::make_fisheye(280, 180, 130.0), 30);
   return kFlight;
 }
 
@@ -51,7 +51,7 @@ geometry::Trajectory true_poses() {
 }
 
 OdometryResult run(const Priors& aids) {
-  return run_odometry(flight().calibration, nullptr, flight().source(), tests::small_options(), {}, aids);
+  return run_odometry(flight().calibration, nullptr, flight().source(), test_support::small_options(), {}, aids);
 }
 
 TEST(PriorAlignment, PosesGiveFrameAndScale) {
@@ -68,7 +68,7 @@ TEST(PriorAlignment, PosesGiveFrameAndScale) {
   }
   std::vector<double> heights;
   for (const Vec3& p : result.map.positions)
-    heights.push_back(std::abs(p.z() - tests::hilly_ground().height_m(p.x(), p.y())));
+    heights.push_back(std::abs(p.z() - test_support::hilly_ground().height_m(p.x(), p.y())));
   EXPECT_LT(base::upper_median(heights), 0.2);
 }
 
@@ -84,13 +84,13 @@ TEST(PriorAlignment, DepthGivesTheScale) {
         const auto ray = camera.unproject({x, y});
         if (!ray) continue;
         depth(x, y) = static_cast<float>(
-            ray->z() * photometry::tests::hit_distance(tests::hilly_ground(), pose.translation, pose.rotation * *ray));
+            ray->z() * photometry::test_support::hit_distance(test_support::hilly_ground(), pose.translation, pose.rotation * *ray));
       }
     return depth;
   };
   const OdometryResult result = run(aids);
   ASSERT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_NEAR(tests::similarity_to_truth(result.trajectory, flight().truth).scale, 1.0, 0.03);
+  EXPECT_NEAR(test_support::similarity_to_truth(result.trajectory, flight().truth).scale, 1.0, 0.03);
 }
 
 TEST(PriorAlignment, PosesOfAnotherTimeAndDepthWithoutPointsAreRefused) {

@@ -15,9 +15,9 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 using imaging::RgbImage;
-using tests::relative_ate;
-using tests::Sequence;
-using tests::small_options;
+using test_support::relative_ate;
+using test_support::Sequence;
+using test_support::small_options;
 
 /// Expects tracking to the end, at least `least_tracked` images, and an ATE below a share of the path length.
 void expect_followed(const Sequence& sequence, std::size_t least_tracked, double most_ate_share = 0.01) {
@@ -58,20 +58,20 @@ std::vector<int> counted(int from, int to, int step = 1) {
 /// Rolling ground by a small wide lens; `pose` gives the camera of image i.
 template <class Pose>
 Sequence over_rolling_ground(int frames, const Pose& pose) {
-  photometry::tests::Relief relief;
+  photometry::test_support::Relief relief;
   relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.25 * x) * std::cos(0.2 * y); };
   relief.highest_m = 1.5;
   relief.texel_m = 0.8;
   std::vector<SE3> truth;
   for (int i = 0; i < frames; ++i) truth.push_back(pose(i));
-  return tests::render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
+  return test_support::render_sequence(imaging::make_fisheye(320, 200, 130.0), relief, truth);
 }
 
 /// Fifty images of a level flight, which most tests disturb.
 const Sequence& level_flight() {
   static const Sequence kAll = over_rolling_ground(50, [](int i) {
     const double s = i / 30.0;
-    return photometry::tests::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
+    return photometry::test_support::look_along(Vec3(4.0 * s, 5.0 * s, 20.0 + 0.5 * std::sin(s)),
                                          Vec3(0.3 * std::sin(0.7 * s), 1.0, -1.0));
   });
   return kAll;
@@ -106,7 +106,7 @@ TEST(Robustness, AShortOcclusionIsPassed) {
 
 TEST(Robustness, BlurredPicturesAreFollowed) {
   const auto pose = [](double i) {
-    return photometry::tests::look_along(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
+    return photometry::test_support::look_along(Vec3(0.13 * i, 0.16 * i, 20.0), Vec3(0.3 * std::sin(0.03 * i), 1.0, -1.0));
   };
   // Some images are means over the exposure time, which is most of the frame interval.
   constexpr int kFirst = 26, kLast = 31, kParts = 4;
@@ -128,7 +128,7 @@ TEST(Robustness, ATurnOnTheSpotIsFollowed) {
   const Sequence sequence = over_rolling_ground(70, [](int i) {
     const double moved = i < 30 ? i : (i < 50 ? 30 : i - 20);               // stands still for twenty pictures
     const double turned = i < 30 ? 0.0 : (i < 50 ? 0.03 * (i - 30) : 0.6);  // and turns by 34 degrees
-    return photometry::tests::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
+    return photometry::test_support::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
                                          Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_all_followed(sequence);
@@ -139,7 +139,7 @@ TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
   const Sequence sequence = over_rolling_ground(110, [](int i) {
     const double moved = i < 35 ? i : (i < 75 ? 35 : i - 40);
     const double turned = i < 35 ? 0.0 : (i < 75 ? 0.04 * (i - 35) : 1.6);
-    return photometry::tests::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
+    return photometry::test_support::look_along(Vec3(0.14 * moved, 0.17 * moved, 20.0),
                                          Vec3(std::sin(turned), std::cos(turned), -1.0));
   });
   expect_followed(sequence, 105);
@@ -148,7 +148,7 @@ TEST(Robustness, ALongTurnOnTheSpotKeepsTheScale) {
 TEST(Robustness, ASlowStartIsWaitedFor) {
   const Sequence sequence = over_rolling_ground(60, [](int i) {
     const double s = i < 40 ? 0.1 * i * i / 40.0 : 4.0 + 0.2 * (i - 40);
-    return photometry::tests::look_along(Vec3(0.6 * s, 0.8 * s, 20.0), Vec3(0.0, 1.0, -1.0));
+    return photometry::test_support::look_along(Vec3(0.6 * s, 0.8 * s, 20.0), Vec3(0.0, 1.0, -1.0));
   });
   expect_followed(sequence, 45);
 }
@@ -156,17 +156,17 @@ TEST(Robustness, ASlowStartIsWaitedFor) {
 TEST(Robustness, LevelGroundFromStraightAboveIsEnoughForAStart) {
   // A narrow lens without relief: the best rotation absorbs most of the motion, and tracks end before the remaining
   // parallax reaches the usual threshold.
-  photometry::tests::Relief level;
+  photometry::test_support::Relief level;
   level.texel_m = 0.6;
   std::vector<SE3> truth;
   for (int i = 0; i < 60; ++i)
-    truth.push_back(photometry::tests::look_along(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
-  const tests::Sequence sequence = tests::render_sequence(
+    truth.push_back(photometry::test_support::look_along(Vec3(0.17 * i, 0.02 * i, 12.0), Vec3(0.01, 0.02, -1.0)));
+  const test_support::Sequence sequence = test_support::render_sequence(
       imaging::Camera(imaging::PinholeRadtan{242, 242, 139.5, 99.5, {}}, 280, 200), level, truth);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 55);
-  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.01);
+  EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.01);
 }
 
 TEST(Robustness, LargeMotionBetweenPicturesIsFollowed) {

@@ -19,7 +19,7 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 using geometry::Vec6;
-using tests::Sequence;
+using test_support::Sequence;
 
 constexpr double kFps = 30.0;
 
@@ -27,7 +27,7 @@ constexpr double kFps = 30.0;
 SE3 shaken_pose(double time_s) {
   const Vec3 position(2.5 * time_s, 6.0 * time_s, 12.0 + 0.5 * std::sin(2.0 * time_s));
   const Vec3 shake(0.05 * std::sin(7.0 * time_s), 0.05 * std::sin(5.0 * time_s + 1.0), 0.06 * std::sin(6.0 * time_s));
-  return photometry::tests::look_along(position, Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
+  return photometry::test_support::look_along(position, Vec3(0.3 * std::sin(time_s), 1.0, -1.1)) *
          SE3(geometry::so3_exp(shake), Vec3::Zero());
 }
 
@@ -35,7 +35,7 @@ SE3 shaken_pose(double time_s) {
 /// middle.
 Sequence shaken_flight(int frames, double line_delay_s) {
   const imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
-  const photometry::tests::ReliefCamera scene(camera, tests::hilly_ground());
+  const photometry::test_support::ReliefCamera scene(camera, test_support::hilly_ground());
   Sequence sequence;
   sequence.calibration.camera = camera;
   for (int i = 0; i < frames; ++i) {
@@ -50,7 +50,7 @@ Sequence shaken_flight(int frames, double line_delay_s) {
 OdometryResult flown(const Sequence& sequence, double line_delay_s) {
   imaging::Calibration calibration = sequence.calibration;
   calibration.line_delay_s = line_delay_s;
-  return run_odometry(calibration, nullptr, sequence.source(), tests::small_options());
+  return run_odometry(calibration, nullptr, sequence.source(), test_support::small_options());
 }
 
 TEST(RollingShutter, AConstantVelocityGivesItsReadout) {
@@ -76,10 +76,10 @@ TEST(RollingShutter, AnAcceleratedMotionIsBroughtOnToThePicturesTime) {
 struct RollingView {
   static constexpr double kInterval_s = 1.0 / kFps, kLineDelay_s = 0.9 / kFps / 240;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 120.0);
-  photometry::tests::ReliefCamera scene{camera, tests::hilly_ground()};
+  photometry::test_support::ReliefCamera scene{camera, test_support::hilly_ground()};
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, 4);
   Vec6 velocity = (Vec6() << 2.0, 6.0, -1.0, 0.5, -0.7, 0.6).finished();        // of T_camera_local
-  SE3 first = photometry::tests::look_along(Vec3(0, 0, 12), Vec3(0, 1, -1.1));  // T_local_camera
+  SE3 first = photometry::test_support::look_along(Vec3(0, 0, 12), Vec3(0, 1, -1.1));  // T_local_camera
   photometry::Pyramid before = photometry::build_pyramid(photometry::luminance(scene.render(first), nullptr), 4);
 
   SE3 pose(double time_s) const { return first * SE3::exp(time_s * velocity).inverse(); }
@@ -93,7 +93,7 @@ struct RollingView {
   float rho(const Eigen::Vector2f& pixel, const SE3& T_local_camera) const {
     const Vec3 ray = *camera.unproject(pixel.cast<double>());
     const double distance =
-        photometry::tests::hit_distance(scene.relief(), T_local_camera.translation, T_local_camera.rotation * ray);
+        photometry::test_support::hit_distance(scene.relief(), T_local_camera.translation, T_local_camera.rotation * ray);
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
   tracking::TrackingReference reference() const {
@@ -232,9 +232,9 @@ TEST(RollingShutter, TheErrorWithRowTimesIsAThirdOfThatWithout) {
   constexpr int kFrames = 75;
   const Sequence rolling = shaken_flight(kFrames, kLineDelay_s), global = shaken_flight(kFrames, 0.0);
   const OdometryResult with = flown(rolling, kLineDelay_s), without = flown(rolling, 0.0), never = flown(global, 0.0);
-  const double with_ate = tests::relative_ate(with.trajectory, rolling.truth);
-  const double without_ate = tests::relative_ate(without.trajectory, rolling.truth);
-  const double never_ate = tests::relative_ate(never.trajectory, global.truth);
+  const double with_ate = test_support::relative_ate(with.trajectory, rolling.truth);
+  const double without_ate = test_support::relative_ate(without.trajectory, rolling.truth);
+  const double never_ate = test_support::relative_ate(never.trajectory, global.truth);
   std::printf("ATE, %% of path: %.3f with row times, %.3f without, %.3f with a global shutter; frames %ld %ld %ld\n",
               100 * with_ate, 100 * without_ate, 100 * never_ate, with.frames_tracked, without.frames_tracked,
               never.frames_tracked);

@@ -14,7 +14,7 @@
 #include "tileflight/photometry/options.h"
 #include "tileflight/photometry/synthetic_scene.h"
 
-namespace tileflight::odometry::tests {
+namespace tileflight::odometry::test_support {
 
 struct Sequence {
   imaging::Calibration calibration;
@@ -62,11 +62,11 @@ inline photometry::OdometryOptions small_options() {
   return options;
 }
 
-inline Sequence render_sequence(const imaging::Camera& camera, const photometry::tests::Relief& relief,
+inline Sequence render_sequence(const imaging::Camera& camera, const photometry::test_support::Relief& relief,
                                 std::vector<geometry::SE3> truth) {
   Sequence sequence;
   sequence.calibration.camera = camera;
-  const photometry::tests::ReliefCamera scene(camera, relief);
+  const photometry::test_support::ReliefCamera scene(camera, relief);
   for (const geometry::SE3& pose : truth) sequence.images.push_back(scene.render(pose));
   sequence.truth = std::move(truth);
   return sequence;
@@ -84,7 +84,7 @@ inline geometry::Sim3 similarity_to_truth(const geometry::Trajectory& estimate, 
 }
 
 /// Vertical distance of each aligned map point from the relief, metres.
-inline std::vector<double> height_errors_m(const photometry::tests::Relief& relief, const OdometryResult& result,
+inline std::vector<double> height_errors_m(const photometry::test_support::Relief& relief, const OdometryResult& result,
                                            const std::vector<geometry::SE3>& truth) {
   std::vector<double> heights;
   const geometry::Sim3 T_local_map = similarity_to_truth(result.trajectory, truth);
@@ -96,8 +96,8 @@ inline std::vector<double> height_errors_m(const photometry::tests::Relief& reli
 }
 
 /// Hilly ground seen obliquely from 12 m above while moving sideways and forwards; 30 images a second.
-inline photometry::tests::Relief hilly_ground() {
-  photometry::tests::Relief relief;
+inline photometry::test_support::Relief hilly_ground() {
+  photometry::test_support::Relief relief;
   relief.height_m = [](double x, double y) { return 1.5 * std::sin(0.35 * x) * std::cos(0.28 * y + 0.5); };
   relief.highest_m = 1.5;
   relief.texel_m = 0.6;
@@ -107,7 +107,7 @@ inline std::vector<geometry::SE3> path_over_ground(int frames) {
   std::vector<geometry::SE3> truth;
   for (int i = 0; i < frames; ++i) {
     const double s = i / 30.0;
-    truth.push_back(photometry::tests::look_along(geometry::Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
+    truth.push_back(photometry::test_support::look_along(geometry::Vec3(3.0 * s, 5.0 * s, 12.0 + 0.5 * std::sin(s)),
                                                   geometry::Vec3(0.3 * std::sin(s), 1.0, -1.1)));
   }
   return truth;
@@ -116,4 +116,4 @@ inline Sequence render_hill_flight(const imaging::Camera& camera, int frames) {
   return render_sequence(camera, hilly_ground(), path_over_ground(frames));
 }
 
-}  // namespace tileflight::odometry::tests
+}  // namespace tileflight::odometry::test_support

@@ -7,11 +7,11 @@
 #include "tileflight/loops/keyframe_matching.h"
 #include "tileflight/odometry/synthetic_flight.h"
 
-namespace tileflight::odometry::tests {
+namespace tileflight::odometry::test_support {
 
 /// Gentle hills, height amplitude 1.2 m, finest texture wavelength 0.5 m.
-inline photometry::tests::Relief hilly_terrain() {
-  photometry::tests::Relief relief;
+inline photometry::test_support::Relief hilly_terrain() {
+  photometry::test_support::Relief relief;
   relief.height_m = [](double x, double y) { return 1.2 * std::sin(0.3 * x) * std::cos(0.25 * y); };
   relief.highest_m = 1.2;
   relief.texel_m = 0.5;
@@ -20,7 +20,7 @@ inline photometry::tests::Relief hilly_terrain() {
 
 class KeyframeMaker {
  public:
-  explicit KeyframeMaker(const photometry::tests::Relief& relief)
+  explicit KeyframeMaker(const photometry::test_support::Relief& relief)
       : scene_(imaging::make_fisheye(320, 240, 120.0), relief) {
     lens_ = photometry::build_lens_pyramid(scene_.camera(), 4);
   }
@@ -37,14 +37,14 @@ class KeyframeMaker {
   }
   /// True inverse distance along a ray of the camera; 0: sky.
   float rho(const geometry::SE3& T_local_camera, const Eigen::Vector3f& ray) const {
-    const double distance = photometry::tests::hit_distance(scene_.relief(), T_local_camera.translation,
+    const double distance = photometry::test_support::hit_distance(scene_.relief(), T_local_camera.translation,
                                                             T_local_camera.rotation * ray.cast<double>());
     return distance > 0 ? static_cast<float>(1.0 / distance) : 0.0F;
   }
 
  private:
-  photometry::tests::ReliefCamera scene_;
+  photometry::test_support::ReliefCamera scene_;
   photometry::LensPyramid lens_;
 };
 
-}  // namespace tileflight::odometry::tests
+}  // namespace tileflight::odometry::test_support

@@ -15,8 +15,8 @@ using imaging::PinholeRadtan;
 
 const PinholeRadtan kLens{320, 322, 250, 175, {-0.2, 0.05, 1e-3, -1e-3}};
 
-const tests::Sequence& flight() {
-  static const tests::Sequence sequence = tests::render_hill_flight(Camera(kLens, 500, 360), 60);
+const test_support::Sequence& flight() {
+  static const test_support::Sequence sequence = test_support::render_hill_flight(Camera(kLens, 500, 360), 60);
   return sequence;
 }
 

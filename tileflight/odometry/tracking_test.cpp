@@ -17,16 +17,16 @@ namespace {
 
 using geometry::SE3;
 using geometry::Vec3;
-using photometry::tests::Relief;
+using photometry::test_support::Relief;
 
 /// Two views of rolling ground through a wide lens, with the true distances of the first.
 struct TwoViews {
   photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 240, 140.0);
   Relief relief;
-  SE3 first = photometry::tests::look_along(Vec3(0, 0, 20), Vec3(0, 1, -0.9));
+  SE3 first = photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0, 1, -0.9));
   SE3 second = SE3(geometry::so3_exp(Vec3(0.01, 0.02, -0.02)), Vec3::Zero()) *
-               photometry::tests::look_along(Vec3(0.7, 0.5, 20.2), Vec3(0.02, 1, -0.9));
+               photometry::test_support::look_along(Vec3(0.7, 0.5, 20.2), Vec3(0.02, 1, -0.9));
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, 4);
   photometry::Pyramid a, b;
 
@@ -34,7 +34,7 @@ struct TwoViews {
     relief.height_m = [](double x, double y) { return 2.0 * std::sin(0.15 * x) * std::cos(0.12 * y); };
     relief.highest_m = 2.0;
     relief.texel_m = 0.7;
-    const photometry::tests::ReliefCamera scene(camera, relief);
+    const photometry::test_support::ReliefCamera scene(camera, relief);
     a = photometry::build_pyramid(photometry::luminance(scene.render(first), nullptr), 4);
     b = photometry::build_pyramid(photometry::luminance(scene.render(second), nullptr), 4);
   }
@@ -42,7 +42,7 @@ struct TwoViews {
   /// True inverse distance of a pixel of the first view; 0: sky.
   double rho(const Eigen::Vector2f& pixel) const {
     const Vec3 ray = *camera.unproject(pixel.cast<double>());
-    const double distance = photometry::tests::hit_distance(relief, first.translation, first.rotation * ray);
+    const double distance = photometry::test_support::hit_distance(relief, first.translation, first.rotation * ray);
     return distance > 0 ? 1.0 / distance : 0.0;
   }
   Eigen::Vector2f in_second(const Eigen::Vector2f& pixel) const {

@@ -77,16 +77,16 @@ void paint_body(RgbImage& image) {
 }
 
 TEST(Masks, OwnBodyLeavesNoPointsAndDoesNoHarm) {
-  tests::Sequence sequence = tests::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 36);
+  test_support::Sequence sequence = test_support::render_hill_flight(imaging::make_fisheye(320, 200, 130.0), 36);
   for (RgbImage& image : sequence.images) paint_body(image);
   Priors aids;
   aids.mask = GrayImage(320, 200, 255);
   for (int y = 160; y < 200; ++y) std::fill(aids.mask.row(y), aids.mask.row(y) + 320, std::uint8_t{0});
   const OdometryResult result =
-      run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options(), {}, aids);
+      run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options(), {}, aids);
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
-  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
   const std::vector<geometry::Vec2> pixels = host_pixels(sequence.calibration.camera, result);
   ASSERT_FALSE(pixels.empty());
@@ -94,16 +94,16 @@ TEST(Masks, OwnBodyLeavesNoPointsAndDoesNoHarm) {
 }
 
 TEST(Masks, TheBlackSurroundOfALensIsFound) {
-  tests::Sequence sequence = tests::render_hill_flight(imaging::make_fisheye(300, 240, 150.0), 36);
+  test_support::Sequence sequence = test_support::render_hill_flight(imaging::make_fisheye(300, 240, 150.0), 36);
   const auto outside = [](double x, double y) { return std::hypot(x - 149.5, y - 119.5) > 125.0; };
   for (RgbImage& image : sequence.images)
     for (int y = 0; y < image.height; ++y)
       for (int x = 0; x < image.width; ++x)
         if (outside(x, y)) image(x, y) = {2, 1, 3};
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
   EXPECT_GE(result.frames_tracked, 34);
-  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
   const std::vector<geometry::Vec2> pixels = host_pixels(sequence.calibration.camera, result);
   ASSERT_FALSE(pixels.empty());
@@ -111,16 +111,16 @@ TEST(Masks, TheBlackSurroundOfALensIsFound) {
 }
 
 TEST(Masks, CloudsAreNotInTheMap) {
-  photometry::tests::Relief relief = tests::hilly_ground();
+  photometry::test_support::Relief relief = test_support::hilly_ground();
   relief.clouds = 90.0;
-  std::vector<geometry::SE3> truth = tests::path_over_ground(36);
-  for (geometry::SE3& pose : truth) pose = photometry::tests::look_along(pose.translation, {0.1, 1.0, -0.35});
-  const tests::Sequence sequence = tests::render_sequence(imaging::make_fisheye(320, 220, 130.0), relief, truth);
-  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), tests::small_options());
+  std::vector<geometry::SE3> truth = test_support::path_over_ground(36);
+  for (geometry::SE3& pose : truth) pose = photometry::test_support::look_along(pose.translation, {0.1, 1.0, -0.35});
+  const test_support::Sequence sequence = test_support::render_sequence(imaging::make_fisheye(320, 220, 130.0), relief, truth);
+  const OdometryResult result = run_odometry(sequence.calibration, nullptr, sequence.source(), test_support::small_options());
   EXPECT_FALSE(result.lost) << result.lost_reason;
-  EXPECT_LT(tests::relative_ate(result.trajectory, sequence.truth), 0.005);
+  EXPECT_LT(test_support::relative_ate(result.trajectory, sequence.truth), 0.005);
   ASSERT_GT(result.map.size(), 300U);
-  const std::vector<double> heights = tests::height_errors_m(relief, result, sequence.truth);
+  const std::vector<double> heights = test_support::height_errors_m(relief, result, sequence.truth);
   const auto off = std::count_if(heights.begin(), heights.end(), [](double h) { return h > 3.0; });
   EXPECT_LT(static_cast<double>(off), 0.01 * static_cast<double>(heights.size()));
 }

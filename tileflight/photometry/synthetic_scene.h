@@ -15,7 +15,7 @@
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image.h"
 
-namespace tileflight::photometry::tests {
+namespace tileflight::photometry::test_support {
 
 using geometry::SE3;
 using geometry::Vec3;
@@ -140,4 +140,4 @@ inline SE3 look_along(const Vec3& position, const Vec3& forward) {
   return SE3(R, position);
 }
 
-}  // namespace tileflight::photometry::tests
+}  // namespace tileflight::photometry::test_support

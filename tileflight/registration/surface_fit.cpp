@@ -27,15 +27,15 @@ using geometry::Vec7;
 namespace {
 
 /// Kernel scale in sigmas: a residual of three sigmas has a quarter of the full weight.
-constexpr double kKernel = 3.0;
+constexpr double kSurfaceKernel = 3.0;
 
 /// Weight rho'(z) / (2 z) of Geman and McClure's kernel.
 double kernel_weight(double z2) {
-  const double ratio = z2 / (kKernel * kKernel);
+  const double ratio = z2 / (kSurfaceKernel * kSurfaceKernel);
   return 1.0 / ((1.0 + ratio) * (1.0 + ratio));
 }
 
-double kernel_cost(double z2) { return z2 / (1.0 + z2 / (kKernel * kKernel)); }
+double kernel_cost(double z2) { return z2 / (1.0 + z2 / (kSurfaceKernel * kSurfaceKernel)); }
 
 /// The points used, relative to their centre; y = T p relative to `target_center`.
 struct Source {
@@ -143,7 +143,7 @@ class SurfaceFitter {
     alignment::Evaluation e;
     e.matched = sums.matched;
     e.rms_m = sums.matched > 0 ? std::sqrt(sums.squares / static_cast<double>(sums.matched)) : 0.0;
-    e.cost = sums.cost + kKernel * kKernel * static_cast<double>(source_.points.size() - sums.matched);
+    e.cost = sums.cost + kSurfaceKernel * kSurfaceKernel * static_cast<double>(source_.points.size() - sums.matched);
     e.next = sums.matched > 0 ? next(T, sums.planes, e.cost) : T;
     return e;
   }
@@ -401,7 +401,7 @@ SurfaceFit fit_to_surface(const ObservedPoints& points, const geometry::Triangle
   std::size_t agreeing = 0;
   alignment::PointToPlaneSystem planes;
   for (const Residual& r : residuals) {
-    if (std::abs(r.residual_m) <= kKernel * r.sigma_m) ++agreeing;
+    if (std::abs(r.residual_m) <= kSurfaceKernel * r.sigma_m) ++agreeing;
     planes.add(r.y, r.y, r.normal, source.length_m);
   }
   fit.inlier_share = static_cast<double>(agreeing) / static_cast<double>(fit.points);

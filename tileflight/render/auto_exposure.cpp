@@ -22,7 +22,7 @@ double adaptation_fraction(const AutoExposure& options, double step_s) {
   return options.time_constant_s > 0.0 ? 1.0 - std::exp(-step_s / options.time_constant_s) : 1.0;
 }
 
-double luminance(const LinearRgb& light) { return 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2]; }
+double linear_luminance(const LinearRgb& light) { return 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2]; }
 
 /// Summed row by row, so that the result does not depend on parallelism.
 double mean_light(const LinearImage& light, const imaging::FloatImage& vignette,
@@ -31,7 +31,7 @@ double mean_light(const LinearImage& light, const imaging::FloatImage& vignette,
   std::int64_t count = 0;
   for (std::size_t i = 0; i < light.pixels.size(); ++i) {
     if (valid.pixels[i] == 0) continue;
-    sum += luminance(light.pixels[i]) * (vignette.empty() ? 1.0 : static_cast<double>(vignette.pixels[i]));
+    sum += linear_luminance(light.pixels[i]) * (vignette.empty() ? 1.0 : static_cast<double>(vignette.pixels[i]));
     ++count;
   }
   return count > 0 ? sum / static_cast<double>(count) : 0.0;

@@ -15,7 +15,7 @@ using geometry::Vec3;
 constexpr double kPi = std::numbers::pi;
 constexpr double kDegrees = 180.0 / kPi;
 
-void require(bool holds, const char* option, const char* what) {
+void require_light(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("light: ") + option, what);
 }
 
@@ -105,7 +105,7 @@ SunPosition require_risen_sun(const DaylightOptions& settings, const geometry::G
                    " at " + place + "; give a daytime, in UTC or with its UTC offset");
 }
 
-std::array<float, 3> to_floats(const Vec3& v) {
+std::array<float, 3> as_floats(const Vec3& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
@@ -125,10 +125,10 @@ PhotometricRgb picture_units(const DaylightOptions& settings, const PhotometricR
 }  // namespace
 
 void validate_daylight_options(const DaylightOptions& s) {
-  require(s.turbidity >= kMinTurbidity && s.turbidity <= kMaxTurbidity, "turbidity",
+  require_light(s.turbidity >= kMinTurbidity && s.turbidity <= kMaxTurbidity, "turbidity",
           "must lie between 2 (very clear air) and 10");
-  require(s.ground_albedo >= 0.0 && s.ground_albedo <= 1.0, "ground albedo", "must lie between 0 and 1");
-  require(std::abs(s.exposure_stops) <= 20.0, "exposure", "must lie between -20 and 20 stops");
+  require_light(s.ground_albedo >= 0.0 && s.ground_albedo <= 1.0, "ground albedo", "must lie between 0 and 1");
+  require_light(std::abs(s.exposure_stops) <= 20.0, "exposure", "must lie between -20 and 20 stops");
 }
 
 PhotometricRgb sky_illuminance(const Sky& sky, const Vec3& normal) { return illuminance(sky_patches(sky), normal); }
@@ -143,7 +143,7 @@ std::shared_ptr<const Daylight> make_daylight(const DaylightOptions& settings,
 
 Daylight::Daylight(const DaylightOptions& settings, const geometry::Geodetic& origin)
     : sun_(require_risen_sun(settings, origin)),
-      toward_sun_(to_floats(sun_.direction)),
+      toward_sun_(as_floats(sun_.direction)),
       sky_(sun_.direction, settings.turbidity) {
   const PhotometricRgb sun = sun_illuminance(sun_.elevation_rad, sun_.distance_au, settings.turbidity,
                                              standard_air(origin.height.m).pressure_hpa);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::uint64_t kSensorNoiseStream = 16;
 
-void require(bool holds, const char* option, const char* what) {
+void require_formation(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("image formation: ") + option, what);
 }
 
@@ -111,10 +111,10 @@ imaging::RgbImage rounded(const ValueImage& values) {
 }
 
 void check_auto_exposure(const AutoExposure& a) {
-  require(a.target >= 0.0 && a.target <= 1.0, "auto exposure's target", "must lie between 0 and 1");
-  require(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0, "auto exposure's time constant",
+  require_formation(a.target >= 0.0 && a.target <= 1.0, "auto exposure's target", "must lie between 0 and 1");
+  require_formation(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0, "auto exposure's time constant",
           "must lie between 0 and 1000 s");
-  require(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6, "auto exposure's gains",
+  require_formation(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6, "auto exposure's gains",
           "must be positive, the smallest not above the largest");
 }
 
@@ -131,29 +131,29 @@ float with_noise(float light, float normal, const ImageFormation& formation) {
 
 void validate_image_formation(const ImageFormation& f) {
   if (f.light) validate_daylight_options(*f.light);
-  require(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
-  require(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
+  require_formation(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
+  require_formation(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
           "must lie between -0.05 and 0.05");
-  require(f.sharpening >= 0.0 && f.sharpening <= 10.0, "sharpening", "must lie between 0 and 10");
-  require(f.sharpening_radius_px >= 0.1 && f.sharpening_radius_px <= 20.0, "sharpening radius",
+  require_formation(f.sharpening >= 0.0 && f.sharpening <= 10.0, "sharpening", "must lie between 0 and 10");
+  require_formation(f.sharpening_radius_px >= 0.1 && f.sharpening_radius_px <= 20.0, "sharpening radius",
           "must lie between 0.1 and 20 pixels");
   check_auto_exposure(f.auto_exposure);
-  require(f.exposure_time_s >= 0.0 && f.exposure_time_s < 10.0, "exposure time", "must lie between 0 and 10 s");
-  require(f.exposure_samples >= 1 && f.exposure_samples <= 99 && f.exposure_samples % 2 == 1, "exposure samples",
+  require_formation(f.exposure_time_s >= 0.0 && f.exposure_time_s < 10.0, "exposure time", "must lie between 0 and 10 s");
+  require_formation(f.exposure_samples >= 1 && f.exposure_samples <= 99 && f.exposure_samples % 2 == 1, "exposure samples",
           "must be an odd number from 1 to 99");
-  require(std::abs(f.line_delay_s) < 0.1, "line delay", "must be below 0.1 s a row");
-  require(f.vignetting >= 0.0 && f.vignetting < 1.0, "vignetting", "must lie between 0 and 1");
-  require(f.exposure_drift >= 0.0 && f.exposure_drift < 1.0, "exposure drift", "must lie between 0 and 1");
-  require(f.exposure_drift_period_s > 0.0, "exposure drift period", "must be positive");
-  require(f.white_electrons >= 0.0, "white electrons", "must not be negative");
-  require(f.read_noise_electrons >= 0.0, "read noise", "must not be negative");
-  require(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "read noise", "needs white electrons above 0");
-  require(f.gamma == 0.0 || (f.gamma >= 0.1 && f.gamma <= 10.0), "gamma",
+  require_formation(std::abs(f.line_delay_s) < 0.1, "line delay", "must be below 0.1 s a row");
+  require_formation(f.vignetting >= 0.0 && f.vignetting < 1.0, "vignetting", "must lie between 0 and 1");
+  require_formation(f.exposure_drift >= 0.0 && f.exposure_drift < 1.0, "exposure drift", "must lie between 0 and 1");
+  require_formation(f.exposure_drift_period_s > 0.0, "exposure drift period", "must be positive");
+  require_formation(f.white_electrons >= 0.0, "white electrons", "must not be negative");
+  require_formation(f.read_noise_electrons >= 0.0, "read noise", "must not be negative");
+  require_formation(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "read noise", "needs white electrons above 0");
+  require_formation(f.gamma == 0.0 || (f.gamma >= 0.1 && f.gamma <= 10.0), "gamma",
           "must lie between 0.1 and 10, or be 0 for sRGB");
   double last_s = -std::numeric_limits<double>::infinity();
   for (const ExposureStep& step : f.exposure_steps) {
-    require(step.gain > 0.0 && std::isfinite(step.gain), "exposure step", "its gain must be positive");
-    require(step.time_s > last_s, "exposure step", "times must increase");
+    require_formation(step.gain > 0.0 && std::isfinite(step.gain), "exposure step", "its gain must be positive");
+    require_formation(step.time_s > last_s, "exposure step", "times must increase");
     last_s = step.time_s;
   }
 }

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace tileflight::rpc::codec_test {
+namespace tileflight::rpc {
 
 struct Inner {
   float x = 1.0F, y = 2.0F;
@@ -181,4 +181,4 @@ TEST(Codec, FaultsSayWhere) {
 }
 
 }  // namespace
-}  // namespace tileflight::rpc::codec_test
+}  // namespace tileflight::rpc

@@ -10,19 +10,19 @@ namespace tileflight::sensors {
 namespace {
 
 constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
-constexpr std::uint64_t kNoiseStream = 1, kEastStream = 2, kNorthStream = 3, kUpStream = 4;
+constexpr std::uint64_t kAttitudeNoise = 1, kEastStream = 2, kNorthStream = 3, kUpStream = 4;
 
-void require(bool holds, const char* option, const char* what) {
+void require_attitude(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("attitude ") + option, what);
 }
 
 }  // namespace
 
 void check(const AttitudeOptions& o) {
-  require(o.rate_hz > 0.0 && o.rate_hz <= 1e5, "rate_hz", "must lie between 0 and 100000");
-  require(o.noise_deg >= 0.0 && o.tilt_bias_sigma_deg >= 0.0 && o.yaw_bias_sigma_deg >= 0.0, "errors",
+  require_attitude(o.rate_hz > 0.0 && o.rate_hz <= 1e5, "rate_hz", "must lie between 0 and 100000");
+  require_attitude(o.noise_deg >= 0.0 && o.tilt_bias_sigma_deg >= 0.0 && o.yaw_bias_sigma_deg >= 0.0, "errors",
           "must not be negative");
-  require(o.bias_time_s > 0.0, "bias_time_s", "must be more than 0");
+  require_attitude(o.bias_time_s > 0.0, "bias_time_s", "must be more than 0");
 }
 
 std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(double)>& pose_at,
@@ -35,7 +35,7 @@ std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(
   GaussMarkov east = bias(options.tilt_bias_sigma_deg, kEastStream);
   GaussMarkov north = bias(options.tilt_bias_sigma_deg, kNorthStream);
   GaussMarkov up = bias(options.yaw_bias_sigma_deg, kUpStream);
-  const std::uint64_t noise_key = base::stream_key(options.seed, kNoiseStream);
+  const std::uint64_t noise_key = base::stream_key(options.seed, kAttitudeNoise);
   std::vector<AttitudeSample> samples;
   samples.reserve(times.count());
   for (std::uint64_t i = 0; i < times.count(); ++i) {

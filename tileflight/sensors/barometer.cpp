@@ -9,7 +9,7 @@
 namespace tileflight::sensors {
 namespace {
 
-constexpr std::uint64_t kNoiseStream = 21, kDriftStream = 22;
+constexpr std::uint64_t kBarometerNoise = 21, kDriftStream = 22;
 
 // U.S. Standard Atmosphere 1976, tables 1 to 4.
 constexpr double kGravity_m_s2 = 9.80665;
@@ -56,7 +56,7 @@ std::vector<BarometerSample> simulate_barometer(const std::function<double(doubl
                                                 double end_s, const BarometerOptions& options) {
   const render::SampleTimes times = render::make_sample_times("barometer", start_s, end_s, options.rate_hz);
   check(options);
-  const std::uint64_t noise_key = base::stream_key(options.seed, kNoiseStream);
+  const std::uint64_t noise_key = base::stream_key(options.seed, kBarometerNoise);
   GaussMarkov drift(options.drift_pa, options.drift_time_s, options.rate_hz,
                     base::stream_key(options.seed, kDriftStream));
   std::vector<BarometerSample> samples;

@@ -2,9 +2,9 @@
 
 #include <GeographicLib/SphericalHarmonic.hpp>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
+#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::sensors {
@@ -12,7 +12,7 @@ namespace {
 
 using geometry::Vec3;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
+using base::kRadiansPerDegree;
 constexpr double kMicroPerNano = 1e-3;
 constexpr double kEpoch = 2025.0, kEnd = 2030.0;
 constexpr double kReferenceRadius_m = 6371200.0;

@@ -12,21 +12,21 @@ namespace {
 
 using geometry::Vec3;
 
-constexpr std::uint64_t kNoiseStream = 1;
+constexpr std::uint64_t kGnssNoise = 1;
 constexpr std::uint64_t kBiasStream = 2;
 
-void require(bool holds, const char* option, const char* what) {
+void require_gnss(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("GNSS ") + option, what);
 }
 
 void check(const GnssOptions& options, double start_s, double end_s) {
-  require(options.rate_hz > 0.0 && options.rate_hz <= 1000.0, "rate", "must lie between 0 and 1000 Hz");
-  require(options.horizontal_sigma_m >= 0.0 && options.vertical_sigma_m >= 0.0, "noise", "must not be negative");
-  require(options.horizontal_bias_sigma_m >= 0.0 && options.vertical_bias_sigma_m >= 0.0, "bias",
+  require_gnss(options.rate_hz > 0.0 && options.rate_hz <= 1000.0, "rate", "must lie between 0 and 1000 Hz");
+  require_gnss(options.horizontal_sigma_m >= 0.0 && options.vertical_sigma_m >= 0.0, "noise", "must not be negative");
+  require_gnss(options.horizontal_bias_sigma_m >= 0.0 && options.vertical_bias_sigma_m >= 0.0, "bias",
           "must not be negative");
-  require(options.bias_time_s > 0.0, "bias time", "must be positive");
-  require(std::isfinite(options.lag_s), "lag", "must be finite");
-  require(start_s <= end_s && std::isfinite(end_s - start_s), "time span", "ends before it starts");
+  require_gnss(options.bias_time_s > 0.0, "bias time", "must be positive");
+  require_gnss(std::isfinite(options.lag_s), "lag", "must be finite");
+  require_gnss(start_s <= end_s && std::isfinite(end_s - start_s), "time span", "ends before it starts");
 }
 
 Vec3 normal_vector(std::uint64_t key, std::uint64_t counter) {
@@ -45,7 +45,7 @@ std::vector<GnssFix> simulate_gnss(const std::function<Vec3(double)>& position_a
   // Exactly discretized Gauss-Markov process, started in its stationary distribution.
   const double kept = std::exp(-1.0 / (options.rate_hz * options.bias_time_s));
   const double fresh = std::sqrt(1.0 - kept * kept);
-  const std::uint64_t noise_key = base::stream_key(options.seed, kNoiseStream);
+  const std::uint64_t noise_key = base::stream_key(options.seed, kGnssNoise);
   const std::uint64_t bias_key = base::stream_key(options.seed, kBiasStream);
   const auto count = static_cast<std::uint64_t>((end_s - start_s) * options.rate_hz + 1e-6) + 1;
   std::vector<GnssFix> fixes;

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
 #include "tileflight/render/reflectance.h"
@@ -17,8 +17,8 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr std::uint64_t kNoiseStream = 51, kDropoutStream = 52;
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
+constexpr std::uint64_t kLidarNoise = 51, kDropoutStream = 52;
+using base::kRadiansPerDegree;
 
 void require(bool holds, const char* option, const char* what) {
   if (!holds) throw InputError(std::string("lidar ") + option, what);
@@ -156,7 +156,7 @@ Lidar::BeamReturn Lidar::trace_beam(const LidarBeam& beam, std::uint64_t counter
   const double albedo =
       std::min(1.0, options_.albedo_gain *
                         render::Reflectance(scene_, *appearance_).at(*hit, options_.divergence_rad * hit->distance_m));
-  const std::array<float, 4> n = base::normal_variates(base::stream_key(options_.seed, kNoiseStream), counter);
+  const std::array<float, 4> n = base::normal_variates(base::stream_key(options_.seed, kLidarNoise), counter);
   const double distance_m = hit->distance_m, threshold = std::pow(distance_m / options_.white_range_m, 2);
   const bool lost = albedo * cosine * std::exp(options_.signal_spread * n[1]) < threshold ||
                     cosine < std::cos(options_.max_incidence_deg * kRadiansPerDegree) ||

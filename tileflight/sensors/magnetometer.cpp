@@ -10,7 +10,7 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr std::uint64_t kNoiseStream = 31;
+constexpr std::uint64_t kMagnetometerNoise = 31;
 
 }  // namespace
 
@@ -25,7 +25,7 @@ std::vector<MagnetometerSample> simulate_magnetometer(const std::function<SE3(do
                                                       double end_s, const MagnetometerOptions& options) {
   const render::SampleTimes times = render::make_sample_times("magnetometer", start_s, end_s, options.rate_hz);
   check(options);
-  const std::uint64_t key = base::stream_key(options.seed, kNoiseStream);
+  const std::uint64_t key = base::stream_key(options.seed, kMagnetometerNoise);
   std::vector<MagnetometerSample> samples;
   samples.reserve(times.count());
   for (std::uint64_t i = 0; i < times.count(); ++i) {

@@ -13,7 +13,7 @@ namespace {
 using geometry::SE3;
 using geometry::Vec3;
 
-constexpr std::uint64_t kNoiseStream = 41;
+constexpr std::uint64_t kRangeNoise = 41;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Unit rays spread evenly over a cone about +z, the first along its axis: a Fibonacci (sunflower) spiral on the sphere
@@ -64,7 +64,7 @@ std::vector<RangeSample> simulate_range_finder(const scene::Scene& scene, const 
                                                std::uint64_t last, const RangeFinderOptions& options) {
   check(options);
   const std::vector<Vec3> rays = cone_rays(options.beam_width_deg * std::numbers::pi / 180.0, options.rays);
-  const std::uint64_t key = base::stream_key(options.seed, kNoiseStream);
+  const std::uint64_t key = base::stream_key(options.seed, kRangeNoise);
   const Eigen::Quaterniond R_own_beam = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), options.direction);
   const double reach_m = 1.5 * options.max_range_m;  // noise can bring slightly larger distances into the range
   std::vector<RangeSample> samples;

@@ -16,15 +16,8 @@ using vehicle::Drivetrain;
 constexpr double kTakeOffHeight_m = 2.0;    // AirSim's
 constexpr double kAtRest_m_s = 0.05;        // AirSim's
 constexpr double kHomeSpeed_m_s = 0.5;      // AirSim's
-constexpr double kMaxDuration_s = 3600.0;   // upper limit of a task's duration
 constexpr std::size_t kMaxPoints = 100000;  // per path
 constexpr double kMaxSpeed_m_s = 1000.0;
-
-/// AirSim's clients send 3e38 for "no limit".
-double clamp_duration_s(float seconds, const char* call) {
-  base::require(!std::isnan(seconds), call, "the time is not a number");
-  return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
-}
 
 /// Timeout of a command; at least one step.
 double clamp_timeout_s(float seconds, const char* call) {

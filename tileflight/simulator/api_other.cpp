@@ -9,7 +9,6 @@
 namespace tileflight::simulator {
 namespace {
 
-constexpr std::size_t kMaxVehicles = 64;
 constexpr std::size_t kMaxNameLength = 100;
 
 constexpr const char* kNoManualControl =
@@ -80,7 +79,7 @@ bool Simulator::sim_add_vehicle(const std::string& name, const std::string& type
   vehicle.R_ned_body = checked_rotation(pose.orientation, "simAddVehicle");
   const geometry::SE3 home = impl_->find_home_pose(vehicle);
   const std::lock_guard lock(impl_->state_mutex);
-  if (impl_->vehicles.size() >= kMaxVehicles) throw InputError("simAddVehicle", "there are 64 vehicles already");
+  if (impl_->vehicles.size() >= kMaxVehicles) throw InputError("simAddVehicle", "there are " + std::to_string(kMaxVehicles) + " vehicles already");
   const bool known =
       std::ranges::any_of(impl_->vehicles, [&](const auto& one) { return one->vehicle->name() == name; });
   if (known) return false;

@@ -11,8 +11,6 @@ namespace {
 
 using geometry::Vec3;
 
-constexpr double kMaxDuration_s = 3600.0;
-
 double check_range(float value, float max, const char* call, const char* what) {
   if (!(std::abs(value) <= max)) throw InputError(call, std::string(what) + " is out of range");
   return value;
@@ -20,11 +18,6 @@ double check_range(float value, float max, const char* call, const char* what) {
 
 double check_angle(float radians, const char* call) { return check_range(radians, 1000.0F, call, "an angle"); }
 double check_rate(float radians_s, const char* call) { return check_range(radians_s, 1000.0F, call, "a rate"); }
-
-double clamp_duration_s(float seconds, const char* call) {
-  if (std::isnan(seconds)) throw InputError(call, "the time is not a number");
-  return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
-}
 
 /// Vertical control during the command.
 struct VerticalCommand {

@@ -16,7 +16,7 @@ using geometry::Vec3;
 using imaging::Camera;
 
 constexpr int kMaxSide_px = 8192;
-constexpr double kMaxPixels = 32e6;
+constexpr double kMaxImagePixels = 32e6;
 
 LensDescription read_lens(StrictSection section, const CaptureSettings& capture) {
   LensDescription lens;
@@ -107,7 +107,7 @@ Eigen::Quaterniond read_orientation(StrictSection& section) {
 Camera make_lens(const CaptureSettings& capture, const std::string& where) {
   const int width = capture.width, height = capture.height;
   base::require(width >= 1 && height >= 1 && width <= kMaxSide_px && height <= kMaxSide_px &&
-                    static_cast<double>(width) * height <= kMaxPixels,
+                    static_cast<double>(width) * height <= kMaxImagePixels,
                 where, "an image must not exceed 8192 x 8192 or 32 million pixels");
   if (capture.lens) {
     check(*capture.lens, where);

@@ -7,7 +7,7 @@
 namespace tileflight::simulator {
 namespace {
 
-constexpr std::size_t kMaxLength = 1000;
+constexpr std::size_t kMaxPatternLength = 1000;
 constexpr std::int64_t kMaxMemory_bytes = 1 << 20;
 
 re2::RE2::Options make_re2_options(NamePattern::Case letters) {
@@ -27,7 +27,7 @@ struct NamePattern::Impl {
 };
 
 NamePattern::NamePattern(const std::string& expression, Case letters) {
-  if (expression.size() > kMaxLength) throw InputError("pattern", "longer than 1000 characters");
+  if (expression.size() > kMaxPatternLength) throw InputError("pattern", "longer than 1000 characters");
   impl_.reset(new Impl{{expression, make_re2_options(letters)}});
   if (!impl_->expression.ok()) {
     throw InputError("pattern '" + expression.substr(0, 80) + "'",

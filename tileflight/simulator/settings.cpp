@@ -17,7 +17,6 @@ using base::StrictSection;
 using geometry::Vec3;
 using nlohmann::json;
 
-constexpr std::size_t kMaxVehicles = 64;
 
 /// AirSim's keys for features that do not exist here: a window, a graphics card, a game.
 const std::vector<std::string> kIgnoredKeys{

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <map>
 #include <optional>
 #include <string>
@@ -12,6 +13,8 @@
 #include "tileflight/simulator/sensor_settings.h"
 
 namespace tileflight::simulator {
+
+inline constexpr std::size_t kMaxVehicles = 64;
 
 /// Capture settings of one image type. `fov_deg` is horizontal, or vertical if the image has more rows than columns.
 struct CaptureSettings {

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -12,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "tileflight/base/require.h"
 #include "tileflight/simulator/client_file_access.h"
 #include "tileflight/simulator/detection.h"
 #include "tileflight/simulator/image_renderer.h"
@@ -26,6 +29,13 @@
 #include "tileflight/simulator/working_set.h"
 
 namespace tileflight::simulator {
+
+/// Duration of a command within 0 to an hour; AirSim's clients send 3e38 for "no limit". Throws InputError for NaN.
+inline double clamp_duration_s(float seconds, const char* call) {
+  constexpr double kMaxDuration_s = 3600.0;
+  base::require(!std::isnan(seconds), call, "the time is not a number");
+  return std::clamp(static_cast<double>(seconds), 0.0, kMaxDuration_s);
+}
 
 /// A vehicle with its state history and sensor noise.
 struct VehicleSlot {

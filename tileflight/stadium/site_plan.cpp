@@ -27,11 +27,11 @@ std::vector<Vec2> smooth_line(const std::vector<Vec2>& points) {
   return line;
 }
 
-std::vector<Grandstand> make_stands() {
+std::vector<Grandstand> plan_stands() {
   return {{{-59, -55, -32, 55}, 1.0, 30, 1.5, 1.5}, {{32, -50, 55, 50}, -1.0, 25, 1.5, 1.75}};
 }
 
-std::vector<Building> make_buildings() {
+std::vector<Building> plan_buildings() {
   using enum BuildingStyle;
   return {{{-67, -32, -59, 32}, 10.0, kPressBox},        {{-74, -54, -68, -40}, 4.5, kConcession},
           {{-74, 40, -68, 54}, 4.5, kConcession},        {{61, -46, 68, -30}, 4.5, kConcession},
@@ -162,8 +162,8 @@ double SitePlan::clearance_m(double x, double y) const {
 SitePlan make_site_plan(std::uint32_t seed) {
   SitePlan plan;
   plan.seed = base::murmur3_mix(seed + 0x51edU);
-  plan.stands = make_stands();
-  plan.buildings = make_buildings();
+  plan.stands = plan_stands();
+  plan.buildings = plan_buildings();
   plan.plazas = {{-77, -62, -59, 62}, {55, -56, 71, 56}, {-36, -84, 36, -76}, {0, 122, 46, 128}, {-44, 112, -36, 166}};
   plan.car_parks = {{{-162, -66, -106, 78}, plan.seed + 1},
                     {{-80, -190, 36, -146}, plan.seed + 2},

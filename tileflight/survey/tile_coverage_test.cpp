@@ -9,10 +9,10 @@ namespace tileflight::survey::tile_coverage_test {
 namespace {
 
 using ::testing::ElementsAre;
-using transport::testing::box_volume;
-using transport::testing::Json;
-using transport::testing::MemorySource;
-using transport::testing::tile;
+using transport::test_support::box_volume;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
+using transport::test_support::tile;
 
 /// root (8 m) > middle (2 m) > leaf (0 m), all over the same ground.
 Json chain(const std::string& refine_of_middle) {
@@ -22,7 +22,7 @@ Json chain(const std::string& refine_of_middle) {
   Json root = tile(box_volume(0, 0, 0, 10, 10, 1), 8, "root.glb");
   root["refine"] = "REPLACE";
   root["children"] = Json::array({middle});
-  return transport::testing::tileset(root);
+  return transport::test_support::tileset(root);
 }
 
 std::vector<double> errors_of_stands(const std::string& refine_of_middle) {

@@ -11,19 +11,19 @@
 namespace tileflight::tile_contents::content_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_bytes;
+using base::test_support::error_of;
+using base::test_support::to_bytes;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using transport::testing::b3dm;
-using transport::testing::GltfWriter;
-using transport::testing::Json;
-using transport::testing::triangle_glb;
+using transport::test_support::b3dm;
+using transport::test_support::GltfWriter;
+using transport::test_support::Json;
+using transport::test_support::triangle_glb;
 
 DecodedContent decode(const std::string& bytes, const ContentOptions& options = {}) {
-  return decode_content(base::testing::to_bytes(bytes), "tile", options);
+  return decode_content(base::test_support::to_bytes(bytes), "tile", options);
 }
 
 /// The only mesh of a content.
@@ -34,11 +34,11 @@ TexturedMesh mesh_of(const std::string& bytes, const ContentOptions& options = {
 }
 
 std::string error(const std::string& bytes, const ContentOptions& options = {}) {
-  return base::testing::error_of([&] { decode(bytes, options); });
+  return base::test_support::error_of([&] { decode(bytes, options); });
 }
 
 TEST(DecodeContent, YUpBecomesZUp) {
-  const std::string glb = transport::testing::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
+  const std::string glb = transport::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
   const TexturedMesh mesh = mesh_of(glb);
   EXPECT_THAT(mesh.mesh.vertices, ElementsAre(Vec3(1, -3, 2), Vec3(4, -6, 5), Vec3(7, -10, 8)));
   EXPECT_THAT(mesh.mesh.triangles, ElementsAre(geometry::Triangle{0, 1, 2}));
@@ -47,21 +47,21 @@ TEST(DecodeContent, YUpBecomesZUp) {
 }
 
 TEST(DecodeContent, RtcCentersAreAddedAfterTheTurn) {
-  const std::string glb = transport::testing::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
+  const std::string glb = transport::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
   EXPECT_EQ(
-      mesh_of(transport::testing::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}})).mesh.vertices[0],
+      mesh_of(transport::test_support::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}})).mesh.vertices[0],
       Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
   GltfWriter writer;
   writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({1, 2, 3, 4, 5, 6, 7, 8, 10}, 3)}}}});
   writer.json()["extensions"]["CESIUM_RTC"]["center"] = {1e6, 2e6, 3e6};
   writer.json()["extensionsRequired"] = {"CESIUM_RTC"};
   EXPECT_EQ(mesh_of(writer.glb()).mesh.vertices[0], Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
-  EXPECT_THAT(error(transport::testing::b3dm(glb, {{"RTC_CENTER", {1, 2}}})),
+  EXPECT_THAT(error(transport::test_support::b3dm(glb, {{"RTC_CENTER", {1, 2}}})),
               HasSubstr("RTC_CENTER has 2 numbers, 3 wanted"));
 }
 
 TEST(DecodeContent, EarlierB3dmHeaders) {
-  const std::string glb = transport::testing::triangle_glb();
+  const std::string glb = transport::test_support::triangle_glb();
   const auto u32 = GltfWriter::u32;
   const std::string table = "{\"id\":[0]}  ";
   const auto length = [&](std::size_t header) {
@@ -226,10 +226,10 @@ TEST(DecodeContent, OutsideFilesComeThroughTheReaders) {
   ContentOptions options{.up_axis = UpAxis::kZ};
   options.read_resource = [&](const std::string& uri) {
     EXPECT_EQ(uri, "a%20b.bin");
-    return base::testing::to_bytes(writer.binary());
+    return base::test_support::to_bytes(writer.binary());
   };
   EXPECT_EQ(mesh_of(gltf, options).mesh.vertices[2], Vec3(7, 8, 10));
-  options.read_resource = [&](const std::string&) { return base::testing::to_bytes(writer.binary().substr(1)); };
+  options.read_resource = [&](const std::string&) { return base::test_support::to_bytes(writer.binary().substr(1)); };
   EXPECT_THAT(error(gltf, options), HasSubstr("has 35 bytes of 36"));
 }
 
@@ -249,14 +249,14 @@ TEST(DecodeContent, Instances) {
 TEST(DecodeContent, Composites) {
   const auto u32 = GltfWriter::u32;
   const std::string inner =
-      transport::testing::b3dm(transport::testing::triangle_glb()) + transport::testing::triangle_glb();
+      transport::test_support::b3dm(transport::test_support::triangle_glb()) + transport::test_support::triangle_glb();
   const auto composite = [&](const std::string& tiles, std::uint32_t count) {
     return "cmpt" + u32(1) + u32(static_cast<std::uint32_t>(16 + tiles.size())) + u32(count) + tiles;
   };
   EXPECT_EQ(decode(composite(inner, 2)).meshes.size(), 2U);
   EXPECT_EQ(decode(composite(composite(inner, 2) + inner, 3)).meshes.size(), 4U);
   EXPECT_THAT(error(composite(inner, 3)), HasSubstr("inner tile 2: truncated"));
-  std::string nested = transport::testing::triangle_glb();
+  std::string nested = transport::test_support::triangle_glb();
   for (int i = 0; i < 12; ++i) nested = composite(nested, 1);
   EXPECT_THAT(error(nested), HasSubstr("too deep"));
 }
@@ -358,7 +358,7 @@ TEST(DecodeContent, MeshoptSequencesAndTheExponentialFilter) {
 }
 
 TEST(DecodeContent, CutShortAtEveryLength) {
-  for (const std::string& whole : {transport::testing::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
+  for (const std::string& whole : {transport::test_support::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
     EXPECT_EQ(error(whole), "");
     for (std::size_t length = 0; length < whole.size(); ++length) {
       EXPECT_THAT(error(whole.substr(0, length)), ::testing::StartsWith("tile: ")) << length;
@@ -433,9 +433,9 @@ TEST(DecodeContent, IndicesBeyondTheVerticesAndPositionsThatAreNoNumbers) {
   writer.add_primitive(
       {{"attributes", {{"POSITION", positions}}}, {"indices", writer.add_accessor<std::uint32_t>({0, 1, 3}, 1)}});
   EXPECT_THAT(error(writer.glb()), HasSubstr("refers to vertex 3 of 3"));
-  EXPECT_THAT(error(transport::testing::triangle_glb({0, 0, 0, 1, NAN, 0, 0, 1, 0})),
+  EXPECT_THAT(error(transport::test_support::triangle_glb({0, 0, 0, 1, NAN, 0, 0, 1, 0})),
               HasSubstr("position of vertex 1 is not finite"));
-  EXPECT_THAT(error(transport::testing::triangle_glb({0, 0, 0, 1, 0, INFINITY, 0, 1, 0})),
+  EXPECT_THAT(error(transport::test_support::triangle_glb({0, 0, 0, 1, 0, INFINITY, 0, 1, 0})),
               HasSubstr("position of vertex 1 is not finite"));
 }
 

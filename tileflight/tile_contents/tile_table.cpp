@@ -48,7 +48,7 @@ const Component* component_of(const std::string& type) {
   return it == kComponents.end() ? nullptr : &it->second;
 }
 
-std::size_t components_of(const std::string& type, const std::string& where) {
+std::size_t batch_components(const std::string& type, const std::string& where) {
   if (type == "SCALAR") return 1;
   if (type.size() == 4 && type.starts_with("VEC") && type[3] >= '2' && type[3] <= '4') {
     return static_cast<std::size_t>(type[3] - '0');
@@ -63,7 +63,7 @@ std::vector<std::string> binary_column(const Json& reference, Bytes binary, std:
   const std::string type = require_value(find_string(reference, "componentType", where), "componentType", where);
   const Component* component = component_of(type);
   if (component == nullptr) throw InputError(where, "componentType '" + type + "' is unknown");
-  const std::size_t components = components_of(find_string(reference, "type", where).value_or("SCALAR"), where);
+  const std::size_t components = batch_components(find_string(reference, "type", where).value_or("SCALAR"), where);
   if (offset > binary.size() || count > (binary.size() - offset) / (component->bytes * components)) {
     throw InputError(where, "lies outside the table's binary part");
   }

@@ -20,13 +20,13 @@ namespace tileflight::tiles::archive_source_test {
 namespace {
 
 namespace fs = std::filesystem;
-using base::testing::error_of;
-using base::testing::to_bytes;
-using base::testing::to_text;
+using base::test_support::error_of;
+using base::test_support::to_bytes;
+using base::test_support::to_text;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using transport::testing::ZipEntry;
+using transport::test_support::ZipEntry;
 
 /// zlib's stream: -15 raw, 31 gzip.
 std::string deflated(const std::string& text, int window_bits) {
@@ -59,29 +59,29 @@ std::string words(std::size_t count) {
 TEST(Unpack, GzipRoundTripAndBounds) {
   for (const std::size_t count : {0U, 1U, 10000U}) {
     const std::string text = words(count);
-    const auto packed = base::testing::to_bytes(deflated(text, 31));
+    const auto packed = base::test_support::to_bytes(deflated(text, 31));
     EXPECT_TRUE(base::is_gzip(packed));
-    EXPECT_EQ(base::testing::to_text(base::gunzip(packed, text.size(), "t")), text);
+    EXPECT_EQ(base::test_support::to_text(base::gunzip(packed, text.size(), "t")), text);
     if (!text.empty()) {
-      EXPECT_THAT(base::testing::error_of([&] { base::gunzip(packed, text.size() - 1, "t"); }), HasSubstr("the limit"));
+      EXPECT_THAT(base::test_support::error_of([&] { base::gunzip(packed, text.size() - 1, "t"); }), HasSubstr("the limit"));
       EXPECT_THAT(
-          base::testing::error_of([&] { base::gunzip(std::span(packed).first(packed.size() / 2), 1 << 20, "t"); }),
+          base::test_support::error_of([&] { base::gunzip(std::span(packed).first(packed.size() / 2), 1 << 20, "t"); }),
           HasSubstr("truncated"));
     }
   }
   EXPECT_EQ(
-      base::testing::to_text(base::gunzip(base::testing::to_bytes(deflated("ab", 31) + deflated("cd", 31)), 4, "t")),
+      base::test_support::to_text(base::gunzip(base::test_support::to_bytes(deflated("ab", 31) + deflated("cd", 31)), 4, "t")),
       "abcd");
 }
 
 /// Zeros, a thousand times the size of their gzip: rejected at the limit, not after.
 TEST(Unpack, ABombStopsAtTheLimit) {
-  const auto bomb = base::testing::to_bytes(deflated(std::string(std::size_t{1} << 26, '\0'), 31));
+  const auto bomb = base::test_support::to_bytes(deflated(std::string(std::size_t{1} << 26, '\0'), 31));
   EXPECT_LT(bomb.size(), 100000U);
-  EXPECT_THAT(base::testing::error_of([&] { base::gunzip(bomb, 1 << 20, "t"); }),
+  EXPECT_THAT(base::test_support::error_of([&] { base::gunzip(bomb, 1 << 20, "t"); }),
               HasSubstr("more than the limit of 1048576 bytes"));
-  EXPECT_THAT(base::testing::error_of(
-                  [&] { base::decompress_zstd(base::testing::to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t"); }),
+  EXPECT_THAT(base::test_support::error_of(
+                  [&] { base::decompress_zstd(base::test_support::to_bytes("(\xB5/\xFD"), std::size_t{1} << 40, "t"); }),
               HasSubstr("declares"));
 }
 
@@ -104,7 +104,7 @@ TEST(Md5, TheVectorsOfItsRfc) {
 
 transport::ZipArchive open(const std::string& zip, const transport::ZipLimits& limits = {}) {
   return {[zip](std::uint64_t offset, std::size_t length) {
-            return base::testing::to_bytes(zip.substr(static_cast<std::size_t>(offset), length));
+            return base::test_support::to_bytes(zip.substr(static_cast<std::size_t>(offset), length));
           },
           zip.size(), "a.3tz", limits};
 }
@@ -112,7 +112,7 @@ transport::ZipArchive open(const std::string& zip, const transport::ZipLimits& l
 /// An archive of these files with a correct index.
 std::string indexed(std::vector<ZipEntry> entries) {
   std::vector<std::uint64_t> offsets;
-  transport::testing::make_zip(entries, &offsets);
+  transport::test_support::make_zip(entries, &offsets);
   std::vector<std::pair<std::pair<std::uint64_t, std::uint64_t>, std::uint64_t>> index;
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const auto digest = base::md5(entries[i].path);
@@ -124,9 +124,9 @@ std::string indexed(std::vector<ZipEntry> entries) {
   std::sort(index.begin(), index.end());
   std::string bytes;
   for (const auto& [hash, offset] : index)
-    bytes += base::testing::to_raw_bytes<std::uint64_t>({hash.first, hash.second, offset});
+    bytes += base::test_support::to_raw_bytes<std::uint64_t>({hash.first, hash.second, offset});
   entries.push_back({"@3dtilesIndex1@", bytes});
-  return transport::testing::make_zip(entries);
+  return transport::test_support::make_zip(entries);
 }
 
 std::vector<ZipEntry> three_files() {
@@ -138,63 +138,63 @@ TEST(ZipArchive, StoredDeflatedAndZstandard) {
   const transport::ZipArchive archive = open(indexed(three_files()));
   EXPECT_THAT(archive.warnings(), IsEmpty());
   for (const ZipEntry& entry : three_files()) {
-    EXPECT_EQ(base::testing::to_text(archive.read(entry.path)), entry.content);
+    EXPECT_EQ(base::test_support::to_text(archive.read(entry.path)), entry.content);
     EXPECT_EQ(archive.size(entry.path), entry.content.size());
   }
-  EXPECT_THAT(base::testing::error_of([&] { archive.read("c.glb"); }), HasSubstr("c.glb: is missing in a.3tz"));
+  EXPECT_THAT(base::test_support::error_of([&] { archive.read("c.glb"); }), HasSubstr("c.glb: is missing in a.3tz"));
 }
 
 TEST(ZipArchive, AnIndexThatMisleadsIsWarnedOfAndNotFollowed) {
-  EXPECT_THAT(open(transport::testing::make_zip(three_files())).warnings(), ElementsAre(HasSubstr("no index")));
+  EXPECT_THAT(open(transport::test_support::make_zip(three_files())).warnings(), ElementsAre(HasSubstr("no index")));
   std::string zip = indexed(three_files());
   const std::size_t at = zip.find("@3dtilesIndex1@") + 15 + 16;
   zip[at] = static_cast<char>(zip[at] + 1);
   // The index's own checksum must be correct; otherwise another fault (a damaged archive) is reported.
-  EXPECT_THAT(base::testing::error_of([&] { open(zip); }), HasSubstr("its checksum differs"));
+  EXPECT_THAT(base::test_support::error_of([&] { open(zip); }), HasSubstr("its checksum differs"));
   std::vector<ZipEntry> entries = three_files();
   entries.push_back({"@3dtilesIndex1@", std::string(72, '\x01')});
-  const transport::ZipArchive archive = open(transport::testing::make_zip(entries));
+  const transport::ZipArchive archive = open(transport::test_support::make_zip(entries));
   EXPECT_THAT(archive.warnings(), ElementsAre(HasSubstr("does not point to")));
-  EXPECT_EQ(base::testing::to_text(archive.read("tileset.json")), "{}");
+  EXPECT_EQ(base::test_support::to_text(archive.read("tileset.json")), "{}");
 }
 
 TEST(ZipArchive, FaultsAreNamed) {
   const std::string good = indexed(three_files());
   for (std::size_t length = 0; length < good.size(); length += 1 + good.size() / 40) {
-    EXPECT_THAT(base::testing::error_of([&] { open(good.substr(0, length)); }), HasSubstr("a.3tz")) << length;
+    EXPECT_THAT(base::test_support::error_of([&] { open(good.substr(0, length)); }), HasSubstr("a.3tz")) << length;
   }
-  EXPECT_THAT(base::testing::error_of([&] {
-                open(transport::testing::make_zip({{"a", "1"}, {"a", "2"}}));
+  EXPECT_THAT(base::test_support::error_of([&] {
+                open(transport::test_support::make_zip({{"a", "1"}, {"a", "2"}}));
               }),
               HasSubstr("contains 'a' twice"));
-  EXPECT_THAT(base::testing::error_of([&] {
-                open(transport::testing::make_zip({{"a", "12", "12", 14}})).read("a");
+  EXPECT_THAT(base::test_support::error_of([&] {
+                open(transport::test_support::make_zip({{"a", "12", "12", 14}})).read("a");
               }),
               HasSubstr("method 14"));
-  EXPECT_THAT(base::testing::error_of([&] {
-                open(transport::testing::make_zip({{"a", "12", "\xff\xff\xff", 8}})).read("a");
+  EXPECT_THAT(base::test_support::error_of([&] {
+                open(transport::test_support::make_zip({{"a", "12", "\xff\xff\xff", 8}})).read("a");
               }),
               HasSubstr("malformed"));
-  EXPECT_THAT(base::testing::error_of([&] {
-                open(transport::testing::make_zip({{"a", "123", deflated("12", -15), 8}})).read("a");
+  EXPECT_THAT(base::test_support::error_of([&] {
+                open(transport::test_support::make_zip({{"a", "123", deflated("12", -15), 8}})).read("a");
               }),
               HasSubstr("fewer bytes"));
-  EXPECT_THAT(base::testing::error_of([&] {
-                open(transport::testing::make_zip({{"a", "12"}}), {.max_file_bytes = 1}).read("a");
+  EXPECT_THAT(base::test_support::error_of([&] {
+                open(transport::test_support::make_zip({{"a", "12"}}), {.max_file_bytes = 1}).read("a");
               }),
               HasSubstr("more than the limit of 1"));
-  EXPECT_THAT(base::testing::error_of([&] {
-                open(transport::testing::make_zip({{"a", "12"}, {"b", "1"}}), {.max_entries = 1});
+  EXPECT_THAT(base::test_support::error_of([&] {
+                open(transport::test_support::make_zip({{"a", "12"}, {"b", "1"}}), {.max_entries = 1});
               }),
               HasSubstr("limit of 1"));
-  std::string damaged = transport::testing::make_zip({{"a", "content"}});
+  std::string damaged = transport::test_support::make_zip({{"a", "content"}});
   damaged[damaged.find("content")] = 'C';
-  EXPECT_THAT(base::testing::error_of([&] { open(damaged).read("a"); }), HasSubstr("its checksum differs"));
+  EXPECT_THAT(base::test_support::error_of([&] { open(damaged).read("a"); }), HasSubstr("its checksum differs"));
   std::mt19937 random(3);
   for (int i = 0; i < 150; ++i) {
     std::string broken = good;
     for (int k = 0; k < 3; ++k) broken[broken.size() - 1 - random() % 400] = static_cast<char>(random());
-    EXPECT_THAT(base::testing::error_of([&] {
+    EXPECT_THAT(base::test_support::error_of([&] {
                   const transport::ZipArchive archive = open(broken);
                   for (const ZipEntry& entry : three_files()) archive.read(entry.path);
                 }),
@@ -206,7 +206,7 @@ TEST(ArchiveSource, NoPathLeavesTheArchive) {
   EXPECT_EQ(transport::path_in_archive("sub/a%20b.glb?v=1", "x"), "sub/a b.glb");
   for (const char* uri : {"../a", "/etc/passwd", "file:///etc/passwd", "http://host/a", "//host/a", "a/%2e%2e/../b",
                           "a/../../b", "..", "a/..", "%2Fa"}) {
-    EXPECT_THAT(base::testing::error_of([&] { transport::path_in_archive(uri, "x.3tz"); }),
+    EXPECT_THAT(base::test_support::error_of([&] { transport::path_in_archive(uri, "x.3tz"); }),
                 HasSubstr("refers to a file outside the archive x.3tz"))
         << uri;
   }
@@ -246,8 +246,8 @@ class ArchiveFiles : public ::testing::Test {
   }
 
   static std::string tileset() {
-    return transport::testing::tileset(
-               transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "sub/a.glb"))
+    return transport::test_support::tileset(
+               transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, "sub/a.glb"))
         .dump();
   }
 
@@ -257,7 +257,7 @@ class ArchiveFiles : public ::testing::Test {
 constexpr char kMedia[] = "CREATE TABLE media (key TEXT PRIMARY KEY, content BLOB)";
 
 TEST_F(ArchiveFiles, OnePlaceInAFolderIn3tzAndIn3dtiles) {
-  const std::string glb = transport::testing::triangle_glb();
+  const std::string glb = transport::test_support::triangle_glb();
   const fs::path zip = write("a.3tz", indexed({{"tileset.json", tileset()}, {"sub/a.glb", deflated(glb, 31)}}));
   const fs::path sqlite =
       database("a.3dtiles", {kMedia}, {{"tileset.json", deflated(tileset(), 31)}, {"sub/a.glb", glb}});
@@ -278,28 +278,28 @@ TEST_F(ArchiveFiles, OnePlaceInAFolderIn3tzAndIn3dtiles) {
 }
 
 TEST_F(ArchiveFiles, WhatIsNoArchiveIsNamed) {
-  EXPECT_THAT(base::testing::error_of([&] { transport::open_source(write("a.3tz", "nothing").string()); }),
+  EXPECT_THAT(base::test_support::error_of([&] { transport::open_source(write("a.3tz", "nothing").string()); }),
               HasSubstr("no end record"));
-  EXPECT_THAT(base::testing::error_of([&] {
-                transport::open_source(write("b.3tz", transport::testing::make_zip({{"a", "1"}})).string());
+  EXPECT_THAT(base::test_support::error_of([&] {
+                transport::open_source(write("b.3tz", transport::test_support::make_zip({{"a", "1"}})).string());
               }),
               HasSubstr("no tileset.json"));
-  EXPECT_THAT(base::testing::error_of(
+  EXPECT_THAT(base::test_support::error_of(
                   [&] { transport::open_source(database("c.3dtiles", {"CREATE TABLE m (a TEXT)"}).string()); }),
               HasSubstr("no table 'media'"));
-  EXPECT_THAT(base::testing::error_of([&] { transport::open_source(database("d.3dtiles", {kMedia}).string()); }),
+  EXPECT_THAT(base::test_support::error_of([&] { transport::open_source(database("d.3dtiles", {kMedia}).string()); }),
               HasSubstr("no tileset.json"));
-  EXPECT_THAT(base::testing::error_of(
+  EXPECT_THAT(base::test_support::error_of(
                   [&] { transport::open_source(database("e.3dtiles", {"CREATE TABLE media (key TEXT)"}).string()); }),
               HasSubstr("no such column: content"));
   // A view could compute endlessly.
   EXPECT_THAT(
-      base::testing::error_of([&] {
+      base::test_support::error_of([&] {
         transport::open_source(
             database("f.3dtiles", {"CREATE VIEW media AS SELECT 'tileset.json' AS key, 'x' AS content"}).string());
       }),
       HasSubstr("no table 'media'"));
-  EXPECT_THAT(base::testing::error_of([&] {
+  EXPECT_THAT(base::test_support::error_of([&] {
                 transport::open_source(write("g.3dtiles", "SQLite format 3" + std::string(900, '\7')).string());
               }),
               HasSubstr("g.3dtiles"));
@@ -322,7 +322,7 @@ TEST(ArchiveSource, RealArchives) {
     ++packages;
     const std::string name = entry.path().filename();
     const std::string message =
-        base::testing::error_of([&] { transport::open_source(entry.path().string())->read("tileset.json"); });
+        base::test_support::error_of([&] { transport::open_source(entry.path().string())->read("tileset.json"); });
     if (name.starts_with("valid.")) {
       EXPECT_EQ(message, "") << name;
     } else if (name.ends_with(".3tz")) {

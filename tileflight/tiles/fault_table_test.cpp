@@ -18,7 +18,7 @@ namespace tileflight::tiles::fault_table_test {
 namespace {
 
 namespace fs = std::filesystem;
-using base::testing::error_of;
+using base::test_support::error_of;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -57,7 +57,7 @@ void read_content(const fs::path& file) {
 
 /// Error message of reading a file; empty: it was read.
 std::string fate_of(const fs::path& file, Kind kind) {
-  return base::testing::error_of([&] {
+  return base::test_support::error_of([&] {
     if (kind == Kind::kSubtree) return read_subtree(file);
     if (kind == Kind::kContent) return read_content(file);
     if (kind == Kind::kSchema) {

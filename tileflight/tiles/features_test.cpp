@@ -15,15 +15,15 @@
 namespace tileflight::tiles::features_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_raw_bytes;
+using base::test_support::error_of;
+using base::test_support::to_raw_bytes;
 using imaging::kNoFeature;
 using imaging::TexturedMesh;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using transport::testing::GltfWriter;
-using transport::testing::Json;
+using transport::test_support::GltfWriter;
+using transport::test_support::Json;
 
 tile_contents::MetadataSchema schema(const Json& properties, const Json& enums = Json::object()) {
   return tile_contents::parse_metadata_schema({{"classes", {{"c", {{"properties", properties}}}}}, {"enums", enums}},
@@ -39,10 +39,10 @@ tile_contents::PropertyTable table(const Json& properties, std::size_t count, co
 }
 
 TEST(PropertyTable, NumbersOfAnyType) {
-  const std::vector<std::string> views = {base::testing::to_raw_bytes<std::int16_t>({-3, 32767}),
-                                          base::testing::to_raw_bytes<std::uint64_t>({1, 18446744073709551615U}),
-                                          base::testing::to_raw_bytes<float>({1, 2, 3, 4, 5, 6}),
-                                          base::testing::to_raw_bytes<std::uint8_t>({0, 255})};
+  const std::vector<std::string> views = {base::test_support::to_raw_bytes<std::int16_t>({-3, 32767}),
+                                          base::test_support::to_raw_bytes<std::uint64_t>({1, 18446744073709551615U}),
+                                          base::test_support::to_raw_bytes<float>({1, 2, 3, 4, 5, 6}),
+                                          base::test_support::to_raw_bytes<std::uint8_t>({0, 255})};
   const tile_contents::PropertyTable t = table(
       {{"a", {{"type", "SCALAR"}, {"componentType", "INT16"}}},
        {"b", {{"type", "SCALAR"}, {"componentType", "UINT64"}}},
@@ -60,11 +60,11 @@ TEST(PropertyTable, NumbersOfAnyType) {
 
 TEST(PropertyTable, StringsBooleansEnumsAndArrays) {
   const std::vector<std::string> views = {"hallbarn",
-                                          base::testing::to_raw_bytes<std::uint8_t>({0, 4, 8}),
+                                          base::test_support::to_raw_bytes<std::uint8_t>({0, 4, 8}),
                                           std::string("\x02"),
-                                          base::testing::to_raw_bytes<std::uint8_t>({1, 9}),
-                                          base::testing::to_raw_bytes<std::uint16_t>({5, 6, 7}),
-                                          base::testing::to_raw_bytes<std::uint32_t>({0, 1, 3})};
+                                          base::test_support::to_raw_bytes<std::uint8_t>({1, 9}),
+                                          base::test_support::to_raw_bytes<std::uint16_t>({5, 6, 7}),
+                                          base::test_support::to_raw_bytes<std::uint32_t>({0, 1, 3})};
   const tile_contents::PropertyTable t =
       table({{"a", {{"type", "STRING"}}},
              {"b", {{"type", "BOOLEAN"}}},
@@ -90,22 +90,22 @@ TEST(PropertyTable, FaultsAreNamed) {
   const Json number = {{"a", {{"type", "SCALAR"}, {"componentType", "UINT32"}}}};
   const Json text = {{"a", {{"type", "STRING"}}}};
   const auto message = [](const Json& properties, const Json& column, const std::vector<std::string>& views) {
-    return base::testing::error_of([&] { table(properties, 2, {{"a", column}}, views); });
+    return base::test_support::error_of([&] { table(properties, 2, {{"a", column}}, views); });
   };
   EXPECT_THAT(message(number, {{"values", 0}}, {"1234567"}), HasSubstr("property a: needs 2 elements"));
   EXPECT_THAT(message(number, Json::object(), {}), HasSubstr("values is missing"));
   EXPECT_THAT(message(text, {{"values", 0}}, {"ab"}), HasSubstr("stringOffsets is missing"));
   EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}},
-                      {"ab", base::testing::to_raw_bytes<std::uint32_t>({0, 2, 1})}),
+                      {"ab", base::test_support::to_raw_bytes<std::uint32_t>({0, 2, 1})}),
               HasSubstr("offsets decrease"));
   EXPECT_THAT(message(text, {{"values", 0}, {"stringOffsets", 1}},
-                      {"ab", base::testing::to_raw_bytes<std::uint32_t>({0, 1, 9})}),
+                      {"ab", base::test_support::to_raw_bytes<std::uint32_t>({0, 1, 9})}),
               HasSubstr("needs 9 elements"));
-  EXPECT_THAT(base::testing::error_of([&] {
+  EXPECT_THAT(base::test_support::error_of([&] {
                 table(number, 1, {{"b", {{"values", 0}}}}, {"1234"});
               }),
               HasSubstr("does not belong to class"));
-  EXPECT_THAT(base::testing::error_of([] {
+  EXPECT_THAT(base::test_support::error_of([] {
                 schema({{"a", {{"type", "VEC9"}, {"componentType", "UINT8"}}}});
               }),
               HasSubstr("'VEC9'"));
@@ -122,18 +122,18 @@ GltfWriter two_buildings(const std::string& attribute) {
 }
 
 tile_contents::DecodedContent decode(const std::string& bytes) {
-  return tile_contents::decode_content(base::testing::to_bytes(bytes), "f");
+  return tile_contents::decode_content(base::test_support::to_bytes(bytes), "f");
 }
 
 TEST(Features, BatchTableOfAB3dm) {
   const std::string bytes =
-      transport::testing::container("b3dm",
+      transport::test_support::container("b3dm",
                                     {{{"BATCH_LENGTH", 2}},
                                      "",
                                      {{"name", {"Kelvin Hall", "Mill"}},
                                       {"height", {{"byteOffset", 0}, {"componentType", "DOUBLE"}, {"type", "SCALAR"}}},
                                       {"tags", {{{"a", 1}}, nullptr}}},
-                                     base::testing::to_raw_bytes<double>({20.5, 7})},
+                                     base::test_support::to_raw_bytes<double>({20.5, 7})},
                                     two_buildings("_BATCHID").glb());
   const TexturedMesh mesh = decode(bytes).meshes.at(0);
   EXPECT_THAT(mesh.feature_ids, ElementsAre(1, 1, 1, 0, 0, 0));
@@ -147,7 +147,7 @@ TEST(Features, BatchTableOfAB3dm) {
 }
 
 TEST(Features, ABrokenBatchTableCostsTheNamesNotTheTile) {
-  const std::string bytes = transport::testing::container(
+  const std::string bytes = transport::test_support::container(
       "b3dm", {{{"BATCH_LENGTH", 2}}, "", {{"height", {{"byteOffset", 8}, {"componentType", "DOUBLE"}}}}, "short"},
       two_buildings("_BATCHID").glb());
   const tile_contents::DecodedContent content = decode(bytes);
@@ -217,7 +217,7 @@ TEST(Features, IdsInATexture) {
   sets[0]["texture"]["channels"] = {3};
   EXPECT_THAT(decode(writer.glb()).warnings, ElementsAre("feature ids in a texture's fourth channel are ignored"));
   sets[0]["texture"]["channels"] = {4};
-  EXPECT_THAT(base::testing::error_of([&] { decode(writer.glb()); }),
+  EXPECT_THAT(base::test_support::error_of([&] { decode(writer.glb()); }),
               HasSubstr("a texture channel that does not exist"));
 }
 

@@ -17,7 +17,7 @@ namespace tileflight::tiles::foreign_files_test {
 namespace {
 
 namespace fs = std::filesystem;
-using base::testing::error_of;
+using base::test_support::error_of;
 using geometry::Vec3;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -41,8 +41,8 @@ TEST(ForeignFiles, EveryTilesetOfTheValidatorIsReadOrNamed) {
   int inspectable = 0;
   for (const fs::path& file : files_below(folder, {".json"})) {
     SCOPED_TRACE(file);
-    const std::string message = base::testing::error_of([&] { load(file); });
-    const std::string inspected = base::testing::error_of([&] { inspect_tileset(file.string()); });
+    const std::string message = base::test_support::error_of([&] { load(file); });
+    const std::string inspected = base::test_support::error_of([&] { inspect_tileset(file.string()); });
     ++(message.empty() ? read : refused);
     inspectable += inspected.empty() ? 1 : 0;
     EXPECT_THAT(message, Not(HasSubstr("\n")));
@@ -78,7 +78,7 @@ TEST(ForeignFiles, FaultsOfTheValidatorAreNamed) {
       {"extensionRequiredButNotUsed.json", "needs extensions that are not supported"}};
   for (const auto& [file, wanted] : cases) {
     const std::filesystem::path path = folder / file;
-    EXPECT_THAT(base::testing::error_of([&] { load(path); }), HasSubstr(wanted)) << file;
+    EXPECT_THAT(base::test_support::error_of([&] { load(path); }), HasSubstr(wanted)) << file;
   }
 }
 
@@ -105,7 +105,7 @@ TEST(ForeignFiles, EveryContentIsReadOrNamed) {
       options.read_resource = [&](const std::string& uri) { return base::read_bytes(file.parent_path() / uri); };
       options.textures = false;
       const std::string message =
-          base::testing::error_of([&] { tile_contents::decode_content(bytes, "tile", options); });
+          base::test_support::error_of([&] { tile_contents::decode_content(bytes, "tile", options); });
       EXPECT_THAT(message, Not(HasSubstr("\n"))) << file;
     }
   }
@@ -114,9 +114,9 @@ TEST(ForeignFiles, EveryContentIsReadOrNamed) {
 TEST(ForeignFiles, ARealTileCutShortOrDamaged) {
   TILEFLIGHT_REQUIRE_TEST_DATA(file, "tilesets/machangara_photogrammetry/4/02502.b3dm");
   const std::vector<std::byte> whole = base::read_bytes(file);
-  EXPECT_EQ(base::testing::error_of([&] { tile_contents::decode_content(whole, "tile"); }), "");
+  EXPECT_EQ(base::test_support::error_of([&] { tile_contents::decode_content(whole, "tile"); }), "");
   for (std::size_t length = 0; length < whole.size(); length += 1 + length / 64) {
-    EXPECT_NE(base::testing::error_of([&] { tile_contents::decode_content(std::span(whole).first(length), "tile"); }),
+    EXPECT_NE(base::test_support::error_of([&] { tile_contents::decode_content(std::span(whole).first(length), "tile"); }),
               "")
         << length;
   }
@@ -124,7 +124,7 @@ TEST(ForeignFiles, ARealTileCutShortOrDamaged) {
   for (int i = 0; i < 100; ++i) {
     std::vector<std::byte> damaged = whole;
     for (int k = 0; k < 3; ++k) damaged[random() % damaged.size()] = static_cast<std::byte>(random());
-    EXPECT_THAT(base::testing::error_of([&] { tile_contents::decode_content(damaged, "tile"); }), Not(HasSubstr("\n")));
+    EXPECT_THAT(base::test_support::error_of([&] { tile_contents::decode_content(damaged, "tile"); }), Not(HasSubstr("\n")));
   }
 }
 
@@ -190,7 +190,7 @@ TEST(ForeignFiles, ModelsOfAnyUpAxisStandUpright) {
 TEST(ForeignFiles, ModelsOfGltf1AreRefused) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/upgradeTileset/upAxisHandling/input");
   for (const char* name : {"glTF1-x-up", "glTF1-y-up-with-gltfUpAxis-y", "glTF1-z-up-instanced"}) {
-    EXPECT_THAT(base::testing::error_of([&] { load(folder / name); }), HasSubstr("upgrade the tileset")) << name;
+    EXPECT_THAT(base::test_support::error_of([&] { load(folder / name); }), HasSubstr("upgrade the tileset")) << name;
   }
 }
 
@@ -253,7 +253,7 @@ TEST(ForeignFiles, ContentsFillTheirBoundingBoxes) {
 
 TEST(ForeignFiles, ALeafThatIsMissingIsNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/cesium_3d_tiles_samples/1.0/TilesetWithDiscreteLOD");
-  EXPECT_THAT(base::testing::error_of([&] { load(folder); }), HasSubstr("dragon_high.b3dm: is missing"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(folder); }), HasSubstr("dragon_high.b3dm: is missing"));
   LoadOptions options;
   options.allow_incomplete = true;
   EXPECT_EQ(load(folder, options).tiles_failed, 1);
@@ -264,7 +264,7 @@ TEST(ForeignFiles, ALeafThatIsMissingIsNamed) {
 
 TEST(ForeignFiles, AnArchiveThatHoldsNothing) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "tilesets/tools_specs/packages");
-  EXPECT_THAT(base::testing::error_of([&] { load(folder / "valid.3tz"); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load(folder / "valid.3tz"); }),
               HasSubstr("is empty: none of its tiles has content"));
 }
 
@@ -287,7 +287,7 @@ TEST(ForeignFiles, EverySubtreeOfTheValidatorIsReadOrNamed) {
   tiling->content_templates = {"content"};
   tiling->root_volume = OrientedBox{Vec3::Zero(), geometry::Mat3::Identity()};
   const auto message_of = [&](const char* name) {
-    return base::testing::error_of([&] {
+    return base::test_support::error_of([&] {
       parse_subtree(base::read_bytes(folder / name), {tiling, {}}, name,
                     [&](const std::string& uri) { return base::read_bytes(folder / uri); });
     });

@@ -11,19 +11,19 @@
 namespace tileflight::tiles::http_source_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_text;
+using base::test_support::error_of;
+using base::test_support::to_text;
 using std::chrono::milliseconds;
 using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using testing::TestHttpTileset;
-using transport::testing::MemorySource;
-using transport::testing::ServedConnection;
-using transport::testing::ServedRequest;
-using transport::testing::TestHttpServer;
+using test_support::TestHttpTileset;
+using transport::test_support::MemorySource;
+using transport::test_support::ServedConnection;
+using transport::test_support::ServedRequest;
+using transport::test_support::TestHttpServer;
 
 class HttpSourceTest : public ::testing::Test {
  protected:
@@ -41,7 +41,7 @@ class HttpSourceTest : public ::testing::Test {
   }
   LoadedTiles load() { return load_region(place_.root(), load_options()); }
 
-  transport::HttpSourceOptions options_ = testing::quick_source_options();
+  transport::HttpSourceOptions options_ = test_support::quick_source_options();
   TestHttpTileset place_;
 };
 
@@ -78,9 +78,9 @@ TEST_F(HttpSourceTest, StatusesAreNamedWithTheReasonGiven) {
     return c.answer(403, R"({"error": {"code": 403, "message": "key SECRETSECRET is not enabled"}})");
   });
   transport::HttpSource source = open_at(place_.root() + "?key=SECRETSECRET");
-  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/none.glb")); }),
+  EXPECT_THAT(base::test_support::error_of([&] { source.read(place_.url("/none.glb")); }),
               HasSubstr("status 404 (not found)"));
-  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/gone")); }),
+  EXPECT_THAT(base::test_support::error_of([&] { source.read(place_.url("/gone")); }),
               AllOf(HasSubstr("403 (forbidden"), HasSubstr("key … is not enabled"), Not(HasSubstr("SECRET"))));
 }
 
@@ -161,12 +161,12 @@ TEST_F(HttpSourceTest, EachFaultGivesTheBytesOrOneError) {
 }
 
 TEST_F(HttpSourceTest, ATilesetCannotSendItsReaderElsewhere) {
-  transport::testing::Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 9, 9, 9), 5);
+  transport::test_support::Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 9, 9, 9), 5);
   for (const std::string uri : {"file:///etc/passwd", "http://localhost:9/a.glb", "//127.0.0.2/a.glb", "ftp://h/a.glb",
                                 "https://127.0.0.1/a.glb"}) {
-    root["children"].push_back(transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
+    root["children"].push_back(transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
   }
-  place_.add("/place/tileset.json", transport::testing::tileset(root).dump());
+  place_.add("/place/tileset.json", transport::test_support::tileset(root).dump());
   const LoadedTiles tiles = load();
   EXPECT_EQ(tiles.tiles_loaded, 0);
   EXPECT_EQ(tiles.failures.size(), 5U);
@@ -185,8 +185,8 @@ TEST_F(HttpSourceTest, HeadersAndParametersGoToTheOwnOriginAlone) {
   EXPECT_EQ(source.root_uri(), place_.root() + "?v=3");
   source.read(source.root_uri());
   source.read(place_.url("/place/east.glb"));
-  EXPECT_EQ(base::testing::to_text(source.read(elsewhere)), "other");
-  EXPECT_EQ(base::testing::to_text(source.read(place_.url("/place/moved"))), "other");
+  EXPECT_EQ(base::test_support::to_text(source.read(elsewhere)), "other");
+  EXPECT_EQ(base::test_support::to_text(source.read(place_.url("/place/moved"))), "other");
   ASSERT_FALSE(place_.server().requests().empty());
   for (const ServedRequest& request : place_.server().requests()) {
     EXPECT_EQ(request.header("authorization"), "Bearer SECRET");
@@ -201,7 +201,7 @@ TEST_F(HttpSourceTest, HeadersAndParametersGoToTheOwnOriginAlone) {
 
 TEST_F(HttpSourceTest, AHeaderIsOneLineWithAName) {
   for (const char* header : {"no colon", ": value", "A b: c", "A: b\r\nC: d"}) {
-    EXPECT_THAT(base::testing::error_of([&] { transport::UrlProvider(place_.root(), {header}); }),
+    EXPECT_THAT(base::test_support::error_of([&] { transport::UrlProvider(place_.root(), {header}); }),
                 HasSubstr("--header: must have the form"));
   }
 }
@@ -226,7 +226,7 @@ TEST_F(HttpSourceTest, RequestsRunAheadOfTheReadersWithinTheBudget) {
   source.prefetch(uris);
   EXPECT_EQ(settled_requests(place_, 5), 5U) << "five of 10 kB fill the budget";
   for (int i = 0; i < 20; ++i) {
-    EXPECT_EQ(base::testing::to_text(source.read(uris[static_cast<std::size_t>(i)])),
+    EXPECT_EQ(base::test_support::to_text(source.read(uris[static_cast<std::size_t>(i)])),
               std::string(10'000, static_cast<char>('a' + i)));
   }
   EXPECT_EQ(place_.server().requests().size(), 20U) << "each once";
@@ -255,9 +255,9 @@ TEST_F(HttpSourceTest, FaultsOfWhatWasFetchedAheadReachTheirReaderAlone) {
   place_.stage("/bad", [](const ServedRequest&, ServedConnection& c) { return c.answer(404, ""); });
   transport::HttpSource source = open();
   source.prefetch({place_.url("/place/east.glb"), place_.url("/bad"), "http://localhost:9/x", "data:,x"});
-  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/bad")); }), HasSubstr("404"));
-  EXPECT_THAT(base::testing::error_of([&] { source.read("http://localhost:9/x"); }), HasSubstr("--allow-host"));
-  EXPECT_EQ(base::testing::to_text(source.read(place_.url("/place/east.glb"))), place_.files().at("/place/east.glb"));
+  EXPECT_THAT(base::test_support::error_of([&] { source.read(place_.url("/bad")); }), HasSubstr("404"));
+  EXPECT_THAT(base::test_support::error_of([&] { source.read("http://localhost:9/x"); }), HasSubstr("--allow-host"));
+  EXPECT_EQ(base::test_support::to_text(source.read(place_.url("/place/east.glb"))), place_.files().at("/place/east.glb"));
 }
 
 /// A source with a cache, and a server whose responses can be changed.
@@ -275,7 +275,7 @@ class CachedHttpSource : public HttpSourceTest {
     return transport::HttpSource(std::make_unique<transport::UrlProvider>(place_.root() + "?key=SECRETSECRET"),
                                  options_, std::make_unique<transport::HttpCache>(folder_.path()));
   }
-  std::string read(transport::HttpSource& source) { return base::testing::to_text(source.read(place_.url("/a.glb"))); }
+  std::string read(transport::HttpSource& source) { return base::test_support::to_text(source.read(place_.url("/a.glb"))); }
   int requests() { return place_.server().count("/a.glb"); }
 
   tests::TemporaryFolder folder_;
@@ -345,7 +345,7 @@ TEST_F(CachedHttpSource, AStaleCopyServesWhileTheServerDoesNotUnlessItMustBeAske
   etag_ = "\"2\"";
   read(source);
   broken_ = true;
-  EXPECT_THAT(base::testing::error_of([&] { read(source); }), HasSubstr("503"));
+  EXPECT_THAT(base::test_support::error_of([&] { read(source); }), HasSubstr("503"));
 }
 
 TEST_F(CachedHttpSource, BodiesThatCarrySecretsAreNotKept) {
@@ -367,18 +367,18 @@ TEST_F(CachedHttpSource, BodiesThatCarrySecretsAreNotKept) {
 }
 
 TEST_F(HttpSourceTest, FilesThatTheTreeGoesOnInAreFetchedLevelByLevel) {
-  transport::testing::Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 90, 9, 9), 5);
+  transport::test_support::Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 90, 9, 9), 5);
   for (int i = 0; i < 8; ++i) {
     const std::string name = std::to_string(i);
-    const auto box = transport::testing::box_volume(10 * i - 35, 0, 0, 4, 4, 4);
-    root["children"].push_back(transport::testing::tile(box, 4, name + ".json"));
+    const auto box = transport::test_support::box_volume(10 * i - 35, 0, 0, 4, 4, 4);
+    root["children"].push_back(transport::test_support::tile(box, 4, name + ".json"));
     place_.stage("/place/" + name + ".json", [box, name](const ServedRequest&, ServedConnection& c) {
       c.wait(milliseconds(30));
-      return c.answer(200, transport::testing::tileset(transport::testing::tile(box, 0, name + ".glb")).dump());
+      return c.answer(200, transport::test_support::tileset(transport::test_support::tile(box, 0, name + ".glb")).dump());
     });
-    if (i != 5) place_.add("/place/" + name + ".glb", transport::testing::triangle_glb());
+    if (i != 5) place_.add("/place/" + name + ".glb", transport::test_support::triangle_glb());
   }
-  place_.add("/place/tileset.json", transport::testing::tileset(root).dump());
+  place_.add("/place/tileset.json", transport::test_support::tileset(root).dump());
   const LoadedTiles tiles = load();
   EXPECT_EQ(tiles.tiles_loaded, 7);
   EXPECT_THAT(tiles.failures, ElementsAre(HasSubstr("5.glb")));
@@ -397,7 +397,7 @@ TEST_F(HttpSourceTest, CancelEndsTheReaders) {
     std::this_thread::sleep_for(milliseconds(30));
     source.cancel();
   });
-  EXPECT_THAT(base::testing::error_of([&] { source.read(place_.url("/slow")); }), HasSubstr("cancelled"));
+  EXPECT_THAT(base::test_support::error_of([&] { source.read(place_.url("/slow")); }), HasSubstr("cancelled"));
   canceller.join();
 }
 

@@ -11,23 +11,23 @@
 namespace tileflight::tiles::i3dm_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_raw_bytes;
+using base::test_support::error_of;
+using base::test_support::to_raw_bytes;
 using geometry::Vec3;
 using ::testing::Each;
 using ::testing::HasSubstr;
-using transport::testing::Json;
+using transport::test_support::Json;
 
 /// A triangle (0 0 0), (1 0 0), (0 1 0) in the tile's frame: the y-up model becomes horizontal when rotated to z-up.
-std::string flat_triangle() { return transport::testing::triangle_glb({0, 0, 0, 1, 0, 0, 0, 0, -1}); }
+std::string flat_triangle() { return transport::test_support::triangle_glb({0, 0, 0, 1, 0, 0, 0, 0, -1}); }
 
-std::string i3dm(const transport::testing::Tables& tables, const std::string& body = flat_triangle(),
+std::string i3dm(const transport::test_support::Tables& tables, const std::string& body = flat_triangle(),
                  std::uint32_t format = 1) {
-  return transport::testing::container("i3dm", tables, body, transport::testing::GltfWriter::u32(format));
+  return transport::test_support::container("i3dm", tables, body, transport::test_support::GltfWriter::u32(format));
 }
 
 tile_contents::DecodedContent read(const std::string& bytes, const tile_contents::ContentOptions& options = {}) {
-  return tile_contents::decode_content(base::testing::to_bytes(bytes), "i", options);
+  return tile_contents::decode_content(base::test_support::to_bytes(bytes), "i", options);
 }
 
 void expect_corners(const imaging::TexturedMesh& mesh, const std::array<Vec3, 3>& corners) {
@@ -38,11 +38,11 @@ void expect_corners(const imaging::TexturedMesh& mesh, const std::array<Vec3, 3>
 }
 
 TEST(I3dm, PlacesScalesAndTurns) {
-  const std::string positions = base::testing::to_raw_bytes<float>({10, 0, 0, 0, 20, 0});
+  const std::string positions = base::test_support::to_raw_bytes<float>({10, 0, 0, 0, 20, 0});
   const std::string up =
-      base::testing::to_raw_bytes<float>({0, 1, 0, 0, 0, 1});  // the second one stands: its y points up
-  const std::string right = base::testing::to_raw_bytes<float>({1, 0, 0, 1, 0, 0});
-  const std::string scale = base::testing::to_raw_bytes<float>({1, 3});
+      base::test_support::to_raw_bytes<float>({0, 1, 0, 0, 0, 1});  // the second one stands: its y points up
+  const std::string right = base::test_support::to_raw_bytes<float>({1, 0, 0, 1, 0, 0});
+  const std::string scale = base::test_support::to_raw_bytes<float>({1, 3});
   const tile_contents::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 2},
                                                             {"POSITION", {{"byteOffset", 0}}},
                                                             {"NORMAL_UP", {{"byteOffset", 24}}},
@@ -57,10 +57,10 @@ TEST(I3dm, PlacesScalesAndTurns) {
 }
 
 TEST(I3dm, QuantisedPlacesAndOctahedralDirections) {
-  const std::string positions = base::testing::to_raw_bytes<std::uint16_t>({65535, 0, 0});
+  const std::string positions = base::test_support::to_raw_bytes<std::uint16_t>({65535, 0, 0});
   // Octahedral +z is the middle, +x the right end of the middle row.
-  const std::string up = base::testing::to_raw_bytes<std::uint16_t>({32768, 32768});
-  const std::string right = base::testing::to_raw_bytes<std::uint16_t>({65535, 32768});
+  const std::string up = base::test_support::to_raw_bytes<std::uint16_t>({32768, 32768});
+  const std::string right = base::test_support::to_raw_bytes<std::uint16_t>({65535, 32768});
   const tile_contents::DecodedContent content = read(i3dm({{{"INSTANCES_LENGTH", 1},
                                                             {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
                                                             {"QUANTIZED_VOLUME_OFFSET", {0, 5, 0}},
@@ -89,9 +89,9 @@ TEST(I3dm, BatchIdsNameTheInstances) {
       {{{"INSTANCES_LENGTH", 2},
         {"POSITION", {0, 0, 0, 5, 0, 0}},
         {"BATCH_ID", {{"byteOffset", 0}, {"componentType", "UNSIGNED_BYTE"}}}},
-       base::testing::to_raw_bytes<std::uint8_t>({1, 0}),
+       base::test_support::to_raw_bytes<std::uint8_t>({1, 0}),
        {{"name", {"oak", "lime"}}, {"height", {{"byteOffset", 0}, {"componentType", "FLOAT"}, {"type", "SCALAR"}}}},
-       base::testing::to_raw_bytes<float>({12.5F, 7})}));
+       base::test_support::to_raw_bytes<float>({12.5F, 7})}));
   const imaging::TexturedMesh& first = content.meshes.at(0);
   EXPECT_EQ(first.features->name(first.feature_ids[0]), "lime");
   EXPECT_EQ(first.features->properties.at("height")[0], "12.5");
@@ -106,20 +106,20 @@ TEST(I3dm, AModelAtAUriAndItsOwnFiles) {
       "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"uri":"tree.bin","byteLength":36}]})");
   options.read_resource = [&](const std::string& uri) {
     asked.push_back(uri);
-    return base::testing::to_bytes(
-        uri == "models/tree.gltf" ? gltf.dump() : base::testing::to_raw_bytes<float>({0, 0, 0, 1, 0, 0, 0, 0, -1}));
+    return base::test_support::to_bytes(
+        uri == "models/tree.gltf" ? gltf.dump() : base::test_support::to_raw_bytes<float>({0, 0, 0, 1, 0, 0, 0, 0, -1}));
   };
   const Json table = {{"INSTANCES_LENGTH", 1}, {"POSITION", {1, 2, 3}}};
   const tile_contents::DecodedContent content = read(i3dm({table}, "models/tree.gltf   ", 0), options);
   expect_corners(content.meshes.at(0), {Vec3(1, 2, 3), Vec3(2, 2, 3), Vec3(1, 3, 3)});
   EXPECT_THAT(asked, ::testing::ElementsAre("models/tree.gltf", "models/tree.bin"));
-  EXPECT_THAT(base::testing::error_of([&] { read(i3dm({table}, "models/tree.gltf", 0)); }), HasSubstr("another file"));
+  EXPECT_THAT(base::test_support::error_of([&] { read(i3dm({table}, "models/tree.gltf", 0)); }), HasSubstr("another file"));
 }
 
 TEST(I3dm, FaultsAreNamed) {
-  const auto message = [](const transport::testing::Tables& tables, const std::string& body = flat_triangle(),
+  const auto message = [](const transport::test_support::Tables& tables, const std::string& body = flat_triangle(),
                           std::uint32_t format = 1, const tile_contents::ContentOptions& options = {}) {
-    return base::testing::error_of([&] { read(i3dm(tables, body, format), options); });
+    return base::test_support::error_of([&] { read(i3dm(tables, body, format), options); });
   };
   EXPECT_THAT(message({}), HasSubstr("INSTANCES_LENGTH is missing"));
   EXPECT_THAT(message({{{"INSTANCES_LENGTH", 1}}}), HasSubstr("no POSITION"));

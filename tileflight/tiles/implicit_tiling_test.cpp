@@ -15,13 +15,13 @@
 namespace tileflight::tiles::implicit_tiling_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_bytes;
+using base::test_support::error_of;
+using base::test_support::to_bytes;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using transport::testing::Json;
-using transport::testing::MemorySource;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
 
 ImplicitTiling box_tiling(bool octree, std::uint32_t subtree_levels = 2, std::uint32_t available_levels = 4) {
   ImplicitTiling tiling;
@@ -42,7 +42,7 @@ ImplicitSubtree place_of(const ImplicitTiling& tiling, const TileCoordinates& ro
 }
 
 Subtree parse(const std::string& bytes, const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
-  return parse_subtree(base::testing::to_bytes(bytes), place_of(tiling, root), "s");
+  return parse_subtree(base::test_support::to_bytes(bytes), place_of(tiling, root), "s");
 }
 
 TEST(ImplicitTiling, ABoxIsDividedIntoHalves) {
@@ -76,9 +76,9 @@ TEST(ImplicitTiling, Templates) {
   const ImplicitTiling quadtree = box_tiling(false);
   EXPECT_EQ(expand_template("{level}/{x}/{y}.glb", quadtree, {4, {11, 2, 0}}, "t"), "4/11/2.glb");
   EXPECT_EQ(expand_template("{z}{x", box_tiling(true), {4, {11, 2, 7}}, "t"), "7{x");
-  EXPECT_THAT(base::testing::error_of([&] { expand_template("{z}.glb", quadtree, {}, "t"); }),
+  EXPECT_THAT(base::test_support::error_of([&] { expand_template("{z}.glb", quadtree, {}, "t"); }),
               HasSubstr("the unknown variable {z}"));
-  EXPECT_THAT(base::testing::error_of([&] { expand_template("{lod}.glb", quadtree, {}, "t"); }),
+  EXPECT_THAT(base::test_support::error_of([&] { expand_template("{lod}.glb", quadtree, {}, "t"); }),
               HasSubstr("the unknown variable {lod}"));
 }
 
@@ -118,7 +118,7 @@ void expect_two_levels(const Subtree& subtree) {
 }
 
 TEST(Subtree, BitsAreInMortonOrder) {
-  expect_two_levels(parse(transport::testing::subtree(two_levels(), two_levels_binary()), box_tiling(false)));
+  expect_two_levels(parse(transport::test_support::subtree(two_levels(), two_levels_binary()), box_tiling(false)));
 }
 
 TEST(Subtree, AsJsonWithABufferBesideIt) {
@@ -126,10 +126,10 @@ TEST(Subtree, AsJsonWithABufferBesideIt) {
   json["buffers"][0]["uri"] = "bits.bin";
   const auto read = [](const std::string& uri) {
     EXPECT_EQ(uri, "bits.bin");
-    return base::testing::to_bytes(two_levels_binary());
+    return base::test_support::to_bytes(two_levels_binary());
   };
-  expect_two_levels(parse_subtree(base::testing::to_bytes(json.dump()), place_of(box_tiling(false)), "s", read));
-  EXPECT_THAT(base::testing::error_of([&] { parse(json.dump(), box_tiling(false)); }),
+  expect_two_levels(parse_subtree(base::test_support::to_bytes(json.dump()), place_of(box_tiling(false)), "s", read));
+  EXPECT_THAT(base::test_support::error_of([&] { parse(json.dump(), box_tiling(false)); }),
               HasSubstr("refers to another file"));
 }
 
@@ -138,7 +138,7 @@ TEST(Subtree, AsBefore11) {
   json["tileAvailability"] = {{"bufferView", 0}};
   json["childSubtreeAvailability"] = {{"bufferView", 1}};
   json["contentAvailability"] = {{"constant", 1}};
-  expect_two_levels(parse(transport::testing::subtree(json, two_levels_binary()), box_tiling(false)));
+  expect_two_levels(parse(transport::test_support::subtree(json, two_levels_binary()), box_tiling(false)));
 }
 
 TEST(Subtree, EndsWhereTheTreeEnds) {
@@ -155,7 +155,7 @@ TEST(Subtree, SeveralContents) {
   tiling.content_templates.push_back("b/{level}.{x}.{y}.glb");
   Json json = two_levels();
   json["contentAvailability"] = {{{"constant", 0}}, {{"bitstream", 0}}};
-  const Subtree read = parse(transport::testing::subtree(json, two_levels_binary()), tiling);
+  const Subtree read = parse(transport::test_support::subtree(json, two_levels_binary()), tiling);
   ASSERT_EQ(read.tiles.size(), 3U);
   for (const SubtreeTile& tile : read.tiles) {
     ASSERT_EQ(tile.contents.size(), 1U);
@@ -184,7 +184,7 @@ TEST(Subtree, MetadataGiveVolumesAndErrors) {
   for (const double x : {0.0, 4.0, -4.0}) {
     for (const double v : {x, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0}) boxes.push_back(v);
   }
-  std::string binary = two_levels_binary() + base::testing::to_raw_bytes(boxes);
+  std::string binary = two_levels_binary() + base::test_support::to_raw_bytes(boxes);
   Json json = two_levels();
   const auto add_view = [&](const std::string& bytes) {
     json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", binary.size()}, {"byteLength", bytes.size()}});
@@ -198,14 +198,14 @@ TEST(Subtree, MetadataGiveVolumesAndErrors) {
   const auto errors = add_view({'\x0a', '\x05', '\x04'});
   const auto refine = add_view({'\x00', '\x01', '\x01'});
   const auto uris = add_view("root.glbx1.glby1.glb");
-  const auto ends = add_view(base::testing::to_raw_bytes<std::uint32_t>({0, 8, 14, 20}));
+  const auto ends = add_view(base::test_support::to_raw_bytes<std::uint32_t>({0, 8, 14, 20}));
   json["propertyTables"] = {
       {{"class", "tile"},
        {"count", 3},
        {"properties", {{"box", {{"values", 2}}}, {"error", {{"values", errors}}}, {"refine", {{"values", refine}}}}}},
       {{"class", "content"}, {"count", 3}, {"properties", {{"uri", {{"values", uris}, {"stringOffsets", ends}}}}}}};
   json["buffers"][0]["byteLength"] = binary.size();
-  const Subtree read = parse(transport::testing::subtree(json, binary), tiling);
+  const Subtree read = parse(transport::test_support::subtree(json, binary), tiling);
   ASSERT_EQ(read.tiles.size(), 3U);
   const auto box = std::get<OrientedBox>(read.tiles[2].bounding_volume);
   EXPECT_LT((box.center - Vec3(-4, 0, 1)).norm(), 1e-12);
@@ -221,8 +221,8 @@ TEST(Subtree, FaultsAreNamed) {
   const auto message = [](const std::function<void(Json&)>& change) {
     Json json = two_levels();
     change(json);
-    return base::testing::error_of(
-        [&] { parse(transport::testing::subtree(json, two_levels_binary()), box_tiling(false)); });
+    return base::test_support::error_of(
+        [&] { parse(transport::test_support::subtree(json, two_levels_binary()), box_tiling(false)); });
   };
   EXPECT_EQ(message([](Json&) {}), "");
   EXPECT_THAT(message([](Json& j) { j.erase("tileAvailability"); }), HasSubstr("tileAvailability is missing"));
@@ -233,40 +233,40 @@ TEST(Subtree, FaultsAreNamed) {
   EXPECT_THAT(message([](Json& j) { j["bufferViews"][1]["byteOffset"] = 15; }), HasSubstr("outside its buffer"));
   EXPECT_THAT(message([](Json& j) { j["buffers"][0]["byteLength"] = 99; }), HasSubstr("binary part"));
   EXPECT_THAT(message([](Json& j) { j["contentAvailability"].push_back({{"constant", 1}}); }), HasSubstr("2 contents"));
-  const std::string whole = transport::testing::subtree(two_levels(), two_levels_binary());
+  const std::string whole = transport::test_support::subtree(two_levels(), two_levels_binary());
   for (std::size_t length = 0; length < whole.size(); length += 5) {
-    EXPECT_NE(base::testing::error_of([&] { parse(whole.substr(0, length), box_tiling(false)); }), "") << length;
+    EXPECT_NE(base::test_support::error_of([&] { parse(whole.substr(0, length), box_tiling(false)); }), "") << length;
   }
   ImplicitTiling deep = box_tiling(true, 8, 32);
-  EXPECT_THAT(base::testing::error_of([&] {
+  EXPECT_THAT(base::test_support::error_of([&] {
                 parse(R"({"tileAvailability":{"constant":1},"childSubtreeAvailability":{"constant":1}})", deep);
               }),
               HasSubstr("more than 1048576 tiles"));
 }
 
 Json implicit_tileset() {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 8, 8, 4), 16, "a/{level}.{x}.{y}.glb");
   root["refine"] = "REPLACE";
   root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"},
                             {"subtreeLevels", 2},
                             {"availableLevels", 4},
                             {"subtrees", {{"uri", "s/{level}.{x}.{y}.subtree"}}}};
-  return transport::testing::tileset(root);
+  return transport::test_support::tileset(root);
 }
 
 /// Two levels of subtrees, with a triangle for each of their tiles.
 class ImplicitSource : public MemorySource {
  public:
-  explicit ImplicitSource(const Json& tileset = implicit_tileset()) : transport::testing::MemorySource(tileset) {
-    add("s/0.0.0.subtree", transport::testing::subtree(two_levels(), two_levels_binary()));
+  explicit ImplicitSource(const Json& tileset = implicit_tileset()) : transport::test_support::MemorySource(tileset) {
+    add("s/0.0.0.subtree", transport::test_support::subtree(two_levels(), two_levels_binary()));
     const Json leaf = {{"tileAvailability", {{"constant", 1}}},
                        {"contentAvailability", {{{"constant", 1}}}},
                        {"childSubtreeAvailability", {{"constant", 0}}}};
     add("s/2.3.1.subtree", leaf.dump());
-    add("s/2.1.2.subtree", transport::testing::subtree(leaf));
+    add("s/2.1.2.subtree", transport::test_support::subtree(leaf));
     for (const char* tile : {"0.0.0", "1.1.0", "1.0.1", "2.3.1", "2.1.2", "3.6.2", "3.7.2", "3.6.3", "3.7.3", "3.2.4",
                              "3.3.4", "3.2.5", "3.3.5"}) {
-      add("a/" + std::string(tile) + ".glb", transport::testing::triangle_glb());
+      add("a/" + std::string(tile) + ".glb", transport::test_support::triangle_glb());
     }
   }
 };
@@ -312,7 +312,7 @@ TEST(ImplicitTiling, TheExtensionOf10ReadsAlike) {
 TEST(ImplicitTiling, AMissingSubtreeIsNamedAndCounted) {
   ImplicitSource source;
   source.remove("s/2.1.2.subtree");
-  EXPECT_THAT(base::testing::error_of([&] { load_region(source, "t", {}); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load_region(source, "t", {}); }),
               HasSubstr("tile root: level 2, x 1, y 2: s/2.1.2.subtree: is missing"));
   const TilesetSummary summary = inspect_tileset(source);
   EXPECT_EQ(summary.failures.size(), 1U);
@@ -339,12 +339,12 @@ TEST(ImplicitTiling, WhatCannotBeDividedIsRefused) {
     Json tileset = implicit_tileset();
     change(tileset["root"]);
     ImplicitSource source(tileset);
-    return base::testing::error_of([&] { load_region(source, "t", {}); });
+    return base::test_support::error_of([&] { load_region(source, "t", {}); });
   };
   EXPECT_THAT(message([](Json& r) { r["boundingVolume"] = {{"sphere", {0, 0, 0, 1}}}; }), HasSubstr("is a sphere"));
   EXPECT_THAT(message([](Json& r) {
                 r["children"] =
-                    Json::array({transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1)});
+                    Json::array({transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1)});
               }),
               HasSubstr("both implicitTiling and children"));
   EXPECT_THAT(message([](Json& r) { r["implicitTiling"]["subdivisionScheme"] = "KD"; }), HasSubstr("'KD'"));
@@ -354,8 +354,8 @@ TEST(ImplicitTiling, WhatCannotBeDividedIsRefused) {
 }
 
 TEST(ImplicitTiling, ExplicitTilesTakeVolumesFromTheirMetadata) {
-  Json tileset = transport::testing::tileset(
-      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb"));
+  Json tileset = transport::test_support::tileset(
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb"));
   tileset["schema"] = {
       {"classes",
        {{"t",
@@ -390,9 +390,9 @@ TEST(ImplicitTiling, ExplicitTilesTakeVolumesFromTheirMetadata) {
 }
 
 TEST(Selection, AViewerOutsideOfTheRequestVolumeSeesNothing) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb");
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 8, 8, 8), 4, "a.glb");
   root["viewerRequestVolume"] = {{"sphere", {0, 0, 0, 20}}};
-  MemorySource source(transport::testing::tileset(root));
+  MemorySource source(transport::test_support::tileset(root));
   TilesetTree tree(source);
   RefinementCriterion wanted = region_criterion({Vec3::Zero(), Vec3::Constant(100)}, geometry::SE3(), 0);
   EXPECT_EQ(select_cut(tree, wanted).contents.size(), 1U);  // no viewer: it is part of the site

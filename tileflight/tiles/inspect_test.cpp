@@ -14,26 +14,26 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::UnorderedElementsAre;
-using transport::testing::box_volume;
-using transport::testing::Json;
-using transport::testing::MemorySource;
-using transport::testing::tile;
+using transport::test_support::box_volume;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
+using transport::test_support::tile;
 
 TEST(InspectTileset, CountsWhatIsThere) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 20, 30), 8);
-  root["children"] = {transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 4, "a.glb"),
-                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 2, "t.json"),
-                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 3, "none.json")};
-  Json json = transport::testing::tileset(root);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 20, 30), 8);
+  root["children"] = {transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 4, "a.glb"),
+                      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 2, "t.json"),
+                      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 3, "none.json")};
+  Json json = transport::test_support::tileset(root);
   json["asset"]["copyright"] = "A";
   json["extensionsUsed"] = {"X", "Y"};
   json["extensionsRequired"] = {"Y"};
   MemorySource source(json);
-  Json inner = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "a.glb");
+  Json inner = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "a.glb");
   inner["refine"] = "ADD";
   inner["children"] =
-      Json::array({transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, "b.b3dm")});
-  Json external = transport::testing::tileset(inner);
+      Json::array({transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 0, "b.b3dm")});
+  Json external = transport::test_support::tileset(inner);
   external["asset"]["copyright"] = "B; A";
   source.add("t.json", external.dump());
   source.add("a.glb", std::string("12345"));
@@ -78,11 +78,11 @@ std::string with_copyright(const std::string& holder) {
 }
 
 TEST(InspectTileset, AttributionIsThatOfTilesToo) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
-  root["children"] = {transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 4, "b.b3dm"),
-                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 2, "c.gltf"),
-                      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 2, "broken.glb")};
-  MemorySource source(transport::testing::tileset(root));
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
+  root["children"] = {transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 4, "b.b3dm"),
+                      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 2, "c.gltf"),
+                      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 2, "broken.glb")};
+  MemorySource source(transport::test_support::tileset(root));
   source.add("root.glb", glb(with_copyright("Survey; City")));
   source.add("b.b3dm", "b3dm, whose header and tables do not matter here" + glb(with_copyright("City")));
   source.add("c.gltf", with_copyright("Other"));
@@ -93,16 +93,16 @@ TEST(InspectTileset, AttributionIsThatOfTilesToo) {
 }
 
 TEST(InspectTileset, AttributionIsOfASampleWhereThereAreManyTiles) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 20, 30), 8, "root.glb");
   root["children"] = Json::array();
   MemorySource source;
   for (int i = 0; i < 1000; ++i) {
     const std::string uri = std::to_string(i) + ".glb";
-    root["children"].push_back(transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, uri));
+    root["children"].push_back(transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 0, uri));
     source.add(uri, glb(with_copyright("City")));
   }
   source.add("root.glb", glb(with_copyright("Root")));
-  source.add("tileset.json", transport::testing::tileset(root).dump());
+  source.add("tileset.json", transport::test_support::tileset(root).dump());
   const TilesetSummary s = inspect_tileset(source);
   EXPECT_THAT(s.attribution, ElementsAre("City", "Root"));
   EXPECT_EQ(s.contents_read, 64);
@@ -128,15 +128,15 @@ class SlowSource : public MemorySource {
 };
 
 TEST(InspectTileset, ExternalTilesetsOfALevelAreAskedForTogether) {
-  const Json volume = transport::testing::box_volume(0, 0, 0, 1, 1, 1);
-  Json root = transport::testing::tile(volume, 8);
-  root["children"] = {transport::testing::tile(volume, 4, "a.json"), transport::testing::tile(volume, 4, "gone.json"),
-                      transport::testing::tile(volume, 4, "b.json")};
-  SlowSource source(transport::testing::tileset(root));
-  source.add("a.json", transport::testing::tileset(transport::testing::tile(volume, 2, "c.json")).dump());
-  source.add("b.json", transport::testing::tileset(transport::testing::tile(volume, 2, "d.json")).dump());
+  const Json volume = transport::test_support::box_volume(0, 0, 0, 1, 1, 1);
+  Json root = transport::test_support::tile(volume, 8);
+  root["children"] = {transport::test_support::tile(volume, 4, "a.json"), transport::test_support::tile(volume, 4, "gone.json"),
+                      transport::test_support::tile(volume, 4, "b.json")};
+  SlowSource source(transport::test_support::tileset(root));
+  source.add("a.json", transport::test_support::tileset(transport::test_support::tile(volume, 2, "c.json")).dump());
+  source.add("b.json", transport::test_support::tileset(transport::test_support::tile(volume, 2, "d.json")).dump());
   for (const char* name : {"c.json", "d.json"})
-    source.add(name, transport::testing::tileset(transport::testing::tile(volume, 1, "e.glb")).dump());
+    source.add(name, transport::test_support::tileset(transport::test_support::tile(volume, 1, "e.glb")).dump());
   const TilesetSummary s = inspect_tileset(source);
   EXPECT_EQ(s.external_tilesets, 4);
   EXPECT_EQ(s.tiles, 8);

@@ -15,18 +15,18 @@
 namespace tileflight::tiles::load_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using geometry::Box3;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using transport::testing::b3dm;
-using transport::testing::box_volume;
-using transport::testing::GltfWriter;
-using transport::testing::Json;
-using transport::testing::MemorySource;
-using transport::testing::tile;
-using transport::testing::triangle_glb;
+using transport::test_support::b3dm;
+using transport::test_support::box_volume;
+using transport::test_support::GltfWriter;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
+using transport::test_support::tile;
+using transport::test_support::triangle_glb;
 
 LoadedTiles load(MemorySource& source, const LoadOptions& options = {}) {
   return load_region(source, "place", options);
@@ -34,22 +34,22 @@ LoadedTiles load(MemorySource& source, const LoadOptions& options = {}) {
 
 /// A triangle of 2 m around x, in its own tile.
 Json leaf(double x, const std::string& uri) {
-  return transport::testing::tile(transport::testing::box_volume(x, 0, 0, 2, 2, 2), 0, uri);
+  return transport::test_support::tile(transport::test_support::box_volume(x, 0, 0, 2, 2, 2), 0, uri);
 }
 
-std::string triangle_at(float x) { return transport::testing::triangle_glb({x - 1, 0, 0, x + 1, 0, 0, x, 1, 0}); }
+std::string triangle_at(float x) { return transport::test_support::triangle_glb({x - 1, 0, 0, x + 1, 0, 0, x, 1, 0}); }
 
 /// Two leaves side by side below a coarse root.
 class LoadRegion : public ::testing::Test {
  protected:
   LoadRegion() {
-    Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5, "root.glb");
+    Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 2, 2), 5, "root.glb");
     root["children"] = {leaf(-5, "west.b3dm"), leaf(5, "east.glb")};
-    Json json = transport::testing::tileset(root);
+    Json json = transport::test_support::tileset(root);
     json["asset"]["copyright"] = "Survey; City";
     source_.add("tileset.json", json.dump());
     source_.add("root.glb", triangle_at(0));
-    source_.add("west.b3dm", transport::testing::b3dm(triangle_at(-5)));
+    source_.add("west.b3dm", transport::test_support::b3dm(triangle_at(-5)));
     source_.add("east.glb", triangle_at(5));
   }
   MemorySource source_;
@@ -88,7 +88,7 @@ TEST_F(LoadRegion, ReadsOnlyTheCut) {
 
 TEST_F(LoadRegion, MissingTileIsNamedOrCounted) {
   source_.remove("west.b3dm");
-  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is missing"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is missing"));
   LoadOptions options;
   options.allow_incomplete = true;
   const LoadedTiles tiles = load(source_, options);
@@ -103,14 +103,14 @@ TEST_F(LoadRegion, FirstFailureIsNamedWhateverTheThreadsDo) {
   source_.add("west.b3dm", std::string("garbage garbage"));
   source_.remove("east.glb");
   for (int i = 0; i < 20; ++i)
-    EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is not a tile"));
+    EXPECT_THAT(base::test_support::error_of([&] { load(source_); }), HasSubstr("west.b3dm: is not a tile"));
 }
 
 TEST_F(LoadRegion, MissingExternalTilesetIsNamedOrCounted) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 2, 2), 5);
   root["children"] = {leaf(-5, "west.json"), leaf(5, "east.glb")};
-  source_.add("tileset.json", transport::testing::tileset(root).dump());
-  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("tile root/0: west.json: is missing"));
+  source_.add("tileset.json", transport::test_support::tileset(root).dump());
+  EXPECT_THAT(base::test_support::error_of([&] { load(source_); }), HasSubstr("tile root/0: west.json: is missing"));
   LoadOptions options;
   options.allow_incomplete = true;
   const LoadedTiles tiles = load(source_, options);
@@ -123,7 +123,7 @@ TEST_F(LoadRegion, EmptyRegionNamesTheExtent) {
   LoadOptions options;
   options.center_local = Vec3(500, 0, 0);
   options.size = Vec3(4, 4, 4);
-  const std::string message = base::testing::error_of([&] { load(source_, options); });
+  const std::string message = base::test_support::error_of([&] { load(source_, options); });
   EXPECT_THAT(message, HasSubstr("no tile with content overlaps the region x 498.0 … 502.0"));
   EXPECT_THAT(message, HasSubstr("spans x -10.0 … 10.0"));
 }
@@ -134,7 +134,7 @@ TEST_F(LoadRegion, FlightThatSeesNothingIsToldWhereItIs) {
     options.flight = FlightSelection{};
     for (const Vec3& position : positions)
       options.flight->view_cones.push_back({position, Vec3::UnitZ(), 0.5, 1000.0});  // upwards
-    return base::testing::error_of([&] { load(source_, options); });
+    return base::test_support::error_of([&] { load(source_, options); });
   };
   const std::string far = message_from({Vec3(500, 0, 30), Vec3(510, 5, 31)});
   EXPECT_THAT(far, HasSubstr("the flight sees nothing of the tileset: it flies at x 500.0 … 510.0, y 0.0 … 5.0, z 30.0 "
@@ -145,17 +145,17 @@ TEST_F(LoadRegion, FlightThatSeesNothingIsToldWhereItIs) {
 }
 
 TEST_F(LoadRegion, TilesetWithoutContentSaysSo) {
-  source_.add("tileset.json", transport::testing::tileset(
-                                  transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5))
+  source_.add("tileset.json", transport::test_support::tileset(
+                                  transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 2, 2), 5))
                                   .dump());
-  EXPECT_THAT(base::testing::error_of([&] { load(source_); }), HasSubstr("the tileset is empty"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(source_); }), HasSubstr("the tileset is empty"));
 }
 
 TEST_F(LoadRegion, WrongOptionsAreTold) {
   const auto message = [&](const auto& change) {
     LoadOptions options;
     change(options);
-    return base::testing::error_of([&] { load(source_, options); });
+    return base::test_support::error_of([&] { load(source_, options); });
   };
   EXPECT_THAT(message([](LoadOptions& o) {
                 o.center = geometry::Geodetic{1, 2, {0}};
@@ -200,12 +200,12 @@ TEST_F(LoadRegion, OriginGivesAPlaceToATilesetWithoutOne) {
 /// A georeferenced site: the tree's frame is earth-centred, by a transform that also scales.
 TEST(LoadRegionOnEarth, LocalFrameIsEastNorthUpAtTheCentre) {
   const geometry::LocalFrame site({48.0, 11.0, {500}});
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 10, 10), 0, "a.glb");
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 10, 10), 0, "a.glb");
   geometry::Mat4 T = site.T_ecef_local().matrix();
   T.topLeftCorner<3, 3>() *= 2;
   root["transform"] = std::vector<double>(T.data(), T.data() + 16);
-  MemorySource source(transport::testing::tileset(root));
-  source.add("a.glb", transport::testing::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10}));
+  MemorySource source(transport::test_support::tileset(root));
+  source.add("a.glb", transport::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10}));
   const LoadedTiles whole = load(source);
   ASSERT_TRUE(whole.local_frame.has_value());
   EXPECT_NEAR(whole.local_frame->origin().latitude_deg, 48, 1e-9);
@@ -232,34 +232,34 @@ TEST(LoadRegionOnEarth, LocalFrameIsEastNorthUpAtTheCentre) {
   LoadOptions local;
   local.center_local = Vec3(0, 0, 0);
   local.size = Vec3(1, 1, 1);
-  EXPECT_THAT(base::testing::error_of([&] { load(source, local); }), HasSubstr("is georeferenced: give --center"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(source, local); }), HasSubstr("is georeferenced: give --center"));
 }
 
 TEST(LoadRegionOnEarth, ALargePlaceWantsACentre) {
   MemorySource source(
-      transport::testing::tileset(transport::testing::tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
-  const std::string message = base::testing::error_of([&] { load(source); });
+      transport::test_support::tileset(transport::test_support::tile({{"region", {0.1, 0.8, 0.11, 0.81, 0, 100}}}, 0, "a.glb")));
+  const std::string message = base::test_support::error_of([&] { load(source); });
   EXPECT_THAT(message, HasSubstr("more than 4 km²; give --center and --size"));
   EXPECT_THAT(message, HasSubstr("around latitude 46.1"));
 }
 
 TEST(LoadRegionOnEarth, TheGlobeDoesNotTellTheHeightOfTheGround) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 7e6, 7e6, 7e6), 1e6);
-  MemorySource source(transport::testing::tileset(root));
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 7e6, 7e6, 7e6), 1e6);
+  MemorySource source(transport::test_support::tileset(root));
   LoadOptions options;
   options.center = geometry::Geodetic{48, 11, {NAN}};
   options.size = Vec3(100, 100, 0);
-  EXPECT_THAT(base::testing::error_of([&] { load(source, options); }), HasSubstr("give the height"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(source, options); }), HasSubstr("give the height"));
 }
 
 TEST(LoadRegionFiles, OneFileInManyPlacesIsReadOnce) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 100), 5);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 100, 100, 100), 5);
   for (int i = 0; i < 10; ++i) {
-    Json child = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb");
+    Json child = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb");
     child["transform"] = {i % 2 == 0 ? 1 : -1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 10 * i, 0, 0, 1};
     root["children"].push_back(child);
   }
-  MemorySource source(transport::testing::tileset(root));
+  MemorySource source(transport::test_support::tileset(root));
   source.add("a.glb", triangle_at(0));
   const LoadedTiles tiles = load(source);
   EXPECT_EQ(source.reads().at("a.glb"), 1);
@@ -270,11 +270,11 @@ TEST(LoadRegionFiles, OneFileInManyPlacesIsReadOnce) {
 }
 
 TEST(LoadRegionFiles, ATextureThatTilesShareIsDecodedOnce) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 100), 5);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 100, 100, 100), 5);
   MemorySource source;
   for (int i = 0; i < 8; ++i) {
     const std::string uri = "sub/" + std::to_string(i) + ".glb";
-    root["children"].push_back(transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
+    root["children"].push_back(transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
     GltfWriter writer;
     writer.json()["images"] = {{{"uri", "../shared.png"}}};
     writer.json()["textures"] = {{{"source", 0}}};
@@ -284,52 +284,52 @@ TEST(LoadRegionFiles, ATextureThatTilesShareIsDecodedOnce) {
     writer.add_primitive({{"attributes", {{"POSITION", positions}, {"TEXCOORD_0", uv}}}, {"material", 0}});
     source.add(uri, writer.glb());
   }
-  source.add("tileset.json", transport::testing::tileset(root).dump());
+  source.add("tileset.json", transport::test_support::tileset(root).dump());
   source.add("shared.png", imaging::encode_png(imaging::RgbImage(4, 4, {1, 2, 3})));
   const LoadedTiles tiles = load(source);
   EXPECT_EQ(source.reads().at("shared.png"), 1);
   ASSERT_GT(tiles.meshes.size(), 1U);
   for (const imaging::TexturedMesh& mesh : tiles.meshes) EXPECT_EQ(mesh.texture, tiles.meshes[0].texture);
   source.add("shared.png", std::string("garbage"));
-  EXPECT_THAT(base::testing::error_of([&] { load(source); }), HasSubstr("shared.png"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(source); }), HasSubstr("shared.png"));
   LoadOptions bare;
   bare.textures = false;
   EXPECT_TRUE(load(source, bare).complete);
 }
 
 TEST(LoadRegionFiles, TilesetsUpAxisTurnsItsContents) {
-  Json json = transport::testing::tileset(
-      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 9, 9, 9), 0, "a.glb"));
+  Json json = transport::test_support::tileset(
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 9, 9, 9), 0, "a.glb"));
   json["asset"]["gltfUpAxis"] = "Z";
   MemorySource source(json);
-  source.add("a.glb", transport::testing::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 9}));
+  source.add("a.glb", transport::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 9}));
   EXPECT_EQ(load(source).meshes.at(0).mesh.vertices[0], Vec3(1, 2, 3));
 }
 
 TEST(LoadRegionFiles, DataUriAsContent) {
   // Percent escapes can carry any byte; base64 would hide the tested characters.
   std::string escaped;
-  for (const char c : transport::testing::triangle_glb()) {
+  for (const char c : transport::test_support::triangle_glb()) {
     char code[4];
     std::snprintf(code, sizeof code, "%%%02X", static_cast<unsigned char>(c));
     escaped += code;
   }
-  MemorySource source(transport::testing::tileset(transport::testing::tile(
-      transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "data:model/gltf-binary," + escaped)));
+  MemorySource source(transport::test_support::tileset(transport::test_support::tile(
+      transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, "data:model/gltf-binary," + escaped)));
   EXPECT_EQ(load(source).triangles, 1);
 }
 
 TEST(LoadRegionFiles, RequiredExtensionsAreRefusedByName) {
-  Json json = transport::testing::tileset(
-      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb"));
+  Json json = transport::test_support::tileset(
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb"));
   json["extensionsRequired"] = {"ACME_secret"};
   MemorySource source(json);
-  EXPECT_THAT(base::testing::error_of([&] { load(source); }), HasSubstr("ACME_secret"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(source); }), HasSubstr("ACME_secret"));
 }
 
 TEST(LoadRegionFiles, ProgressReachesTheEnd) {
-  MemorySource source(transport::testing::tileset(
-      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb")));
+  MemorySource source(transport::test_support::tileset(
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, "a.glb")));
   source.add("a.glb", triangle_at(0));
   std::int64_t last = 0;
   load_region(source, "place", {}, [&](std::int64_t done, std::int64_t total, std::string_view) {

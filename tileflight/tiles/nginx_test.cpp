@@ -37,8 +37,8 @@ fs::path program(const std::string& name) {
 
 /// A port that was free just before.
 int free_port() {
-  return transport::testing::TestHttpServer(
-             [](const transport::testing::ServedRequest&, transport::testing::ServedConnection&) { return false; })
+  return transport::test_support::TestHttpServer(
+             [](const transport::test_support::ServedRequest&, transport::test_support::ServedConnection&) { return false; })
       .port();
 }
 
@@ -108,7 +108,7 @@ class NginxTest : public ::testing::Test {
 
   transport::SourceOptions options(const Nginx& nginx) const {
     transport::SourceOptions options;
-    options.http = testing::quick_source_options();
+    options.http = test_support::quick_source_options();
     options.http.http.retry.max_tries = 20;  // until it listens
     options.http.http.retry.max_backoff = std::chrono::milliseconds(200);
     options.http.http.ca_file = nginx.certificate();
@@ -123,7 +123,7 @@ class NginxTest : public ::testing::Test {
 };
 
 TEST_F(NginxTest, ATilesetOverHttp2AndAgainFromTheCache) {
-  testing::TestHttpTileset place;
+  test_support::TestHttpTileset place;
   place.add_tileset();
   const tests::TemporaryFolder served;
   const tests::TemporaryFolder cache;
@@ -152,7 +152,7 @@ TEST_F(NginxTest, ATilesetOverHttp2AndAgainFromTheCache) {
   load.source.http.http.ca_file.clear();
   load.source.cache_folder.clear();
   load.source.http.http.retry.max_tries = 1;
-  EXPECT_THAT(base::testing::error_of([&] { load_region(nginx.url("place/tileset.json"), load); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load_region(nginx.url("place/tileset.json"), load); }),
               HasSubstr("certificate"))
       << "a certificate that nobody vouches for is no server";
 }

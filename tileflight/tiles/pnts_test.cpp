@@ -11,27 +11,27 @@
 namespace tileflight::tiles::pnts_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_raw_bytes;
+using base::test_support::error_of;
+using base::test_support::to_raw_bytes;
 using geometry::PointCloud;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using transport::testing::Json;
+using transport::test_support::Json;
 using Color = std::array<std::uint8_t, 3>;
 
 PointCloud read(const Json& table, const std::string& binary, const tile_contents::ContentOptions& options = {}) {
   const tile_contents::DecodedContent content = tile_contents::decode_content(
-      base::testing::to_bytes(transport::testing::container("pnts", {table, binary})), "p", options);
+      base::test_support::to_bytes(transport::test_support::container("pnts", {table, binary})), "p", options);
   EXPECT_TRUE(content.meshes.empty());
   return content.clouds.at(0);
 }
 
 TEST(Pnts, FloatsWithColoursNormalsAndIds) {
-  const std::string positions = base::testing::to_raw_bytes<float>({1, 2, 3, 4, 5, 6});
-  const std::string colors = base::testing::to_raw_bytes<std::uint8_t>({255, 0, 1, 2, 3, 4});
-  const std::string normals = base::testing::to_raw_bytes<float>({0, 0, 1, 0, 1, 0});
-  const std::string ids = base::testing::to_raw_bytes<std::uint8_t>({7, 200});
+  const std::string positions = base::test_support::to_raw_bytes<float>({1, 2, 3, 4, 5, 6});
+  const std::string colors = base::test_support::to_raw_bytes<std::uint8_t>({255, 0, 1, 2, 3, 4});
+  const std::string normals = base::test_support::to_raw_bytes<float>({0, 0, 1, 0, 1, 0});
+  const std::string ids = base::test_support::to_raw_bytes<std::uint8_t>({7, 200});
   const PointCloud cloud = read({{"POINTS_LENGTH", 2},
                                  {"POSITION", {{"byteOffset", 0}}},
                                  {"RGB", {{"byteOffset", 24}}},
@@ -46,10 +46,10 @@ TEST(Pnts, FloatsWithColoursNormalsAndIds) {
 }
 
 TEST(Pnts, QuantisedWith565AndOctahedralNormals) {
-  const std::string positions = base::testing::to_raw_bytes<std::uint16_t>({0, 65535, 13107, 65535, 0, 0});
+  const std::string positions = base::test_support::to_raw_bytes<std::uint16_t>({0, 65535, 13107, 65535, 0, 0});
   const std::string colors =
-      base::testing::to_raw_bytes<std::uint16_t>({0xF800, 0x07E1});  // red; green and a little blue
-  const std::string normals = base::testing::to_raw_bytes<std::uint8_t>({128, 128, 255, 128});
+      base::test_support::to_raw_bytes<std::uint16_t>({0xF800, 0x07E1});  // red; green and a little blue
+  const std::string normals = base::test_support::to_raw_bytes<std::uint8_t>({128, 128, 255, 128});
   const PointCloud cloud = read({{"POINTS_LENGTH", 2},
                                  {"POSITION_QUANTIZED", {{"byteOffset", 0}}},
                                  {"QUANTIZED_VOLUME_OFFSET", {100, 0, -1}},
@@ -90,24 +90,24 @@ TEST(Octahedral, RoundTrip) {
 TEST(Pnts, FaultsAreNamed) {
   const auto message = [](const Json& table, const std::string& binary,
                           const tile_contents::ContentOptions& options = {}) {
-    return base::testing::error_of([&] { read(table, binary, options); });
+    return base::test_support::error_of([&] { read(table, binary, options); });
   };
-  const std::string two = base::testing::to_raw_bytes<float>({0, 0, 0, 1, 1, 1});
+  const std::string two = base::test_support::to_raw_bytes<float>({0, 0, 0, 1, 1, 1});
   EXPECT_THAT(message(Json::object(), two), HasSubstr("POINTS_LENGTH is missing"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 2}}, two), HasSubstr("no POSITION and no POSITION_QUANTIZED"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 3}, {"POSITION", {{"byteOffset", 0}}}}, two), HasSubstr("POSITION: lies"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 4000000000U}, {"POSITION", {{"byteOffset", 0}}}}, two), HasSubstr("points"));
   EXPECT_THAT(message({{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}},
-                      base::testing::to_raw_bytes<float>({0, 0, 0, 0, NAN, 0})),
+                      base::test_support::to_raw_bytes<float>({0, 0, 0, 0, NAN, 0})),
               HasSubstr("not finite"));
   tile_contents::ContentOptions few;
   few.limits.max_points = 1;
   EXPECT_THAT(message({{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, two, few), HasSubstr("the limit"));
   const std::string whole =
-      transport::testing::container("pnts", {{{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, two});
+      transport::test_support::container("pnts", {{{"POINTS_LENGTH", 2}, {"POSITION", {{"byteOffset", 0}}}}, two});
   for (std::size_t length = 0; length < whole.size(); ++length) {
-    EXPECT_NE(base::testing::error_of(
-                  [&] { tile_contents::decode_content(base::testing::to_bytes(whole.substr(0, length)), "p"); }),
+    EXPECT_NE(base::test_support::error_of(
+                  [&] { tile_contents::decode_content(base::test_support::to_bytes(whole.substr(0, length)), "p"); }),
               "")
         << length;
   }

@@ -16,18 +16,18 @@
 namespace tileflight::tiles::providers_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using std::chrono::hours;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using transport::testing::ServedConnection;
-using transport::testing::ServedRequest;
-using transport::testing::TestHttpServer;
+using transport::test_support::ServedConnection;
+using transport::test_support::ServedRequest;
+using transport::test_support::TestHttpServer;
 
 std::string tile_with_copyright(const std::string& copyright) {
-  transport::testing::GltfWriter writer;
+  transport::test_support::GltfWriter writer;
   writer.add_primitive(
       {{"attributes", {{"POSITION", writer.add_accessor(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0}, 3)}}}});
   writer.json()["asset"]["copyright"] = copyright;
@@ -54,24 +54,24 @@ class GoogleServer {
       return connection.answer(403, std::string(R"({"error": {"message": "Consumer 'api_key:)") +
                                         transport::query_value(request.target, "key") + R"(' has no access"}})");
     }
-    const auto box = transport::testing::box_volume(0, 0, 0, 9, 9, 9);
+    const auto box = transport::test_support::box_volume(0, 0, 0, 9, 9, 9);
     if (request.path() == "/v1/3dtiles/root.json") {
       ++roots_;
       session_ok_ = true;
-      auto outer = transport::testing::tile(box, 100);
+      auto outer = transport::test_support::tile(box, 100);
       outer["children"].push_back(
-          transport::testing::tile(box, 50, "/v1/3dtiles/datasets/CgA/files/outer.json?session=" + session()));
-      return connection.answer(200, transport::testing::tileset(outer).dump(), {"Cache-Control: private, max-age=100"});
+          transport::test_support::tile(box, 50, "/v1/3dtiles/datasets/CgA/files/outer.json?session=" + session()));
+      return connection.answer(200, transport::test_support::tileset(outer).dump(), {"Cache-Control: private, max-age=100"});
     }
     if (!session_ok_ || transport::query_value(request.target, "session") != session()) {
       return connection.answer(400, R"({"error": {"message": "session )" +
                                         transport::query_value(request.target, "session") + R"( is not valid"}})");
     }
     if (request.path().ends_with("/outer.json")) {
-      auto inner = transport::testing::tile(box, 50);
+      auto inner = transport::test_support::tile(box, 50);
       for (const char* name : {"a.glb", "b.glb", "c.glb"})
-        inner["children"].push_back(transport::testing::tile(box, 0, name));
-      return connection.answer(200, transport::testing::tileset(inner).dump(), {"Cache-Control: private, max-age=100"});
+        inner["children"].push_back(transport::test_support::tile(box, 0, name));
+      return connection.answer(200, transport::test_support::tileset(inner).dump(), {"Cache-Control: private, max-age=100"});
     }
     const bool is_a = request.path().ends_with("a.glb");
     return connection.answer(200, tile_with_copyright(is_a ? "Airbus; Survey" : "Survey"),
@@ -87,7 +87,7 @@ class Google : public ::testing::Test {
  protected:
   transport::SourceOptions source_options() {
     transport::SourceOptions options;
-    options.http = testing::quick_source_options();
+    options.http = test_support::quick_source_options();
     options.google_key = GoogleServer::kKey;
     options.google_root_url = google_.root();
     return options;
@@ -102,7 +102,7 @@ class Google : public ::testing::Test {
     options.root_url = google_.root();
     options.key = GoogleServer::kKey;
     options.now = [this] { return std::chrono::steady_clock::time_point() + time_; };
-    return transport::HttpSource(std::make_unique<transport::GoogleProvider>(options), testing::quick_source_options());
+    return transport::HttpSource(std::make_unique<transport::GoogleProvider>(options), test_support::quick_source_options());
   }
 
   GoogleServer google_;
@@ -154,7 +154,7 @@ TEST_F(Google, AnotherRefusalCostsNoRootRequestAndShowsNoSecret) {
   source.read(source.root_uri());
   google_.end_session();
   time_ = hours(1);
-  EXPECT_THAT(base::testing::error_of([&] { source.read(google_.tile_url("a.glb")); }),
+  EXPECT_THAT(base::test_support::error_of([&] { source.read(google_.tile_url("a.glb")); }),
               AllOf(HasSubstr("400"), HasSubstr("session … is not valid"), Not(HasSubstr("SESSION"))));
   EXPECT_EQ(google_.roots(), 1);
 }
@@ -162,10 +162,10 @@ TEST_F(Google, AnotherRefusalCostsNoRootRequestAndShowsNoSecret) {
 TEST_F(Google, AWrongKeyIsToldWithoutItAndAMissingOneByItsVariable) {
   transport::SourceOptions options = source_options();
   options.google_key = "AIzaANOTHERKEY";
-  EXPECT_THAT(base::testing::error_of([&] { load(options); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load(options); }),
               AllOf(HasSubstr("403"), HasSubstr("api_key:…' has no access"), Not(HasSubstr("ANOTHER"))));
   options.google_key = "";
-  EXPECT_THAT(base::testing::error_of([&] { load(options); }), HasSubstr("GOOGLE_MAPS_API_KEY"));
+  EXPECT_THAT(base::test_support::error_of([&] { load(options); }), HasSubstr("GOOGLE_MAPS_API_KEY"));
 }
 
 std::string all_bytes_below(const std::filesystem::path& folder) {
@@ -186,7 +186,7 @@ TEST_F(Google, IsCachedByLeaveOnlyAndWithoutSecrets) {
   load(options);
   EXPECT_THAT(all_bytes_below(folder.path()), Not(HasSubstr("a.glb"))) << "the terms forbid it";
   options.cache_required = true;
-  EXPECT_THAT(base::testing::error_of([&] { load(options); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load(options); }),
               AllOf(HasSubstr("forbid keeping tiles in a cache"), HasSubstr("maps/documentation/tile/policies"),
                     HasSubstr("--terms-accepted")));
   options.terms_accepted = true;
@@ -219,11 +219,11 @@ class IonServer {
     if (!accepts_ || !token_ok_ || request.header("authorization") != "Bearer " + access_token()) {
       return connection.answer(401, R"({"code": "InvalidCredentials", "message": "Invalid access token"})");
     }
-    const auto box = transport::testing::box_volume(0, 0, 0, 9, 9, 9);
+    const auto box = transport::test_support::box_volume(0, 0, 0, 9, 9, 9);
     if (request.path() == "/7/tileset.json") {
-      auto root = transport::testing::tile(box, 50);
-      for (const char* name : {"a.glb", "b.glb"}) root["children"].push_back(transport::testing::tile(box, 0, name));
-      return connection.answer(200, transport::testing::tileset(root).dump());
+      auto root = transport::test_support::tile(box, 50);
+      for (const char* name : {"a.glb", "b.glb"}) root["children"].push_back(transport::test_support::tile(box, 0, name));
+      return connection.answer(200, transport::test_support::tileset(root).dump());
     }
     return connection.answer(200, tile_with_copyright("Survey"));
   }
@@ -259,7 +259,7 @@ class Ion : public ::testing::Test {
  protected:
   transport::SourceOptions source_options() {
     transport::SourceOptions options;
-    options.http = testing::quick_source_options();
+    options.http = test_support::quick_source_options();
     options.ion_token = IonServer::kToken;
     options.ion_api_url = ion_.server().url("");
     return options;
@@ -274,7 +274,7 @@ class Ion : public ::testing::Test {
     options.api = ion_.server().url("");
     options.asset = "7";
     options.token = IonServer::kToken;
-    return transport::HttpSource(std::make_unique<transport::IonProvider>(options), testing::quick_source_options());
+    return transport::HttpSource(std::make_unique<transport::IonProvider>(options), test_support::quick_source_options());
   }
   std::string tile_url(const std::string& name) { return ion_.server().url("/7/" + name); }
 
@@ -309,7 +309,7 @@ TEST_F(Ion, ATokenThatHasRunOutIsReplacedOnce) {
 TEST_F(Ion, ARefusalThatStaysEnds) {
   transport::HttpSource source = open();
   ion_.never_accept();
-  EXPECT_THAT(base::testing::error_of([&] { source.read(tile_url("a.glb")); }),
+  EXPECT_THAT(base::test_support::error_of([&] { source.read(tile_url("a.glb")); }),
               AllOf(HasSubstr("401 (not authorised"), HasSubstr("Invalid access token"), Not(HasSubstr("SECRET"))));
   EXPECT_EQ(ion_.endpoints(), 2) << "one more try, with another token";
 }
@@ -330,7 +330,7 @@ TEST_F(Ion, GooglesTilesThroughItKeepGooglesProtocolAndTerms) {
 }
 
 TEST_F(Ion, OtherExternalAssetsArePlainServers) {
-  testing::TestHttpTileset place;
+  test_support::TestHttpTileset place;
   place.add_tileset();
   ion_.set_external(place.root() + "?key=carried");
   const LoadedTiles tiles = load("9", source_options());
@@ -343,15 +343,15 @@ TEST_F(Ion, OtherExternalAssetsArePlainServers) {
 
 TEST_F(Ion, WhatCannotBeOpenedIsToldInOneLine) {
   transport::SourceOptions options = source_options();
-  EXPECT_THAT(base::testing::error_of([&] { load("1", options); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load("1", options); }),
               HasSubstr("ion:1: is of type IMAGERY, not 3DTILES"));
-  EXPECT_THAT(base::testing::error_of([&] { load("x", options); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load("x", options); }),
               HasSubstr("ion:x: a Cesium ion asset is given by its number"));
   options.ion_token = "wrong-SECRET";
-  EXPECT_THAT(base::testing::error_of([&] { load("7", options); }),
+  EXPECT_THAT(base::test_support::error_of([&] { load("7", options); }),
               AllOf(HasSubstr("status 401: Invalid access token; see CESIUM_ION_TOKEN"), Not(HasSubstr("SECRET"))));
   options.ion_token = "";
-  EXPECT_THAT(base::testing::error_of([&] { load("7", options); }), HasSubstr("environment variable CESIUM_ION_TOKEN"));
+  EXPECT_THAT(base::test_support::error_of([&] { load("7", options); }), HasSubstr("environment variable CESIUM_ION_TOKEN"));
 }
 
 TEST(IonHtml, AttributionsBecomeText) {
@@ -364,10 +364,10 @@ TEST(IonHtml, AttributionsBecomeText) {
 
 TEST(GoogleSession, IsFoundAtAnyDepth) {
   EXPECT_EQ(
-      transport::find_session(base::testing::to_bytes(R"({"a": [{"uri": "/x.json?v=1&session=S1"}, "b?session=S2"]})")),
+      transport::find_session(base::test_support::to_bytes(R"({"a": [{"uri": "/x.json?v=1&session=S1"}, "b?session=S2"]})")),
       "S1");
-  EXPECT_EQ(transport::find_session(base::testing::to_bytes(R"({"a": 1})")), "");
-  EXPECT_EQ(transport::find_session(base::testing::to_bytes("no JSON")), "");
+  EXPECT_EQ(transport::find_session(base::test_support::to_bytes(R"({"a": 1})")), "");
+  EXPECT_EQ(transport::find_session(base::test_support::to_bytes("no JSON")), "");
 }
 
 TEST(TermsOf, PlainServersAreUnknownAndGooglesHostIsGoogles) {
@@ -376,11 +376,11 @@ TEST(TermsOf, PlainServersAreUnknownAndGooglesHostIsGoogles) {
                 .terms()
                 .find_prohibition(transport::Use::kExtract),
             nullptr);
-  EXPECT_EQ(base::testing::error_of([] {
+  EXPECT_EQ(base::test_support::error_of([] {
               transport::require_permitted(transport::google_terms(), transport::Use::kExtract, true, "google");
             }),
             "");
-  EXPECT_THAT(base::testing::error_of([] {
+  EXPECT_THAT(base::test_support::error_of([] {
                 transport::require_permitted(transport::google_terms(), transport::Use::kExtract, false, "google");
               }),
               AllOf(HasSubstr("google: the terms of Google Photorealistic 3D Tiles forbid extraction of geometry"),

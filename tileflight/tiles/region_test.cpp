@@ -18,7 +18,7 @@
 namespace tileflight::tiles::region_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using Eigen::Vector2d;
 using geometry::Box3;
 using geometry::Geodetic;
@@ -29,8 +29,8 @@ using geometry::Ring;
 using geometry::SE3;
 using geometry::Vec3;
 using ::testing::HasSubstr;
-using transport::testing::Json;
-using transport::testing::MemorySource;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
 
 class Random {
  public:
@@ -90,7 +90,7 @@ TEST(Region, VolumesThatHoldAPointOfAPolygonMeetIt) {
 
 /// A quadtree of 8 x 8 leaves of 10 m: only the leaves that intersect a polygon's edges or interior are selected.
 TEST(Region, TheCutOfAPolygon) {
-  Json root = transport::testing::tile({{"box", {40, 40, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10);
+  Json root = transport::test_support::tile({{"box", {40, 40, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10);
   root["children"] = Json::array();
   for (int i = 0; i < 64; ++i) {
     const double x = 10 * (i % 8) + 5;
@@ -99,7 +99,7 @@ TEST(Region, TheCutOfAPolygon) {
                                 {"geometricError", 0},
                                 {"content", {{"uri", std::to_string(i) + ".glb"}}}});
   }
-  MemorySource source(transport::testing::tileset(root));
+  MemorySource source(transport::test_support::tileset(root));
   const auto cut_of = [&](const Region& region) {
     TilesetTree tree(source);
     std::vector<std::string> uris;
@@ -207,14 +207,14 @@ TEST_F(RegionFile, AreasOnBothSidesOfTheAntimeridian) {
   set_region_from_geojson({file(fiji)}, load);
   EXPECT_NEAR(load.center->longitude_deg, 180, 1e-9);
   EXPECT_LT(load.size->x(), 22000);
-  EXPECT_THAT(base::testing::error_of([&] {
+  EXPECT_THAT(base::test_support::error_of([&] {
                 read_geojson_areas(file(polygon({{{179.9, -17}, {-179.9, -17}, {-179.9, -16}, {179.9, -16}}})));
               }),
               HasSubstr("crosses the antimeridian"));
 }
 
 TEST_F(RegionFile, FaultsAreNamed) {
-  const auto fault = [&](const Json& json) { return base::testing::error_of([&] { read_geojson_areas(file(json)); }); };
+  const auto fault = [&](const Json& json) { return base::test_support::error_of([&] { read_geojson_areas(file(json)); }); };
   EXPECT_THAT(fault({{"type", "Point"}, {"coordinates", {1, 2}}}), HasSubstr("has no Polygon"));
   EXPECT_THAT(fault({{"type", "Polygon"}, {"coordinates", {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}}}),
               HasSubstr("not closed"));
@@ -230,11 +230,11 @@ TEST_F(RegionFile, FaultsAreNamed) {
 /// A tileset in a local frame cannot be cut by polygons unless its position is given.
 TEST_F(RegionFile, TheRegionOfAPlaceThatIsNotOnTheEarth) {
   MemorySource source(
-      transport::testing::tileset(transport::testing::tile({{"box", {0, 0, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10)));
+      transport::test_support::tileset(transport::test_support::tile({{"box", {0, 0, 5, 40, 0, 0, 0, 40, 0, 0, 0, 5}}}, 10)));
   TilesetTree tree(source);
   LoadOptions load;
   set_region_from_geojson({file(polygon({rectangle(8, 47, 8.0002, 47.0002)}))}, load);
-  EXPECT_THAT(base::testing::error_of([&] { resolve_placement(tree, load, "s"); }), HasSubstr("not georeferenced"));
+  EXPECT_THAT(base::test_support::error_of([&] { resolve_placement(tree, load, "s"); }), HasSubstr("not georeferenced"));
   load.origin = Geodetic{47, 8, {300}};
   const Placement placed = resolve_placement(tree, load, "s");
   ASSERT_EQ(placed.region.parts.size(), 1U);

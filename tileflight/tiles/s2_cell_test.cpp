@@ -21,15 +21,15 @@
 namespace tileflight::tiles::s2_cell_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using geometry::Box3;
 using geometry::Geodetic;
 using geometry::SE3;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using transport::testing::Json;
-using transport::testing::MemorySource;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
 
 Vec3 normal_at(double latitude_deg, double longitude_deg) {
   constexpr double kRad = std::numbers::pi / 180;
@@ -213,9 +213,9 @@ TEST(S2Volume, TilesetsOfCellsAreSelectedFrom) {
                         {"geometricError", 0},
                         {"content", {{"uri", "t" + std::to_string(k) + ".glb"}}}});
   }
-  Json tile = transport::testing::tile(s2_volume("89c6c7"), 10);
+  Json tile = transport::test_support::tile(s2_volume("89c6c7"), 10);
   tile["children"] = children;
-  Json json = transport::testing::tileset(tile);
+  Json json = transport::test_support::tileset(tile);
   json["extensionsRequired"] = {"3DTILES_bounding_volume_S2"};
   MemorySource source(json);
   TilesetTree tree(source);
@@ -230,8 +230,8 @@ TEST(S2Volume, TilesetsOfCellsAreSelectedFrom) {
 
 TEST(S2Volume, FaultsAreNamed) {
   const auto fault = [](const Json& volume) {
-    return base::testing::error_of(
-        [&] { parse_tileset_json(transport::testing::tileset(transport::testing::tile(volume, 1)).dump(), "t"); });
+    return base::test_support::error_of(
+        [&] { parse_tileset_json(transport::test_support::tileset(transport::test_support::tile(volume, 1)).dump(), "t"); });
   };
   EXPECT_THAT(fault(s2_volume("NOT_A_VALID_TOKEN")), HasSubstr("token 'NOT_A_VALID_TOKEN' is not an S2 cell"));
   EXPECT_THAT(fault(s2_volume("89c6c7", 2, 1)), HasSubstr("minimum height lies above its maximum"));
@@ -253,20 +253,20 @@ TEST(S2Volume, RealFiles) {
   const auto volume = std::get<S2Volume>(read("validTilesetWithS2.json").tiles[0].bounding_volume);
   EXPECT_EQ(std::pair(volume.cell.face, volume.cell.level), std::pair(0U, 0U));
   EXPECT_EQ(volume.max_height_m, 10000);
-  EXPECT_THAT(base::testing::error_of([&] { read("s2TokenInvalidValue.json"); }), HasSubstr("is not an S2 cell"));
-  EXPECT_THAT(base::testing::error_of([&] { read("s2AndInvalidBox.json"); }), HasSubstr("box"));
+  EXPECT_THAT(base::test_support::error_of([&] { read("s2TokenInvalidValue.json"); }), HasSubstr("is not an S2 cell"));
+  EXPECT_THAT(base::test_support::error_of([&] { read("s2AndInvalidBox.json"); }), HasSubstr("box"));
 }
 
 TEST(Cylinder, IsHeldByTheBoxOfTheSameNumbers) {
   const Json cylinder = {
       {"extensions", {{"3DTILES_bounding_volume_cylinder", {{"cylinder", {1, 2, 3, 4, 0, 0, 0, 4, 0, 0, 0, 5}}}}}}};
   const auto parsed = [](const Json& root) {
-    return parse_tileset_json(transport::testing::tileset(root).dump(), "t").tiles[0];
+    return parse_tileset_json(transport::test_support::tileset(root).dump(), "t").tiles[0];
   };
-  const auto box = std::get<OrientedBox>(parsed(transport::testing::tile(cylinder, 1)).bounding_volume);
+  const auto box = std::get<OrientedBox>(parsed(transport::test_support::tile(cylinder, 1)).bounding_volume);
   EXPECT_EQ(box.center, Vec3(1, 2, 3));
   EXPECT_EQ(box.half_axes.diagonal(), Vec3(4, 4, 5));
-  Json implicit = transport::testing::tile(cylinder, 1);
+  Json implicit = transport::test_support::tile(cylinder, 1);
   implicit["implicitTiling"] = {{"subdivisionScheme", "OCTREE"},
                                 {"subtreeLevels", 2},
                                 {"availableLevels", 3},

@@ -8,15 +8,15 @@
 namespace tileflight::tiles::selection_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using transport::testing::box_volume;
-using transport::testing::Json;
-using transport::testing::MemorySource;
-using transport::testing::tile;
+using transport::test_support::box_volume;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
+using transport::test_support::tile;
 
 constexpr double kWorld = 1000;
 
@@ -34,20 +34,20 @@ std::vector<std::string> uris(const TileCut& cut) {
 
 /// Four quarters of a square of 200 m, each with two halves; errors 20, 10, 0.
 Json quadtree(const std::string& refine) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 10), 20, "root.glb");
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 100, 100, 10), 20, "root.glb");
   root["refine"] = refine;
   int i = 0;
   for (const double y : {-50.0, 50.0}) {
     for (const double x : {-50.0, 50.0}) {
       const std::string name = "q" + std::to_string(i++);
-      Json quarter = transport::testing::tile(transport::testing::box_volume(x, y, 0, 50, 50, 10), 10, name + ".glb");
+      Json quarter = transport::test_support::tile(transport::test_support::box_volume(x, y, 0, 50, 50, 10), 10, name + ".glb");
       quarter["children"] = {
-          transport::testing::tile(transport::testing::box_volume(x - 25, y, 0, 25, 50, 10), 0, name + "w.glb"),
-          transport::testing::tile(transport::testing::box_volume(x + 25, y, 0, 25, 50, 10), 0, name + "e.glb")};
+          transport::test_support::tile(transport::test_support::box_volume(x - 25, y, 0, 25, 50, 10), 0, name + "w.glb"),
+          transport::test_support::tile(transport::test_support::box_volume(x + 25, y, 0, 25, 50, 10), 0, name + "e.glb")};
       root["children"].push_back(quarter);
     }
   }
-  return transport::testing::tileset(root);
+  return transport::test_support::tileset(root);
 }
 
 TEST(SelectCut, ReplaceTakesTheFinestThatIsWanted) {
@@ -121,12 +121,12 @@ TEST(SelectCut, ChildrenThatMissTheRegionStandForNothingThere) {
 }
 
 TEST(SelectCut, TransformsMoveVolumes) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 10);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 10);
   root["transform"] = {0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 2, 0, 100, 0, 0, 1};  // quarter turn, twice as large, then east
-  root["children"] = Json::array({transport::testing::tile(transport::testing::box_volume(10, 0, 0, 1, 1, 1), 0,
+  root["children"] = Json::array({transport::test_support::tile(transport::test_support::box_volume(10, 0, 0, 1, 1, 1), 0,
                                                            "a.glb")});  // at (100, 20, 0) +- 2
-  root["boundingVolume"] = transport::testing::box_volume(0, 0, 0, 20, 20, 20);
-  MemorySource source(transport::testing::tileset(root));
+  root["boundingVolume"] = transport::test_support::box_volume(0, 0, 0, 20, 20, 20);
+  MemorySource source(transport::test_support::tileset(root));
   EXPECT_THAT(uris(cut_of(source, {Vec3(100, 21.9, 0), Vec3(1, 0.1, 1)})), ElementsAre("a.glb"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(100, 22.2, 0), Vec3(1, 0.1, 1)})), IsEmpty());
   EXPECT_THAT(uris(cut_of(source, {Vec3(110, 0, 0), Vec3(1, 1, 1)})), IsEmpty());
@@ -134,36 +134,36 @@ TEST(SelectCut, TransformsMoveVolumes) {
 
 TEST(SelectCut, AScalingTransformScalesTheErrorFrom11On) {
   for (const auto& [version, wanted_m] : {std::pair("1.0", 5.0), std::pair("1.1", 15.0)}) {
-    Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 5, "a.glb");
+    Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 5, "a.glb");
     root["transform"] = {2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1};
-    MemorySource source(transport::testing::tileset(root, version));
+    MemorySource source(transport::test_support::tileset(root, version));
     EXPECT_NEAR(cut_of(source).geometric_error_max_m, wanted_m, 1e-12) << version;
   }
 }
 
 TEST(SelectCut, ContentVolumesTighten) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 10, 10), 0);
-  root["contents"] = {{{"uri", "a.glb"}, {"boundingVolume", transport::testing::box_volume(-5, 0, 0, 1, 1, 1)}},
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 10, 10), 0);
+  root["contents"] = {{{"uri", "a.glb"}, {"boundingVolume", transport::test_support::box_volume(-5, 0, 0, 1, 1, 1)}},
                       {{"uri", "b.glb"}}};
-  MemorySource source(transport::testing::tileset(root));
+  MemorySource source(transport::test_support::tileset(root));
   EXPECT_THAT(uris(cut_of(source, {Vec3(5, 0, 0), Vec3(1, 1, 1)})), ElementsAre("b.glb"));
   EXPECT_THAT(uris(cut_of(source, {Vec3(-5, 0, 0), Vec3(1, 1, 1)})), ElementsAre("a.glb", "b.glb"));
 }
 
 TEST(SelectCut, ExternalTilesetsAreFollowedWhereTheyAreWanted) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 10), 50);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 100, 100, 10), 50);
   root["refine"] = "ADD";
   root["children"] = {
-      transport::testing::tile(transport::testing::box_volume(-50, 0, 0, 50, 100, 10), 20, "west/t.json"),
-      transport::testing::tile(transport::testing::box_volume(50, 0, 0, 50, 100, 10), 20, "east/t.json?v=2")};
+      transport::test_support::tile(transport::test_support::box_volume(-50, 0, 0, 50, 100, 10), 20, "west/t.json"),
+      transport::test_support::tile(transport::test_support::box_volume(50, 0, 0, 50, 100, 10), 20, "east/t.json?v=2")};
   root["children"][1]["transform"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 50, 0, 0, 1};
-  root["children"][1]["boundingVolume"] = transport::testing::box_volume(0, 0, 0, 50, 100, 10);
-  MemorySource source(transport::testing::tileset(root));
-  Json east = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 50, 100, 10), 10,
+  root["children"][1]["boundingVolume"] = transport::test_support::box_volume(0, 0, 0, 50, 100, 10);
+  MemorySource source(transport::test_support::tileset(root));
+  Json east = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 50, 100, 10), 10,
                                        "a.glb");  // no refine: ADD from outside
   east["children"] =
-      Json::array({transport::testing::tile(transport::testing::box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
-  source.add("east/t.json?v=2", transport::testing::tileset(east).dump());
+      Json::array({transport::test_support::tile(transport::test_support::box_volume(25, 0, 0, 25, 100, 10), 0, "../b%20c.glb")});
+  source.add("east/t.json?v=2", transport::test_support::tileset(east).dump());
 
   EXPECT_THAT(uris(cut_of(source, {Vec3(90, 0, 0), Vec3(5, 5, 5)})), ElementsAre("east/a.glb", "b%20c.glb"));
   EXPECT_EQ(source.reads().count("west/t.json"), 0U);
@@ -173,40 +173,40 @@ TEST(SelectCut, ExternalTilesetsAreFollowedWhereTheyAreWanted) {
 }
 
 TEST(SelectCut, ExternalTilesetWithoutATellingName) {
-  MemorySource source(transport::testing::tileset(
-      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "node?id=7")));
+  MemorySource source(transport::test_support::tileset(
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "node?id=7")));
   source.add("node?id=7",
-             transport::testing::tileset(
-                 transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, "node?id=8"))
+             transport::test_support::tileset(
+                 transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 0, "node?id=8"))
                  .dump());
-  source.add("node?id=8", transport::testing::triangle_glb());
+  source.add("node?id=8", transport::test_support::triangle_glb());
   EXPECT_THAT(uris(cut_of(source)), ElementsAre("node?id=8"));
 }
 
 TEST(SelectCut, CyclesAreNamed) {
-  MemorySource source(transport::testing::tileset(
-      transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "a/b.json")));
+  MemorySource source(transport::test_support::tileset(
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "a/b.json")));
   source.add("a/b.json",
-             transport::testing::tileset(
-                 transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json"))
+             transport::test_support::tileset(
+                 transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "../tileset.json"))
                  .dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: tileset.json → a/b.json → tileset.json")));
-  source.add("a/b.json", transport::testing::tileset(
-                             transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json"))
+  source.add("a/b.json", transport::test_support::tileset(
+                             transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, "./b.json"))
                              .dump());
   EXPECT_THAT(cut_of(source).failures, ElementsAre(HasSubstr("form a cycle: a/b.json → a/b.json")));
 }
 
 TEST(SelectCut, OneFileMayStandInSeveralPlaces) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 100, 100, 10), 50);
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 100, 100, 10), 50);
   for (const double x : {0.0, 10.0}) {
-    Json child = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 20, "t.json");
+    Json child = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 20, "t.json");
     child["transform"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, x, 0, 0, 1};
     root["children"].push_back(child);
   }
-  MemorySource source(transport::testing::tileset(root));
-  source.add("t.json", transport::testing::tileset(
-                           transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 0, "a.glb"))
+  MemorySource source(transport::test_support::tileset(root));
+  source.add("t.json", transport::test_support::tileset(
+                           transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 0, "a.glb"))
                            .dump());
   EXPECT_EQ(cut_of(source).contents.size(), 2U);
   EXPECT_EQ(cut_of(source, {Vec3(10, 0, 0), Vec3(1, 1, 1)}).contents.size(), 1U);
@@ -217,11 +217,11 @@ TEST(SelectCut, LimitsOnExternalTilesets) {
   // Each level names the next twice: 2^40 tiles without a limit.
   MemorySource source;
   for (int i = 0; i < 40; ++i) {
-    Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1);
+    Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1);
     const std::string next = "t" + std::to_string(i + 1) + ".json";
-    root["children"] = {transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, next),
-                        transport::testing::tile(transport::testing::box_volume(0, 0, 0, 1, 1, 1), 1, next)};
-    source.add(i == 0 ? "tileset.json" : "t" + std::to_string(i) + ".json", transport::testing::tileset(root).dump());
+    root["children"] = {transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, next),
+                        transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 1, 1, 1), 1, next)};
+    source.add(i == 0 ? "tileset.json" : "t" + std::to_string(i) + ".json", transport::test_support::tileset(root).dump());
   }
   const RefinementCriterion everything = region_criterion({Vec3::Zero(), Vec3::Constant(kWorld)}, geometry::SE3(), 0);
   TilesetTree narrow(source, {.file = {}, .max_external_chain = 5});

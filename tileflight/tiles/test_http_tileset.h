@@ -9,7 +9,7 @@
 #include "tileflight/transport/test_http_server.h"
 #include "tileflight/transport/test_tilesets.h"
 
-namespace tileflight::tiles::testing {
+namespace tileflight::tiles::test_support {
 
 /// Timeouts in milliseconds, so that simulated faults end soon.
 inline transport::HttpSourceOptions quick_source_options() {
@@ -27,38 +27,38 @@ inline transport::HttpSourceOptions quick_source_options() {
 class TestHttpTileset {
  public:
   TestHttpTileset()
-      : server_([this](const transport::testing::ServedRequest& r, transport::testing::ServedConnection& c) {
+      : server_([this](const transport::test_support::ServedRequest& r, transport::test_support::ServedConnection& c) {
           return answer(r, c);
         }) {}
 
   /// Two triangles side by side, in b3dm and glb, below an external tileset.
   void add_tileset() {
-    transport::testing::Json outer =
-        transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5, "sub/inner.json");
-    transport::testing::Json inner = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 10, 2, 2), 5);
-    inner["children"] = {transport::testing::tile(transport::testing::box_volume(-5, 0, 0, 2, 2, 2), 0, "west.b3dm"),
-                         transport::testing::tile(transport::testing::box_volume(5, 0, 0, 2, 2, 2), 0, "../east.glb")};
-    transport::testing::Json json = transport::testing::tileset(outer);
+    transport::test_support::Json outer =
+        transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 2, 2), 5, "sub/inner.json");
+    transport::test_support::Json inner = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 10, 2, 2), 5);
+    inner["children"] = {transport::test_support::tile(transport::test_support::box_volume(-5, 0, 0, 2, 2, 2), 0, "west.b3dm"),
+                         transport::test_support::tile(transport::test_support::box_volume(5, 0, 0, 2, 2, 2), 0, "../east.glb")};
+    transport::test_support::Json json = transport::test_support::tileset(outer);
     json["asset"]["copyright"] = "Survey; City";
     files_["/place/tileset.json"] = json.dump();
-    files_["/place/sub/inner.json"] = transport::testing::tileset(inner).dump();
+    files_["/place/sub/inner.json"] = transport::test_support::tileset(inner).dump();
     files_["/place/sub/west.b3dm"] =
-        transport::testing::b3dm(transport::testing::triangle_glb({-6, 0, 0, -4, 0, 0, -5, 1, 0}));
-    files_["/place/east.glb"] = transport::testing::triangle_glb({4, 0, 0, 6, 0, 0, 5, 1, 0});
+        transport::test_support::b3dm(transport::test_support::triangle_glb({-6, 0, 0, -4, 0, 0, -5, 1, 0}));
+    files_["/place/east.glb"] = transport::test_support::triangle_glb({4, 0, 0, 6, 0, 0, 5, 1, 0});
   }
   void add(const std::string& path, const std::string& content) { files_[path] = content; }
   /// Must be called before any request.
-  void stage(const std::string& path, transport::testing::TestHttpServer::Handler fault) {
+  void stage(const std::string& path, transport::test_support::TestHttpServer::Handler fault) {
     faults_[path] = std::move(fault);
   }
 
   std::string url(const std::string& path) const { return server_.url(path); }
   std::string root() const { return url("/place/tileset.json"); }
-  transport::testing::TestHttpServer& server() { return server_; }
+  transport::test_support::TestHttpServer& server() { return server_; }
   const std::map<std::string, std::string>& files() const { return files_; }
 
  private:
-  bool answer(const transport::testing::ServedRequest& request, transport::testing::ServedConnection& connection) {
+  bool answer(const transport::test_support::ServedRequest& request, transport::test_support::ServedConnection& connection) {
     if (const auto fault = faults_.find(request.path()); fault != faults_.end())
       return fault->second(request, connection);
     const auto file = files_.find(request.path());
@@ -67,8 +67,8 @@ class TestHttpTileset {
   }
 
   std::map<std::string, std::string> files_;
-  std::map<std::string, transport::testing::TestHttpServer::Handler> faults_;
-  transport::testing::TestHttpServer server_;  // last, so that its threads end first
+  std::map<std::string, transport::test_support::TestHttpServer::Handler> faults_;
+  transport::test_support::TestHttpServer server_;  // last, so that its threads end first
 };
 
-}  // namespace tileflight::tiles::testing
+}  // namespace tileflight::tiles::test_support

@@ -8,28 +8,28 @@
 namespace tileflight::tiles::tileset_test {
 namespace {
 
-using base::testing::error_of;
+using base::test_support::error_of;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using transport::testing::box_volume;
-using transport::testing::Json;
-using transport::testing::tile;
+using transport::test_support::box_volume;
+using transport::test_support::Json;
+using transport::test_support::tile;
 
 Tileset parse(const Json& json) { return parse_tileset_json(json.dump(), "t.json"); }
 
-const Json kBox = transport::testing::box_volume(1, 2, 3, 4, 5, 6);
+const Json kBox = transport::test_support::box_volume(1, 2, 3, 4, 5, 6);
 
 TEST(ParseTileset, ReadsAllParts) {
-  Json root = transport::testing::tile(kBox, 20, "a.glb");
+  Json root = transport::test_support::tile(kBox, 20, "a.glb");
   root["refine"] = "ADD";
   root["transform"] = {2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4, 0, 10, 20, 30, 1};
-  root["children"] = {transport::testing::tile({{"sphere", {1, 2, 3, 4}}}, 10, "b.glb"),
-                      transport::testing::tile({{"region", {0.1, 0.2, 0.3, 0.4, -5, 6}}}, 0)};
-  root["children"][0]["children"] = Json::array({transport::testing::tile(kBox, 1)});
+  root["children"] = {transport::test_support::tile({{"sphere", {1, 2, 3, 4}}}, 10, "b.glb"),
+                      transport::test_support::tile({{"region", {0.1, 0.2, 0.3, 0.4, -5, 6}}}, 0)};
+  root["children"][0]["children"] = Json::array({transport::test_support::tile(kBox, 1)});
   root["children"][1]["refine"] = "REPLACE";
   root["children"][1]["contents"] = {{{"uri", "c.glb"}, {"boundingVolume", kBox}}, {{"uri", "d.glb"}}};
-  Json json = transport::testing::tileset(root, "1.0");
+  Json json = transport::test_support::tileset(root, "1.0");
   json["asset"]["copyright"] = "A; B";
   json["asset"]["gltfUpAxis"] = "Z";
   json["extensionsUsed"] = {"X"};
@@ -58,19 +58,19 @@ TEST(ParseTileset, ReadsAllParts) {
 
 TEST(ParseTileset, BoxColumnsAreTheHalfAxes) {
   const Tileset t = parse(
-      transport::testing::tileset(transport::testing::tile({{"box", {0, 0, 0, 1, 2, 3, -4, -5, -6, 7, 8, 9}}}, 0)));
+      transport::test_support::tileset(transport::test_support::tile({{"box", {0, 0, 0, 1, 2, 3, -4, -5, -6, 7, 8, 9}}}, 0)));
   EXPECT_EQ(std::get<OrientedBox>(t.tiles[0].bounding_volume).half_axes.col(1), geometry::Vec3(-4, -5, -6));
 }
 
 TEST(ParseTileset, ReadsWhatRealFilesMean) {
-  Json root = transport::testing::tile(kBox, 9007199254740991.0);
+  Json root = transport::test_support::tile(kBox, 9007199254740991.0);
   root["content"] = nullptr;
   root["transform"] = nullptr;
   root["refine"] = "add";
   Json child = {{"boundingVolume", kBox}, {"content", {{"url", "a.b3dm"}}}};
   child["extensions"] = {{"3DTILES_multiple_contents", {{"content", {{{"uri", "b.glb"}}}}}}};
   root["children"] = Json::array({child});
-  Json json = transport::testing::tileset(root);
+  Json json = transport::test_support::tileset(root);
   json.erase("geometricError");
   const Tileset t = parse(json);
   EXPECT_THAT(t.tiles[0].contents, IsEmpty());
@@ -84,9 +84,9 @@ TEST(ParseTileset, ReadsWhatRealFilesMean) {
 }
 
 TEST(ParseTileset, NamesWhatItLacks) {
-  const Json root = transport::testing::tile({{"extensions", {{"ACME_cone", {{"half_angle", 1}}}}}}, 1);
-  EXPECT_EQ(parse(transport::testing::tileset(root)).tiles[0].unsupported, "the bounding volume ACME_cone");
-  Json json = transport::testing::tileset(transport::testing::tile(kBox, 1));
+  const Json root = transport::test_support::tile({{"extensions", {{"ACME_cone", {{"half_angle", 1}}}}}}, 1);
+  EXPECT_EQ(parse(transport::test_support::tileset(root)).tiles[0].unsupported, "the bounding volume ACME_cone");
+  Json json = transport::test_support::tileset(transport::test_support::tile(kBox, 1));
   json["extensionsRequired"] = {"3DTILES_content_gltf", "ACME_secret", "ACME_secret"};
   EXPECT_THAT(unsupported_extensions(parse(json)), ElementsAre("ACME_secret"));
 }
@@ -127,47 +127,47 @@ TEST(ParseTileset, NamesEachFault) {
       {"/root/children", {1}, "tile root/0: is not an object"},
       {"/extensionsRequired", "x", "extensionsRequired is string"},
   };
-  const Json good = transport::testing::tileset(transport::testing::tile(kBox, 1));
-  EXPECT_EQ(base::testing::error_of([&] { parse(good); }), "");
+  const Json good = transport::test_support::tileset(transport::test_support::tile(kBox, 1));
+  EXPECT_EQ(base::test_support::error_of([&] { parse(good); }), "");
   for (const Fault& fault : faults) {
     Json bad = good;
     bad[Json::json_pointer(fault.path)] = fault.value;
-    const std::string message = base::testing::error_of([&] { parse(bad); });
+    const std::string message = base::test_support::error_of([&] { parse(bad); });
     EXPECT_THAT(message, HasSubstr("t.json: ")) << fault.path;
     EXPECT_THAT(message, HasSubstr(fault.message)) << fault.path;
   }
 }
 
 TEST(ParseTileset, MalformedAndCutShort) {
-  const std::string text = transport::testing::tileset(transport::testing::tile(kBox, 1, "a.glb")).dump();
+  const std::string text = transport::test_support::tileset(transport::test_support::tile(kBox, 1, "a.glb")).dump();
   for (std::size_t length = 0; length < text.size(); ++length) {
-    EXPECT_THAT(base::testing::error_of([&] { parse_tileset_json(text.substr(0, length), "t.json"); }),
+    EXPECT_THAT(base::test_support::error_of([&] { parse_tileset_json(text.substr(0, length), "t.json"); }),
                 HasSubstr("not valid JSON at byte"));
   }
-  EXPECT_THAT(base::testing::error_of([] { parse_tileset_json("<html></html>", "t.json"); }),
+  EXPECT_THAT(base::test_support::error_of([] { parse_tileset_json("<html></html>", "t.json"); }),
               HasSubstr("not valid JSON"));
-  EXPECT_THAT(base::testing::error_of([] { parse_tileset_json("[]", "t.json"); }), HasSubstr("is not a tileset"));
-  EXPECT_THAT(base::testing::error_of([] { parse_tileset_json("{\"geometricError\":1e999}", "t.json"); }),
+  EXPECT_THAT(base::test_support::error_of([] { parse_tileset_json("[]", "t.json"); }), HasSubstr("is not a tileset"));
+  EXPECT_THAT(base::test_support::error_of([] { parse_tileset_json("{\"geometricError\":1e999}", "t.json"); }),
               HasSubstr("t.json"));
 }
 
 TEST(ParseTileset, Limits) {
-  Json deep = transport::testing::tile(kBox, 0);
+  Json deep = transport::test_support::tile(kBox, 0);
   for (int i = 0; i < 30; ++i) {
-    Json parent = transport::testing::tile(kBox, i);
+    Json parent = transport::test_support::tile(kBox, i);
     parent["children"] = Json::array({deep});
     deep = parent;
   }
-  const std::string text = transport::testing::tileset(deep).dump();
+  const std::string text = transport::test_support::tileset(deep).dump();
   EXPECT_EQ(parse_tileset_json(text, "t").tiles.size(), 31U);
-  EXPECT_THAT(base::testing::error_of([&] { parse_tileset_json(text, "t", {.max_levels = 20}); }),
+  EXPECT_THAT(base::test_support::error_of([&] { parse_tileset_json(text, "t", {.max_levels = 20}); }),
               HasSubstr("more than 20 levels"));
-  EXPECT_THAT(base::testing::error_of([&] { parse_tileset_json(text, "t", {.max_tiles = 20}); }),
+  EXPECT_THAT(base::test_support::error_of([&] { parse_tileset_json(text, "t", {.max_tiles = 20}); }),
               HasSubstr("more than 20 tiles"));
-  EXPECT_THAT(base::testing::error_of([&] { parse_tileset_json(text, "t", {.max_bytes = 20}); }),
+  EXPECT_THAT(base::test_support::error_of([&] { parse_tileset_json(text, "t", {.max_bytes = 20}); }),
               HasSubstr("at most 20"));
   const std::string nested(1000000, '[');
-  EXPECT_THAT(base::testing::error_of([&] { parse_tileset_json(nested, "t"); }), HasSubstr("nested 1000000 deep"));
+  EXPECT_THAT(base::test_support::error_of([&] { parse_tileset_json(nested, "t"); }), HasSubstr("nested 1000000 deep"));
 }
 
 }  // namespace

@@ -17,10 +17,10 @@ using geometry::SE3;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
-using transport::testing::box_volume;
-using transport::testing::Json;
-using transport::testing::MemorySource;
-using transport::testing::tile;
+using transport::test_support::box_volume;
+using transport::test_support::Json;
+using transport::test_support::MemorySource;
+using transport::test_support::tile;
 
 constexpr double kPi = std::numbers::pi;
 
@@ -132,7 +132,7 @@ TEST(WantedFlight, NothingWithinTheConeIsLeftOut) {
 /// A quadtree of `depth` levels over a square of 800 m, each tile with one content named by level and position; the
 /// error halves at each level, and is 0 for leaves.
 Json squares(int depth, double x, double y, double half, const std::string& name, double error) {
-  Json json = transport::testing::tile(transport::testing::box_volume(x, y, 0, half, half, 5), depth == 0 ? 0.0 : error,
+  Json json = transport::test_support::tile(transport::test_support::box_volume(x, y, 0, half, half, 5), depth == 0 ? 0.0 : error,
                                        name + ".glb");
   if (depth == 0) return json;
   for (int child = 0; child < 4; ++child) {
@@ -150,7 +150,7 @@ std::vector<std::string> uris(const TileCut& cut) {
 }
 
 TEST(WantedFlight, EveryPointThatIsLookedAtIsThereAndFineEnough) {
-  MemorySource source(transport::testing::tileset(squares(5, 0, 0, 400, "t", 16.0)));
+  MemorySource source(transport::test_support::tileset(squares(5, 0, 0, 400, "t", 16.0)));
   const imaging::Camera lens = imaging::make_fisheye(640, 360, 155.0);
   std::vector<SE3> poses;
   for (int i = 0; i < 12; ++i) poses.push_back(looking({-200.0 + 30 * i, 10.0 * i, 60}, Vec3(1, 0.1 * i, -0.6)));
@@ -180,7 +180,7 @@ TEST(WantedFlight, EveryPointThatIsLookedAtIsThereAndFineEnough) {
 }
 
 TEST(WantedFlight, AllAroundMissesNothingAndAStricterErrorIsFiner) {
-  MemorySource source(transport::testing::tileset(squares(4, 0, 0, 400, "t", 16.0)));
+  MemorySource source(transport::test_support::tileset(squares(4, 0, 0, 400, "t", 16.0)));
   TilesetTree tree(source);
   const std::vector<ViewCone> eyes =
       view_cones_along(imaging::make_pinhole(640, 360, 60.0), {looking({0, 0, 50}, Vec3(1, 0, 0))});
@@ -201,10 +201,10 @@ TEST(WantedFlight, AllAroundMissesNothingAndAStricterErrorIsFiner) {
 
 TEST(WantedView, RefinesAsTheScreenSpaceErrorSays) {
   // One tile of error 10 m with a child below it, 100 m under a camera that looks down: 10 * 960 / 100 = 96 px.
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 20, 20, 5), 10, "root.glb");
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 20, 20, 5), 10, "root.glb");
   root["children"] =
-      Json::array({transport::testing::tile(transport::testing::box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
-  MemorySource source(transport::testing::tileset(root));
+      Json::array({transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 20, 20, 5), 0, "fine.glb")});
+  MemorySource source(transport::test_support::tileset(root));
   TilesetTree tree(source);
   ViewerCamera camera{.T_local_camera = looking({0, 0, 105}, -Vec3::UnitZ())};
   camera.max_error_px = 95.9;
@@ -214,13 +214,13 @@ TEST(WantedView, RefinesAsTheScreenSpaceErrorSays) {
 }
 
 TEST(WantedView, LeavesOutWhatLiesBesideAndBehindAndNeedsTheViewerWhereATileAsks) {
-  Json root = transport::testing::tile(transport::testing::box_volume(0, 0, 0, 400, 400, 5), 100);
-  root["children"] = {transport::testing::tile(transport::testing::box_volume(60, 0, 0, 10, 10, 5), 0, "ahead.glb"),
-                      transport::testing::tile(transport::testing::box_volume(-60, 0, 0, 10, 10, 5), 0, "behind.glb"),
-                      transport::testing::tile(transport::testing::box_volume(60, 150, 0, 10, 10, 5), 0, "beside.glb"),
-                      transport::testing::tile(transport::testing::box_volume(80, 20, 0, 10, 10, 5), 0, "asks.glb")};
-  root["children"][3]["viewerRequestVolume"] = transport::testing::box_volume(500, 0, 0, 10, 10, 10);
-  MemorySource source(transport::testing::tileset(root));
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 400, 400, 5), 100);
+  root["children"] = {transport::test_support::tile(transport::test_support::box_volume(60, 0, 0, 10, 10, 5), 0, "ahead.glb"),
+                      transport::test_support::tile(transport::test_support::box_volume(-60, 0, 0, 10, 10, 5), 0, "behind.glb"),
+                      transport::test_support::tile(transport::test_support::box_volume(60, 150, 0, 10, 10, 5), 0, "beside.glb"),
+                      transport::test_support::tile(transport::test_support::box_volume(80, 20, 0, 10, 10, 5), 0, "asks.glb")};
+  root["children"][3]["viewerRequestVolume"] = transport::test_support::box_volume(500, 0, 0, 10, 10, 10);
+  MemorySource source(transport::test_support::tileset(root));
   TilesetTree tree(source);
   EXPECT_THAT(uris(select_cut(tree, viewer_criterion({.T_local_camera = looking({0, 0, 2}, Vec3::UnitX())}, SE3()))),
               ElementsAre("ahead.glb"));

@@ -12,7 +12,7 @@ namespace tileflight::tiling {
 namespace {
 
 /// Pixels painted beyond a chart's edge, so that filtering and coarser mip levels do not mix in neighbouring charts.
-constexpr int kGutter_px = 3;
+constexpr int kChartGutter_px = 3;
 
 /// A chart's rectangle in the texture, without its gutter.
 struct Slot {
@@ -30,7 +30,7 @@ Slot slot_size(const Chart& chart, double texture_scale) {
 /// A single chart has no neighbours: its texture is the chart without gutter, so that terrain tiles meet without a
 /// seam.
 RectanglePacking place_slots(std::vector<Slot>& slots) {
-  const int gutter = slots.size() == 1 ? 0 : kGutter_px;
+  const int gutter = slots.size() == 1 ? 0 : kChartGutter_px;
   std::vector<PixelSize> sizes;
   for (const Slot& s : slots) sizes.push_back({s.width + 2 * gutter, s.height + 2 * gutter});
   RectanglePacking packing = pack_rectangles(sizes);
@@ -137,7 +137,7 @@ imaging::TexturedMesh bake_charts(const std::vector<const Chart*>& charts, const
   std::vector<Slot> slots;
   for (const Chart* chart : charts) slots.push_back(slot_size(*chart, texture_scale));
   const RectanglePacking packing = place_slots(slots);
-  const int gutter = charts.size() == 1 ? 0 : kGutter_px;
+  const int gutter = charts.size() == 1 ? 0 : kChartGutter_px;
   const auto texture = std::make_shared<imaging::RgbImage>(packing.size.width, packing.size.height);
   tbb::parallel_for(std::size_t{0}, charts.size(),
                     [&](std::size_t i) { paint(*charts[i], slots[i], gutter, sun, *texture); });

@@ -19,7 +19,7 @@ using geometry::Geodetic;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
-constexpr std::uintmax_t kMaxBytes = std::uintmax_t{64} << 20;
+constexpr std::uintmax_t kMaxGeoreferenceBytes = std::uintmax_t{64} << 20;
 
 /// Vertices per task: creating a transformation costs as much as transforming some thousands of them.
 constexpr std::size_t kGrain = 65536;
@@ -83,7 +83,7 @@ std::string crs_of_utm(std::string_view line) {
 }
 
 Georeference read_odm(const fs::path& file) {
-  const std::string text = base::read_text(file, kMaxBytes);
+  const std::string text = base::read_text(file, kMaxGeoreferenceBytes);
   std::string_view rest = text;
   const std::string crs = crs_of_utm(base::take_line(rest).value_or(""));
   const std::vector<double> offset = numbers_in(base::take_line(rest).value_or(""));
@@ -103,7 +103,7 @@ std::string_view element(std::string_view xml, const std::string& tag) {
 }
 
 Georeference read_metadata_xml(const fs::path& file) {
-  const std::string text = base::read_text(file, kMaxBytes);
+  const std::string text = base::read_text(file, kMaxGeoreferenceBytes);
   const std::string_view srs = element(text, "SRS"), origin_text = element(text, "SRSOrigin");
   const std::vector<double> origin = numbers_in(origin_text);
   if (srs.empty() || (origin.size() != 3 && !origin_text.empty()))

@@ -84,7 +84,7 @@ struct WrittenTile {
   std::int64_t bytes = 0, triangles = 0, texels = 0;
 };
 
-Box3 box_of(const std::vector<TexturedMesh>& content) {
+Box3 bounds_of_meshes(const std::vector<TexturedMesh>& content) {
   Box3 box;
   for (const TexturedMesh& m : content)
     for (const Vec3& v : m.mesh.vertices) box.extend(v);
@@ -135,7 +135,7 @@ class MeshTiler {
   void write_tile(int level, std::size_t cell, const std::vector<TexturedMesh>& content) {
     const std::string glb = write_glb(content, {options_.jpeg_quality, options_.copyright});
     WrittenTile& tile = tiles_[static_cast<std::size_t>(level)][cell];
-    tile = {uri_of(level, cell), box_of(content), static_cast<std::int64_t>(glb.size())};
+    tile = {uri_of(level, cell), bounds_of_meshes(content), static_cast<std::int64_t>(glb.size())};
     base::write_file(folder_ / tile.uri, glb);
     const imaging::RgbImage* counted = nullptr;  // a tile's textured meshes share one atlas
     for (const TexturedMesh& m : content) {

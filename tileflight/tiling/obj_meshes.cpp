@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 using imaging::TexturedMesh;
 
 /// Size limit: text of meshes of a hundred million triangles.
-constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
+constexpr std::uintmax_t kMaxObjBytes = std::uintmax_t{1} << 36;
 
 /// Path of a referenced file: relative to the referring file, with either kind of slash. If that does not exist (a path
 /// of another machine), a file of the same name beside the referring file is used.
@@ -113,7 +113,7 @@ class ObjMeshes {
  public:
   ObjMeshes(const fs::path& file, bool textures)
       : textures_(textures),
-        obj_(parse_obj(base::read_text(file, kMaxBytes), file.string())),
+        obj_(parse_obj(base::read_text(file, kMaxObjBytes), file.string())),
         materials_(file, textures ? obj_.libraries : std::vector<std::string>{}) {}
 
   MeshSource take() {

@@ -23,7 +23,7 @@ using geometry::Vec2;
 using geometry::Vec3;
 using imaging::TexturedMesh;
 
-constexpr int kGutter_px = 2;
+constexpr int kPaintGutter_px = 2;
 
 enum class Facing : std::uint8_t { kUp, kDown, kEast, kWest, kNorth, kSouth };
 constexpr std::size_t kFacings = 6;
@@ -107,14 +107,14 @@ struct ChartLayout {
   /// Atlas pixel of a point on a chart, where pixel i covers i to i + 1.
   Vec2 pixel(const FlatChart& chart, std::size_t number, const Vec3& p) const {
     const PixelPosition at = packing.positions[number];
-    return (flat(chart.facing, p) - chart.box.min()) / texel_m + Vec2(at.x + kGutter_px + 0.5, at.y + kGutter_px + 0.5);
+    return (flat(chart.facing, p) - chart.box.min()) / texel_m + Vec2(at.x + kPaintGutter_px + 0.5, at.y + kPaintGutter_px + 0.5);
   }
 };
 
 ChartLayout plan_at(const std::vector<FlatChart>& charts, double texel_m, int max_atlas_px) {
   ChartLayout plan{texel_m, {}, {}};
   const auto texels = [&](double length_m) {
-    return static_cast<int>(std::min(std::ceil(length_m / texel_m), 2.0 * max_atlas_px)) + 1 + 2 * kGutter_px;
+    return static_cast<int>(std::min(std::ceil(length_m / texel_m), 2.0 * max_atlas_px)) + 1 + 2 * kPaintGutter_px;
   };
   for (const FlatChart& chart : charts)
     plan.slots.push_back({texels(chart.box.sizes().x()), texels(chart.box.sizes().y())});
@@ -155,7 +155,7 @@ class SlotPainter {
       SurfaceColors::CoherentSampler walk(colors);
       for (int x = 0; x < size().width; ++x) {
         const TexelOwner& owner = owners_[index(x, y)];
-        if (owner.distance_px > kGutter_px) continue;
+        if (owner.distance_px > kPaintGutter_px) continue;
         sheet(at.x + x, at.y + y) = walk.at(owner.place);
         is_painted(at.x + x, at.y + y) = 1;
       }
@@ -178,8 +178,8 @@ class SlotPainter {
       corners[k] = {p.x(), p.y(), 0};
       box.extend(p);
     }
-    const auto low = [](double v) { return std::max(0, static_cast<int>(v - 0.5) - kGutter_px); };
-    const auto high = [](double v, int size) { return std::min(size - 1, static_cast<int>(v - 0.5) + 1 + kGutter_px); };
+    const auto low = [](double v) { return std::max(0, static_cast<int>(v - 0.5) - kPaintGutter_px); };
+    const auto high = [](double v, int size) { return std::min(size - 1, static_cast<int>(v - 0.5) + 1 + kPaintGutter_px); };
     for (int y = low(box.min().y()); y <= high(box.max().y(), size().height); ++y)
       for (int x = low(box.min().x()); x <= high(box.max().x(), size().width); ++x)
         offer(Vec3(x + 0.5, y + 0.5, 0), t, corners, owners_[index(x, y)]);

@@ -23,7 +23,7 @@ using geometry::PlyElement;
 using geometry::PlyProperty;
 using geometry::PlyType;
 
-constexpr std::uintmax_t kMaxBytes = std::uintmax_t{1} << 36;
+constexpr std::uintmax_t kMaxPlyBytes = std::uintmax_t{1} << 36;
 
 /// Index of the first of these properties that exists in the element.
 std::optional<std::size_t> find(const PlyElement& element, std::initializer_list<std::string_view> names) {
@@ -53,7 +53,7 @@ class PlyMeshes {
  public:
   PlyMeshes(const fs::path& file, bool textures)
       : file_(file.string()),
-        bytes_(base::read_text(file, kMaxBytes)),
+        bytes_(base::read_text(file, kMaxPlyBytes)),
         header_(geometry::parse_ply_header(bytes_, file_)) {
     geometry::check_ply_sizes(bytes_, header_, file_);
     if (textures) pictures_ = texture_files(std::string_view(bytes_).substr(0, header_.size_bytes));

@@ -34,40 +34,40 @@ std::array<double, 3> weights_at(const Vec3& p, const Vec3& a, const Vec3& b, co
   return {1 - wb - wc, wb, wc};
 }
 
-using Color = std::array<double, 3>;  ///< sRGB, 0..255
+using TextureColor = std::array<double, 3>;  ///< sRGB, 0..255
 
 /// Bilinear interpolation at (x, y) in texels.
-Color bilinear(const TexturedMesh& mesh, double x, double y) {
+TextureColor bilinear(const TexturedMesh& mesh, double x, double y) {
   const double left = std::floor(x - 0.5), top = std::floor(y - 0.5);
   const double across = x - 0.5 - left, down = y - 0.5 - top;
   const auto column = static_cast<std::int64_t>(left), row = static_cast<std::int64_t>(top);
   const std::array texels{wrapped_texel(mesh, column, row), wrapped_texel(mesh, column + 1, row),
                           wrapped_texel(mesh, column, row + 1), wrapped_texel(mesh, column + 1, row + 1)};
   const std::array weights{(1 - across) * (1 - down), across * (1 - down), (1 - across) * down, across * down};
-  Color out{};
+  TextureColor out{};
   for (std::size_t k = 0; k < 4; ++k)
     for (std::size_t c = 0; c < 3; ++c) out[c] += weights[k] * texels[k][c];
   return out;
 }
 
 /// The texture at half resolution: a mean over two texels across and down.
-Color texture_color(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights) {
+TextureColor texture_color(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights) {
   Eigen::Vector2d uv = Eigen::Vector2d::Zero();
   for (std::size_t k = 0; k < 3; ++k) uv += weights[k] * mesh.uv[t[k]].cast<double>();
   constexpr double kFar = 1e8;
   const double x = std::clamp(uv.x() * mesh.texture->width, -kFar, kFar);
   const double y = std::clamp(uv.y() * mesh.texture->height, -kFar, kFar);
-  Color out{};
+  TextureColor out{};
   for (const double dx : {-0.5, 0.5})
     for (const double dy : {-0.5, 0.5}) {
-      const Color tap = bilinear(mesh, x + dx, y + dy);
+      const TextureColor tap = bilinear(mesh, x + dx, y + dy);
       for (std::size_t c = 0; c < 3; ++c) out[c] += tap[c] / 4;
     }
   return out;
 }
 
 /// Multiplies by vertex and base colours in linear light.
-void tint(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights, Color& color) {
+void tint(const TexturedMesh& mesh, const Triangle& t, const std::array<double, 3>& weights, TextureColor& color) {
   for (std::size_t c = 0; c < 3; ++c) {
     double factor = static_cast<double>(mesh.base_color[c]);
     if (!mesh.colors.empty()) {
@@ -111,7 +111,7 @@ imaging::Rgb8 SurfaceColors::color(std::size_t number, const Vec3& on_surface) c
   const Triangle& t = mesh.mesh.triangles[at.triangle];
   const auto& v = mesh.mesh.vertices;
   const std::array<double, 3> weights = weights_at(on_surface, v[t[0]], v[t[1]], v[t[2]]);
-  Color color{255, 255, 255};
+  TextureColor color{255, 255, 255};
   if (mesh.texture && !mesh.uv.empty()) color = texture_color(mesh, t, weights);
   tint(mesh, t, weights, color);
   imaging::Rgb8 out{};

@@ -17,7 +17,7 @@ constexpr int kLevels = 4;
 struct Ground {
   photometry::OdometryOptions options;
   imaging::Camera camera = imaging::make_fisheye(320, 200, 130.0);
-  photometry::tests::Relief relief;
+  photometry::test_support::Relief relief;
   photometry::LensPyramid lens = photometry::build_lens_pyramid(camera, kLevels);
 
   Ground() {
@@ -27,14 +27,14 @@ struct Ground {
   }
   photometry::Pyramid picture(const SE3& pose) const {
     return photometry::build_pyramid(
-        photometry::luminance(photometry::tests::ReliefCamera(camera, relief).render(pose), nullptr), kLevels);
+        photometry::luminance(photometry::test_support::ReliefCamera(camera, relief).render(pose), nullptr), kLevels);
   }
   TrackingReference keyframe(const SE3& pose) const {
     const photometry::Pyramid seen = picture(pose);
     std::vector<ReferencePoint> points;
     for (const photometry::SelectedPixel& p : photometry::select_pixels(seen, lens.rays[0], 800, options.selection)) {
       const Vec3 ray = pose.rotation * lens.rays[0].at(p.x, p.y).cast<double>();
-      const double distance = photometry::tests::hit_distance(relief, pose.translation, ray);
+      const double distance = photometry::test_support::hit_distance(relief, pose.translation, ray);
       if (distance > 0) points.push_back({Eigen::Vector2f(p.x, p.y), static_cast<float>(1.0 / distance), 1.0F});
     }
     return make_tracking_reference(lens, seen, points);
@@ -43,8 +43,8 @@ struct Ground {
 
 TEST(Relocalization, FindsAPictureThatLooksAnotherWay) {
   const Ground ground;
-  const SE3 here = photometry::tests::look_along(Vec3(0, 0, 20), Vec3(0, 1, -1)),
-            there = photometry::tests::look_along(Vec3(60, 40, 20), Vec3(1, 0, -1));
+  const SE3 here = photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0, 1, -1)),
+            there = photometry::test_support::look_along(Vec3(60, 40, 20), Vec3(1, 0, -1));
   const SE3 lost(here.rotation * geometry::so3_exp(Vec3(0.12, 0.2, 0.0)), here.translation + Vec3(0.4, -0.3, 0.1));
   const std::vector<TrackingReference> keyframes{ground.keyframe(there), ground.keyframe(here)};
   const auto found = relocalize(ground.lens, keyframes, ground.picture(lost), 12.0, ground.options.tracking);
@@ -57,8 +57,8 @@ TEST(Relocalization, FindsAPictureThatLooksAnotherWay) {
 
 TEST(Relocalization, FindsNothingInAPictureOfAnotherPlace) {
   const Ground ground;
-  const SE3 here = photometry::tests::look_along(Vec3(0, 0, 20), Vec3(0, 1, -1)),
-            away = photometry::tests::look_along(Vec3(90, -70, 20), Vec3(-1, 0.5, -1));
+  const SE3 here = photometry::test_support::look_along(Vec3(0, 0, 20), Vec3(0, 1, -1)),
+            away = photometry::test_support::look_along(Vec3(90, -70, 20), Vec3(-1, 0.5, -1));
   const std::vector<TrackingReference> keyframes{ground.keyframe(here)};
   EXPECT_FALSE(relocalize(ground.lens, keyframes, ground.picture(away), 8.0, ground.options.tracking));
   EXPECT_FALSE(relocalize(ground.lens, {}, ground.picture(here), 8.0, ground.options.tracking));

@@ -7,7 +7,7 @@
 
 #include "tileflight/imaging/camera.h"
 
-namespace tileflight::tracking {
+namespace tileflight::tracking::tracker_test {
 namespace {
 
 using geometry::SE3;
@@ -88,4 +88,4 @@ TEST(OpticalFlow, OfNoPointsAndOfPointsBehindTheCameraIsZero) {
 }
 
 }  // namespace
-}  // namespace tileflight::tracking
+}  // namespace tileflight::tracking::tracker_test

@@ -16,9 +16,9 @@ namespace tileflight::transport::http_cache_test {
 namespace {
 
 namespace fs = std::filesystem;
-using base::testing::error_of;
-using base::testing::to_bytes;
-using base::testing::to_text;
+using base::test_support::error_of;
+using base::test_support::to_bytes;
+using base::test_support::to_text;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -31,7 +31,7 @@ class HttpCacheTest : public ::testing::Test {
   fs::path file() const { return folder_ / "http-1.sqlite"; }
   static std::string text(HttpCache& cache, const std::string& key) {
     const auto body = cache.body(key);
-    return body ? base::testing::to_text(*body) : "(none)";
+    return body ? base::test_support::to_text(*body) : "(none)";
   }
   /// Result of SQLite's own integrity check.
   std::string integrity() const {
@@ -59,7 +59,7 @@ TEST_F(HttpCacheTest, KeepsAnswersAcrossOpenings) {
     HttpCache cache = open();
     EXPECT_FALSE(cache.find("a"));
     EXPECT_EQ(text(cache, "a"), "(none)");
-    cache.store("a", kAnswer, base::testing::to_bytes("first"));
+    cache.store("a", kAnswer, base::test_support::to_bytes("first"));
     cache.store("empty", kAnswer, {});
   }
   HttpCache cache = open();
@@ -70,7 +70,7 @@ TEST_F(HttpCacheTest, KeepsAnswersAcrossOpenings) {
   EXPECT_TRUE(found->must_revalidate);
   EXPECT_EQ(text(cache, "a"), "first");
   EXPECT_EQ(text(cache, "empty"), "");
-  cache.store("a", {{}, 5, false}, base::testing::to_bytes("second"));
+  cache.store("a", {{}, 5, false}, base::test_support::to_bytes("second"));
   EXPECT_EQ(text(cache, "a"), "second");
   cache.refresh("a", {{{"etag", "\"2\""}}, 2000, false});
   EXPECT_EQ(cache.find("a")->headers.at("etag"), "\"2\"");
@@ -85,14 +85,14 @@ TEST_F(HttpCacheTest, KeepsAnswersAcrossOpenings) {
 TEST_F(HttpCacheTest, TheLeastRecentlyUsedGoFirst) {
   options_.max_bytes = 3500;
   HttpCache cache = open();
-  for (const char* key : {"a", "b", "c"}) cache.store(key, kAnswer, base::testing::to_bytes(std::string(1000, *key)));
+  for (const char* key : {"a", "b", "c"}) cache.store(key, kAnswer, base::test_support::to_bytes(std::string(1000, *key)));
   EXPECT_EQ(text(cache, "a"), std::string(1000, 'a')) << "used again";
-  cache.store("d", kAnswer, base::testing::to_bytes(std::string(1000, 'd')));
+  cache.store("d", kAnswer, base::test_support::to_bytes(std::string(1000, 'd')));
   EXPECT_TRUE(cache.find("a"));
   EXPECT_FALSE(cache.find("b"));
   EXPECT_TRUE(cache.find("c"));
   EXPECT_LE(cache.bytes(), 3500U);
-  cache.store("huge", kAnswer, base::testing::to_bytes(std::string(4000, 'x')));
+  cache.store("huge", kAnswer, base::test_support::to_bytes(std::string(4000, 'x')));
   EXPECT_FALSE(cache.find("huge"));
   EXPECT_TRUE(cache.find("d")) << "what cannot stay drives nothing out";
 }
@@ -101,7 +101,7 @@ TEST_F(HttpCacheTest, ItsFileStaysBounded) {
   options_.max_bytes = 200'000;
   HttpCache cache = open();
   for (int i = 0; i < 300; ++i)
-    cache.store(std::to_string(i), kAnswer, base::testing::to_bytes(std::string(10'000, 'x')));
+    cache.store(std::to_string(i), kAnswer, base::test_support::to_bytes(std::string(10'000, 'x')));
   EXPECT_LE(cache.bytes(), 200'000U);
   EXPECT_GE(cache.bytes(), 180'000U);
   EXPECT_LE(fs::file_size(file()), 600'000U);
@@ -111,17 +111,17 @@ TEST_F(HttpCacheTest, UseIsNotedNowAndThenOnly) {
   options_.max_bytes = 2500;
   options_.touch_interval_us = 1'000'000;
   HttpCache cache = open();
-  cache.store("a", kAnswer, base::testing::to_bytes(std::string(1000, 'a')));
-  cache.store("b", kAnswer, base::testing::to_bytes(std::string(1000, 'b')));
+  cache.store("a", kAnswer, base::test_support::to_bytes(std::string(1000, 'a')));
+  cache.store("b", kAnswer, base::test_support::to_bytes(std::string(1000, 'b')));
   text(cache, "a");
-  cache.store("c", kAnswer, base::testing::to_bytes(std::string(1000, 'c')));
+  cache.store("c", kAnswer, base::test_support::to_bytes(std::string(1000, 'c')));
   EXPECT_FALSE(cache.find("a")) << "its use was noted too short a time ago";
 }
 
 TEST_F(HttpCacheTest, BytesThatHaveChangedOnDiskAreNotGivenOut) {
   {
     HttpCache cache = open();
-    cache.store("a", kAnswer, base::testing::to_bytes(std::string(50, 'a')));
+    cache.store("a", kAnswer, base::test_support::to_bytes(std::string(50, 'a')));
   }
   sqlite3* database = nullptr;
   sqlite3_open(file().c_str(), &database);
@@ -135,7 +135,7 @@ TEST_F(HttpCacheTest, BytesThatHaveChangedOnDiskAreNotGivenOut) {
 TEST_F(HttpCacheTest, WhatIsNoDatabaseIsSetAsideWithOneWarning) {
   std::ofstream(file()) << std::string(5000, 'x');
   HttpCache cache = open();
-  cache.store("a", kAnswer, base::testing::to_bytes("new"));
+  cache.store("a", kAnswer, base::test_support::to_bytes("new"));
   EXPECT_EQ(text(cache, "a"), "new");
   EXPECT_THAT(cache.warnings(),
               ElementsAre(HasSubstr("the cache was damaged; it was renamed to http-1.sqlite.damaged")));
@@ -147,7 +147,7 @@ TEST_F(HttpCacheTest, DamageWithinIsSetAsideWhenItIsMet) {
   {
     HttpCache cache = open();
     for (int i = 0; i < 50; ++i)
-      cache.store(std::to_string(i), kAnswer, base::testing::to_bytes(std::string(10'000, 'x')));
+      cache.store(std::to_string(i), kAnswer, base::test_support::to_bytes(std::string(10'000, 'x')));
   }
   sqlite3* database = nullptr;
   sqlite3_open(file().c_str(), &database);
@@ -163,7 +163,7 @@ TEST_F(HttpCacheTest, DamageWithinIsSetAsideWhenItIsMet) {
   stream.close();
   HttpCache cache = open();
   for (int i = 0; i < 50; ++i) cache.body(std::to_string(i));
-  cache.store("a", kAnswer, base::testing::to_bytes("new"));
+  cache.store("a", kAnswer, base::test_support::to_bytes("new"));
   EXPECT_EQ(text(cache, "a"), "new");
   EXPECT_THAT(cache.warnings(), ElementsAre(HasSubstr("a new one was started")));
   EXPECT_EQ(integrity(), "ok");
@@ -175,16 +175,16 @@ TEST_F(HttpCacheTest, ATableOfAnotherShapeIsToldOnce) {
   sqlite3_exec(database, "CREATE TABLE entry (other TEXT)", nullptr, nullptr, nullptr);
   sqlite3_close(database);
   HttpCache cache = open();
-  cache.store("a", kAnswer, base::testing::to_bytes("new"));
+  cache.store("a", kAnswer, base::test_support::to_bytes("new"));
   EXPECT_EQ(cache.warnings().size(), 1U);
   EXPECT_FALSE(cache.find("a"));
 }
 
 TEST_F(HttpCacheTest, APlaceThatCannotBeWrittenIsToldOnce) {
-  EXPECT_THAT(base::testing::error_of([] { HttpCache("/dev/null/cache"); }), HasSubstr("--no-cache"));
+  EXPECT_THAT(base::test_support::error_of([] { HttpCache("/dev/null/cache"); }), HasSubstr("--no-cache"));
   fs::create_directories(file());  // a folder where the file should be
   HttpCache cache = open();
-  cache.store("a", kAnswer, base::testing::to_bytes("new"));
+  cache.store("a", kAnswer, base::test_support::to_bytes("new"));
   EXPECT_EQ(text(cache, "a"), "(none)");
   EXPECT_THAT(cache.warnings(), ElementsAre(HasSubstr("continuing without it")));
 }
@@ -197,7 +197,7 @@ TEST_F(HttpCacheTest, ThreadsShareIt) {
     threads.emplace_back([&, t] {
       for (int i = 0; i < 30; ++i) {
         const std::string key = std::to_string(t) + "/" + std::to_string(i);
-        cache.store(key, kAnswer, base::testing::to_bytes(key));
+        cache.store(key, kAnswer, base::test_support::to_bytes(key));
         wrong += text(cache, key) != key;
       }
     });
@@ -215,8 +215,8 @@ std::string body_of(const std::string& key) { return std::string(20'000, key.bac
   for (int i = 0;; ++i) {
     const std::string key = "http://host/" + std::to_string((i * 7 + process * 13) % 100);
     const auto body = cache.body(key);
-    if (body && base::testing::to_text(*body) != body_of(key)) _exit(3);
-    if (!body) cache.store(key, kAnswer, base::testing::to_bytes(body_of(key)));
+    if (body && base::test_support::to_text(*body) != body_of(key)) _exit(3);
+    if (!body) cache.store(key, kAnswer, base::test_support::to_bytes(body_of(key)));
     if (!cache.warnings().empty()) _exit(4);
   }
 }
@@ -248,7 +248,7 @@ TEST_F(HttpCacheTest, SeveralProcessesShareItAndKillingThemLeavesItSound) {
       const auto body = cache.body(key);
       if (!body) continue;
       ++found;
-      EXPECT_EQ(base::testing::to_text(*body), body_of(key));
+      EXPECT_EQ(base::test_support::to_text(*body), body_of(key));
     }
     EXPECT_GT(found, 0);
     EXPECT_LE(cache.bytes(), 1'000'000U);

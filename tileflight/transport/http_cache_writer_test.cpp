@@ -12,9 +12,9 @@
 namespace tileflight::transport::http_cache_writer_test {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 HttpCache::Entry entry(const std::string& key, const std::string& text) {
   const auto* bytes = reinterpret_cast<const std::byte*>(text.data());

@@ -11,14 +11,14 @@
 namespace tileflight::transport::http_client_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_text;
+using base::test_support::error_of;
+using base::test_support::to_text;
 using std::chrono::milliseconds;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-using testing::ServedConnection;
-using testing::ServedRequest;
-using testing::TestHttpServer;
+using test_support::ServedConnection;
+using test_support::ServedRequest;
+using test_support::TestHttpServer;
 
 /// Timeouts in milliseconds, so that simulated faults end soon.
 HttpOptions quick() {
@@ -67,9 +67,9 @@ Told ask(const TestHttpServer::Handler& handler, const HttpOptions& options = qu
   TestHttpServer server(handler);
   HttpClient client(options);
   Told told;
-  told.error = base::testing::error_of([&] {
+  told.error = base::test_support::error_of([&] {
     const HttpResponse response = client.get(to(server.url("/a.glb?key=SECRET")));
-    told.text = base::testing::to_text(response.body);
+    told.text = base::test_support::to_text(response.body);
     told.status = response.status;
     told.tries = response.tries;
   });
@@ -87,7 +87,7 @@ TEST(HttpClient, FetchesBytesAndHeaders) {
   request.headers = {"X-Own: !"};
   const HttpResponse response = client.get(request);
   EXPECT_EQ(response.status, 200);
-  EXPECT_EQ(base::testing::to_text(response.body), "body of /dir/a.glb?v=1!");
+  EXPECT_EQ(base::test_support::to_text(response.body), "body of /dir/a.glb?v=1!");
   EXPECT_EQ(response.header("etag"), "\"1\"");
   EXPECT_EQ(response.header("x-a"), "b");
   EXPECT_EQ(response.header("none"), "");
@@ -327,7 +327,7 @@ TEST(HttpClient, NobodyListens) {
   }
   HttpClient client(quick());
   EXPECT_THAT(
-      base::testing::error_of([&] { client.get(to("http://127.0.0.1:" + std::to_string(port) + "/a?token=SECRET")); }),
+      base::test_support::error_of([&] { client.get(to("http://127.0.0.1:" + std::to_string(port) + "/a?token=SECRET")); }),
       AllOf(HasSubstr("/a?token=…: cannot be fetched"), HasSubstr("3 tries")));
 }
 
@@ -349,14 +349,14 @@ TEST(HttpClient, RedirectsAreFollowedWhereThatIsAllowed) {
     return client.get(request);
   };
   const HttpResponse response = ask_for("/old");
-  EXPECT_EQ(base::testing::to_text(response.body), "/sub/new?v=2 second");
+  EXPECT_EQ(base::test_support::to_text(response.body), "/sub/new?v=2 second");
   EXPECT_EQ(response.url, server.url("/sub/new?v=2"));
   EXPECT_EQ(response.tries, 1);
-  EXPECT_THAT(base::testing::error_of([&] { ask_for("/loop"); }), HasSubstr("redirected more than 5 times"));
+  EXPECT_THAT(base::test_support::error_of([&] { ask_for("/loop"); }), HasSubstr("redirected more than 5 times"));
   EXPECT_EQ(server.count("/loop"), 6);
-  EXPECT_THAT(base::testing::error_of([&] { ask_for("/out"); }),
+  EXPECT_THAT(base::test_support::error_of([&] { ask_for("/out"); }),
               HasSubstr("is redirected, but file:///etc/passwd: may not be named"));
-  EXPECT_THAT(base::testing::error_of([&] { client.get(to(server.url("/old"))); }), HasSubstr("which is not allowed"));
+  EXPECT_THAT(base::test_support::error_of([&] { client.get(to(server.url("/old"))); }), HasSubstr("which is not allowed"));
 }
 
 TEST(HttpClient, ConnectionsAreKeptAndRequestsAtOnceAreBounded) {
@@ -370,7 +370,7 @@ TEST(HttpClient, ConnectionsAreKeptAndRequestsAtOnceAreBounded) {
   HttpClient client(options);
   for (std::size_t i = 0; i < answers.size(); ++i) {
     client.start(to(server.url("/" + std::to_string(i))), [&answers, i](HttpResult outcome) {
-      answers[i].set_value(outcome.failure ? outcome.failure->what() : base::testing::to_text(outcome.response.body));
+      answers[i].set_value(outcome.failure ? outcome.failure->what() : base::test_support::to_text(outcome.response.body));
     });
   }
   for (std::size_t i = 0; i < answers.size(); ++i) {
@@ -423,10 +423,10 @@ TEST(HttpClient, CancelEndsAllAtOnce) {
     arrived.wait(false);
     client.cancel();
   });
-  EXPECT_THAT(base::testing::error_of([&] { client.get(to(server.url("/a?key=SECRET"))); }),
+  EXPECT_THAT(base::test_support::error_of([&] { client.get(to(server.url("/a?key=SECRET"))); }),
               HasSubstr("/a?key=…: cancelled"));
   canceller.join();
-  EXPECT_THAT(base::testing::error_of([&] { client.get(to(server.url("/b"))); }), HasSubstr("cancelled"))
+  EXPECT_THAT(base::test_support::error_of([&] { client.get(to(server.url("/b"))); }), HasSubstr("cancelled"))
       << "and from now on";
 }
 

@@ -21,7 +21,7 @@
 #include <vector>
 
 /// A small HTTP/1.1 server on the loopback device, over plain sockets, so that tests can simulate faulty servers.
-namespace tileflight::transport::testing {
+namespace tileflight::transport::test_support {
 
 struct ServedRequest {
   std::string method;
@@ -219,4 +219,4 @@ class TestHttpServer {
 
 inline void ServedConnection::wait(std::chrono::milliseconds time) { server_.wait(time); }
 
-}  // namespace tileflight::transport::testing
+}  // namespace tileflight::transport::test_support

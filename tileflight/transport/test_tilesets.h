@@ -16,13 +16,13 @@
 #include "tileflight/transport/tile_source.h"
 
 /// Small tilesets built by tests, and an in-memory source for them.
-namespace tileflight::transport::testing {
+namespace tileflight::transport::test_support {
 
-using base::testing::Bytes;
-using base::testing::error_of;
-using base::testing::to_bytes;
-using base::testing::to_raw_bytes;
-using base::testing::to_text;
+using base::test_support::Bytes;
+using base::test_support::error_of;
+using base::test_support::to_bytes;
+using base::test_support::to_raw_bytes;
+using base::test_support::to_text;
 using Json = nlohmann::json;
 /// In-memory files; records which were read.
 class MemorySource : public TileSource {
@@ -226,4 +226,4 @@ inline Json tileset(const Json& root, const std::string& version = "1.1") {
   return {{"asset", {{"version", version}}}, {"geometricError", 1000}, {"root", root}};
 }
 
-}  // namespace tileflight::transport::testing
+}  // namespace tileflight::transport::test_support

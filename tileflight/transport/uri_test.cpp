@@ -7,8 +7,8 @@
 namespace tileflight::transport::uri_test {
 namespace {
 
-using base::testing::error_of;
-using base::testing::to_text;
+using base::test_support::error_of;
+using base::test_support::to_text;
 using ::testing::HasSubstr;
 
 /// RFC 3986, section 5.4, as far as a tileset can write it (fragments are dropped).
@@ -58,17 +58,17 @@ TEST(Uri, PathAndEnding) {
   EXPECT_EQ(uri_path("a%20b/%C3%A9.glb?key=1#x"), "a b/\xC3\xA9.glb");
   EXPECT_EQ(uri_extension("a.b/c.B3DM?v=1.2"), "b3dm");
   EXPECT_EQ(uri_extension("a.b/c"), "");
-  EXPECT_THAT(base::testing::error_of([] { uri_path("a%2"); }), HasSubstr("hexadecimal"));
-  EXPECT_THAT(base::testing::error_of([] { uri_path("a%zz"); }), HasSubstr("hexadecimal"));
-  EXPECT_THAT(base::testing::error_of([] { uri_path("a%00.glb"); }), HasSubstr("zero byte"));
+  EXPECT_THAT(base::test_support::error_of([] { uri_path("a%2"); }), HasSubstr("hexadecimal"));
+  EXPECT_THAT(base::test_support::error_of([] { uri_path("a%zz"); }), HasSubstr("hexadecimal"));
+  EXPECT_THAT(base::test_support::error_of([] { uri_path("a%00.glb"); }), HasSubstr("zero byte"));
 }
 
 TEST(Uri, Data) {
-  EXPECT_EQ(base::testing::to_text(decode_data_uri("data:text/plain,a%20b", "x")), "a b");
-  EXPECT_EQ(base::testing::to_text(decode_data_uri("data:;base64,Zm9vYmE=", "x")), "fooba");
-  EXPECT_EQ(base::testing::to_text(decode_data_uri("DATA:application/octet-stream;base64,Zm9vYg", "x")), "foob");
-  EXPECT_THAT(base::testing::error_of([] { decode_data_uri("data:;base64,Zm9*", "x"); }), HasSubstr("base64"));
-  EXPECT_THAT(base::testing::error_of([] { decode_data_uri("data:;base64", "x"); }), HasSubstr("comma"));
+  EXPECT_EQ(base::test_support::to_text(decode_data_uri("data:text/plain,a%20b", "x")), "a b");
+  EXPECT_EQ(base::test_support::to_text(decode_data_uri("data:;base64,Zm9vYmE=", "x")), "fooba");
+  EXPECT_EQ(base::test_support::to_text(decode_data_uri("DATA:application/octet-stream;base64,Zm9vYg", "x")), "foob");
+  EXPECT_THAT(base::test_support::error_of([] { decode_data_uri("data:;base64,Zm9*", "x"); }), HasSubstr("base64"));
+  EXPECT_THAT(base::test_support::error_of([] { decode_data_uri("data:;base64", "x"); }), HasSubstr("comma"));
 }
 
 }  // namespace

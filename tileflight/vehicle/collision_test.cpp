@@ -23,7 +23,7 @@ TEST(FirstContact, OfAPlaneIsExactWhateverTheAngleAndTheLengthOfTheStep) {
   int met = 0;
   for (int i = 0; i < 3000; ++i) {
     const Vec3 normal = random_vector(random, 1).normalized();
-    const ObstacleQuery wall = tests::plane(normal, 1.0);
+    const ObstacleQuery wall = test_support::plane(normal, 1.0);
     const Vec3 from = random_vector(random, 0.3);
     const Vec3 to = from + random_vector(random, i % 2 == 0 ? 1.0 : 20.0);
     const auto contact = first_contact(wall, from, to, kRadius_m);
@@ -41,7 +41,7 @@ TEST(FirstContact, OfASphereNeverReachesIntoIt) {
   std::mt19937 random(2);
   const Vec3 center(0.2, -0.1, 0.4);
   const double radius_m = 2.0;
-  const ObstacleQuery ball = tests::sphere(center, radius_m);
+  const ObstacleQuery ball = test_support::sphere(center, radius_m);
   int met = 0;
   for (int i = 0; i < 3000; ++i) {
     const Vec3 from = center + random_vector(random, 1).normalized() * 2.6;
@@ -63,13 +63,13 @@ TEST(FirstContact, OfASphereNeverReachesIntoIt) {
 }
 
 TEST(FirstContact, HeadOnTheSphereIsExact) {
-  const auto contact = first_contact(tests::sphere({10, 0, 0}, 2.0), {0, 0, 0}, {500, 0, 0}, kRadius_m);
+  const auto contact = first_contact(test_support::sphere({10, 0, 0}, 2.0), {0, 0, 0}, {500, 0, 0}, kRadius_m);
   ASSERT_TRUE(contact);
   EXPECT_NEAR(contact->center.x(), 10 - 2 - kRadius_m, 1e-12);
 }
 
 TEST(FirstContact, LeavingASurfaceIsNone) {
-  const ObstacleQuery ground = tests::level_ground(0.0);
+  const ObstacleQuery ground = test_support::level_ground(0.0);
   EXPECT_FALSE(first_contact(ground, {0, 0, 0.2}, {0, 0, 0.25}, kRadius_m));
   EXPECT_FALSE(first_contact(ground, {0, 0, 0.3}, {5, 0, 0.3}, kRadius_m));
   EXPECT_TRUE(first_contact(ground, {0, 0, 0.3}, {5, 0, 0.29}, kRadius_m));
@@ -77,14 +77,14 @@ TEST(FirstContact, LeavingASurfaceIsNone) {
 }
 
 TEST(FirstContact, ABallAtRestTouchesOrNot) {
-  const ObstacleQuery ball = tests::sphere({0, 0, 0}, 1.0);
+  const ObstacleQuery ball = test_support::sphere({0, 0, 0}, 1.0);
   EXPECT_TRUE(touches(ball, {1.25, 0, 0}, kRadius_m));
   EXPECT_FALSE(touches(ball, {1.3, 0, 0}, kRadius_m));
-  EXPECT_FALSE(touches(tests::level_ground(0), {0, 0, kRadius_m}, kRadius_m));
+  EXPECT_FALSE(touches(test_support::level_ground(0), {0, 0, kRadius_m}, kRadius_m));
 }
 
 TEST(FirstContact, ThinWallsStopAnySpeed) {
-  const ObstacleQuery sheet = tests::plane({1, 0, 0}, 100.0);  // without thickness
+  const ObstacleQuery sheet = test_support::plane({1, 0, 0}, 100.0);  // without thickness
   for (const double step_m : {0.1, 10.0, 1e3, 1e6}) {
     const auto contact = first_contact(sheet, {99.65, 0, 0}, {99.65 + step_m, 0, 0}, kRadius_m);
     ASSERT_TRUE(contact);

@@ -5,7 +5,7 @@
 
 #include "tileflight/vehicle/collision.h"
 
-namespace tileflight::vehicle::tests {
+namespace tileflight::vehicle::test_support {
 
 /// The plane normal . p = offset.
 inline ObstacleQuery plane(const geometry::Vec3& normal, double offset) {
@@ -43,4 +43,4 @@ inline ObstacleQuery first_of(const ObstacleQuery& a, const ObstacleQuery& b) {
   };
 }
 
-}  // namespace tileflight::vehicle::tests
+}  // namespace tileflight::vehicle::test_support

@@ -122,7 +122,7 @@ TEST(VehicleFlight, AccelerationsOfThePathAreThoseOfTheForces) {
 TEST(VehicleFlight, AWallEndsItOrBouncesIt) {
   VehiclePlan plan;
   plan.options.collision = CollisionPolicy::kStop;
-  const ObstacleQuery wall = tests::plane({1, 0, 0}, 20.0);
+  const ObstacleQuery wall = test_support::plane({1, 0, 0}, 20.0);
   const VehicleFlight stopped = flown(plan, wall);
   EXPECT_EQ(stopped.outcome, Outcome::kCollided);
   ASSERT_TRUE(stopped.last_collision);
@@ -134,7 +134,7 @@ TEST(VehicleFlight, AWallEndsItOrBouncesIt) {
   EXPECT_GT(bouncing.collisions, 0);
   EXPECT_GT(bouncing.tracking->max_m, 5.0);
   EXPECT_THAT(tileflight::tests::refusal_of([&] {
-                flown(plan, tests::plane({1, 0, 0}, 0.1));
+                flown(plan, test_support::plane({1, 0, 0}, 0.1));
               }),
               testing::HasSubstr("collides at its start position"));
 }
@@ -171,7 +171,7 @@ constexpr const char* kMission = R"(mission:
 TEST_F(VehicleFile, AMissionIsFlownFromTakeOffToLanding) {
   VehiclePlan plan = vehicle("vehicle: {collision: stop, start: [1, 2, 0.35], landed: true, pitch_deg: -30}\n");
   EXPECT_EQ(plan.options.collision, CollisionPolicy::kStop);
-  const VehicleFlight flight = fly_mission(mission(kMission), plan, tests::level_ground(0.0));
+  const VehicleFlight flight = fly_mission(mission(kMission), plan, test_support::level_ground(0.0));
   EXPECT_EQ(flight.outcome, Outcome::kFinished);
   ASSERT_EQ(flight.mission.size(), 8u);
   EXPECT_EQ(flight.mission[2].name, "path");

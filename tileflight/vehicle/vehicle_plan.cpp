@@ -1,16 +1,15 @@
 #include "tileflight/vehicle/vehicle_plan.h"
 
-#include <numbers>
-
+#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::vehicle {
 namespace {
 
+using base::kRadiansPerDegree;
 using base::StrictSection;
 using geometry::Vec3;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 /// Commands in a file always have a timeout.
 constexpr double kDefaultTimeout_s = 600.0;
 constexpr std::size_t kMaxPoints = 10000;

@@ -57,7 +57,7 @@ TEST(PathProgress, GoesOnAndNeverBack) {
 
 TEST(Vehicle, TakesOffFromTheGroundAndLandsOnIt) {
   const VehicleOptions options;
-  Vehicle vehicle(options, tests::level_ground(0.0), {1, 2, options.radius_m}, pi / 2, true);
+  Vehicle vehicle(options, test_support::level_ground(0.0), {1, 2, options.radius_m}, pi / 2, true);
   wait(vehicle, 1.0);
   EXPECT_TRUE(vehicle.landed());
   EXPECT_EQ(vehicle.state().position_m.z(), options.radius_m);
@@ -162,7 +162,7 @@ TEST(Vehicle, ANewCommandCancelsTheOldOne) {
 }
 
 TEST(Vehicle, AWallStopsOrBouncesItOrIsNotThere) {
-  const ObstacleQuery wall = tests::plane({1, 0, 0}, 20.0);
+  const ObstacleQuery wall = test_support::plane({1, 0, 0}, 20.0);
   VehicleOptions options;
   Vehicle stopped = hovering(options, wall);
   EXPECT_EQ(stopped.run(path_of({{60, 0, kStart_m}}, 8)), Outcome::kCollided);
@@ -191,7 +191,7 @@ TEST(Vehicle, AWallStopsOrBouncesItOrIsNotThere) {
 
 TEST(Vehicle, ABallInTheWayStopsIt) {
   const Vec3 center(20, 0.8, kStart_m);
-  Vehicle vehicle = hovering({}, tests::sphere(center, 2.0));
+  Vehicle vehicle = hovering({}, test_support::sphere(center, 2.0));
   EXPECT_EQ(vehicle.run(path_of({{60, 0, kStart_m}}, 8)), Outcome::kCollided);
   const double clearance_m = (vehicle.state().position_m - center).norm() - 2.0 - vehicle.options().radius_m;
   EXPECT_GT(clearance_m, -0.02);
@@ -222,7 +222,7 @@ TEST(Vehicle, TheSameCommandsGiveTheSameFlight) {
   const auto flown = [](std::uint64_t seed) {
     VehicleOptions options;
     options.wind = {{3, 0, 0}, Turbulence::kLight, 30.0, seed};
-    Vehicle vehicle = hovering(options, tests::level_ground(0.0));
+    Vehicle vehicle = hovering(options, test_support::level_ground(0.0));
     vehicle.run(path_of({{10, 0, 12}, {10, 10, 12}}, 5));
     return vehicle.state();
   };
