@@ -16,7 +16,7 @@ using plate::PlotArea;
 using plate::Side;
 
 constexpr double kWidth_px = 1200, kMargin_px = 26, kLeft_px = 84, kRight_px = 26, kPanel_px = 250, kGap_px = 96;
-constexpr int kTicks = 10;
+constexpr int kProfileTicks = 10;
 constexpr Ink kCamera{0.05, 0.25, 0.85, 1.0}, kGround{0.52, 0.44, 0.36, 1.0}, kClearance{0.90, 0.45, 0.00, 1.0};
 
 /// Axes of a panel; the horizontal one is the path length.
@@ -79,7 +79,7 @@ void draw_ground(Canvas& canvas, const Panel& panel, const std::vector<double>& 
 }
 
 void draw_grid(Canvas& canvas, const Panel& panel, const std::string& label, bool with_label) {
-  const auto across = plate::make_ticks(panel.along, kTicks), up = plate::make_ticks(panel.up, 5);
+  const auto across = plate::make_ticks(panel.along, kProfileTicks), up = plate::make_ticks(panel.up, 5);
   for (const plate::Tick& tick : up)
     canvas.draw_line({{panel.frame.x, tick.at_px}, {panel.frame.right(), tick.at_px}}, {plate::kGridline, 1.0, {}});
   draw_axis(canvas, panel.frame, Side::kLeft, up, label);
@@ -89,7 +89,7 @@ void draw_grid(Canvas& canvas, const Panel& panel, const std::string& label, boo
 /// Draws times at the corresponding path lengths.
 void draw_times(Canvas& canvas, const Panel& panel, const FlightProfile& p) {
   if (p.time_s.size() < 2) return;
-  std::vector<plate::Tick> ticks = plate::make_ticks({0.0, p.time_s.back(), 0.0, p.time_s.back()}, kTicks);
+  std::vector<plate::Tick> ticks = plate::make_ticks({0.0, p.time_s.back(), 0.0, p.time_s.back()}, kProfileTicks);
   for (plate::Tick& tick : ticks) {
     const auto next = std::lower_bound(p.time_s.begin(), p.time_s.end(), tick.at_px - 1e-9);
     const auto i = static_cast<std::size_t>(std::min(next, p.time_s.end() - 1) - p.time_s.begin());

@@ -14,7 +14,7 @@ namespace tileflight::report {
 namespace {
 
 using nlohmann::json;
-using CellFormatter = std::function<std::string(const FlightColumn&)>;
+using KeyFigureFormatter = std::function<std::string(const FlightColumn&)>;
 
 std::vector<FlightColumn> columns_of(const json& results) {
   std::vector<FlightColumn> columns;
@@ -66,7 +66,7 @@ std::optional<double> path_error_m(const FlightColumn& column) {
   return number_at(column.values, "/trajectory/ate_rmse");
 }
 
-KeyFigureRow row(const std::string& label, const std::vector<FlightColumn>& columns, const CellFormatter& cell) {
+KeyFigureRow row(const std::string& label, const std::vector<FlightColumn>& columns, const KeyFigureFormatter& cell) {
   KeyFigureRow result{label, {}};
   for (const FlightColumn& column : columns) result.cells.push_back(cell(column));
   return result;

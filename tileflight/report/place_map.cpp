@@ -21,13 +21,13 @@ using imaging::TextAnchor;
 using plate::PlotArea;
 using plate::Side;
 
-constexpr double kMargin_px = 26, kLine_px = 20;
+constexpr double kMapMargin_px = 26, kLine_px = 20;
 /// Margins around a panel, for its axes.
-constexpr double kLeft_px = 74, kTop_px = 46, kBottom_px = 54, kRight_px = 92, kBar_px = 200;
+constexpr double kMapLeft_px = 74, kMapTop_px = 46, kMapBottom_px = 54, kMapRight_px = 92, kBar_px = 200;
 constexpr double kLegend_px = 34;
 /// Above this aspect ratio the heights are drawn below the image.
 constexpr double kWide = 1.5;
-constexpr int kTicks = 6;
+constexpr int kMapTicks = 6;
 
 constexpr Rgb8 kHatchPaper{236, 237, 239}, kHatchLine{202, 204, 208};
 constexpr Ink kPath{0.05, 0.25, 0.85, 1.0};
@@ -84,7 +84,7 @@ imaging::RgbImage height_picture(const GroundImage& ground, const Range& range) 
 }
 
 /// Mapping from the ground to a panel.
-struct Panel {
+struct MapPanel {
   PlotArea frame;
   GroundExtent extent;
 
@@ -105,7 +105,7 @@ std::string degrees_text(const DegreeTick& tick) {
   return (is_below ? "\u2212" : "") + digits + "°";
 }
 
-void draw_degrees(Canvas& canvas, const Panel& panel, const geometry::LocalFrame& frame) {
+void draw_degrees(Canvas& canvas, const MapPanel& panel, const geometry::LocalFrame& frame) {
   std::vector<plate::Tick> across, up;
   for (const DegreeTick& tick : degree_ticks(panel.extent, frame, true, 4))
     across.push_back({panel.east().to_px(panel.extent.west + tick.along_m), degrees_text(tick)});
@@ -115,8 +115,8 @@ void draw_degrees(Canvas& canvas, const Panel& panel, const geometry::LocalFrame
   draw_axis(canvas, panel.frame, Side::kRight, up, "latitude");
 }
 
-void draw_grid(Canvas& canvas, const Panel& panel) {
-  const auto east = plate::make_ticks(panel.east(), kTicks), north = plate::make_ticks(panel.north(), kTicks);
+void draw_grid(Canvas& canvas, const MapPanel& panel) {
+  const auto east = plate::make_ticks(panel.east(), kMapTicks), north = plate::make_ticks(panel.north(), kMapTicks);
   const PlotArea& f = panel.frame;
   const auto draw = [&](const Vec2& a, const Vec2& b) {  // light on dark and dark on light
     canvas.draw_line({a, b}, {{0, 0, 0, 0.22}, 2.0, {}});
@@ -128,7 +128,7 @@ void draw_grid(Canvas& canvas, const Panel& panel) {
   draw_axis(canvas, f, Side::kLeft, north, "north, m (local frame)");
 }
 
-void draw_scale_bar(Canvas& canvas, const Panel& panel) {
+void draw_scale_bar(Canvas& canvas, const MapPanel& panel) {
   const double length_m = round_down_to_nice(panel.extent.width_m() / 4);
   const double length_px = length_m / panel.extent.width_m() * panel.frame.width;
   const double x = panel.frame.x + 18, y = panel.frame.bottom() - 18;
@@ -140,7 +140,7 @@ void draw_scale_bar(Canvas& canvas, const Panel& panel) {
   canvas.draw_text(x + length_px / 2, y - 9, format_shortest(length_m) + " m", style);
 }
 
-void draw_north_arrow(Canvas& canvas, const Panel& panel) {
+void draw_north_arrow(Canvas& canvas, const MapPanel& panel) {
   const double x = panel.frame.right() - 34, y = panel.frame.y + 38;
   canvas.fill_disc({x, y}, 25, plate::kHalo);
   canvas.fill_polygon({{x, y - 20}, {x - 8, y + 6}, {x, y + 1}}, plate::kInk);
@@ -155,7 +155,7 @@ Ink outline_ink(MapOutline::Kind kind) {
   return kind == MapOutline::Kind::kMissingTile ? plate::kWarning : Ink{0.0, 0.0, 0.0, 1.0};
 }
 
-void draw_outline(Canvas& canvas, const Panel& panel, const MapOutline& outline) {
+void draw_outline(Canvas& canvas, const MapPanel& panel, const MapOutline& outline) {
   const std::vector<Vec2> points = panel.at(outline.corners);
   Ink ink = outline_ink(outline.kind);
   if (outline.kind == MapOutline::Kind::kMissingTile) {
@@ -168,7 +168,7 @@ void draw_outline(Canvas& canvas, const Panel& panel, const MapOutline& outline)
 }
 
 /// Draws viewing directions at some frames.
-void draw_headings(Canvas& canvas, const Panel& panel, const FlightOverlay& flight) {
+void draw_headings(Canvas& canvas, const MapPanel& panel, const FlightOverlay& flight) {
   constexpr double kApart_px = 26, kLength_px = 13;
   double along_px = kApart_px;
   for (std::size_t i = 0; i < flight.positions.size(); ++i) {
@@ -182,21 +182,21 @@ void draw_headings(Canvas& canvas, const Panel& panel, const FlightOverlay& flig
   }
 }
 
-void draw_view(Canvas& canvas, const Panel& panel, const ViewFootprint& view, const Ink& ink) {
+void draw_view(Canvas& canvas, const MapPanel& panel, const ViewFootprint& view, const Ink& ink) {
   const std::vector<Vec2> outline = panel.at(view.footprint);
   canvas.fill_polygon(outline, {ink.red, ink.green, ink.blue, 0.10});
   canvas.draw_line(outline, {{1, 1, 1, 0.8}, 3.2, {}}, true);
   canvas.draw_line(outline, {ink, 1.6, {}}, true);
 }
 
-void draw_camera(Canvas& canvas, const Panel& panel, const ViewFootprint& view, const Ink& ink) {
+void draw_camera(Canvas& canvas, const MapPanel& panel, const ViewFootprint& view, const Ink& ink) {
   const Vec2 at = panel.at(Vec2(view.position.head<2>()));
   canvas.fill_disc(at, 7.5, {1, 1, 1, 1});
   canvas.fill_disc(at, 5.5, ink);
   canvas.draw_text(at.x() + 10, at.y() - 8, view.name, plate::overlay_lettering());
 }
 
-void draw_flight(Canvas& canvas, const Panel& panel, const FlightOverlay& flight) {
+void draw_flight(Canvas& canvas, const MapPanel& panel, const FlightOverlay& flight) {
   std::vector<Vec2> path;
   for (const Vec3& p : flight.positions) path.push_back(panel.at(Vec2(p.head<2>())));
   for (std::size_t i = 0; i < flight.views.size(); ++i)
@@ -287,42 +287,42 @@ void draw_height_bar(Canvas& canvas, const PlaceMap& map, const PlotArea& panel,
 /// Positions of the parts on the canvas.
 struct Layout {
   PlotArea picture, heights;
-  double text_top = kMargin_px + 22, width = 0, height = 0, legend_y = 0;
+  double text_top = kMapMargin_px + 22, width = 0, height = 0, legend_y = 0;
 };
 
 Layout layout_of(const PlaceMap& map) {
   const double w = map.ground.colors.width, h = map.ground.colors.height;
-  const double head = kMargin_px + 34 + kLine_px * static_cast<double>(map.notes.size());
-  const double top = head + (map.frame ? kTop_px : 12);
-  const double right = map.frame ? kRight_px : 24;
+  const double head = kMapMargin_px + 34 + kLine_px * static_cast<double>(map.notes.size());
+  const double top = head + (map.frame ? kMapTop_px : 12);
+  const double right = map.frame ? kMapRight_px : 24;
   Layout layout;
-  layout.picture = {kMargin_px + kLeft_px, top, w, h};
-  layout.legend_y = layout.picture.bottom() + kBottom_px + kLegend_px - 10;
+  layout.picture = {kMapMargin_px + kMapLeft_px, top, w, h};
+  layout.legend_y = layout.picture.bottom() + kMapBottom_px + kLegend_px - 10;
   const bool below = w > kWide * h;
   layout.heights = below ? PlotArea{layout.picture.x, layout.legend_y + 24, w, h}
-                         : PlotArea{layout.picture.right() + right + kLeft_px, top, w, h};
-  layout.width = layout.heights.right() + kBar_px + kMargin_px;
-  layout.height = (below ? layout.heights.bottom() + kBottom_px : layout.legend_y) + 2 * kMargin_px;
+                         : PlotArea{layout.picture.right() + right + kMapLeft_px, top, w, h};
+  layout.width = layout.heights.right() + kBar_px + kMapMargin_px;
+  layout.height = (below ? layout.heights.bottom() + kMapBottom_px : layout.legend_y) + 2 * kMapMargin_px;
   return layout;
 }
 
 void draw_text(Canvas& canvas, const PlaceMap& map, const Layout& layout) {
-  const double width = layout.width - 2 * kMargin_px;
-  canvas.draw_text(kMargin_px, layout.text_top,
+  const double width = layout.width - 2 * kMapMargin_px;
+  canvas.draw_text(kMapMargin_px, layout.text_top,
                    plate::truncate_to_width(canvas, map.title, plate::title_lettering(), width),
                    plate::title_lettering());
   for (std::size_t i = 0; i < map.notes.size(); ++i) {
     const double y = layout.text_top + 26 + kLine_px * static_cast<double>(i);
-    canvas.draw_text(kMargin_px, y, plate::truncate_to_width(canvas, map.notes[i], plate::body_lettering(), width),
+    canvas.draw_text(kMapMargin_px, y, plate::truncate_to_width(canvas, map.notes[i], plate::body_lettering(), width),
                      plate::body_lettering());
   }
   const std::string line = map.attribution.empty() ? "attribution: none in the tiles" : map.attribution;
-  canvas.draw_text(kMargin_px, layout.height - kMargin_px + 6,
+  canvas.draw_text(kMapMargin_px, layout.height - kMapMargin_px + 6,
                    plate::truncate_to_width(canvas, line, plate::muted_lettering(12), width),
                    plate::muted_lettering(12));
 }
 
-void draw_over(Canvas& canvas, const PlaceMap& map, const Panel& panel) {
+void draw_over(Canvas& canvas, const PlaceMap& map, const MapPanel& panel) {
   canvas.clip(panel.frame.x, panel.frame.y, panel.frame.width, panel.frame.height);
   for (const MapOutline& outline : map.outlines) draw_outline(canvas, panel, outline);
   if (map.flight) draw_flight(canvas, panel, *map.flight);
@@ -403,12 +403,12 @@ imaging::RgbImage draw_to_image(const PlaceMap& map) {
   const Layout layout = layout_of(map);
   Canvas canvas(static_cast<int>(layout.width), static_cast<int>(layout.height), plate::kBackground);
   draw_text(canvas, map, layout);
-  const Panel picture{layout.picture, map.ground.extent}, heights{layout.heights, map.ground.extent};
+  const MapPanel picture{layout.picture, map.ground.extent}, heights{layout.heights, map.ground.extent};
   canvas.draw_image(picture.frame.x, picture.frame.y, on_hatched_paper(map.ground.colors, map.ground.heights_m));
   const Range range = shown_range(map.ground.heights_m);
   canvas.draw_image(heights.frame.x, heights.frame.y,
                     on_hatched_paper(height_picture(map.ground, range), map.ground.heights_m));
-  for (const Panel& panel : {picture, heights}) {
+  for (const MapPanel& panel : {picture, heights}) {
     draw_grid(canvas, panel);
     draw_over(canvas, map, panel);
     draw_border(canvas, panel.frame);

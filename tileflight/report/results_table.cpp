@@ -9,15 +9,15 @@ namespace tileflight::report {
 namespace {
 
 /// Length in characters, not bytes: the number of terminal columns (every character used here takes one).
-std::size_t width_of(const std::string& text) {
+std::size_t display_width(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
 }
 
 std::string padded_left(const std::string& text, std::size_t width) {
-  return std::string(width - std::min(width, width_of(text)), ' ') + text;
+  return std::string(width - std::min(width, display_width(text)), ' ') + text;
 }
 std::string padded_right(const std::string& text, std::size_t width) {
-  return text + std::string(width - std::min(width, width_of(text)), ' ');
+  return text + std::string(width - std::min(width, display_width(text)), ' ');
 }
 
 std::string without_trailing_spaces(std::string line) {
@@ -34,12 +34,12 @@ struct Widths {
 Widths widths_of(const KeyFigures& figures) {
   Widths widths;
   for (const FlightColumn& column : figures.columns)
-    widths.columns.push_back(std::max<std::size_t>(12, width_of(column.label)));
+    widths.columns.push_back(std::max<std::size_t>(12, display_width(column.label)));
   for (const auto* rows : {&figures.as_published, &figures.additional}) {
     for (const KeyFigureRow& row : *rows) {
-      widths.label = std::max(widths.label, width_of(row.label));
+      widths.label = std::max(widths.label, display_width(row.label));
       for (std::size_t i = 0; i < row.cells.size(); ++i)
-        widths.columns[i] = std::max(widths.columns[i], width_of(row.cells[i]));
+        widths.columns[i] = std::max(widths.columns[i], display_width(row.cells[i]));
     }
   }
   return widths;

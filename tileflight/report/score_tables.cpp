@@ -11,12 +11,12 @@ namespace tileflight::report {
 namespace {
 
 using nlohmann::json;
-using CellFormatter = std::function<std::string(const json&)>;
+using ScoreFormatter = std::function<std::string(const json&)>;
 
-CellFormatter number_cell(const std::string& pointer, int decimals) {
+ScoreFormatter number_cell(const std::string& pointer, int decimals) {
   return [=](const json& values) { return format_fixed(number_at(values, pointer), decimals); };
 }
-CellFormatter percent_cell(const std::string& pointer) {
+ScoreFormatter percent_cell(const std::string& pointer) {
   return [=](const json& values) { return format_percent(number_at(values, pointer)); };
 }
 
@@ -27,7 +27,7 @@ json at(const json& values, const std::string& pointer) {
 
 /// Adds a row unless the value is unknown for all flights.
 void add_row(Table& table, const std::string& label, const std::vector<FlightRun>& flights,
-             const CellFormatter& shown) {
+             const ScoreFormatter& shown) {
   std::vector<std::string> cells{label};
   for (const FlightRun& flight : flights) cells.push_back(shown(flight.values));
   const auto is_unknown = [](const std::string& cell) { return cell == kUnknown; };

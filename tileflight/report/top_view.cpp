@@ -21,7 +21,7 @@ int dot_pixels(std::size_t points) {
 }
 constexpr int kShades = 64;
 /// Units of the SVG's view box.
-constexpr double kPlot = 560, kLeft = 52, kRight = 10, kTop = 10, kBottom = 42;
+constexpr double kPlot = 560, kViewLeft = 52, kViewRight = 10, kViewTop = 10, kViewBottom = 42;
 
 /// Pixel grid over an extent. Row 0 is in the north.
 struct Raster {
@@ -109,33 +109,33 @@ struct Plot {
         width(e.width_m() * scale),
         height(e.height_m() * scale) {}
 
-  double across(double east) const { return kLeft + (east - extent.west) * scale; }
-  double down(double north) const { return kTop + (extent.north - north) * scale; }
+  double across(double east) const { return kViewLeft + (east - extent.west) * scale; }
+  double down(double north) const { return kViewTop + (extent.north - north) * scale; }
 };
 
-Html label(double x, double y, const std::string& anchor, const std::string& content, const std::string& style = "") {
+Html view_label(double x, double y, const std::string& anchor, const std::string& content, const std::string& style = "") {
   return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}, {"class", style}},
                  text(content));
 }
 
 Html axes(const Plot& plot) {
-  Html result = empty_element("rect", {{"x", svg_number(kLeft)},
-                                       {"y", svg_number(kTop)},
+  Html result = empty_element("rect", {{"x", svg_number(kViewLeft)},
+                                       {"y", svg_number(kViewTop)},
                                        {"width", svg_number(plot.width)},
                                        {"height", svg_number(plot.height)},
                                        {"class", "frame"}});
   const double step = round_down_to_nice(std::max(plot.extent.width_m(), plot.extent.height_m()) / 4);
-  const double bottom = kTop + plot.height;
+  const double bottom = kViewTop + plot.height;
   for (double east = std::ceil(plot.extent.west / step) * step; east <= plot.extent.east; east += step) {
     result += svg_line(plot.across(east), bottom, plot.across(east), bottom + 5, "axis");
-    result += label(plot.across(east), bottom + 18, "middle", tick_text(east, step));
+    result += view_label(plot.across(east), bottom + 18, "middle", tick_text(east, step));
   }
   for (double north = std::ceil(plot.extent.south / step) * step; north <= plot.extent.north; north += step) {
-    result += svg_line(kLeft - 5, plot.down(north), kLeft, plot.down(north), "axis");
-    result += label(kLeft - 8, plot.down(north) + 4, "end", tick_text(north, step));
+    result += svg_line(kViewLeft - 5, plot.down(north), kViewLeft, plot.down(north), "axis");
+    result += view_label(kViewLeft - 8, plot.down(north) + 4, "end", tick_text(north, step));
   }
-  result += label(kLeft + plot.width / 2, bottom + 35, "middle", "east, m");
-  const std::string middle = svg_number(kTop + plot.height / 2);
+  result += view_label(kViewLeft + plot.width / 2, bottom + 35, "middle", "east, m");
+  const std::string middle = svg_number(kViewTop + plot.height / 2);
   return result +
          element(
              "text",
@@ -145,14 +145,14 @@ Html axes(const Plot& plot) {
 
 Html scale_bar(const Plot& plot) {
   const double length_m = round_down_to_nice(plot.extent.width_m() / 4);
-  const double x = kLeft + 14, y = kTop + plot.height - 14;
+  const double x = kViewLeft + 14, y = kViewTop + plot.height - 14;
   const Html bar = svg_line(x, y, x + length_m * plot.scale, y, "scale-bar");
-  return bar + label(x + length_m * plot.scale / 2, y - 6, "middle", svg_number(length_m) + " m", "halo");
+  return bar + view_label(x + length_m * plot.scale / 2, y - 6, "middle", svg_number(length_m) + " m", "halo");
 }
 
 Html draw_image(const Plot& plot, const ImageLayer& layer) {
-  return empty_element("image", {{"x", svg_number(kLeft)},
-                                 {"y", svg_number(kTop)},
+  return empty_element("image", {{"x", svg_number(kViewLeft)},
+                                 {"y", svg_number(kViewTop)},
                                  {"width", svg_number(plot.width)},
                                  {"height", svg_number(plot.height)},
                                  {"preserveAspectRatio", "none"},
@@ -254,8 +254,8 @@ Drawing to_drawing(const TopView& view) {
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);
   // The same width for any extent, so that text has the same size in all views.
-  return {kLeft + kPlot + kRight,
-          kTop + plot.height + kBottom,
+  return {kViewLeft + kPlot + kViewRight,
+          kViewTop + plot.height + kViewBottom,
           "top-view",
           view.title + ". " + view.description,
           content,
@@ -280,9 +280,9 @@ Drawing color_bar(double highest, const std::string& label_text) {
   for (const double tick : ticks) {
     const std::string shown =
         tick_text(tick, ticks.size() > 1 ? ticks[1] : 1) + (tick >= highest * (1 - 1e-9) ? "+" : "");
-    content += label(20 + tick / highest * kBar, 28, "middle", shown);
+    content += view_label(20 + tick / highest * kBar, 28, "middle", shown);
   }
-  content += label(20 + kBar / 2, 44, "middle", label_text);
+  content += view_label(20 + kBar / 2, 44, "middle", label_text);
   const std::string label_of_bar =
       "Colours: " + label_text + ", blue is 0, red is " + svg_number(highest) + " and more";
   return {340, 50, "color-bar", label_of_bar, content};

@@ -295,7 +295,7 @@ Box3 trimmed_bounds(const std::vector<Vec3>& points, const Box3& reach, double t
   return {low, high};
 }
 
-std::vector<Vec3> positions_of(const geometry::Trajectory& path) {
+std::vector<Vec3> trajectory_positions(const geometry::Trajectory& path) {
   std::vector<Vec3> positions;
   for (const geometry::StampedPose& pose : path.poses) positions.push_back(pose.T_local_camera.translation);
   return positions;
@@ -311,7 +311,7 @@ Box3 initial_view_box(const RunFolder& run, const Box3& extent, const Box3& reac
   for (const FlightRun& flight : run.flights) {
     if (flight.errors) add(trimmed_bounds(flight.errors->positions, reach, kOutliers));
     for (const auto* path : {&flight.estimate, &flight.truth}) {
-      if (*path) add(trimmed_bounds(positions_of(**path), reach, 0.0));
+      if (*path) add(trimmed_bounds(trajectory_positions(**path), reach, 0.0));
     }
   }
   return shown;
