@@ -176,7 +176,7 @@ TEST_F(Coverage, WhatCannotBeIsOneLine) {
   EXPECT_THAT(error_of(kFlight, {"--pixel-error", "0"}), ::testing::HasSubstr("--pixel-error: must be positive"));
   for (const char* name : {"root.glb", "0.glb", "1.glb", "2.glb", "3.glb"})
     TinyPlace::write_file(folder_ / "place" / name, TinyPlace::one_point_pnts());
-  EXPECT_THAT(error_of(kFlight), ::testing::HasSubstr("holds points only"));
+  EXPECT_THAT(error_of(kFlight), ::testing::HasSubstr("contains only points"));
   fs::remove(folder_ / "place/2.glb");
   EXPECT_THAT(error_of(kFlight), ::testing::HasSubstr("2.glb"));
 }

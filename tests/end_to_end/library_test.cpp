@@ -86,21 +86,20 @@ project(subproject_consumer LANGUAGES CXX)
 include(FetchContent)
 FetchContent_Declare(tileflight SOURCE_DIR )" << kSource << R"()
 FetchContent_MakeAvailable(tileflight)
-add_executable(shift shift.cpp)
-target_link_libraries(shift PRIVATE tileflight::alignment)
+add_executable(centre centre.cpp)
+target_link_libraries(centre PRIVATE tileflight::geometry)
 )";
-  std::ofstream(folder / "shift.cpp") << R"(#include <iostream>
-#include "tileflight/alignment/umeyama.h"
+  std::ofstream(folder / "centre.cpp") << R"(#include <iostream>
+#include "tileflight/geometry/voxel_grid.h"
 int main() {
-  using tileflight::geometry::Vec3;
-  const std::vector<Vec3> from{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  std::vector<Vec3> to;
-  for (const Vec3& p : from) to.push_back(2.0 * p + Vec3(1, 2, 3));
-  std::cout << tileflight::alignment::umeyama(from, to).T_target_source.scale << '\n';
+  const tileflight::geometry::VoxelGrid grid{{1, 2, 3}, 0.5, {4, 4, 4}, {{1, 2, 3}}};
+  std::cout << cell_centers(grid).positions.at(0).transpose() << '\n';
 }
 )";
-  build_project(folder.path(), folder / "build", {"-DCMAKE_BUILD_TYPE=RelWithDebInfo", "-DTILEFLIGHT_ONLY=base;geometry;alignment"});
-  EXPECT_THAT(run({(folder / "build/shift").string(), ""}), HasSubstr("2"));
+  build_project(folder.path(), folder / "build",
+                {"-DTILEFLIGHT_ONLY=base;geometry", "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_UNITY_BUILD=ON",
+                 "-DCMAKE_UNITY_BUILD_BATCH_SIZE=40"});
+  EXPECT_THAT(run({(folder / "build/centre").string(), ""}), HasSubstr("1.75 3.25 4.75"));
 }
 
 }  // namespace

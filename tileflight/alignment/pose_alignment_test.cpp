@@ -59,7 +59,7 @@ TEST(FitPoses, RefusesUnpairedPosesAndTakesASinglePose) {
   const auto paired = poses(0.3, 0.0, 0.0);
   const std::vector<SE3>& source = paired.first;
   const std::vector<SE3>& target = paired.second;
-  EXPECT_THAT([&] { fit_poses({}, {}); }, ThrowsMessage<InputError>(HasSubstr("poses: are none")));
+  EXPECT_THAT([&] { fit_poses({}, {}); }, ThrowsMessage<InputError>(HasSubstr("poses: both lists must hold the same number of poses, at least one")));
   EXPECT_THAT([&] { fit_poses(source, {target[0]}); },
               ThrowsMessage<InputError>(HasSubstr("the same number of poses")));
   EXPECT_DOUBLE_EQ(fit_poses({source[0]}, {target[0]}).scale, 1.0);

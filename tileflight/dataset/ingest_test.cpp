@@ -250,7 +250,7 @@ TEST_F(IngestTest, ImagesWithoutTimes) {
   const IngestResult result = ingest(options, folder / "set");
   EXPECT_EQ(result.frames, 4U);
   EXPECT_DOUBLE_EQ(result.last_time_s, 0.3);
-  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("10.000 a second")));
+  EXPECT_THAT(result.notes, ElementsAre(HasSubstr("10.000 frames per second")));
   EXPECT_EQ(read_dataset(folder / "set").frames[2].image.filename(), "000002.png");
   fs::remove_all(folder / "set");
 

@@ -83,7 +83,7 @@ TEST_F(Gpx, UnusablePointsAreDroppedAndCounted) {
 }
 
 TEST_F(Gpx, UnusableFilesAreOneClearLine) {
-  EXPECT_THAT(fault(""), HasSubstr("log.gpx: holds no track points"));
+  EXPECT_THAT(fault(""), HasSubstr("log.gpx: contains no track points"));
   EXPECT_THAT(fault("<kml/>"), HasSubstr("is XML but not GPX: its root element is <kml>"));
   EXPECT_THAT(fault(track("<trkpt lat='45' lon='9'><ele>1</ele></trkpt>")),
               HasSubstr("none of its 1 track points has a time and a position (1 entries dropped: no time)"));

@@ -101,7 +101,7 @@ TEST(PriorAlignment, PosesOfAnotherTimeAndDepthWithoutPointsAreRefused) {
   Priors empty;
   empty.depth_m = [](std::int64_t) { return std::optional<imaging::FloatImage>(); };
   EXPECT_THAT([&] { run(empty); },
-              ThrowsMessage<InputError>(HasSubstr("known depth: no point of the map's first keyframes has a depth")));
+              ThrowsMessage<InputError>(HasSubstr("no point of the first keyframes has a known depth")));
   Priors other_size;
   other_size.depth_m = [](std::int64_t) {
     return std::optional<imaging::FloatImage>(imaging::FloatImage(10, 10, 5.0F));

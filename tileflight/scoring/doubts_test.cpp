@@ -57,7 +57,7 @@ TEST_F(DoubtsOfAFlight, ATruthWithoutItsTiles) {
 TEST_F(DoubtsOfAFlight, AListThatIsNoneIsAnError) {
   write("transform.json", R"({"doubts": [{"what": 3}]})");
   EXPECT_THAT([&] { read_doubts(folder_.path() / "transform.json"); },
-              ThrowsMessage<InputError>(HasSubstr("transform.json: key 'doubts.what' must be text")));
+              ThrowsMessage<InputError>(HasSubstr("transform.json: 'doubts[0].what' must be text")));
 }
 
 TEST_F(DoubtsOfAFlight, TheSameTwiceStandsOnceAndAFlightsBearItsName) {

@@ -221,7 +221,7 @@ TEST(Imu, RefusesImpossibleOptions) {
               ThrowsMessage<InputError>(HasSubstr("IMU gyroscope_noise_density: must be 0 or more")));
   EXPECT_THAT([&] { simulate_imu(at_rest(), 0, 1, {.gyroscope_range_rad_s = 0.0}); },
               ThrowsMessage<InputError>(HasSubstr("IMU gyroscope_range: must be more than 0")));
-  EXPECT_THAT([&] { imu_preset("best"); }, ThrowsMessage<InputError>(HasSubstr("IMU 'best': is not known")));
+  EXPECT_THAT([&] { imu_preset("best"); }, ThrowsMessage<InputError>(HasSubstr("IMU 'best': is unknown")));
 }
 
 }  // namespace

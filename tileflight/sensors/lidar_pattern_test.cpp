@@ -39,7 +39,7 @@ TEST(LidarPattern, PresetsFireAsOftenAsTheirDataSheetsSay) {
   EXPECT_NEAR(points_per_second("os1-64"), 655360, 1.0);
   EXPECT_NEAR(points_per_second("hdl-64e"), 1.333e6, 1000.0);
   EXPECT_NEAR(points_per_second("livox-mid-40"), 1e5, 1.0);
-  EXPECT_THAT([&] { lidar_preset("radar"); }, ThrowsMessage<InputError>(HasSubstr("lidar 'radar': is not known")));
+  EXPECT_THAT([&] { lidar_preset("radar"); }, ThrowsMessage<InputError>(HasSubstr("lidar 'radar': is unknown")));
 }
 
 // VLP-16, table 9-1: laser 0 at -15 degrees, 1 at 1, 2 at -13; ring 0 is the lowest.
