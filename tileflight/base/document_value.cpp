@@ -58,7 +58,7 @@ bool DocumentValue::is_null() const {
 bool DocumentValue::is_map() const {
   if (is_absent()) return false;
   const YAML::Node* node = std::get_if<YAML::Node>(&value_);
-  return node != nullptr ? node->IsMap() : std::get<const json*>(value_)->is_object();
+  return node != nullptr ? node->IsMap() || node->IsNull() : std::get<const json*>(value_)->is_object();
 }
 
 bool DocumentValue::is_list() const {
@@ -129,7 +129,7 @@ std::vector<std::string> DocumentValue::keys() const {
 
 DocumentValue DocumentValue::member(const std::string& key) const {
   if (const YAML::Node* node = std::get_if<YAML::Node>(&value_))
-    return DocumentValue(is_map() ? (*node)[key] : YAML::Node(YAML::NodeType::Undefined));
+    return DocumentValue(node->IsMap() ? (*node)[key] : YAML::Node(YAML::NodeType::Undefined));
   const json* none = nullptr;
   if (!is_map()) return DocumentValue(none);
   const json& map = *std::get<const json*>(value_);

@@ -21,6 +21,7 @@ class DocumentValue {
   bool is_absent() const;
   /// Absent, or without a value (`key:` in YAML, null in JSON).
   bool is_null() const;
+  /// Also of a key without a value in YAML: the map of no keys, which leaves everything at its default.
   bool is_map() const;
   bool is_list() const;
   /// ":12", the line in the file; empty for JSON, which does not keep it.
@@ -35,7 +36,7 @@ class DocumentValue {
 
   /// Entries of a list; empty for other values.
   std::vector<DocumentValue> entries() const;
-  /// Keys of a map; empty for other values.
+  /// Keys of a map; none for other values.
   std::vector<std::string> keys() const;
   /// The value of a map's key; absent if there is none.
   DocumentValue member(const std::string& key) const;

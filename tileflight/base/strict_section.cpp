@@ -186,17 +186,17 @@ std::vector<std::pair<std::string, StrictSection>> StrictSection::named_sections
   return result;
 }
 
-double StrictSection::number(const std::string& key, double otherwise, double least, double most) {
-  const double value = number(key).value_or(otherwise);
-  if (has(key) && (value < least || value > most)) {
+double StrictSection::number(const std::string& key, double fallback, double min, double max) {
+  const double value = number(key).value_or(fallback);
+  if (has(key) && (value < min || value > max)) {
     throw error(key,
-                "is " + number_text(value) + ", out of range: from " + number_text(least) + " to " + number_text(most));
+                "is " + number_text(value) + ", out of range: from " + number_text(min) + " to " + number_text(max));
   }
   return value;
 }
 
-int StrictSection::integer(const std::string& key, int otherwise, int least, int most) {
-  const double value = number(key, otherwise, least, most);
+int StrictSection::integer(const std::string& key, int fallback, int min, int max) {
+  const double value = number(key, fallback, min, max);
   if (value != std::floor(value)) throw error(key, "must be a whole number");
   return static_cast<int>(value);
 }
@@ -259,7 +259,7 @@ void StrictSection::require_all_keys_used() const {
     const std::string meant = did_you_mean(key, known_);
     const InputError fault = error(key, "is not a key here" + (meant.empty() ? "; there are " + joined(known) : meant));
     if (warnings_ == nullptr) throw fault;
-    warnings_->push_back(fault.what());
+    warnings_->push_back(std::string(fault.what()) + " (ignored)");
   }
 }
 

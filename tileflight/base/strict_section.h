@@ -53,9 +53,9 @@ class StrictSection {
   /// Name and section of each entry of a map of maps.
   std::vector<std::pair<std::string, StrictSection>> named_sections(const std::string& key);
 
-  /// A number within `least` to `most`; `otherwise` if the key is absent or without a value.
-  double number(const std::string& key, double otherwise, double least, double most);
-  int integer(const std::string& key, int otherwise, int least, int most);
+  /// A number within `min` to `max`; `fallback` if the key is absent or without a value.
+  double number(const std::string& key, double fallback, double min, double max);
+  int integer(const std::string& key, int fallback, int min, int max);
 
   // Values of keys that must be there.
 

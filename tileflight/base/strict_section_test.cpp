@@ -51,6 +51,21 @@ TEST_F(YamlFile, ValuesOfEachKind) {
   EXPECT_NO_THROW(section.require_all_keys_used());
 }
 
+/// `part:` with nothing after it is a section whose keys all have their defaults, not a section that is absent.
+TEST_F(YamlFile, AKeyWithoutAValueIsAnEmptySection) {
+  StrictSection section = load("part:\nentries:\n  -\n  - {a: 2}\nnamed:\n  first:\n  second: {a: 3}\n");
+  ASSERT_TRUE(section.section("part"));
+  EXPECT_EQ(section.section("part")->number("a"), std::nullopt);
+  EXPECT_NO_THROW(section.section("part")->require_all_keys_used());
+  EXPECT_FALSE(section.section("absent"));
+  EXPECT_EQ(section.sections("entries").at(0).number("a"), std::nullopt);
+  EXPECT_EQ(section.sections("entries").at(1).number("a"), 2.0);
+  auto named = section.named_sections("named");
+  ASSERT_EQ(named.size(), 2U);
+  EXPECT_EQ(named[0].second.number("a"), std::nullopt);
+  EXPECT_EQ(named[1].second.number("a"), 3.0);
+}
+
 TEST_F(YamlFile, FaultsSayFileLineAndKey) {
   const auto number = [](StrictSection& s) { s.number("b"); };
   EXPECT_THAT(fault("a: 1\nb: two\n", number), HasSubstr("a.yaml:2: 'b' must be a number"));
@@ -148,7 +163,7 @@ TEST(JsonSection, UnknownKeysAreWarningsWhereTheyAreCollected) {
   part.ignore({"color"});
   part.number("width");
   part.require_all_keys_used();
-  EXPECT_THAT(warnings, ElementsAre("a.json: 'part.widht' is not a key here; did you mean 'width'?"));
+  EXPECT_THAT(warnings, ElementsAre("a.json: 'part.widht' is not a key here; did you mean 'width'? (ignored)"));
 }
 
 TEST(ExpandVariables, AsInAShell) {

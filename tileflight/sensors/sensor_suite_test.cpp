@@ -66,6 +66,14 @@ TEST_F(SensorSuiteFile, ALidarOfOnesOwn) {
   EXPECT_EQ(pattern.columns, 100);
 }
 
+TEST_F(SensorSuiteFile, ASensorWithoutKeysIsTheDefaultOne) {
+  const SensorSuite suite = read("sensors:\n  barometer:\n  imu:\n");
+  ASSERT_TRUE(suite.barometer);
+  ASSERT_TRUE(suite.imu);
+  EXPECT_EQ(suite.barometer->rate_hz, BarometerOptions{}.rate_hz);
+  EXPECT_FALSE(suite.lidar);
+}
+
 TEST_F(SensorSuiteFile, MayBeAFileOfItsOwn) {
   std::ofstream(folder_ / "rig.yaml") << "imu: {rate_hz: 100}\n";
   EXPECT_EQ(read("sensors_file: rig.yaml\n").imu->rate_hz, 100.0);
