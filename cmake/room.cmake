@@ -7,7 +7,7 @@
 include(GoogleTest)
 
 # Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
-set(TILEFLIGHT_QUICKLY_COMPILED report rpc server experiment)
+set(TILEFLIGHT_QUICKLY_COMPILED report rpc server experiment systems study)
 
 function(tileflight_room NAME)
   cmake_parse_arguments(ROOM "" "" "USES;TESTS;PUBLIC;PRIVATE;HEADERS" ${ARGN})

@@ -12,6 +12,7 @@
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/experiment/stage_options.h"
 
 namespace tileflight::app {
 namespace {
@@ -29,6 +30,7 @@ struct AlignOptions {
   std::vector<double> up;
   bool fixed_scale = false;
   bool find_regions = false;
+  std::string settings;  ///< file; empty: the other options
 };
 
 alignment::IcpMethod method_named(const std::string& name) {
@@ -40,6 +42,7 @@ alignment::IcpMethod method_named(const std::string& name) {
 
 alignment::AlignMapOptions align_options(const AlignOptions& options) {
   using alignment::AlignmentStart;
+  if (!options.settings.empty()) return experiment::read_alignment_file(options.settings);
   alignment::AlignMapOptions align;
   if (options.preset == "paper") align = alignment::paper_options();
   if (options.method) {
@@ -109,6 +112,11 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag("--fixed-scale", options->fixed_scale, "keep the start's scale (1 with --start geometry)");
   command->add_flag("--find-regions", options->find_regions,
                     "align on some corners of planes only and hold the others out; `evaluate` scores both");
+  CLI::Option* settings = command->add_option(
+      "--settings", options->settings, "experiment or study file whose section `alignment:` is used instead of options");
+  settings->check(CLI::ExistingFile);
+  for (const char* other : {"--preset", "--start", "--method", "--radius", "--up", "--fixed-scale", "--find-regions"})
+    settings->excludes(command->get_option(other));
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {

@@ -57,10 +57,12 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_export(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_systems(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_align(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_compare(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_run(CLI::App& app, CommonOptions& common, Selection& selection);
+void add_study(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_report(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_serve(CLI::App& app, CommonOptions& common, Selection& selection);
 

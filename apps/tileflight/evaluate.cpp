@@ -6,6 +6,7 @@
 #include "map_options.h"
 #include "number_text.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/experiment/stage_options.h"
 
 namespace tileflight::app {
 namespace {
@@ -22,7 +23,7 @@ void require_no_input(const std::filesystem::path& metrics_json, const std::vect
 void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     MapOptions map;
-    std::string truth, transform, out;
+    std::string truth, transform, out, settings_file;
     scoring::EvaluationSettings settings;
   };
   auto options = std::make_shared<Options>();
@@ -36,9 +37,16 @@ void add_evaluate(CLI::App& app, CommonOptions& common, Selection& selection) {
   command
       ->add_option("--cutoff", options->settings.cutoff_m, "maximum distance of a correspondence, metres (default 1)")
       ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--settings", options->settings_file,
+                   "experiment or study file whose section `evaluation:` is used instead of options")
+      ->check(CLI::ExistingFile)
+      ->excludes(command->get_option("--cutoff"));
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
+      if (!options->settings_file.empty())
+        options->settings = experiment::read_evaluation_file(options->settings_file);
       std::vector<std::filesystem::path> inputs = files_named(options->map);
       inputs.insert(inputs.end(), {options->truth, options->transform});
       require_no_input(options->out, inputs);

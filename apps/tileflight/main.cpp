@@ -35,10 +35,12 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   commands::add_ingest(app, common, selection);
   commands::add_export(app, common, selection);
   commands::add_odometry(app, common, selection);
+  commands::add_systems(app, common, selection);
   commands::add_align(app, common, selection);
   commands::add_evaluate(app, common, selection);
   commands::add_compare(app, common, selection);
   commands::add_run(app, common, selection);
+  commands::add_study(app, common, selection);
   commands::add_report(app, common, selection);
   commands::add_serve(app, common, selection);
 }

@@ -6,6 +6,7 @@
 #include "doubts_text.h"
 #include "number_text.h"
 #include "tileflight/survey/track.h"
+#include "tileflight/systems/run_system.h"
 
 namespace tileflight::app {
 namespace {
@@ -21,6 +22,9 @@ struct OdometryCommandOptions {
   double min_parallax_deg = 0.0;
   bool active_points_only = false;
   bool deterministic = false;
+  std::string system;  ///< empty: the built-in odometry, in this process
+  systems::ProcessLimits limits;
+  double memory_limit_gb = 0.0;
 };
 
 constexpr double kDegreesOfRadian = 180.0 / std::numbers::pi;
@@ -61,6 +65,47 @@ void add_map_filters(CLI::App& command, OdometryCommandOptions& options) {
                    "map: keep only points of the joint optimisation (the most accurate)");
 }
 
+/// Options of another system; the built-in odometry's do not apply to it.
+void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
+  CLI::Option* system =
+      command.add_option("--system", options.system,
+                         "run another SLAM system: a name of `tileflight systems`, or the folder of an adapter");
+  command
+      .add_option("--time-limit", options.limits.seconds, "stop the system after this time, seconds (wall clock)")
+      ->check(CLI::PositiveNumber)
+      ->needs(system)
+      ->group("Other systems");
+  command.add_option("--memory-limit", options.memory_limit_gb, "stop the system if it uses more memory, GB")
+      ->check(CLI::PositiveNumber)
+      ->needs(system)
+      ->group("Other systems");
+  for (const char* own : {"--from", "--to", "--every", "--reverse", "--camera", "--mask", "--init-from", "--colmap",
+                          "--debug-pictures", "--rectify", "--fixed-intrinsics", "--loop-closure", "--no-check"})
+    system->excludes(command.get_option(own));
+  system->group("Other systems");
+}
+
+Output run_other_system(const OdometryCommandOptions& options, const CommonOptions& shared, const Progress& progress) {
+  systems::SystemRunOptions run{.seed = options.settings.initialization.seed,
+                                .threads = shared.threads,
+                                .limits = options.limits,
+                                .program = {},
+                                .replace = shared.force};
+  run.limits.memory_mb = 1000.0 * options.memory_limit_gb;
+  const systems::Adapter adapter = systems::find_adapter(options.system);
+  const nlohmann::json result = systems::run_system(adapter, options.dataset, options.out, run, progress);
+  const nlohmann::json& system = result["system"];
+  if (system["completed"] == false)
+    throw std::runtime_error(adapter.title + " on " + options.dataset + ": " + system["reason"].get<std::string>());
+  std::ostringstream text;
+  text << options.out << ": " << adapter.title << " tracked " << result["frames_tracked"] << " of " << result["frames"]
+       << " frames, " << result["points"] << " points, " << rounded(system["seconds"], 3) << " s, "
+       << rounded(system["cpu_seconds"], 3) << " s of processor time, " << rounded(system["peak_memory_mb"], 0)
+       << " MB\n";
+  for (const auto& note : system["notes"]) text << "note: " << note.get<std::string>() << "\n";
+  return {result, text.str()};
+}
+
 std::string odometry_summary(const nlohmann::json& result, const std::string& out) {
   std::ostringstream text;
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
@@ -75,8 +120,9 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
 
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<OdometryCommandOptions>();
-  CLI::App* command = app.add_subcommand("odometry", "Direct Sparse Odometry: images in, trajectory and map out");
-  command->footer("Example:\n  tileflight odometry out/stadium/simulated/dataset --out /tmp/odometry");
+  CLI::App* command = app.add_subcommand("odometry", "images in, trajectory and map out: Direct Sparse Odometry, or another system");
+  command->footer("Example:\n  tileflight odometry out/stadium/simulated/dataset --out /tmp/odometry\n"
+                  "  tileflight odometry dataset --system colmap --out /tmp/colmap");
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
   command->add_option("--out", options->out, "folder to write")->required();
   command->add_option("--from", options->range.from, "first frame, by index");
@@ -101,6 +147,7 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag(
       "--no-check{false}", options->extras.check_reversed,
       "skip the check that also tracks the frames in reverse and compares the two paths (halves the time)");
+  add_system_options(*command, *options);
   add_common_options(*command, common);
   command->callback([options, to, rectify, &selection] {
     if (to->count() > 0) options->range.to = options->to;
@@ -108,6 +155,7 @@ void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
     options->settings.map.min_parallax_rad = options->min_parallax_deg / kDegreesOfRadian;
     options->settings.map.dense = !options->active_points_only;
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
+      if (!options->system.empty()) return run_other_system(*options, shared, progress);
       const nlohmann::json result = survey::track(options->dataset, options->out, shared.force, options->settings,
                                                   options->range, progress, options->extras);
       if (result["frames_tracked"].get<std::int64_t>() == 0) {

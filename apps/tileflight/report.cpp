@@ -4,6 +4,7 @@
 
 #include "command.h"
 #include "open_in_viewer.h"
+#include "tileflight/study/study_results.h"
 
 namespace tileflight::app {
 
@@ -16,14 +17,19 @@ void add_report(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command =
       app.add_subcommand("report", "rebuild report.html, report.json and figures from the results of a run");
   command->footer("Example:\n  tileflight report out/stadium --open");
-  command->add_option("DIR", options->folder, "folder of a run")->required();
+  command->add_option("DIR", options->folder, "folder of a run or a study")->required();
   command->add_flag("--open", options->open, "open the report in the desktop's browser");
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions&, const Progress&) -> Output {
-      report::write_report(options->folder);
+      const bool is_study = study::is_study_folder(options->folder);
+      if (is_study) {
+        study::write_study_report(options->folder);
+      } else {
+        report::write_report(options->folder);
+      }
       const std::filesystem::path file =
-          (std::filesystem::absolute(options->folder) / "report.html").lexically_normal();
+          (std::filesystem::absolute(options->folder) / (is_study ? "study.html" : "report.html")).lexically_normal();
       if (options->open) open_in_viewer(file);
       return {{{"report", file.string()}}, "report: " + file.string() + "\n"};
     };

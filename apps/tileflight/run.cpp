@@ -10,12 +10,25 @@
 #include "tileflight/report/report.h"
 
 namespace tileflight::app {
+namespace {
+
+void replace_cameras(experiment::Experiment& experiment, const std::filesystem::path& camera) {
+  if (camera.empty()) return;
+  for (auto* flight : {&experiment.simulated, &experiment.real}) {
+    if (*flight && (*flight)->render && !(*flight)->render->follows_real)
+      (*flight)->render->camera = std::filesystem::absolute(camera);
+  }
+}
+
+}  // namespace
 
 void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   struct Options {
     std::string experiment;
     std::string out;
     SourceArguments source_arguments;
+    std::string until;
+    std::filesystem::path camera;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("run", "run an experiment, from tiles to report");
@@ -23,14 +36,21 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("EXPERIMENT", options->experiment, "experiment file (YAML)")->required();
   command->add_option("--out", options->out, "folder for results.json, report.html and all intermediate results")
       ->required();
+  command->add_option("--until", options->until, "datasets: stop when the truth and the flights' datasets are there")
+      ->check(CLI::IsMember({"datasets"}));
+  command->add_option("--camera", options->camera, "calibration for the rendered flights instead of their own")
+      ->check(CLI::ExistingFile);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       experiment::Experiment experiment = experiment::read_experiment(options->experiment);
       experiment.source_options = source_options(options->source_arguments);
-      const nlohmann::json results =
-          experiment::run(experiment, options->out, progress, {.rerun_all = shared.force, .listener = shared.stages});
+      replace_cameras(experiment, options->camera);
+      const nlohmann::json results = experiment::run(
+          experiment, options->out, progress,
+          {.rerun_all = shared.force, .listener = shared.stages, .until_datasets = !options->until.empty()});
+      if (results.is_null()) return {{{"out", options->out}}, options->out + ": truth and datasets are there\n"};
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
       std::string text = report::results_table(results);
       for (const std::string& part : {report::map_comparison_text(results), report::ablation_text(results)}) {

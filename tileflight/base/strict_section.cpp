@@ -91,6 +91,8 @@ StrictSection StrictSection::part(DocumentValue value, const std::string& where)
 
 bool StrictSection::has(const std::string& key) const { return !value_.member(key).is_absent(); }
 
+bool StrictSection::is_map(const std::string& key) const { return value_.member(key).is_map(); }
+
 std::optional<std::string> StrictSection::text(const std::string& key) {
   const DocumentValue value = take(key);
   if (value.is_null()) return std::nullopt;

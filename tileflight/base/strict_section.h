@@ -29,6 +29,8 @@ class StrictSection {
 
   /// Whether the key is there, with or without a value.
   bool has(const std::string& key) const;
+  /// Whether the key's value is a map.
+  bool is_map(const std::string& key) const;
 
   // Values of keys; nullopt if the key is absent or without a value.
 

@@ -214,30 +214,6 @@ OdometryConfig read_odometry(StrictSection section) {
   return odometry;
 }
 
-double read_ratio_margin(StrictSection& section, const std::string& key, double fallback) {
-  const double value = section.positive_number(key).value_or(fallback);
-  if (!(value > 1.0)) throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
-  return value;
-}
-
-scoring::EvaluationSettings read_evaluation(StrictSection section) {
-  scoring::EvaluationSettings settings;
-  settings.cutoff_m = section.positive_number("cutoff").value_or(settings.cutoff_m);
-  if (const auto v = section.numbers("thresholds", 1, 16)) settings.thresholds_m = *v;
-  settings.equivalence_margin_m = section.positive_number("equivalence_margin").value_or(settings.equivalence_margin_m);
-  settings.ratio_margin = read_ratio_margin(section, "ratio_margin", settings.ratio_margin);
-  settings.share_margin = section.positive_number("share_margin").value_or(settings.share_margin);
-  settings.completeness_margin = read_ratio_margin(section, "completeness_margin", settings.completeness_margin);
-  settings.lacking_margin = section.positive_number("lacking_margin").value_or(settings.lacking_margin);
-  settings.path_margin_m = section.positive_number("path_margin").value_or(settings.path_margin_m);
-  settings.completeness_samples_per_m2 =
-      section.positive_number("completeness_samples_per_m2").value_or(settings.completeness_samples_per_m2);
-  settings.entropy_radius_m = section.positive_number("entropy_radius").value_or(settings.entropy_radius_m);
-  settings.agreement_cell_m = section.positive_number("agreement_cell").value_or(settings.agreement_cell_m);
-  section.require_all_keys_used();
-  return settings;
-}
-
 }  // namespace
 
 void read_degrade(StrictSection& section, survey::RenderedFlightConfig& flight) {
@@ -271,7 +247,7 @@ Experiment read_experiment(const fs::path& file) {
   experiment.variants = read_variants(root, experiment.simulated);
   if (auto odometry = root.section("odometry")) experiment.odometry = read_odometry(*odometry);
   if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment_options(*alignment);
-  if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation(*evaluation);
+  if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation_settings(*evaluation);
   root.require_all_keys_used();
   for (const std::string& key : root.keys()) experiment.sections[key] = root.canonical_value(key);
   // The number of runs does not affect the individual runs.

@@ -131,9 +131,11 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   const bool follows = p.simulated_follows_real();
   for (const FlightStages& f : p.flights()) {
     flight.make_dataset(f);
+    if (options.until_datasets && !(follows && f.name == "real")) continue;
     flight.track(f);
     if (follows) flight.align_and_score(f);  // the following flight needs the pose of the followed one
   }
+  if (options.until_datasets) return nullptr;
   // Choosing regions for the alignment requires the points of both flights.
   if (!follows) std::ranges::for_each(p.flights(), [&](const FlightStages& f) { flight.align_and_score(f); });
   if (follows) {

@@ -89,6 +89,12 @@ std::vector<geometry::Box3> read_regions(StrictSection& section, const std::stri
   return regions;
 }
 
+double read_ratio_margin(StrictSection& section, const std::string& key, double fallback) {
+  const double value = section.positive_number(key).value_or(fallback);
+  if (!(value > 1.0)) throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
+  return value;
+}
+
 }  // namespace
 
 /// Keys: light {read_light}, haze_visibility (m), haze_color, chromatic_red, chromatic_blue, exposure_time,
@@ -219,6 +225,36 @@ odometry::OdometryOptions read_odometry_options(StrictSection& section) {
   options.initialization.seed =
       static_cast<std::uint32_t>(read_at_least(section, "seed", 0, static_cast<int>(options.initialization.seed)));
   return options;
+}
+
+scoring::EvaluationSettings read_evaluation_settings(StrictSection& section) {
+  scoring::EvaluationSettings settings;
+  settings.cutoff_m = section.positive_number("cutoff").value_or(settings.cutoff_m);
+  if (const auto v = section.numbers("thresholds", 1, 16)) settings.thresholds_m = *v;
+  settings.equivalence_margin_m = section.positive_number("equivalence_margin").value_or(settings.equivalence_margin_m);
+  settings.ratio_margin = read_ratio_margin(section, "ratio_margin", settings.ratio_margin);
+  settings.share_margin = section.positive_number("share_margin").value_or(settings.share_margin);
+  settings.completeness_margin = read_ratio_margin(section, "completeness_margin", settings.completeness_margin);
+  settings.lacking_margin = section.positive_number("lacking_margin").value_or(settings.lacking_margin);
+  settings.path_margin_m = section.positive_number("path_margin").value_or(settings.path_margin_m);
+  settings.completeness_samples_per_m2 =
+      section.positive_number("completeness_samples_per_m2").value_or(settings.completeness_samples_per_m2);
+  settings.entropy_radius_m = section.positive_number("entropy_radius").value_or(settings.entropy_radius_m);
+  settings.agreement_cell_m = section.positive_number("agreement_cell").value_or(settings.agreement_cell_m);
+  section.require_all_keys_used();
+  return settings;
+}
+
+alignment::AlignMapOptions read_alignment_file(const std::filesystem::path& file) {
+  StrictSection root = StrictSection::load(file);
+  auto section = root.section("alignment");
+  return section ? read_alignment_options(*section) : alignment::AlignMapOptions{};
+}
+
+scoring::EvaluationSettings read_evaluation_file(const std::filesystem::path& file) {
+  StrictSection root = StrictSection::load(file);
+  auto section = root.section("evaluation");
+  return section ? read_evaluation_settings(*section) : scoring::EvaluationSettings{};
 }
 
 }  // namespace tileflight::experiment

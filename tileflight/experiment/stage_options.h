@@ -4,6 +4,7 @@
 #include "tileflight/base/strict_section.h"
 #include "tileflight/odometry/odometry.h"
 #include "tileflight/render/image_formation.h"
+#include "tileflight/scoring/evaluation_settings.h"
 
 namespace tileflight::experiment {
 
@@ -16,5 +17,11 @@ using base::StrictSection;
 render::ImageFormation read_image_formation(StrictSection& section);
 odometry::OdometryOptions read_odometry_options(StrictSection& section);
 alignment::AlignMapOptions read_alignment_options(StrictSection& section);
+scoring::EvaluationSettings read_evaluation_settings(StrictSection& section);
+
+/// Settings of `align` and `evaluate` in a file with an experiment's sections `alignment:` and `evaluation:`; other
+/// sections are ignored. Throws InputError.
+alignment::AlignMapOptions read_alignment_file(const std::filesystem::path& file);
+scoring::EvaluationSettings read_evaluation_file(const std::filesystem::path& file);
 
 }  // namespace tileflight::experiment

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "tileflight/geometry/point_cloud.h"
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/systems/adapter.h"
+#include "tileflight/systems/handed_dataset.h"
+
+namespace tileflight::systems {
+
+/// Reads the path that a system left in `output`, by its convention, as camera-to-world poses at the frames' times.
+/// Poses of an inertial unit or a lidar are moved to the camera. Throws InputError: no such file, malformed lines, a
+/// frame that the dataset does not have, a sensor whose pose is unknown.
+geometry::Trajectory read_estimated_path(const Adapter& adapter, const std::filesystem::path& output,
+                                         const dataset::Dataset& dataset, const HandedDataset& handed);
+
+/// Number of the dataset's frames that have an estimated pose within half a frame interval.
+std::size_t count_tracked_frames(const geometry::Trajectory& path, const dataset::Dataset& dataset);
+
+}  // namespace tileflight::systems
