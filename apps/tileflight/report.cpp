@@ -15,9 +15,10 @@ void add_report(CLI::App& app, CommonOptions& common, Selection& selection) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* command =
-      app.add_subcommand("report", "rebuild report.html, report.json and figures from the results of a run");
+      app.add_subcommand("report", "rebuild report.html and figures from the results of a run, or of trajectories");
   command->footer("Example:\n  tileflight report out/stadium --open");
-  command->add_option("DIR", options->folder, "folder of a run or a study")->required();
+  command->add_option("DIR", options->folder, "folder of a run, of a study, or of the metrics.json of trajectories")
+      ->required();
   command->add_flag("--open", options->open, "open the report in the desktop's browser");
   add_common_options(*command, common);
   command->callback([options, &selection] {
@@ -25,6 +26,8 @@ void add_report(CLI::App& app, CommonOptions& common, Selection& selection) {
       const bool is_study = study::is_study_folder(options->folder);
       if (is_study) {
         study::write_study_report(options->folder);
+      } else if (report::holds_trajectories_alone(options->folder)) {
+        report::write_trajectory_report(options->folder);
       } else {
         report::write_report(options->folder);
       }

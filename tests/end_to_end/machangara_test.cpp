@@ -55,7 +55,7 @@ TEST_P(MachangaraFlight, IsTrackedToHalfAPercentOfThePath) {
 
   const evaluation::TrajectoryMetrics metrics = evaluation::evaluate_trajectory(
       geometry::read_tum(folder / "odometry/trajectory.txt"), geometry::read_tum(flight / "groundtruth.txt"),
-      evaluation::TrajectoryAlignment::kSim3);
+      {.alignment = evaluation::TrajectoryAlignment::kSim3});
   RecordProperty("ate_share_of_path", std::to_string(metrics.ate_rmse_m / metrics.path_length_m));
   EXPECT_LE(metrics.ate_rmse_m, 0.005 * metrics.path_length_m);
 }

@@ -35,7 +35,7 @@ class OdometryCommand : public ::testing::Test {
   double ate_share(const std::string& out,
                    evaluation::TrajectoryAlignment alignment = evaluation::TrajectoryAlignment::kSim3) const {
     const auto metrics = evaluation::evaluate_trajectory(geometry::read_tum(folder_ / out / "trajectory.txt"),
-                                                         TinyFlight::truth(), alignment);
+                                                         TinyFlight::truth(), {.alignment = alignment});
     return metrics.ate_rmse_m / metrics.path_length_m;
   }
 

@@ -9,6 +9,7 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
+#include "tileflight/geometry/trajectory_files.h"
 #include "tileflight/imaging/calibration_checks.h"
 
 namespace tileflight::dataset::layouts {
@@ -99,27 +100,12 @@ imaging::Calibration read_chosen_calibration(const CameraChoice& camera, const f
   return calibration;
 }
 
-/// Reads state_groundtruth_estimate0/data.csv beside the camera's folder: time, position and quaternion (w first) of
-/// the body, which is the IMU; further columns are ignored.
+/// The camera's poses from state_groundtruth_estimate0/data.csv beside its folder, which holds those of the body: the
+/// IMU.
 std::optional<geometry::Trajectory> read_truth(const fs::path& file, const geometry::SE3& T_cam_imu) {
   if (!fs::is_regular_file(file)) return std::nullopt;
-  const std::string text = base::read_text(file);
-  std::string_view rest = text;
-  geometry::Trajectory trajectory;
-  for (int number = 1; const auto line = base::take_line(rest); ++number) {
-    const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
-    if (fields.empty() || fields.front().starts_with('#')) continue;
-    const std::string where = file.string() + ": line " + std::to_string(number);
-    const auto time_ns = base::parse_number<std::int64_t>(fields.front());
-    if (!time_ns || fields.size() < 8) throw InputError(where, "expected a time in nanoseconds and 7 numbers");
-    Eigen::Matrix<double, 7, 1> v;
-    for (int i = 0; i < 7; ++i) v[i] = base::parse_number<double>(fields[i + 1]).value_or(NAN);
-    if (!v.allFinite() || v.tail<4>().norm() < 0.5) throw InputError(where, "is not a position and a unit quaternion");
-    const geometry::SE3 T_local_body(Eigen::Quaterniond(v[3], v[4], v[5], v[6]), v.head<3>());
-    trajectory.poses.push_back({1e-9 * static_cast<double>(*time_ns), T_local_body * T_cam_imu.inverse()});
-    if (trajectory.size() > 1 && !(trajectory.poses.back().time_s > trajectory.poses[trajectory.size() - 2].time_s))
-      throw InputError(where, "the time is not after the one before it");
-  }
+  geometry::Trajectory trajectory = geometry::read_euroc_poses(file);
+  for (geometry::StampedPose& pose : trajectory.poses) pose.T_local_camera = pose.T_local_camera * T_cam_imu.inverse();
   return trajectory;
 }
 

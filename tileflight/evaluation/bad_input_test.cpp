@@ -1,9 +1,9 @@
 // Unusable maps, surfaces and trajectories give an error of one line or a defined value.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "tests/refusal.h"
@@ -83,7 +83,7 @@ TEST(BadInput, TrianglesWithoutAreaAreSegmentsAndPoints) {
 
 TEST(BadInput, TrajectoriesWithoutCommonTimesOrMotionAreOneLine) {
   const auto refusal = [](const geometry::Trajectory& estimate, const geometry::Trajectory& truth) {
-    return tests::refusal_of([&] { evaluate_trajectory(estimate, truth, TrajectoryAlignment::kSim3); });
+    return tests::refusal_of([&] { evaluate_trajectory(estimate, truth, {.alignment = TrajectoryAlignment::kSim3}); });
   };
   EXPECT_THAT(refusal(line(0), line(1000)), HasSubstr("only 0 of its poses share a time with the truth"));
   EXPECT_THAT(refusal({}, line(0)), HasSubstr("share a time"));
@@ -95,8 +95,8 @@ TEST(BadInput, TrajectoriesWithoutCommonTimesOrMotionAreOneLine) {
 TEST(BadInput, AnotherFrameIsAlignedAwayOrAnError) {
   const geometry::Sim3 elsewhere(0.1, geometry::so3_exp({0, 0, std::numbers::pi}), {1e6, -2e5, 300});
   const geometry::Trajectory truth = line(0), moved = geometry::transformed(elsewhere, truth);
-  EXPECT_LT(evaluate_trajectory(moved, truth, TrajectoryAlignment::kSim3).ate_rmse_m, 1e-6);
-  EXPECT_GT(evaluate_trajectory(moved, truth, TrajectoryAlignment::kNone).ate_rmse_m, 1e5);
+  EXPECT_LT(evaluate_trajectory(moved, truth, {.alignment = TrajectoryAlignment::kSim3}).ate_rmse_m, 1e-6);
+  EXPECT_GT(evaluate_trajectory(moved, truth, {.alignment = TrajectoryAlignment::kNone}).ate_rmse_m, 1e5);
 }
 
 TEST(BadInput, NoOverlapIsAComparisonThatDecidesNothing) {

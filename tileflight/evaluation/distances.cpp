@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
@@ -25,6 +26,24 @@ void check(const PointCloud& cloud, const char* name) {
 double share_within(const std::vector<double>& distances, double threshold_m) {
   const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
   return static_cast<double>(within) / static_cast<double>(distances.size());
+}
+
+/// Share of the distances up to each of the increasing thresholds. Empty without distances.
+std::vector<double> shares_within(const std::vector<double>& thresholds_m, const std::vector<double>& distances) {
+  if (distances.empty()) return {};
+  std::vector<std::size_t> first_within(thresholds_m.size() + 1, 0);  // number of distances with this as their
+                                                                      // smallest threshold
+  for (const double d : distances) {
+    const auto least = std::lower_bound(thresholds_m.begin(), thresholds_m.end(), d);
+    ++first_within[static_cast<std::size_t>(least - thresholds_m.begin())];
+  }
+  std::vector<double> shares;
+  std::size_t within = 0;
+  for (std::size_t k = 0; k < thresholds_m.size(); ++k) {
+    within += first_within[k];
+    shares.push_back(static_cast<double>(within) / static_cast<double>(distances.size()));
+  }
+  return shares;
 }
 
 double harmonic_mean(double a, double b) { return a + b > 0.0 ? 2.0 * a * b / (a + b) : 0.0; }
@@ -83,24 +102,25 @@ Percentiles compute_percentiles(std::vector<double> distances) {
   return result;
 }
 
-CumulativeCurve cumulative_curve(const std::vector<double>& distances) {
+CumulativeCurve cumulative_curve(const std::vector<double>& distances, const std::vector<double>& sample_distances) {
   constexpr int kPerDecade = 20, kDecades = 3;
   CumulativeCurve curve;
   for (int k = 0; k <= kPerDecade * kDecades; ++k)
     curve.thresholds_m.push_back(0.01 * std::pow(10.0, static_cast<double>(k) / kPerDecade));
-  if (distances.empty()) return curve;
-  std::vector<std::size_t> first_within(curve.thresholds_m.size() + 1, 0);  // number of distances with this as their
-                                                                            // smallest threshold
-  for (const double d : distances) {
-    const auto least = std::lower_bound(curve.thresholds_m.begin(), curve.thresholds_m.end(), d);
-    ++first_within[static_cast<std::size_t>(least - curve.thresholds_m.begin())];
-  }
-  std::size_t within = 0;
-  for (std::size_t k = 0; k < curve.thresholds_m.size(); ++k) {
-    within += first_within[k];
-    curve.shares.push_back(static_cast<double>(within) / static_cast<double>(distances.size()));
-  }
+  curve.shares = shares_within(curve.thresholds_m, distances);
+  if (curve.shares.empty() || sample_distances.empty()) return curve;
+  curve.completeness = shares_within(curve.thresholds_m, sample_distances);
+  for (std::size_t k = 0; k < curve.shares.size(); ++k)
+    curve.f_score.push_back(harmonic_mean(curve.shares[k], curve.completeness[k]));
   return curve;
+}
+
+double area_under_curve(const std::vector<double>& thresholds_m, const std::vector<double>& shares) {
+  if (shares.size() < 2 || shares.size() != thresholds_m.size()) return std::numeric_limits<double>::quiet_NaN();
+  double area = 0.0;
+  for (std::size_t k = 1; k < shares.size(); ++k)
+    area += 0.5 * (shares[k - 1] + shares[k]) * std::log(thresholds_m[k] / thresholds_m[k - 1]);
+  return area / std::log(thresholds_m.back() / thresholds_m.front());
 }
 
 std::vector<double> cloud_distances(const PointCloud& points, const PointCloud& targets, const char* what,
@@ -165,7 +185,7 @@ SurfaceMetrics score_surface(const std::vector<double>& distances, const std::ve
   SurfaceMetrics result;
   result.distances = compute_statistics(distances);
   result.percentiles = compute_percentiles(distances);
-  result.cumulative = cumulative_curve(distances);
+  result.cumulative = cumulative_curve(distances, sample_distances);
   for (const double t : thresholds_m) {
     if (!(t > 0.0) || !std::isfinite(t)) throw InputError("threshold", "must be above zero, in metres");
     const double accuracy = share_within(distances, t);

@@ -24,7 +24,8 @@ DistanceStatistics floor_against(const EvaluationInputs& against, double cutoff_
 std::vector<double> sample_distances(const PointCloud& aligned_map, const EvaluationInputs& against,
                                      const EvaluationOptions& options) {
   if (!has_points(against.seen_samples) || options.thresholds_m.empty()) return {};
-  const double farthest = *std::max_element(options.thresholds_m.begin(), options.thresholds_m.end());
+  const double farthest = std::max(*std::max_element(options.thresholds_m.begin(), options.thresholds_m.end()),
+                                   cumulative_curve({}).thresholds_m.back());
   return cloud_distances(*against.seen_samples, aligned_map, "surface samples", "map", farthest);
 }
 
@@ -49,8 +50,7 @@ MapEvaluation evaluate(PointCloud given_map, const EvaluationInputs& against, co
   }
   report_progress(progress, 3, kParts, "trajectory");
   if (against.estimate && against.truth) {
-    score.metrics.trajectory =
-        evaluate_trajectory(*against.estimate, *against.truth, options.trajectory_alignment, options.rpe_deltas_m);
+    score.metrics.trajectory = evaluate_trajectory(*against.estimate, *against.truth, options.trajectory);
   }
   report_progress(progress, kParts, kParts, "scored");
   return score;

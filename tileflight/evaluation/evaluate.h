@@ -22,8 +22,7 @@ struct EvaluationInputs {
 struct EvaluationOptions {
   MapMetricsOptions map{};
   std::vector<double> thresholds_m = {0.1, 0.2, 0.5, 1.0};
-  TrajectoryAlignment trajectory_alignment = TrajectoryAlignment::kSim3;
-  std::vector<double> rpe_deltas_m = {1, 10, 50};
+  TrajectoryOptions trajectory{};
 };
 
 struct MapEvaluation {

@@ -51,13 +51,21 @@ struct MapMetrics {
   DistanceStatistics quantization_floor;  ///< statistics of points sampled on the true surface
 };
 
-/// Cumulative share of distances by threshold.
+/// Shares by tolerance, as the benchmark ETH3D draws them: Schöps et al., CVPR 2017, section 4.
 struct CumulativeCurve {
-  std::vector<double> thresholds_m, shares;
+  std::vector<double> thresholds_m;
+  std::vector<double> shares;                 ///< accuracy: of the map points within each threshold
+  std::vector<double> completeness, f_score;  ///< as in SurfaceMetrics; empty if no surface was seen
 };
 
-/// At 61 thresholds from 0.01 to 10 m, evenly spaced in the logarithm. No shares without distances.
-CumulativeCurve cumulative_curve(const std::vector<double>& distances);
+/// At 61 thresholds from 0.01 to 10 m, evenly spaced in the logarithm. No shares without distances, no completeness and
+/// no F-score without distances of samples of the surface.
+CumulativeCurve cumulative_curve(const std::vector<double>& distances,
+                                 const std::vector<double>& sample_distances = {});
+
+/// Area under the polygon through the points (ln t, share), over the range of ln t: 1 for shares of 1, and equal weight
+/// for equal ratios of tolerances. NaN for fewer than two points.
+double area_under_curve(const std::vector<double>& thresholds_m, const std::vector<double>& shares);
 
 /// Distances to the exact surface, without cut-off, and shares by threshold.
 struct SurfaceMetrics {
@@ -69,11 +77,24 @@ struct SurfaceMetrics {
       f_score;  ///< shares by threshold, metres; the last two are empty if no surface was seen
 };
 
+/// How the errors of a trajectory's poses are distributed, in their unit. The standard deviation has the divisor n, as
+/// evo's, so that rmse^2 = mean^2 + std^2. NaN without errors.
+struct PoseErrorSpread {
+  double mean = std::numeric_limits<double>::quiet_NaN();
+  double median = std::numeric_limits<double>::quiet_NaN();
+  double std = std::numeric_limits<double>::quiet_NaN();
+  double min = std::numeric_limits<double>::quiet_NaN();
+  double max = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// Error of the motion between the two poses of a pair, which are a path length or a number of frames apart.
 struct RelativePoseError {
-  double delta_m = 0;     ///< path length of the estimate between the two poses of a pair
-  std::size_t pairs = 0;  ///< 0: the path is too short and the errors are NaN
+  double delta_m = 0;            ///< path length of the estimate between the two poses of a pair; 0: by frames
+  std::size_t delta_frames = 0;  ///< steps from pose to pose between the two; 0: by path length
+  std::size_t pairs = 0;         ///< 0: the path is too short and the errors are NaN
   double translation_rmse_m = std::numeric_limits<double>::quiet_NaN();
   double rotation_rmse_deg = std::numeric_limits<double>::quiet_NaN();
+  PoseErrorSpread translation_m, rotation_deg;
 };
 
 /// Mean error per distance flown, over sub-paths of one to eight segments; NaN if none fits.
@@ -92,14 +113,28 @@ struct ScaleDrift {
   double rms = std::numeric_limits<double>::quiet_NaN();
 };
 
+/// What of an estimated trajectory is aligned to the truth: rotation, translation and scale; without scale; nothing.
+enum class TrajectoryAlignment { kSim3, kSE3, kNone };
+
+/// "sim3", "se3" or "none", as in files and options.
+const char* name_of(TrajectoryAlignment alignment);
+
 struct TrajectoryMetrics {
   double ate_rmse_m = 0, ate_mean_m = 0, ate_max_m = 0;
-  std::vector<RelativePoseError> rpe;
+  double ate_median_m = std::numeric_limits<double>::quiet_NaN();  ///< NaN in older files, as the next two
+  double ate_std_m = std::numeric_limits<double>::quiet_NaN();     ///< divisor n, as PoseErrorSpread
+  double ate_min_m = std::numeric_limits<double>::quiet_NaN();
+  std::optional<TrajectoryAlignment> alignment;  ///< unknown in older files
+  std::vector<RelativePoseError> rpe;            ///< by path length
+  std::vector<RelativePoseError> rpe_frames;     ///< by number of frames
   PathDrift drift;
   ScaleDrift scale_drift;
-  double path_length_m = 0;  ///< of the truth over the compared poses
-  double scale = 1;          ///< of the Sim(3) that aligned the estimate
-  std::size_t poses = 0;
+  double path_length_m = 0;                                        ///< of the truth over the compared poses
+  double scale = 1;                                                ///< of the Sim(3) that aligned the estimate
+  std::size_t poses = 0;                                           ///< compared, each with a true one
+  std::size_t estimated_poses = 0, true_poses = 0;                 ///< given; 0 in older files
+  double time_covered = std::numeric_limits<double>::quiet_NaN();  ///< share of the truth's time between the first and
+                                                                   ///< the last pair
 };
 
 struct MapMetricsOptions {
@@ -107,15 +142,49 @@ struct MapMetricsOptions {
   int bins = 50;
 };
 
-enum class TrajectoryAlignment { kSim3, kSE3, kNone };
+/// How estimated and true poses are paired.
+enum class TrajectoryPairing {
+  kByTime,   ///< nearest in time
+  kByIndex,  ///< the first with the first, and so on: for files without times
+};
 
-/// ATE after alignment of the camera positions (Umeyama), RPE over the given path lengths. Poses are paired by time
-/// (tolerance 10 ms). Definitions: Sturm et al., IROS 2012, sections V-A and V-B, on the aligned estimate; pairs of the
-/// RPE as in evo: consecutive segments of the estimate's path, each starting at the pose where the previous one reached
-/// the length. Throws InputError for fewer than 3 pairs.
+struct TrajectoryOptions {
+  TrajectoryAlignment alignment = TrajectoryAlignment::kSim3;
+  std::vector<double> rpe_deltas_m = {1, 10, 50};
+  std::vector<std::size_t> rpe_deltas_frames = {1, 10};
+  TrajectoryPairing pairing = TrajectoryPairing::kByTime;
+  double max_time_difference_s = 0.01;  ///< between the two poses of a pair
+};
+
+/// Estimated and true poses that correspond by index.
+struct PairedTrajectories {
+  geometry::Trajectory estimate, truth;
+  std::size_t estimated_poses = 0, true_poses = 0;  ///< before pairing
+  double true_duration_s = 0;                       ///< of all true poses
+  geometry::Sim3 T_truth_estimate;                  ///< applied to the estimate already
+};
+
+/// Pairs the poses and aligns the estimate's positions to the true ones (Umeyama, TPAMI 1991). Throws InputError for
+/// fewer than 3 pairs, numbers of poses that differ if paired by index, positions that are not finite, and an estimate
+/// that does not move.
+PairedTrajectories pair_and_align(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
+                                  const TrajectoryOptions& options = {});
+
+/// ATE of the camera positions, RPE over path lengths and over numbers of frames, and drift, of aligned pairs.
+/// Definitions: Sturm et al., IROS 2012, sections V-A and V-B, on the aligned estimate; pairs of the RPE as in evo: the
+/// end of one is the start of the next. By path length each ends at the pose where the estimate's path has reached the
+/// length. Throws InputError for a length or a number of frames that is not positive.
+TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const TrajectoryOptions& options = {});
+
+/// Both.
 TrajectoryMetrics evaluate_trajectory(const geometry::Trajectory& estimate, const geometry::Trajectory& truth,
-                                      TrajectoryAlignment alignment,
-                                      const std::vector<double>& rpe_deltas_m = {1, 10, 50});
+                                      const TrajectoryOptions& options = {});
+
+/// Error of the motion from each pose to the next (the first pose has none), as the RPE over one frame.
+struct StepErrors {
+  std::vector<double> translation_m, rotation_deg;
+};
+StepErrors compute_step_errors(const PairedTrajectories& poses);
 
 /// A difference of mean errors (simulated minus real) with its interval and verdict.
 struct MeanDifference {

@@ -1,10 +1,9 @@
 #include "tileflight/evaluation/metrics_file.h"
 
-#include <nlohmann/json.hpp>
-
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -97,7 +96,10 @@ std::map<double, double> read_shares(StrictSection reader) {
 CumulativeCurve read_cumulative(StrictSection& parent) {
   if (!parent.has("cumulative")) return {};
   StrictSection reader = parent.required_section("cumulative");
-  CumulativeCurve curve{reader.required_numbers("thresholds"), reader.required_numbers("shares")};
+  CumulativeCurve curve{reader.required_numbers("thresholds"), reader.required_numbers("shares"), {}, {}};
+  if (reader.has("completeness")) curve.completeness = reader.required_numbers("completeness");
+  if (reader.has("f_score")) curve.f_score = reader.required_numbers("f_score");
+  reader.ignore({"area"});  // follows from the curves
   reader.require_all_keys_used();
   return curve;
 }
@@ -115,12 +117,29 @@ SurfaceMetrics read_surface(StrictSection reader) {
   return m;
 }
 
-RelativePoseError read_relative_error(StrictSection reader) {
+PoseErrorSpread read_spread(StrictSection reader) {
+  PoseErrorSpread s;
+  s.mean = reader.required_number("mean");
+  s.median = reader.required_number("median");
+  s.std = reader.required_number("std");
+  s.min = reader.required_number("min");
+  s.max = reader.required_number("max");
+  reader.require_all_keys_used();
+  return s;
+}
+
+RelativePoseError read_relative_error(StrictSection reader, bool by_frames) {
   RelativePoseError e;
-  e.delta_m = reader.required_number("delta_m");
+  if (by_frames) {
+    e.delta_frames = reader.required_count("delta_frames");
+  } else {
+    e.delta_m = reader.required_number("delta_m");
+  }
   e.pairs = reader.required_count("pairs");
   e.translation_rmse_m = reader.required_number("translation_rmse_m");
   e.rotation_rmse_deg = reader.required_number("rotation_rmse_deg");
+  if (reader.has("translation_m")) e.translation_m = read_spread(reader.required_section("translation_m"));
+  if (reader.has("rotation_deg")) e.rotation_deg = read_spread(reader.required_section("rotation_deg"));
   reader.require_all_keys_used();
   return e;
 }
@@ -145,6 +164,35 @@ ScaleDrift read_scale_drift(StrictSection reader) {
   return d;
 }
 
+std::optional<TrajectoryAlignment> read_alignment(StrictSection& reader) {
+  const std::optional<std::string> name = reader.choice("alignment", {"sim3", "se3", "none"});
+  if (!name) return std::nullopt;
+  if (*name == "none") return TrajectoryAlignment::kNone;
+  return *name == "se3" ? TrajectoryAlignment::kSE3 : TrajectoryAlignment::kSim3;
+}
+
+/// The keys that older files lack.
+void read_newer_keys(StrictSection& reader, TrajectoryMetrics& m) {
+  const auto number = [&](const char* key, double& value) {
+    if (reader.has(key)) value = reader.required_number(key);
+  };
+  const auto count = [&](const char* key, std::size_t& value) {
+    if (reader.has(key)) value = reader.required_count(key);
+  };
+  number("ate_median", m.ate_median_m);
+  number("ate_std", m.ate_std_m);
+  number("ate_min", m.ate_min_m);
+  number("time_covered", m.time_covered);
+  count("poses_estimated", m.estimated_poses);
+  count("poses_true", m.true_poses);
+  m.alignment = read_alignment(reader);
+  if (reader.has("drift")) m.drift = read_drift(reader.required_section("drift"));
+  if (reader.has("scale_drift")) m.scale_drift = read_scale_drift(reader.required_section("scale_drift"));
+  if (!reader.has("rpe_frames")) return;
+  for (const StrictSection& entry : reader.sections("rpe_frames"))
+    m.rpe_frames.push_back(read_relative_error(entry, true));
+}
+
 TrajectoryMetrics read_trajectory(StrictSection reader) {
   TrajectoryMetrics m;
   m.ate_rmse_m = reader.required_number("ate_rmse");
@@ -153,10 +201,9 @@ TrajectoryMetrics read_trajectory(StrictSection reader) {
   m.path_length_m = reader.required_number("path_length");
   m.scale = reader.required_number("scale");
   m.poses = reader.required_count("poses");
-  if (reader.has("drift")) m.drift = read_drift(reader.required_section("drift"));  // older files lack both
-  if (reader.has("scale_drift")) m.scale_drift = read_scale_drift(reader.required_section("scale_drift"));
   reader.require("rpe");
-  for (const StrictSection& entry : reader.sections("rpe")) m.rpe.push_back(read_relative_error(entry));
+  for (const StrictSection& entry : reader.sections("rpe")) m.rpe.push_back(read_relative_error(entry, false));
+  read_newer_keys(reader, m);
   reader.require_all_keys_used();
   return m;
 }
@@ -205,6 +252,7 @@ json to_json(const Metrics& metrics) {
                  {"surface", metrics.surface ? to_json(*metrics.surface) : json(nullptr)},
                  {"trajectory", metrics.trajectory ? to_json(*metrics.trajectory) : json(nullptr)},
                  {"entropy", metrics.entropy ? to_json(*metrics.entropy) : json(nullptr)},
+                 {"wasserstein", metrics.wasserstein ? to_json(*metrics.wasserstein) : json(nullptr)},
                  {"error_budget", metrics.error_budget ? to_json(*metrics.error_budget) : json(nullptr)}};
   if (metrics.regions) object["regions"] = to_json(*metrics.regions);
   object["doubts"] = to_json(metrics.doubts);
@@ -219,6 +267,8 @@ Metrics metrics_from_json(const json& object, const std::string& where) {
   if (const auto surface = reader.section("surface")) metrics.surface = read_surface(*surface);
   if (const auto trajectory = reader.section("trajectory")) metrics.trajectory = read_trajectory(*trajectory);
   if (const auto entropy = reader.section("entropy")) metrics.entropy = read_map_entropy(*entropy);
+  if (const auto wasserstein = reader.section("wasserstein"))
+    metrics.wasserstein = read_voxel_wasserstein(*wasserstein);
   if (const auto budget = reader.section("error_budget")) metrics.error_budget = read_error_budget(*budget);
   if (const auto regions = reader.section("regions")) metrics.regions = read_region_scores(*regions);
   metrics.doubts = read_doubts(reader);  // absent in older files

@@ -9,6 +9,7 @@
 #include "tileflight/evaluation/map_entropy.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/region_scores.h"
+#include "tileflight/evaluation/voxel_wasserstein.h"
 
 namespace tileflight::evaluation {
 
@@ -18,6 +19,7 @@ struct Metrics {
   std::optional<SurfaceMetrics> surface;
   std::optional<TrajectoryMetrics> trajectory;  ///< null if there is no true trajectory
   std::optional<MapEntropy> entropy;
+  std::optional<VoxelWasserstein> wasserstein;
   std::optional<ErrorBudget> error_budget;
   std::optional<RegionScores> regions;  ///< if the alignment had regions; else the key is absent
   Doubts doubts;                        ///< warnings about possible errors in the scores

@@ -1,10 +1,10 @@
 #include "tileflight/evaluation/metrics_file.h"
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <set>
 #include <string>
@@ -23,9 +23,24 @@ using geometry::PointCloud;
 using geometry::Vec3;
 using nlohmann::json;
 
-const std::set<std::string> kNotInOlderFiles{"map.percentiles",        "map.cumulative",  "surface.percentiles",
-                                             "surface.cumulative",     "surface.normals", "trajectory.drift",
-                                             "trajectory.scale_drift", "entropy",         "error_budget"};
+const std::set<std::string> kNotInOlderFiles{"map.percentiles",
+                                             "map.cumulative",
+                                             "surface.percentiles",
+                                             "surface.cumulative",
+                                             "surface.normals",
+                                             "trajectory.drift",
+                                             "trajectory.scale_drift",
+                                             "trajectory.ate_median",
+                                             "trajectory.ate_std",
+                                             "trajectory.ate_min",
+                                             "trajectory.alignment",
+                                             "trajectory.rpe_frames",
+                                             "trajectory.poses_estimated",
+                                             "trajectory.poses_true",
+                                             "trajectory.time_covered",
+                                             "entropy",
+                                             "wasserstein",
+                                             "error_budget"};
 
 PointCloud scattered(std::size_t n, std::uint64_t seed) {
   std::mt19937_64 random(seed);
@@ -58,6 +73,7 @@ MapEvaluation some_score() {
   map.normals.assign(map.size(), Eigen::Vector3f::UnitZ());
   score.metrics.surface->normals = normal_consistency(map, mesh, geometry::TriangleIndex(mesh), 1.0, 0);
   score.metrics.entropy = map_entropy(map);
+  score.metrics.wasserstein = voxel_wasserstein(map, samples, {.min_points = 3});
   score.metrics.error_budget =
       error_budget({.floor_rmse_m = score.metrics.map.quantization_floor.rmse, .surface_m = score.errors.surface_m});
   return score;

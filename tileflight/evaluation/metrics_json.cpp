@@ -1,6 +1,5 @@
-#include <nlohmann/json.hpp>
-
 #include <charconv>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/evaluation/metrics.h"
 
@@ -44,6 +43,16 @@ json statistics(const DistanceStatistics& s) {
   return {{"mean", s.mean}, {"std", s.std}, {"median", s.median}, {"rmse", s.rmse}};
 }
 
+json curve_json(const CumulativeCurve& c) {
+  const auto area = [&](const std::vector<double>& shares) { return area_under_curve(c.thresholds_m, shares); };
+  return {
+      {"thresholds", c.thresholds_m},
+      {"shares", c.shares},
+      {"completeness", c.completeness},
+      {"f_score", c.f_score},
+      {"area", {{"accuracy", area(c.shares)}, {"completeness", area(c.completeness)}, {"f_score", area(c.f_score)}}}};
+}
+
 double share_kept(const MapMetrics& m) {
   return m.points > 0 ? static_cast<double>(m.correspondences) / static_cast<double>(m.points) : 0.0;
 }
@@ -69,7 +78,7 @@ json to_json(const SurfaceMetrics& m) {
   json object = statistics(m.distances);
   object["percentiles"] = by_percentage(m.percentiles);
   object["points"] = m.distances.count;
-  object["cumulative"] = {{"thresholds", m.cumulative.thresholds_m}, {"shares", m.cumulative.shares}};
+  object["cumulative"] = curve_json(m.cumulative);
   object["normals"] = m.normals ? to_json(*m.normals) : json(nullptr);
   object["accuracy"] = by_threshold(m.accuracy);
   object["completeness"] = by_threshold(m.completeness);
@@ -88,23 +97,49 @@ json to_json(const ScaleDrift& d) {
   return {{"stretch_m", d.segment_length_m}, {"stretches", d.segments}, {"largest", d.max_deviation}, {"rms", d.rms}};
 }
 
-json to_json(const TrajectoryMetrics& m) {
-  json rpe = json::array();
-  for (const RelativePoseError& e : m.rpe) {
-    rpe.push_back({{"delta_m", e.delta_m},
-                   {"pairs", e.pairs},
-                   {"translation_rmse_m", e.translation_rmse_m},
-                   {"rotation_rmse_deg", e.rotation_rmse_deg}});
+json spread_json(const PoseErrorSpread& s) {
+  return {{"mean", s.mean}, {"median", s.median}, {"std", s.std}, {"min", s.min}, {"max", s.max}};
+}
+
+/// One entry by path length or, if it has one, by number of frames.
+json to_json(const RelativePoseError& e) {
+  json object = {{"pairs", e.pairs},
+                 {"translation_rmse_m", e.translation_rmse_m},
+                 {"rotation_rmse_deg", e.rotation_rmse_deg},
+                 {"translation_m", spread_json(e.translation_m)},
+                 {"rotation_deg", spread_json(e.rotation_deg)}};
+  if (e.delta_frames > 0) {
+    object["delta_frames"] = e.delta_frames;
+  } else {
+    object["delta_m"] = e.delta_m;
   }
+  return object;
+}
+
+json to_json(const std::vector<RelativePoseError>& errors) {
+  json list = json::array();
+  for (const RelativePoseError& e : errors) list.push_back(to_json(e));
+  return list;
+}
+
+json to_json(const TrajectoryMetrics& m) {
   return {{"ate_rmse", m.ate_rmse_m},
           {"ate_mean", m.ate_mean_m},
+          {"ate_median", m.ate_median_m},
+          {"ate_std", m.ate_std_m},
+          {"ate_min", m.ate_min_m},
           {"ate_max", m.ate_max_m},
-          {"rpe", rpe},
+          {"rpe", to_json(m.rpe)},
+          {"rpe_frames", to_json(m.rpe_frames)},
           {"drift", to_json(m.drift)},
           {"scale_drift", to_json(m.scale_drift)},
           {"path_length", m.path_length_m},
           {"scale", m.scale},
-          {"poses", m.poses}};
+          {"alignment", m.alignment ? json(name_of(*m.alignment)) : json(nullptr)},
+          {"poses", m.poses},
+          {"poses_estimated", m.estimated_poses},
+          {"poses_true", m.true_poses},
+          {"time_covered", m.time_covered}};
 }
 
 json to_json(const MeanDifference& d) {

@@ -2,12 +2,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 #include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
 
@@ -104,6 +104,41 @@ TEST(CumulativeCurve, HasTheShareUpToEachThreshold) {
   EXPECT_TRUE(cumulative_curve({}).shares.empty());
   const auto map = to_json(score_map({0.2, 0.4, 0.4, 5.0}, {}, {.bins = 4}));
   EXPECT_EQ(map.at("cumulative"), nlohmann::json({0.0, 0.25, 0.75, 0.75, 0.75})) << "of all points";
+}
+
+TEST(CumulativeCurve, HasCompletenessAndTheirHarmonicMean) {
+  const std::vector<double> distances{0.03, 0.2, 0.7, 2.0, 20.0}, samples{0.05, 0.1, 4.0};
+  const CumulativeCurve curve = cumulative_curve(distances, samples);
+  for (std::size_t k = 0; k < curve.thresholds_m.size(); ++k) {
+    const auto share = [&](const std::vector<double>& all) {
+      double within = 0;
+      for (const double d : all) within += d <= curve.thresholds_m[k];
+      return within / static_cast<double>(all.size());
+    };
+    const double a = share(distances), c = share(samples);
+    EXPECT_DOUBLE_EQ(curve.shares[k], a);
+    EXPECT_DOUBLE_EQ(curve.completeness[k], c);
+    EXPECT_DOUBLE_EQ(curve.f_score[k], a + c > 0 ? 2 * a * c / (a + c) : 0.0);
+  }
+  EXPECT_TRUE(cumulative_curve(distances).completeness.empty());
+  EXPECT_TRUE(cumulative_curve({}, samples).f_score.empty());
+}
+
+// The area under the exact step function over ln t is the mean over the points of the part of the range above them.
+TEST(CumulativeCurve, AreaIsTheMeanShareOfTheRangeAboveThePoints) {
+  std::mt19937_64 random(8);
+  std::lognormal_distribution<double> distance(-1.5, 1.4);
+  std::vector<double> distances;
+  double expected = 0.0;
+  for (int k = 0; k < 20000; ++k) {
+    distances.push_back(distance(random));
+    expected += std::clamp(std::log(10.0 / std::max(distances.back(), 0.01)) / std::log(1000.0), 0.0, 1.0) / 20000.0;
+  }
+  const CumulativeCurve curve = cumulative_curve(distances);
+  EXPECT_NEAR(area_under_curve(curve.thresholds_m, curve.shares), expected, 2e-4);
+  EXPECT_NEAR(area_under_curve(curve.thresholds_m, std::vector<double>(61, 1.0)), 1.0, 1e-12);
+  EXPECT_NEAR(area_under_curve({1.0, std::exp(1.0), std::exp(4.0)}, {0.0, 1.0, 0.0}), 0.5, 1e-12) << "a triangle";
+  EXPECT_TRUE(std::isnan(area_under_curve(curve.thresholds_m, {})));
 }
 
 // ------------------------------------------------------------------------------------------------ the paper's numbers

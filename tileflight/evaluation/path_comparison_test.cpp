@@ -103,7 +103,7 @@ TEST(PathComparison, IntervalsHoldTheRatioOfDriftsAtLeastAsOftenAsTheySay) {
       for (int k = 0; k < kPairs; ++k) {
         const auto ate_m = [&](double times) {
           return evaluate_trajectory(drifted(truth, times * d.turn_rad, times * d.scale, times * d.step_m, random),
-                                     truth, TrajectoryAlignment::kSim3)
+                                     truth, {.alignment = TrajectoryAlignment::kSim3})
               .ate_rmse_m;
         };
         const ComparedMetric m = judged(ate_m(2.0), ate_m(1.0));  // the true ratio is 2

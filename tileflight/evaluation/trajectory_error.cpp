@@ -1,8 +1,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/order_statistics.h"
 #include "tileflight/evaluation/metrics.h"
 #include "tileflight/evaluation/trajectory_drift.h"
 
@@ -14,24 +16,36 @@ using geometry::Trajectory;
 
 namespace {
 
-constexpr double kSameTime_s = 0.01;
 constexpr double kRadian_deg = 57.295779513082320877;
 
-/// Poses of estimate and truth at common times.
-struct PairedPoses {
-  Trajectory estimate, truth;
-};
+PairedTrajectories paired_by_index(const Trajectory& estimate, const Trajectory& truth) {
+  if (estimate.size() != truth.size()) {
+    throw InputError("trajectory", "has " + std::to_string(estimate.size()) + " poses and the truth " +
+                                       std::to_string(truth.size()) +
+                                       "; poses without times are paired line by line, so both need as many lines");
+  }
+  if (estimate.size() < 3) throw InputError("trajectory", "has fewer than 3 poses");
+  return {.estimate = estimate, .truth = truth};
+}
 
-PairedPoses paired(const Trajectory& estimate, const Trajectory& truth) {
-  PairedPoses result;
-  for (const auto& [e, t] : geometry::associate(estimate, truth, kSameTime_s)) {
+/// "10 ms" for 0.01.
+std::string milliseconds(double time_s) {
+  std::string text = std::to_string(1000.0 * time_s);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.ends_with('.')) text.pop_back();
+  return text + " ms";
+}
+
+PairedTrajectories paired_by_time(const Trajectory& estimate, const Trajectory& truth, double max_difference_s) {
+  PairedTrajectories result;
+  for (const auto& [e, t] : geometry::associate(estimate, truth, max_difference_s)) {
     result.estimate.poses.push_back(estimate.poses[e]);
     result.truth.poses.push_back(truth.poses[t]);
   }
   if (result.estimate.size() < 3) {
-    throw InputError("trajectory",
-                     "only " + std::to_string(result.estimate.size()) +
-                         " of its poses share a time with the truth (10 ms); check that both use one clock");
+    throw InputError("trajectory", "only " + std::to_string(result.estimate.size()) +
+                                       " of its poses share a time with the truth (" + milliseconds(max_difference_s) +
+                                       "); check that both use one clock");
   }
   return result;
 }
@@ -51,7 +65,7 @@ Eigen::Matrix3Xd positions(const Trajectory& trajectory) {
 }
 
 /// Umeyama 1991, by Eigen.
-Sim3 align_umeyama(const PairedPoses& poses, TrajectoryAlignment kind) {
+Sim3 align_umeyama(const PairedTrajectories& poses, TrajectoryAlignment kind) {
   if (kind == TrajectoryAlignment::kNone) return {};
   const Eigen::Matrix4d T =
       Eigen::umeyama(positions(poses.estimate), positions(poses.truth), kind == TrajectoryAlignment::kSim3);
@@ -64,6 +78,28 @@ Sim3 align_umeyama(const PairedPoses& poses, TrajectoryAlignment kind) {
 
 double distance_m(const geometry::StampedPose& a, const geometry::StampedPose& b) {
   return (a.T_local_camera.translation - b.T_local_camera.translation).norm();
+}
+
+double root_mean_square(std::span<const double> errors) {
+  double squares = 0.0;
+  for (const double e : errors) squares += e * e;
+  return std::sqrt(squares / static_cast<double>(errors.size()));  // NaN without errors
+}
+
+PoseErrorSpread spread_of(std::vector<double> errors) {
+  if (errors.empty()) return {};
+  PoseErrorSpread spread;
+  const auto n = static_cast<double>(errors.size());
+  double sum = 0.0, squares = 0.0;
+  for (const double e : errors) sum += e;
+  spread.mean = sum / n;
+  for (const double e : errors) squares += (e - spread.mean) * (e - spread.mean);
+  spread.std = std::sqrt(squares / n);
+  const auto [least, most] = std::minmax_element(errors.begin(), errors.end());
+  spread.min = *least;
+  spread.max = *most;
+  spread.median = base::median(errors);
+  return spread;
 }
 
 /// Indices of poses at which the path since the previous milestone (or the start) has reached the length.
@@ -83,53 +119,114 @@ SE3 relative_motion(const Trajectory& trajectory, std::size_t from, std::size_t 
   return trajectory.poses[from].T_local_camera.inverse() * trajectory.poses[to].T_local_camera;
 }
 
-RelativePoseError relative_error(const PairedPoses& poses, double delta_m) {
-  if (!(delta_m > 0.0)) throw InputError("RPE", "the path length must be above zero, in metres");
-  RelativePoseError result;
-  result.delta_m = delta_m;
-  const std::vector<std::size_t> stones = milestones(poses.estimate, delta_m);
-  double translation = 0.0, rotation = 0.0;
+/// Errors of the motions from each of the poses to the next of them: Sturm et al. 2012, (1).
+StepErrors motion_errors(const PairedTrajectories& poses, const std::vector<std::size_t>& stones) {
+  StepErrors errors;
   for (std::size_t k = 1; k < stones.size(); ++k) {
-    const SE3 error =
-        relative_motion(poses.truth, stones[k - 1], stones[k]).inverse() * relative_motion(poses.estimate, stones[k - 1], stones[k]);
-    const double angle_deg = geometry::so3_log(error.rotation).norm() * kRadian_deg;
-    translation += error.translation.squaredNorm();
-    rotation += angle_deg * angle_deg;
-    ++result.pairs;
+    const SE3 error = relative_motion(poses.truth, stones[k - 1], stones[k]).inverse() *
+                      relative_motion(poses.estimate, stones[k - 1], stones[k]);
+    errors.translation_m.push_back(error.translation.norm());
+    errors.rotation_deg.push_back(geometry::so3_log(error.rotation).norm() * kRadian_deg);
   }
-  if (result.pairs == 0) return result;
-  result.translation_rmse_m = std::sqrt(translation / static_cast<double>(result.pairs));
-  result.rotation_rmse_deg = std::sqrt(rotation / static_cast<double>(result.pairs));
+  return errors;
+}
+
+RelativePoseError relative_error(const PairedTrajectories& poses, const std::vector<std::size_t>& stones) {
+  const StepErrors errors = motion_errors(poses, stones);
+  RelativePoseError result;
+  result.pairs = errors.translation_m.size();
+  result.translation_rmse_m = root_mean_square(errors.translation_m);
+  result.rotation_rmse_deg = root_mean_square(errors.rotation_deg);
+  result.translation_m = spread_of(errors.translation_m);
+  result.rotation_deg = spread_of(errors.rotation_deg);
   return result;
+}
+
+RelativePoseError error_over_length(const PairedTrajectories& poses, double delta_m) {
+  if (!(delta_m > 0.0)) throw InputError("RPE", "the path length must be above zero, in metres");
+  RelativePoseError result = relative_error(poses, milestones(poses.estimate, delta_m));
+  result.delta_m = delta_m;
+  return result;
+}
+
+/// Indices 0, step, 2 step …
+std::vector<std::size_t> every_nth(std::size_t count, std::size_t step) {
+  std::vector<std::size_t> result;
+  for (std::size_t i = 0; i < count; i += step) result.push_back(i);
+  return result;
+}
+
+RelativePoseError error_over_frames(const PairedTrajectories& poses, std::size_t delta_frames) {
+  if (delta_frames < 1) throw InputError("RPE", "the number of frames must be above zero");
+  RelativePoseError result = relative_error(poses, every_nth(poses.truth.size(), delta_frames));
+  result.delta_frames = delta_frames;
+  return result;
+}
+
+double duration_s(const Trajectory& trajectory) {
+  return trajectory.empty() ? 0.0 : trajectory.poses.back().time_s - trajectory.poses.front().time_s;
+}
+
+void add_absolute_error(const PairedTrajectories& poses, TrajectoryMetrics& result) {
+  std::vector<double> errors_m;
+  for (std::size_t i = 0; i < poses.truth.size(); ++i)
+    errors_m.push_back(distance_m(poses.estimate.poses[i], poses.truth.poses[i]));
+  const PoseErrorSpread spread = spread_of(errors_m);
+  result.ate_rmse_m = root_mean_square(errors_m);
+  result.ate_mean_m = spread.mean;
+  result.ate_median_m = spread.median;
+  result.ate_std_m = spread.std;
+  result.ate_min_m = spread.min;
+  result.ate_max_m = spread.max;
 }
 
 }  // namespace
 
-TrajectoryMetrics evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
-                                      TrajectoryAlignment alignment, const std::vector<double>& rpe_deltas_m) {
-  PairedPoses poses = paired(estimate, truth);
+const char* name_of(TrajectoryAlignment alignment) {
+  if (alignment == TrajectoryAlignment::kSim3) return "sim3";
+  return alignment == TrajectoryAlignment::kSE3 ? "se3" : "none";
+}
+
+PairedTrajectories pair_and_align(const Trajectory& estimate, const Trajectory& truth,
+                                  const TrajectoryOptions& options) {
+  PairedTrajectories poses = options.pairing == TrajectoryPairing::kByIndex
+                                 ? paired_by_index(estimate, truth)
+                                 : paired_by_time(estimate, truth, options.max_time_difference_s);
   check_finite(poses.estimate, "estimated trajectory");
   check_finite(poses.truth, "true trajectory");
-  const Sim3 T_truth_estimate = align_umeyama(poses, alignment);
-  poses.estimate = geometry::transformed(T_truth_estimate, poses.estimate);
+  poses.estimated_poses = estimate.size();
+  poses.true_poses = truth.size();
+  poses.true_duration_s = duration_s(truth);
+  poses.T_truth_estimate = align_umeyama(poses, options.alignment);
+  poses.estimate = geometry::transformed(poses.T_truth_estimate, poses.estimate);
+  return poses;
+}
 
+TrajectoryMetrics score_trajectory(const PairedTrajectories& poses, const TrajectoryOptions& options) {
   TrajectoryMetrics result;
+  result.alignment = options.alignment;
   result.poses = poses.truth.size();
-  result.scale = T_truth_estimate.scale;
+  result.estimated_poses = poses.estimated_poses;
+  result.true_poses = poses.true_poses;
+  if (poses.true_duration_s > 0.0) result.time_covered = duration_s(poses.truth) / poses.true_duration_s;
+  result.scale = poses.T_truth_estimate.scale;
   result.path_length_m = geometry::path_length_m(poses.truth);
-  double squares = 0.0, sum = 0.0;
-  for (std::size_t i = 0; i < result.poses; ++i) {
-    const double error_m = distance_m(poses.estimate.poses[i], poses.truth.poses[i]);
-    squares += error_m * error_m;
-    sum += error_m;
-    result.ate_max_m = std::max(result.ate_max_m, error_m);
-  }
-  result.ate_rmse_m = std::sqrt(squares / static_cast<double>(result.poses));
-  result.ate_mean_m = sum / static_cast<double>(result.poses);
-  for (const double delta_m : rpe_deltas_m) result.rpe.push_back(relative_error(poses, delta_m));
+  add_absolute_error(poses, result);
+  for (const double delta_m : options.rpe_deltas_m) result.rpe.push_back(error_over_length(poses, delta_m));
+  for (const std::size_t frames : options.rpe_deltas_frames)
+    result.rpe_frames.push_back(error_over_frames(poses, frames));
   result.drift = compute_path_drift(poses.estimate, poses.truth);
   result.scale_drift = compute_scale_drift(poses.estimate, poses.truth);
   return result;
+}
+
+TrajectoryMetrics evaluate_trajectory(const Trajectory& estimate, const Trajectory& truth,
+                                      const TrajectoryOptions& options) {
+  return score_trajectory(pair_and_align(estimate, truth, options), options);
+}
+
+StepErrors compute_step_errors(const PairedTrajectories& poses) {
+  return motion_errors(poses, every_nth(poses.truth.size(), 1));
 }
 
 }  // namespace tileflight::evaluation

@@ -91,7 +91,8 @@ std::vector<geometry::Box3> read_regions(StrictSection& section, const std::stri
 
 double read_ratio_margin(StrictSection& section, const std::string& key, double fallback) {
   const double value = section.positive_number(key).value_or(fallback);
-  if (!(value > 1.0)) throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
+  if (!(value > 1.0))
+    throw section.error(key, "must be above 1: ratios between its inverse and itself count as equivalent");
   return value;
 }
 
@@ -240,6 +241,9 @@ scoring::EvaluationSettings read_evaluation_settings(StrictSection& section) {
   settings.completeness_samples_per_m2 =
       section.positive_number("completeness_samples_per_m2").value_or(settings.completeness_samples_per_m2);
   settings.entropy_radius_m = section.positive_number("entropy_radius").value_or(settings.entropy_radius_m);
+  settings.wasserstein_voxel_m = section.positive_number("wasserstein_voxel").value_or(settings.wasserstein_voxel_m);
+  settings.wasserstein_min_points =
+      section.integer("wasserstein_min_points", settings.wasserstein_min_points, 2, 1'000'000);
   settings.agreement_cell_m = section.positive_number("agreement_cell").value_or(settings.agreement_cell_m);
   section.require_all_keys_used();
   return settings;

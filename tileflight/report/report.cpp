@@ -7,10 +7,8 @@
 #include "tileflight/report/html.h"
 #include "tileflight/report/key_figures_files.h"
 #include "tileflight/report/number_format.h"
-#include "tileflight/report/page_script.h"
 #include "tileflight/report/report_contents.h"
 #include "tileflight/report/run_folder.h"
-#include "tileflight/report/style_sheet.h"
 #include "tileflight/report/view_section.h"
 
 namespace tileflight::report {
@@ -87,15 +85,6 @@ Html floor_note(const std::string& remark) {
   return remark.empty() ? Html() : element("p", {{"class", "note"}}, text(remark));
 }
 
-Html head(const std::string& name) {
-  const std::string style = style_sheet() + std::string(view_style());
-  return element("head",
-                 empty_element("meta", {{"charset", "utf-8"}}) +
-                     empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
-                     empty_element("meta", {{"http-equiv", "Content-Security-Policy"}, {"content", content_policy()}}) +
-                     element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(style)));
-}
-
 Html header(const RunFolder& run, const ReportContents& contents, const std::vector<Section>& sections) {
   const std::string subtitle =
       "A simulated and a second flight over the same place, mapped by visual odometry and scored against ground truth "
@@ -132,7 +121,7 @@ Html body(const RunFolder& run, const ReportContents& contents, const ReportOpti
 void write_report(const std::filesystem::path& run_folder, const ReportOptions& options) {
   const RunFolder run = read_run_folder(run_folder);
   const ReportContents contents = build_contents(run);
-  const Html page = element("html", {{"lang", "en"}}, head(contents.name) + body(run, contents, options));
+  const Html page = element("html", {{"lang", "en"}}, page_head(contents.name) + body(run, contents, options));
   const nlohmann::json numbers = report_json(contents, run.results);
   base::write_file(run_folder / "report.html", "<!DOCTYPE html>\n" + page.str() + "\n");
   base::write_file(run_folder / "report.json",

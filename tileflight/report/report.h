@@ -19,6 +19,14 @@ struct ReportOptions {
 /// InputError if results.json is missing or not a JSON object, or an existing part is malformed.
 void write_report(const std::filesystem::path& run_folder, const ReportOptions& options = {});
 
+/// Whether a folder holds trajectories scored alone (trajectory-errors.json, docs/formats.md) and no run.
+bool holds_trajectories_alone(const std::filesystem::path& folder);
+
+/// Builds `folder/report.html` and `folder/figures/` from the metrics.json and trajectory-errors.json of trajectories
+/// scored alone: their errors as tables, their paths from above and from the side, errors over time and distance, and
+/// relative errors. One self-contained page. Throws InputError if a file is missing or malformed.
+void write_trajectory_report(const std::filesystem::path& folder);
+
 /// The first table of the page as plain text for a terminal: the paper's columns beside those of this run.
 std::string results_table(const nlohmann::json& results);
 

@@ -34,6 +34,17 @@ svg .backdrop { opacity: .3; }
 .dots.simulated, .dots-sample.simulated { stroke: var(--simulated); }
 .dots.real, .dots-sample.real { stroke: var(--real); }
 .dots-sample { stroke-width: 4; stroke-linecap: round; stroke-dasharray: 0 8; opacity: .6; }
+.line.reference { stroke: var(--ink); stroke-dasharray: 7 4; stroke-width: 1.6; }
+.start.reference { stroke: var(--ink); }
+.line.series-1, .start.series-1 { stroke: #2f6fde; }
+.line.series-2, .start.series-2 { stroke: #d83b33; }
+.line.series-3, .start.series-3 { stroke: #2f9e5c; }
+.line.series-4, .start.series-4 { stroke: #b9770e; }
+.line.series-5, .start.series-5 { stroke: #8f5fd6; }
+.line.series-6, .start.series-6 { stroke: #0d97a3; }
+.line.series-7, .start.series-7 { stroke: #cc4a86; }
+.line.series-8, .start.series-8 { stroke: #7c858f; }
+.line.later-round { stroke-dasharray: 3 3; }
 .start { fill: var(--paper); stroke-width: 2; }
 .start.simulated { stroke: var(--simulated); }
 .start.real { stroke: var(--real); }

@@ -113,12 +113,13 @@ struct Plot {
   double down(double north) const { return kViewTop + (extent.north - north) * scale; }
 };
 
-Html view_label(double x, double y, const std::string& anchor, const std::string& content, const std::string& style = "") {
+Html view_label(double x, double y, const std::string& anchor, const std::string& content,
+                const std::string& style = "") {
   return element("text", {{"x", svg_number(x)}, {"y", svg_number(y)}, {"text-anchor", anchor}, {"class", style}},
                  text(content));
 }
 
-Html axes(const Plot& plot) {
+Html axes(const Plot& plot, const TopView& view) {
   Html result = empty_element("rect", {{"x", svg_number(kViewLeft)},
                                        {"y", svg_number(kViewTop)},
                                        {"width", svg_number(plot.width)},
@@ -134,20 +135,20 @@ Html axes(const Plot& plot) {
     result += svg_line(kViewLeft - 5, plot.down(north), kViewLeft, plot.down(north), "axis");
     result += view_label(kViewLeft - 8, plot.down(north) + 4, "end", tick_text(north, step));
   }
-  result += view_label(kViewLeft + plot.width / 2, bottom + 35, "middle", "east, m");
+  result += view_label(kViewLeft + plot.width / 2, bottom + 35, "middle", view.x_label);
   const std::string middle = svg_number(kViewTop + plot.height / 2);
   return result +
          element(
              "text",
              {{"x", "12"}, {"y", middle}, {"text-anchor", "middle"}, {"transform", "rotate(-90 12 " + middle + ")"}},
-             text("north, m"));
+             text(view.y_label));
 }
 
 Html scale_bar(const Plot& plot) {
   const double length_m = round_down_to_nice(plot.extent.width_m() / 4);
   const double x = kViewLeft + 14, y = kViewTop + plot.height - 14;
   const Html bar = svg_line(x, y, x + length_m * plot.scale, y, "scale-bar");
-  return bar + view_label(x + length_m * plot.scale / 2, y - 6, "middle", svg_number(length_m) + " m", "halo");
+  return bar + view_label(x + length_m * plot.scale / 2, y - 6, "middle", tick_text(length_m, length_m) + " m", "halo");
 }
 
 Html draw_image(const Plot& plot, const ImageLayer& layer) {
@@ -249,7 +250,7 @@ PaletteImage draw_values(const GroundExtent& extent, const std::vector<geometry:
 
 Drawing to_drawing(const TopView& view) {
   const Plot plot(view.extent);
-  Html content = element("title", text(view.title)) + element("desc", text(view.description)) + axes(plot);
+  Html content = element("title", text(view.title)) + element("desc", text(view.description)) + axes(plot, view);
   for (const ImageLayer& layer : view.images) content += draw_image(plot, layer);
   for (const TrackLayer& track : view.tracks) content += draw_track(plot, track);
   content += scale_bar(plot);

@@ -60,6 +60,7 @@ struct TopView {
   std::vector<ImageLayer> images;  ///< bottom layer first
   std::vector<TrackLayer> tracks;  ///< drawn above the images
   std::vector<LegendEntry> legend{};
+  std::string x_label = "east, m", y_label = "north, m";
 };
 /// Draws the view with axes and a scale bar.
 Drawing to_drawing(const TopView& view);

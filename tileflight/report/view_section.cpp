@@ -2,6 +2,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/report/page_script.h"
+#include "tileflight/report/style_sheet.h"
 
 namespace tileflight::report {
 namespace {
@@ -38,6 +39,15 @@ std::string content_policy() {
       page_script().empty() ? ""
                             : "; script-src 'sha256-" + base64(bytes_of_hex(base::sha256_hex(script_text()))) + "'";
   return "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'" + script;
+}
+
+Html page_head(const std::string& name) {
+  const std::string style = style_sheet() + std::string(view_style());
+  return element("head",
+                 empty_element("meta", {{"charset", "utf-8"}}) +
+                     empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
+                     empty_element("meta", {{"http-equiv", "Content-Security-Policy"}, {"content", content_policy()}}) +
+                     element("title", text(name + " \u2013 tileflight")) + element("style", Html::trusted(style)));
 }
 
 }  // namespace tileflight::report

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "tileflight/report/html.h"
 #include "tileflight/report/run_folder.h"
 #include "tileflight/report/view_data.h"
@@ -16,5 +18,8 @@ Html view_script();
 /// Content Security Policy of a page with this script: nothing is loaded and no other script runs, whatever names and
 /// files contain (Content Security Policy Level 3: the script is identified by its hash).
 std::string content_policy();
+
+/// The <head> of a page of this name: style sheet and policy.
+Html page_head(const std::string& name);
 
 }  // namespace tileflight::report

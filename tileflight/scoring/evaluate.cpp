@@ -1,10 +1,10 @@
 #include "tileflight/scoring/evaluate.h"
 
-#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -225,6 +225,11 @@ RegionPart select_over_region(geometry::PointCloud on_surface, const std::vector
   return part;
 }
 
+evaluation::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& settings) {
+  return {.voxel_m = settings.wasserstein_voxel_m,
+          .min_points = static_cast<std::size_t>(settings.wasserstein_min_points)};
+}
+
 /// Scores without a surface: the paper's metric, the path, and the map's entropy. The cloud, in the map's frame, is
 /// moved into the score's errors; `index` becomes the index of its aligned points.
 evaluation::MapEvaluation score_without_surface(geometry::PointCloud cloud, const geometry::Sim3& T_local_map,
@@ -309,6 +314,8 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
     if (!seen.empty()) seen_m = evaluation::cloud_distances(seen, *index, "surface samples");
     metrics.surface = evaluation::score_surface(part.surface_m, seen_m, settings.thresholds_m);
     metrics.surface->normals = evaluate_normals(part.points, *index, mesh, triangles, settings.cutoff_m);
+    if (!seen.empty())
+      metrics.wasserstein = evaluation::voxel_wasserstein(part.points, seen, wasserstein_options(settings));
     metrics.error_budget =
         evaluation::error_budget({.floor_rmse_m = metrics.map.quantization_floor.rmse,
                                   .geometric_error_m = number_of(truth.extract_json, "geometric_error_max"),
@@ -318,6 +325,9 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
                                   .within_m = settings.cutoff_m});
     score.errors.over_region = std::move(part.is_over);
     write_seen_surface(out, seen, seen_m);
+  } else {
+    metrics.wasserstein = evaluation::voxel_wasserstein(
+        score.errors.aligned_map, ground_truth::read_surface_samples(truth.folder), wasserstein_options(settings));
   }
   metrics.doubts = score_doubts(map, truth.extract_json, transform_file, metrics);
   evaluation::write_metrics(out, metrics, std::move(score.errors));
