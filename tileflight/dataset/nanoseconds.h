@@ -17,11 +17,13 @@ inline double to_seconds(std::int64_t nanoseconds) {
          1e-9 * static_cast<double>(nanoseconds % kNanosecondsPerSecond);
 }
 
-/// The nearest whole nanosecond. Throws InputError for times of more than 292 years.
+/// A whole number of nanoseconds that to_seconds() makes this time again: the product rounded, as it is in EuRoC's
+/// files, where that does, else the nearest. Throws InputError for times of more than 292 years.
 inline std::int64_t to_nanoseconds(double time_s) {
   constexpr double kMost_s = 9.2e9;
   if (!(std::abs(time_s) < kMost_s))
     throw InputError("time", std::to_string(time_s) + " s is too large for a file with times in nanoseconds");
+  if (const std::int64_t rounded = std::llround(1e9 * time_s); to_seconds(rounded) == time_s) return rounded;
   const double whole = std::floor(time_s);
   return static_cast<std::int64_t>(whole) * kNanosecondsPerSecond + std::llround(1e9 * (time_s - whole));
 }
