@@ -11,8 +11,9 @@ namespace tileflight::experiment {
 
 /// Options of run().
 struct RunOptions {
-  bool rerun_all = false;  ///< execute all stages again; earlier results are kept until they are replaced
-  StageListener listener;  ///< notified of each stage
+  bool rerun_all = false;         ///< execute all stages again; earlier results are kept until they are replaced
+  StageListener listener;         ///< notified of each stage
+  std::filesystem::path elder{};  ///< run folder of which this is a variant (StageCache); empty: none
 };
 
 /// Executes the complete experiment in `folder`: results.json (returned) and report.html. Stages whose inputs have not
