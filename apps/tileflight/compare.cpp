@@ -1,7 +1,6 @@
-#include <nlohmann/json.hpp>
-
 #include <array>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "command.h"
@@ -17,6 +16,7 @@ struct CompareOptions {
   std::vector<std::filesystem::path> maps;
   scoring::EvaluationSettings settings;
   scoring::ComparisonFiles files;
+  scoring::MapSelection selection;
   std::uint64_t seed = 1;
   bool ranking = false;
   std::string by = "map.mean";
@@ -73,15 +73,11 @@ std::string line_of(const json& pair) {
 }
 
 Output compare(const CompareOptions& options) {
-  const json result = scoring::compare_maps(options.maps, options.settings, options.seed, options.files);
-  std::ostringstream text;
-  for (const json& map : result["maps"]) {
-    text << map["name"].get<std::string>() << ": " << map["correspondences"] << " of " << map["points"]
-         << " points kept, mean " << rounded(map["mean_m"]) << " m, std " << rounded(map["std_m"])
-         << " m, to the surface: median " << rounded(map["surface_median_m"]) << " m\n";
-  }
-  for (const json& pair : result["pairs"]) text << line_of(pair);
-  return {result, text.str()};
+  const auto [result, table] =
+      scoring::compare_maps(options.maps, options.settings, options.seed, options.files, options.selection);
+  std::string text = table + "\n";
+  for (const json& pair : result["pairs"]) text += line_of(pair);
+  return {result, text};
 }
 
 Output rank(const CompareOptions& options) {
@@ -104,8 +100,12 @@ void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->footer(
       "Example:\n  tileflight compare out/stadium/simulated/metrics.json out/stadium/real/metrics.json\n"
       "  tileflight compare out/a out/b out/c --tex table.tex\n"
+      "  tileflight compare out/* --against out/a/simulated --rows '*/simulated' --columns mean_m,ate_rmse_m --csv "
+      "t.csv\n"
       "  tileflight compare --ranking --by surface.median out/a out/b out/c");
-  command->add_option("MAP", options->maps, "metrics.json, or a folder written by `run` (all of its flights)")
+  command
+      ->add_option("MAP", options->maps,
+                   "metrics.json, or a folder written by `run` (all of its flights, and those of its variants)")
       ->required();
   command
       ->add_option("--margin", options->settings.equivalence_margin_m,
@@ -139,10 +139,29 @@ void add_compare(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->check(CLI::PositiveNumber);
   command->add_option("--csv", options->files.csv,
                       "CSV file to write, one line per map; NAME-pairs.csv beside it has one line per pair");
+  command->add_option("--text", options->files.text, "text file to write: the table of maps as it is printed");
+  CLI::Option* against =
+      command->add_option("--against", options->selection.against,
+                          "compare every map with this one only: its name as printed, or its metrics.json or folder");
+  command
+      ->add_option(
+          "--rows", options->selection.rows,
+          "maps to compare and show, in this order: names as printed, or patterns such as '*/simulated'; separated "
+          "by commas")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command
+      ->add_option(
+          "--columns", options->selection.columns,
+          "columns of the tables: mean_m, ate_rmse_m, ... (those of the CSV file), or numbers of metrics.json, "
+          "such as surface.accuracy.0.2; separated by commas")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   command->add_option("--tex", options->files.tex, "LaTeX file to write, with both tables (needs booktabs)");
   CLI::Option* ranking = command->add_flag(
       "--ranking", options->ranking,
       "each MAP is the run folder of one setting; compare how simulation and reality rank the settings");
+  ranking->excludes(against);
   command->add_option("--by", options->by, "value of metrics.json to rank by (default map.mean)")->needs(ranking);
   command->add_option("--seed", options->seed, "seed of the bootstrap (default 1)");
   add_common_options(*command, common);

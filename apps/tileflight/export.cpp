@@ -49,7 +49,7 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--layout", options->layout, "layout to write")->required()->check(CLI::IsMember(layouts()));
   command->add_option("--out", options->out, "folder to write (mcap: file)")->required();
   command->add_option("--camera", options->camera.calibration,
-                      "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP or DSO");
+                      "calibration instead of the dataset's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
   command->add_option("--camera-id", options->camera.camera_id, "camera to use if the calibration holds several");
   add_common_options(*command, common);
   command->callback([options, &selection] {

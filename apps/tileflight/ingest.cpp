@@ -1,6 +1,5 @@
-#include <nlohmann/json.hpp>
-
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "command.h"
@@ -38,7 +37,8 @@ void add_ingest(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("VIDEO", options->video, "video file or folder of images")->required();
   command
       ->add_option("--camera", options->camera,
-                   "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt or DSO camera.txt")
+                   "calibration: Kalibr camchain, OpenCV YAML or XML, COLMAP cameras.txt, DSO camera.txt or VSLAM-LAB "
+                   "calibration.yaml")
       ->required();
   command->add_option("--camera-id", options->flight.camera_id,
                       "camera to use if the calibration holds several: cam1 (Kalibr), 2 (COLMAP's CAMERA_ID)");

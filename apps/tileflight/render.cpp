@@ -1,6 +1,5 @@
-#include <nlohmann/json.hpp>
-
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 
@@ -80,7 +79,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->required();
   command->add_option("--out", options->out, "dataset folder to write")->required();
   command->add_option("--camera", options->camera,
-                      "calibration instead of the flight's: Kalibr, OpenCV, COLMAP or DSO");
+                      "calibration instead of the flight's: Kalibr, OpenCV, COLMAP, DSO or VSLAM-LAB");
   command
       ->add_option("--resolution", options->resolution,
                    "W,H of the images, pixels: rescales the camera (same aspect ratio)")

@@ -229,12 +229,13 @@ variants:
   - {name: noise, degrade: {white_electrons: 3000, read_noise_electrons: 5}}
   - {name: small, resolution: [256, 192]}
   - {name: dark, degrade: {exposure_steps: [{time: 0, gain: 0.0001}]}}
+  - {name: sparse, odometry: {points_per_keyframe: 500}}
 )");
   const ProgramResult first = run("a", {"--json"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
   const json results = json::parse(first.out);
   const json& lines = results["ablation"];
-  ASSERT_EQ(lines.size(), 4U);
+  ASSERT_EQ(lines.size(), 5U);
   EXPECT_EQ(lines[0]["name"], "as it is");
   EXPECT_EQ(lines[0]["points"], results["simulated"]["map"]["points"]);
   for (const int i : {1, 2}) {
@@ -247,7 +248,16 @@ variants:
   EXPECT_TRUE(lines[3]["points"].is_null());
   EXPECT_EQ(json::parse(file_text(folder_ / "a/variants/small/results.json"))["simulated"]["resolution"],
             json({256, 192}));
-  EXPECT_EQ(tests::line_count(file_text(folder_ / "a/ablation.csv")), 5);
+  EXPECT_LT(lines[4]["points"], lines[0]["points"]);
+  EXPECT_TRUE(fs::equivalent(folder_ / "a/variants/sparse/simulated/dataset/images/000003.jpg",
+                             folder_ / "a/simulated/dataset/images/000003.jpg"))
+      << "another odometry needs no other images";
+  EXPECT_EQ(tests::line_count(file_text(folder_ / "a/ablation.csv")), 6);
+  const ProgramResult table = run_tileflight({"compare", (folder_ / "a").string(), "--against", "a/simulated", "--rows",
+                                              "*/simulated", "--columns", "ate_rmse_m,points", "--json"});
+  ASSERT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_EQ(json::parse(table.out)["maps"].size(), 4U) << "dark has none";
+  EXPECT_EQ(json::parse(table.out)["pairs"].size(), 3U);
   EXPECT_THAT(file_text(folder_ / "a/report.html"), testing::HasSubstr("Variants of the simulated flight"));
   const auto kept = fs::last_write_time(folder_ / "a/variants/noise/stages/simulated-odometry.json");
   ASSERT_EQ(run("a").exit_code, 0);

@@ -230,6 +230,15 @@ def calibrations():
           b"</data></camera_matrix><distortion_coefficients type_id=\"opencv-matrix\"><rows>5</rows><cols>1</cols><dt>d</dt>"
           b"<data>-0.21 0.05 0.0011 -0.0007 0.</data></distortion_coefficients></opencv_storage>")
     write("calibration/cameras.txt", b"# Camera list\n1 OPENCV_FISHEYE 640 480 300 301 320 240 0.01 0.002 0 0\n")
+    write("calibration/vslam_lab.yaml", b"%YAML 1.2\n---\ncameras:\n  - {cam_name: rgb_0,\n     cam_model: pinhole,\n     distortion_type: radtan5,\n"
+          b"     distortion_coefficients: [0.26, -0.95, -0.005, 0.002, 1.16], \n     focal_length: [517.3, 516.5],\n"
+          b"     principal_point: [318.6, 255.3],\n     depth_factor: 5000.0,\n     image_dimension: [640, 480],\n"
+          b"     T_BS: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] # of the body\n    }\n\nimus:\n  - {imu_name: imu_0,\n"
+          b"     T_BS: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n    }\n")
+    write("calibration/vslam_lab_2025.yaml", b"%YAML:1.0\n\nCamera0.model: OPENCV_FISHEYE\nCamera0.fx: 436.25\nCamera0.fy: 436.25\n"
+          b"Camera0.cx: 364.5\nCamera0.cy: 256.75\nCamera0.k1: 0.01\nCamera0.k2: 0\nCamera0.k3: 0\nCamera0.k4: 0\nCamera0.w: 752\n"
+          b"Camera0.h: 480\nIMU.T_b_c1: !!opencv-matrix\n  rows: 4\n  cols: 4\n  dt: f\n"
+          b"  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\nDepth0.factor: 1.0e+03\n")
     write("calibration/camera.txt", b"FOV 0.5 0.66 0.49 0.5 0.92\n640 480\ncrop\n640 480\n")
 
 

@@ -22,7 +22,8 @@ struct Frame {
   std::string id;  ///< "000000"
   std::filesystem::path image;
   double time_s = 0.0;
-  double exposure_ms = 0.0;  ///< 0: unknown
+  double exposure_ms = 0.0;       ///< 0: unknown
+  std::filesystem::path depth{};  ///< depth of the same pixels (depth_images.h); empty: none
 };
 
 /// A line of gps.csv: t,lat,lon,height,horizontal_sigma,vertical_sigma.
@@ -42,6 +43,9 @@ struct Dataset {
   std::filesystem::path vignette;  ///< empty if there is none
   std::optional<geometry::Trajectory> groundtruth;
   std::vector<GpsFix> gps;
+  std::filesystem::path imu;                    ///< readings, for read_imu_csv(); empty if there are none
+  std::filesystem::path imu_noise;              ///< for read_imu_noise(); empty if it is not known
+  double depth_units_per_m = 1.0;               ///< of 16-bit depth images
   std::map<std::string, std::string> metadata;  ///< dataset.yaml, flattened: "a.b" -> text
   std::vector<std::string> warnings;  ///< tolerated problems, one line each (no times.txt, images left out, ...)
 };
@@ -56,12 +60,20 @@ struct CameraChoice {
 /// and the calibration matches the image size (of the first image). The layout is detected from the content:
 ///   images/                 the contract's and DSO's: times.txt, camera.yaml or camera.txt; without times.txt frames
 ///                           are 1/30 s apart (warned);
+///   rgb.csv                 VSLAM-LAB: calibration.yaml, groundtruth.csv, imu_0.csv;
 ///   image_l/ or image_0/    KITTI odometry: calib.txt (P0), times.txt of bare seconds, poses.txt;
-///   mav0/cam0/ or cam0/     EuRoC (ASL): data.csv, sensor.yaml, data/; frames without a file are left out (warned).
+///   mav0/cam0/ or cam0/     EuRoC (ASL): data.csv, sensor.yaml, data/;
+///   rgb.txt                 TUM RGB-D, and VSLAM-LAB before 2025-09: depth.txt, groundtruth.txt; without a
+///   calibration.yaml
+///                           that of freiburg1, 2 or 3 by the folder's name.
+/// Frames that a list names but that have no file are left out (warned).
 /// With a `camera` the layout's own calibration may be missing; the given one is scaled to images of the same aspect
 /// ratio (warned), and if it has no IMU extrinsics, the layout's T_cam_imu is kept. Throws InputError (file, line,
 /// cause).
 Dataset read_dataset(const std::filesystem::path& folder, const CameraChoice& camera = {});
+
+/// Whether the folder is a dataset in another program's layout: not of images/, but one of the others.
+bool has_foreign_layout(const std::filesystem::path& folder);
 
 /// Reads and writes gps.csv. Throw InputError (file, line, cause).
 std::vector<GpsFix> read_gps_csv(const std::filesystem::path& file);

@@ -10,6 +10,7 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/dataset/imu_files.h"
+#include "tileflight/dataset/nanoseconds.h"
 #include "tileflight/dataset/number_table.h"
 
 namespace tileflight::dataset::exports {
@@ -17,8 +18,6 @@ namespace tileflight::dataset::exports {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::int64_t nanoseconds(double time_s) { return std::llround(1e9 * time_s); }
 
 struct Lens {
   std::string distortion;
@@ -59,12 +58,6 @@ std::string rate_text(double rate_hz) {
   return text + "\n";
 }
 
-double frame_rate_hz(const Dataset& dataset) {
-  if (dataset.frames.size() < 2) return 1.0;
-  const double span_s = dataset.frames.back().time_s - dataset.frames.front().time_s;
-  return std::round(1e6 * static_cast<double>(dataset.frames.size() - 1) / span_s) / 1e6;
-}
-
 void write_camera(const Dataset& dataset, const fs::path& folder) {
   const Lens lens = lens_of(dataset);
   const imaging::Camera& camera = dataset.calibration.camera;
@@ -76,15 +69,20 @@ void write_camera(const Dataset& dataset, const fs::path& folder) {
                        lens.distortion + "\ndistortion_coefficients: " + list_text(lens.coefficients) + "\n");
   std::string list = "#timestamp [ns],filename\n";
   for (const Frame& frame : dataset.frames) {
-    const std::string name = std::to_string(nanoseconds(frame.time_s));
+    const std::string name = std::to_string(to_nanoseconds(frame.time_s));
     list += name + "," + name + ".png\n";
   }
   base::write_file(folder / "data.csv", list);
 }
 
-void write_imu(const Dataset& dataset, const fs::path& folder) {
+void write_imu(const Dataset& dataset, const fs::path& folder, std::vector<std::string>& notes) {
   fs::create_directories(folder);
-  const ImuCalibration imu = read_imu_yaml(dataset.folder / "imu.yaml");
+  write_imu_csv(folder / "data.csv", read_imu_csv(dataset.imu));
+  if (dataset.imu_noise.empty()) {
+    notes.push_back("the noise of the inertial unit is not known; mav0/imu0/sensor.yaml is left out");
+    return;
+  }
+  const ImuCalibration imu = read_imu_noise(dataset.imu_noise);
   std::string text = head_text("imu", {}) + rate_text(imu.update_rate_hz);
   const auto line = [&text](const char* key, double value) {
     text += key;
@@ -96,7 +94,6 @@ void write_imu(const Dataset& dataset, const fs::path& folder) {
   line("accelerometer_noise_density: ", imu.accelerometer_noise_density);
   line("accelerometer_random_walk: ", imu.accelerometer_random_walk);
   base::write_file(folder / "sensor.yaml", text);
-  write_imu_csv(folder / "data.csv", read_imu_csv(dataset.folder / "imu.csv"));
 }
 
 std::vector<geometry::StampedPose> body_poses(const Dataset& dataset) {
@@ -175,7 +172,7 @@ void write_truth(const Dataset& dataset, const fs::path& folder) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const geometry::Vec3& p = poses[i].T_local_camera.translation;
     const Eigen::Quaterniond& q = poses[i].T_local_camera.rotation;
-    text += std::to_string(nanoseconds(poses[i].time_s));
+    text += std::to_string(to_nanoseconds(poses[i].time_s));
     add(std::array{p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
     add(velocity_at(poses, i));
     if (has_biases) add(biases_at(biases, poses[i].time_s));
@@ -190,13 +187,13 @@ void write_euroc(const Dataset& dataset, const fs::path& folder, std::vector<std
                  const Progress& progress) {
   const fs::path mav = folder / "mav0";
   write_camera(dataset, mav / "cam0");
-  if (fs::is_regular_file(dataset.folder / "imu.csv")) write_imu(dataset, mav / "imu0");
+  if (!dataset.imu.empty()) write_imu(dataset, mav / "imu0", notes);
   if (dataset.groundtruth) write_truth(dataset, mav / "state_groundtruth_estimate0");
   if (dataset.calibration.line_delay_s != 0.0)
     notes.push_back("sensor.yaml cannot store the rolling shutter; it is left out");
   write_png_frames(
       dataset, mav / "cam0" / "data",
-      [&](std::size_t i) { return std::to_string(nanoseconds(dataset.frames[i].time_s)); }, progress);
+      [&](std::size_t i) { return std::to_string(to_nanoseconds(dataset.frames[i].time_s)); }, progress);
 }
 
 }  // namespace tileflight::dataset::exports

@@ -9,6 +9,7 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
+#include "tileflight/dataset/nanoseconds.h"
 #include "tileflight/geometry/trajectory_files.h"
 #include "tileflight/imaging/calibration_checks.h"
 
@@ -29,7 +30,6 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
   const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<Frame> frames;
-  std::size_t missing = 0;
   for (int number = 1; const auto line = base::take_line(rest); ++number) {
     const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
     if (fields.empty() || fields.front().starts_with('#')) continue;
@@ -37,17 +37,9 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
     const auto time_ns = base::parse_number<std::int64_t>(fields.front());
     if (!time_ns || fields.size() != 2) throw InputError(where, "expected \"time_in_nanoseconds,file\"");
     const fs::path image = camera / "data" / fs::path(fields[1]).filename();
-    if (fs::is_regular_file(image))
-      frames.push_back({image.stem().string(), image, 1e-9 * static_cast<double>(*time_ns), 0.0});
-    else
-      ++missing;
+    frames.push_back({image.stem().string(), image, to_seconds(*time_ns), 0.0});
   }
-  if (missing > 0)
-    warnings.push_back(file.string() + ": " + std::to_string(missing) + " of " +
-                       std::to_string(missing + frames.size()) + " frames have no image and are skipped");
-  if (frames.empty()) throw InputError(file.string(), "none of its frames has an image");
-  require_increasing_times(frames, file);
-  return frames;
+  return existing_frames(std::move(frames), file, warnings);
 }
 
 /// Converts EuRoC's name of a lens model to Kalibr's.
@@ -121,8 +113,13 @@ Dataset read_euroc(const fs::path& folder, const CameraChoice& camera_choice) {
   dataset.calibration = camera_choice.calibration.empty()
                             ? read_sensor(camera / "sensor.yaml")
                             : read_chosen_calibration(camera_choice, camera / "sensor.yaml", dataset);
-  dataset.groundtruth =
-      read_truth(camera.parent_path() / "state_groundtruth_estimate0" / "data.csv", dataset.calibration.T_cam_imu);
+  const fs::path sensors = camera.parent_path();
+  for (const char* truth : {"state_groundtruth_estimate0", "mocap0"}) {  // the latter: TUM VI
+    dataset.groundtruth = read_truth(sensors / truth / "data.csv", dataset.calibration.T_cam_imu);
+    if (dataset.groundtruth) break;
+  }
+  if (const fs::path file = sensors / "imu0" / "data.csv"; fs::is_regular_file(file)) dataset.imu = file;
+  if (const fs::path file = sensors / "imu0" / "sensor.yaml"; fs::is_regular_file(file)) dataset.imu_noise = file;
   return dataset;
 }
 

@@ -22,7 +22,8 @@ const std::vector<Layout>& known_layouts() {
   static const std::vector<Layout> kLayouts{{"tum-mono", exports::write_tum_mono},
                                             {"euroc", exports::write_euroc},
                                             {"kitti", exports::write_kitti},
-                                            {"colmap", exports::write_colmap_folder}};
+                                            {"colmap", exports::write_colmap_folder},
+                                            {"vslamlab", exports::write_vslam_lab}};
   return kLayouts;
 }
 

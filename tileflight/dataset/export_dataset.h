@@ -10,7 +10,7 @@
 
 namespace tileflight::dataset {
 
-/// Names of the layouts that export_dataset writes: "tum-mono", "euroc", "kitti", "colmap".
+/// Names of the layouts that export_dataset writes: "tum-mono", "euroc", "kitti", "colmap", "vslamlab".
 const std::vector<std::string>& export_layouts();
 
 /// Result of export_dataset().
@@ -26,6 +26,9 @@ struct ExportResult {
 ///   kitti     image_0/ (PNG), times.txt, calib.txt, poses.txt (relative to the first frame's camera, as in KITTI),
 ///             velodyne/ if there are lidar scans (velodyne_export.h); pinholes only
 ///   colmap    images/ copied, sparse/0/ with COLMAP's text model of known poses, without points
+///   vslamlab  rgb_0/ (copied), rgb.csv, calibration.yaml, groundtruth.csv, imu_0.csv, depth_0/ (16-bit PNG): a
+///   sequence
+///             of VSLAM-LAB; its body is the camera; pinhole, radtan (4, 5, 8) or equidistant lens
 /// Throws InputError: an unknown layout, a lens that the layout does not support (with a remedy), a layout that needs
 /// poses for a dataset without, an existing folder unless it may be replaced (base/output_folder.h). `inputs`: files
 /// that were read in addition to the dataset.

@@ -1,5 +1,6 @@
 #include <tbb/parallel_for.h>
 
+#include <cmath>
 #include <cstdio>
 #include <mutex>
 
@@ -36,6 +37,12 @@ void copy_bytes(const fs::path& from, const fs::path& to) {
 }
 
 }  // namespace
+
+double frame_rate_hz(const Dataset& dataset) {
+  if (dataset.frames.size() < 2) return 1.0;
+  const double span_s = dataset.frames.back().time_s - dataset.frames.front().time_s;
+  return std::round(1e6 * static_cast<double>(dataset.frames.size() - 1) / span_s) / 1e6;
+}
 
 std::string frame_stem(std::size_t index) {
   char text[32];

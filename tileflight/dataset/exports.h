@@ -21,6 +21,8 @@ void write_euroc(const Dataset& dataset, const std::filesystem::path& folder, st
                  const Progress& progress);
 void write_kitti(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
                  const Progress& progress);
+void write_vslam_lab(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
+                     const Progress& progress);
 void write_colmap_folder(const Dataset& dataset, const std::filesystem::path& folder, std::vector<std::string>& notes,
                          const Progress& progress);
 
@@ -33,6 +35,9 @@ void copy_frames(const Dataset& dataset, const std::filesystem::path& folder, co
 /// As copy_frames(), but writes PNG; other formats are re-encoded.
 void write_png_frames(const Dataset& dataset, const std::filesystem::path& folder, const FrameNamer& stem_of,
                       const Progress& progress);
+
+/// Mean rate of the frames, rounded to a millionth; 1 for a single frame.
+double frame_rate_hz(const Dataset& dataset);
 
 /// "000042"
 std::string frame_stem(std::size_t index);

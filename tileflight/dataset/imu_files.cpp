@@ -9,6 +9,8 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/strict_section.h"
 #include "tileflight/base/text_fields.h"
+#include "tileflight/dataset/nanoseconds.h"
+#include "tileflight/imaging/calibration_yaml.h"
 
 namespace tileflight::dataset {
 
@@ -19,11 +21,29 @@ constexpr std::string_view kHeader =
     "s^-2],a_RS_S_z [m s^-2]";
 constexpr std::size_t kValues = 6;
 
-ImuReading parse_reading(const std::string& where, const std::vector<std::string_view>& fields) {
+/// Whether a first line holds names.
+bool is_imu_header(std::string_view line) { return line.starts_with("ts") || line.starts_with("timestamp"); }
+
+bool is_in_seconds(std::string_view header) {
+  const std::string_view time = header.substr(0, header.find(','));
+  return time.find("(s)") != std::string_view::npos || time.find("[s]") != std::string_view::npos;
+}
+
+double parse_time_s(const std::string& where, std::string_view field, bool in_seconds) {
+  if (in_seconds) {
+    const auto time_s = base::parse_number<double>(field);
+    if (time_s && std::isfinite(*time_s)) return *time_s;
+    throw InputError(where, "\"" + std::string(field) + "\" is not a time in seconds");
+  }
+  const auto time_ns = base::parse_number<std::int64_t>(field);
+  if (!time_ns) throw InputError(where, "\"" + std::string(field) + "\" is not a time in whole nanoseconds");
+  return to_seconds(*time_ns);
+}
+
+ImuReading parse_reading(const std::string& where, const std::vector<std::string_view>& fields, bool in_seconds) {
   if (fields.size() != kValues + 1)
     throw InputError(where, "expected a time and 6 numbers, found " + std::to_string(fields.size()) + " fields");
-  const auto time_ns = base::parse_number<std::int64_t>(fields[0]);
-  if (!time_ns) throw InputError(where, "\"" + std::string(fields[0]) + "\" is not a time in whole nanoseconds");
+  const double time_s = parse_time_s(where, fields[0], in_seconds);
   std::array<double, kValues> v{};
   for (std::size_t i = 0; i < kValues; ++i) {
     const auto value = base::parse_number<double>(fields[i + 1]);
@@ -31,7 +51,7 @@ ImuReading parse_reading(const std::string& where, const std::vector<std::string
       throw InputError(where, "\"" + std::string(fields[i + 1]) + "\" is not a finite number");
     v[i] = *value;
   }
-  return {1e-9 * static_cast<double>(*time_ns), {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+  return {time_s, {v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
 }
 
 double required(base::StrictSection& section, const std::string& key) {
@@ -47,11 +67,16 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
   const std::string text = base::read_text(file);
   std::string_view rest = text;
   std::vector<ImuReading> readings;
+  bool in_seconds = false;
   for (int number = 1; const auto line = base::take_line(rest); ++number) {
+    if (number == 1 && is_imu_header(*line)) {
+      in_seconds = is_in_seconds(*line);
+      continue;
+    }
     const std::vector<std::string_view> fields = base::split_fields(*line, ", \t");
     if (fields.empty() || fields.front().starts_with('#')) continue;
     const std::string where = file.string() + ": line " + std::to_string(number);
-    readings.push_back(parse_reading(where, fields));
+    readings.push_back(parse_reading(where, fields, in_seconds));
     if (readings.size() > 1 && !(readings.back().time_s > readings[readings.size() - 2].time_s))
       throw InputError(where, "the time is not after the one before it");
   }
@@ -61,7 +86,7 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
 void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings) {
   std::string text = std::string(kHeader) + "\n";
   for (const ImuReading& reading : readings) {
-    base::append_number(text, static_cast<std::int64_t>(std::llround(1e9 * reading.time_s)));
+    base::append_number(text, to_nanoseconds(reading.time_s));
     for (const geometry::Vec3& vector : {reading.angular_rate_rad_s, reading.specific_force_m_s2}) {
       for (int axis = 0; axis < 3; ++axis) {
         text += ',';
@@ -82,6 +107,30 @@ ImuCalibration read_imu_yaml(const std::filesystem::path& file) {
   calibration.gyroscope_noise_density = required(section, "gyroscope_noise_density");
   calibration.gyroscope_random_walk = required(section, "gyroscope_random_walk");
   return calibration;
+}
+
+ImuCalibration read_imu_noise(const std::filesystem::path& file) {
+  const YAML::Node root = imaging::load_calibration_yaml(file);
+  const YAML::Node imus = root.IsMap() ? root["imus"] : YAML::Node();
+  const YAML::Node imu = imus && imus.IsSequence() && imus.size() > 0 ? imus[0] : root;
+  if (!imu.IsMap()) throw InputError(file.string(), "does not describe an inertial unit");
+  const auto value = [&](std::initializer_list<const char*> names) {
+    for (const char* name : names) {
+      const YAML::Node node = imu[name];
+      if (!node) continue;
+      const auto number = imaging::yaml_scalar<double>(node, name, file.string());
+      if (!std::isfinite(number) || number < 0.0)
+        throw InputError(file.string(), "\"" + std::string(name) + "\" must be 0 or more");
+      return number;
+    }
+    throw InputError(file.string(), "has no \"" + std::string(*names.begin()) + "\" of the inertial unit");
+  };
+  // Names of Kalibr or EuRoC, of VSLAM-LAB, and of VSLAM-LAB before 2025-12 (ORB-SLAM3's).
+  return {.update_rate_hz = value({"update_rate", "rate_hz", "fps", "IMU.Frequency"}),
+          .accelerometer_noise_density = value({"accelerometer_noise_density", "sigma_a_c", "IMU.NoiseAcc"}),
+          .accelerometer_random_walk = value({"accelerometer_random_walk", "sigma_aw_c", "IMU.AccWalk"}),
+          .gyroscope_noise_density = value({"gyroscope_noise_density", "sigma_g_c", "IMU.NoiseGyro"}),
+          .gyroscope_random_walk = value({"gyroscope_random_walk", "sigma_gw_c", "IMU.GyroWalk"})};
 }
 
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration) {

@@ -23,13 +23,18 @@ struct ImuCalibration {
   double gyroscope_random_walk = 0.0;        ///< rad/s^2/sqrt(Hz)
 };
 
-/// imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. Reading
-/// throws InputError (file, line, cause): malformed or non-finite numbers, times that do not increase.
+/// imu.csv with the columns of EuRoC's imu0/data.csv: time in whole nanoseconds, angular rate, specific force. A first
+/// line of names without '#' is accepted, as VSLAM-LAB's imu_0.csv has it ("ts (ns),wx (rad s^-1), ..."); times are in
+/// seconds if it says so ("timestamp [s]"). Reading throws InputError (file, line, cause): malformed or non-finite
+/// numbers, times that do not increase.
 std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file);
 void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings);
 
 /// imu.yaml in Kalibr's format. Reading throws InputError for missing or negative numbers.
 ImuCalibration read_imu_yaml(const std::filesystem::path& file);
+/// The same of any file that states it: Kalibr's imu.yaml, EuRoC's imu0/sensor.yaml, or VSLAM-LAB's calibration.yaml in
+/// its forms. Throws InputError for missing or negative numbers.
+ImuCalibration read_imu_noise(const std::filesystem::path& file);
 void write_imu_yaml(const std::filesystem::path& file, const ImuCalibration& calibration);
 
 }  // namespace tileflight::dataset

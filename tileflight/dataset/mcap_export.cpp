@@ -95,10 +95,9 @@ class MessageSequence {
   }
 
   void add_imu() {
-    const fs::path file = dataset_.folder / "imu.csv";
-    if (!fs::is_regular_file(file)) return;
+    if (dataset_.imu.empty()) return;
     const std::uint16_t readings = channel("/imu", "sensor_msgs/msg/Imu");
-    for (const ImuReading& reading : read_imu_csv(file))
+    for (const ImuReading& reading : read_imu_csv(dataset_.imu))
       add(reading.time_s, readings, kImu, [reading](const ros::Header& head) { return ros::imu(head, reading); });
   }
 

@@ -48,6 +48,24 @@ imaging::Calibration read_chosen_camera(const CameraChoice& camera, Dataset& dat
       .calibration;
 }
 
+std::vector<Frame> existing_frames(std::vector<Frame> named, const fs::path& file, std::vector<std::string>& warnings) {
+  const std::size_t count = named.size();
+  std::erase_if(named, [](const Frame& frame) { return !fs::is_regular_file(frame.image); });
+  if (named.empty()) throw InputError(file.string(), "none of its frames has an image");
+  if (named.size() < count)
+    warnings.push_back(file.string() + ": " + std::to_string(count - named.size()) + " of " + std::to_string(count) +
+                       " frames have no image and are skipped");
+  require_increasing_times(named, file);
+  return named;
+}
+
+fs::path file_within(const fs::path& folder, std::string_view name, const std::string& where) {
+  const fs::path inside = fs::path(name).lexically_normal();
+  if (inside.empty() || inside.is_absolute() || *inside.begin() == "..")
+    throw InputError(where, "\"" + std::string(name) + "\" is not a file within the dataset's folder");
+  return folder / inside;
+}
+
 Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
   Dataset dataset;
   dataset.folder = folder;
@@ -66,24 +84,38 @@ Dataset read_images_folder(const fs::path& folder, const CameraChoice& camera) {
   if (const fs::path file = first_file(folder, {"groundtruth.txt"}); !file.empty())
     dataset.groundtruth = geometry::read_tum(file);
   if (const fs::path file = first_file(folder, {"gps.csv"}); !file.empty()) dataset.gps = read_gps_csv(file);
+  dataset.imu = first_file(folder, {"imu.csv"});
+  dataset.imu_noise = first_file(folder, {"imu.yaml"});
+  if (fs::is_directory(folder / "depth"))
+    for (Frame& frame : dataset.frames) frame.depth = first_file(folder / "depth", {(frame.id + ".exr").c_str()});
   if (const fs::path file = first_file(folder, {"dataset.yaml"}); !file.empty()) dataset.metadata = read_metadata(file);
   return dataset;
 }
 
 }  // namespace layouts
 
+bool has_foreign_layout(const fs::path& folder) {
+  return !fs::is_directory(folder / "images") && (layouts::is_vslam_lab(folder) || layouts::is_kitti(folder) ||
+                                                  layouts::is_euroc(folder) || layouts::is_tum_rgbd(folder));
+}
+
 Dataset read_dataset(const fs::path& folder, const CameraChoice& camera) {
   if (!fs::is_directory(folder)) throw InputError(folder.string(), "no such dataset folder");
   Dataset dataset;
   if (fs::is_directory(folder / "images")) {
     dataset = layouts::read_images_folder(folder, camera);
+  } else if (layouts::is_vslam_lab(folder)) {
+    dataset = layouts::read_vslam_lab(folder, camera);
   } else if (layouts::is_kitti(folder)) {
     dataset = layouts::read_kitti(folder, camera);
   } else if (layouts::is_euroc(folder)) {
     dataset = layouts::read_euroc(folder, camera);
+  } else if (layouts::is_tum_rgbd(folder)) {
+    dataset = layouts::read_tum_rgbd(folder, camera);
   } else {
     throw InputError(folder.string(),
-                     "is not a dataset folder: expected images/ (DSO), image_0/ (KITTI) or mav0/cam0/ (EuRoC) in it");
+                     "is not a dataset folder: expected images/ (DSO), image_0/ (KITTI), mav0/cam0/ (EuRoC), rgb.csv "
+                     "(VSLAM-LAB) or rgb.txt (TUM RGB-D) in it");
   }
   check_image_size(dataset);
   return dataset;

@@ -1,13 +1,15 @@
 #include "tileflight/evaluation/map_table.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <optional>
+#include <string_view>
+#include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/known_keys.h"
 #include "tileflight/evaluation/block_bootstrap.h"
 
 namespace tileflight::evaluation {
@@ -16,37 +18,34 @@ using nlohmann::json;
 
 namespace {
 
-/// A number of metrics.json that is shown in the tables.
-struct Column {
-  const char* key;    ///< in CSV and JSON, with its unit
-  const char* title;  ///< in LaTeX; null: not shown
-  json::json_pointer where;
-  int digits;
-};
+/// Keys of default_columns() that LaTeX and text show unless others are chosen.
+constexpr std::array<std::string_view, 8> kPrinted{"points",       "share_kept",       "mean_m",      "std_m",
+                                                   "floor_mean_m", "surface_median_m", "f_score_0.5", "ate_rmse_m"};
 
-const std::vector<Column>& columns() {
-  static const std::vector<Column> kColumns{
-      {"points", "Points", json::json_pointer("/map/points"), 0},
-      {"correspondences", nullptr, json::json_pointer("/map/correspondences"), 0},
-      {"share_kept", "Kept", json::json_pointer("/map/share_kept"), 3},
-      {"mean_m", "Mean, m", json::json_pointer("/map/mean"), 4},
-      {"std_m", "Std, m", json::json_pointer("/map/std"), 4},
-      {"median_m", nullptr, json::json_pointer("/map/median"), 4},
-      {"rmse_m", nullptr, json::json_pointer("/map/rmse"), 4},
-      {"floor_mean_m", "Floor, m", json::json_pointer("/map/quantization_floor/mean"), 4},
-      {"surface_median_m", "Surface, m", json::json_pointer("/surface/median"), 4},
-      {"surface_rmse_m", nullptr, json::json_pointer("/surface/rmse"), 4},
-      {"accuracy_0.5", nullptr, json::json_pointer("/surface/accuracy/0.5"), 4},
-      {"completeness_0.5", nullptr, json::json_pointer("/surface/completeness/0.5"), 4},
-      {"f_score_0.5", "F at 0.5 m", json::json_pointer("/surface/f_score/0.5"), 3},
-      {"normals_mean_abs_cos", nullptr, json::json_pointer("/surface/normals/mean_abs_cos"), 4},
-      {"entropy", nullptr, json::json_pointer("/entropy/mean"), 4},
-      {"ate_rmse_m", "ATE, m", json::json_pointer("/trajectory/ate_rmse"), 4}};
-  return kColumns;
+/// The value at a path whose parts are separated by points; keys may hold points themselves ("0.5"). Null if there is
+/// none.
+json value_at(const json& object, std::string_view path) {
+  if (!object.is_object()) return nullptr;
+  for (const auto& [key, value] : object.items()) {
+    if (path == key) return value;
+    if (!path.starts_with(key) || path[key.size()] != '.') continue;
+    const json found = value_at(value, path.substr(key.size() + 1));
+    if (!found.is_null()) return found;
+  }
+  return nullptr;
 }
 
-json at_or_null(const json& object, const json::json_pointer& where) {
-  return object.contains(where) ? object.at(where) : json(nullptr);
+/// The map's number in a column, null if it is not known. `metrics`: the map's, as JSON.
+json number_in(const TableColumn& column, const ComparedMap& map, const json& metrics) {
+  return column.path == "runs" ? json(map.runs.size()) : value_at(metrics, column.path);
+}
+
+/// Paths of all numbers in an object.
+void add_number_paths(const json& object, const std::string& before, std::vector<std::string>& paths) {
+  for (const auto& [key, value] : object.items()) {
+    if (value.is_number()) paths.push_back(before + key);
+    if (value.is_object()) add_number_paths(value, before + key + ".", paths);
+  }
 }
 
 std::string fixed(double value, int digits) {
@@ -98,20 +97,16 @@ std::string interval_tex(const std::array<double, 2>& ci) {
   return "$[" + fixed(ci[0], 4) + ", " + fixed(ci[1], 4) + "]$";
 }
 
-std::string maps_tex(const std::vector<ComparedMap>& maps) {
-  std::string head = "Map", alignment = "l";
-  for (const Column& column : columns()) {
-    if (column.title == nullptr) continue;
-    head += std::string(" & ") + column.title;
-    alignment += 'r';
-  }
+std::string maps_tex(const std::vector<ComparedMap>& maps, const std::vector<TableColumn>& columns) {
+  std::string head = "Map";
+  for (const TableColumn& column : columns) head += " & " + tex_text(column.title);
+  const std::string alignment = "l" + std::string(columns.size(), 'r');
   std::string text = "\\begin{tabular}{" + alignment + "}\n\\toprule\n" + head + " \\\\\n\\midrule\n";
   for (const ComparedMap& map : maps) {
     const json metrics = to_json(map.metrics);
     text += tex_text(map.name);
-    for (const Column& column : columns()) {
-      if (column.title) text += " & " + cell(at_or_null(metrics, column.where), column.digits, "--");
-    }
+    for (const TableColumn& column : columns)
+      text += " & " + cell(number_in(column, map, metrics), column.digits, "--");
     text += " \\\\\n";
   }
   return text + "\\bottomrule\n\\end{tabular}\n";
@@ -158,6 +153,16 @@ std::string overall_verdict(const ComparedPair& pair) {
   return pair.maps ? pair.maps->verdict.word : pair.comparison.verdict;
 }
 
+/// Indices of the pairs: all of them, or every other map with that of index `against`.
+std::vector<std::pair<std::size_t, std::size_t>> list_pairs(std::size_t maps, std::optional<std::size_t> against) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t i = 0; i < maps; ++i) {
+    if (against && i != *against) pairs.emplace_back(i, *against);
+    for (std::size_t j = i + 1; !against && j < maps; ++j) pairs.emplace_back(i, j);
+  }
+  return pairs;
+}
+
 Doubts doubts_of_both(const ComparedMap& first, const ComparedMap& second) {
   Doubts doubts;
   for (const ComparedMap* map : {&first, &second}) {
@@ -191,29 +196,79 @@ std::string metrics_tex(const std::vector<ComparedMap>& maps, const std::vector<
 
 std::vector<ComparedPair> compare_all_pairs(const std::vector<ComparedMap>& maps,
                                             const DistanceComparisonOptions& options,
-                                            const MapComparisonOptions& map_options) {
+                                            const MapComparisonOptions& map_options,
+                                            std::optional<std::size_t> against) {
   if (maps.size() < 2) throw InputError("comparison", "needs at least two maps");
   std::vector<ComparedPair> pairs;
-  const std::size_t count = maps.size() * (maps.size() - 1) / 2;
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    for (std::size_t j = i + 1; j < maps.size(); ++j) {
-      ComparedPair pair{i, j, compare_runs(maps[i].runs, maps[j].runs, options)};
-      if (!maps[i].scored.empty() && !maps[j].scored.empty())
-        pair.maps = compare_maps(maps[i].scored, maps[j].scored, map_options);
-      pair.simultaneous_ci95 = simultaneous_interval(maps[i], maps[j], count, options);
-      pair.doubts = doubts_of_both(maps[i], maps[j]);
-      pairs.push_back(std::move(pair));
-    }
+  const auto listed = list_pairs(maps.size(), against);
+  for (const auto& [i, j] : listed) {
+    ComparedPair pair{i, j, compare_runs(maps[i].runs, maps[j].runs, options)};
+    if (!maps[i].scored.empty() && !maps[j].scored.empty())
+      pair.maps = compare_maps(maps[i].scored, maps[j].scored, map_options);
+    pair.simultaneous_ci95 = simultaneous_interval(maps[i], maps[j], listed.size(), options);
+    pair.doubts = doubts_of_both(maps[i], maps[j]);
+    pairs.push_back(std::move(pair));
   }
   return pairs;
 }
 
-json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
+const std::vector<TableColumn>& default_columns() {
+  static const std::vector<TableColumn> kColumns{
+      {"runs", "Runs", "runs", 0},
+      {"points", "Points", "map.points", 0},
+      {"correspondences", "Corresp.", "map.correspondences", 0},
+      {"share_kept", "Kept", "map.share_kept", 3},
+      {"mean_m", "Mean, m", "map.mean"},
+      {"std_m", "Std, m", "map.std"},
+      {"median_m", "Median, m", "map.median"},
+      {"rmse_m", "RMSE, m", "map.rmse"},
+      {"floor_mean_m", "Floor, m", "map.quantization_floor.mean"},
+      {"surface_median_m", "Surface, m", "surface.median"},
+      {"surface_rmse_m", "Surface RMSE, m", "surface.rmse"},
+      {"accuracy_0.5", "Accuracy at 0.5 m", "surface.accuracy.0.5"},
+      {"completeness_0.5", "Completeness at 0.5 m", "surface.completeness.0.5"},
+      {"f_score_0.5", "F at 0.5 m", "surface.f_score.0.5", 3},
+      {"normals_mean_abs_cos", "Normals", "surface.normals.mean_abs_cos"},
+      {"entropy", "Entropy", "entropy.mean"},
+      {"ate_rmse_m", "ATE, m", "trajectory.ate_rmse"}};
+  return kColumns;
+}
+
+std::vector<TableColumn> printed_columns() {
+  std::vector<TableColumn> printed;
+  for (const TableColumn& column : default_columns())
+    if (std::ranges::find(kPrinted, column.key) != kPrinted.end()) printed.push_back(column);
+  return printed;
+}
+
+std::vector<TableColumn> choose_columns(const std::vector<std::string>& names, const std::vector<ComparedMap>& maps) {
+  std::vector<std::string> known, paths;
+  for (const TableColumn& column : default_columns()) known.push_back(column.key);
+  for (const ComparedMap& map : maps) add_number_paths(to_json(map.metrics), "", paths);
+  std::vector<TableColumn> chosen;
+  for (const std::string& name : names) {
+    const auto column = std::ranges::find(default_columns(), name, &TableColumn::key);
+    if (column != default_columns().end()) {
+      chosen.push_back(*column);
+    } else if (std::ranges::find(paths, name) != paths.end()) {
+      chosen.push_back({.key = name, .title = name, .path = name});
+    } else {
+      known.insert(known.end(), paths.begin(), paths.end());
+      throw InputError("column '" + name + "'", "is neither known nor a number of metrics.json; did you mean '" +
+                                                    base::nearest_key(name, known) + "'?");
+    }
+  }
+  return chosen;
+}
+
+json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs,
+             const std::vector<TableColumn>& columns) {
   json object{{"maps", json::array()}, {"pairs", json::array()}};
   for (const ComparedMap& map : maps) {
     const json metrics = to_json(map.metrics);
-    json line{{"name", map.name}, {"runs", map.runs.size()}};
-    for (const Column& column : columns()) line[column.key] = at_or_null(metrics, column.where);
+    json line{{"name", map.name}};
+    for (const auto* some : {&default_columns(), &columns})
+      for (const TableColumn& column : *some) line[column.key] = number_in(column, map, metrics);
     object["maps"].push_back(std::move(line));
   }
   for (const ComparedPair& pair : pairs) {
@@ -226,16 +281,41 @@ json to_json(const std::vector<ComparedMap>& maps, const std::vector<ComparedPai
   return object;
 }
 
-std::string maps_csv(const std::vector<ComparedMap>& maps) {
-  std::string text = "name,runs";
-  for (const Column& column : columns()) text += std::string(",") + column.key;
+std::string maps_csv(const std::vector<ComparedMap>& maps, const std::vector<TableColumn>& columns) {
+  std::string text = "name";
+  for (const TableColumn& column : columns) text += "," + csv_text(column.key);
   text += "\r\n";
   for (const ComparedMap& map : maps) {
     const json metrics = to_json(map.metrics);
-    text += csv_text(map.name) + "," + std::to_string(map.runs.size());
-    for (const Column& column : columns())
-      text += "," + cell(at_or_null(metrics, column.where), column.digits == 0 ? 0 : 6, "");
+    text += csv_text(map.name);
+    for (const TableColumn& column : columns) {
+      const json value = number_in(column, map, metrics);
+      text += "," + cell(value, column.digits == 0 || value.is_number_integer() ? 0 : 6, "");
+    }
     text += "\r\n";
+  }
+  return text;
+}
+
+std::string maps_text(const std::vector<ComparedMap>& maps, const std::vector<TableColumn>& columns) {
+  std::vector<std::vector<std::string>> rows(1, {"map"});
+  for (const TableColumn& column : columns) rows.front().push_back(column.key);
+  for (const ComparedMap& map : maps) {
+    const json metrics = to_json(map.metrics);
+    rows.push_back({map.name});
+    for (const TableColumn& column : columns) {
+      const json value = number_in(column, map, metrics);
+      rows.back().push_back(cell(value, value.is_number_integer() ? 0 : column.digits, "-"));
+    }
+  }
+  std::vector<std::size_t> widths(columns.size() + 1, 0);
+  for (const auto& row : rows)
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+  std::string text;
+  for (const auto& row : rows) {
+    text += row[0] + std::string(columns.empty() ? 0 : widths[0] - row[0].size(), ' ');
+    for (std::size_t i = 1; i < row.size(); ++i) text += std::string(2 + widths[i] - row[i].size(), ' ') + row[i];
+    text += '\n';
   }
   return text;
 }
@@ -269,8 +349,9 @@ std::string pairs_csv(const std::vector<ComparedMap>& maps, const std::vector<Co
   return text;
 }
 
-std::string tables_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs) {
-  return maps_tex(maps) + "\n" + pairs_tex(maps, pairs) + "\n" + metrics_tex(maps, pairs);
+std::string tables_tex(const std::vector<ComparedMap>& maps, const std::vector<ComparedPair>& pairs,
+                       const std::vector<TableColumn>& columns) {
+  return maps_tex(maps, columns) + "\n" + pairs_tex(maps, pairs) + "\n" + metrics_tex(maps, pairs);
 }
 
 }  // namespace tileflight::evaluation

@@ -2,9 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "tileflight/base/input_error.h"
@@ -120,6 +120,52 @@ TEST(MapTable, JsonHasMapsAndPairs) {
   EXPECT_TRUE(json.at("maps")[2].at("surface_median_m").is_null());
   EXPECT_EQ(json.at("pairs")[2].at("second"), "c");
   EXPECT_TRUE(json.at("pairs")[2].contains("mean_difference_ci95"));
+}
+
+TEST(MapTable, AgainstABaselineFiftyMapsAreFortyNinePairs) {
+  const auto maps = three_maps();
+  const auto pairs = compare_all_pairs(maps, {}, {}, 1);
+  ASSERT_EQ(pairs.size(), 2u);
+  EXPECT_EQ(pairs[0].first, 0u);
+  EXPECT_EQ(pairs[1].first, 2u);
+  for (const ComparedPair& pair : pairs) EXPECT_EQ(pair.second, 1u);
+  EXPECT_EQ(to_json(pairs[0].comparison), to_json(compare_distances(maps[0].runs[0], maps[1].runs[0])));
+  const auto all = compare_all_pairs(maps);
+  EXPECT_LT(pairs[0].simultaneous_ci95[1] - pairs[0].simultaneous_ci95[0],
+            all[0].simultaneous_ci95[1] - all[0].simultaneous_ci95[0])
+      << "fewer pairs need a smaller correction";
+  std::vector<ComparedMap> many;
+  for (int k = 0; k < 50; ++k) many.push_back(some_map(std::to_string(k), 0.5, static_cast<std::uint64_t>(k)));
+  EXPECT_EQ(compare_all_pairs(many, {.resamples = 100}, {}, 7).size(), 49u);
+}
+
+TEST(MapTable, ColumnsAreChosenByKeyOrByPath) {
+  auto maps = three_maps();
+  maps[0].metrics.map.distances.mean = 0.25;
+  const auto columns = choose_columns({"mean_m", "runs", "map.share_kept", "ate_rmse_m"}, maps);
+  const std::string csv = maps_csv(maps, columns);
+  EXPECT_THAT(csv, HasSubstr("name,mean_m,runs,map.share_kept,ate_rmse_m\r\nout/a_1,0.250000,1,0.750000,\r\n"));
+  EXPECT_THAT(tables_tex(maps, {}, columns), HasSubstr("Map & Mean, m & Runs & map.share\\_kept & ATE, m \\\\"));
+  EXPECT_THAT(tables_tex(maps, {}, columns), HasSubstr("out/a\\_1 & 0.2500 & 1 & 0.7500 & -- \\\\"));
+  EXPECT_EQ(to_json(maps, {}, columns)["maps"][0]["map.share_kept"], 0.75);
+  EXPECT_THAT(
+      [&] {
+        choose_columns({"mean_m", "ate_rsme"}, maps);
+      },
+      ThrowsMessage<InputError>(HasSubstr("column 'ate_rsme': is neither known nor a number of metrics.json; "
+                                          "did you mean 'ate_rmse_m'?")));
+  EXPECT_THAT([&] { choose_columns({"map.meen"}, maps); }, ThrowsMessage<InputError>(HasSubstr("'map.mean'?")));
+}
+
+TEST(MapTable, TextIsAligned) {
+  auto maps = three_maps();
+  for (ComparedMap& map : maps) map.metrics.map.distances.mean = 12.5;
+  const std::string text = maps_text(maps, choose_columns({"mean_m", "points", "entropy"}, maps));
+  EXPECT_EQ(text,
+            "map           mean_m  points  entropy\n"
+            "out/a_1      12.5000     400        -\n"
+            "b, \"second\"  12.5000     400        -\n"
+            "c            12.5000     400        -\n");
 }
 
 TEST(MapTable, RefusesBadInput) {

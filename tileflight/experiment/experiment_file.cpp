@@ -33,16 +33,18 @@ std::string read_source(StrictSection& section, const std::string& key) {
   return is_path ? (section.file().parent_path() / *text).lexically_normal().string() : *text;
 }
 
-SiteConfig read_place(StrictSection section) {
-  SiteConfig place;
-  place.source = read_source(section, "source");
-  if (place.source.empty()) throw section.error("source", "is missing: the tileset, e.g. `source: tiles/tileset.json`");
+void read_site_keys(StrictSection& section, SiteConfig& place) {
+  if (section.has("center") || section.has("center_local")) {
+    place.center.reset();  // a site of its own
+    place.center_local.reset();
+    place.size.reset();
+  }
   if (const auto v = section.numbers("center", 2, 3)) place.center = geodetic(section, "center", *v);
   if (const auto v = section.numbers("center_local", 3, 3)) place.center_local = vec3(*v);
   if (const auto v = section.numbers("size", 3, 3)) place.size = vec3(*v);
   if (const auto v = section.numbers("origin", 3, 3)) place.origin = geodetic(section, "origin", *v);
-  place.error_m = section.number("error").value_or(0.0);
-  place.terms_accepted = section.boolean("terms_accepted").value_or(false);
+  place.error_m = section.number("error").value_or(place.error_m);
+  place.terms_accepted = section.boolean("terms_accepted").value_or(place.terms_accepted);
   place.view_margin_m = section.number("view_margin").value_or(place.view_margin_m);
   if (place.view_margin_m < 0) throw section.error("view_margin", "must not be negative");
   place.texture_scale = section.positive_number("texture_scale").value_or(place.texture_scale);
@@ -52,6 +54,13 @@ SiteConfig read_place(StrictSection section) {
     throw section.error("size", "goes together with 'center' or 'center_local'");
   }
   section.require_all_keys_used();
+}
+
+SiteConfig read_place(StrictSection section) {
+  SiteConfig place;
+  place.source = read_source(section, "source");
+  if (place.source.empty()) throw section.error("source", "is missing: the tileset, e.g. `source: tiles/tileset.json`");
+  read_site_keys(section, place);
   return place;
 }
 
@@ -114,40 +123,6 @@ std::string meaning_without(const StrictSection& section, const std::vector<std:
     if (std::ranges::find(left_out, key) == left_out.end()) text += key + ": " + section.canonical_value(key) + "\n";
   }
   return text;
-}
-
-Variant read_variant(StrictSection section, const survey::RenderedFlightConfig& flight) {
-  Variant variant{.name = section.text("name").value_or(""), .render = flight, .texture_scale = {}, .yaml_text = {}};
-  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
-  if (variant.name.empty() || !std::ranges::all_of(variant.name, is_plain))
-    throw section.error("name", "is required and may hold letters, digits, '-' and '_' only: it names a folder");
-  if (section.has("flight")) {
-    variant.render.flight = required_path(section, "flight");
-    variant.render.follows_real = false;
-  }
-  if (section.has("camera")) variant.render.camera = required_path(section, "camera");
-  read_resolution(section, variant.render);
-  variant.render.samples_per_pixel = section.integer("samples_per_pixel").value_or(flight.samples_per_pixel);
-  if (section.has("texture_scale")) variant.texture_scale = section.positive_number("texture_scale").value_or(1.0);
-  if (auto degrade = section.section("degrade")) {
-    variant.render.video.reset();
-    read_degrade(*degrade, variant.render);
-  }
-  section.require_all_keys_used();
-  variant.yaml_text = meaning_without(section, {"name"});
-  return variant;
-}
-
-std::vector<Variant> read_variants(StrictSection& root, const std::optional<FlightConfig>& simulated) {
-  std::vector<Variant> variants;
-  for (StrictSection& section : root.sections("variants")) {
-    if (!simulated || !simulated->render) throw root.error("variants", "need a rendered 'simulated' flight");
-    variants.push_back(read_variant(section, *simulated->render));
-    for (std::size_t i = 0; i + 1 < variants.size(); ++i)
-      if (variants[i].name == variants.back().name)
-        throw root.error("variants", "two variants are called '" + variants[i].name + "'");
-  }
-  return variants;
 }
 
 survey::IngestedFlightConfig read_ingest(StrictSection section) {
@@ -214,6 +189,86 @@ OdometryConfig read_odometry(StrictSection section) {
   return odometry;
 }
 
+/// The number of runs does not affect the individual runs.
+std::string odometry_text(const StrictSection& section) {
+  return meaning_without(section, {"runs", "later", "backwards"});
+}
+
+/// What of a variant is read as a section of the experiment.
+const std::vector<std::string> kVariantSections{"name", "place", "voxel", "odometry", "seed"};
+
+/// A place of its own, or the experiment's with changes; the built-in place keeps its seed.
+SiteConfig read_variant_place(StrictSection section, const SiteConfig& place) {
+  SiteConfig changed = place;
+  if (section.has("source")) {
+    changed = read_place(section);
+    changed.seed = place.seed;
+    return changed;
+  }
+  read_site_keys(section, changed);
+  return changed;
+}
+
+/// Changes to the rendered flight.
+void read_flight_changes(StrictSection& section, Variant& variant) {
+  if (section.has("flight")) {
+    variant.render.flight = required_path(section, "flight");
+    variant.render.follows_real = false;
+  }
+  if (section.has("camera")) variant.render.camera = required_path(section, "camera");
+  read_resolution(section, variant.render);
+  variant.render.samples_per_pixel = section.integer("samples_per_pixel").value_or(variant.render.samples_per_pixel);
+  if (section.has("texture_scale")) variant.texture_scale = section.positive_number("texture_scale").value_or(1.0);
+  if (auto degrade = section.section("degrade")) {
+    variant.render.video.reset();
+    read_degrade(*degrade, variant.render);
+  }
+}
+
+/// Changes to the other sections of the experiment.
+void read_section_changes(StrictSection& section, const Experiment& experiment, Variant& variant) {
+  if (auto place = section.section("place")) {
+    if (place->has("source")) variant.render.source.clear();  // tiles of the flight's own were of the other place
+    variant.sections["place"] = (place->has("source") ? "" : experiment.sections.at("place") + "\nchanges:\n") +
+                                section.canonical_value("place");
+    variant.place = read_variant_place(*place, experiment.place);
+  }
+  if (auto odometry = section.section("odometry")) {
+    variant.sections["odometry"] = odometry_text(*odometry);
+    variant.odometry = read_odometry(*odometry);
+  }
+  variant.voxel_m = section.positive_number("voxel");
+  if (const auto seed = section.integer("seed")) variant.seed = static_cast<std::uint64_t>(*seed);
+}
+
+Variant read_variant(StrictSection section, const Experiment& experiment) {
+  Variant variant{.name = section.text("name").value_or(""),
+                  .render = *experiment.simulated->render,
+                  .texture_scale = {},
+                  .yaml_text = {}};
+  const auto is_plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; };
+  if (variant.name.empty() || !std::ranges::all_of(variant.name, is_plain))
+    throw section.error("name", "is required and may hold letters, digits, '-' and '_' only: it names a folder");
+  read_flight_changes(section, variant);
+  read_section_changes(section, experiment, variant);
+  section.require_all_keys_used();
+  variant.yaml_text = meaning_without(section, kVariantSections);
+  return variant;
+}
+
+std::vector<Variant> read_variants(StrictSection& root, const Experiment& experiment) {
+  std::vector<Variant> variants;
+  for (StrictSection& section : root.sections("variants")) {
+    if (!experiment.simulated || !experiment.simulated->render)
+      throw root.error("variants", "need a rendered 'simulated' flight");
+    variants.push_back(read_variant(section, experiment));
+    for (std::size_t i = 0; i + 1 < variants.size(); ++i)
+      if (variants[i].name == variants.back().name)
+        throw root.error("variants", "two variants are called '" + variants[i].name + "'");
+  }
+  return variants;
+}
+
 }  // namespace
 
 void read_degrade(StrictSection& section, survey::RenderedFlightConfig& flight) {
@@ -241,18 +296,17 @@ Experiment read_experiment(const fs::path& file) {
   if (!place)
     throw root.error("place", "is missing: the place to fly over, e.g. `place: {source: tiles/tileset.json}`");
   experiment.place = read_place(*place);
+  experiment.place.seed = experiment.seed;
   if (auto truth = root.section("truth")) experiment.truth = read_truth(*truth);
   if (auto flight = root.section("simulated")) experiment.simulated = read_flight(*flight, "simulated");
   if (auto flight = root.section("real")) experiment.real = read_flight(*flight, "video");
-  experiment.variants = read_variants(root, experiment.simulated);
   if (auto odometry = root.section("odometry")) experiment.odometry = read_odometry(*odometry);
   if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment_options(*alignment);
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation_settings(*evaluation);
-  root.require_all_keys_used();
   for (const std::string& key : root.keys()) experiment.sections[key] = root.canonical_value(key);
-  // The number of runs does not affect the individual runs.
-  if (const auto odometry = root.section("odometry"))
-    experiment.sections["odometry"] = meaning_without(*odometry, {"runs", "later", "backwards"});
+  if (const auto odometry = root.section("odometry")) experiment.sections["odometry"] = odometry_text(*odometry);
+  experiment.variants = read_variants(root, experiment);
+  root.require_all_keys_used();
   if (experiment.real && experiment.real->render && experiment.real->render->follows_real)
     throw root.error("real", "cannot follow itself; 'follow: real' is for 'simulated'");
   const bool follows =

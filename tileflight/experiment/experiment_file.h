@@ -33,6 +33,7 @@ struct SiteConfig {
       origin;  ///< origin: [lat, lon, height] of the local frame, or of a tileset without georeference
   double view_margin_m = 250.0;  ///< view_margin: visible margin of the place around the region
   double texture_scale = 1.0;    ///< texture_scale: of the built-in place (smaller: faster, blurrier)
+  std::uint64_t seed = 1;        ///< of the built-in place: the experiment's, also in a variant with another
   bool terms_accepted = false;   ///< terms_accepted: an agreement permits what the provider's terms forbid
 };
 
@@ -49,15 +50,6 @@ struct FlightConfig {
   std::optional<survey::IngestedFlightConfig> ingest;
 };
 
-/// Section `variants:`: the simulated flight with changes. Keys: name, flight, camera, resolution, samples_per_pixel,
-/// degrade (replaces the flight's), texture_scale.
-struct Variant {
-  std::string name;                     ///< letters, digits, '-' and '_'; also the folder's name
-  survey::RenderedFlightConfig render;  ///< the simulated flight's settings with the changes
-  std::optional<double> texture_scale;
-  std::string yaml_text;  ///< YAML text, to detect changes
-};
-
 /// Section `odometry:`: settings of the built-in odometry, or an external program.
 struct OdometryConfig {
   odometry::OdometryOptions options;
@@ -69,6 +61,21 @@ struct OdometryConfig {
   int runs = 1;                 ///< runs: number of times each flight is tracked, each with the next seed
   int start_offset_frames = 0;  ///< number of frames by which each run starts later than the one before
   bool backwards = false;       ///< backwards: each run is repeated with the frames in reverse order
+};
+
+/// Section `variants:`: the simulated flight with changes. Keys: name, flight, camera, resolution, samples_per_pixel,
+/// degrade (replaces the flight's), texture_scale; place (a whole one if it has a source, else keys that replace those
+/// of the experiment's), voxel, odometry (replaces the experiment's), seed.
+struct Variant {
+  std::string name;                     ///< letters, digits, '-' and '_'; also the folder's name
+  survey::RenderedFlightConfig render;  ///< the simulated flight's settings with the changes
+  std::optional<double> texture_scale;
+  std::optional<SiteConfig> place{};  ///< with what it does not change
+  std::optional<double> voxel_m{};
+  std::optional<OdometryConfig> odometry{};
+  std::optional<std::uint64_t> seed{};
+  std::string yaml_text;                          ///< YAML text of the changes to the flight, to detect changes
+  std::map<std::string, std::string> sections{};  ///< texts of `place` and `odometry`, to detect changes
 };
 
 /// Contents of EXPERIMENT.yaml, with paths resolved (relative to the file) and `${VAR}` substituted.

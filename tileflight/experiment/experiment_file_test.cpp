@@ -59,6 +59,65 @@ TEST_F(ExperimentFile, AFollowedPathIsSmoothedUnlessToldOtherwise) {
   EXPECT_THAT(fault(", smooth: 0", ""), HasSubstr("must be 'auto', 'none' or the seconds"));
 }
 
+/// An experiment with this entry under `variants`.
+class Variants : public ExperimentFile {
+ protected:
+  Experiment with(const std::string& variant) const {
+    base::write_file(folder_ / "flight.yaml", "");
+    base::write_file(folder_ / "variants.yaml",
+                     "seed: 3\nplace: {source: tileset.json, center_local: [1, 2, 3], size: [4, 5, 6], error: 0.5}\n"
+                     "truth: {voxel: 2}\nsimulated:\n  render: {flight: flight.yaml, source: stadium:world}\n"
+                     "odometry: {colmap: true, runs: 2}\nvariants:\n  - {name: v, " +
+                         variant + "}\n");
+    return read_experiment(folder_ / "variants.yaml");
+  }
+  Variant read_variant(const std::string& keys) const { return with(keys).variants.at(0); }
+  std::string refused(const std::string& keys) const {
+    return tests::refusal_of([&] { with(keys); });
+  }
+};
+
+TEST_F(Variants, APlaceWithASourceIsAWholeOneElseItsKeysAreChanges) {
+  const Variant coarser = read_variant("place: {error: 2}");
+  ASSERT_TRUE(coarser.place);
+  EXPECT_EQ(coarser.place->error_m, 2.0);
+  EXPECT_EQ(coarser.place->size, geometry::Vec3(4, 5, 6));
+  EXPECT_EQ(coarser.render.source, "stadium:world");
+  EXPECT_NE(coarser.sections.at("place"), with("seed: 1").sections.at("place"));
+  const Variant other = read_variant("place: {source: stadium:twin}");
+  EXPECT_EQ(other.place->source, "stadium:twin");
+  EXPECT_EQ(other.place->error_m, 0.0);
+  EXPECT_FALSE(other.place->size);
+  EXPECT_EQ(other.place->seed, 3U);
+  EXPECT_EQ(other.render.source, "") << "the flight's own tiles were of the other place";
+  const Variant moved = read_variant("place: {center: [10, 20], size: [7, 8, 9]}");
+  EXPECT_FALSE(moved.place->center_local);
+  EXPECT_EQ(moved.place->center->latitude_deg, 10.0);
+}
+
+TEST_F(Variants, VoxelOdometryAndSeedAreChanged) {
+  const Variant variant = read_variant("voxel: 0.25, seed: 8, odometry: {command: 'slam {dataset} {out}'}");
+  EXPECT_EQ(variant.voxel_m, 0.25);
+  EXPECT_EQ(variant.seed, 8U);
+  EXPECT_EQ(variant.odometry->command, "slam {dataset} {out}");
+  EXPECT_FALSE(variant.odometry->track_options.colmap) << "the section replaces the experiment's";
+  EXPECT_EQ(variant.odometry->runs, 1);
+  EXPECT_EQ(variant.yaml_text, "") << "the flight is the same";
+  EXPECT_EQ(read_variant("odometry: {runs: 5}").sections.at("odometry"),
+            read_variant("odometry: {runs: 1}").sections.at("odometry"));
+  EXPECT_NE(read_variant("resolution: [64, 48], seed: 8").yaml_text, "");
+}
+
+TEST_F(Variants, UnknownKeysNameTheNearest) {
+  EXPECT_THAT(refused("voxl: 2"), HasSubstr("voxel"));
+  EXPECT_THAT(refused("odometry: {comand: x}"), HasSubstr("command"));
+  EXPECT_THAT(refused("place: {eror: 2}"), HasSubstr("error"));
+  EXPECT_THAT(refused("voxel: 0"), HasSubstr("voxel"));
+  EXPECT_THAT(refused("seed: one"), HasSubstr("seed"));
+  EXPECT_THAT(refused("place: {center: [1, 2]}"), HasSubstr("goes together with"));
+  EXPECT_THAT(refused("place: tiles"), HasSubstr("place"));
+}
+
 TEST_F(ExperimentFile, ACameraOfSeveralIsNamed) {
   EXPECT_EQ(ingest("").camera_id, "");
   EXPECT_EQ(ingest(", camera_id: cam1").camera_id, "cam1");

@@ -1,8 +1,7 @@
 #include "tileflight/experiment/pipeline.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -77,17 +76,21 @@ Experiment Pipeline::make_variant(const Variant& variant) const {
   changed.simulated->render = variant.render;
   changed.real.reset();
   changed.variants.clear();
-  changed.sections["simulated"] += "\n" + variant.yaml_text;
+  // Sections without a change keep their text, so that their stages have the keys of this run's and are taken over.
+  if (!variant.yaml_text.empty()) changed.sections["simulated"] += "\n" + variant.yaml_text;
   if (changed.simulated->render->follows_real) {
     changed.simulated->render->follows_real = false;
     changed.simulated->render->flight = folder_ / "simulated/flight/flight.yaml";
   }
-  if (variant.texture_scale) {
-    changed.place.texture_scale = *variant.texture_scale;
-    return changed;
+  if (variant.place) changed.place = *variant.place;
+  if (variant.texture_scale) changed.place.texture_scale = *variant.texture_scale;
+  if (variant.voxel_m && *variant.voxel_m != changed.truth.voxel_m) {
+    changed.truth.voxel_m = *variant.voxel_m;
+    changed.sections["truth"] += "\nvoxel: " + std::to_string(*variant.voxel_m);
   }
-  changed.place.source = resolve_source(changed.place.source);  // the built-in place is built only once
-  changed.simulated->render->source = resolve_source(changed.simulated->render->source);
+  if (variant.odometry) changed.odometry = *variant.odometry;
+  if (variant.seed) changed.seed = *variant.seed;
+  for (const auto& [name, text] : variant.sections) changed.sections[name] = text;
   return changed;
 }
 
@@ -135,8 +138,8 @@ void Pipeline::build_place(const Progress& progress) const {
                                   .inputs = {},
                                   .legacy = stadium::legacy_stadium_folder()};
   base::write_folder(output, [&](const fs::path& temporary) {
-    stadium::write_stadium(temporary, {.seed = experiment_.seed, .texture_scale = experiment_.place.texture_scale},
-                           progress);
+    stadium::write_stadium(
+        temporary, {.seed = experiment_.place.seed, .texture_scale = experiment_.place.texture_scale}, progress);
   });
 }
 
@@ -215,7 +218,7 @@ survey::RenderSettings Pipeline::render_settings(const FlightStages& flight) con
 }
 
 json Pipeline::place_inputs() const {
-  return {{"seed", experiment_.seed}, {"texture_scale", experiment_.place.texture_scale}};
+  return {{"seed", experiment_.place.seed}, {"texture_scale", experiment_.place.texture_scale}};
 }
 
 json Pipeline::truth_inputs() const {

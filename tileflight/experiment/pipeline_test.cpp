@@ -87,6 +87,7 @@ class PipelineTest : public testing::Test {
         pass(r.name + "/evaluation", p.evaluation_inputs(r));
       }
     }
+    if (!experiment.simulated || !experiment.real) return keys;  // a variant
     pass("comparison", p.comparison_inputs());
     pass("failure", p.failure_inputs());
     return keys;
@@ -238,11 +239,46 @@ TEST_F(PipelineTest, AVariantIsTheSimulatedFlightWithItsChangeOverTheSamePlace) 
   EXPECT_EQ(small.name, "test/small");
   EXPECT_FALSE(small.real);
   EXPECT_THAT(small.variants, IsEmpty());
-  EXPECT_EQ(small.place.source, (folder_ / "run/place/twin/tileset.json").string()) << "it is not built again";
   EXPECT_NE(small.sections.at("simulated"), e.sections.at("simulated"));
-  EXPECT_EQ(coarse.place.source, "stadium:twin") << "it is built with other textures";
   EXPECT_EQ(coarse.place.texture_scale, 0.25);
   EXPECT_EQ(e.place.texture_scale, 1.0);
+  EXPECT_EQ(keys(small).at("place"), keys(e).at("place")) << "it is not built again";
+  EXPECT_EQ(keys(small).at("truth"), keys(e).at("truth"));
+  EXPECT_NE(keys(coarse).at("place"), keys(e).at("place")) << "it is built with other textures";
+}
+
+// A variant takes over the stages whose keys are those of the experiment, so these alone may be equal.
+TEST_F(PipelineTest, AVariantHasAnOwnStageWhereItDiffers) {
+  fs::create_directories(folder_ / "other");
+  write("other/tileset.json", "{\"other\": 1}");
+  edit("experiment.yaml", "truth:", R"(variants:
+  - {name: nothing}
+  - {name: more-runs, odometry: {mask: mask.png, runs: 3}}
+  - {name: other-odometry, odometry: {points_per_keyframe: 500}}
+  - {name: finer, voxel: 0.5}
+  - {name: same-voxel, voxel: 1}
+  - {name: noise, seed: 2}
+  - {name: coarser-tiles, place: {error: 4}}
+  - {name: elsewhere, place: {source: other, center_local: [0, 0, 0], size: [10, 10, 10]}}
+  - {name: small, resolution: [80, 60]}
+truth:)");
+  const StageCache cache(folder_ / "run", "program");
+  const Experiment e = experiment();
+  const Pipeline p(e, folder_ / "run", cache);
+  const auto of_experiment = keys(e);
+  std::map<std::string, Names> own;
+  for (const Variant& variant : e.variants)
+    for (const auto& [stage, key] : keys(p.make_variant(variant)))
+      if (stage.starts_with("truth") || stage == "simulated/dataset" || stage == "simulated/odometry")
+        if (of_experiment.at(stage) != key) own[variant.name].insert(stage);
+  EXPECT_THAT(own["nothing"], IsEmpty());
+  EXPECT_THAT(own["more-runs"], IsEmpty()) << "the first run is the same";
+  EXPECT_THAT(own["same-voxel"], IsEmpty());
+  EXPECT_EQ(own["other-odometry"], (Names{"simulated/odometry"}));
+  EXPECT_EQ(own["noise"], (Names{"simulated/dataset", "simulated/odometry"}));
+  EXPECT_EQ(own["small"], (Names{"simulated/dataset", "simulated/odometry"}));
+  for (const char* name : {"finer", "coarser-tiles", "elsewhere"})
+    EXPECT_EQ(own[name], (Names{"truth", "simulated/dataset", "simulated/odometry"})) << name;
 }
 
 TEST_F(PipelineTest, FilesThatAreGoneAreNamed) {

@@ -11,15 +11,16 @@ namespace tileflight::experiment {
 
 /// Options of run().
 struct RunOptions {
-  bool rerun_all = false;  ///< execute all stages again; earlier results are kept until they are replaced
-  StageListener listener;  ///< notified of each stage
+  bool rerun_all = false;         ///< execute all stages again; earlier results are kept until they are replaced
+  StageListener listener;         ///< notified of each stage
+  std::filesystem::path elder{};  ///< run folder of which this is a variant (StageCache); empty: none
   /// Only the place, its truth and the flights' datasets; without results and report. Odometry and alignment of the
   /// second flight are included if the simulated one follows it.
   bool until_datasets = false;
 };
 
-/// Executes the complete experiment in `folder`: results.json (returned; null until_datasets) and report.html. Stages whose inputs have not
-/// changed are skipped; an interrupted run continues and reuses its rendered frames. Throws InputError, also if the
+/// Executes the complete experiment in `folder`: results.json (returned; null until_datasets) and report.html. Stages
+/// whose inputs have not changed are skipped; an interrupted run continues and reuses its rendered frames. Throws InputError, also if the
 /// folder holds something else or is in use by another process.
 nlohmann::json run(const Experiment& experiment, const std::filesystem::path& folder, const Progress& progress = {},
                    const RunOptions& options = {});

@@ -1,12 +1,13 @@
 #include "tileflight/experiment/stage_cache.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <chrono>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/folder_marker.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -16,29 +17,77 @@ bool all_exist(const fs::path& folder, const std::vector<std::string>& products)
   return std::all_of(products.begin(), products.end(), [&](const std::string& p) { return fs::exists(folder / p); });
 }
 
+/// stages/a-b.json for "a/b".
+fs::path record_path(const fs::path& run_folder, const std::string& name) {
+  std::string file = name;
+  std::replace(file.begin(), file.end(), '/', '-');
+  return run_folder / "stages" / (file + ".json");
+}
+
+/// An unreadable record counts as missing: the stage runs again.
+nlohmann::json record_in(const fs::path& file) {
+  if (!fs::exists(file)) return nullptr;
+  return nlohmann::json::parse(base::read_text(file), nullptr, false);
+}
+
+bool is_record_of(const nlohmann::json& record, const std::string& key) {
+  return record.is_object() && record.value("key", nlohmann::json()) == key;
+}
+
+/// Fills an empty folder with links to the files of another.
+void link_files(const fs::path& from, const fs::path& to) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(from)) {
+    const fs::path target = to / entry.path().filename();
+    std::error_code fault;
+    if (entry.is_symlink()) {
+      fs::copy_symlink(entry.path(), target, fault);
+    } else if (entry.is_directory()) {
+      fs::create_directory(target, fault);
+      if (!fault) link_files(entry.path(), target);
+    } else {
+      fs::create_hard_link(entry.path(), target, fault);
+      if (fault) fs::copy_file(entry.path(), target, fault);
+    }
+    if (fault) throw InputError(target.string(), "cannot be written: " + fault.message());
+  }
+}
+
 }  // namespace
 
-StageCache::StageCache(fs::path run_folder, std::string program, fs::path hashes, StageListener listener)
+StageCache::StageCache(fs::path run_folder, std::string program, fs::path hashes, StageListener listener,
+                       fs::path elder)
     : run_folder_(std::move(run_folder)),
       program_(std::move(program)),
       hashes_(std::move(hashes)),
-      listener_(std::move(listener)) {
+      listener_(std::move(listener)),
+      elder_(std::move(elder)) {
   std::error_code fault;
   fs::create_directories(run_folder_ / "stages", fault);
   if (fault) throw InputError((run_folder_ / "stages").string(), "cannot make the folder: " + fault.message());
 }
 
-fs::path StageCache::record_file(const std::string& name) const {
-  std::string file = name;
-  std::replace(file.begin(), file.end(), '/', '-');
-  return run_folder_ / "stages" / (file + ".json");
-}
+fs::path StageCache::record_file(const std::string& name) const { return record_path(run_folder_, name); }
 
-nlohmann::json StageCache::read_record(const std::string& name) const {
-  const fs::path file = record_file(name);
-  if (!fs::exists(file)) return nullptr;
-  // An unreadable record counts as missing: the stage runs again.
-  return nlohmann::json::parse(base::read_text(file), nullptr, false);
+nlohmann::json StageCache::read_record(const std::string& name) const { return record_in(record_file(name)); }
+
+bool StageCache::take_over(const std::string& name, const std::string& key, const std::vector<std::string>& products) {
+  if (elder_.empty() || products.empty()) return false;
+  const nlohmann::json record = record_in(record_path(elder_, name));
+  const auto is_folder = [&](const std::string& product) { return fs::is_directory(elder_ / product); };
+  if (!is_record_of(record, key) || !std::ranges::all_of(products, is_folder)) return false;
+  for (const std::string& product : products) {
+    fs::create_directories((run_folder_ / product).parent_path());
+    const auto marker = base::read_folder_marker(elder_ / product);
+    const base::OutputFolder output{.folder = run_folder_ / product,
+                                    .command = marker ? marker->command : "run",
+                                    .replace = true,
+                                    .inputs = {},
+                                    .legacy = {}};
+    base::write_folder(output, [&](const fs::path& temporary) { link_files(elder_ / product, temporary); });
+  }
+  done_[name] = record;
+  base::write_file(record_file(name), record.dump(2) + "\n");
+  return true;
 }
 
 void StageCache::notify(const std::string& stage, StageEvent::Kind what, double seconds) const {
@@ -50,13 +99,17 @@ bool StageCache::run_stage(const std::string& name, const nlohmann::json& inputs
   hashes_.save();  // saved before the work, which may take hours
   const std::string key = base::sha256_hex(program_ + "\n" + inputs.dump());
   const nlohmann::json record = read_record(name);
-  if (record.is_object() && record.value("key", nlohmann::json()) == key && all_exist(run_folder_, products)) {
+  if (is_record_of(record, key) && all_exist(run_folder_, products)) {
     done_[name] = record;
     notify(name, StageEvent::Kind::kUnchanged);
     return false;
   }
   std::error_code ignored;
   fs::remove(record_file(name), ignored);
+  if (take_over(name, key, products)) {
+    notify(name, StageEvent::Kind::kUnchanged);
+    return false;
+  }
 
   notify(name, StageEvent::Kind::kBegins);
   const auto start = std::chrono::steady_clock::now();

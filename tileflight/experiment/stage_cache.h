@@ -26,12 +26,15 @@ using StageListener = std::function<void(const StageEvent&)>;
 class StageCache {
  public:
   /// `program`: identifies the code that computes the results; it is part of every key. `hashes`: file for cached file
-  /// hashes; empty: none.
+  /// hashes; empty: none. `elder`: run folder of which this one is a variant; empty: none.
   StageCache(std::filesystem::path run_folder, std::string program, std::filesystem::path hashes = {},
-             StageListener listener = {});
+             StageListener listener = {}, std::filesystem::path elder = {});
 
   /// Runs `work` unless a record with the same inputs and all `products` (relative to the run folder) exist. Products
-  /// from other inputs are replaced by the work; they are kept until then, and if it fails. Returns whether `work` ran.
+  /// from other inputs are replaced by the work; they are kept until then, and if it fails. A stage whose products are
+  /// folders is taken over from the elder run if that did it with the same inputs: the files are hard links (copies
+  /// where the file system has none), and writers replace files, so neither run changes the other's. Returns whether
+  /// `work` ran.
   bool run_stage(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
                  const std::function<void()>& work);
 
@@ -50,12 +53,14 @@ class StageCache {
  private:
   std::filesystem::path record_file(const std::string& name) const;
   nlohmann::json read_record(const std::string& name) const;
+  bool take_over(const std::string& name, const std::string& key, const std::vector<std::string>& products);
   void notify(const std::string& stage, StageEvent::Kind what, double seconds = 0.0) const;
 
   std::filesystem::path run_folder_;
   std::string program_;
   FileHashCache hashes_;
   StageListener listener_;
+  std::filesystem::path elder_;
   std::map<std::string, nlohmann::json> done_;
 };
 

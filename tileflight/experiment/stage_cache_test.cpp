@@ -2,9 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
@@ -105,6 +105,41 @@ TEST_F(Stages, AreForgottenWithThoseOfVariantsAndTheirProductsStay) {
   StageCache next = cache();
   EXPECT_TRUE(once(next, "x"));
   EXPECT_TRUE(StageCache(folder_ / "run/variants/v", "program").run_stage("c", {}, {}, [] {}));
+}
+
+TEST_F(Stages, AVariantTakesOverWhatIsEqual) {
+  int works = 0;
+  const auto stage = [&](StageCache& in, const std::string& input) {
+    return in.run_stage("a/b", {{"input", input}}, {"a/folder"}, [&] {
+      ++works;
+      base::write_folder(in.run_folder() / "a/folder", true, [&](const fs::path& temporary) {
+        fs::create_directories(temporary / "part");
+        base::write_file(temporary / "part/file", input);
+      });
+    });
+  };
+  StageCache elder = cache();
+  stage(elder, "x");
+  once(elder, "x", "c");  // its product is a file, and others may lie beside it
+  const fs::path run = folder_ / "run/variants/v";
+  StageCache variant(run, "program", {}, {}, folder_ / "run");
+  EXPECT_FALSE(stage(variant, "x"));
+  EXPECT_EQ(works, 1);
+  EXPECT_TRUE(fs::equivalent(run / "a/folder/part/file", folder_ / "run/a/folder/part/file"));
+  EXPECT_EQ(variant.key("a/b"), elder.key("a/b"));
+  EXPECT_TRUE(variant.run_stage("c", {{"input", "x"}}, {"product"}, [&] { base::write_file(run / "product", "x"); }));
+
+  StageCache later(run, "program", {}, {}, folder_ / "run");
+  EXPECT_FALSE(stage(later, "x")) << "it is the variant's own now";
+  EXPECT_TRUE(stage(later, "y")) << "what differs is done";
+  EXPECT_EQ(base::read_text(run / "a/folder/part/file"), "y");
+  EXPECT_EQ(base::read_text(folder_ / "run/a/folder/part/file"), "x") << "the elder run keeps its own";
+  StageCache again(run, "program", {}, {}, folder_ / "run");
+  EXPECT_FALSE(stage(again, "x")) << "and gives it again";
+  EXPECT_EQ(base::read_text(run / "a/folder/part/file"), "x");
+  fs::remove_all(folder_ / "run/a");
+  StageCache alone(run, "other program", {}, {}, folder_ / "run");
+  EXPECT_TRUE(stage(alone, "x"));
 }
 
 TEST_F(Stages, ContentDecides) {

@@ -12,13 +12,14 @@
 namespace tileflight::imaging {
 
 /// Calibration file formats supported by read_calibration.
-enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso };
+enum class CalibrationFormat { kKalibr, kOpenCv, kColmap, kDso, kVslamLab };
 
 /// Detects the format from the text; nullopt for an unknown format. A detected file may still be malformed.
 std::optional<CalibrationFormat> detect_calibration_format(std::string_view text);
 
 /// Names of the cameras in a calibration file: cam0, cam1, ... of Kalibr's camchain, CAMERA_IDs of COLMAP's
-/// cameras.txt, in file order; empty for formats that hold one unnamed camera. Throws InputError.
+/// cameras.txt, rgb_0, rgb_1, ... of VSLAM-LAB, in file order; empty for formats that hold one unnamed camera. Throws
+/// InputError.
 std::vector<std::string> camera_ids(const std::filesystem::path& file);
 
 /// Reads the camera of this name; an empty name selects the only camera of the file. Throws InputError (file, available
@@ -42,5 +43,25 @@ Calibration read_opencv(const std::filesystem::path& file);
 /// are converted to ours, at integers. Selects the camera with this CAMERA_ID, or the only one. Throws InputError
 /// (file, line, cause, cure): several cameras and none selected, no such camera, an unknown model.
 Calibration read_colmap_cameras(const std::filesystem::path& file, std::optional<std::int64_t> camera_id = {});
+
+/// A camera of VSLAM-LAB's calibration.yaml.
+struct VslamLabCamera {
+  Calibration calibration;         ///< T_cam_imu from the T_BS of camera and first IMU; identity if the file has no IMU
+  geometry::SE3 T_body_cam;        ///< T_BS, for poses of the body; identity if the file has none
+  double depth_units_per_m = 0.0;  ///< depth_factor: of the 16-bit depth images; 0: none is stated
+};
+
+/// Reads a camera ("rgb_0") of VSLAM-LAB's calibration.yaml (https://github.com/VSLAM-LAB/VSLAM-LAB) in the form since
+/// 2025-12, a list `cameras` whose entries have cam_name, focal_length, principal_point, distortion_type (radtan4,
+/// radtan5, radtan8, equid4; also OKVIS2's names), image_dimension, T_BS; or in the forms before it, with the keys of
+/// ORB-SLAM's settings (Camera.fx or Camera0.fx, IMU.T_b_c1). Throws InputError (file, key, cause).
+VslamLabCamera read_vslam_lab_camera(const std::filesystem::path& file, const std::string& camera_id = "rgb_0");
+
+/// Names of the cameras in VSLAM-LAB's calibration.yaml, as camera_ids(). Throws InputError.
+std::vector<std::string> vslam_lab_camera_ids(const std::filesystem::path& file);
+
+/// The entries of one camera that describe its lens and image size, in the present form: "cam_model: pinhole, ...".
+/// nullopt for a lens that the form cannot describe.
+std::optional<std::string> vslam_lab_lens_text(const Camera& camera);
 
 }  // namespace tileflight::imaging

@@ -9,66 +9,21 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
+#include "tileflight/imaging/calibration_yaml.h"
 
 namespace tileflight::imaging {
 
 namespace {
 
-using geometry::Mat4;
-
-YAML::Node load(const std::filesystem::path& file) {
-  const std::string text = base::read_text(file, kMaxCalibrationBytes);
-  try {
-    return YAML::Load(text);
-  } catch (const YAML::Exception& error) {
-    throw InputError(file.string(), "line " + std::to_string(error.mark.line + 1) + ": not valid YAML: " + error.msg);
-  }
-}
-
-YAML::Node required(const YAML::Node& camera, const std::string& key, const std::string& file) {
-  const YAML::Node node = camera[key];
-  if (!node) throw InputError(file, "the camera has no key \"" + key + "\"");
-  return node;
-}
-
-template <class T>
-T scalar(const YAML::Node& node, const std::string& key, const std::string& file) {
-  try {
-    return node.as<T>();
-  } catch (const YAML::Exception&) {
-    throw InputError(file, "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be " +
-                               (std::is_same_v<T, std::string> ? "a word" : "a number"));
-  }
-}
-
-std::vector<double> numbers(const YAML::Node& node, const std::string& key, const std::string& file) {
-  if (!node.IsSequence() && !node.IsNull())
-    throw InputError(file,
-                     "line " + std::to_string(node.Mark().line + 1) + ": \"" + key + "\" must be a list of numbers");
-  std::vector<double> values;
-  for (const YAML::Node& value : node) values.push_back(scalar<double>(value, key, file));
-  return values;
-}
-
-int whole(double value, const std::string& file) {
-  if (value >= 1.0 && value <= kMaxImageSide_px && value == std::floor(value)) return static_cast<int>(value);
-  throw InputError(file, "\"resolution\" must be two whole numbers from 1 to " + std::to_string(kMaxImageSide_px));
-}
-
 geometry::SE3 read_transform(const YAML::Node& node, const std::string& key, const std::string& file) {
   if (!node.IsSequence() || node.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
-  Mat4 m;
-  for (int row = 0; row < 4; ++row) {
-    const std::vector<double> values = numbers(node[row], key, file);
+  std::vector<double> rows;
+  for (const YAML::Node& row : node) {
+    const std::vector<double> values = yaml_numbers(row, key, file);
     if (values.size() != 4) throw InputError(file, "\"" + key + "\" must have 4 rows of 4 numbers");
-    for (int column = 0; column < 4; ++column) m(row, column) = values[column];
+    rows.insert(rows.end(), values.begin(), values.end());
   }
-  const geometry::Mat3 rotation = m.topLeftCorner<3, 3>();
-  constexpr double kRounding = 1e-3;  // files contain few digits
-  const bool rigid = m.allFinite() && (rotation.transpose() * rotation).isIdentity(kRounding) &&
-                     rotation.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1), kRounding);
-  if (!rigid) throw InputError(file, "\"" + key + "\" is not a rigid motion (rotation and translation)");
-  return {rotation, m.topRightCorner<3, 1>()};
+  return checked_rigid_motion(rows, key, file);
 }
 
 /// The preceding camera in the chain: "cam0" for "cam1"; empty: there is none.
@@ -91,28 +46,28 @@ geometry::SE3 T_cam_imu_of(const YAML::Node& root, const std::string& camera_id,
 }
 
 Camera read_lens(const YAML::Node& camera, const std::string& file) {
-  const auto model = scalar<std::string>(required(camera, "camera_model", file), "camera_model", file);
+  const auto model = yaml_scalar<std::string>(required_value(camera, "camera_model", file), "camera_model", file);
   const std::size_t sphere = sphere_parameter_count(file, model);
   const YAML::Node distortion_node = sphere == 2 || model == "equirectangular"
                                          ? camera["distortion_model"]
-                                         : required(camera, "distortion_model", file);
-  const auto distortion = distortion_node ? scalar<std::string>(distortion_node, "distortion_model", file) : "none";
-  const std::vector<double> intrinsics = numbers(required(camera, "intrinsics", file), "intrinsics", file);
+                                         : required_value(camera, "distortion_model", file);
+  const auto distortion =
+      distortion_node ? yaml_scalar<std::string>(distortion_node, "distortion_model", file) : "none";
+  const std::vector<double> intrinsics = yaml_numbers(required_value(camera, "intrinsics", file), "intrinsics", file);
   const YAML::Node coefficient_node = camera["distortion_coeffs"];
   std::vector<double> coefficients;
-  if (coefficient_node) coefficients = numbers(coefficient_node, "distortion_coeffs", file);
-  const std::vector<double> resolution = numbers(required(camera, "resolution", file), "resolution", file);
-  if (resolution.size() != 2) throw InputError(file, "\"resolution\" must be width and height");
+  if (coefficient_node) coefficients = yaml_numbers(coefficient_node, "distortion_coeffs", file);
+  const auto [width, height] = checked_image_size(
+      yaml_numbers(required_value(camera, "resolution", file), "resolution", file), "resolution", file);
   const std::span<const double> all = intrinsics;
   const std::size_t before = std::min(sphere, all.size());
-  return make_camera(file, {distortion, all.subspan(before), coefficients, whole(resolution[0], file),
-                            whole(resolution[1], file), model, all.first(before)});
+  return make_camera(file, {distortion, all.subspan(before), coefficients, width, height, model, all.first(before)});
 }
 
 double read_line_delay(const YAML::Node& camera, const std::string& file) {
   const YAML::Node node = camera["line_delay"];
   if (!node) return 0.0;
-  const double delay = scalar<double>(node, "line_delay", file);
+  const double delay = yaml_scalar<double>(node, "line_delay", file);
   if (!std::isfinite(delay) || delay < 0.0) throw InputError(file, "\"line_delay\" must be 0 or more seconds");
   return delay;
 }
@@ -176,7 +131,7 @@ std::string transform_lines(const geometry::SE3& T_cam_imu) {
 Calibration read_kalibr(const std::filesystem::path& file) { return read_kalibr_camera(file, "cam0"); }
 
 Calibration read_kalibr_camera(const std::filesystem::path& file, const std::string& camera_id) {
-  const YAML::Node root = load(file);
+  const YAML::Node root = load_calibration_yaml(file);
   if (!root.IsMap() || !root[camera_id] || !root[camera_id].IsMap())
     throw InputError(file.string(), "has no camera \"" + camera_id + "\"" +
                                         (camera_id == "cam0" ? ": this is not a Kalibr camchain" : ""));

@@ -42,6 +42,23 @@ bool has_kalibr_camera(std::string_view text) {
   }
 }
 
+/// Whether a line begins the list of cameras in VSLAM-LAB's form, or is a focal length in one of its earlier forms.
+bool begins_vslam_lab_camera(std::string_view line) {
+  if (line.starts_with("cameras:")) return true;
+  if (!line.starts_with("Camera")) return false;
+  line.remove_prefix(6);
+  line.remove_prefix(std::min(line.find_first_not_of("0123456789"), line.size()));
+  return line.starts_with(".fx");
+}
+
+bool has_vslam_lab_camera(std::string_view text) {
+  while (true) {
+    const std::string_view line = next_line(text);
+    if (line.empty()) return false;
+    if (begins_vslam_lab_camera(line)) return true;
+  }
+}
+
 /// The consecutive names "cam0", "cam1", ... in the file.
 std::vector<std::string> kalibr_ids(const std::filesystem::path& file, std::string_view text) {
   std::vector<std::string> ids;
@@ -83,8 +100,10 @@ std::optional<CalibrationFormat> detect_calibration_format(std::string_view text
   std::string_view rest = text;
   const std::string_view first = next_line(rest);
   if (first.starts_with('<')) return CalibrationFormat::kOpenCv;
-  if (first.starts_with("%YAML") || first.starts_with("---") || first.find(':') != std::string_view::npos)
-    return has_kalibr_camera(text) ? CalibrationFormat::kKalibr : CalibrationFormat::kOpenCv;
+  if (first.starts_with("%YAML") || first.starts_with("---") || first.find(':') != std::string_view::npos) {
+    if (has_kalibr_camera(text)) return CalibrationFormat::kKalibr;
+    return has_vslam_lab_camera(text) ? CalibrationFormat::kVslamLab : CalibrationFormat::kOpenCv;
+  }
   const std::vector<std::string_view> fields = base::split_fields(first);
   if (is_colmap_line(fields)) return CalibrationFormat::kColmap;
   if (is_dso_line(fields)) return CalibrationFormat::kDso;
@@ -97,9 +116,10 @@ Calibration read_calibration(const std::filesystem::path& file) {
   if (form == CalibrationFormat::kOpenCv) return read_opencv(file);
   if (form == CalibrationFormat::kColmap) return read_colmap_cameras(file);
   if (form == CalibrationFormat::kDso) return read_dso_camera(file);
+  if (form == CalibrationFormat::kVslamLab) return read_vslam_lab_camera(file).calibration;
   throw InputError(file.string(),
                    "unknown calibration format (expected a Kalibr camchain with \"cam0\", OpenCV's YAML or XML, "
-                   "COLMAP's cameras.txt or DSO's camera.txt)");
+                   "COLMAP's cameras.txt, DSO's camera.txt or VSLAM-LAB's calibration.yaml)");
 }
 
 std::vector<std::string> camera_ids(const std::filesystem::path& file) {
@@ -107,6 +127,7 @@ std::vector<std::string> camera_ids(const std::filesystem::path& file) {
   const std::optional<CalibrationFormat> form = detect_calibration_format(text);
   if (form == CalibrationFormat::kKalibr) return kalibr_ids(file, text);
   if (form == CalibrationFormat::kColmap) return colmap_ids(text);
+  if (form == CalibrationFormat::kVslamLab) return vslam_lab_camera_ids(file);
   return {};
 }
 
@@ -120,8 +141,10 @@ Calibration read_calibration(const std::filesystem::path& file, const std::strin
   if (ids.empty()) throw InputError(file.string(), "contains one camera without a name: leave --camera-id out");
   if (std::find(ids.begin(), ids.end(), camera_id) == ids.end())
     throw InputError(file.string(), "has no camera " + camera_id + ", only " + base::joined(ids));
-  const auto number = base::parse_number<std::int64_t>(camera_id);
-  return number ? read_colmap_cameras(file, *number) : read_kalibr_camera(file, camera_id);
+  if (const auto number = base::parse_number<std::int64_t>(camera_id)) return read_colmap_cameras(file, *number);
+  const bool of_vslam_lab =
+      detect_calibration_format(base::read_text(file, kMaxCalibrationBytes)) == CalibrationFormat::kVslamLab;
+  return of_vslam_lab ? read_vslam_lab_camera(file, camera_id).calibration : read_kalibr_camera(file, camera_id);
 }
 
 }  // namespace tileflight::imaging

@@ -8,6 +8,7 @@
 #include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/truth_region.h"
+#include "tileflight/scoring/map_inputs.h"
 #include "tileflight/survey/telemetry_positions.h"
 
 namespace tileflight::scoring {
@@ -57,7 +58,7 @@ std::vector<alignment::PositionFix> read_receiver_positions(const fs::path& gps_
 
 std::vector<alignment::PositionFix> read_true_positions(const fs::path& trajectory) {
   std::vector<alignment::PositionFix> fixes;
-  for (const geometry::StampedPose& pose : geometry::read_tum(trajectory).poses) {
+  for (const geometry::StampedPose& pose : read_true_poses(trajectory).poses) {
     fixes.push_back({pose.time_s, pose.T_local_camera.translation, 0.0, 0.0});
   }
   return fixes;

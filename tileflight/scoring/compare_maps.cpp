@@ -1,9 +1,8 @@
 #include "tileflight/scoring/compare_maps.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -13,6 +12,7 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/evaluation/map_table.h"
 #include "tileflight/evaluation/rank_correlation.h"
+#include "tileflight/scoring/compared_maps.h"
 #include "tileflight/scoring/doubts.h"
 #include "tileflight/scoring/evaluate.h"
 
@@ -21,27 +21,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-/// "stadium/real" for out/stadium/real/metrics.json.
-std::string map_name(const fs::path& metrics_json) {
-  const fs::path flight = fs::absolute(metrics_json).lexically_normal().parent_path();
-  const std::string run = flight.parent_path().filename().string();
-  return (run.empty() ? "" : run + "/") + flight.filename().string();
-}
-
-/// metrics.json of a flight's first run, then of its further runs that did not fail.
-std::vector<fs::path> list_metrics_files(const fs::path& flight) {
-  std::vector<fs::path> files;
-  if (fs::is_directory(flight / "runs")) {
-    for (const fs::directory_entry& entry : fs::directory_iterator(flight / "runs")) {
-      if (fs::exists(entry.path() / "metrics.json") && !fs::exists(entry.path() / "failed.txt"))
-        files.push_back(entry.path() / "metrics.json");
-    }
-  }
-  std::sort(files.begin(), files.end());
-  files.insert(files.begin(), flight / "metrics.json");
-  return files;
-}
 
 /// A run in the form used for comparison by exact distances; nullopt without an exact surface, or if it was scored by
 /// an older version that did not mark the points over the region. Moves the distances out of `metrics`.
@@ -53,9 +32,9 @@ std::optional<evaluation::ScoredMap> scored_map(const fs::path& metrics_json, ev
   return map;
 }
 
-evaluation::ComparedMap read_compared_map(const std::vector<fs::path>& runs) {
-  evaluation::ComparedMap map{.name = map_name(runs.front())};
-  for (const fs::path& file : runs) {
+evaluation::ComparedMap read_compared_map(const FoundMap& found) {
+  evaluation::ComparedMap map{.name = found.name};
+  for (const fs::path& file : found.metrics_files) {
     evaluation::MetricsFile read = evaluation::read_metrics(file);
     if (auto scored = scored_map(file, read)) map.scored.push_back(std::move(*scored));
     if (map.runs.empty()) {
@@ -83,49 +62,38 @@ evaluation::MapComparisonOptions map_options(const EvaluationSettings& settings,
           .seed = seed};
 }
 
-/// The metrics.json files of each map named by the arguments, the first run first.
-std::vector<std::vector<fs::path>> maps_named(const std::vector<fs::path>& arguments) {
-  std::vector<std::vector<fs::path>> maps;
-  for (const fs::path& argument : arguments) {
-    if (!fs::is_directory(argument)) {
-      maps.push_back({argument});
-      continue;
-    }
-    const std::size_t before = maps.size();
-    if (fs::exists(argument / "metrics.json")) maps.push_back({argument / "metrics.json"});
-    for (const char* flight : {"simulated", "real"}) {
-      if (fs::exists(argument / flight / "metrics.json")) maps.push_back(list_metrics_files(argument / flight));
-    }
-    if (maps.size() == before)
-      throw InputError(argument.string(), "contains no scored map; give a metrics.json or a folder written by `run`");
-  }
-  return maps;
-}
-
-/// Distinguishes maps of the same name by a number.
-void make_names_unique(std::vector<evaluation::ComparedMap>& maps) {
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    const auto same = [&](const evaluation::ComparedMap& other) { return other.name == maps[i].name; };
-    const auto before = maps.begin() + static_cast<std::ptrdiff_t>(i);
-    for (int number = 2; std::any_of(maps.begin(), before, same); ++number)
-      maps[i].name = maps[i].name.substr(0, maps[i].name.find(" #")) + " #" + std::to_string(number);
-  }
-}
-
 fs::path pairs_file(const fs::path& csv) {
   fs::path file = csv;
   return file.replace_filename(csv.stem().string() + "-pairs" + csv.extension().string());
 }
 
-void require_no_input(const std::vector<std::vector<fs::path>>& maps, const ComparisonFiles& files) {
+void require_no_input(const std::vector<FoundMap>& maps, const ComparisonFiles& files) {
   std::vector<fs::path> inputs;
-  for (const std::vector<fs::path>& runs : maps) {
-    for (const fs::path& metrics_json : runs)
+  for (const FoundMap& map : maps) {
+    for (const fs::path& metrics_json : map.metrics_files)
       inputs.insert(inputs.end(), {metrics_json, metrics_json.parent_path() / "errors.ply"});
   }
   if (!files.csv.empty()) base::require_not_input(files.csv, inputs);
   if (!files.csv.empty()) base::require_not_input(pairs_file(files.csv), inputs);
-  if (!files.tex.empty()) base::require_not_input(files.tex, inputs);
+  for (const fs::path& file : {files.tex, files.text})
+    if (!file.empty()) base::require_not_input(file, inputs);
+}
+
+/// The chosen maps, with the baseline among them, and its index.
+struct Chosen {
+  std::vector<FoundMap> maps;
+  std::optional<std::size_t> baseline{};
+};
+
+Chosen choose(const std::vector<fs::path>& arguments, const MapSelection& selection) {
+  const std::vector<FoundMap> all = find_maps(arguments);
+  Chosen chosen{selection.rows.empty() ? all : choose_maps(all, selection.rows)};
+  if (selection.against.empty()) return chosen;
+  const FoundMap baseline = find_baseline(all, selection.against);
+  auto found = std::ranges::find(chosen.maps, baseline.name, &FoundMap::name);
+  if (found == chosen.maps.end()) found = chosen.maps.insert(chosen.maps.begin(), baseline);
+  chosen.baseline = static_cast<std::size_t>(found - chosen.maps.begin());
+  return chosen;
 }
 
 double read_metric(const fs::path& metrics_json, const std::string& by) {
@@ -147,45 +115,53 @@ double read_metric(const fs::path& metrics_json, const std::string& by) {
 json compare_flights(const std::vector<fs::path>& simulated, const std::vector<fs::path>& real,
                      const EvaluationSettings& settings, std::uint64_t seed) {
   if (simulated.empty() || real.empty()) throw InputError("comparison", "needs at least one run of each flight");
-  std::vector<evaluation::ComparedMap> maps{read_compared_map(simulated), read_compared_map(real)};
-  maps[0].name = "simulated";
-  maps[1].name = "real";
+  const std::vector<evaluation::ComparedMap> maps{read_compared_map({"simulated", simulated}),
+                                                  read_compared_map({"real", real})};
   const auto pairs =
       evaluation::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
   return evaluation::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts);
 }
 
-json compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings, std::uint64_t seed,
-                  const ComparisonFiles& files) {
-  const std::vector<std::vector<fs::path>> named = maps_named(arguments);
-  require_no_input(named, files);
+MapsComparison compare_maps(const std::vector<fs::path>& arguments, const EvaluationSettings& settings,
+                            std::uint64_t seed, const ComparisonFiles& files, const MapSelection& selection) {
+  const Chosen chosen = choose(arguments, selection);
+  require_no_input(chosen.maps, files);
   std::vector<evaluation::ComparedMap> maps;
-  for (const std::vector<fs::path>& runs : named) maps.push_back(read_compared_map(runs));
-  make_names_unique(maps);
-  const auto pairs =
-      evaluation::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed));
+  for (const FoundMap& map : chosen.maps) maps.push_back(read_compared_map(map));
+  const auto own = evaluation::choose_columns(selection.columns, maps);
+  const auto pairs = evaluation::compare_all_pairs(maps, published_options(settings, seed), map_options(settings, seed),
+                                                   chosen.baseline);
+  const auto& of_csv = own.empty() ? evaluation::default_columns() : own;
+  const auto printed = own.empty() ? evaluation::printed_columns() : own;
   if (!files.csv.empty()) {
-    base::write_file(files.csv, evaluation::maps_csv(maps));
+    base::write_file(files.csv, evaluation::maps_csv(maps, of_csv));
     base::write_file(pairs_file(files.csv), evaluation::pairs_csv(maps, pairs));
   }
-  if (!files.tex.empty()) base::write_file(files.tex, evaluation::tables_tex(maps, pairs));
-  json result = maps.size() == 2
+  if (!files.tex.empty()) base::write_file(files.tex, evaluation::tables_tex(maps, pairs, printed));
+  MapsComparison result{{}, evaluation::maps_text(maps, printed)};
+  if (!files.text.empty()) base::write_file(files.text, result.table);
+  result.json = maps.size() == 2
                     ? evaluation::to_json(pairs.front().comparison, pairs.front().maps, pairs.front().doubts)
                     : json::object();
-  result.update(evaluation::to_json(maps, pairs));
+  result.json.update(evaluation::to_json(maps, pairs, own));
   return result;
 }
 
 json compare_ranking(const std::vector<fs::path>& run_folders, const std::string& by, std::uint64_t seed) {
   if (run_folders.size() < 2) throw InputError("ranking", "needs at least two run folders, one for each setting");
   std::vector<double> simulated, real;
-  json list = json::array();
+  std::vector<fs::path> files;
   for (const fs::path& folder : run_folders) {
-    simulated.push_back(read_metric(folder / "simulated/metrics.json", by));
+    files.push_back(folder / "simulated/metrics.json");
+    simulated.push_back(read_metric(files.back(), by));
     real.push_back(read_metric(folder / "real/metrics.json", by));
-    list.push_back({{"name", fs::absolute(folder / ".").lexically_normal().parent_path().filename().string()},
-                    {"simulated", simulated.back()},
-                    {"real", real.back()}});
+  }
+  const std::vector<FoundMap> named = find_maps(files);
+  json list = json::array();
+  for (std::size_t i = 0; i < named.size(); ++i) {
+    std::string name = named[i].name;
+    name.erase(name.find("/simulated"), std::string_view("/simulated").size());
+    list.push_back({{"name", name}, {"simulated", simulated[i]}, {"real", real[i]}});
   }
   json result = evaluation::to_json(evaluation::rank_correlation(simulated, real, 2000, seed));
   result["by"] = by;

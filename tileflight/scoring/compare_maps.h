@@ -2,7 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -12,8 +12,22 @@ namespace tileflight::scoring {
 
 /// Files written by compare_maps(); an empty path: not written.
 struct ComparisonFiles {
-  std::filesystem::path csv;  ///< a line per map; the pairs go to NAME-pairs.csv beside it
-  std::filesystem::path tex;  ///< both tables
+  std::filesystem::path csv;     ///< a line per map; the pairs go to NAME-pairs.csv beside it
+  std::filesystem::path tex;     ///< both tables
+  std::filesystem::path text{};  ///< the table of maps, for people
+};
+
+/// Which maps are compared, and what is shown of them.
+struct MapSelection {
+  std::vector<std::string> rows{};  ///< names or patterns (choose_maps()); empty: all
+  std::string against{};            ///< the map that the others are compared with (find_baseline()); empty: all pairs
+  std::vector<std::string> columns{};  ///< evaluation::choose_columns(); empty: the usual ones
+};
+
+/// Result of compare_maps().
+struct MapsComparison {
+  nlohmann::json json;  ///< `maps` and `pairs`; for two maps also the keys of their comparison
+  std::string table;    ///< the maps, for people
 };
 
 /// Compares two flights, each with the metrics.json of every run (errors.ply and the seen surface beside each), the
@@ -22,11 +36,10 @@ nlohmann::json compare_flights(const std::vector<std::filesystem::path>& simulat
                                const std::vector<std::filesystem::path>& real, const EvaluationSettings& settings,
                                std::uint64_t seed);
 
-/// Compares any number of scored maps. Each argument is a metrics.json (with errors.ply beside it), or a run folder,
-/// which stands for its flights with all their runs. Returns `maps` and `pairs` (evaluation::to_json); for two maps
-/// also the keys of their comparison. Throws InputError.
-nlohmann::json compare_maps(const std::vector<std::filesystem::path>& arguments, const EvaluationSettings& settings,
-                            std::uint64_t seed, const ComparisonFiles& files);
+/// Compares any number of scored maps: those that the arguments name (find_maps(); errors.ply is beside each
+/// metrics.json). Throws InputError.
+MapsComparison compare_maps(const std::vector<std::filesystem::path>& arguments, const EvaluationSettings& settings,
+                            std::uint64_t seed, const ComparisonFiles& files, const MapSelection& selection = {});
 
 /// Tests whether simulation ranks algorithms or settings in the same order as reality: each run folder is one of them,
 /// with a simulated and a real flight. `by`: the number by which they are ranked, as a path in metrics.json

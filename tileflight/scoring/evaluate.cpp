@@ -46,7 +46,7 @@ geometry::Trajectory subsample_poses(const geometry::Trajectory& trajectory) {
 
 /// The true poses if known, else the estimated ones, in the local frame.
 geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_local_map) {
-  if (!map.truth_trajectory.empty()) return geometry::read_tum(map.truth_trajectory);
+  if (!map.truth_trajectory.empty()) return read_true_poses(map.truth_trajectory);
   if (!map.trajectory.empty()) return geometry::transformed(T_local_map, geometry::read_tum(map.trajectory));
   return {};
 }
@@ -76,7 +76,7 @@ geometry::PointCloud sample_seen_surface(const MapInputs& map, const geometry::T
   imaging::TexturedMesh in_reach{.mesh = crop_to_box(mesh, reach)};
   if (in_reach.mesh.triangles.empty()) return {};
   const scene::Scene scene({std::move(in_reach)}, geometry::bounds(mesh).center());
-  const imaging::Camera camera = imaging::read_calibration(map.camera).camera;
+  const imaging::Camera camera = read_flight_camera(map.camera);
   return geometry::filter_points(samples, ground_truth::compute_visibility(scene, samples, poses, camera));
 }
 
@@ -89,7 +89,7 @@ struct TrajectoryPair {
 TrajectoryPair read_poses(const MapInputs& map) {
   TrajectoryPair poses;
   if (!map.trajectory.empty()) poses.estimate = geometry::read_tum(map.trajectory);
-  if (!map.truth_trajectory.empty()) poses.truth = geometry::read_tum(map.truth_trajectory);
+  if (!map.truth_trajectory.empty()) poses.truth = read_true_poses(map.truth_trajectory);
   return poses;
 }
 

@@ -1,6 +1,7 @@
 #include "tileflight/scoring/map_inputs.h"
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/dataset/dataset.h"
 #include "tileflight/geometry/cloud_files.h"
 
 namespace tileflight::scoring {
@@ -17,7 +18,23 @@ MapInputs find_map_inputs(const fs::path& map, const fs::path& dataset_folder) {
   inputs.attitude = if_there(dataset_folder / "attitude.csv");
   inputs.camera = if_there(dataset_folder / "camera.yaml");
   inputs.dataset = dataset_folder;
+  if (dataset::has_foreign_layout(dataset_folder)) {  // the reader of datasets knows where lens and poses are
+    inputs.camera = dataset_folder;
+    inputs.truth_trajectory = dataset::read_dataset(dataset_folder).groundtruth ? dataset_folder : fs::path();
+  }
   return inputs;
+}
+
+geometry::Trajectory read_true_poses(const fs::path& file_or_dataset) {
+  if (!fs::is_directory(file_or_dataset)) return geometry::read_tum(file_or_dataset);
+  const dataset::Dataset dataset = dataset::read_dataset(file_or_dataset);
+  if (!dataset.groundtruth) throw InputError(file_or_dataset.string(), "the dataset has no true poses");
+  return *dataset.groundtruth;
+}
+
+imaging::Camera read_flight_camera(const fs::path& file_or_dataset) {
+  if (fs::is_directory(file_or_dataset)) return dataset::read_dataset(file_or_dataset).calibration.camera;
+  return imaging::read_calibration(file_or_dataset).camera;
 }
 
 geometry::PointCloud read_map(const fs::path& map) {

@@ -7,11 +7,10 @@ namespace tileflight::scoring {
 
 std::optional<registration::UpDirection> up_from_imu(const dataset::Dataset& dataset,
                                                      const geometry::Trajectory& path) {
-  const std::filesystem::path file = dataset.folder / "imu.csv";
-  if (path.empty() || !std::filesystem::is_regular_file(file)) return std::nullopt;
+  if (path.empty() || dataset.imu.empty()) return std::nullopt;
   const Eigen::Quaterniond R_cam_imu = dataset.calibration.T_cam_imu.rotation;
   std::vector<registration::SpecificForce> readings;
-  for (const dataset::ImuReading& reading : dataset::read_imu_csv(file))
+  for (const dataset::ImuReading& reading : dataset::read_imu_csv(dataset.imu))
     readings.push_back({reading.time_s, R_cam_imu * reading.specific_force_m_s2});
   return registration::estimate_up_from_accelerometer(path, readings);
 }

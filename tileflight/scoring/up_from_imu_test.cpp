@@ -24,6 +24,7 @@ class UpByInertialUnit : public testing::Test {
   UpByInertialUnit() {
     for (int k = 0; k < 40; ++k) path_.poses.push_back({0.1 * k, SE3(R_map_camera_, Vec3(0.05 * k, 0.0, 0.0))});
     dataset_.folder = folder_.path();
+    dataset_.imu = folder_ / "imu.csv";
   }
 
   /// IMU readings at rest, in the axes that R_cam_imu maps to the camera's.
@@ -51,7 +52,9 @@ TEST_F(UpByInertialUnit, ReadingsAreTurnedIntoTheCamerasAxes) {
 }
 
 TEST_F(UpByInertialUnit, NoFileIsNoUpAndABrokenOneIsSaid) {
+  dataset_.imu.clear();
   EXPECT_FALSE(up_from_imu(dataset_, path_));
+  dataset_.imu = folder_ / "imu.csv";
   base::write_file(folder_ / "imu.csv", "1,2,3\n");
   EXPECT_THAT([&] { up_from_imu(dataset_, path_); },
               ThrowsMessage<InputError>(HasSubstr("expected a time and 6 numbers, found 3 fields")));
