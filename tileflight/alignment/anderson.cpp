@@ -1,6 +1,6 @@
 #include "tileflight/alignment/anderson.h"
 
-#include <Eigen/QR>
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::alignment {
 
@@ -19,8 +19,7 @@ Vec7 AndersonAcceleration::next(const Vec7& x, const Vec7& g) {
     residual_steps.col(k) = newer.residual - older.residual;
     g_steps.col(k) = newer.g - older.g;
   }
-  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition(residual_steps);
-  const Eigen::VectorXd gamma = decomposition.solve(history_.back().residual);
+  const Eigen::VectorXd gamma = geometry::solve_with_least_norm(residual_steps, history_.back().residual);
   if (!gamma.allFinite()) return g;
   return g - g_steps * gamma;
 }

@@ -1,8 +1,9 @@
 #include "tileflight/alignment/constraint.h"
 
-#include <Eigen/Eigenvalues>
 #include <array>
 #include <cmath>
+
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::alignment {
 
@@ -28,9 +29,9 @@ std::string motion_name(const Vec7& motion) {
 
 /// Names of the basic motions that lie mostly in the span of the unconstrained directions. The eigenvectors themselves
 /// are not used, since for equal eigenvalues they are an arbitrary mixture.
-std::string open_motion_names(const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>& eigen) {
-  const Eigen::Index open = (eigen.eigenvalues().array() < kMinEigenvalue).count();
-  const Eigen::VectorXd share = eigen.eigenvectors().leftCols(open).rowwise().squaredNorm();
+std::string open_motion_names(const geometry::SymmetricEigen& eigen) {
+  const Eigen::Index open = (eigen.values.array() < kMinEigenvalue).count();
+  const Eigen::VectorXd share = eigen.vectors.leftCols(open).rowwise().squaredNorm();
   std::string words;
   for (Eigen::Index i = 0; i < share.size(); ++i) {
     if (share[i] < 0.5) continue;
@@ -47,9 +48,9 @@ Constraint analyze_constraint(const PointToPlaneSystem& system, std::size_t poin
   if (points == 0) return result;
   const Eigen::Index unknowns = with_scale ? 7 : 6;
   const Eigen::MatrixXd mean = system.hessian.topLeftCorner(unknowns, unknowns) / static_cast<double>(points);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(mean);
-  result.eigenvalues.assign(eigen.eigenvalues().begin(), eigen.eigenvalues().end());
-  result.weakest_direction.head(unknowns) = eigen.eigenvectors().col(0);
+  const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(mean);
+  result.eigenvalues.assign(eigen.values.begin(), eigen.values.end());
+  result.weakest_direction.head(unknowns) = eigen.vectors.col(0);
   result.well_constrained = result.eigenvalues[0] >= kMinEigenvalue;
   result.weakest_motion = open_motion_names(eigen);
   if (result.weakest_motion.empty()) result.weakest_motion = motion_name(result.weakest_direction);

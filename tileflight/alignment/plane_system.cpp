@@ -1,8 +1,9 @@
 #include "tileflight/alignment/plane_system.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::alignment {
 
@@ -45,7 +46,7 @@ template <int N>
 Eigen::Matrix<double, N, 1> damped_solve(const Eigen::Matrix<double, N, N>& a, const Eigen::Matrix<double, N, 1>& b) {
   const double damping = 1e-9 * a.trace() / N;
   const Eigen::Matrix<double, N, N> damped = a + damping * Eigen::Matrix<double, N, N>::Identity();
-  return damped.ldlt().solve(b);
+  return geometry::solve_symmetric(damped, b);
 }
 
 /// Rigid motion for a given stretch (in metres, as the unknowns are).

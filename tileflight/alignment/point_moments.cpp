@@ -3,6 +3,8 @@
 #include <Eigen/SVD>
 #include <algorithm>
 
+#include "tileflight/geometry/decompositions.h"
+
 namespace tileflight::alignment {
 
 using geometry::Mat3;
@@ -50,7 +52,7 @@ RotationFit fit_rotation(const Mat3& covariance) {
 Mat3 rotation_of_line(const Mat3& covariance) {
   const Eigen::JacobiSVD<Mat3> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   if (!(svd.singularValues()[0] > 0.0)) return Mat3::Identity();
-  return Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0)).toRotationMatrix();
+  return geometry::rotation_between(svd.matrixV().col(0), svd.matrixU().col(0)).toRotationMatrix();
 }
 
 }  // namespace

@@ -1,13 +1,12 @@
 #include "tileflight/alignment/uncertainty.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
 
 #include "tileflight/alignment/plane_system.h"
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::alignment {
 
@@ -44,8 +43,8 @@ Sums accumulate_sums(const std::vector<MatchedPlane>& matches, Eigen::Index unkn
 
 /// Positive semidefinite part of a symmetric matrix.
 Eigen::MatrixXd project_to_psd(const Eigen::MatrixXd& m) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(m);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+  const geometry::SymmetricEigen eigen = geometry::symmetric_eigen(m);
+  return eigen.vectors * eigen.values.cwiseMax(0.0).asDiagonal() * eigen.vectors.transpose();
 }
 
 /// Mean over the points of |J_p x|^2 for x of the covariance: translation + rotation x p + stretch p, about the centre.
@@ -64,14 +63,14 @@ std::optional<AlignmentUncertainty> estimate_uncertainty(const std::vector<Match
   if (matches.size() < static_cast<std::size_t>(2 * unknowns)) return std::nullopt;
   const Sums sums = accumulate_sums(matches, unknowns, options);
   constexpr double kOpen = 1e-6;  // eigenvalue share below which a motion is unconstrained
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(sums.hessian, Eigen::EigenvaluesOnly);
-  if (!(eigen.eigenvalues()[0] > kOpen * static_cast<double>(matches.size()))) return std::nullopt;
+  if (!(geometry::symmetric_eigenvalues(sums.hessian)[0] > kOpen * static_cast<double>(matches.size())))
+    return std::nullopt;
 
   // The fit used 1 / sampled_share times as many matches: the independent part of the scatter shrinks by that factor,
   // the part common to neighbours does not.
   const Eigen::MatrixXd middle =
       options.sampled_share * sums.per_match + project_to_psd(sums.per_block - sums.per_match);
-  const Eigen::MatrixXd inverse = sums.hessian.ldlt().solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
+  const Eigen::MatrixXd inverse = geometry::symmetric_inverse(sums.hessian);
   Eigen::Matrix<double, 7, 7> scaled = Eigen::Matrix<double, 7, 7>::Zero();
   scaled.topLeftCorner(unknowns, unknowns) = inverse * middle * inverse;
   Vec7 units;

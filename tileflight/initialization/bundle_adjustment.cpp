@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "tileflight/base/order_statistics.h"
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/photometry/residual.h"
 
 namespace tileflight::initialization {
@@ -90,7 +91,7 @@ InitializationBundle levenberg_marquardt_step(const photometry::Lens& lens, cons
   const VectorXd reduced = b - coupling * inverse.cwiseProduct(b_rho);
   const VectorXd scale = (H.diagonal().array().abs() + 1e-12).sqrt().inverse();
   const MatrixXd A = scale.asDiagonal() * H * scale.asDiagonal();
-  const VectorXd x = -(scale.asDiagonal() * A.ldlt().solve(scale.asDiagonal() * reduced));
+  const VectorXd x = -(scale.asDiagonal() * geometry::solve_symmetric(A, scale.asDiagonal() * reduced));
   const VectorXd rho_step = -inverse.cwiseProduct(b_rho + coupling.transpose() * x);
   InitializationBundle next = bundle;
   for (std::size_t k = 0; k < n; ++k) next.T_camera_first[k] = SE3::exp(x.segment<6>(6 * k)) * bundle.T_camera_first[k];
@@ -152,7 +153,7 @@ SE3 resect(const photometry::Lens& lens, const std::vector<CornerTrack>& tracks,
       T = best;
     }
     H.diagonal() *= 1.0 + lambda;
-    const Vec6 step = -H.ldlt().solve(b);
+    const Vec6 step = -geometry::solve_symmetric(H, b);
     if (!step.allFinite()) break;
     if (better && step.norm() * lens.focal_px() < 1e-3) break;
     T = SE3::exp(step) * T;

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <random>
 
+#include "tileflight/geometry/decompositions.h"
+
 namespace tileflight::initialization {
 namespace {
 
@@ -236,8 +238,7 @@ Mat3 fit_homography(const std::vector<RayPair>& pairs) {
     }
     AtA += rows.transpose() * rows;
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(AtA);
-  const Eigen::VectorXd h = eigen.eigenvectors().col(0);
+  const Eigen::VectorXd h = geometry::symmetric_eigen(AtA).vectors.col(0);
   Mat3 H;
   for (int r = 0; r < 3; ++r) H.row(r) = h.segment<3>(3 * r).transpose();
   H /= std::max(Eigen::JacobiSVD<Mat3>(H).singularValues()[1], 1e-12);

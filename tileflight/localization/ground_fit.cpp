@@ -1,9 +1,9 @@
 #include "tileflight/localization/ground_fit.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/registration/similarity_estimate.h"
 
 namespace tileflight::localization {
@@ -74,7 +74,7 @@ Sim3 fit_to_ground(const Sim3& start, const std::vector<GroundPair>& pairs, cons
                  of_a_place * geman_mcclure(residual * residual, scale));
     }
     normal.H.diagonal() *= 1.0 + 1e-6;
-    const Vec7 motion = normal.H.ldlt().solve(normal.b);
+    const Vec7 motion = geometry::solve_symmetric(normal.H, normal.b);
     if (!motion.allFinite()) return start;
     T = registration::apply_motion(T, motion, center);
   }

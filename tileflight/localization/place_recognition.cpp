@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "tileflight/alignment/similarity_chart.h"
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/localization/feature_matching.h"
 #include "tileflight/localization/ground_agreement.h"
 #include "tileflight/localization/ground_fit.h"
@@ -29,7 +30,7 @@ OrientedPoint to_oriented_point(const LocalFeature& feature, const GroundImage& 
   return {image.position(feature.x, feature.y), image.pixel_size * feature.sigma, -feature.angle_rad};
 }
 
-Mat3 rotation_to_up(const Vec3& up) { return Eigen::Quaterniond::FromTwoVectors(up, Vec3::UnitZ()).toRotationMatrix(); }
+Mat3 rotation_to_up(const Vec3& up) { return geometry::rotation_between(up, Vec3::UnitZ()).toRotationMatrix(); }
 
 /// The `most` features of highest contrast.
 LocalFeatures keep_strongest(const LocalFeatures& all, std::size_t most) {

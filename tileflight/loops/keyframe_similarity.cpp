@@ -1,10 +1,11 @@
 #include "tileflight/loops/keyframe_similarity.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <random>
+
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::loops {
 namespace {
@@ -107,7 +108,7 @@ Sim3 refine_similarity(const std::vector<Pair>& pairs, Sim3 T_a_b) {
       normal.add(T_b_a * pair.point_a, -turn * point_jacobian(pair.point_a), pair.ray_b, pair.point_b.norm());
     }
     normal.H.diagonal() *= 1.0 + 1e-6;
-    const Vec7 step = -normal.H.ldlt().solve(normal.b);
+    const Vec7 step = -geometry::solve_symmetric(normal.H, normal.b);
     if (!step.allFinite()) break;
     T_a_b = Sim3(std::exp(step[6]), geometry::so3_exp(step.segment<3>(3)), step.head<3>()) * T_a_b;
     if (step.norm() < 1e-9) break;

@@ -1,7 +1,6 @@
 #include "tileflight/mapping/gauge.h"
 
-#include <Eigen/QR>
-
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/mapping/normal_equations.h"
 
 namespace tileflight::mapping {
@@ -18,8 +17,7 @@ Eigen::MatrixXd gauge_nullspace(const photometry::Window& window) {
 }
 
 Eigen::VectorXd remove_gauge_component(const Eigen::VectorXd& x, const Eigen::MatrixXd& directions) {
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(directions);
-  return x - directions * qr.solve(x);
+  return x - directions * geometry::solve_least_squares(directions, x);
 }
 
 }  // namespace tileflight::mapping

@@ -1,8 +1,9 @@
 #include "tileflight/mapping/step_uncertainty.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::mapping {
 namespace {
@@ -92,7 +93,7 @@ MatrixXd covariance_with_fixed(MatrixXd H, int slot, const VectorXd& fixed_funct
   H.diagonal().segment<6>(8 * slot).array() += kFixed;
   const VectorXd fixed = scale.cwiseProduct(fixed_function);
   if (fixed.norm() > 0) H += kFixed / fixed.squaredNorm() * fixed * fixed.transpose();
-  return scale.asDiagonal() * H.ldlt().solve(MatrixXd::Identity(H.rows(), H.cols())) * scale.asDiagonal();
+  return scale.asDiagonal() * geometry::symmetric_inverse(H) * scale.asDiagonal();
 }
 
 }  // namespace

@@ -2,10 +2,10 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/mapping/gauge.h"
 #include "tileflight/mapping/normal_equations.h"
 
@@ -118,7 +118,7 @@ VectorXd solve_damped(const NormalEquations& system, const photometry::Window& w
   const VectorXd scale = (H.diagonal().array().max(0.0) + 10.0).sqrt().inverse();
   H = scale.asDiagonal() * H * scale.asDiagonal();
   H.diagonal().array() += lambda;
-  const VectorXd x = -(scale.asDiagonal() * H.ldlt().solve(scale.asDiagonal() * b));
+  const VectorXd x = -(scale.asDiagonal() * geometry::solve_symmetric(H, scale.asDiagonal() * b));
   // Projected in the scaled unknowns, in which lengths are comparable in every direction.
   const VectorXd inverse_scale = scale.cwiseInverse();
   const MatrixXd N = inverse_scale.asDiagonal() * gauge_nullspace(window);

@@ -1,11 +1,12 @@
 #include "tileflight/registration/located_poses.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::registration {
 
@@ -104,7 +105,7 @@ Vec7 solve_scaled(const Mat7& hessian, const Vec7& right) {
   const Vec7 scale = (hessian.diagonal().array() + 1e-30).sqrt().inverse();
   Mat7 scaled = scale.asDiagonal() * hessian * scale.asDiagonal();
   scaled.diagonal().array() += 1e-9;
-  return scale.asDiagonal() * scaled.ldlt().solve(scale.asDiagonal() * right);
+  return scale.asDiagonal() * geometry::solve_symmetric(scaled, scale.asDiagonal() * right);
 }
 
 /// Information from the sum of two covariances: the one stated by the poses and the one shown by their spread.

@@ -2,7 +2,6 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -15,6 +14,7 @@
 #include "tileflight/alignment/ordered_sum.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
+#include "tileflight/geometry/decompositions.h"
 #include "tileflight/geometry/morton_order.h"
 
 namespace tileflight::registration {
@@ -320,9 +320,9 @@ SimilarityEstimate sandwich_estimate(const ShapeInformation& information, const 
     }
   }
   if (n > 0) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> own(covariance);
-    const Eigen::VectorXd inverse = own.eigenvalues().cwiseMax(1e-12).cwiseInverse();
-    result = basis * (own.eigenvectors() * inverse.asDiagonal() * own.eigenvectors().transpose()) * basis.transpose();
+    const geometry::SymmetricEigen own = geometry::symmetric_eigen(covariance);
+    const Eigen::VectorXd inverse = own.values.cwiseMax(1e-12).cwiseInverse();
+    result = basis * (own.vectors * inverse.asDiagonal() * own.vectors.transpose()) * basis.transpose();
   }
   Vec7 units;
   units << Vec3::Ones(), Vec3::Constant(source.length_m), source.length_m;  // from metres to radians and logarithm

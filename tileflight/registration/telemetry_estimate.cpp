@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tileflight/geometry/decompositions.h"
+
 namespace tileflight::registration {
 
 using Eigen::Quaterniond;
@@ -62,7 +64,7 @@ std::optional<RotationEstimate> rotation_from_attitudes(const geometry::Trajecto
 
 RotationEstimate upright_rotation(const UpDirection& up) {
   RotationEstimate estimate;
-  estimate.R_local_map = Quaterniond::FromTwoVectors(up.up_map, Vec3::UnitZ());
+  estimate.R_local_map = geometry::rotation_between(up.up_map, Vec3::UnitZ());
   const double tilt2 = up.sigma_rad * up.sigma_rad;
   const double unknown2 = std::pow(1e3 * std::numbers::pi, 2);
   estimate.covariance = Vec3(tilt2, tilt2, unknown2).asDiagonal();
@@ -202,7 +204,8 @@ TelemetryEstimate estimate_from_telemetry(const geometry::Trajectory& T_map_came
     H.block<3, 3>(3, 3) += by_attitude;
     pull.segment<3>(3) -= by_attitude * geometry::so3_log(T.rotation * R_known.conjugate());
     constexpr double kDamping = 1e-12;
-    T = apply_motion(T, (H + kDamping * H.trace() * Mat7::Identity()).ldlt().solve(pull), center);
+    const Mat7 damped = H + kDamping * H.trace() * Mat7::Identity();
+    T = apply_motion(T, geometry::solve_symmetric(damped, pull), center);
   }
   TelemetryEstimate telemetry;
   telemetry.estimate = {T, center, marginalize_common_bias(position_information(pairs, weight, T, center), pairs)};

@@ -6,6 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
+#include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -65,7 +66,7 @@ std::vector<RangeSample> simulate_range_finder(const scene::Scene& scene, const 
   check(options);
   const std::vector<Vec3> rays = cone_rays(options.beam_width_deg * std::numbers::pi / 180.0, options.rays);
   const std::uint64_t key = base::stream_key(options.seed, kRangeNoise);
-  const Eigen::Quaterniond R_own_beam = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), options.direction);
+  const Eigen::Quaterniond R_own_beam = geometry::rotation_between(Vec3::UnitZ(), options.direction);
   const double reach_m = 1.5 * options.max_range_m;  // noise can bring slightly larger distances into the range
   std::vector<RangeSample> samples;
   for (std::uint64_t i = first; i < last; ++i) {
