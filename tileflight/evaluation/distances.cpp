@@ -22,11 +22,6 @@ void check(const PointCloud& cloud, const char* name) {
   }
 }
 
-double share_within(const std::vector<double>& distances, double threshold_m) {
-  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
-  return static_cast<double>(within) / static_cast<double>(distances.size());
-}
-
 double harmonic_mean(double a, double b) { return a + b > 0.0 ? 2.0 * a * b / (a + b) : 0.0; }
 
 std::vector<double> truncate_at(const std::vector<double>& distances, double cutoff_m) {
@@ -48,6 +43,12 @@ Histogram histogram_of(const std::vector<double>& kept, double cutoff_m, int bin
 }
 
 }  // namespace
+
+double share_within(const std::vector<double>& distances, double threshold_m) {
+  if (distances.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
+  return static_cast<double>(within) / static_cast<double>(distances.size());
+}
 
 DistanceStatistics compute_statistics(std::vector<double> distances) {
   DistanceStatistics result;
