@@ -67,12 +67,17 @@ function(tileflight_room NAME)
   endif()
 endfunction()
 
-# Registers each case of a GoogleTest program with ctest as PREFIX.Suite.Case; a skipped case counts as skipped.
+# tileflight_add_gtest(TARGET PREFIX [FILTER pattern] [PROPERTIES name value...])
+#
+# Registers each case of a GoogleTest program, or those that the filter names, with ctest as PREFIX.Suite.Case; a skipped
+# case counts as skipped.
 function(tileflight_add_gtest TARGET PREFIX)
+  cmake_parse_arguments(CASES "" "FILTER" "PROPERTIES" ${ARGN})
   gtest_discover_tests(${TARGET}
     TEST_PREFIX "${PREFIX}."
+    TEST_FILTER "${CASES_FILTER}"
     DISCOVERY_MODE PRE_TEST
     DISCOVERY_TIMEOUT 60
     WORKING_DIRECTORY ${PROJECT_BINARY_DIR}
-    PROPERTIES TIMEOUT 600 SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+    PROPERTIES TIMEOUT 600 SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${CASES_PROPERTIES})
 endfunction()

@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <string>
 
-#include "tests/temporary_folder.h"
+#include "tests/shared_result.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/geometry/trajectory.h"
 #include "tileflight/odometry/synthetic_flight.h"
@@ -11,7 +11,7 @@
 namespace tileflight::tests {
 
 /// A flight of a second over small hills as a dataset folder: 36 pictures of 280x180 by a wide lens, with its truth.
-/// Rendered once a program, by rays that know nothing of the odometry.
+/// Rendered once, by rays that know nothing of the odometry.
 class TinyFlight {
  public:
   static constexpr int kFrames = 36;
@@ -28,18 +28,16 @@ class TinyFlight {
     return poses;
   }
 
+  /// The dataset's folder, from which each test takes a copy that it may spoil.
+  static SharedResult shared_dataset() { return {"tiny-flight", &TinyFlight::write}; }
+  static void copy_to(const std::filesystem::path& folder) { shared_dataset().copy_to(folder); }
+
+ private:
   static void write(const std::filesystem::path& folder) {
     dataset::DatasetWriter writer(folder, sequence().calibration, {});
     for (int i = 0; i < kFrames; ++i) writer.add_frame(i, i / 30.0, 0.0, sequence().images[i]);
     writer.set_groundtruth(truth());
     writer.finish();
-  }
-
-  /// A copy of the dataset that a test may spoil.
-  static void copy_to(const std::filesystem::path& folder) {
-    static const TemporaryFolder kOriginal;
-    if (!std::filesystem::exists(kOriginal / "dataset")) write(kOriginal / "dataset");
-    std::filesystem::copy(kOriginal / "dataset", folder, std::filesystem::copy_options::recursive);
   }
 };
 

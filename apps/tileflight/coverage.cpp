@@ -2,34 +2,27 @@
 
 #include <nlohmann/json.hpp>
 
-#include <cstdio>
-
 #include "command.h"
 #include "region_options.h"
 #include "source_options.h"
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/base/number_text.h"
 
 namespace tileflight::app {
 namespace {
 
-std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2f %%", 100.0 * share);
-  return text;
-}
+std::string percent(double share) { return base::rounded_text(100.0 * share, 2) + " %"; }
 
 std::string table(const nlohmann::json& result, const std::string& out) {
-  char line[200];
-  std::snprintf(line, sizeof line, "%-12s %6s %8s %10s %10s %9s %9s %9s %9s %9s\n", "strategy", "tiles", "at once",
-                "MB read", "MB memory", "correct", "coarser", "missing", "worst", "cells");
-  std::string text = line;
+  std::string text = base::formatted("%-12s %6s %8s %10s %10s %9s %9s %9s %9s %9s\n", "strategy", "tiles", "at once",
+                                     "MB read", "MB memory", "correct", "coarser", "missing", "worst", "cells");
   for (const char* name : {"view-follow", "view-high", "sensor", "flight", "region"}) {
     const nlohmann::json& s = result["strategies"][name];
-    std::snprintf(line, sizeof line, "%-12s %6d %8d %10.1f %10.1f %9s %9s %9s %9s %9s\n", name, s["tiles"].get<int>(),
-                  s["tiles_at_once"].get<int>(), 1e-6 * s["bytes"].get<double>(),
-                  1e-6 * s["memory_bytes"].get<double>(), percent(s["right"]).c_str(), percent(s["coarser"]).c_str(),
-                  percent(s["missing"]).c_str(), percent(s["missing_worst"]).c_str(),
-                  percent(s["cells_share"]).c_str());
-    text += line;
+    text += base::formatted("%-12s %6d %8d %10.1f %10.1f %9s %9s %9s %9s %9s\n", name, s["tiles"].get<int>(),
+                            s["tiles_at_once"].get<int>(), 1e-6 * s["bytes"].get<double>(),
+                            1e-6 * s["memory_bytes"].get<double>(), percent(s["right"]).c_str(),
+                            percent(s["coarser"]).c_str(), percent(s["missing"]).c_str(),
+                            percent(s["missing_worst"]).c_str(), percent(s["cells_share"]).c_str());
   }
   return text + out + ": " + std::to_string(result["frames_looked_at"].get<int>()) + " of " +
          std::to_string(result["frames"].get<int>()) + " frames checked; figure.png shows frame " +

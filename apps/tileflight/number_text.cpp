@@ -1,36 +1,21 @@
 #include "number_text.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
-#include <array>
-#include <charconv>
-#include <cmath>
-#include <cstdio>
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/base/number_text.h"
 
 namespace tileflight::app {
-namespace {
-
-std::string formatted(const char* format, double number, int digits) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), format, digits, number);
-  return text.data();
-}
-
-}  // namespace
 
 std::string rounded(double number, int significant) {
   if (!std::isfinite(number)) return std::isnan(number) ? "unknown" : number > 0 ? "infinite" : "-infinite";
   if (number == 0.0) return "0";
   constexpr double kManyDigits = 1e15, kManyZeros = 1e-4;
   const double size = std::abs(number);
-  if (size >= kManyDigits || size < kManyZeros) return formatted("%.*g", number, significant);
+  if (size >= kManyDigits || size < kManyZeros) return base::formatted("%.*g", significant, number);
   const int before_point = static_cast<int>(std::floor(std::log10(size))) + 1;
-  std::string text = formatted("%.*f", number, std::max(0, significant - before_point));
-  if (text.find('.') != std::string::npos) {
-    text.erase(text.find_last_not_of('0') + 1);
-    if (text.back() == '.') text.pop_back();
-  }
-  return text;
+  return base::trimmed_text(number, std::max(0, significant - before_point));
 }
 
 std::string rounded(const nlohmann::json& number, int significant) {
@@ -51,7 +36,7 @@ std::string percent_text(const nlohmann::json& share) {
 
 std::string duration_text(double seconds) {
   constexpr double kTenths = 10.0;
-  if (seconds < kTenths) return formatted("%.*f", seconds, 1) + " s";
+  if (seconds < kTenths) return base::rounded_text(seconds, 1) + " s";
   const auto whole = static_cast<long>(std::lround(seconds));
   const auto text = [](long number, const char* unit) { return std::to_string(number) + " " + unit; };
   if (whole < 60) return text(whole, "s");

@@ -20,16 +20,16 @@ namespace {
 nlohmann::json asked(const CLI::App& command) {
   const std::set<std::string> left_out{"out",    "threads", "json",   "quiet",      "force",   "resume",
                                        "memory", "cache",   "header", "allow-host", "no-cache"};
-  nlohmann::json given = nlohmann::json::object();
+  nlohmann::json options = nlohmann::json::object();
   for (const CLI::Option* option : command.get_options()) {
     const std::string name = option->get_single_name();
     if (option->count() == 0 || left_out.contains(name)) continue;
     for (const std::string& value : option->results()) {
-      given[name].push_back(value);
-      if (std::filesystem::is_regular_file(value)) given[name].push_back(base::sha256_hex_of_file(value));
+      options[name].push_back(value);
+      if (std::filesystem::is_regular_file(value)) options[name].push_back(base::sha256_hex_of_file(value));
     }
   }
-  return given;
+  return options;
 }
 
 /// A failure known to all is reported by one process; a failure known to only one terminates all.

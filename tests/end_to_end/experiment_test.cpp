@@ -3,10 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <set>
 
 #include "tests/run_program.h"
-#include "tests/tiny_place.h"
+#include "tests/tiny_experiments.h"
 #include "tileflight/base/folder_marker.h"
 #include "tileflight/imaging/camera.h"
 #include "tileflight/imaging/image_files.h"
@@ -19,41 +20,13 @@ using nlohmann::json;
 using tests::file_text;
 using tests::ProgramResult;
 using tests::run_tileflight;
+using tests::TinyExperiments;
 using tests::TinyPlace;
-
-constexpr const char* kFlight = R"(camera: camera.yaml
-fps: 10
-speed_m_s: 4
-acceleration_m_s2: 4
-max_frames: 70
-waypoints:
-  - {position: [-18, -12, 116], yaw_deg: 55, pitch_deg: -45}
-  - {position: [0, 2, 117], yaw_deg: 60, pitch_deg: -45}
-  - {position: [18, 10, 116], yaw_deg: 70, pitch_deg: -45}
-)";
-
-constexpr const char* kExperiment = R"(name: tiny
-place:
-  source: place/tileset.json
-  center_local: [0, 0, 100]
-  size: [80, 80, 20]
-truth: {voxel: 1.0}
-alignment: {start: true-poses}
-simulated:
-  render: {flight: flight.yaml, outputs: "visibility, photometric"}
-real:
-  kind: surrogate
-  render: {flight: flight.yaml, resolution: [256, 192]}
-)";
 
 class Experiment : public ::testing::Test {
  protected:
-  Experiment() {
-    TinyPlace::write(folder_ / "place");
-    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
-    TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
-    TinyPlace::write_file(folder_ / "experiment.yaml", kExperiment);
-  }
+  /// Begins with the inputs and their finished run in "out".
+  Experiment() { TinyExperiments::two_flights().copy_to(folder_.path()); }
 
   ProgramResult run(const std::string& out, const std::vector<std::string>& more = {}) const {
     std::vector<std::string> call{"run", (folder_ / "experiment.yaml").string(), "--out", (folder_ / out).string()};
@@ -93,9 +66,16 @@ void expect_flight_results(const json& flight, double fov_deg) {
 }
 
 TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
-  const ProgramResult first = run("a", {"--json"});
+  // Copied, the run is the same but for its report, which names its files.
+  const ProgramResult first = run("out", {"--json"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
-  const json results = json::parse(first.out);
+  json results = json::parse(file_text(folder_ / "printed.json")), copied = json::parse(first.out);
+  for (json* one : {&results, &copied}) {
+    expect_keys((*one)["provenance"], {"version", "commit", "seed", "inputs", "seconds", "command"});
+    for (json& input : (*one)["provenance"]["inputs"]) input.erase("path");
+    (*one)["provenance"].erase("command");
+  }
+  EXPECT_EQ(copied, results);
   expect_keys(results, {"simulated", "real", "comparison", "paper", "provenance"});
   expect_flight_results(results["simulated"], 120.0);
   expect_flight_results(results["real"], 120.0);
@@ -104,24 +84,23 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
   EXPECT_EQ(results["real"]["kind"], "surrogate");
   expect_keys(results["comparison"], {"mean_difference", "std_difference", "points_ratio", "ks_statistic",
                                       "wasserstein_m", "mean_difference_ci95", "equivalent_within_m"});
-  expect_keys(results["provenance"], {"version", "commit", "seed", "inputs", "seconds"});
-  EXPECT_TRUE(fs::exists(folder_ / "a/report.html"));
-  EXPECT_TRUE(fs::exists(folder_ / "a/simulated/dataset/visibility/000009.png"));
-  EXPECT_TRUE(fs::exists(folder_ / "a/simulated/dataset/pcalib.txt"));
-  EXPECT_FALSE(fs::exists(folder_ / "a/real/dataset/visibility"));
-  EXPECT_EQ(json::parse(file_text(folder_ / "a/results.json")), results);
+  EXPECT_TRUE(fs::exists(folder_ / "out/report.html"));
+  EXPECT_TRUE(fs::exists(folder_ / "out/simulated/dataset/visibility/000009.png"));
+  EXPECT_TRUE(fs::exists(folder_ / "out/simulated/dataset/pcalib.txt"));
+  EXPECT_FALSE(fs::exists(folder_ / "out/real/dataset/visibility"));
+  EXPECT_EQ(json::parse(file_text(folder_ / "out/results.json")), json::parse(first.out));
 
-  const auto before = stage_times("a");
-  const ProgramResult second = run("a", {"--json"});
+  const auto before = stage_times("out");
+  const ProgramResult second = run("out", {"--json"});
   ASSERT_EQ(second.exit_code, 0) << second.err;
-  EXPECT_EQ(stage_times("a"), before) << "a stage was done again";
+  EXPECT_EQ(stage_times("out"), before) << "a stage was done again";
   EXPECT_EQ(second.out, first.out);
 
   // As if it had been interrupted before the second flight was tracked: only what is missing is done.
-  fs::remove(folder_ / "a/stages/real-odometry.json");
-  fs::remove_all(folder_ / "a/real/odometry");
-  ASSERT_EQ(run("a").exit_code, 0);
-  const auto after = stage_times("a");
+  fs::remove(folder_ / "out/stages/real-odometry.json");
+  fs::remove_all(folder_ / "out/real/odometry");
+  ASSERT_EQ(run("out").exit_code, 0);
+  const auto after = stage_times("out");
   for (const char* kept : {"truth.json", "simulated-odometry.json", "real-dataset.json", "real-evaluation.json"}) {
     EXPECT_EQ(after.at(kept), before.at(kept)) << kept;
   }
@@ -129,10 +108,13 @@ TEST_F(Experiment, GivesTheResultsOfTheContractAndDoesNoWorkTwice) {
 }
 
 TEST_F(Experiment, TracksEachFlightMoreThanOnce) {
-  const std::string experiment = kExperiment;
+  const auto of_one_run = stage_times("out");
+  const std::string experiment = TinyExperiments::kTwoFlights;
   TinyPlace::write_file(folder_ / "experiment.yaml", experiment + "odometry: {runs: 2, later: 3, backwards: true}\n");
-  const ProgramResult first = run("a", {"--json"});
+  const ProgramResult first = run("out", {"--json"});
   ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_EQ(stage_times("out").at("real-odometry.json"), of_one_run.at("real-odometry.json"))
+      << "the first run is the same beside others";
   const json results = json::parse(first.out);
   for (const char* flight : {"simulated", "real"}) {
     const json& runs = results[flight]["runs"];
@@ -153,25 +135,24 @@ TEST_F(Experiment, TracksEachFlightMoreThanOnce) {
   EXPECT_EQ(comparison["runs"], json({{"simulated", 4}, {"real", 4}}));
   EXPECT_TRUE(comparison["within_run"].is_object());
 
-  const auto before = stage_times("a");
-  ASSERT_EQ(run("a").exit_code, 0);
-  EXPECT_EQ(stage_times("a"), before) << "a stage was done again";
+  const auto before = stage_times("out");
+  ASSERT_EQ(run("out").exit_code, 0);
+  EXPECT_EQ(stage_times("out"), before) << "a stage was done again";
 
   TinyPlace::write_file(folder_ / "experiment.yaml", experiment);
-  const ProgramResult once = run("a", {"--json"});
+  const ProgramResult once = run("out", {"--json"});
   ASSERT_EQ(once.exit_code, 0) << once.err;
-  EXPECT_EQ(stage_times("a").at("real-odometry.json"), before.at("real-odometry.json"))
+  EXPECT_EQ(stage_times("out").at("real-odometry.json"), before.at("real-odometry.json"))
       << "the first run is the same without others";
-  EXPECT_FALSE(fs::exists(folder_ / "a/real/runs/2"));
+  EXPECT_FALSE(fs::exists(folder_ / "out/real/runs/2"));
   EXPECT_TRUE(json::parse(once.out)["real"]["runs"].is_null());
   EXPECT_EQ(json::parse(once.out)["comparison"]["unit"], "blocks");
 }
 
 TEST_F(Experiment, ARunThatFailsIsAResult) {
-  TinyPlace::write_file(
-      folder_ / "experiment.yaml",
-      std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) + "odometry: {runs: 2, later: 67}\n");
-  const ProgramResult first = run("a", {"--json"});  // three frames are left for the second run
+  TinyPlace::write_file(folder_ / "experiment.yaml",
+                        TinyExperiments::without_real() + "odometry: {runs: 2, later: 67}\n");
+  const ProgramResult first = run("out", {"--json"});  // three frames are left for the second run
   ASSERT_EQ(first.exit_code, 0) << first.err;
   const json runs = json::parse(first.out)["simulated"]["runs"];
   EXPECT_EQ(runs["failed"], 1) << runs["list"];
@@ -181,29 +162,28 @@ TEST_F(Experiment, ARunThatFailsIsAResult) {
 }
 
 TEST_F(Experiment, MapsAreComparedAndRankedByFolder) {
-  ASSERT_EQ(run("a").exit_code, 0);
   const fs::path csv = folder_ / "table.csv", tex = folder_ / "table.tex";
   const auto compare = [&](std::vector<std::string> more) {
     more.insert(more.begin(), {"compare", "--json"});
     return run_tileflight(more);
   };
-  const std::string a = (folder_ / "a").string();
+  const std::string a = (folder_ / "out").string();
   const ProgramResult all = compare({a, a + "/real/metrics.json", "--csv", csv.string(), "--tex", tex.string()});
   ASSERT_EQ(all.exit_code, 0) << all.err;
   const json table = json::parse(all.out);
   ASSERT_EQ(table["maps"].size(), 3U);
-  EXPECT_EQ(table["maps"][2]["name"], "a/real #2");
+  EXPECT_EQ(table["maps"][2]["name"], "out/real #2");
   EXPECT_EQ(table["pairs"].size(), 3U);
   EXPECT_EQ(table["pairs"][2]["mean_difference"], 0.0) << "the same map twice";
   EXPECT_EQ(tests::line_count(file_text(csv)), 4);
   EXPECT_EQ(tests::line_count(file_text(folder_ / "table-pairs.csv")), 4);
-  EXPECT_THAT(file_text(tex), testing::HasSubstr("a/simulated & "));
+  EXPECT_THAT(file_text(tex), testing::HasSubstr("out/simulated & "));
 
   const json two = json::parse(compare({a + "/simulated/metrics.json", a + "/real/metrics.json"}).out);
-  const json comparison = json::parse(file_text(folder_ / "a/comparison.json"));
+  const json comparison = json::parse(file_text(folder_ / "out/comparison.json"));
   for (const auto& [key, value] : comparison.items()) EXPECT_EQ(two[key], value) << key;
 
-  fs::copy(folder_ / "a", folder_ / "b", fs::copy_options::recursive);
+  fs::copy(folder_ / "out", folder_ / "b", fs::copy_options::recursive);
   json better = json::parse(file_text(folder_ / "b/real/metrics.json"));
   better["surface"]["median"] = 1e-6;
   TinyPlace::write_file(folder_ / "b/real/metrics.json", better.dump());
@@ -266,7 +246,8 @@ variants:
 
 TEST_F(Experiment, VariantsThatCannotBeAreOneLine) {
   const auto expect_refused = [&](const std::string& variants, const std::string& cause) {
-    TinyPlace::write_file(folder_ / "experiment.yaml", std::string(kExperiment) + "variants:\n" + variants);
+    TinyPlace::write_file(folder_ / "experiment.yaml",
+                          std::string(TinyExperiments::kTwoFlights) + "variants:\n" + variants);
     const ProgramResult result = run("a");
     EXPECT_EQ(result.exit_code, 1);
     EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
@@ -336,9 +317,13 @@ TEST_F(Experiment, WhatCannotBeFollowedIsOneLine) {
   expect_refused("real:\n  kind: surrogate\n  render: {flight: flight.yaml}\n", "", "which is missing");
 }
 
+/// A file that names others, which lie elsewhere where the experiment is copied from.
+std::string text_without_folders(const fs::path& file) {
+  return std::regex_replace(file_text(file), std::regex("\"/[^\"]*/"), "\"");
+}
+
 TEST_F(Experiment, ThreadsChangeNoByte) {
-  ASSERT_EQ(run("one", {"--threads", "1"}).exit_code, 0);
-  ASSERT_EQ(run("two", {"--threads", "2"}).exit_code, 0);
+  ASSERT_EQ(run("one", {"--threads", "1"}).exit_code, 0);  // "out" is of two
   std::set<std::string> compared;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "one")) {
     const std::string name = fs::relative(entry.path(), folder_ / "one").string();
@@ -346,7 +331,8 @@ TEST_F(Experiment, ThreadsChangeNoByte) {
                               name == "results.json" || name == "report.html" || name == "report.json" ||
                               name.starts_with("stages") || name == ".file-hashes";
     if (!entry.is_regular_file() || times_inside) continue;
-    EXPECT_EQ(file_text(entry.path()), file_text(folder_ / "two" / name)) << name;
+    const auto text = name.ends_with("dataset.yaml") ? text_without_folders : file_text;
+    EXPECT_EQ(text(entry.path()), text(folder_ / "out" / name)) << name;
     compared.insert(name);
   }
   for (const char* name :
@@ -357,23 +343,21 @@ TEST_F(Experiment, ThreadsChangeNoByte) {
 }
 
 TEST_F(Experiment, AnotherProgramCanDoTheOdometry) {
-  ASSERT_EQ(run("own").exit_code, 0);
-  const std::string own = (folder_ / "own/simulated/odometry").string();
-  TinyPlace::write_file(folder_ / "experiment.yaml",
-                        std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) +
-                            "odometry:\n  command: test -e {dataset}/times.txt && cp " + own + "/trajectory.txt " +
-                            own + "/map.ply {out}\n");
+  fs::copy(folder_ / "out", folder_ / "outside", fs::copy_options::recursive);
+  const std::string own = (folder_ / "out/simulated/odometry").string();
+  TinyPlace::write_file(folder_ / "experiment.yaml", TinyExperiments::without_real() +
+                                                         "odometry:\n  command: test -e {dataset}/times.txt && cp " +
+                                                         own + "/trajectory.txt " + own + "/map.ply {out}\n");
   const ProgramResult result = run("outside", {"--json"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   // The same points and poses; only the keyframes that saw them are not known of another program's.
   const json outside = json::parse(result.out)["simulated"]["map"],
-             known = json::parse(file_text(folder_ / "own/simulated/metrics.json"))["map"];
+             known = json::parse(file_text(folder_ / "out/simulated/metrics.json"))["map"];
   EXPECT_EQ(outside["points"], known["points"]);
   EXPECT_NEAR(outside["mean"].get<double>(), known["mean"].get<double>(), 0.02);
 
   TinyPlace::write_file(folder_ / "experiment.yaml",
-                        std::string(kExperiment).substr(0, std::string(kExperiment).find("real:")) +
-                            "odometry:\n  command: echo cannot start; false\n");
+                        TinyExperiments::without_real() + "odometry:\n  command: echo cannot start; false\n");
   const ProgramResult failed = run("failed");
   EXPECT_EQ(failed.exit_code, 1);
   EXPECT_THAT(failed.err, ::testing::HasSubstr("cannot start"));
@@ -383,7 +367,7 @@ TEST_F(Experiment, OdometryTakesWhatItsCommandTakes) {
   imaging::GrayImage mask(320, 240, 255);
   for (int y = 200; y < 240; ++y) std::fill_n(&mask(0, y), 320, std::uint8_t{0});
   imaging::write_gray(folder_ / "mask.png", mask);
-  const std::string simulated_only = std::string(kExperiment).substr(0, std::string(kExperiment).find("real:"));
+  const std::string simulated_only = TinyExperiments::without_real();
   TinyPlace::write_file(folder_ / "experiment.yaml",
                         simulated_only +
                             "odometry: {mask: mask.png, rectify_fov: 90, colmap: true, debug_pictures: true, "

@@ -10,7 +10,7 @@
 #include <regex>
 
 #include "tests/run_program.h"
-#include "tests/tiny_place.h"
+#include "tests/tiny_experiments.h"
 
 namespace tileflight::progress_test {
 namespace {
@@ -55,9 +55,6 @@ waypoints:
   - {position: [-18, -12, 116], yaw_deg: 55, pitch_deg: -45}
   - {position: [18, 10, 116], yaw_deg: 70, pitch_deg: -45}
 )");
-    TinyPlace::write_file(folder_ / "experiment.yaml",
-                          "place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}\n"
-                          "simulated: {render: {flight: flight.yaml}}\n");
   }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   std::vector<std::string> render(const std::string& out) const {
@@ -100,17 +97,16 @@ TEST_F(Progress, AFailureAtOnceIsOneLine) {
 }
 
 TEST_F(Progress, OfARunStagesHaveTheirNames) {
-  const std::vector<std::string> call{"run", path("experiment.yaml"), "--out", path("out")};
-  const ProgramResult first = run_tileflight(call);
-  ASSERT_EQ(first.exit_code, 0) << first.err;
-  expect_stage_lines(first.err);
+  tests::TinyExperiments::one_flight().copy_to(folder_ / "run");
+  const std::string first = tests::file_text(folder_ / "run/progress.txt");
+  expect_stage_lines(first);
   for (const char* stage : {"truth: ", "simulated/dataset: ", "simulated/odometry: ", "simulated/alignment: ",
                             "simulated/evaluation: ", "report: "})
-    EXPECT_THAT(first.err, HasSubstr(stage));
-  EXPECT_THAT(first.err, Not(HasSubstr("place: "))) << "there is no built-in place in it";
-  const ProgramResult second = run_tileflight(call);
+    EXPECT_THAT(first, HasSubstr(stage));
+  EXPECT_THAT(first, Not(HasSubstr("place: "))) << "there is no built-in place in it";
+  const ProgramResult second = run_tileflight({"run", path("run/experiment.yaml"), "--out", path("run/out")});
   expect_stage_lines(second.err);
-  EXPECT_EQ(tests::line_count(second.err), tests::line_count(first.err));
+  EXPECT_EQ(tests::line_count(second.err), tests::line_count(first));
   EXPECT_THAT(second.err, HasSubstr("simulated/dataset: unchanged, skipped\n"));
 }
 
@@ -119,7 +115,9 @@ TEST_F(Progress, OnATerminalOneLineIsRewritten) {
   EXPECT_THAT(rendered, HasSubstr("\r\033[Kframes rendered"));
   EXPECT_THAT(rendered, HasSubstr(" %"));
   EXPECT_THAT(rendered, HasSubstr("30 frames"));
-  const std::string run = on_terminal({"run", path("experiment.yaml"), "--out", path("out")});
+  tests::TinyExperiments::one_flight().copy_to(folder_ / "run");
+  std::filesystem::remove(folder_ / "run/out/stages/simulated-dataset.json");  // rendered again
+  const std::string run = on_terminal({"run", path("run/experiment.yaml"), "--out", path("run/out")});
   EXPECT_THAT(run, HasSubstr("\r\033[Ksimulated/dataset: frames rendered"));
   EXPECT_THAT(run, HasSubstr("truth: "));
   const std::regex too_long("\r\033\\[K[^\r\n]{60}");

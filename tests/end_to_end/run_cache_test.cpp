@@ -9,7 +9,7 @@
 
 #include "tests/background_program.h"
 #include "tests/run_program.h"
-#include "tests/tiny_place.h"
+#include "tests/tiny_experiments.h"
 #include "tileflight/base/folder_marker.h"
 
 namespace tileflight::run_cache_test {
@@ -22,26 +22,8 @@ using ::testing::Not;
 using tests::file_text;
 using tests::ProgramResult;
 using tests::run_tileflight;
+using tests::TinyExperiments;
 using tests::TinyPlace;
-
-constexpr const char* kFlight = R"(camera: camera.yaml
-sensors_file: sensors.yaml
-fps: 10
-speed_m_s: 4
-acceleration_m_s2: 4
-max_frames: 60
-waypoints:
-  - {position: [-18, -12, 116], yaw_deg: 55, pitch_deg: -45}
-  - {position: [0, 2, 117], yaw_deg: 60, pitch_deg: -45}
-  - {position: [18, 10, 116], yaw_deg: 70, pitch_deg: -45}
-)";
-
-constexpr const char* kExperiment = R"(name: tiny
-place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
-alignment: {start: true-poses}
-simulated:
-  render: {flight: flight.yaml}
-)";
 
 /// A program that answers with the odometry of an earlier run.
 constexpr const char* kScript = R"(#!/bin/sh
@@ -49,15 +31,22 @@ set -e
 cp "$3"/trajectory.txt "$3"/map.ply "$2"
 )";
 
+/// The stages that a `run` did, as it says.
+std::set<std::string> stages_in(const std::string& progress) {
+  std::istringstream lines(progress);
+  std::set<std::string> done;
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t colon = line.find(": ");
+    if (colon != std::string::npos && line.find("unchanged, skipped") == std::string::npos)
+      done.insert(line.substr(0, colon));
+  }
+  return done;
+}
+
 class RunCache : public ::testing::Test {
  protected:
-  RunCache() {
-    TinyPlace::write(folder_ / "place");
-    write("camera.yaml", TinyPlace::kCamera);
-    write("flight.yaml", kFlight);
-    write("sensors.yaml", "barometer: {rate_hz: 10}\n");
-    write("experiment.yaml", kExperiment);
-  }
+  /// Begins with the inputs and their finished run in "out".
+  RunCache() { TinyExperiments::one_flight().copy_to(folder_.path()); }
 
   void write(const std::string& name, const std::string& text) const { TinyPlace::write_file(folder_ / name, text); }
   std::vector<std::string> call(const std::string& out, const std::vector<std::string>& more = {}) const {
@@ -70,17 +59,7 @@ class RunCache : public ::testing::Test {
     EXPECT_EQ(result.exit_code, 0) << result.err;
     return result;
   }
-  /// The stages that `run` did, as it says.
-  std::set<std::string> stages_done(const std::string& out) const {
-    std::istringstream lines(run(out).err);
-    std::set<std::string> done;
-    for (std::string line; std::getline(lines, line);) {
-      const std::size_t colon = line.find(": ");
-      if (colon != std::string::npos && line.find("unchanged, skipped") == std::string::npos)
-        done.insert(line.substr(0, colon));
-    }
-    return done;
-  }
+  std::set<std::string> stages_done(const std::string& out) const { return stages_in(run(out).err); }
 
   tests::TemporaryFolder folder_;
 };
@@ -90,13 +69,15 @@ void touch(const fs::path& file) {
 }
 
 TEST_F(RunCache, TouchedFilesAndOtherWaysToWriteTheSameChangeNothing) {
-  EXPECT_THAT(stages_done("out"), IsSupersetOf({"truth", "simulated/dataset", "simulated/odometry", "report"}));
+  EXPECT_THAT(stages_in(file_text(folder_ / "progress.txt")),
+              IsSupersetOf({"truth", "simulated/dataset", "simulated/odometry", "report"}));
+  EXPECT_THAT(stages_done("out"), testing::ElementsAre("report")) << "copied: it names the files";
   EXPECT_THAT(stages_done("out"), testing::IsEmpty());
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "place")) touch(entry.path());
   for (const char* name : {"camera.yaml", "flight.yaml", "sensors.yaml", "experiment.yaml"}) touch(folder_ / name);
   EXPECT_THAT(stages_done("out"), testing::IsEmpty()) << "touched";
 
-  write("flight.yaml", "# what is flown\n" + std::string(kFlight) + "# the end\n");
+  write("flight.yaml", "# what is flown\n" + file_text(folder_ / "flight.yaml") + "# the end\n");
   write("camera.yaml",
         "cam0: {resolution: [320, 240], distortion_coeffs: [0, 0, 0, 0], distortion_model: 'equidistant',\n"
         "  intrinsics: [152, 152, 159.50, 119.5], camera_model: \"pinhole\"}  # the same lens\n");
@@ -105,18 +86,18 @@ TEST_F(RunCache, TouchedFilesAndOtherWaysToWriteTheSameChangeNothing) {
         "simulated: {render: {flight: 'flight.yaml'}}   # first\nalignment:\n  start: 'true-poses'\nplace:\n"
         "  size: [80.0, 80, 20]\n  center_local:\n  - 0\n  - 0.0\n  - 100\n"
         "  source: place/tileset.json\nname: tiny\n");
-  EXPECT_THAT(stages_done("out"), testing::ElementsAre("report")) << "written otherwise: it holds the files' hashes";
+  EXPECT_THAT(stages_done("out"), testing::ElementsAre("report")) << "written differently: it holds the files' hashes";
 
   // A folder of results beside the tiles is none of them.
   TinyPlace::write_file(folder_ / "place/.DS_Store", "x");
+  fs::copy(folder_ / "out", folder_ / "place/out", fs::copy_options::recursive);
   run("place/out");
   EXPECT_THAT(stages_done("place/out"), testing::IsEmpty());
   EXPECT_THAT(stages_done("out"), testing::IsEmpty());
 }
 
 TEST_F(RunCache, WhatChangesIsDoneAgainWithWhatComesOfIt) {
-  run("out");
-  std::string flight = kFlight;
+  std::string flight = file_text(folder_ / "flight.yaml");
   write("flight.yaml", flight.replace(flight.find("fps: 10"), 7, "fps: 11"));
   EXPECT_EQ(stages_done("out").count("truth"), 0U);
   write("sensors.yaml", "barometer: {rate_hz: 20}\n");
@@ -133,14 +114,15 @@ TEST_F(RunCache, WhatChangesIsDoneAgainWithWhatComesOfIt) {
 }
 
 TEST_F(RunCache, TheScriptOfACommandIsAnInput) {
-  run("own");
+  fs::copy(folder_ / "out", folder_ / "own", fs::copy_options::recursive);
   const std::string own = (folder_ / "own/simulated/odometry").string();
   const auto with_script = [&](const std::string& script) {
     write("slam.sh", script);
     fs::permissions(folder_ / "slam.sh", fs::perms::owner_all);
   };
   with_script(kScript);
-  write("experiment.yaml", std::string(kExperiment) + "odometry: {command: './slam.sh {dataset} {out} " + own + "'}\n");
+  write("experiment.yaml",
+        std::string(TinyExperiments::kOneFlight) + "odometry: {command: './slam.sh {dataset} {out} " + own + "'}\n");
   EXPECT_THAT(stages_done("out"), IsSupersetOf({"simulated/odometry"}));
   EXPECT_THAT(stages_done("out"), testing::IsEmpty());
   touch(folder_ / "slam.sh");
@@ -171,31 +153,34 @@ std::size_t notes_in(const fs::path& folder) {
 }
 
 TEST_F(RunCache, FramesThatAreThereAfterAKillAreTakenUp) {
+  // Of the stages only the first matters here: an odometry that is there already answers for the second.
+  const std::string odometry = (folder_ / "out/simulated/odometry").string();
   write("experiment.yaml", R"(name: tiny
 place: {source: place/tileset.json, center_local: [0, 0, 100], size: [80, 80, 20]}
 alignment: {start: true-poses}
 simulated:
   render: {flight: flight.yaml, samples_per_pixel: 16, outputs: "depth, segmentation"}
-)");
+odometry: {command: 'cp )" + odometry +
+                               "/trajectory.txt " + odometry + "/map.ply {out}'}\n");
   run("whole", {"--threads", "1"});
-  const fs::path frames = folder_ / "out/simulated/.dataset.frames";
+  const fs::path frames = folder_ / "killed/simulated/.dataset.frames";
   {
-    tests::BackgroundProgram program(call("out", {"--threads", "1"}), folder_ / "first");
+    tests::BackgroundProgram program(call("killed", {"--threads", "1"}), folder_ / "first");
     while (program.runs() && notes_in(frames / "frames") < 10)
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     ASSERT_TRUE(program.runs()) << program.result().err;
   }
   const std::size_t kept = notes_in(frames / "frames");
   EXPECT_LT(kept, 60U);
-  EXPECT_FALSE(fs::exists(folder_ / "out/simulated/dataset"));
+  EXPECT_FALSE(fs::exists(folder_ / "killed/simulated/dataset"));
   const std::set<ino_t> before = inodes(frames / "dataset/images");
-  run("out", {"--threads", "2"});
-  const std::set<ino_t> after = inodes(folder_ / "out/simulated/dataset/images");
+  run("killed", {"--threads", "2"});
+  const std::set<ino_t> after = inodes(folder_ / "killed/simulated/dataset/images");
   std::size_t taken_up = 0;
   for (const ino_t inode : before) taken_up += after.count(inode);
   EXPECT_GE(taken_up, kept) << "their very files";
   EXPECT_FALSE(fs::exists(frames));
-  const fs::path whole = folder_ / "whole/simulated/dataset", resumed = folder_ / "out/simulated/dataset";
+  const fs::path whole = folder_ / "whole/simulated/dataset", resumed = folder_ / "killed/simulated/dataset";
   ASSERT_FALSE(base::list_files_recursive(whole).empty());
   EXPECT_EQ(base::list_files_recursive(whole), base::list_files_recursive(resumed));
   for (const std::string& file : base::list_files_recursive(whole))
@@ -203,13 +188,13 @@ simulated:
 }
 
 TEST_F(RunCache, ABusyFolderIsNamedWithItsProcess) {
-  write("experiment.yaml", std::string(kExperiment) + "odometry: {command: sleep 30}\n");
-  tests::BackgroundProgram program(call("out"), folder_ / "first");
-  while (program.runs() && !fs::exists(folder_ / "out/stages/simulated-dataset.json"))
+  write("experiment.yaml", std::string(TinyExperiments::kOneFlight) + "odometry: {command: sleep 30}\n");
+  tests::BackgroundProgram program(call("busy"), folder_ / "first");
+  while (program.runs() && !fs::exists(folder_ / "busy/stages/simulated-dataset.json"))
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   ASSERT_TRUE(program.runs()) << program.result().err;
   for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--force"}}) {
-    const ProgramResult second = run_tileflight(call("out", more));
+    const ProgramResult second = run_tileflight(call("busy", more));
     EXPECT_EQ(second.exit_code, 1);
     EXPECT_EQ(tests::line_count(second.err), 1) << second.err;
     EXPECT_THAT(second.err, HasSubstr("process " + std::to_string(program.process())));
@@ -217,12 +202,11 @@ TEST_F(RunCache, ABusyFolderIsNamedWithItsProcess) {
     EXPECT_THAT(second.err, Not(HasSubstr("--force")));
   }
   program.kill();
-  write("experiment.yaml", kExperiment);
-  run("out");
+  write("experiment.yaml", TinyExperiments::kOneFlight);
+  run("busy");
 }
 
 TEST_F(RunCache, ForceDoesAllAgainAndKeepsWhatIsNotOurs) {
-  run("out");
   write("out/notes.txt", "mine");
   const std::string results = file_text(folder_ / "out/results.json");
   const ProgramResult forced = run("out", {"--force"});

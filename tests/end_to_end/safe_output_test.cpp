@@ -58,7 +58,7 @@ waypoints:
     must({"tile", path("settings/mesh.obj"), "--out", path("tiles")});
     must({"extract", path("plain"), "--out", path("truth"), "--voxel", "4"});
     must({"render", path("plain"), "--flight", path("settings/flight.yaml"), "--out", path("dataset")});
-    tests::TinyFlight::write(folder / "flown");
+    tests::TinyFlight::copy_to(folder / "flown");
   }
   static void TearDownTestSuite() { shared_.reset(); }
 

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/global_registration.h"
 #include "tileflight/alignment/ordered_sum.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
@@ -122,9 +122,7 @@ std::string rival_note(const std::vector<RankedAlignment>& places, const Closene
   for (std::size_t k = 1; k < places.size(); ++k) {
     const double apart = closeness.separation(places[0].T, places[k].T);
     if (places[k].closeness < kAsGood * places[0].closeness || apart < kElsewhere) continue;
-    char text[128];
-    std::snprintf(text, sizeof text, "ambiguous: another position, %.2g map sizes away, fits nearly as well", apart);
-    return text;
+    return base::formatted("ambiguous: another position, %.2g map sizes away, fits nearly as well", apart);
   }
   return {};
 }

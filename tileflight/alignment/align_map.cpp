@@ -1,14 +1,13 @@
 #include "tileflight/alignment/align_map.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/alignment/coarse_alignment.h"
 #include "tileflight/alignment/similarity_chart.h"
 #include "tileflight/alignment/transform_file.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
@@ -52,9 +51,8 @@ void note_distance(const geometry::Trajectory& T_map_camera, MapAlignment& align
   const double moved_m =
       rms_motion_m(start.T_local_map, alignment.result.T_target_source, compute_spread(positions(T_map_camera)));
   if (moved_m <= std::max(5.0, 3.0 * start.rmse_m)) return;
-  char text[96];
-  std::snprintf(text, sizeof text, "ICP moved the camera path %.1f m (RMS) away from its telemetry", moved_m);
-  add_note(alignment.result.note, text);
+  add_note(alignment.result.note,
+           base::formatted("ICP moved the camera path %.1f m (RMS) away from its telemetry", moved_m));
 }
 
 json telemetry_json(const TrajectoryAlignment& t) {

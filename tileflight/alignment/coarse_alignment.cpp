@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "tileflight/alignment/similarity_chart.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::alignment {
@@ -97,10 +97,8 @@ std::string rival_note(const std::vector<Attempt>& attempts, std::size_t best, c
   for (std::size_t k = 0; k < attempts.size(); ++k) {
     const double away_m = rms_motion_m(attempts[best].T, attempts[k].T, spread);
     if (k == best || away_m < apart_m || attempts[k].cost_m2 > kAsGood * attempts[best].cost_m2) continue;
-    char text[128];
-    std::snprintf(text, sizeof text, "ambiguous: a scale of %.4g, which moves the map by %.1f m (RMS), fits as well",
-                  attempts[k].T.scale, away_m);
-    return text;
+    return base::formatted("ambiguous: a scale of %.4g, which moves the map by %.1f m (RMS), fits as well",
+                           attempts[k].T.scale, away_m);
   }
   return {};
 }

@@ -189,15 +189,15 @@ class GlobalSearch {
     spread.mean = source_size_.center;
     spread.second_moment = source_size_.center * source_size_.center.transpose() +
                            std::pow(source_size_.radius_m, 2) * geometry::Mat3::Identity() / 3.0;
-    std::vector<GlobalCandidate> kept;
+    std::vector<GlobalCandidate> best;
     for (const GlobalCandidate& c : all) {
       const double apart_m = 0.2 * c.T_target_source.scale * source_size_.radius_m;
-      const bool is_new = std::ranges::none_of(kept, [&](const GlobalCandidate& k) {
+      const bool is_new = std::ranges::none_of(best, [&](const GlobalCandidate& k) {
         return rms_motion_m(c.T_target_source, k.T_target_source, spread) < apart_m;
       });
-      if (is_new && kept.size() < options_.max_candidates) kept.push_back(c);
+      if (is_new && best.size() < options_.max_candidates) best.push_back(c);
     }
-    return kept;
+    return best;
   }
 
   const std::vector<Vec3>& source_;

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "tileflight/alignment/icp_iteration.h"
 #include "tileflight/alignment/matcher.h"
 #include "tileflight/alignment/normals.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/morton_order.h"
 
@@ -96,23 +96,13 @@ CenteredSource center_source(std::vector<Vec3> points, const Sim3& T) {
   return source;
 }
 
-ScaleRange scale_range(const Sim3& T, const IcpOptions& options) {
-  if (options.scale == ScaleMode::kFixed) return {T.scale, T.scale};
-  const double center = options.scale_center > 0.0 ? options.scale_center : T.scale;
-  return {center / options.max_scale_change, center * options.max_scale_change};
-}
-
 bool is_at_scale_bound(double scale, const ScaleRange& range, const IcpOptions& options) {
   constexpr double kClose = 1e-9;
   return options.scale == ScaleMode::kEstimated && options.max_scale_change > 1.0 &&
          (scale <= range.min * (1.0 + kClose) || scale >= range.max * (1.0 - kClose));
 }
 
-std::string format_number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
+std::string format_number(double value) { return base::formatted("%.3g", value); }
 
 void add_note(IcpResult& result, const std::string& text) { result.note += (result.note.empty() ? "" : "; ") + text; }
 
@@ -243,7 +233,7 @@ IcpResult run_icp(Matcher& matcher, const CenteredSource& source, const Sim3& in
   IcpResult result;
   result.method = method_name(options);
   result.points = source.points.size();
-  const ScaleRange range = scale_range(initial, options);
+  const ScaleRange range = scale_range(options.scale, initial.scale, options.scale_center, options.max_scale_change);
   IcpIteration<Matcher> registration(matcher, source, range,
                                      {options.method, options.radius_m, options.kernel, options.kept_share});
   const EvaluateFunction evaluate = [&](const Sim3& T) { return registration.evaluate(T); };

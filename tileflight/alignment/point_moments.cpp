@@ -16,7 +16,6 @@ void PointMoments::add(const Vec3& p, const Vec3& q, double w) {
   target += w * q;
   target_source += (w * q) * p.transpose();
   source_squared += w * p.squaredNorm();
-  target_squared += w * q.squaredNorm();
 }
 
 PointMoments& PointMoments::operator+=(const PointMoments& other) {
@@ -25,7 +24,6 @@ PointMoments& PointMoments::operator+=(const PointMoments& other) {
   target += other.target;
   target_source += other.target_source;
   source_squared += other.source_squared;
-  target_squared += other.target_squared;
   return *this;
 }
 
@@ -57,12 +55,17 @@ Mat3 rotation_of_line(const Mat3& covariance) {
 
 }  // namespace
 
+ScaleRange scale_range(ScaleMode mode, double scale, double center, double max_change) {
+  if (mode == ScaleMode::kFixed) return {scale, scale};
+  if (!(center > 0.0)) center = scale;
+  return {center / max_change, center * max_change};
+}
+
 SimilarityFit fit_similarity(const PointMoments& m, const ScaleRange& range) {
   const Vec3 mean_source = m.source / m.weight;
   const Vec3 mean_target = m.target / m.weight;
   const Mat3 covariance = m.target_source / m.weight - mean_target * mean_source.transpose();
   const double source_variance = std::max(0.0, m.source_squared / m.weight - mean_source.squaredNorm());
-  const double target_variance = std::max(0.0, m.target_squared / m.weight - mean_target.squaredNorm());
 
   RotationFit fit = fit_rotation(covariance);
   if (!fit.well_conditioned) fit.rotation = rotation_of_line(covariance);
@@ -70,8 +73,7 @@ SimilarityFit fit_similarity(const PointMoments& m, const ScaleRange& range) {
   const double free_scale = source_variance > 0.0 ? fit.trace_ds / source_variance : 1.0;
   const double scale = std::clamp(free_scale, range.min, range.max);
   const Vec3 translation = mean_target - scale * (fit.rotation * mean_source);
-  const double residual = target_variance - 2.0 * scale * fit.trace_ds + scale * scale * source_variance;
-  return {{scale, Eigen::Quaterniond(fit.rotation), translation}, std::max(0.0, residual), fit.well_conditioned};
+  return {{scale, Eigen::Quaterniond(fit.rotation), translation}, fit.well_conditioned};
 }
 
 }  // namespace tileflight::alignment

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "tileflight/alignment/umeyama.h"
 #include "tileflight/geometry/transform.h"
 
 namespace tileflight::alignment {
@@ -12,7 +13,6 @@ struct PointMoments {
   geometry::Vec3 target = geometry::Vec3::Zero();         ///< sum of w q
   geometry::Mat3 target_source = geometry::Mat3::Zero();  ///< sum of w q p^T
   double source_squared = 0.0;                            ///< sum of w |p|^2
-  double target_squared = 0.0;                            ///< sum of w |q|^2
 
   void add(const geometry::Vec3& p, const geometry::Vec3& q, double w = 1.0);
   PointMoments& operator+=(const PointMoments& other);
@@ -24,9 +24,11 @@ struct ScaleRange {
   double max = 1.0;
 };
 
+/// `scale` alone, or the scales within a factor of `max_change` of `center` (of `scale` if there is no center).
+ScaleRange scale_range(ScaleMode mode, double scale, double center, double max_change);
+
 struct SimilarityFit {
   geometry::Sim3 T_target_source;
-  double mean_squared_residual = 0.0;
   bool well_conditioned = true;  ///< the points spread along at least two directions
 };
 

@@ -1,8 +1,7 @@
 #include "tileflight/alignment/transform_file.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -39,9 +38,9 @@ Mat4 matrix_from(const json& rows, const std::string& where) {
 
 /// Value of an optional key; throws if it has another type.
 template <class T>
-T value_or(const json& object, const char* key, const T& otherwise, const std::string& where) {
+T value_or(const json& object, const char* key, const T& fallback, const std::string& where) {
   const auto found = object.find(key);
-  if (found == object.end() || found->is_null()) return otherwise;
+  if (found == object.end() || found->is_null()) return fallback;
   try {
     return found->get<T>();
   } catch (const json::exception&) {

@@ -40,7 +40,7 @@ Vec3 mean(const std::vector<Vec3>& points) {
   return sum / static_cast<double>(points.size());
 }
 
-ScaleRange scale_range(ScaleMode scale) {
+ScaleRange any_scale(ScaleMode scale) {
   if (scale == ScaleMode::kFixed) return {1.0, 1.0};
   return {0.0, std::numeric_limits<double>::infinity()};
 }
@@ -105,7 +105,7 @@ UmeyamaResult weighted_umeyama(const std::vector<Vec3>& source, const std::vecto
   }
   if (!(moments.weight > 0.0)) throw InputError("paired points", "all weights are zero");
 
-  const SimilarityFit fit = fit_similarity(moments, scale_range(scale));
+  const SimilarityFit fit = fit_similarity(moments, any_scale(scale));
   UmeyamaResult result;
   result.T_target_source = uncentered(fit.T_target_source, source_center, target_center);
   result.inliers = inliers;

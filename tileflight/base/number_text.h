@@ -12,11 +12,20 @@ inline std::string fixed_text(double value) {
   return {digits, result.ptr};
 }
 
-/// Text with `decimals` digits after the point, for messages.
+/// Text with `decimals` digits after the point; the digits of printf("%.*f"), independent of the locale.
 inline std::string rounded_text(double value, int decimals) {
   char digits[400];
   const auto result = std::to_chars(digits, digits + sizeof digits, value, std::chars_format::fixed, decimals);
   return {digits, result.ptr};
+}
+
+/// As rounded_text, without zeros at the end of a fraction.
+inline std::string trimmed_text(double value, int decimals) {
+  std::string text = rounded_text(value, decimals);
+  if (text.find('.') == std::string::npos) return text;
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
 }
 
 }  // namespace tileflight::base

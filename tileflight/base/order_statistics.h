@@ -15,6 +15,14 @@ Value upper_median(std::vector<Value> values) {
   return *middle;
 }
 
+/// The value at `share` (0 to 1) of the way through the values in order; between two values the lower one. `values`
+/// must not be empty. Linear time.
+inline double lower_quantile(std::vector<double> values, double share) {
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
 /// The median; of an even number of values the mean of the two in the middle. `values` must not be empty and is
 /// reordered.
 inline double median(std::vector<double>& values) {

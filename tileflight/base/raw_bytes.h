@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
@@ -10,6 +11,14 @@ namespace tileflight::base {
 /// The bytes seen as text; they must outlive it.
 inline std::string_view as_text(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// The number whose bytes stand at `offset`, in the order of this machine; the caller has checked that they are there.
+template <class Number>
+Number read_raw(std::span<const std::byte> bytes, std::size_t offset) {
+  Number value;
+  std::memcpy(&value, bytes.data() + offset, sizeof value);
+  return value;
 }
 
 /// Appends a number as it lies in memory.

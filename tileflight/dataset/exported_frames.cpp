@@ -1,10 +1,10 @@
 #include <tbb/parallel_for.h>
 
 #include <cmath>
-#include <cstdio>
 #include <mutex>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/imaging/image_files.h"
@@ -44,11 +44,7 @@ double frame_rate_hz(const Dataset& dataset) {
   return std::round(1e6 * static_cast<double>(dataset.frames.size() - 1) / span_s) / 1e6;
 }
 
-std::string frame_stem(std::size_t index) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%06zu", index);
-  return text;
-}
+std::string frame_stem(std::size_t index) { return base::formatted("%06zu", index); }
 
 void copy_frames(const Dataset& dataset, const fs::path& folder, const FrameNamer& stem_of, const Progress& progress) {
   for_each_frame(dataset, folder, progress, [&](std::size_t i) {

@@ -23,11 +23,6 @@ void check(const PointCloud& cloud, const char* name) {
   }
 }
 
-double share_within(const std::vector<double>& distances, double threshold_m) {
-  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
-  return static_cast<double>(within) / static_cast<double>(distances.size());
-}
-
 /// Share of the distances up to each of the increasing thresholds. Empty without distances.
 std::vector<double> shares_within(const std::vector<double>& thresholds_m, const std::vector<double>& distances) {
   if (distances.empty()) return {};
@@ -67,6 +62,12 @@ Histogram histogram_of(const std::vector<double>& kept, double cutoff_m, int bin
 }
 
 }  // namespace
+
+double share_within(const std::vector<double>& distances, double threshold_m) {
+  if (distances.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
+  return static_cast<double>(within) / static_cast<double>(distances.size());
+}
 
 DistanceStatistics compute_statistics(std::vector<double> distances) {
   DistanceStatistics result;

@@ -25,6 +25,9 @@ std::vector<double> cloud_distances(const geometry::PointCloud& points, const ge
 /// Distance from each point to the nearest triangle.
 std::vector<double> surface_distances(const geometry::PointCloud& points, const geometry::TriangleIndex& surface);
 
+/// Share of the distances up to the threshold; unknown (NaN) if there are none.
+double share_within(const std::vector<double>& distances, double threshold_m);
+
 /// The distances up to the cut-off, with their positions.
 KeptDistances keep_within_cutoff(const std::vector<geometry::Vec3>& positions, const std::vector<double>& distances,
                                  double cutoff_m);

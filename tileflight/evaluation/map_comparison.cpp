@@ -1,14 +1,14 @@
 #include "tileflight/evaluation/map_comparison.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/evaluation/distances.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/evaluation/path_comparison.h"
 #include "tileflight/evaluation/repeated_runs.h"
@@ -41,12 +41,6 @@ struct MetricDefinition {
   /// For metrics specific to this place: simulated minus real, in each block.
   std::function<Eigen::VectorXd(const Eigen::MatrixXd& blocks)> exchange_differences{};
 };
-
-double share_within_m(const std::vector<double>& distances, double threshold_m) {
-  if (distances.empty()) return kNoValue;
-  const auto within = std::count_if(distances.begin(), distances.end(), [&](double d) { return d <= threshold_m; });
-  return static_cast<double>(within) / static_cast<double>(distances.size());
-}
 
 double rms_within(const std::vector<double>& distances, double cutoff_m) {
   double squares = 0.0, kept = 0.0;
@@ -139,10 +133,10 @@ std::vector<MetricDefinition> surface_numbers(const MedianBins& bins, const MapC
            [=](const ScoredMap& m, const ScoredMap&) { return rms_within(m.surface.distances, o.cutoff_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return std::sqrt(squares(s, map) / kept(s, map)); }},
           {measured(difference_key("within", o.accuracy_within_m), MarginScale::kDifference, o.share_margin),
-           [=](const ScoredMap& m, const ScoredMap&) { return share_within_m(m.surface.distances, o.accuracy_within_m); },
+           [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.surface.distances, o.accuracy_within_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return within(s, map) / points(s, map); }},
           {measured(difference_key("beyond", o.cutoff_m), MarginScale::kDifference, o.share_margin),
-           [=](const ScoredMap& m, const ScoredMap&) { return 1.0 - share_within_m(m.surface.distances, o.cutoff_m); },
+           [=](const ScoredMap& m, const ScoredMap&) { return 1.0 - share_within(m.surface.distances, o.cutoff_m); },
            [=](const Eigen::RowVectorXd& s, Eigen::Index map) { return 1.0 - kept(s, map) / points(s, map); }}};
 }
 
@@ -194,7 +188,7 @@ std::vector<MetricDefinition> completeness_numbers(const MapComparisonOptions& o
           .scale = MarginScale::kRatio,
           .margin = o.completeness_margin,
           .is_decisive = t + 1 == o.completeness_within_m.size()},
-         [=](const ScoredMap& m, const ScoredMap&) { return share_within_m(m.seen.map_distance_m, within_m); },
+         [=](const ScoredMap& m, const ScoredMap&) { return share_within(m.seen.map_distance_m, within_m); },
          [=](const Eigen::RowVectorXd& s, Eigen::Index map) {
            return s[map * columns.each() + column] / s[map * columns.each()];
          }});

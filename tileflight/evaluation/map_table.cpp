@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
@@ -10,6 +9,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/known_keys.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/evaluation/block_bootstrap.h"
 
 namespace tileflight::evaluation {
@@ -48,15 +48,9 @@ void add_number_paths(const json& object, const std::string& before, std::vector
   }
 }
 
-std::string fixed(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
-
 std::string cell(const json& value, int digits, const char* unknown) {
   if (!value.is_number() || !std::isfinite(value.get<double>())) return unknown;
-  return fixed(value.get<double>(), digits);
+  return base::rounded_text(value.get<double>(), digits);
 }
 
 std::string csv_text(const std::string& text) {
@@ -94,7 +88,7 @@ std::array<double, 2> simultaneous_interval(const ComparedMap& a, const Compared
 
 std::string interval_tex(const std::array<double, 2>& ci) {
   if (!std::isfinite(ci[0]) || !std::isfinite(ci[1])) return "--";
-  return "$[" + fixed(ci[0], 4) + ", " + fixed(ci[1], 4) + "]$";
+  return "$[" + base::rounded_text(ci[0], 4) + ", " + base::rounded_text(ci[1], 4) + "]$";
 }
 
 std::string maps_tex(const std::vector<ComparedMap>& maps, const std::vector<TableColumn>& columns) {
@@ -119,8 +113,9 @@ std::string pairs_tex(const std::vector<ComparedMap>& maps, const std::vector<Co
       "\\\\\n\\midrule\n";
   for (const ComparedPair& pair : pairs) {
     text += tex_text(maps[pair.first].name) + " & " + tex_text(maps[pair.second].name) + " & $" +
-            fixed(pair.comparison.mean_difference_m, 4) + "$ & " + interval_tex(pair.comparison.mean_difference_ci95) +
-            " & " + interval_tex(pair.simultaneous_ci95) + " & " + pair.comparison.verdict + " \\\\\n";
+            base::rounded_text(pair.comparison.mean_difference_m, 4) + "$ & " +
+            interval_tex(pair.comparison.mean_difference_ci95) + " & " + interval_tex(pair.simultaneous_ci95) + " & " +
+            pair.comparison.verdict + " \\\\\n";
   }
   return text + "\\bottomrule\n\\end{tabular}\n";
 }

@@ -1,11 +1,10 @@
 #include "tileflight/evaluation/missed_places.h"
 
+#include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 
-#include <cmath>
-#include <cstdio>
-#include <map>
-
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 
 namespace tileflight::evaluation {
@@ -103,10 +102,8 @@ nlohmann::json to_json(const MissedPlaces& places) {
 std::string missed_places_csv(const MissedPlaces& places) {
   std::string text = "x,y,z,seen_simulated,mapped_simulated,seen_real,mapped_real,missed\n";
   for (const SurfaceCell& cell : places.cells) {
-    char line[200];
-    std::snprintf(line, sizeof line, "%.3f,%.3f,%.3f,%zu,%zu,%zu,%zu,%s\n", cell.center.x(), cell.center.y(),
-                  cell.center.z(), cell.seen[0], cell.mapped[0], cell.seen[1], cell.mapped[1], who_missed(cell));
-    text += line;
+    text += base::formatted("%.3f,%.3f,%.3f,%zu,%zu,%zu,%zu,%s\n", cell.center.x(), cell.center.y(), cell.center.z(),
+                            cell.seen[0], cell.mapped[0], cell.seen[1], cell.mapped[1], who_missed(cell));
   }
   return text;
 }

@@ -119,7 +119,7 @@ StageListener prefix_listener(const Variant& variant, const StageListener& liste
 nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& progress, const RunOptions& options) {
   const RunFolder own(folder);
   if (options.rerun_all) invalidate_stages(folder);
-  StageCache cache(folder, place::program_fingerprint(), own.hash_cache_file(), options.listener, options.elder);
+  StageCache cache(folder, place::program_fingerprint(), own.hash_cache_file(), options.listener, options.original);
   const Pipeline p(e, folder, cache);
 
   if (p.uses_built_in_place()) cache.run_stage("place", p.place_inputs(), {"place"}, [&] { p.build_place(progress); });
@@ -155,7 +155,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
     results["ablation"] =
         run_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& its_folder) {
           return run(p.make_variant(variant), its_folder, progress,
-                     {.listener = prefix_listener(variant, options.listener), .elder = folder});
+                     {.listener = prefix_listener(variant, options.listener), .original = folder});
         });
   }
   base::write_file(folder / "results.json", results.dump(2) + "\n");

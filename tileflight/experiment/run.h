@@ -13,7 +13,7 @@ namespace tileflight::experiment {
 struct RunOptions {
   bool rerun_all = false;         ///< execute all stages again; earlier results are kept until they are replaced
   StageListener listener;         ///< notified of each stage
-  std::filesystem::path elder{};  ///< run folder of which this is a variant (StageCache); empty: none
+  std::filesystem::path original{};  ///< run folder of which this is a variant (StageCache); empty: none
   /// Only the place, its truth and the flights' datasets; without results and report. Odometry and alignment of the
   /// second flight are included if the simulated one follows it.
   bool until_datasets = false;

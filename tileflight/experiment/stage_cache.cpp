@@ -55,12 +55,12 @@ void link_files(const fs::path& from, const fs::path& to) {
 }  // namespace
 
 StageCache::StageCache(fs::path run_folder, std::string program, fs::path hashes, StageListener listener,
-                       fs::path elder)
+                       fs::path original)
     : run_folder_(std::move(run_folder)),
       program_(std::move(program)),
       hashes_(std::move(hashes)),
       listener_(std::move(listener)),
-      elder_(std::move(elder)) {
+      original_(std::move(original)) {
   std::error_code fault;
   fs::create_directories(run_folder_ / "stages", fault);
   if (fault) throw InputError((run_folder_ / "stages").string(), "cannot make the folder: " + fault.message());
@@ -71,19 +71,19 @@ fs::path StageCache::record_file(const std::string& name) const { return record_
 nlohmann::json StageCache::read_record(const std::string& name) const { return record_in(record_file(name)); }
 
 bool StageCache::take_over(const std::string& name, const std::string& key, const std::vector<std::string>& products) {
-  if (elder_.empty() || products.empty()) return false;
-  const nlohmann::json record = record_in(record_path(elder_, name));
-  const auto is_folder = [&](const std::string& product) { return fs::is_directory(elder_ / product); };
+  if (original_.empty() || products.empty()) return false;
+  const nlohmann::json record = record_in(record_path(original_, name));
+  const auto is_folder = [&](const std::string& product) { return fs::is_directory(original_ / product); };
   if (!is_record_of(record, key) || !std::ranges::all_of(products, is_folder)) return false;
   for (const std::string& product : products) {
     fs::create_directories((run_folder_ / product).parent_path());
-    const auto marker = base::read_folder_marker(elder_ / product);
+    const auto marker = base::read_folder_marker(original_ / product);
     const base::OutputFolder output{.folder = run_folder_ / product,
                                     .command = marker ? marker->command : "run",
                                     .replace = true,
                                     .inputs = {},
                                     .legacy = {}};
-    base::write_folder(output, [&](const fs::path& temporary) { link_files(elder_ / product, temporary); });
+    base::write_folder(output, [&](const fs::path& temporary) { link_files(original_ / product, temporary); });
   }
   done_[name] = record;
   base::write_file(record_file(name), record.dump(2) + "\n");

@@ -26,13 +26,13 @@ using StageListener = std::function<void(const StageEvent&)>;
 class StageCache {
  public:
   /// `program`: identifies the code that computes the results; it is part of every key. `hashes`: file for cached file
-  /// hashes; empty: none. `elder`: run folder of which this one is a variant; empty: none.
+  /// hashes; empty: none. `original`: run folder of which this one is a variant; empty: none.
   StageCache(std::filesystem::path run_folder, std::string program, std::filesystem::path hashes = {},
-             StageListener listener = {}, std::filesystem::path elder = {});
+             StageListener listener = {}, std::filesystem::path original = {});
 
   /// Runs `work` unless a record with the same inputs and all `products` (relative to the run folder) exist. Products
   /// from other inputs are replaced by the work; they are kept until then, and if it fails. A stage whose products are
-  /// folders is taken over from the elder run if that did it with the same inputs: the files are hard links (copies
+  /// folders is taken over from the original run if that did it with the same inputs: the files are hard links (copies
   /// where the file system has none), and writers replace files, so neither run changes the other's. Returns whether
   /// `work` ran.
   bool run_stage(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
@@ -60,7 +60,7 @@ class StageCache {
   std::string program_;
   FileHashCache hashes_;
   StageListener listener_;
-  std::filesystem::path elder_;
+  std::filesystem::path original_;
   std::map<std::string, nlohmann::json> done_;
 };
 

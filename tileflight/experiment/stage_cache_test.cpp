@@ -118,22 +118,22 @@ TEST_F(Stages, AVariantTakesOverWhatIsEqual) {
       });
     });
   };
-  StageCache elder = cache();
-  stage(elder, "x");
-  once(elder, "x", "c");  // its product is a file, and others may lie beside it
+  StageCache original = cache();
+  stage(original, "x");
+  once(original, "x", "c");  // its product is a file, and others may lie beside it
   const fs::path run = folder_ / "run/variants/v";
   StageCache variant(run, "program", {}, {}, folder_ / "run");
   EXPECT_FALSE(stage(variant, "x"));
   EXPECT_EQ(works, 1);
   EXPECT_TRUE(fs::equivalent(run / "a/folder/part/file", folder_ / "run/a/folder/part/file"));
-  EXPECT_EQ(variant.key("a/b"), elder.key("a/b"));
+  EXPECT_EQ(variant.key("a/b"), original.key("a/b"));
   EXPECT_TRUE(variant.run_stage("c", {{"input", "x"}}, {"product"}, [&] { base::write_file(run / "product", "x"); }));
 
   StageCache later(run, "program", {}, {}, folder_ / "run");
   EXPECT_FALSE(stage(later, "x")) << "it is the variant's own now";
   EXPECT_TRUE(stage(later, "y")) << "what differs is done";
   EXPECT_EQ(base::read_text(run / "a/folder/part/file"), "y");
-  EXPECT_EQ(base::read_text(folder_ / "run/a/folder/part/file"), "x") << "the elder run keeps its own";
+  EXPECT_EQ(base::read_text(folder_ / "run/a/folder/part/file"), "x") << "the original run keeps its own";
   StageCache again(run, "program", {}, {}, folder_ / "run");
   EXPECT_FALSE(stage(again, "x")) << "and gives it again";
   EXPECT_EQ(base::read_text(run / "a/folder/part/file"), "x");

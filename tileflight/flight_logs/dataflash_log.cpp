@@ -34,8 +34,8 @@ std::vector<DataflashField> estimator_fields() {
 
 /// Logs up to 2014 use milliseconds since the start: T in a receiver's messages, whose TimeMS is that of the week, and
 /// TimeMS in others.
-const FieldsByMessage& wanted_messages() {
-  static const FieldsByMessage wanted = {
+const FieldsByMessage& requested_messages() {
+  static const FieldsByMessage requested = {
       {"GPS",
        {{"TimeUS", 1e-6},
         {"T", 1e-3},
@@ -65,13 +65,7 @@ const FieldsByMessage& wanted_messages() {
         {"GyrY", 1.0, "rad/s"},
         {"GyrZ", 1.0, "rad/s"}}},
   };
-  return wanted;
-}
-
-const LogRows& dataflash_rows(const DataflashMessages& log, const std::string& name) {
-  static const LogRows none;
-  const auto found = log.rows.find(name);
-  return found == log.rows.end() ? none : found->second;
+  return requested;
 }
 
 double first_known(double first, double second) { return std::isnan(first) ? second : first; }
@@ -121,8 +115,8 @@ Position estimator_position(const std::vector<double>& row) {
 
 /// Rows of the newer filter's lowest core, else of the older filter: time, yaw, pitch, roll, north, east, down.
 LogRows kalman_rows(const DataflashMessages& log) {
-  const LogRows& newer = dataflash_rows(log, "XKF1");
-  return timed(newer.empty() ? dataflash_rows(log, "NKF1") : newer, 1, 3, 2);
+  const LogRows& newer = find_rows(log.rows, "XKF1");
+  return timed(newer.empty() ? find_rows(log.rows, "NKF1") : newer, 1, 3, 2);
 }
 
 /// Positions of the filter, using its own conversion of degrees to metres (AP_Common's Location: a sphere of 6378100 m,
@@ -130,7 +124,7 @@ LogRows kalman_rows(const DataflashMessages& log) {
 std::vector<Position> kalman_positions(const DataflashMessages& log) {
   constexpr double kDegree_m = 111318.84502145034;
   constexpr double kOfTheFilter = 0.0;  // ORGN's Type; 1 is home
-  const LogRows& origins = dataflash_rows(log, "ORGN");
+  const LogRows& origins = find_rows(log.rows, "ORGN");
   const auto origin = std::ranges::find_if(origins, [](const auto& row) {
     return first_known(row[1], kOfTheFilter) == kOfTheFilter && std::isfinite(row[2]) && std::isfinite(row[3]);
   });
@@ -158,8 +152,8 @@ bool is_usable(const Position& p) {
 /// The receiver's positions if it ever has a fix; else the estimator's; else the receiver's without fixes.
 std::vector<Position> dataflash_positions(const DataflashMessages& log) {
   std::vector<Position> receiver, estimator;
-  std::ranges::transform(dataflash_rows(log, "GPS"), std::back_inserter(receiver), receiver_position);
-  std::ranges::transform(dataflash_rows(log, "POS"), std::back_inserter(estimator), estimator_position);
+  std::ranges::transform(find_rows(log.rows, "GPS"), std::back_inserter(receiver), receiver_position);
+  std::ranges::transform(find_rows(log.rows, "POS"), std::back_inserter(estimator), estimator_position);
   double instance = std::numeric_limits<double>::infinity();
   for (const Position& p : receiver) {
     if (is_usable(p)) instance = std::min(instance, p.instance);
@@ -175,7 +169,7 @@ std::vector<Position> dataflash_positions(const DataflashMessages& log) {
 /// Rows of time and metres above the ellipsoid, of the receiver that the positions come from.
 LogRows ellipsoidal_heights(const DataflashMessages& log, const std::vector<Position>& positions) {
   LogRows rows;
-  for (const auto& row : dataflash_rows(log, "GPA")) {
+  for (const auto& row : find_rows(log.rows, "GPA")) {
     if (first_known(row[1], 0.0) == positions.front().instance && row[2] > kMinHeight_m)
       rows.push_back({row[0], row[2]});
   }
@@ -184,17 +178,17 @@ LogRows ellipsoidal_heights(const DataflashMessages& log, const std::vector<Posi
 
 LogRows heights_above_takeoff(const DataflashMessages& log) {
   LogRows rows;
-  for (const auto& row : dataflash_rows(log, "POS")) {
+  for (const auto& row : find_rows(log.rows, "POS")) {
     if (std::isfinite(row[4])) rows.push_back({row[0], row[4]});
   }
-  if (rows.empty()) rows = timed(dataflash_rows(log, "BARO"), 1, 3, 2);
+  if (rows.empty()) rows = timed(find_rows(log.rows, "BARO"), 1, 3, 2);
   return sort_by_time(std::move(rows));
 }
 
 LogRows attitudes_of(const DataflashMessages& log) {
-  LogRows rows = timed(dataflash_rows(log, "ATT"), 1, 2, std::nullopt);
+  LogRows rows = timed(find_rows(log.rows, "ATT"), 1, 2, std::nullopt);
   if (rows.empty()) rows = kalman_rows(log);  // these rows hold more than the attitude
-  if (rows.empty()) rows = timed(dataflash_rows(log, "AHR2"), 1, 2, std::nullopt);
+  if (rows.empty()) rows = timed(find_rows(log.rows, "AHR2"), 1, 2, std::nullopt);
   return sort_by_time(std::move(rows));
 }
 
@@ -241,7 +235,7 @@ TelemetryFix dataflash_fix(const Position& position, const AuxiliaryData& beside
 LogRows ranges_of(const DataflashMessages& log) {
   constexpr double kDown = 25.0, kGood = 4.0;  // Rotation's ROTATION_PITCH_270, RangeFinder's Status::Good
   LogRows good;
-  for (const auto& row : dataflash_rows(log, "RFND")) {
+  for (const auto& row : find_rows(log.rows, "RFND")) {
     const bool looks_down = first_known(row[4], kDown) == kDown, is_good = first_known(row[3], kGood) == kGood;
     if (looks_down && is_good && row[5] > 0.0)
       good.push_back({row[0], kNone, first_known(row[1], first_known(row[2], 0.0)), row[5]});
@@ -257,7 +251,7 @@ std::optional<double> zero_utc_s(const std::vector<Position>& positions) {
 }
 
 DataflashMessages messages_of(const std::filesystem::path& file) {
-  return read_dataflash_messages(base::read_bytes(file, base::kMaxLogBytes), wanted_messages(), file.string());
+  return read_dataflash_messages(base::read_bytes(file, base::kMaxLogBytes), requested_messages(), file.string());
 }
 
 /// Data for both public readers, on one clock.
@@ -281,7 +275,7 @@ Flight flight_of(const std::filesystem::path& file) {
   Flight flight{std::move(filter).finish(file.string(), "position messages"), {}};
   Telemetry& telemetry = flight.telemetry;
   telemetry.warnings.insert(telemetry.warnings.end(), log.warnings.begin(), log.warnings.end());
-  telemetry.body_rates = to_body_rates(timed(dataflash_rows(log, "IMU"), 1, 3, 2), 1.0);
+  telemetry.body_rates = to_body_rates(timed(find_rows(log.rows, "IMU"), 1, 3, 2), 1.0);
   const double first_s = telemetry.fixes.front().time_s;
   telemetry.zero_utc_s = zero_utc_s(positions);
   if (telemetry.zero_utc_s) *telemetry.zero_utc_s += first_s;

@@ -8,7 +8,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -31,9 +30,7 @@ constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 template <typename T>
 double dataflash_number_at(Bytes bytes, std::size_t offset) {
-  T value;
-  std::memcpy(&value, bytes.data() + offset, sizeof value);
-  return static_cast<double>(value);
+  return static_cast<double>(base::read_raw<T>(bytes, offset));
 }
 
 double text_at(Bytes, std::size_t) { return kMissing; }
@@ -124,7 +121,7 @@ struct Layout {
   std::string letters;
   std::vector<std::string> labels;
   std::vector<DataflashFieldLocation> locations;  ///< of the wanted fields
-  LogRows* rows = nullptr;               ///< nullptr: not wanted
+  LogRows* rows = nullptr;                        ///< nullptr: not wanted
 
   DataflashFieldLocation find(std::string_view label) const {
     DataflashFieldLocation place{.field = 0, .offset = kDataflashHeaderBytes, .type = nullptr};
@@ -143,8 +140,8 @@ struct Layout {
 
 class DataflashReader {
  public:
-  DataflashReader(Bytes bytes, const std::map<std::string, std::vector<DataflashField>>& wanted, std::string where)
-      : bytes_(bytes), wanted_(wanted), where_(std::move(where)) {
+  DataflashReader(Bytes bytes, const std::map<std::string, std::vector<DataflashField>>& requested, std::string where)
+      : bytes_(bytes), requested_(requested), where_(std::move(where)) {
     layouts_[kFormatType].bytes = kFormatBytes;
   }
 
@@ -210,7 +207,7 @@ class DataflashReader {
     if (layout.bytes < kDataflashHeaderBytes) return;
     ++formats_;
     if (type == kFormatType) return;
-    if (const auto found = wanted_.find(layout.name); found != wanted_.end()) {
+    if (const auto found = requested_.find(layout.name); found != requested_.end()) {
       for (const DataflashField& field : found->second) layout.locations.push_back(layout.find(field.label));
       layout.rows = &messages_.rows[layout.name];
       type_of_[layout.name] = type;
@@ -221,7 +218,7 @@ class DataflashReader {
   /// FMTU: for each field of a type, a letter each for its unit and its multiplier.
   void add_multipliers(const Layout& layout, Bytes message) {
     const DataflashFieldLocation type = layout.find("FmtType"), multipliers = layout.find("MultIds"),
-                        units = layout.find("UnitIds");
+                                 units = layout.find("UnitIds");
     if (type.type == nullptr || type.type->bytes != 1) return;
     const auto number = static_cast<std::uint8_t>(message[type.offset]);
     const auto text_at_place = [&](const DataflashFieldLocation& place) {
@@ -274,9 +271,10 @@ class DataflashReader {
   void apply_multipliers() {
     for (auto& [name, rows] : messages_.rows) {
       const std::uint8_t type = type_of_.at(name);
-      const std::vector<DataflashField>& fields = wanted_.at(name);
+      const std::vector<DataflashField>& fields = requested_.at(name);
       for (std::size_t i = 0; i < fields.size(); ++i) {
-        const DataflashFieldLocation place = layouts_[type].name == name ? layouts_[type].locations[i] : DataflashFieldLocation{};
+        const DataflashFieldLocation place =
+            layouts_[type].name == name ? layouts_[type].locations[i] : DataflashFieldLocation{};
         const double factor =
             find_multiplier(type, place, fields[i]) * angle_factor(unit_of(type, place), fields[i].unit);
         for (std::vector<double>& row : rows) row[i] *= factor;
@@ -292,7 +290,7 @@ class DataflashReader {
   }
 
   Bytes bytes_;
-  const std::map<std::string, std::vector<DataflashField>>& wanted_;
+  const std::map<std::string, std::vector<DataflashField>>& requested_;
   std::string where_;
   std::array<Layout, 256> layouts_;
   std::map<std::string, std::uint8_t> type_of_;  ///< of wanted messages
@@ -307,13 +305,14 @@ class DataflashReader {
 
 bool is_dataflash(std::string_view head) {
   return head.starts_with(kDataflashMagic) || head.substr(0, 256).find(
-                                         "\xA3\x95\x80\x80\x59"
-                                         "FMT") != std::string_view::npos;
+                                                  "\xA3\x95\x80\x80\x59"
+                                                  "FMT") != std::string_view::npos;
 }
 
-DataflashMessages read_dataflash_messages(Bytes bytes, const std::map<std::string, std::vector<DataflashField>>& wanted,
+DataflashMessages read_dataflash_messages(Bytes bytes,
+                                          const std::map<std::string, std::vector<DataflashField>>& requested,
                                           const std::string& where) {
-  return DataflashReader(bytes, wanted, where).read();
+  return DataflashReader(bytes, requested, where).read();
 }
 
 }  // namespace tileflight::flight_logs

@@ -35,7 +35,7 @@ bool is_dataflash(std::string_view head);
 /// logger's format types). Bytes that are not part of a message are skipped and a truncated file is read as far as
 /// possible; both are reported in `warnings`. Throws InputError (`where`, cause) if the bytes hold no message format.
 DataflashMessages read_dataflash_messages(std::span<const std::byte> bytes,
-                                          const std::map<std::string, std::vector<DataflashField>>& wanted,
+                                          const std::map<std::string, std::vector<DataflashField>>& requested,
                                           const std::string& where);
 
 }  // namespace tileflight::flight_logs

@@ -72,4 +72,11 @@ void drop_fixes_without_height(Telemetry& telemetry) {
   warn_of(telemetry, before - telemetry.fixes.size(), "no height");
 }
 
+void finish_utc_log(Telemetry& telemetry) {
+  telemetry.zero_utc_s = telemetry.fixes.front().time_s;
+  rebase_to_first_fix(telemetry);
+  drop_fixes_without_height(telemetry);
+  telemetry.height_datum = HeightDatum::kMeanSeaLevel;
+}
+
 }  // namespace tileflight::flight_logs

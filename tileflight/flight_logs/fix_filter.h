@@ -42,4 +42,7 @@ void rebase_unix_times(Telemetry& telemetry);
 /// If only some fixes have a height, drops those without any, with a warning.
 void drop_fixes_without_height(Telemetry& telemetry);
 
+/// The last steps for a log of UTC times and heights above sea level (GPX, KML).
+void finish_utc_log(Telemetry& telemetry);
+
 }  // namespace tileflight::flight_logs

@@ -84,10 +84,7 @@ Telemetry read_gpx(const std::filesystem::path& file) {
                 .end = [&](std::string_view name, std::string_view text) { return reader.end(name, text); }});
   Telemetry telemetry = std::move(reader).take().finish(file.string(), "track points");
   if (!fault.empty()) telemetry.warnings.push_back(early_end_warning(fault));
-  telemetry.zero_utc_s = telemetry.fixes.front().time_s;
-  rebase_to_first_fix(telemetry);
-  drop_fixes_without_height(telemetry);
-  telemetry.height_datum = HeightDatum::kMeanSeaLevel;
+  finish_utc_log(telemetry);
   return telemetry;
 }
 

@@ -96,10 +96,7 @@ Telemetry read_kml(const std::filesystem::path& file) {
     telemetry.warnings.push_back(
         "heights of tracks whose altitudeMode is not 'absolute' are above the ground and are not used");
   }
-  telemetry.zero_utc_s = telemetry.fixes.front().time_s;
-  rebase_to_first_fix(telemetry);
-  drop_fixes_without_height(telemetry);
-  telemetry.height_datum = HeightDatum::kMeanSeaLevel;
+  finish_utc_log(telemetry);
   return telemetry;
 }
 

@@ -5,6 +5,12 @@
 
 namespace tileflight::flight_logs {
 
+const LogRows& find_rows(const std::map<std::string, LogRows>& rows, const std::string& name) {
+  static const LogRows kNone;
+  const auto found = rows.find(name);
+  return found == rows.end() ? kNone : found->second;
+}
+
 LogRows sort_by_time(LogRows rows) {
   std::erase_if(rows, [](const std::vector<double>& row) { return !std::isfinite(row[0]); });
   const auto earlier = [](const std::vector<double>& a, const std::vector<double>& b) { return a[0] < b[0]; };

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <map>
+#include <string>
 #include <vector>
 
 #include "tileflight/flight_logs/telemetry.h"
@@ -8,6 +10,9 @@ namespace tileflight::flight_logs {
 
 /// A log's messages of one kind: one row of numbers per message, NaN for missing ones.
 using LogRows = std::vector<std::vector<double>>;
+
+/// Rows by the name of their message or topic; none if it is absent.
+const LogRows& find_rows(const std::map<std::string, LogRows>& rows, const std::string& name);
 
 /// Sorts by the first number, the time, so that it strictly increases; rows without a time are dropped.
 LogRows sort_by_time(LogRows rows);

@@ -87,16 +87,10 @@ void set_attitude(TelemetryFix& fix, const std::vector<double>& row) {
   fix.body_roll_deg = kDegrees * std::atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y));
 }
 
-const LogRows& ulog_rows(const UlogTopics& topics, const std::string& name) {
-  static const LogRows none;
-  const auto found = topics.rows.find(name);
-  return found == topics.rows.end() ? none : found->second;
-}
-
 /// Angular rates as filtered for the controller, else the sensor's.
 std::vector<BodyRate> body_rates(const UlogTopics& topics) {
-  const LogRows& filtered = ulog_rows(topics, "vehicle_angular_velocity");
-  return to_body_rates(filtered.empty() ? ulog_rows(topics, "sensor_combined") : filtered, 1e-6);
+  const LogRows& filtered = find_rows(topics.rows, "vehicle_angular_velocity");
+  return to_body_rates(filtered.empty() ? find_rows(topics.rows, "sensor_combined") : filtered, 1e-6);
 }
 
 FixFilter filtered(const std::vector<ULogPosition>& positions, bool ellipsoidal, const LogRows& attitudes) {
@@ -122,7 +116,7 @@ FixFilter filtered(const std::vector<ULogPosition>& positions, bool ellipsoidal,
 }  // namespace
 
 Telemetry read_ulog(const std::filesystem::path& file) {
-  const std::map<std::string, UlogFields> wanted = {
+  const std::map<std::string, UlogFields> requested = {
       {"vehicle_gps_position", kReceiverFields},
       {"sensor_gps", kReceiverFields},
       {"vehicle_global_position", kEstimatorFields},
@@ -130,10 +124,10 @@ Telemetry read_ulog(const std::filesystem::path& file) {
       {"vehicle_angular_velocity", {"timestamp", "xyz[0]", "xyz[1]", "xyz[2]"}},
       {"sensor_combined", {"timestamp", "gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"}}};
   const std::vector<std::byte> bytes = base::read_bytes(file, base::kMaxLogBytes);
-  const UlogTopics topics = read_ulog_topics(bytes, wanted, file.string());
+  const UlogTopics topics = read_ulog_topics(bytes, requested, file.string());
   const std::vector<ULogPosition> positions = ulog_positions(topics);
   const bool ellipsoidal = has_ellipsoidal_heights(positions);
-  Telemetry telemetry = filtered(positions, ellipsoidal, sort_by_time(ulog_rows(topics, "vehicle_attitude")))
+  Telemetry telemetry = filtered(positions, ellipsoidal, sort_by_time(find_rows(topics.rows, "vehicle_attitude")))
                             .finish(file.string(), "position messages");
   telemetry.warnings.insert(telemetry.warnings.end(), topics.warnings.begin(), topics.warnings.end());
   telemetry.body_rates = body_rates(topics);

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <optional>
 #include <string_view>
@@ -29,13 +28,6 @@ constexpr std::string_view kLetters = "BFIMPQARDLCSO";
 /// A complete synchronization message: size, letter, eight fixed bytes.
 constexpr std::string_view kSync("\x08\x00S\x2F\x73\x13\x20\x25\x0C\xBB\x12", 11);
 
-template <typename T>
-T value_at(Bytes bytes, std::size_t offset) {
-  T value;
-  std::memcpy(&value, bytes.data() + offset, sizeof value);
-  return value;
-}
-
 /// One of ULog's basic types: its size and decoding.
 struct BasicType {
   std::string_view name;
@@ -45,7 +37,7 @@ struct BasicType {
 
 template <typename T>
 double ulog_number_at(Bytes bytes, std::size_t offset) {
-  return static_cast<double>(value_at<T>(bytes, offset));
+  return static_cast<double>(base::read_raw<T>(bytes, offset));
 }
 
 constexpr BasicType kBasicTypes[] = {
@@ -115,8 +107,8 @@ struct ULogFieldLocation {
 
 class ULogReader {
  public:
-  ULogReader(Bytes bytes, const std::map<std::string, UlogFields>& wanted, std::string where)
-      : bytes_(bytes), wanted_(wanted), where_(std::move(where)) {}
+  ULogReader(Bytes bytes, const std::map<std::string, UlogFields>& requested, std::string where)
+      : bytes_(bytes), requested_(requested), where_(std::move(where)) {}
 
   UlogTopics read() {
     check_header();
@@ -144,15 +136,15 @@ class ULogReader {
     constexpr std::size_t kFlagBytes = 40;
     if (bytes_.size() < kHeaderBytes + kULogMessageHeaderBytes + kFlagBytes) return {};
     const Bytes message = bytes_.subspan(kHeaderBytes);
-    if (value_at<std::uint16_t>(message, 0) < kFlagBytes || value_at<char>(message, 2) != 'B') return {};
+    if (base::read_raw<std::uint16_t>(message, 0) < kFlagBytes || base::read_raw<char>(message, 2) != 'B') return {};
     const Bytes flags = message.subspan(kULogMessageHeaderBytes, kFlagBytes);
-    const auto incompatible = value_at<std::uint64_t>(flags, 8);
+    const auto incompatible = base::read_raw<std::uint64_t>(flags, 8);
     if ((incompatible & ~std::uint64_t{1}) != 0) {
       throw InputError(where_, "needs unsupported ULog features (incompatible flags); convert it with pyulog");
     }
     std::vector<std::size_t> offsets;
     for (std::size_t i = 0; i < 3 && incompatible == 1; ++i) {
-      const auto offset = value_at<std::uint64_t>(flags, 16 + 8 * i);
+      const auto offset = base::read_raw<std::uint64_t>(flags, 16 + 8 * i);
       const std::size_t least = offsets.empty() ? kHeaderBytes + kULogMessageHeaderBytes + kFlagBytes : offsets.back();
       if (offset >= least && offset < bytes_.size()) offsets.push_back(static_cast<std::size_t>(offset));
     }
@@ -164,7 +156,7 @@ class ULogReader {
       const Bytes rest = bytes_.subspan(at, end - at);
       const std::optional<std::size_t> size = whole_message(rest);
       if (size) {
-        handle(value_at<char>(rest, 2), rest.subspan(kULogMessageHeaderBytes, *size - kULogMessageHeaderBytes));
+        handle(base::read_raw<char>(rest, 2), rest.subspan(kULogMessageHeaderBytes, *size - kULogMessageHeaderBytes));
         at += *size;
         continue;
       }
@@ -181,8 +173,8 @@ class ULogReader {
   /// Size of the message at the front, including its header; nullopt if it is missing or truncated.
   static std::optional<std::size_t> whole_message(Bytes rest) {
     if (rest.size() < kULogMessageHeaderBytes) return std::nullopt;
-    const std::size_t size = kULogMessageHeaderBytes + value_at<std::uint16_t>(rest, 0);
-    const bool is_known = kLetters.find(value_at<char>(rest, 2)) != std::string_view::npos;
+    const std::size_t size = kULogMessageHeaderBytes + base::read_raw<std::uint16_t>(rest, 0);
+    const bool is_known = kLetters.find(base::read_raw<char>(rest, 2)) != std::string_view::npos;
     return is_known && size <= rest.size() ? std::optional(size) : std::nullopt;
   }
 
@@ -192,7 +184,7 @@ class ULogReader {
     if (letter == 'D') add_row(payload);
     if (letter == 'O' && payload.size() >= 2) {
       ++dropouts_;
-      dropped_ms_ += value_at<std::uint16_t>(payload, 0);
+      dropped_ms_ += base::read_raw<std::uint16_t>(payload, 0);
     }
   }
 
@@ -203,17 +195,17 @@ class ULogReader {
   }
 
   void subscribe(Bytes payload) {
-    if (payload.size() <= 3 || value_at<std::uint8_t>(payload, 0) != 0) return;  // instance 0 only
-    const auto topic = wanted_.find(std::string(base::as_text(payload.subspan(3))));
-    if (topic == wanted_.end()) return;
+    if (payload.size() <= 3 || base::read_raw<std::uint8_t>(payload, 0) != 0) return;  // instance 0 only
+    const auto topic = requested_.find(std::string(base::as_text(payload.subspan(3))));
+    if (topic == requested_.end()) return;
     Subscription subscription{.topic = topic->first, .locations = {}};
     for (const std::string& field : topic->second) subscription.locations.push_back(find_field(topic->first, field));
-    subscriptions_.insert_or_assign(value_at<std::uint16_t>(payload, 1), std::move(subscription));
+    subscriptions_.insert_or_assign(base::read_raw<std::uint16_t>(payload, 1), std::move(subscription));
   }
 
   void add_row(Bytes payload) {
     if (payload.size() < 2) return;
-    const auto found = subscriptions_.find(value_at<std::uint16_t>(payload, 0));
+    const auto found = subscriptions_.find(base::read_raw<std::uint16_t>(payload, 0));
     if (found == subscriptions_.end()) return;
     const Bytes data = payload.subspan(2);
     std::vector<double> row;
@@ -224,11 +216,11 @@ class ULogReader {
     topics_.rows[found->second.topic].push_back(std::move(row));
   }
 
-  ULogFieldLocation find_field(const std::string& topic, std::string_view wanted) const {
-    const std::string_view name = wanted.substr(0, wanted.find('['));
+  ULogFieldLocation find_field(const std::string& topic, std::string_view requested) const {
+    const std::string_view name = requested.substr(0, requested.find('['));
     std::size_t element = 0;
-    if (name.size() < wanted.size()) {
-      std::string_view index = wanted.substr(name.size() + 1);
+    if (name.size() < requested.size()) {
+      std::string_view index = requested.substr(name.size() + 1);
       element = static_cast<std::size_t>(base::take_digits(index).value_or(0));
     }
     const auto format = formats_.find(topic);
@@ -279,7 +271,7 @@ class ULogReader {
   static constexpr int kFieldsLookedAt = 100000;
 
   Bytes bytes_;
-  const std::map<std::string, UlogFields>& wanted_;
+  const std::map<std::string, UlogFields>& requested_;
   std::string where_;
   std::map<std::string, std::vector<Field>, std::less<>> formats_;
   std::map<std::uint16_t, Subscription> subscriptions_;
@@ -290,9 +282,9 @@ class ULogReader {
 
 }  // namespace
 
-UlogTopics read_ulog_topics(std::span<const std::byte> bytes, const std::map<std::string, UlogFields>& wanted,
+UlogTopics read_ulog_topics(std::span<const std::byte> bytes, const std::map<std::string, UlogFields>& requested,
                             const std::string& where) {
-  return ULogReader(bytes, wanted, where).read();
+  return ULogReader(bytes, requested, where).read();
 }
 
 }  // namespace tileflight::flight_logs

@@ -22,7 +22,7 @@ struct UlogTopics {
 /// appended data). Corrupt sections are skipped up to the next synchronization message, a truncated file is read as far
 /// as possible, and the logger's own dropouts are summed; all are reported in `warnings`. Throws InputError (`where`,
 /// cause) if the bytes are not a ULog file or need unknown features.
-UlogTopics read_ulog_topics(std::span<const std::byte> bytes, const std::map<std::string, UlogFields>& wanted,
+UlogTopics read_ulog_topics(std::span<const std::byte> bytes, const std::map<std::string, UlogFields>& requested,
                             const std::string& where);
 
 }  // namespace tileflight::flight_logs

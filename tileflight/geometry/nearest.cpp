@@ -123,8 +123,8 @@ PointsAdaptor in_order(const std::vector<Vec3>& points) {
 }  // namespace
 
 struct NearestIndex::Tree {
-  explicit Tree(const std::vector<Vec3>& given)
-      : points(in_order(given)), index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
+  explicit Tree(const std::vector<Vec3>& positions)
+      : points(in_order(positions)), index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
 
   static constexpr std::size_t kLeafSize = 10;
   PointsAdaptor points;

@@ -114,15 +114,15 @@ bool PolygonArea::intersects(std::span<const Vector2d> convex) const {
   for (const Vector2d& corner : convex) {
     if (contains(corner)) return true;
   }
-  bool met = false;
+  bool touches = false;
   visit_edges(reach.min().y(), reach.max().y(), [&](const Edge& edge) {
-    if (met || !reach.intersects(AlignedBox2d(edge.from.cwiseMin(edge.to), edge.from.cwiseMax(edge.to)))) return;
-    met = inside_convex(convex, edge.from);
-    for (std::size_t i = 0; !met && i < convex.size(); ++i) {
-      met = segments_meet(edge.from, edge.to, convex[i], convex[(i + 1) % convex.size()]);
+    if (touches || !reach.intersects(AlignedBox2d(edge.from.cwiseMin(edge.to), edge.from.cwiseMax(edge.to)))) return;
+    touches = inside_convex(convex, edge.from);
+    for (std::size_t i = 0; !touches && i < convex.size(); ++i) {
+      touches = segments_meet(edge.from, edge.to, convex[i], convex[(i + 1) % convex.size()]);
     }
   });
-  return met;
+  return touches;
 }
 
 double PolygonArea::distance_m(const Vector2d& point) const {

@@ -32,9 +32,9 @@ bool triangle_meets_box(const geometry::TriangleMesh& mesh, const geometry::Tria
   for (const Vec3& p : in_boxes) {
     if (!p.allFinite()) throw InputError("mesh", "a vertex is not finite");
   }
-  bool met = false;
-  visit_touched_cells(in_boxes, {1, 1, 1}, [&](const auto&, std::size_t, std::int32_t) { met = true; });
-  return met;
+  bool touched = false;
+  visit_touched_cells(in_boxes, {1, 1, 1}, [&](const auto&, std::size_t, std::int32_t) { touched = true; });
+  return touched;
 }
 
 bool any_contains(const std::vector<Prism>& within, const Vec3& point) {

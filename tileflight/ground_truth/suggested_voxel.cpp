@@ -21,11 +21,11 @@ std::string rounded(double metres) {
 }  // namespace
 
 double suggest_voxel_m(const geometry::Vec3& extent_m) {
-  const double wanted_m = std::clamp(extent_m.maxCoeff() / kPublishedCells, kMinEdge_m, kPublishedEdge_m);
-  const double power = std::pow(10.0, std::floor(std::log10(wanted_m)));
+  const double target_m = std::clamp(extent_m.maxCoeff() / kPublishedCells, kMinEdge_m, kPublishedEdge_m);
+  const double power = std::pow(10.0, std::floor(std::log10(target_m)));
   double nearest_m = power;
   for (const double factor : {1.0, 2.0, 5.0, 10.0}) {
-    const auto off = [&](double edge_m) { return std::abs(std::log(edge_m / wanted_m)); };
+    const auto off = [&](double edge_m) { return std::abs(std::log(edge_m / target_m)); };
     if (off(factor * power) < off(nearest_m)) nearest_m = factor * power;
   }
   return std::min(nearest_m, kPublishedEdge_m);

@@ -40,16 +40,16 @@ struct Polygon {
 
 /// The part where sign * (p[axis] - at) >= 0 (Sutherland and Hodgman 1974).
 Polygon clip_by_plane(const Polygon& polygon, int axis, double at, double sign) {
-  Polygon kept;
+  Polygon clipped;
   for (std::size_t i = 0; i < polygon.size; ++i) {
     const Vec3& p = polygon.corners[i];
     const Vec3& q = polygon.corners[(i + 1) % polygon.size];
     const double depth_p = sign * (p[axis] - at);
     const double depth_q = sign * (q[axis] - at);
-    if (depth_p >= 0.0) kept.add(p);
-    if ((depth_p >= 0.0) != (depth_q >= 0.0)) kept.add(p + depth_p / (depth_p - depth_q) * (q - p));
+    if (depth_p >= 0.0) clipped.add(p);
+    if ((depth_p >= 0.0) != (depth_q >= 0.0)) clipped.add(p + depth_p / (depth_p - depth_q) * (q - p));
   }
-  return kept;
+  return clipped;
 }
 
 Polygon clip_to_box(const Vec3& a, const Vec3& b, const Vec3& c, const Box3& box) {
@@ -186,7 +186,7 @@ PointCloud sample_surface_near(const TriangleMesh& mesh, const Box3& box, const 
     if (!box.intersects(around)) continue;
     const Vec3 normal = (b - a).cross(c - a);
     if (!(normal.norm() > 0.0)) continue;
-    const bool wanted = part.intersects(around);
+    const bool is_inside = part.intersects(around);
     const Eigen::Vector3f unit = normal.normalized().cast<float>();
     const Polygon polygon = clip_to_box(a, b, c, box);
     for (std::size_t i = 2; i < polygon.size; ++i) {
@@ -197,7 +197,7 @@ PointCloud sample_surface_near(const TriangleMesh& mesh, const Box3& box, const 
         throw InputError("samples per square metre " + std::to_string(per_m2),
                          "would give more than 500 million points: choose fewer, or a smaller region");
       }
-      if (wanted) {
+      if (is_inside) {
         sampler.add(p[0], p[i - 1], p[i], unit);
       } else {
         sampler.skip(piece_m2);

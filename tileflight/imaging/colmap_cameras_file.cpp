@@ -113,8 +113,8 @@ std::vector<double> parameters_of(const Row& row, const ColmapLens& lens) {
   return values;
 }
 
-NamedDistortion distortion_of(const Row& row, const ColmapLens& lens, std::span<const double> given) {
-  NamedDistortion out{std::string(lens.distortion), {given.begin(), given.end()}};
+NamedDistortion distortion_of(const Row& row, const ColmapLens& lens, std::span<const double> values) {
+  NamedDistortion out{std::string(lens.distortion), {values.begin(), values.end()}};
   if (lens.distortion == "none" || lens.distortion == "fov") return out;
   if (out.coefficients.size() < 4) out.coefficients.resize(4, 0.0);
   return lens.distortion == "equidistant" ? out : parse_opencv_distortion(row.where, out.coefficients);

@@ -7,6 +7,7 @@
 
 #include "tileflight/base/decompress.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
 #include "tileflight/imaging/etc1s.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/uastc.h"
@@ -23,13 +24,6 @@ constexpr std::uint32_t kZstandard = 2;
 constexpr unsigned kEtc1s = 163;
 constexpr unsigned kUastc = 166;
 constexpr unsigned kSrgbTransfer = 2;
-
-template <class T>
-T at(Bytes bytes, std::size_t offset) {
-  T value;
-  std::memcpy(&value, bytes.data() + offset, sizeof(T));
-  return value;
-}
 
 Bytes part(Bytes bytes, std::uint64_t offset, std::uint64_t length, const char* what, const std::string& name) {
   if (offset > bytes.size() || length > bytes.size() - offset) {
@@ -55,12 +49,12 @@ struct Ktx2 {
 Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::uint32_t level) {
   if (bytes.size() < kHeaderBytes + kLevelBytes) throw InputError(name, "the KTX2 is truncated");
   Ktx2 out;
-  out.vk_format = at<std::uint32_t>(bytes, 12);
-  const auto width = at<std::uint32_t>(bytes, 20);
-  const auto height = at<std::uint32_t>(bytes, 24);
-  const auto depth = at<std::uint32_t>(bytes, 28);
-  const auto layers = at<std::uint32_t>(bytes, 32);
-  const auto faces = at<std::uint32_t>(bytes, 36);
+  out.vk_format = base::read_raw<std::uint32_t>(bytes, 12);
+  const auto width = base::read_raw<std::uint32_t>(bytes, 20);
+  const auto height = base::read_raw<std::uint32_t>(bytes, 24);
+  const auto depth = base::read_raw<std::uint32_t>(bytes, 28);
+  const auto layers = base::read_raw<std::uint32_t>(bytes, 32);
+  const auto faces = base::read_raw<std::uint32_t>(bytes, 36);
   if (depth > 1 || layers > 1 || faces != 1) throw InputError(name, "the KTX2 is not a single two-dimensional image");
   constexpr std::uint32_t kLargestSide = 1U << 16U;
   if (width == 0 || height == 0 || width > kLargestSide || height > kLargestSide ||
@@ -68,20 +62,23 @@ Ktx2 parse(Bytes bytes, const std::string& name, std::int64_t max_pixels, std::u
     throw InputError(name, "the KTX2 has " + std::to_string(width) + " x " + std::to_string(height) +
                                " pixels, more than the limit of " + std::to_string(max_pixels));
   }
-  out.levels = std::max(at<std::uint32_t>(bytes, 40), 1U);
+  out.levels = std::max(base::read_raw<std::uint32_t>(bytes, 40), 1U);
   if (out.levels > 17) throw InputError(name, "the KTX2 has too many mipmap levels");
   if (level >= out.levels) throw InputError(name, "the KTX2 has no level " + std::to_string(level));
   out.level = level;
   out.width = static_cast<int>(std::max(width >> level, 1U));
   out.height = static_cast<int>(std::max(height >> level, 1U));
-  out.scheme = at<std::uint32_t>(bytes, 44);
-  const Bytes descriptor = part(bytes, at<std::uint32_t>(bytes, 48), at<std::uint32_t>(bytes, 52), "descriptor", name);
+  out.scheme = base::read_raw<std::uint32_t>(bytes, 44);
+  const Bytes descriptor = part(bytes, base::read_raw<std::uint32_t>(bytes, 48),
+                                base::read_raw<std::uint32_t>(bytes, 52), "descriptor", name);
   if (descriptor.size() < 16) throw InputError(name, "the data format descriptor of the KTX2 is truncated");
   out.color_model = std::to_integer<unsigned>(descriptor[12]);
   out.srgb = std::to_integer<unsigned>(descriptor[14]) == kSrgbTransfer;
-  out.global_data = part(bytes, at<std::uint64_t>(bytes, 64), at<std::uint64_t>(bytes, 72), "global data", name);
+  out.global_data = part(bytes, base::read_raw<std::uint64_t>(bytes, 64), base::read_raw<std::uint64_t>(bytes, 72),
+                         "global data", name);
   const Bytes index = part(bytes, kHeaderBytes + kLevelBytes * level, kLevelBytes, "level index", name);
-  out.level_data = part(bytes, at<std::uint64_t>(index, 0), at<std::uint64_t>(index, 8), "level", name);
+  out.level_data =
+      part(bytes, base::read_raw<std::uint64_t>(index, 0), base::read_raw<std::uint64_t>(index, 8), "level", name);
   return out;
 }
 
@@ -92,20 +89,20 @@ RgbImage decode_basis_lz(const Ktx2& file, const std::string& name) {
   const Bytes data = file.global_data;
   const std::size_t books_at = kHeader + kDescription * file.levels;
   if (data.size() < books_at) throw InputError(name, "the BasisLZ global data are truncated");
-  const std::uint64_t endpoint_bytes = at<std::uint32_t>(data, 4);
-  const std::uint64_t selector_bytes = at<std::uint32_t>(data, 8);
-  const std::uint64_t table_bytes = at<std::uint32_t>(data, 12);
+  const std::uint64_t endpoint_bytes = base::read_raw<std::uint32_t>(data, 4);
+  const std::uint64_t selector_bytes = base::read_raw<std::uint32_t>(data, 8);
+  const std::uint64_t table_bytes = base::read_raw<std::uint32_t>(data, 12);
   const Bytes endpoints = part(data, books_at, endpoint_bytes, "endpoints", name);
   const Bytes selectors = part(data, books_at + endpoint_bytes, selector_bytes, "selectors", name);
   const Bytes tables = part(data, books_at + endpoint_bytes + selector_bytes, table_bytes, "tables", name);
   constexpr std::uint32_t kPredictedFrame = 2;
   const Bytes described = data.subspan(kHeader + kDescription * file.level, kDescription);
-  if ((at<std::uint32_t>(described, 0) & kPredictedFrame) != 0)
+  if ((base::read_raw<std::uint32_t>(described, 0) & kPredictedFrame) != 0)
     throw InputError(name, "the KTX2 is a video, which is not supported");
-  const Bytes slice =
-      part(file.level_data, at<std::uint32_t>(described, 4), at<std::uint32_t>(described, 8), "colour slice", name);
-  const Etc1sCodebooks books(at<std::uint16_t>(data, 0), endpoints, at<std::uint16_t>(data, 2), selectors, tables,
-                             name);
+  const Bytes slice = part(file.level_data, base::read_raw<std::uint32_t>(described, 4),
+                           base::read_raw<std::uint32_t>(described, 8), "colour slice", name);
+  const Etc1sCodebooks books(base::read_raw<std::uint16_t>(data, 0), endpoints, base::read_raw<std::uint16_t>(data, 2),
+                             selectors, tables, name);
   return books.decode_slice(slice, file.width, file.height, name);
 }
 

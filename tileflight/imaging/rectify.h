@@ -10,7 +10,6 @@ class Rectifier {
  public:
   Rectifier(const Camera& from, const Camera& to);
 
-  const Camera& camera() const { return to_; }
   /// Bilinear; 0 (black) outside the first lens's view. The image must have the size of `from`.
   RgbImage operator()(const RgbImage& picture) const;
   GrayImage operator()(const GrayImage& picture) const;

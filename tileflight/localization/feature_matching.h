@@ -31,8 +31,6 @@ class DescriptorIndex {
   /// independent of the number of threads.
   std::vector<FeatureMatch> match(const std::vector<SiftDescriptor>& sources, const MatchOptions& options = {}) const;
 
-  std::size_t size() const { return descriptors_.size(); }
-
  private:
   using SignBits = std::array<std::uint64_t, 2>;
   SignBits compute_sign_bits(const SiftDescriptor& descriptor) const;

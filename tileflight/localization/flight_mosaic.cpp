@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/order_statistics.h"
 #include "tileflight/localization/height_model.h"
 
 namespace tileflight::localization {
@@ -70,12 +71,6 @@ bool is_visible(const HeightModel& heights, const View& view, const Vec3& point)
   return true;
 }
 
-double percentile(std::vector<double> values, double share) {
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 struct Extent {
   Vec2 min, max;
   double pixel_size = 0.0;
@@ -96,9 +91,11 @@ std::optional<Extent> find_extent(const imaging::Camera& camera, const std::vect
   }
   if (x.size() < kFewest) return std::nullopt;
   constexpr double kRim = 0.01, kBetterPart = 0.3;
-  Extent extent{{percentile(x, kRim), percentile(y, kRim)}, {percentile(x, 1.0 - kRim), percentile(y, 1.0 - kRim)}};
+  Extent extent{{base::lower_quantile(x, kRim), base::lower_quantile(y, kRim)},
+                {base::lower_quantile(x, 1.0 - kRim), base::lower_quantile(y, 1.0 - kRim)}};
   const Vec2 size = extent.max - extent.min;
-  extent.pixel_size = std::max(percentile(sizes, kBetterPart), std::sqrt(size.x() * size.y() / options.max_pixels));
+  extent.pixel_size =
+      std::max(base::lower_quantile(sizes, kBetterPart), std::sqrt(size.x() * size.y() / options.max_pixels));
   return extent;
 }
 

@@ -66,7 +66,7 @@ bool is_local_maximum(const std::vector<float>& strengths, int width, int x, int
 
 /// Strongest peaks of each block, so that they cover the image.
 std::vector<Corner> select_corners(const photometry::PyramidLevel& level, const photometry::RayTable& rays,
-                                   int wanted) {
+                                   int max_corners) {
   constexpr int kBlocks = 10;
   // Chosen by hand.
   constexpr float kMinStrength = 4.0F;
@@ -85,10 +85,10 @@ std::vector<Corner> select_corners(const photometry::PyramidLevel& level, const 
     std::stable_sort(block.begin(), block.end(),
                      [](const Corner& a, const Corner& b) { return a.strength > b.strength; });
   std::vector<Corner> out;
-  for (std::size_t round = 0; static_cast<int>(out.size()) < wanted; ++round) {
+  for (std::size_t round = 0; static_cast<int>(out.size()) < max_corners; ++round) {
     const std::size_t before = out.size();
     for (const auto& block : blocks) {
-      if (round < block.size() && static_cast<int>(out.size()) < wanted) out.push_back(block[round]);
+      if (round < block.size() && static_cast<int>(out.size()) < max_corners) out.push_back(block[round]);
     }
     if (out.size() == before) break;
   }
@@ -222,11 +222,11 @@ std::vector<Feature> find_features(const photometry::Pyramid& pyramid, const pho
   int first = 0;
   while (first < last && pyramid.levels[first].width * pyramid.levels[first].height > options.max_area_px) ++first;
   const int end = std::min(last, first + options.levels - 1);
-  int wanted = options.features / 2;  // half on the finest level, a quarter on the next, and so on
+  int max_corners = options.features / 2;  // half on the finest level, a quarter on the next, and so on
   for (int l = first; l <= end; ++l) {
     const photometry::PyramidLevel& level = pyramid.levels[l];
     const float size = static_cast<float>(1 << l);
-    for (const Corner& corner : select_corners(level, lens.rays[l], wanted)) {
+    for (const Corner& corner : select_corners(level, lens.rays[l], max_corners)) {
       Feature feature;
       const Vector2f pixel(corner.x, corner.y);
       feature.pixel = (pixel + Vector2f::Constant(0.5F)) * size - Vector2f::Constant(0.5F);
@@ -237,7 +237,7 @@ std::vector<Feature> find_features(const photometry::Pyramid& pyramid, const pho
       feature.descriptor = compute_descriptor(level, pyramid.levels[l + 1], *plane, kPattern);
       features.push_back(feature);
     }
-    wanted = std::max(1, l + 1 == end ? wanted : wanted / 2);
+    max_corners = std::max(1, l + 1 == end ? max_corners : max_corners / 2);
   }
   return features;
 }

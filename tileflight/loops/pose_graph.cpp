@@ -24,7 +24,7 @@ struct Node {
   double log_scale = 0.0;
 };
 
-/// edge_error() over its standard deviations.
+/// Errors of translation, rotation and scale, each over its standard deviation.
 class EdgeCost {
  public:
   explicit EdgeCost(const PoseGraphEdge& edge) : edge_(edge) {}
@@ -88,14 +88,6 @@ ceres::Solver::Options solver_options() {
 }
 
 }  // namespace
-
-Vec7 edge_error(const Sim3& T_map_a, const Sim3& T_map_b, const Sim3& T_a_b) {
-  const Node a = to_node(T_map_a), b = to_node(T_map_b);
-  Vec7 error;
-  EdgeCost({.T_a_b = T_a_b})(a.rotation.coeffs().data(), a.translation.data(), &a.log_scale, b.rotation.coeffs().data(),
-                             b.translation.data(), &b.log_scale, error.data());
-  return error;
-}
 
 PoseGraphResult optimize_pose_graph(const std::vector<Sim3>& T_map_node, const std::vector<PoseGraphEdge>& edges) {
   PoseGraphResult result;

@@ -23,9 +23,6 @@ struct PoseGraphEdge {
   bool robust = false;       ///< Huber norm, at two standard deviations
 };
 
-/// Translation, rotation, scale.
-geometry::Vec7 edge_error(const geometry::Sim3& T_map_a, const geometry::Sim3& T_map_b, const geometry::Sim3& T_a_b);
-
 struct PoseGraphResult {
   std::vector<geometry::Sim3> T_map_node;
   double initial_cost = 0.0;  ///< half the sum of squares, in standard deviations

@@ -77,9 +77,11 @@ TEST(PoseGraph, RecoversAnyConsistentGraphAndHoldsItsFirstNode) {
 double cost(const std::vector<Sim3>& nodes, const std::vector<PoseGraphEdge>& edges) {
   double sum = 0;
   for (const PoseGraphEdge& edge : edges) {
-    const Vec7 e = edge_error(nodes[edge.a], nodes[edge.b], edge.T_a_b);
-    sum += 0.5 * (e.head<3>() / edge.translation_sigma).squaredNorm() +
-           0.5 * (e.segment<3>(3) / edge.rotation_sigma_rad).squaredNorm() + 0.5 * std::pow(e[6] / edge.scale_sigma, 2);
+    const Sim3 T_a_b = nodes[edge.a].inverse() * nodes[edge.b];
+    const double angle_rad = T_a_b.rotation.angularDistance(edge.T_a_b.rotation);
+    sum += 0.5 * ((T_a_b.translation - edge.T_a_b.translation) / edge.translation_sigma).squaredNorm() +
+           0.5 * std::pow(angle_rad / edge.rotation_sigma_rad, 2) +
+           0.5 * std::pow(std::log(T_a_b.scale / edge.T_a_b.scale) / edge.scale_sigma, 2);
   }
   return sum;
 }

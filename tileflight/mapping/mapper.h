@@ -56,7 +56,6 @@ class Mapper {
   const photometry::Window& window() const { return window_; }
   /// Change of focal lengths and principal point from the given ones; zero if they are not estimated.
   photometry::IntrinsicsDelta intrinsics_delta() const { return window_.intrinsics.value(); }
-  const photometry::Keyframe& newest() const { return window_.keyframes.back(); }
   /// Active points of the window projected into keyframe `slot`.
   std::vector<tracking::ReferencePoint> reference_points(int slot) const;
 

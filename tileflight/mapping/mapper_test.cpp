@@ -127,7 +127,7 @@ TEST(Mapper, KeepsARecordOfEveryKeyframeAndASmallWindow) {
   }
   EXPECT_LE(mapped().largest_window(), 5);
   EXPECT_GE(mapper.window().size(), 4);
-  EXPECT_EQ(mapper.newest().id, kKeyframes - 1);
+  EXPECT_EQ(mapper.window().keyframes.back().id, kKeyframes - 1);
   EXPECT_EQ(mapper.step_uncertainties().size(), all.size());
   EXPECT_TRUE(mapper.intrinsics_delta().isZero(0)) << "it was not to be estimated";
 }

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include "tileflight/base/formatted_text.h"
 
 namespace tileflight::odometry {
 namespace {
@@ -10,11 +11,7 @@ namespace {
 constexpr const char* kWhere = "odometry";
 using FrameName = std::function<std::string(std::int64_t)>;
 
-std::string percent_text(double share) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2g %%", 100.0 * share);
-  return text;
-}
+std::string percent_text(double share) { return base::formatted("%.2g %%", 100.0 * share); }
 
 std::string count_text(std::int64_t number) { return std::to_string(number); }
 
@@ -108,10 +105,8 @@ void check_jumps(const OdometryResult& result, const FrameName& name_of, const D
   if (!(change > limits.velocity_change * usual)) return;
   const auto at = std::find_if(result.quality.begin(), result.quality.end(),
                                [&](const tracking::FrameQuality& q) { return q.time_s == poses[worst + 1].time_s; });
-  char times[32];
-  std::snprintf(times, sizeof times, "%.2g", usual > 0 ? change / usual : 0.0);
   doubts.push_back(
-      {"the camera jumps: its velocity changes by " + std::string(times) +
+      {"the camera jumps: its velocity changes by " + base::formatted("%.2g", usual > 0 ? change / usual : 0.0) +
            " times its usual speed from one frame to the next",
        at == result.quality.end() ? kWhere : std::string(kWhere) + ", " + frames_text(*at, *at, name_of), "likely",
        "check the frames around it for an obstruction in front of the lens or missing frames; leave them out"});
@@ -122,13 +117,12 @@ void check_calibration(const OdometryResult& result, const DoubtThresholds& limi
   if (!result.systematic_displacement || result.systematic_displacement->rms_px <= limits.systematic_px ||
       result.systematic_displacement->sigmas <= limits.systematic_sigmas)
     return;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.2g", result.systematic_displacement->rms_px);
-  doubts.push_back(
-      {"the calibration does not fit the images: residuals have a systematic pattern of " + std::string(text) +
-           " pixels (RMS) in all keyframes (wrong lens model or line delay, or a wrong initialization)",
-       kWhere, result.systematic_displacement->rms_px > limits.systematic_likely_px ? "likely" : "possible",
-       "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
+  doubts.push_back({"the calibration does not fit the images: residuals have a systematic pattern of " +
+                        base::formatted("%.2g", result.systematic_displacement->rms_px) +
+                        " pixels (RMS) in all keyframes (wrong lens model or line delay, or a wrong initialization)",
+                    kWhere,
+                    result.systematic_displacement->rms_px > limits.systematic_likely_px ? "likely" : "possible",
+                    "calibrate the camera with the settings of the flight (focus, resolution, crop, rolling shutter)"});
 }
 
 void check_second_run(const OdometryResult& result, const std::optional<RunAgreement>& second, const FrameName& name_of,

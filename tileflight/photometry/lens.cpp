@@ -150,9 +150,9 @@ Lens Lens::apply_delta(const IntrinsicsDelta& delta) const {
 bool Lens::project_by_camera(const Vec3& X, Vec2& pixel, Eigen::Matrix<double, 2, 3>* derivative) const {
   const auto own = derivative != nullptr ? camera_.project(X, *derivative) : camera_.project(X);
   if (!own) return false;
-  const Intrinsics given = intrinsics(camera_);
-  const Vec2 scale(fx_ / given.fx, fy_ / given.fy);
-  pixel = Vec2(cx_, cy_) + scale.cwiseProduct(*own - Vec2(given.cx, given.cy));
+  const Intrinsics nominal = intrinsics(camera_);
+  const Vec2 scale(fx_ / nominal.fx, fy_ / nominal.fy);
+  pixel = Vec2(cx_, cy_) + scale.cwiseProduct(*own - Vec2(nominal.cx, nominal.cy));
   if (derivative != nullptr) *derivative = scale.asDiagonal() * *derivative;
   return true;
 }

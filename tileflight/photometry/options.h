@@ -68,11 +68,9 @@ struct WindowOptions {
   double marginal_weight = 0.25;    ///< factor on the information of marginalised points (their errors are correlated)
   double min_visible_share = 0.05;  ///< a keyframe with a smaller share of its points visible in the newest one is
                                     ///< marginalised
-  double brightness_prior_weight =
-      1e-1;                       ///< information on a keyframe's brightness offset b without a photometric calibration
-  bool refine_intrinsics = true;  ///< also estimate focal lengths and principal point, starting from the given ones
-  double focal_sigma = 0.02;      ///< standard deviation of the given focal length, as a share of it
-  double aspect_sigma = 5e-4;     ///< of fx / fy relative to the given ratio
+  bool refine_intrinsics = true;    ///< also estimate focal lengths and principal point, starting from the given ones
+  double focal_sigma = 0.02;        ///< standard deviation of the given focal length, as a share of it
+  double aspect_sigma = 5e-4;       ///< of fx / fy relative to the given ratio
   double principal_point_sigma = 0.0015;  ///< of the principal point, in focal lengths
 };
 

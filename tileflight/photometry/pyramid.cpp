@@ -193,10 +193,10 @@ LensPyramid build_lens_pyramid(const imaging::Camera& camera, int levels) {
 }
 
 Eigen::Vector3f LensPyramid::ray(std::size_t level, int x, int y) const {
-  const RayTable& given = rays[level];
+  const RayTable& table = rays[level];
   const Lens& lens = lenses[level];
-  if (!lens.has_delta() || given.at(x, y).isZero(0)) return given.at(x, y);
-  const Eigen::Vector3f between = interpolated_ray(given, lens.nominal_pixel(geometry::Vec2(x, y)));
+  if (!lens.has_delta() || table.at(x, y).isZero(0)) return table.at(x, y);
+  const Eigen::Vector3f between = interpolated_ray(table, lens.nominal_pixel(geometry::Vec2(x, y)));
   if (!between.isZero(0)) return between;
   const auto exact = lens.unproject(geometry::Vec2(x, y));
   return exact ? Eigen::Vector3f(exact->cast<float>()) : Eigen::Vector3f(Eigen::Vector3f::Zero());

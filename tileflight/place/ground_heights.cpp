@@ -1,12 +1,11 @@
 #include "tileflight/place/ground_heights.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
-#include <cstdio>
 #include <cstdlib>
 #include <limits>
+#include <nlohmann/json.hpp>
 
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/surface_heights.h"
 #include "tileflight/place/place_reader.h"
@@ -119,30 +118,23 @@ std::vector<double> sample_heights(PlaceReader& place, const Column& column, jso
 }
 
 std::string format_surface(const json& surface) {
-  char text[160];
   const double local_z = surface["local_z"];
   if (surface["height"].is_null()) {
-    std::snprintf(text, sizeof text, "local z %.3f m", local_z);
-  } else if (surface["height_above_sea_level"].is_null()) {
-    std::snprintf(text, sizeof text, "%.3f m above the ellipsoid, local z %.3f m", surface["height"].get<double>(),
-                  local_z);
-  } else {
-    std::snprintf(text, sizeof text, "%.3f m above the ellipsoid, %.3f m above sea level, local z %.3f m",
-                  surface["height"].get<double>(), surface["height_above_sea_level"].get<double>(), local_z);
+    return base::formatted("local z %.3f m", local_z);
   }
-  return text;
+  const double height_m = surface["height"];
+  if (surface["height_above_sea_level"].is_null()) {
+    return base::formatted("%.3f m above the ellipsoid, local z %.3f m", height_m, local_z);
+  }
+  return base::formatted("%.3f m above the ellipsoid, %.3f m above sea level, local z %.3f m", height_m,
+                         surface["height_above_sea_level"].get<double>(), local_z);
 }
 
 }  // namespace
 
 std::string GroundQuery::text() const {
-  char text[80];
-  if (geodetic) {
-    std::snprintf(text, sizeof text, "%.8g,%.9g", geodetic->latitude_deg, geodetic->longitude_deg);
-  } else {
-    std::snprintf(text, sizeof text, "%.8g,%.8g", local->x(), local->y());
-  }
-  return text;
+  return geodetic ? base::formatted("%.8g,%.9g", geodetic->latitude_deg, geodetic->longitude_deg)
+                  : base::formatted("%.8g,%.8g", local->x(), local->y());
 }
 
 GroundQuery parse_geodetic_query(const std::string& text, const std::string& option) {

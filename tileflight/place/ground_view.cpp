@@ -198,17 +198,6 @@ std::vector<report::MapOutline> missing_outlines(const GroundView& view) {
   return outlines;
 }
 
-std::optional<std::pair<double, double>> height_range(const imaging::FloatImage& heights_m) {
-  std::optional<std::pair<double, double>> range;
-  for (const float height_m : heights_m.pixels) {
-    if (!std::isfinite(height_m)) continue;
-    if (!range) range.emplace(height_m, height_m);
-    range->first = std::min(range->first, double{height_m});
-    range->second = std::max(range->second, double{height_m});
-  }
-  return range;
-}
-
 std::vector<std::string> ground_view_warnings(const GroundView& view) {
   std::vector<std::string> lines;
   constexpr std::size_t kTold = 3;

@@ -48,9 +48,6 @@ render::GroundGrid fit_ground_grid(const geometry::Box3& box, int pixels);
 report::GroundImage to_ground_picture(const GroundView& view);
 std::vector<report::MapOutline> missing_outlines(const GroundView& view);
 
-/// Lowest and highest surface; nullopt if there is none.
-std::optional<std::pair<double, double>> height_range(const imaging::FloatImage& heights_m);
-
 /// Readable notes about the view: missing tiles, coarser ones.
 std::vector<std::string> ground_view_warnings(const GroundView& view);
 

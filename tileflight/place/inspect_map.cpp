@@ -1,11 +1,10 @@
 #include "tileflight/place/inspect_map.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <nlohmann/json.hpp>
 
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/string_lists.h"
 #include "tileflight/imaging/image_files.h"
@@ -30,16 +29,9 @@ bool has_region(const tiles::LoadOptions& load) {
   return load.center || load.center_local || load.size || !load.areas.empty();
 }
 
-template <class... Numbers>
-std::string format(const char* pattern, Numbers... numbers) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, numbers...);
-  return text;
-}
-
 /// Metres with the number of decimals appropriate to the size of the place.
 std::string format_metres(double value, double longest_m) {
-  return format("%.*f", longest_m >= 100 ? 1 : longest_m >= 10 ? 2 : 3, value);
+  return base::formatted("%.*f", longest_m >= 100 ? 1 : longest_m >= 10 ? 2 : 3, value);
 }
 
 /// The extent shown.
@@ -48,8 +40,8 @@ Box3 choose_extent(PlaceReader& place, const InspectMapSettings& settings, std::
   const Box3 region = place.placement().region.box();
   const double longer_m = std::max(region.sizes().x(), region.sizes().y());
   if (longer_m > kMaxExtent_m) {
-    throw InputError(place.name(),
-                     "spans " + format("%.0f km", longer_m / 1e3) + ", too much for one map; give --center and --size");
+    throw InputError(place.name(), "spans " + base::formatted("%.0f km", longer_m / 1e3) +
+                                       ", too much for one map; give --center and --size");
   }
   if (has_region(settings.load)) return region;
   const double error_m = settings.error_m.value_or(longer_m / kBoundsSteps);
@@ -102,11 +94,11 @@ std::vector<std::string> map_notes(const PlaceReader& place, const GroundView& v
               format_metres(origin_m + found.box.max().z(), longest_m) + " m above the ellipsoid";
   }
   std::string pixels =
-      format("one pixel is %.3g m; tiles to a geometric error of %.3g m", view.grid.pixel_m, view.error_m);
+      base::formatted("one pixel is %.3g m; tiles to a geometric error of %.3g m", view.grid.pixel_m, view.error_m);
   if (const auto& frame = place.placement().local_frame) {
     const geometry::Geodetic& origin = frame->origin();
-    pixels += format("; local frame: east, north, up at %.7f°, %.7f°, %.2f m", origin.latitude_deg,
-                     origin.longitude_deg, origin.height.m);
+    pixels += base::formatted("; local frame: east, north, up at %.7f°, %.7f°, %.2f m", origin.latitude_deg,
+                              origin.longitude_deg, origin.height.m);
   } else {
     pixels += "; not georeferenced: the local frame is the tileset's own";
   }
@@ -190,7 +182,7 @@ std::string inspect_map_text(const json& found) {
   const double longest_m = std::max(east, north);
   std::string text =
       map["file"].get<std::string>() + ": " + format_metres(east, longest_m) + " x " + format_metres(north, longest_m) +
-      " m of surface from above, " + format("%.3g", map["pixel_size"].get<double>()) + " m per pixel, from " +
+      " m of surface from above, " + base::formatted("%.3g", map["pixel_size"].get<double>()) + " m per pixel, from " +
       std::to_string(map["tiles"].get<std::int64_t>()) + " tiles\nheights: " + format_metres(low[2], longest_m) +
       " to " + format_metres(high[2], longest_m) + " m in the local frame";
   const json& frame = found["frame"];
@@ -199,15 +191,17 @@ std::string inspect_map_text(const json& found) {
     text += ", " + format_metres(origin_m + low[2].get<double>(), longest_m) + " to " +
             format_metres(origin_m + high[2].get<double>(), longest_m) +
             " m above the ellipsoid\nlocal frame: --origin " +
-            format("%.7f,%.7f,%.2f", frame["origin_lat"].get<double>(), frame["origin_lon"].get<double>(), origin_m);
+            base::formatted("%.7f,%.7f,%.2f", frame["origin_lat"].get<double>(), frame["origin_lon"].get<double>(),
+                            origin_m);
   }
   const json& proposal = found["proposal"];
   text += "\nproposed region and voxel: " + proposal["options"].get<std::string>() +
-          format(" (%.0f %% of the surface; %.0f voxels along its longest side)\n",
-                 100 * proposal["region"]["surface_share"].get<double>(),
-                 std::max({proposal["region"]["size"][0].get<double>(), proposal["region"]["size"][1].get<double>(),
-                           proposal["region"]["size"][2].get<double>()}) /
-                     proposal["voxel_size"].get<double>());
+          base::formatted(
+              " (%.0f %% of the surface; %.0f voxels along its longest side)\n",
+              100 * proposal["region"]["surface_share"].get<double>(),
+              std::max({proposal["region"]["size"][0].get<double>(), proposal["region"]["size"][1].get<double>(),
+                        proposal["region"]["size"][2].get<double>()}) /
+                  proposal["voxel_size"].get<double>());
   for (const auto& warning : found["warnings"]) text += "note: " + warning.get<std::string>() + "\n";
   return text;
 }

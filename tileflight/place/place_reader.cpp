@@ -86,13 +86,13 @@ std::vector<std::string> PlaceReader::warnings() const {
   return all;
 }
 
-tiles::RefinementCriterion restrict_to_box(tiles::RefinementCriterion wanted, const geometry::Box3& box,
+tiles::RefinementCriterion restrict_to_box(tiles::RefinementCriterion criterion, const geometry::Box3& box,
                                            const geometry::SE3& T_local_tileset) {
-  wanted.intersects = [inner = std::move(wanted.intersects), box,
-                       T_local_tileset](const tiles::BoundingVolume& volume) {
+  criterion.intersects = [inner = std::move(criterion.intersects), box,
+                          T_local_tileset](const tiles::BoundingVolume& volume) {
     return tiles::intersects(volume, T_local_tileset, box) && inner(volume);
   };
-  return wanted;
+  return criterion;
 }
 
 std::string source_display_name(const std::string& source) {

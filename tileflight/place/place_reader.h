@@ -46,7 +46,7 @@ class PlaceReader {
   const tiles::TilesetTree& tree() const { return tree_; }
   transport::TileSource& source() { return *source_; }
 
-  tiles::TileCut select_cut(const tiles::RefinementCriterion& wanted) { return tiles::select_cut(tree_, wanted); }
+  tiles::TileCut select_cut(const tiles::RefinementCriterion& criterion) { return tiles::select_cut(tree_, criterion); }
   /// Reads a cut; missing or broken tiles are reported in the result, not thrown. nullopt: it exceeds
   /// `max_memory_bytes`.
   std::optional<PlacePart> read(const tiles::TileCut& cut, bool textures, std::uintmax_t max_memory_bytes,
@@ -67,7 +67,7 @@ class PlaceReader {
 };
 
 /// The combination of both criteria.
-tiles::RefinementCriterion restrict_to_box(tiles::RefinementCriterion wanted, const geometry::Box3& box,
+tiles::RefinementCriterion restrict_to_box(tiles::RefinementCriterion criterion, const geometry::Box3& box,
                                            const geometry::SE3& T_local_tileset);
 
 /// A source's name for titles: the last part of its path, or of the folder of its tileset.json.

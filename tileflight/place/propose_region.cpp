@@ -1,12 +1,11 @@
 #include "tileflight/place/propose_region.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <nlohmann/json.hpp>
 #include <vector>
 
+#include "tileflight/base/number_text.h"
 #include "tileflight/ground_truth/suggested_voxel.h"
 
 namespace tileflight::place {
@@ -118,13 +117,7 @@ double rounding_unit(double longest_m) {
 }
 
 std::string format_decimal(double value, int most_decimals) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", most_decimals, value);
-  std::string out = text;
-  if (out.find('.') != std::string::npos) {
-    out.erase(out.find_last_not_of('0') + 1);
-    if (out.back() == '.') out.pop_back();
-  }
+  const std::string out = base::trimmed_text(value, most_decimals);
   return out == "-0" ? "0" : out;
 }
 

@@ -17,9 +17,9 @@ double relative_sigma(double distance, double inverse_variance) {
 
 template <class T>
 std::vector<T> take_every(const std::vector<T>& values, std::size_t stride) {
-  std::vector<T> kept;
-  for (std::size_t i = 0; i < values.size(); i += stride) kept.push_back(values[i]);
-  return kept;
+  std::vector<T> sample;
+  for (std::size_t i = 0; i < values.size(); i += stride) sample.push_back(values[i]);
+  return sample;
 }
 
 }  // namespace

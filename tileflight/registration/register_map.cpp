@@ -242,9 +242,9 @@ double picture_sigma_m(const std::vector<LocatedPose>& poses, const std::vector<
   constexpr std::size_t kMostGroups = 8;
   const std::size_t groups = std::min(kMostGroups, agreeing.size() / 2);
   return alignment::jackknife_sigma_m(T, groups, points, [&](std::size_t group) {
-    std::vector<bool> kept(agreeing.size());
-    for (std::size_t i = 0; i < kept.size(); ++i) kept[i] = i * groups / kept.size() != group;
-    return fit_inlier_poses(agreeing, kept);
+    std::vector<bool> selected(agreeing.size());
+    for (std::size_t i = 0; i < selected.size(); ++i) selected[i] = i * groups / selected.size() != group;
+    return fit_inlier_poses(agreeing, selected);
   });
 }
 
@@ -337,17 +337,17 @@ double shape_sigma_m(const ObservedPoints& points, const GroundTruthSurface& sur
   if (!few.keyframe.empty()) keyframes = 1 + *std::ranges::max_element(few.keyframe);
   const std::size_t groups = std::min(kGroups, keyframes);
   return alignment::jackknife_sigma_m(T, groups, spread, [&](std::size_t group) {
-    ObservedPoints kept;
+    ObservedPoints selected;
     for (std::size_t i = 0; i < few.size(); ++i) {
       const std::size_t key = few.keyframe.empty() ? i : few.keyframe[i];
       if (key * groups / keyframes == group) continue;
-      kept.positions.push_back(few.positions[i]);
-      if (few.has_viewpoints()) kept.viewpoints.push_back(few.viewpoints[i]);
-      if (!few.distance_sigma.empty()) kept.distance_sigma.push_back(few.distance_sigma[i]);
-      if (!few.keyframe.empty()) kept.keyframe.push_back(few.keyframe[i]);
+      selected.positions.push_back(few.positions[i]);
+      if (few.has_viewpoints()) selected.viewpoints.push_back(few.viewpoints[i]);
+      if (!few.distance_sigma.empty()) selected.distance_sigma.push_back(few.distance_sigma[i]);
+      if (!few.keyframe.empty()) selected.keyframe.push_back(few.keyframe[i]);
     }
-    if (kept.positions.empty()) return T;
-    return fit_to_surface(kept, surface.index, surface.mesh, T, options).T_target_source;
+    if (selected.positions.empty()) return T;
+    return fit_to_surface(selected, surface.index, surface.mesh, T, options).T_target_source;
   });
 }
 

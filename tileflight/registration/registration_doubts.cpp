@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numbers>
+
+#include "tileflight/base/formatted_text.h"
 
 namespace tileflight::registration {
 
@@ -16,15 +16,6 @@ namespace {
 
 constexpr const char* kAlignment = "alignment";
 constexpr const char* kOdometry = "odometry";
-
-__attribute__((format(printf, 1, 2))) std::string format_number(const char* format, ...) {
-  char line[320];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line, sizeof line, format, arguments);
-  va_end(arguments);
-  return line;
-}
 
 void add_doubt(RegistrationResult& r, const char* where, const char* how_sure, std::string what,
                std::string what_to_do) {
@@ -40,16 +31,17 @@ void check_path(RegistrationResult& r) {
   const PictureAgreement& p = *r.pictures;
   constexpr double kPathShare = 0.005, kLeast_m = 0.05;
   if (p.path_error_m > std::max(kLeast_m, kPathShare * p.path_length_m)) {
-    add_doubt(r, kOdometry, p.path_error_m > 3.0 * kPathShare * p.path_length_m ? "certain" : "likely",
-              format_number("the path is distorted: the positions of %zu localized images differ by %.2f m (RMS) from "
-                            "the best fit of the path, which is %.1f m long",
-                            p.located, p.path_error_m, p.path_length_m),
-              "use only the part that fits, another start frame, or a flight with less rotation in place");
+    add_doubt(
+        r, kOdometry, p.path_error_m > 3.0 * kPathShare * p.path_length_m ? "certain" : "likely",
+        base::formatted("the path is distorted: the positions of %zu localized images differ by %.2f m (RMS) from "
+                        "the best fit of the path, which is %.1f m long",
+                        p.located, p.path_error_m, p.path_length_m),
+        "use only the part that fits, another start frame, or a flight with less rotation in place");
   } else if (p.inliers < p.located && p.worst_m > std::max(kMinSegmentError_m, kSegmentErrorShare * p.path_length_m)) {
     add_doubt(r, kOdometry, "likely",
-              format_number("a part of the path is off by up to %.2f m (around %.2f s): only %zu of %zu localized "
-                            "images agree with the path",
-                            p.worst_m, p.worst_time_s, p.inliers, p.located),
+              base::formatted("a part of the path is off by up to %.2f m (around %.2f s): only %zu of %zu localized "
+                              "images agree with the path",
+                              p.worst_m, p.worst_time_s, p.inliers, p.located),
               "check the images around that time; leave that part out");
   }
 }
@@ -59,22 +51,22 @@ void check_pictures(RegistrationResult& r) {
   const PictureAgreement& p = *r.pictures;
   if (!is_recognised(r)) {
     if (2 * p.located >= p.tried) check_path(r);
-    add_doubt(
-        r, kAlignment, "likely",
-        format_number("%zu of %zu images were localized in the textured place%s: the alignment relies on shapes alone",
-                      p.located, p.tried, p.located > 0 ? ", without agreeing on one position" : ""),
-        "check that the place matches the images (season, region, calibration), or give a start");
+    add_doubt(r, kAlignment, "likely",
+              base::formatted(
+                  "%zu of %zu images were localized in the textured place%s: the alignment relies on shapes alone",
+                  p.located, p.tried, p.located > 0 ? ", without agreeing on one position" : ""),
+              "check that the place matches the images (season, region, calibration), or give a start");
     return;
   }
   if (3 * p.located < 2 * p.tried) {
     add_doubt(r, kAlignment, "possible",
-              format_number("only %zu of %zu images were localized in the place", p.located, p.tried),
+              base::formatted("only %zu of %zu images were localized in the place", p.located, p.tried),
               "check the other images: outside the place, blurred, or off the path");
   }
   if (r.repetition_distance_m) {
     add_doubt(
         r, kAlignment, "likely",
-        format_number(
+        base::formatted(
             "the place's textures repeat: the images fit equally well %.2f m away, and the shapes do not resolve it",
             *r.repetition_distance_m),
         "fly over ground with relief, or compare with telemetry by hand");
@@ -88,9 +80,10 @@ void check_pictures(RegistrationResult& r) {
 void check_shapes(RegistrationResult& r) {
   if (is_recognised(r)) return;
   if (!r.surface.converged) {
-    add_doubt(r, kAlignment, "likely",
-              format_number("the fit to the surface did not converge (its next step is %.3g m)", r.surface.last_step_m),
-              "give a better start, or a region with more relief");
+    add_doubt(
+        r, kAlignment, "likely",
+        base::formatted("the fit to the surface did not converge (its next step is %.3g m)", r.surface.last_step_m),
+        "give a better start, or a region with more relief");
   }
   if (!r.surface.constraint.well_constrained) {
     add_doubt(
@@ -105,17 +98,18 @@ void check_shapes(RegistrationResult& r) {
   const double score = r.rays ? r.rays->score : r.surface.inlier_share;
   if (r.runner_up_distance_m && r.runner_up_score > kRivalShare * score) {
     add_doubt(r, kAlignment, "likely",
-              format_number("ambiguous: the map fits nearly as well %.1f m (RMS) away (score %.2f against %.2f)",
-                            *r.runner_up_distance_m, r.runner_up_score, score),
+              base::formatted("ambiguous: the map fits nearly as well %.1f m (RMS) away (score %.2f against %.2f)",
+                              *r.runner_up_distance_m, r.runner_up_score, score),
               "give telemetry, attitude or a start");
   }
   if (score < kGoodRays) {
-    add_doubt(r, kAlignment, score < 0.5 * kGoodRays ? "certain" : "likely",
-              format_number("seen from its own cameras, the map does not match the place: %.0f %% of its points lie on "
-                            "the surface that is visible there, %.0f %% lie behind it",
-                            100.0 * (r.rays ? r.rays->agreeing_share : r.surface.inlier_share),
-                            100.0 * (r.rays ? r.rays->blocked_share : 0.0)),
-              "check place, region and telemetry; give a start");
+    add_doubt(
+        r, kAlignment, score < 0.5 * kGoodRays ? "certain" : "likely",
+        base::formatted("seen from its own cameras, the map does not match the place: %.0f %% of its points lie on "
+                        "the surface that is visible there, %.0f %% lie behind it",
+                        100.0 * (r.rays ? r.rays->agreeing_share : r.surface.inlier_share),
+                        100.0 * (r.rays ? r.rays->blocked_share : 0.0)),
+        "check place, region and telemetry; give a start");
   }
 }
 
@@ -124,15 +118,15 @@ void check_ray_support(const ObservedPoints& points, RegistrationResult& r) {
   constexpr double kLowShare = 0.25;
   if (r.surface.points < kFewPoints) {
     add_doubt(r, kAlignment, "possible",
-              format_number("only %zu of the map's %zu points lie over the ground truth's region", r.surface.points,
-                            points.size()),
+              base::formatted("only %zu of the map's %zu points lie over the ground truth's region", r.surface.points,
+                              points.size()),
               "extract a larger region");
   } else if (r.surface.inlier_share < kLowShare) {
-    add_doubt(
-        r, kAlignment, "likely",
-        format_number("only %.0f %% of the map's points over the region agree with the surface within their own noise",
-                      100.0 * r.surface.inlier_share),
-        "check that the truth is of this place and time, and complete");
+    add_doubt(r, kAlignment, "likely",
+              base::formatted(
+                  "only %.0f %% of the map's points over the region agree with the surface within their own noise",
+                  100.0 * r.surface.inlier_share),
+              "check that the truth is of this place and time, and complete");
   }
 }
 
@@ -143,9 +137,10 @@ void check_sigma(RegistrationResult& r) {
               "there are too few keyframes or images to estimate the uncertainty of the transform",
               "fly farther, or at a higher frame rate");
   } else if (r.sigma_m > kLoose_m) {
-    add_doubt(r, kAlignment, r.sigma_m > kUseless_m ? "certain" : "possible",
-              format_number("the transform's uncertainty is %.2f m (one sigma, RMS over the map's points)", r.sigma_m),
-              "fly closer, along a longer path, or over a place with more relief or texture");
+    add_doubt(
+        r, kAlignment, r.sigma_m > kUseless_m ? "certain" : "possible",
+        base::formatted("the transform's uncertainty is %.2f m (one sigma, RMS over the map's points)", r.sigma_m),
+        "fly closer, along a longer path, or over a place with more relief or texture");
   }
 }
 
@@ -171,14 +166,14 @@ void check_telemetry(const RegistrationEvidence& evidence, RegistrationResult& r
   if (std::abs(apart.z()) > std::max(kLeast_m, kSigmas * vertical_m)) {
     add_doubt(
         r, kAlignment, "likely",
-        format_number("the telemetry's heights are %.1f m %s than the aligned map's: possibly another vertical datum",
-                      std::abs(apart.z()), apart.z() > 0.0 ? "lower" : "higher"),
+        base::formatted("the telemetry's heights are %.1f m %s than the aligned map's: possibly another vertical datum",
+                        std::abs(apart.z()), apart.z() > 0.0 ? "lower" : "higher"),
         "check the height reference of the log (--telemetry-height ellipsoid, sea-level or takeoff)");
   }
   if (apart.head<2>().norm() > std::max(kLeast_m, kSigmas * horizontal_m)) {
     add_doubt(r, kAlignment, "likely",
-              format_number("the telemetry's positions are %.1f m east and %.1f m north of the aligned map's",
-                            -apart.x(), -apart.y()),
+              base::formatted("the telemetry's positions are %.1f m east and %.1f m north of the aligned map's",
+                              -apart.x(), -apart.y()),
               "check the ground truth's georeference and the log's clock");
   }
   const double log_scale = std::log(r.T_local_map.scale / r.telemetry->T_local_map.scale);
@@ -187,8 +182,8 @@ void check_telemetry(const RegistrationEvidence& evidence, RegistrationResult& r
   constexpr double kLeastScale = 0.03;
   if (std::abs(log_scale) > std::max(kLeastScale, kSigmas * sigma)) {
     add_doubt(r, kAlignment, "likely",
-              format_number("the scale is %.3g times the telemetry's, whose uncertainty is %.1f %%",
-                            std::exp(log_scale), 100.0 * sigma),
+              base::formatted("the scale is %.3g times the telemetry's, whose uncertainty is %.1f %%",
+                              std::exp(log_scale), 100.0 * sigma),
               "check that the log belongs to the video, and check the calibration");
   }
 }
@@ -203,8 +198,8 @@ void check_gravity(const RegistrationEvidence& evidence, RegistrationResult& r) 
   const double off_rad = std::acos(std::clamp(cosine, -1.0, 1.0));
   if (off_rad < std::max(kLeast_rad, kSigmas * evidence.up->sigma_rad)) return;
   add_doubt(r, kAlignment, is_recognised(r) ? "possible" : "likely",
-            format_number("the map's up direction is %.0f degrees away from %s", kDegrees * off_rad,
-                          evidence.up->given ? "--up" : "the inertial unit's gravity"),
+            base::formatted("the map's up direction is %.0f degrees away from %s", kDegrees * off_rad,
+                            evidence.up->given ? "--up" : "the inertial unit's gravity"),
             evidence.up->given
                 ? "check --up: the direction opposite to gravity in the map's frame"
                 : "check T_cam_imu of the calibration, which maps the inertial unit's axes to the camera's");

@@ -153,13 +153,13 @@ class SurfaceFitter {
     std::vector<Residual> all(source_.points.size());
     std::vector<std::uint8_t> found(source_.points.size());
     tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) { found[i] = residual(T, i, all[i]) ? 1 : 0; });
-    std::vector<Residual> kept;
+    std::vector<Residual> inliers;
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (found[i] == 0) continue;
-      kept.push_back(all[i]);
+      inliers.push_back(all[i]);
       if (which != nullptr) which->push_back(i);
     }
-    return kept;
+    return inliers;
   }
 
  private:
@@ -339,12 +339,6 @@ double information_discount(const ShapeInformation& information) {
   return std::max(1.0, ratio.trace() / 7.0);
 }
 
-alignment::ScaleRange scale_range(const Sim3& start, const SurfaceFitOptions& options) {
-  if (options.scale == alignment::ScaleMode::kFixed) return {start.scale, start.scale};
-  const double center = options.scale_center > 0.0 ? options.scale_center : start.scale;
-  return {center / options.max_scale_change, center * options.max_scale_change};
-}
-
 }  // namespace
 
 SurfaceFit fit_to_surface(const ObservedPoints& points, const geometry::TriangleIndex& index,
@@ -357,7 +351,9 @@ SurfaceFit fit_to_surface(const ObservedPoints& points, const geometry::Triangle
   fit.points = source.points.size();
   if (source.points.empty()) return fit;
 
-  SurfaceFitter fitter(source, index, mesh, options, scale_range(start, options));
+  SurfaceFitter fitter(
+      source, index, mesh, options,
+      alignment::scale_range(options.scale, start.scale, options.scale_center, options.max_scale_change));
   const alignment::EvaluateFunction evaluate = [&](const Sim3& T) { return fitter.evaluate(T); };
   Sim3 T = source.centered(start);
   alignment::FixedPointResult end;

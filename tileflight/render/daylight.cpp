@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/require.h"
 
 namespace tileflight::render {
 namespace {
@@ -14,10 +15,6 @@ using geometry::Vec3;
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kDegrees = 180.0 / kPi;
-
-void require_light(bool holds, const char* option, const char* what) {
-  if (!holds) throw InputError(std::string("light: ") + option, what);
-}
 
 /// A patch of sky.
 struct SkyPatch {
@@ -90,19 +87,13 @@ const DaylightOptions& checked(const DaylightOptions& settings) {
   return settings;
 }
 
-std::string text_of(const char* format, double a, double b) {
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(), format, a, b);
-  return text.data();
-}
-
 SunPosition require_risen_sun(const DaylightOptions& settings, const geometry::Geodetic& origin) {
   const SunPosition sun = sun_position(*checked(settings).utc_s, origin, standard_air(origin.height.m));
   if (sun.elevation_rad > 0.0) return sun;
-  const std::string place = text_of("latitude %.4f, longitude %.4f", origin.latitude_deg, origin.longitude_deg);
-  throw InputError(
-      "light", text_of("the sun is %.1f degrees below the horizon at that time", -sun.elevation_rad * kDegrees, 0.0) +
-                   " at " + place + "; give a daytime, in UTC or with its UTC offset");
+  const std::string place = base::formatted("latitude %.4f, longitude %.4f", origin.latitude_deg, origin.longitude_deg);
+  throw InputError("light", base::formatted("the sun is %.1f degrees below the horizon at that time",
+                                            -sun.elevation_rad * kDegrees) +
+                                " at " + place + "; give a daytime, in UTC or with its UTC offset");
 }
 
 std::array<float, 3> as_floats(const Vec3& v) {
@@ -125,10 +116,10 @@ PhotometricRgb picture_units(const DaylightOptions& settings, const PhotometricR
 }  // namespace
 
 void validate_daylight_options(const DaylightOptions& s) {
-  require_light(s.turbidity >= kMinTurbidity && s.turbidity <= kMaxTurbidity, "turbidity",
-          "must lie between 2 (very clear air) and 10");
-  require_light(s.ground_albedo >= 0.0 && s.ground_albedo <= 1.0, "ground albedo", "must lie between 0 and 1");
-  require_light(std::abs(s.exposure_stops) <= 20.0, "exposure", "must lie between -20 and 20 stops");
+  base::require(s.turbidity >= kMinTurbidity && s.turbidity <= kMaxTurbidity, "light: turbidity",
+                "must lie between 2 (very clear air) and 10");
+  base::require(s.ground_albedo >= 0.0 && s.ground_albedo <= 1.0, "light: ground albedo", "must lie between 0 and 1");
+  base::require(std::abs(s.exposure_stops) <= 20.0, "light: exposure", "must lie between -20 and 20 stops");
 }
 
 PhotometricRgb sky_illuminance(const Sky& sky, const Vec3& normal) { return illuminance(sky_patches(sky), normal); }
@@ -223,8 +214,8 @@ LinearRgb Daylight::sky(const std::array<float, 3>& d) const {
 }
 
 std::string describe_sun_position(const SunPosition& sun) {
-  return text_of("sun %.1f degrees high, azimuth %.1f degrees", sun.elevation_rad * kDegrees,
-                 sun.azimuth_rad * kDegrees);
+  return base::formatted("sun %.1f degrees high, azimuth %.1f degrees", sun.elevation_rad * kDegrees,
+                         sun.azimuth_rad * kDegrees);
 }
 
 }  // namespace tileflight::render

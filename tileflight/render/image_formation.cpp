@@ -14,15 +14,12 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
+#include "tileflight/base/require.h"
 
 namespace tileflight::render {
 namespace {
 
 constexpr std::uint64_t kSensorNoiseStream = 16;
-
-void require_formation(bool holds, const char* option, const char* what) {
-  if (!holds) throw InputError(std::string("image formation: ") + option, what);
-}
 
 /// Response G of the formation, 0..1 to 0..255; tabulated if it is a power law.
 class Response {
@@ -111,11 +108,12 @@ imaging::RgbImage rounded(const ValueImage& values) {
 }
 
 void check_auto_exposure(const AutoExposure& a) {
-  require_formation(a.target >= 0.0 && a.target <= 1.0, "auto exposure's target", "must lie between 0 and 1");
-  require_formation(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0, "auto exposure's time constant",
-          "must lie between 0 and 1000 s");
-  require_formation(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6, "auto exposure's gains",
-          "must be positive, the smallest not above the largest");
+  base::require(a.target >= 0.0 && a.target <= 1.0, "image formation: auto exposure's target",
+                "must lie between 0 and 1");
+  base::require(a.time_constant_s >= 0.0 && a.time_constant_s < 1000.0,
+                "image formation: auto exposure's time constant", "must lie between 0 and 1000 s");
+  base::require(a.min_gain > 0.0 && a.min_gain <= a.max_gain && a.max_gain <= 1e6,
+                "image formation: auto exposure's gains", "must be positive, the smallest not above the largest");
 }
 
 /// Photon and read noise of one channel, in units of white. Photon counts are Poisson; their normal approximation has
@@ -131,29 +129,34 @@ float with_noise(float light, float normal, const ImageFormation& formation) {
 
 void validate_image_formation(const ImageFormation& f) {
   if (f.light) validate_daylight_options(*f.light);
-  require_formation(f.haze_visibility_m >= 0.0, "haze visibility", "must not be negative");
-  require_formation(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05, "chromatic aberration",
-          "must lie between -0.05 and 0.05");
-  require_formation(f.sharpening >= 0.0 && f.sharpening <= 10.0, "sharpening", "must lie between 0 and 10");
-  require_formation(f.sharpening_radius_px >= 0.1 && f.sharpening_radius_px <= 20.0, "sharpening radius",
-          "must lie between 0.1 and 20 pixels");
+  base::require(f.haze_visibility_m >= 0.0, "image formation: haze visibility", "must not be negative");
+  base::require(std::abs(f.chromatic_red) <= 0.05 && std::abs(f.chromatic_blue) <= 0.05,
+                "image formation: chromatic aberration", "must lie between -0.05 and 0.05");
+  base::require(f.sharpening >= 0.0 && f.sharpening <= 10.0, "image formation: sharpening",
+                "must lie between 0 and 10");
+  base::require(f.sharpening_radius_px >= 0.1 && f.sharpening_radius_px <= 20.0, "image formation: sharpening radius",
+                "must lie between 0.1 and 20 pixels");
   check_auto_exposure(f.auto_exposure);
-  require_formation(f.exposure_time_s >= 0.0 && f.exposure_time_s < 10.0, "exposure time", "must lie between 0 and 10 s");
-  require_formation(f.exposure_samples >= 1 && f.exposure_samples <= 99 && f.exposure_samples % 2 == 1, "exposure samples",
-          "must be an odd number from 1 to 99");
-  require_formation(std::abs(f.line_delay_s) < 0.1, "line delay", "must be below 0.1 s a row");
-  require_formation(f.vignetting >= 0.0 && f.vignetting < 1.0, "vignetting", "must lie between 0 and 1");
-  require_formation(f.exposure_drift >= 0.0 && f.exposure_drift < 1.0, "exposure drift", "must lie between 0 and 1");
-  require_formation(f.exposure_drift_period_s > 0.0, "exposure drift period", "must be positive");
-  require_formation(f.white_electrons >= 0.0, "white electrons", "must not be negative");
-  require_formation(f.read_noise_electrons >= 0.0, "read noise", "must not be negative");
-  require_formation(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "read noise", "needs white electrons above 0");
-  require_formation(f.gamma == 0.0 || (f.gamma >= 0.1 && f.gamma <= 10.0), "gamma",
-          "must lie between 0.1 and 10, or be 0 for sRGB");
+  base::require(f.exposure_time_s >= 0.0 && f.exposure_time_s < 10.0, "image formation: exposure time",
+                "must lie between 0 and 10 s");
+  base::require(f.exposure_samples >= 1 && f.exposure_samples <= 99 && f.exposure_samples % 2 == 1,
+                "image formation: exposure samples", "must be an odd number from 1 to 99");
+  base::require(std::abs(f.line_delay_s) < 0.1, "image formation: line delay", "must be below 0.1 s a row");
+  base::require(f.vignetting >= 0.0 && f.vignetting < 1.0, "image formation: vignetting", "must lie between 0 and 1");
+  base::require(f.exposure_drift >= 0.0 && f.exposure_drift < 1.0, "image formation: exposure drift",
+                "must lie between 0 and 1");
+  base::require(f.exposure_drift_period_s > 0.0, "image formation: exposure drift period", "must be positive");
+  base::require(f.white_electrons >= 0.0, "image formation: white electrons", "must not be negative");
+  base::require(f.read_noise_electrons >= 0.0, "image formation: read noise", "must not be negative");
+  base::require(f.read_noise_electrons == 0.0 || f.white_electrons > 0.0, "image formation: read noise",
+                "needs white electrons above 0");
+  base::require(f.gamma == 0.0 || (f.gamma >= 0.1 && f.gamma <= 10.0), "image formation: gamma",
+                "must lie between 0.1 and 10, or be 0 for sRGB");
   double last_s = -std::numeric_limits<double>::infinity();
   for (const ExposureStep& step : f.exposure_steps) {
-    require_formation(step.gain > 0.0 && std::isfinite(step.gain), "exposure step", "its gain must be positive");
-    require_formation(step.time_s > last_s, "exposure step", "times must increase");
+    base::require(step.gain > 0.0 && std::isfinite(step.gain), "image formation: exposure step",
+                  "its gain must be positive");
+    base::require(step.time_s > last_s, "image formation: exposure step", "times must increase");
     last_s = step.time_s;
   }
 }

@@ -44,20 +44,20 @@ class Rays {
   void cast(int x, int y, Orthophoto& out) const {
     const int n = options_.samples_along_axis;
     LinearRgb sum{};
-    int met = 0;
+    int hits = 0;
     double highest_m = -INFINITY;
     for (int k = 0; k < n * n; ++k) {
       const Vec3 origin(grid_.west_m + grid_.pixel_m * (x + (k % n + 0.5) / n),
                         grid_.north_m - grid_.pixel_m * (y + (k / n + 0.5) / n), from_m_);
       const auto hit = length_m_ > 0 ? scene_.intersect({origin, -Vec3::UnitZ()}, length_m_) : std::nullopt;
       if (!hit) continue;
-      ++met;
+      ++hits;
       highest_m = std::max(highest_m, from_m_ - hit->distance_m);
       const LinearRgb light = color_of(*hit);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += light[c];
     }
-    if (met == 0) return;
-    for (float& channel : sum) channel /= static_cast<float>(met);
+    if (hits == 0) return;
+    for (float& channel : sum) channel /= static_cast<float>(hits);
     out.rgb(x, y) = SrgbTables::get().encode(sum);
     out.height_m(x, y) = static_cast<float>(highest_m);
   }

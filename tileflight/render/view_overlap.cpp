@@ -39,19 +39,19 @@ bool ViewOverlap::sees(const View& view, const SE3& T_local_camera, const Vec3& 
 }
 
 double ViewOverlap::operator()(const SE3& T_local_a, const SE3& T_local_b) const {
-  std::size_t met = 0, shared = 0;
+  std::size_t hits = 0, shared = 0;
   const auto count = [&](const View& from, const SE3& T_from, const View& other, const SE3& T_other) {
     for (const Vec3& ray : from.rays) {
       const Vec3 direction = T_from.rotation * ray;
       const auto hit = scene_.intersect({T_from.translation, direction});
       if (!hit) continue;
-      ++met;
+      ++hits;
       shared += sees(other, T_other, T_from.translation + hit->distance_m * direction) ? 1 : 0;
     }
   };
   count(a_, T_local_a, b_, T_local_b);
   count(b_, T_local_b, a_, T_local_a);
-  return met > 0 ? static_cast<double>(shared) / static_cast<double>(met) : 0.0;
+  return hits > 0 ? static_cast<double>(shared) / static_cast<double>(hits) : 0.0;
 }
 
 }  // namespace tileflight::render

@@ -23,10 +23,10 @@ double round_down_to_nice(double value) {
   return power;
 }
 
-std::vector<double> nice_ticks(double low, double high, int wanted) {
+std::vector<double> nice_ticks(double low, double high, int count) {
   if (!(high > low)) return {low};
-  double step = round_down_to_nice((high - low) / wanted);
-  while ((high - low) / step > 2.0 * wanted) step *= 2;
+  double step = round_down_to_nice((high - low) / count);
+  while ((high - low) / step > 2.0 * count) step *= 2;
   std::vector<double> ticks;
   for (double i = std::ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; ++i) ticks.push_back(i * step);
   return ticks;

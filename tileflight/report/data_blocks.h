@@ -20,8 +20,6 @@ class DataBlocks {
   }
   nlohmann::json add_bytes(std::string_view bytes);
 
-  std::size_t size_bytes() const { return bytes_.size(); }
-
   /// Header and blocks as one zlib stream (RFC 1950). Deterministic.
   std::string compress(const nlohmann::json& header) const;
 

@@ -1,9 +1,8 @@
 #include "tileflight/report/key_figures.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/text_fields.h"
 #include "tileflight/report/doubts_panel.h"
@@ -110,9 +109,9 @@ std::vector<KeyFigureRow> further_rows(const std::vector<FlightColumn>& columns)
       })};
 }
 
-bool has_flag(const json& flight, const std::string& pointer, bool wanted) {
+bool has_flag(const json& flight, const std::string& pointer, bool value) {
   const json::json_pointer place(pointer);
-  return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == wanted;
+  return flight.contains(place) && flight.at(place).is_boolean() && flight.at(place).get<bool>() == value;
 }
 
 /// Caveats about a flight's numbers as further sentences, for results whose writer listed no doubts.

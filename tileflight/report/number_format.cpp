@@ -1,23 +1,12 @@
 #include "tileflight/report/number_format.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
-#include <charconv>
-#include <cmath>
-#include <cstdio>
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/base/number_text.h"
 
 namespace tileflight::report {
-namespace {
-
-/// printf("%.*f"), independent of the locale.
-std::string in_decimals(double value, int decimals) {
-  char digits[352];
-  const auto [end, fault] = std::to_chars(digits, digits + sizeof(digits), value, std::chars_format::fixed, decimals);
-  return fault == std::errc() ? std::string(digits, end) : kUnknown;
-}
-
-}  // namespace
-
 std::optional<double> number_at(const nlohmann::json& json, const std::string& pointer) {
   const nlohmann::json::json_pointer place(pointer);
   if (!json.contains(place) || !json.at(place).is_number()) return std::nullopt;
@@ -32,25 +21,23 @@ std::optional<std::string> text_at(const nlohmann::json& json, const std::string
 }
 
 std::string format_fixed(const std::optional<double>& value, int decimals) {
-  return value && std::isfinite(*value) ? in_decimals(*value, decimals) : kUnknown;
+  return value && std::isfinite(*value) ? base::rounded_text(*value, decimals) : kUnknown;
 }
 
 std::string format_count(const std::optional<double>& value) {
   if (!value || !std::isfinite(*value)) return kUnknown;
-  std::string digits = in_decimals(std::abs(*value), 0);
+  std::string digits = base::rounded_text(std::abs(*value), 0);
   for (std::size_t place = digits.size(); place > 3;) digits.insert(place -= 3, ",");
   return (*value < 0 ? "-" : "") + digits;
 }
 
 std::string format_shortest(const std::optional<double>& value) {
   if (!value || !std::isfinite(*value)) return kUnknown;
-  char digits[64];
-  std::snprintf(digits, sizeof(digits), "%.4g", *value);
-  return digits;
+  return base::formatted("%.4g", *value);
 }
 
 std::string format_percent(const std::optional<double>& share, int decimals) {
-  return share && std::isfinite(*share) ? in_decimals(100 * *share, decimals) + "\u00A0%" : kUnknown;
+  return share && std::isfinite(*share) ? base::rounded_text(100 * *share, decimals) + "\u00A0%" : kUnknown;
 }
 
 std::string format_signed(const std::optional<double>& value, int decimals) {

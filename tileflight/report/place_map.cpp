@@ -371,7 +371,7 @@ imaging::FloatImage hill_shade(const imaging::FloatImage& heights_m, double pixe
 }
 
 std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry::LocalFrame& frame, bool meridians,
-                                     int wanted) {
+                                     int count) {
   const double length_m = meridians ? extent.width_m() : extent.height_m();
   // Longitudes are unwrapped around the middle one (date line).
   const auto place_at = [&](double along_m) {
@@ -386,7 +386,7 @@ std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry:
   const double low = degrees_at(0), high = degrees_at(length_m);
   std::vector<DegreeTick> ticks;
   if (!(high > low)) return ticks;  // at a pole
-  const std::vector<double> values = nice_ticks(low, high, wanted);
+  const std::vector<double> values = nice_ticks(low, high, count);
   const double step = values.size() > 1 ? values[1] - values[0] : high - low;
   for (const double value : values) {
     double from_m = 0, to_m = length_m;

@@ -70,6 +70,6 @@ struct DegreeTick {
   double step = 1.0;  ///< spacing of neighbouring ticks, degrees
 };
 std::vector<DegreeTick> degree_ticks(const GroundExtent& extent, const geometry::LocalFrame& frame, bool meridians,
-                                     int wanted);
+                                     int count);
 
 }  // namespace tileflight::report

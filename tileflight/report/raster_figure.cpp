@@ -64,8 +64,8 @@ TextStyle muted_lettering(double size_px) { return {.size_px = size_px, .ink = k
 TextStyle title_lettering() { return {.size_px = 22.0, .ink = kInk, .bold = true, .halo = std::nullopt}; }
 TextStyle overlay_lettering(double size_px) { return {.size_px = size_px, .ink = kInk, .bold = true, .halo = kHalo}; }
 
-std::vector<Tick> make_ticks(const AxisScale& scale, int wanted) {
-  const std::vector<double> values = nice_ticks(scale.low, scale.high, wanted);
+std::vector<Tick> make_ticks(const AxisScale& scale, int count) {
+  const std::vector<double> values = nice_ticks(scale.low, scale.high, count);
   const double step = values.size() > 1 ? values[1] - values[0] : 1.0;
   std::vector<Tick> ticks;
   for (const double value : values) {

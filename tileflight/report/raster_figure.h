@@ -35,8 +35,8 @@ struct Tick {
   double at_px = 0.0;
   std::string text;
 };
-/// About `wanted` ticks at round values of the axis.
-std::vector<Tick> make_ticks(const AxisScale& scale, int wanted);
+/// About `count` ticks at round values of the axis.
+std::vector<Tick> make_ticks(const AxisScale& scale, int count);
 enum class Side { kBottom, kLeft, kTop, kRight };
 /// A rectangle, in pixels.
 struct PlotArea {

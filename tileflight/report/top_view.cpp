@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "tileflight/base/order_statistics.h"
 #include "tileflight/report/axis_ticks.h"
 #include "tileflight/report/drawing.h"
 
@@ -84,17 +85,10 @@ std::vector<std::size_t> sort_by_height(const Raster& raster, const std::vector<
   return order;
 }
 
-/// The `share` quantile of the values.
-double quantile(std::vector<double> values, double share) {
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
 std::pair<double, double> range_of(const std::vector<Vec3>& points, int axis, double trimmed) {
   std::vector<double> values;
   for (const Vec3& p : points) values.push_back(p[axis]);
-  return {quantile(values, trimmed), quantile(values, 1.0 - trimmed)};
+  return {base::lower_quantile(values, trimmed), base::lower_quantile(values, 1.0 - trimmed)};
 }
 
 /// Mapping from metres to the view box.

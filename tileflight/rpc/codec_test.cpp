@@ -103,7 +103,7 @@ TEST(Encoder, WritesManyRealsAsSingleOnes) {
     expected.float32(reals.back());
   }
   const std::string packed = encoded(reals);
-  EXPECT_TRUE(packed == expected.bytes());
+  EXPECT_TRUE(packed == expected.take());
   EXPECT_TRUE(decoded<std::vector<float>>(packed) == reals);
 }
 

@@ -43,8 +43,6 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::size_t held_bytes() const { return held_bytes_; }
 
  private:
-  using Message = std::shared_ptr<std::string>;
-
   void read();
   void finish_reading();
   void take_messages();

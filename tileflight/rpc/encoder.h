@@ -28,7 +28,6 @@ class Encoder {
   /// An array of float32.
   void float32_array(std::span<const float> values);
 
-  const std::string& bytes() const { return buffer_.bytes; }
   std::string take() { return std::move(buffer_.bytes); }
 
  private:

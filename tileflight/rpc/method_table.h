@@ -67,9 +67,9 @@ T decode_argument(std::span<const msgpack::object> arguments, std::size_t i) {
 template <class Result, class... Arguments, class Function>
 void MethodTable::add(const std::string& name, Function function) {
   const auto invoke = [function = std::move(function)]<std::size_t... I>(
-      std::index_sequence<I...>, [[maybe_unused]] std::span<const msgpack::object> given, Encoder & out,
+      std::index_sequence<I...>, [[maybe_unused]] std::span<const msgpack::object> parameters, Encoder & out,
       double& seconds) {
-    std::tuple<std::decay_t<Arguments>...> arguments{decode_argument<std::decay_t<Arguments>>(given, I)...};
+    std::tuple<std::decay_t<Arguments>...> arguments{decode_argument<std::decay_t<Arguments>>(parameters, I)...};
     const double begin_s = steady_seconds();
     if constexpr (std::is_void_v<Result>) {
       function(std::move(std::get<I>(arguments))...);
@@ -82,8 +82,8 @@ void MethodTable::add(const std::string& name, Function function) {
     }
   };
   add_handler(name, sizeof...(Arguments),
-              [invoke](std::span<const msgpack::object> given, Encoder& out, double& seconds) {
-                invoke(std::index_sequence_for<Arguments...>{}, given, out, seconds);
+              [invoke](std::span<const msgpack::object> parameters, Encoder& out, double& seconds) {
+                invoke(std::index_sequence_for<Arguments...>{}, parameters, out, seconds);
               });
 }
 

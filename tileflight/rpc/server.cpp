@@ -191,7 +191,7 @@ void Server::stop_at_signals() {
 
 ServerStatistics Server::statistics() const {
   ServerStatistics result = impl_->counters.snapshot();
-  result.workers = impl_->workers.counts().workers;
+  result.workers = impl_->workers.workers();
   return result;
 }
 

@@ -32,9 +32,9 @@ void WorkerPool::submit(std::function<void()> work) {
   wake_.notify_one();
 }
 
-WorkerPool::Counts WorkerPool::counts() const {
+std::size_t WorkerPool::workers() const {
   const std::lock_guard lock(mutex_);
-  return {workers_.size(), running_, waiting_.size()};
+  return workers_.size();
 }
 
 void WorkerPool::join_ended() {

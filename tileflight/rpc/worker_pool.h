@@ -23,12 +23,8 @@ class WorkerPool {
   /// `work` must not throw. Work starts in the order of submission.
   void submit(std::function<void()> work);
 
-  struct Counts {
-    std::size_t workers = 0;
-    std::size_t running = 0;
-    std::size_t waiting = 0;
-  };
-  Counts counts() const;
+  /// Threads that work or wait for work.
+  std::size_t workers() const;
 
  private:
   void work_until_idle(std::list<std::thread>::iterator self);

@@ -27,7 +27,7 @@ TEST(WorkerPool, GrowsWithWhatIsRunning) {
     });
   }
   EXPECT_TRUE(soon([&] { return done == 8; }));
-  EXPECT_EQ(pool.counts().workers, 8U);
+  EXPECT_EQ(pool.workers(), 8U);
 }
 
 TEST(WorkerPool, IsBounded) {
@@ -54,7 +54,7 @@ TEST(WorkerPool, ShrinksWhenThereIsNothingToDo) {
   WorkerPool pool(8, 0.01);
   std::latch all_run(4);
   for (int i = 0; i < 4; ++i) pool.submit([&] { all_run.arrive_and_wait(); });
-  EXPECT_TRUE(soon([&] { return pool.counts().workers == 0; }));
+  EXPECT_TRUE(soon([&] { return pool.workers() == 0; }));
   std::atomic<bool> ran{false};
   pool.submit([&] { ran = true; });
   EXPECT_TRUE(soon([&] { return ran.load(); }));

@@ -1,13 +1,12 @@
 #include "tileflight/scoring/failure_prediction.h"
 
 #include <nlohmann/json.hpp>
-
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/contingency_table.h"
 #include "tileflight/evaluation/missed_places.h"
@@ -45,12 +44,8 @@ json lost_frames(const fs::path& run) {
   for (const auto& [s, r] : geometry::associate(simulated.frames, real.frames, kSameTime_s)) {
     lost.add(simulated.lost[s], real.lost[r]);
     if (!simulated.lost[s] && !real.lost[r]) continue;
-    char line[64];
-    std::snprintf(line, sizeof line, "%.6f,%s\n", real.frames.poses[r].time_s,
-                  !real.lost[r]        ? "simulated"
-                  : !simulated.lost[s] ? "real"
-                                       : "both");
-    csv += line;
+    const char* lost_by = !real.lost[r] ? "simulated" : !simulated.lost[s] ? "real" : "both";
+    csv += base::rounded_text(real.frames.poses[r].time_s, 6) + "," + lost_by + "\n";
   }
   base::write_file(run / "lost-frames.csv", csv);
   return evaluation::to_json(lost);

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/require.h"
 #include "tileflight/sensors/gauss_markov.h"
 
 namespace tileflight::sensors {
@@ -12,17 +13,13 @@ namespace {
 constexpr double kRadiansOfDegree = std::numbers::pi / 180.0;
 constexpr std::uint64_t kAttitudeNoise = 1, kEastStream = 2, kNorthStream = 3, kUpStream = 4;
 
-void require_attitude(bool holds, const char* option, const char* what) {
-  if (!holds) throw InputError(std::string("attitude ") + option, what);
-}
-
 }  // namespace
 
 void check(const AttitudeOptions& o) {
-  require_attitude(o.rate_hz > 0.0 && o.rate_hz <= 1e5, "rate_hz", "must lie between 0 and 100000");
-  require_attitude(o.noise_deg >= 0.0 && o.tilt_bias_sigma_deg >= 0.0 && o.yaw_bias_sigma_deg >= 0.0, "errors",
-          "must not be negative");
-  require_attitude(o.bias_time_s > 0.0, "bias_time_s", "must be more than 0");
+  base::require(o.rate_hz > 0.0 && o.rate_hz <= 1e5, "attitude rate_hz", "must lie between 0 and 100000");
+  base::require(o.noise_deg >= 0.0 && o.tilt_bias_sigma_deg >= 0.0 && o.yaw_bias_sigma_deg >= 0.0, "attitude errors",
+                "must not be negative");
+  base::require(o.bias_time_s > 0.0, "attitude bias_time_s", "must be more than 0");
 }
 
 std::vector<AttitudeSample> simulate_attitude(const std::function<geometry::SE3(double)>& pose_at,

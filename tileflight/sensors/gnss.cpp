@@ -6,6 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
+#include "tileflight/base/require.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -15,18 +16,15 @@ using geometry::Vec3;
 constexpr std::uint64_t kGnssNoise = 1;
 constexpr std::uint64_t kBiasStream = 2;
 
-void require_gnss(bool holds, const char* option, const char* what) {
-  if (!holds) throw InputError(std::string("GNSS ") + option, what);
-}
-
 void check(const GnssOptions& options, double start_s, double end_s) {
-  require_gnss(options.rate_hz > 0.0 && options.rate_hz <= 1000.0, "rate", "must lie between 0 and 1000 Hz");
-  require_gnss(options.horizontal_sigma_m >= 0.0 && options.vertical_sigma_m >= 0.0, "noise", "must not be negative");
-  require_gnss(options.horizontal_bias_sigma_m >= 0.0 && options.vertical_bias_sigma_m >= 0.0, "bias",
-          "must not be negative");
-  require_gnss(options.bias_time_s > 0.0, "bias time", "must be positive");
-  require_gnss(std::isfinite(options.lag_s), "lag", "must be finite");
-  require_gnss(start_s <= end_s && std::isfinite(end_s - start_s), "time span", "ends before it starts");
+  base::require(options.rate_hz > 0.0 && options.rate_hz <= 1000.0, "GNSS rate", "must lie between 0 and 1000 Hz");
+  base::require(options.horizontal_sigma_m >= 0.0 && options.vertical_sigma_m >= 0.0, "GNSS noise",
+                "must not be negative");
+  base::require(options.horizontal_bias_sigma_m >= 0.0 && options.vertical_bias_sigma_m >= 0.0, "GNSS bias",
+                "must not be negative");
+  base::require(options.bias_time_s > 0.0, "GNSS bias time", "must be positive");
+  base::require(std::isfinite(options.lag_s), "GNSS lag", "must be finite");
+  base::require(start_s <= end_s && std::isfinite(end_s - start_s), "GNSS time span", "ends before it starts");
 }
 
 Vec3 normal_vector(std::uint64_t key, std::uint64_t counter) {

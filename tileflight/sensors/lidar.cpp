@@ -9,6 +9,7 @@
 #include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
+#include "tileflight/base/require.h"
 #include "tileflight/render/reflectance.h"
 
 namespace tileflight::sensors {
@@ -19,10 +20,6 @@ using geometry::Vec3;
 
 constexpr std::uint64_t kLidarNoise = 51, kDropoutStream = 52;
 using base::kRadiansPerDegree;
-
-void require(bool holds, const char* option, const char* what) {
-  if (!holds) throw InputError(std::string("lidar ") + option, what);
-}
 
 /// A uniform number in [0, 1) that depends only on key and counter.
 double uniform_number(std::uint64_t key, std::uint64_t counter) {
@@ -106,16 +103,18 @@ LidarOptions livox_mid_40() {
 
 void check(const LidarOptions& options) {
   check(options.pattern);
-  require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "max_range",
-          "must be more than min_range");
-  require(options.range_sigma_m >= 0.0 && options.range_sigma_share >= 0.0, "range_sigma", "must be 0 or more");
-  require(options.divergence_rad >= 0.0 && options.divergence_rad < 1.0, "divergence", "must be 0 to 1 rad");
-  require(options.albedo_gain > 0.0, "albedo_gain", "must be more than 0");
-  require(options.intensity_reference_m > 0.0, "intensity_reference", "must be more than 0");
-  require(options.white_range_m > 0.0, "white_range", "must be more than 0");
-  require(options.signal_spread >= 0.0, "signal_spread", "must be 0 or more");
-  require(options.max_incidence_deg > 0.0, "max_incidence", "must be more than 0");
-  require(options.dropout_share >= 0.0 && options.dropout_share <= 1.0, "dropout_share", "must be 0 to 1");
+  base::require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "lidar max_range",
+                "must be more than min_range");
+  base::require(options.range_sigma_m >= 0.0 && options.range_sigma_share >= 0.0, "lidar range_sigma",
+                "must be 0 or more");
+  base::require(options.divergence_rad >= 0.0 && options.divergence_rad < 1.0, "lidar divergence",
+                "must be 0 to 1 rad");
+  base::require(options.albedo_gain > 0.0, "lidar albedo_gain", "must be more than 0");
+  base::require(options.intensity_reference_m > 0.0, "lidar intensity_reference", "must be more than 0");
+  base::require(options.white_range_m > 0.0, "lidar white_range", "must be more than 0");
+  base::require(options.signal_spread >= 0.0, "lidar signal_spread", "must be 0 or more");
+  base::require(options.max_incidence_deg > 0.0, "lidar max_incidence", "must be more than 0");
+  base::require(options.dropout_share >= 0.0 && options.dropout_share <= 1.0, "lidar dropout_share", "must be 0 to 1");
 }
 
 /// Camera z (forward) becomes lidar x, camera x (right) lidar -y, camera y (down) lidar -z.

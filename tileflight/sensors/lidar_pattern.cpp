@@ -8,6 +8,7 @@
 
 #include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/require.h"
 
 namespace tileflight::sensors {
 namespace {
@@ -16,10 +17,6 @@ using geometry::Vec3;
 
 using base::kRadiansPerDegree;
 constexpr double kMaxBeams = 1e7;
-
-void require_pattern(bool holds, const char* option, const char* what) {
-  if (!holds) throw InputError(std::string("lidar ") + option, what);
-}
 
 /// Azimuth clockwise from x (to the right), elevation positive upwards.
 Vec3 beam_direction(double azimuth_rad, double elevation_rad) {
@@ -94,33 +91,38 @@ std::vector<LidarBeam> beams(const RasterPattern& pattern, std::uint64_t /*scan*
 }
 
 void check_one(const SpinningPattern& pattern) {
-  require_pattern(pattern.columns >= 1 && !pattern.elevations_deg.empty(), "columns", "and channels must be 1 or more");
-  require_pattern(pattern.columns * static_cast<double>(pattern.elevations_deg.size()) <= kMaxBeams, "columns",
-          "times channels must be at most ten million");
+  base::require(pattern.columns >= 1 && !pattern.elevations_deg.empty(), "lidar columns",
+                "and channels must be 1 or more");
+  base::require(pattern.columns * static_cast<double>(pattern.elevations_deg.size()) <= kMaxBeams, "lidar columns",
+                "times channels must be at most ten million");
   for (const double elevation : pattern.elevations_deg)
-    require_pattern(std::abs(elevation) <= 90.0, "elevations", "must lie between -90 and 90 degrees");
+    base::require(std::abs(elevation) <= 90.0, "lidar elevations", "must lie between -90 and 90 degrees");
   const double column_s = 1.0 / (pattern.rate_hz * pattern.columns);
-  require_pattern(pattern.channel_delay_s >= 0.0 &&
-              pattern.channel_delay_s * static_cast<double>(pattern.elevations_deg.size()) <= column_s * (1 + 1e-9),
-          "channel_delay", "must be 0 or more, and all channels must fit into the time of a column");
-  require_pattern(pattern.azimuth_from_deg < pattern.azimuth_to_deg, "azimuth", "must be given in increasing order");
+  base::require(
+      pattern.channel_delay_s >= 0.0 &&
+          pattern.channel_delay_s * static_cast<double>(pattern.elevations_deg.size()) <= column_s * (1 + 1e-9),
+      "lidar channel_delay", "must be 0 or more, and all channels must fit into the time of a column");
+  base::require(pattern.azimuth_from_deg < pattern.azimuth_to_deg, "lidar azimuth",
+                "must be given in increasing order");
 }
 
 void check_one(const RosettePattern& pattern) {
-  require_pattern(pattern.points_per_second >= pattern.rate_hz && pattern.points_per_second <= kMaxBeams * pattern.rate_hz,
-          "points_per_second", "must give one to ten million beams a scan");
-  require_pattern(pattern.fov_deg > 0.0 && pattern.fov_deg < 180.0, "fov", "must lie between 0 and 180 degrees");
-  require_pattern(std::isfinite(pattern.first_prism_rpm + pattern.second_prism_rpm), "prism_rpm", "must be finite");
+  base::require(
+      pattern.points_per_second >= pattern.rate_hz && pattern.points_per_second <= kMaxBeams * pattern.rate_hz,
+      "lidar points_per_second", "must give one to ten million beams a scan");
+  base::require(pattern.fov_deg > 0.0 && pattern.fov_deg < 180.0, "lidar fov", "must lie between 0 and 180 degrees");
+  base::require(std::isfinite(pattern.first_prism_rpm + pattern.second_prism_rpm), "lidar prism_rpm", "must be finite");
 }
 
 void check_one(const RasterPattern& pattern) {
-  require_pattern(pattern.columns >= 1 && pattern.rows >= 1 && pattern.rows <= 65536, "rows", "and columns must be 1 or more");
-  require_pattern(static_cast<double>(pattern.columns) * pattern.rows <= kMaxBeams, "columns",
-          "times rows must be at most ten million");
-  require_pattern(pattern.horizontal_fov_deg > 0.0 && pattern.horizontal_fov_deg <= 360.0, "horizontal_fov",
-          "must lie between 0 and 360 degrees");
-  require_pattern(pattern.vertical_fov_deg > 0.0 && pattern.vertical_fov_deg <= 180.0, "vertical_fov",
-          "must lie between 0 and 180 degrees");
+  base::require(pattern.columns >= 1 && pattern.rows >= 1 && pattern.rows <= 65536, "lidar rows",
+                "and columns must be 1 or more");
+  base::require(static_cast<double>(pattern.columns) * pattern.rows <= kMaxBeams, "lidar columns",
+                "times rows must be at most ten million");
+  base::require(pattern.horizontal_fov_deg > 0.0 && pattern.horizontal_fov_deg <= 360.0, "lidar horizontal_fov",
+                "must lie between 0 and 360 degrees");
+  base::require(pattern.vertical_fov_deg > 0.0 && pattern.vertical_fov_deg <= 180.0, "lidar vertical_fov",
+                "must lie between 0 and 180 degrees");
 }
 
 }  // namespace
@@ -135,7 +137,7 @@ std::vector<LidarBeam> generate_beams(const LidarPattern& pattern, std::uint64_t
 
 void check(const LidarPattern& pattern) {
   const double rate_hz = 1.0 / scan_period_s(pattern);
-  require_pattern(rate_hz > 0.0 && rate_hz <= 1000.0, "rate", "must lie between 0 and 1000 scans a second");
+  base::require(rate_hz > 0.0 && rate_hz <= 1000.0, "lidar rate", "must lie between 0 and 1000 scans a second");
   std::visit([](const auto& p) { check_one(p); }, pattern);
 }
 

@@ -6,6 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
+#include "tileflight/base/require.h"
 #include "tileflight/geometry/decompositions.h"
 
 namespace tileflight::sensors {
@@ -49,15 +50,14 @@ double reading_m(double distance_m, double normal, const RangeFinderOptions& opt
 }  // namespace
 
 void check(const RangeFinderOptions& options) {
-  const auto require = [](bool holds, const char* option, const char* what) {
-    if (!holds) throw InputError(std::string("range finder ") + option, what);
-  };
-  require(options.direction.allFinite() && options.direction.norm() > 1e-9, "direction", "must not be zero");
-  require(options.beam_width_deg >= 0.0 && options.beam_width_deg < 180.0, "beam_width", "must be 0 to 180 degrees");
-  require(options.rays >= 1 && options.rays <= 10000, "rays", "must be 1 to 10000");
-  require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "max_range",
-          "must be more than min_range");
-  require(options.noise_m >= 0.0 && options.noise_share >= 0.0, "noise", "must be 0 or more");
+  base::require(options.direction.allFinite() && options.direction.norm() > 1e-9, "range finder direction",
+                "must not be zero");
+  base::require(options.beam_width_deg >= 0.0 && options.beam_width_deg < 180.0, "range finder beam_width",
+                "must be 0 to 180 degrees");
+  base::require(options.rays >= 1 && options.rays <= 10000, "range finder rays", "must be 1 to 10000");
+  base::require(options.min_range_m >= 0.0 && options.max_range_m > options.min_range_m, "range finder max_range",
+                "must be more than min_range");
+  base::require(options.noise_m >= 0.0 && options.noise_share >= 0.0, "range finder noise", "must be 0 or more");
 }
 
 std::vector<RangeSample> simulate_range_finder(const scene::Scene& scene, const render::PoseFunction& T_local_camera_at,

@@ -122,9 +122,9 @@ BarometerOptions read_barometer(StrictSection section, std::uint64_t seed, doubl
 void read_magnetic_field(StrictSection& section, MagneticField& field) {
   const auto declination = section.number("declination_deg"), inclination = section.number("inclination_deg");
   const auto strength = section.number("strength_ut");
-  const int given = (declination ? 1 : 0) + (inclination ? 1 : 0) + (strength ? 1 : 0);
-  if (given == 3) field.fixed_field_ut = magnetic_field_from_angles_ut(*declination, *inclination, *strength);
-  if (given == 1 || given == 2)
+  const int angles = (declination ? 1 : 0) + (inclination ? 1 : 0) + (strength ? 1 : 0);
+  if (angles == 3) field.fixed_field_ut = magnetic_field_from_angles_ut(*declination, *inclination, *strength);
+  if (angles == 1 || angles == 2)
     throw section.error("strength_ut", "declination_deg and inclination_deg go together; give all three or none");
   read_number(section, "year", field.year);
   if (!(field.year >= 2025.0 && field.year <= 2030.0)) throw section.error("year", "must lie between 2025 and 2030");
@@ -161,7 +161,7 @@ RangeFinderOptions read_range_finder(StrictSection section, std::uint64_t seed) 
 
 /// One value of `elevations_deg` per channel; or `channels` values, evenly from the lowest to the highest.
 void read_elevations(StrictSection& section, std::vector<double>& elevations_deg) {
-  if (const auto given = section.numbers("elevations_deg", 1, 4096)) elevations_deg = *given;
+  if (const auto list = section.numbers("elevations_deg", 1, 4096)) elevations_deg = *list;
   const auto channels = section.integer("channels");
   const auto ends = section.numbers("elevation_range_deg", 2, 2);
   if (channels.has_value() != ends.has_value())

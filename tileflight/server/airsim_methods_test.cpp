@@ -223,7 +223,7 @@ TEST(AirSimFields, AnImageByteForByte) {
   rpc::encode(out, image);
   const std::string zero("\xca\0\0\0\0", 5);
   const std::string one("\xca\x3f\x80\0\0", 5);
-  EXPECT_EQ(out.bytes(), "\x8c\xb0image_data_uint8\xc4\x03\x01\x02\x03\xb0image_data_float\x91\xca\x3f" +
+  EXPECT_EQ(out.take(), "\x8c\xb0image_data_uint8\xc4\x03\x01\x02\x03\xb0image_data_float\x91\xca\x3f" +
                              std::string(3, '\0') +
                              "\xaf"
                              "camera_position\x83\xa5x_val" +

@@ -38,9 +38,9 @@ DetectionFilter& Simulator::Impl::detection_filter(const std::string& camera_nam
                                                    const std::string& vehicle_name, bool external) {
   if (image_type < 0 || image_type >= kImageTypeCount)
     throw InputError("image type " + std::to_string(image_type), "is unknown; use 0 (Scene) to 9 (OpticalFlowVis)");
-  const SimCamera& wanted = camera(camera_name, vehicle_name, external);
+  const SimCamera& chosen = camera(camera_name, vehicle_name, external);
   const std::string owner = external ? std::string() : slot(vehicle_name).vehicle->name();
-  return detection_filters[owner + "/" + wanted.name() + "/" + std::to_string(image_type)];
+  return detection_filters[owner + "/" + chosen.name() + "/" + std::to_string(image_type)];
 }
 
 void Simulator::sim_add_detection_filter_mesh_name(const std::string& camera, int image_type,

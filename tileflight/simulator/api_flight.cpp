@@ -63,7 +63,8 @@ vehicle::FollowPath make_follow_path(const PathCall& call, std::vector<Vec3> poi
   path.speed_m_s = check_speed(call.velocity, call.name);
   path.drivetrain = to_drivetrain(call.drivetrain, call.yaw_mode, call.name);
   path.yaw = to_yaw_mode(call.yaw_mode, path.drivetrain, call.name);
-  base::require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name, "the lookahead must not be 0; -1 chooses it automatically");
+  base::require(call.lookahead != 0.0F && !std::isnan(call.lookahead), call.name,
+                "the lookahead must not be 0; -1 chooses it automatically");
   if (call.lookahead > 0.0F) path.lookahead_m = std::min(static_cast<double>(call.lookahead), 1e6);
   path.adaptive_lookahead = call.adaptive_lookahead > 0.0F;
   path.timeout_s = clamp_timeout_s(call.timeout_s, call.name);
@@ -94,7 +95,7 @@ bool Simulator::Impl::run_command(const std::string& name, const char* call,
   std::unique_lock lock(state_mutex);
   SimVehicle& sim_vehicle = require_multirotor(name, call);
   if (clock.stopped()) return false;
-  const vehicle::Command wanted = command(sim_vehicle);
+  const vehicle::Command requested = command(sim_vehicle);
   if (!sim_vehicle.api_control && !sim_vehicle.settings().allow_api_always) {
     log_line(std::string(call) + ": ignored, '" + sim_vehicle.name() + "' is not under API control (enableApiControl)");
     return false;
@@ -103,7 +104,7 @@ bool Simulator::Impl::run_command(const std::string& name, const char* call,
     log_line(std::string(call) + ": ignored, '" + sim_vehicle.name() + "' is not armed (armDisarm)");
     return false;
   }
-  const std::shared_ptr<const vehicle::Task> task = sim_vehicle.command(wanted);
+  const std::shared_ptr<const vehicle::Task> task = sim_vehicle.command(requested);
   clock.wait(lock, [&] { return task->outcome != vehicle::Outcome::kRunning; });
   return task->outcome == vehicle::Outcome::kFinished;
 }

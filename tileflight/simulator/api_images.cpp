@@ -112,14 +112,14 @@ std::vector<ImageResponse> Simulator::Impl::render_images(const PlannedImages& p
   for (std::size_t i = 0; i < planned.images.size(); ++i) {
     if (done[i]) continue;
     std::vector<std::size_t> together;
-    LayerSelection wanted;
+    LayerSelection selection;
     for (std::size_t k = i; k < planned.images.size(); ++k) {
       if (planned.images[k].key != planned.images[i].key) continue;
       together.push_back(k);
-      wanted.add(planned.images[k].type);
+      selection.add(planned.images[k].type);
     }
-    if (wanted.objects && object_ids.empty()) object_ids = segmentation_ids_by_object(*place, segmentation_ids);
-    const RenderLayers layers = renderer.render(place, planned.images[i].view, wanted);
+    if (selection.objects && object_ids.empty()) object_ids = segmentation_ids_by_object(*place, segmentation_ids);
+    const RenderLayers layers = renderer.render(place, planned.images[i].view, selection);
     for (const std::size_t k : together) {
       responses[k] = make_response(planned.images[k], layers, object_ids);
       responses[k].time_stamp = planned.time_ns;
@@ -156,12 +156,12 @@ void Simulator::sim_set_vehicle_pose(const Pose& pose, bool ignore_collision, co
   SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
   const SE3& before = sim_vehicle.state().T_ned_body;
   const SE3 own(before.rotation, before.translation - sim_vehicle.start_ned());
-  SE3 wanted = merge_pose(pose, own, "simSetVehiclePose");
-  wanted.translation += sim_vehicle.start_ned();
+  SE3 T_target = merge_pose(pose, own, "simSetVehiclePose");
+  T_target.translation += sim_vehicle.start_ned();
   if (ignore_collision) {
-    sim_vehicle.teleport({wanted});
+    sim_vehicle.teleport({T_target});
   } else {
-    sim_vehicle.sweep_to(wanted, impl_->clock.time_s());
+    sim_vehicle.sweep_to(T_target, impl_->clock.time_s());
   }
   impl_->clock.wake();
 }
@@ -175,17 +175,17 @@ Pose Simulator::sim_get_vehicle_pose(const std::string& vehicle) const {
 
 CameraInfo Simulator::sim_get_camera_info(const std::string& camera, const std::string& vehicle, bool external) const {
   const std::lock_guard lock(impl_->state_mutex);
-  const SimCamera& wanted = impl_->camera(camera, vehicle, external);
-  SE3 T = impl_->T_ned_camera(wanted, vehicle, external);
+  const SimCamera& chosen = impl_->camera(camera, vehicle, external);
+  SE3 T = impl_->T_ned_camera(chosen, vehicle, external);
   T.translation -= impl_->ned_origin(vehicle, external);
-  return wanted.info(T);
+  return chosen.info(T);
 }
 
 void Simulator::sim_set_camera_pose(const std::string& camera, const Pose& pose, const std::string& vehicle,
                                     bool external) {
   const std::lock_guard lock(impl_->state_mutex);
-  SimCamera& wanted = impl_->camera(camera, vehicle, external);
-  wanted.set_pose(merge_pose(pose, wanted.T_body_camera(), "simSetCameraPose"));
+  SimCamera& chosen = impl_->camera(camera, vehicle, external);
+  chosen.set_pose(merge_pose(pose, chosen.T_body_camera(), "simSetCameraPose"));
 }
 
 void Simulator::sim_set_camera_fov(const std::string& camera, float fov_degrees, const std::string& vehicle,

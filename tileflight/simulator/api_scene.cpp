@@ -1,8 +1,7 @@
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "tileflight/base/input_error.h"
@@ -95,9 +94,9 @@ bool Simulator::sim_set_segmentation_object_id(const std::string& mesh_name, int
 }
 
 int Simulator::sim_get_segmentation_object_id(const std::string& mesh_name) {
-  const std::string wanted = base::to_lower(mesh_name);
+  const std::string searched = base::to_lower(mesh_name);
   for (const std::string& name : scene_object_names(*impl_)) {
-    if (base::to_lower(name) == wanted) return impl_->segmentation_ids.lookup(name);
+    if (base::to_lower(name) == searched) return impl_->segmentation_ids.lookup(name);
   }
   return -1;
 }
@@ -151,17 +150,17 @@ std::vector<std::string> Simulator::sim_list_assets() const { return {}; }
 bool Simulator::sim_create_voxel_grid(const Vector3r& position, int x, int y, int z, float resolution,
                                       const std::string& file) {
   const Vec3 center = impl_->T_local_ned * checked_position(position, "simCreateVoxelGrid");
-  const VoxelGridSpec wanted = make_airsim_grid(center, Vec3(y, x, z), resolution, kMaxFileCells);
+  const VoxelGridSpec spec = make_airsim_grid(center, Vec3(y, x, z), resolution, kMaxFileCells);
   const std::filesystem::path path = impl_->file_access.resolve_writable(file);
-  const geometry::VoxelGrid grid = voxelize_grid(impl_->working_set.triangles_in(wanted.box, 0.0), wanted);
-  return write_airsim_binvox(path, grid, wanted, impl_->settings.inverted_voxel_scale);
+  const geometry::VoxelGrid grid = voxelize_grid(impl_->working_set.triangles_in(spec.box, 0.0), spec);
+  return write_airsim_binvox(path, grid, spec, impl_->settings.inverted_voxel_scale);
 }
 
 VoxelGridData Simulator::tf_create_voxel_grid(const Vector3r& center, const Vector3r& size, float resolution) {
   const Vec3 edges = to_vec3(size);
-  const VoxelGridSpec wanted = make_centered_grid(impl_->T_local_ned * checked_position(center, "tfCreateVoxelGrid"),
-                                                  Vec3(edges.y(), edges.x(), edges.z()), resolution, kMaxAnswerCells);
-  return to_voxel_grid_data(voxelize_grid(impl_->working_set.triangles_in(wanted.box, 0.0), wanted), wanted,
+  const VoxelGridSpec spec = make_centered_grid(impl_->T_local_ned * checked_position(center, "tfCreateVoxelGrid"),
+                                                Vec3(edges.y(), edges.x(), edges.z()), resolution, kMaxAnswerCells);
+  return to_voxel_grid_data(voxelize_grid(impl_->working_set.triangles_in(spec.box, 0.0), spec), spec,
                             impl_->T_local_ned);
 }
 

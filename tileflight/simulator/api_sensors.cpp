@@ -205,14 +205,14 @@ void Simulator::sim_set_kinematics(const KinematicsState& state, bool /*ignore_c
   const char* call = "simSetKinematics";
   const std::lock_guard lock(impl_->state_mutex);
   SimVehicle& sim_vehicle = *impl_->slot(vehicle).vehicle;
-  VehicleState wanted;
-  wanted.T_ned_body = {checked_rotation(state.orientation, call),
+  VehicleState target;
+  target.T_ned_body = {checked_rotation(state.orientation, call),
                        checked_position(state.position, call) + sim_vehicle.start_ned()};
-  wanted.velocity_m_s = checked_position(state.linear_velocity, call);
-  wanted.angular_velocity_rad_s = checked_position(state.angular_velocity, call);
-  wanted.acceleration_m_s2 = checked_position(state.linear_acceleration, call);
-  wanted.angular_acceleration_rad_s2 = checked_position(state.angular_acceleration, call);
-  sim_vehicle.teleport(wanted);
+  target.velocity_m_s = checked_position(state.linear_velocity, call);
+  target.angular_velocity_rad_s = checked_position(state.angular_velocity, call);
+  target.acceleration_m_s2 = checked_position(state.linear_acceleration, call);
+  target.angular_acceleration_rad_s2 = checked_position(state.angular_acceleration, call);
+  sim_vehicle.teleport(target);
   impl_->clock.wake();
 }
 

@@ -92,10 +92,10 @@ SE3 offset(double x, double y, double pitch_deg, double yaw_deg) {
 
 }  // namespace
 
-Vec3 read_position(StrictSection& section, const Vec3& otherwise) {
+Vec3 read_position(StrictSection& section, const Vec3& fallback) {
   constexpr double kFar_m = 1e7;
   const auto along = [&](const char* key, double value) { return section.number(key, value, -kFar_m, kFar_m); };
-  return {along("X", otherwise.x()), along("Y", otherwise.y()), along("Z", otherwise.z())};
+  return {along("X", fallback.x()), along("Y", fallback.y()), along("Z", fallback.z())};
 }
 
 Eigen::Quaterniond read_orientation(StrictSection& section) {

@@ -11,8 +11,8 @@ namespace tileflight::simulator {
 /// AirSim's default origin, for places without georeference if the settings give none.
 inline constexpr geometry::Geodetic kDefaultOrigin{47.641468, -122.140165, {122.0}};
 
-/// X, Y, Z of a section, metres; missing ones are taken from `otherwise`. Throws InputError.
-geometry::Vec3 read_position(base::StrictSection& section, const geometry::Vec3& otherwise = geometry::Vec3::Zero());
+/// X, Y, Z of a section, metres; missing ones are taken from `fallback`. Throws InputError.
+geometry::Vec3 read_position(base::StrictSection& section, const geometry::Vec3& fallback = geometry::Vec3::Zero());
 
 /// Roll, Pitch, Yaw of a section, degrees; missing ones are 0. Throws InputError.
 Eigen::Quaterniond read_orientation(base::StrictSection& section);

@@ -33,34 +33,35 @@ std::array<float, 3> facing_normal(const render::SurfacePoint& point, const Vec3
   return {static_cast<float>(normal.x()), static_cast<float>(normal.y()), static_cast<float>(normal.z())};
 }
 
-RenderLayers empty_layers(int width, int height, const LayerSelection& wanted) {
+RenderLayers empty_layers(int width, int height, const LayerSelection& selection) {
   RenderLayers layers;
-  if (wanted.depth) layers.depth_m = {width, height, kSkyDistance_m};
-  if (wanted.range) layers.range_m = {width, height, kSkyDistance_m};
-  if (wanted.normals) layers.normals_local = {width, height};
-  if (wanted.objects) layers.objects = {width, height};
-  if (wanted.flow) layers.flow_px = {width, height};
+  if (selection.depth) layers.depth_m = {width, height, kSkyDistance_m};
+  if (selection.range) layers.range_m = {width, height, kSkyDistance_m};
+  if (selection.normals) layers.normals_local = {width, height};
+  if (selection.objects) layers.objects = {width, height};
+  if (selection.flow) layers.flow_px = {width, height};
   return layers;
 }
 
 /// Writes the layers of one ray's hit.
 class LayerWriter {
  public:
-  LayerWriter(const ResidentScene& place, const CameraView& shot, const LayerSelection& wanted, RenderLayers& layers)
-      : place_(place), view_(shot), wanted_(wanted), layers_(layers) {
+  LayerWriter(const ResidentScene& place, const CameraView& shot, const LayerSelection& selection, RenderLayers& layers)
+      : place_(place), view_(shot), selection_(selection), layers_(layers) {
     if (shot.T_local_previous) T_previous_local_ = shot.T_local_previous->inverse();
   }
 
   void operator()(const render::SurfacePoint& point) const {
     if (!point.hit) return;
     const Vec3 ray(point.ray_camera[0], point.ray_camera[1], point.ray_camera[2]);
-    if (wanted_.depth) layers_.depth_m(point.x, point.y) = point.distance_m * point.ray_camera[2];
-    if (wanted_.range) layers_.range_m(point.x, point.y) = point.distance_m;
-    if (wanted_.objects) layers_.objects(point.x, point.y) = 1 + place_.objects().index_of(point.mesh, point.triangle);
-    if (!wanted_.normals && !wanted_.flow) return;
+    if (selection_.depth) layers_.depth_m(point.x, point.y) = point.distance_m * point.ray_camera[2];
+    if (selection_.range) layers_.range_m(point.x, point.y) = point.distance_m;
+    if (selection_.objects)
+      layers_.objects(point.x, point.y) = 1 + place_.objects().index_of(point.mesh, point.triangle);
+    if (!selection_.normals && !selection_.flow) return;
     const Vec3 ray_local = view_.T_local_camera.rotation * ray;
-    if (wanted_.normals) layers_.normals_local(point.x, point.y) = facing_normal(point, ray_local);
-    if (wanted_.flow && view_.T_local_previous) {
+    if (selection_.normals) layers_.normals_local(point.x, point.y) = facing_normal(point, ray_local);
+    if (selection_.flow && view_.T_local_previous) {
       write_flow(point, view_.T_local_camera.translation + point.distance_m * ray_local);
     }
   }
@@ -75,7 +76,7 @@ class LayerWriter {
 
   const ResidentScene& place_;
   const CameraView& view_;
-  const LayerSelection& wanted_;
+  const LayerSelection& selection_;
   RenderLayers& layers_;
   SE3 T_previous_local_;
 };
@@ -193,12 +194,12 @@ std::shared_ptr<const render::CameraRenderer> ImageRenderer::camera_renderer(
 }
 
 RenderLayers ImageRenderer::render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
-                                   const LayerSelection& wanted) {
+                                   const LayerSelection& selection) {
   const auto renderer = this->camera_renderer(place, shot.lens);
-  RenderLayers layers = empty_layers(shot.lens.width(), shot.lens.height(), wanted);
-  if (wanted.rgb) layers.rgb = renderer->render(shot.T_local_camera).rgb;
-  if (wanted.geometry()) {
-    const LayerWriter notes(*place, shot, wanted, layers);
+  RenderLayers layers = empty_layers(shot.lens.width(), shot.lens.height(), selection);
+  if (selection.rgb) layers.rgb = renderer->render(shot.T_local_camera).rgb;
+  if (selection.geometry()) {
+    const LayerWriter notes(*place, shot, selection, layers);
     renderer->visit_surface(std::span(&shot.T_local_camera, 1), std::cref(notes));
   }
   return layers;

@@ -48,7 +48,7 @@ class ImageRenderer {
  public:
   /// Renders the requested layers: one pass over the pixels for colour, one for all geometric layers.
   RenderLayers render(const std::shared_ptr<const ResidentScene>& place, const CameraView& shot,
-                      const LayerSelection& wanted);
+                      const LayerSelection& selection);
   /// The renderer for a lens.
   std::shared_ptr<const render::CameraRenderer> camera_renderer(const std::shared_ptr<const ResidentScene>& place,
                                                                 const imaging::Camera& lens);

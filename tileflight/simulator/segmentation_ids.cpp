@@ -16,13 +16,13 @@ constexpr std::size_t kMaxRules = 10000;
 
 std::array<Rgb8, 256> make_palette() {
   std::array<Rgb8, 256> palette{};
-  const std::map<std::size_t, Rgb8> given{
+  const std::map<std::size_t, Rgb8> published{
       {0, {0, 0, 0}}, {1, {153, 108, 6}}, {2, {112, 105, 191}}, {7, {115, 176, 195}}};
   std::set<Rgb8> used;
-  for (const auto& [id, colour] : given) used.insert(colour);
+  for (const auto& [id, colour] : published) used.insert(colour);
   std::uint64_t state = 0;
   for (std::size_t id = 0; id < palette.size(); ++id) {
-    if (const auto at = given.find(id); at != given.end()) {
+    if (const auto at = published.find(id); at != published.end()) {
       palette[id] = at->second;
       continue;
     }
@@ -70,7 +70,6 @@ bool SegmentationIds::set(const std::string& name, int id, bool is_pattern, cons
     patterns_.push_back({name, pattern, id});
     std::erase_if(by_name_, [&](const auto& entry) { return pattern->matches(entry.first); });
   }
-  ++version_;
   return any;
 }
 
@@ -93,11 +92,6 @@ std::vector<int> SegmentationIds::lookup(const std::vector<std::string>& names) 
   ids.reserve(names.size());
   for (const std::string& name : names) ids.push_back(find_id(name));
   return ids;
-}
-
-std::uint64_t SegmentationIds::version() const {
-  const std::lock_guard lock(mutex_);
-  return version_;
 }
 
 }  // namespace tileflight::simulator

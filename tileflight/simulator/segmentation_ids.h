@@ -33,8 +33,6 @@ class SegmentationIds {
   int lookup(const std::string& name) const;
   /// Looks up many names efficiently.
   std::vector<int> lookup(const std::vector<std::string>& names) const;
-  /// Increases with every change.
-  std::uint64_t version() const;
 
  private:
   struct Rule {
@@ -48,7 +46,6 @@ class SegmentationIds {
   mutable std::mutex mutex_;
   std::vector<Rule> patterns_;          ///< in the order in which they were set
   std::map<std::string, int> by_name_;  ///< ids of plain names, overridden by later patterns that match
-  std::uint64_t version_ = 0;
 };
 
 }  // namespace tileflight::simulator

@@ -173,13 +173,13 @@ SimulationClock::Hooks Simulator::Impl::clock_hooks() {
   hooks.busy = [this] { return std::ranges::any_of(vehicles, [](const auto& one) { return one->vehicle->busy(); }); };
   hooks.after_step = [this](double time_s) {
     if (working_set.follows_sensors()) {
-      std::vector<SensorViewpoint> wanted;
+      std::vector<SensorViewpoint> views;
       {
         const std::lock_guard lock(state_mutex);
-        wanted = viewpoints();
+        views = viewpoints();
       }
       try {
-        const auto place = working_set.load_for(wanted);
+        const auto place = working_set.load_for(views);
         const std::lock_guard lock(state_mutex);
         obstacle_scene = place;
       } catch (const InputError& error) {
@@ -222,8 +222,8 @@ const SimCamera& Simulator::Impl::camera(const std::string& name, const std::str
                                          bool external) const {
   const auto& cameras = external ? external_cameras : slot(vehicle_name).vehicle->cameras();
   // A camera in the settings may be named "0"; otherwise this means front_center.
-  for (const std::string& wanted : {name, resolve_camera_alias(name)}) {
-    const auto at = std::ranges::find(cameras, wanted, &SimCamera::name);
+  for (const std::string& candidate : {name, resolve_camera_alias(name)}) {
+    const auto at = std::ranges::find(cameras, candidate, &SimCamera::name);
     if (at != cameras.end()) return *at;
   }
   std::string known;

@@ -127,36 +127,36 @@ geometry::VoxelGrid voxelize_grid(const geometry::TriangleMesh& mesh, const Voxe
   return ground_truth::voxelize(near, grid.box, grid.voxel_size_m);
 }
 
-bool write_airsim_binvox(const std::filesystem::path& file, const geometry::VoxelGrid& grid,
-                         const VoxelGridSpec& wanted, bool inverted_scale) {
-  const auto [east, north, up] = wanted.cells;
+bool write_airsim_binvox(const std::filesystem::path& file, const geometry::VoxelGrid& grid, const VoxelGridSpec& spec,
+                         bool inverted_scale) {
+  const auto [east, north, up] = spec.cells;
   std::vector<std::int64_t> order;
   order.reserve(grid.occupied.size());
   for (const geometry::Cell& cell : grid.occupied) order.push_back(cell.y + north * (cell.z + up * cell.x));
   std::ranges::sort(order);
   std::ofstream out(file, std::ios::binary);
   if (!out) return false;
-  const Vec3& size = wanted.size_m;  // east, north, up
+  const Vec3& size = spec.size_m;  // east, north, up
   out << "#binvox 1\ndim " << north << ' ' << up << ' ' << east << "\ntranslate " << -size.y() / 2 << ' '
       << -size.x() / 2 << ' ' << -size.z() / 2 << "\nscale " << (inverted_scale ? 1.0 / size.y() : size.y())
       << "\ndata\n";
   RunLengthWriter runs(out);
   for (const std::int64_t index : order) runs.occupied_at(index);
-  runs.finish(wanted.count());
+  runs.finish(spec.count());
   out.flush();
   return out.good();
 }
 
-VoxelGridData to_voxel_grid_data(const geometry::VoxelGrid& grid, const VoxelGridSpec& wanted,
+VoxelGridData to_voxel_grid_data(const geometry::VoxelGrid& grid, const VoxelGridSpec& spec,
                                  const geometry::SE3& T_local_ned) {
-  const auto [east, north, up] = wanted.cells;
+  const auto [east, north, up] = spec.cells;
   VoxelGridData data;
   data.dims = {static_cast<int>(north), static_cast<int>(east), static_cast<int>(up)};
-  const Vec3 low = wanted.box.min(), high = wanted.box.max();
+  const Vec3 low = spec.box.min(), high = spec.box.max();
   const Vec3 corner = T_local_ned.inverse() * Vec3(low.x(), low.y(), high.z());
   data.origin = {static_cast<float>(corner.x()), static_cast<float>(corner.y()), static_cast<float>(corner.z())};
-  data.resolution = static_cast<float>(wanted.voxel_size_m);
-  data.occupied.assign(static_cast<std::size_t>(wanted.count()), 0);
+  data.resolution = static_cast<float>(spec.voxel_size_m);
+  data.occupied.assign(static_cast<std::size_t>(spec.count()), 0);
   for (const geometry::Cell& cell : grid.occupied) {
     const std::int64_t index = (cell.y * east + cell.x) * up + (up - 1 - cell.z);
     data.occupied[static_cast<std::size_t>(index)] = 1;

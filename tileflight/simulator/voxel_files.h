@@ -34,11 +34,11 @@ geometry::VoxelGrid voxelize_grid(const geometry::TriangleMesh& mesh, const Voxe
 /// fastest, then up, east slowest; `translate` is minus half the extents north, east, up; `scale` is the northern
 /// extent in metres, or with `inverted_scale` its reciprocal, as AirSim writes it. Returns false if the file cannot be
 /// written.
-bool write_airsim_binvox(const std::filesystem::path& file, const geometry::VoxelGrid& grid,
-                         const VoxelGridSpec& wanted, bool inverted_scale);
+bool write_airsim_binvox(const std::filesystem::path& file, const geometry::VoxelGrid& grid, const VoxelGridSpec& spec,
+                         bool inverted_scale);
 
 /// Converts to an array ordered north, east, down.
-VoxelGridData to_voxel_grid_data(const geometry::VoxelGrid& grid, const VoxelGridSpec& wanted,
+VoxelGridData to_voxel_grid_data(const geometry::VoxelGrid& grid, const VoxelGridSpec& spec,
                                  const geometry::SE3& T_local_ned);
 
 }  // namespace tileflight::simulator

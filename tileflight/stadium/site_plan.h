@@ -39,7 +39,6 @@ struct Grandstand {
   double toward_field = 1.0;  ///< +1: the field lies at larger x (west stand); -1: at smaller x
   int rows = 0;
   double front_height_m = 1.5;
-  double back_width_m = 1.5;  ///< walkway behind the last row
 
   static constexpr double kRowDepth_m = 0.85;
   static constexpr double kRowRise_m = 0.42;

@@ -1,10 +1,9 @@
 #include "tileflight/survey/coverage.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 
@@ -183,11 +182,11 @@ std::vector<StrategyResult> select_tiles(const std::vector<TileStrategy>& strate
                                          tiles::TilesetTree& tree, ContentPool& contents) {
   std::vector<StrategyResult> all;
   for (const TileStrategy& strategy : strategies) {
-    StrategyResult given{.strategy = strategy};
+    StrategyResult result{.strategy = strategy};
     const std::size_t times = strategy.is_fixed ? 1 : watch.frames.size();
     for (std::size_t i = 0; i < times; ++i)
-      given.tiles.push_back(contents.add(tiles::select_cut(tree, strategy.criterion(watch.pose(i)))));
-    all.push_back(std::move(given));
+      result.tiles.push_back(contents.add(tiles::select_cut(tree, strategy.criterion(watch.pose(i)))));
+    all.push_back(std::move(result));
   }
   return all;
 }
@@ -210,18 +209,18 @@ void count_frame_pixels(std::vector<StrategyResult>& all, const FrameSampling& w
   const imaging::Camera camera = scale_to_width(watch.camera, settings.width);
   for (std::size_t i = 0; i < watch.frames.size(); ++i) {
     const std::vector<PixelHit> frame = trace_pixels(scene, owner, camera, watch.pose(i));
-    for (StrategyResult& given : all) {
-      const std::vector<bool> in_memory = nodes_in_memory(given.tiles_at(i), contents, tree.node_count());
-      given.shares.push_back(count_pixels(frame, substitutes, in_memory, pixels_per_rad, settings.error_px));
+    for (StrategyResult& result : all) {
+      const std::vector<bool> in_memory = nodes_in_memory(result.tiles_at(i), contents, tree.node_count());
+      result.shares.push_back(count_pixels(frame, substitutes, in_memory, pixels_per_rad, settings.error_px));
     }
     report_progress(progress, static_cast<std::int64_t>(i + 1), static_cast<std::int64_t>(watch.frames.size()),
                     "checking frames");
   }
 }
 
-std::size_t worst_frame(const StrategyResult& given) {
+std::size_t worst_frame(const StrategyResult& result) {
   const auto missing = [](const PixelCounts& s) { return s.share(s.missing); };
-  return static_cast<std::size_t>(std::ranges::max_element(given.shares, {}, missing) - given.shares.begin());
+  return static_cast<std::size_t>(std::ranges::max_element(result.shares, {}, missing) - result.shares.begin());
 }
 
 /// Renders a frame from a strategy's tiles; black where tiles are missing.
@@ -260,25 +259,26 @@ void write_pictures(const fs::path& folder, const std::vector<StrategyResult>& a
   const scene::Scene whole(contents.meshes(truth));
   const imaging::FloatImage depth_m = render::CameraRenderer(whole, camera, {}).render(watch.pose(frame)).depth_m;
   std::map<std::string, imaging::RgbImage> pictures;
-  for (const StrategyResult& given : all) {
-    const std::string& name = given.strategy.name;
-    pictures[name] = render_strategy_picture(contents, given.tiles_at(frame), camera, watch.pose(frame), depth_m);
+  for (const StrategyResult& strategy_result : all) {
+    const std::string& name = strategy_result.strategy.name;
+    pictures[name] =
+        render_strategy_picture(contents, strategy_result.tiles_at(frame), camera, watch.pose(frame), depth_m);
     imaging::write_rgb(folder / (name + ".png"), pictures[name]);
   }
   imaging::write_rgb(folder / "figure.png", side_by_side(pictures.at("view-follow"), pictures.at("flight")));
 }
 
-double mean_share(const StrategyResult& given, std::int64_t PixelCounts::*which) {
+double mean_share(const StrategyResult& strategy_result, std::int64_t PixelCounts::*which) {
   double sum = 0.0;
-  for (const PixelCounts& shares : given.shares) sum += shares.share(shares.*which);
-  return sum / static_cast<double>(given.shares.size());
+  for (const PixelCounts& shares : strategy_result.shares) sum += shares.share(shares.*which);
+  return sum / static_cast<double>(strategy_result.shares.size());
 }
 
-json describe(const StrategyResult& given, const FrameSampling& watch, const ContentPool& contents) {
+json describe(const StrategyResult& strategy_result, const FrameSampling& watch, const ContentPool& contents) {
   std::set<std::uint32_t> distinct;
   std::size_t most = 0;
   std::int64_t memory = 0, bytes = 0;
-  for (const ContentIds& ids : given.tiles) {
+  for (const ContentIds& ids : strategy_result.tiles) {
     std::int64_t at_once = 0;
     for (const std::uint32_t id : ids) at_once += decoded_bytes(contents.content(id));
     memory = std::max(memory, at_once);
@@ -286,29 +286,30 @@ json describe(const StrategyResult& given, const FrameSampling& watch, const Con
     distinct.insert(ids.begin(), ids.end());
   }
   for (const std::uint32_t id : distinct) bytes += contents.content(id).bytes;
-  const std::size_t worst = worst_frame(given);
-  const PixelCounts& at_worst = given.shares[worst];
-  return {{"about", given.strategy.description},
+  const std::size_t worst = worst_frame(strategy_result);
+  const PixelCounts& at_worst = strategy_result.shares[worst];
+  return {{"about", strategy_result.strategy.description},
           {"tiles", distinct.size()},
           {"tiles_at_once", most},
           {"bytes", bytes},
           {"memory_bytes", memory},
-          {"right", mean_share(given, &PixelCounts::right)},
-          {"coarser", mean_share(given, &PixelCounts::coarser)},
-          {"missing", mean_share(given, &PixelCounts::missing)},
+          {"right", mean_share(strategy_result, &PixelCounts::right)},
+          {"coarser", mean_share(strategy_result, &PixelCounts::coarser)},
+          {"missing", mean_share(strategy_result, &PixelCounts::missing)},
           {"missing_worst", at_worst.share(at_worst.missing)},
           {"missing_worst_frame", watch.frames[worst]},
-          {"cells_share", given.cells_share}};
+          {"cells_share", strategy_result.cells_share}};
 }
 
 std::string frames_csv(const std::vector<StrategyResult>& all, const FrameSampling& watch) {
   std::ostringstream csv;
   csv << "frame,time_s,strategy,pixels,right,coarser,missing\n";
   for (std::size_t i = 0; i < watch.frames.size(); ++i) {
-    for (const StrategyResult& given : all) {
-      const PixelCounts& s = given.shares[i];
-      csv << watch.frames[i] << ',' << watch.trajectory.poses[watch.frames[i]].time_s << ',' << given.strategy.name
-          << ',' << s.pixels << ',' << s.right << ',' << s.coarser << ',' << s.missing << '\n';
+    for (const StrategyResult& strategy_result : all) {
+      const PixelCounts& s = strategy_result.shares[i];
+      csv << watch.frames[i] << ',' << watch.trajectory.poses[watch.frames[i]].time_s << ','
+          << strategy_result.strategy.name << ',' << s.pixels << ',' << s.right << ',' << s.coarser << ',' << s.missing
+          << '\n';
     }
   }
   return csv.str();
@@ -359,7 +360,8 @@ json result_json(const CoverageSettings& settings, const FrameSampling& watch, c
               {"voxel_size", settings.voxel_m},
               {"voxels_occupied", cells.occupied()},
               {"version", place::version()}};
-  for (const StrategyResult& given : all) result["strategies"][given.strategy.name] = describe(given, watch, contents);
+  for (const StrategyResult& strategy_result : all)
+    result["strategies"][strategy_result.strategy.name] = describe(strategy_result, watch, contents);
   return result;
 }
 
@@ -407,14 +409,15 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   place::require_surface(contents.meshes(truth), contents.has_points(truth), name);
   count_frame_pixels(all, watch, contents, truth, tree, settings, progress);
   const CellCoverage cells(contents, all.back().tiles.front(), placement.region, settings.voxel_m);
-  for (StrategyResult& given : all) {
-    for (const ContentIds& ids : given.tiles) given.cells_share = std::max(given.cells_share, cells.share(ids));
+  for (StrategyResult& strategy_result : all) {
+    for (const ContentIds& ids : strategy_result.tiles)
+      strategy_result.cells_share = std::max(strategy_result.cells_share, cells.share(ids));
   }
   json result = result_json(settings, watch, all, contents, truth, cells);
-  for (const StrategyResult& given : all) {
-    if (given.strategy.is_fixed)
-      result["strategies"][given.strategy.name]["bytes_above"] =
-          ancestor_bytes(given.tiles.front(), contents, *source, tree);
+  for (const StrategyResult& strategy_result : all) {
+    if (strategy_result.strategy.is_fixed)
+      result["strategies"][strategy_result.strategy.name]["bytes_above"] =
+          ancestor_bytes(strategy_result.tiles.front(), contents, *source, tree);
   }
   const std::size_t worst = worst_frame(all.front());
   result["picture_frame"] = watch.frames[worst];

@@ -229,7 +229,7 @@ std::optional<std::string> initialization_warning(const FlightCheck& check, cons
 }
 
 std::vector<Vec2> footprint(const scene::Scene& scene, const imaging::Camera& camera, const SE3& pose, double reach_m) {
-  const auto met = [&](const Vec2& pixel) -> std::optional<Vec2> {
+  const auto ground_at = [&](const Vec2& pixel) -> std::optional<Vec2> {
     const auto ray = camera.unproject(pixel);
     if (!ray) return std::nullopt;
     const Vec3 direction = pose.rotation * ray->normalized();
@@ -242,21 +242,21 @@ std::vector<Vec2> footprint(const scene::Scene& scene, const imaging::Camera& ca
   const Vec2 middle((camera.width() - 1) / 2.0, (camera.height() - 1) / 2.0);
   std::optional<Vec2> inner;  // the pixel nearest to the image centre that hits the place
   for (const GridRay& ray : grid_rays(camera, 48)) {
-    if ((!inner || (ray.pixel - middle).norm() < (*inner - middle).norm()) && met(ray.pixel)) inner = ray.pixel;
+    if ((!inner || (ray.pixel - middle).norm() < (*inner - middle).norm()) && ground_at(ray.pixel)) inner = ray.pixel;
   }
   std::vector<Vec2> outline;
   if (!inner) return outline;
   for (const Vec2& border : border_pixels(camera)) {
-    if (const auto point = met(border)) {
+    if (const auto point = ground_at(border)) {
       outline.push_back(*point);
       continue;
     }
     Vec2 sees = *inner, sees_not = border;
     for (int k = 0; k < 12; ++k) {
       const Vec2 between = (sees + sees_not) / 2;
-      (met(between) ? sees : sees_not) = between;
+      (ground_at(between) ? sees : sees_not) = between;
     }
-    outline.push_back(*met(sees));
+    outline.push_back(*ground_at(sees));
   }
   return outline;
 }

@@ -1,19 +1,19 @@
 #include "tileflight/survey/preview.h"
 
-#include <nlohmann/json.hpp>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <iomanip>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
 #include "tileflight/base/string_lists.h"
@@ -309,9 +309,9 @@ std::string profile_csv(const PreviewContext& flight, const FlightCheck& check, 
   return csv.str();
 }
 
-double median_of_finite(std::vector<double> values, double otherwise) {
+double median_of_finite(std::vector<double> values, double fallback) {
   std::erase_if(values, [](double v) { return !std::isfinite(v); });
-  if (values.empty()) return otherwise;
+  if (values.empty()) return fallback;
   return base::upper_median(std::move(values));
 }
 
@@ -340,13 +340,6 @@ Box3 map_bounds(const report::FlightOverlay& map, double least_m) {
   }
   const Vec3 short_m = (Vec3::Constant(least_m) - box.sizes()).cwiseMax(0.0);
   return {box.min() - short_m / 2, box.max() + short_m / 2};
-}
-
-template <class... Numbers>
-std::string format(const char* pattern, Numbers... numbers) {
-  char text[256];
-  std::snprintf(text, sizeof text, pattern, numbers...);
-  return text;
 }
 
 // ---- Everything together
@@ -438,9 +431,10 @@ std::vector<std::string> collect_warnings(const PreviewContext& flight, const Fl
   std::vector<std::string> warnings;
   const double away_m = distance_to_place_m(flight);
   if (away_m > 0) {
-    warnings.push_back(format("the flight stays at least %.0f m away from the place: the place spans ", away_m) +
-                       tiles::describe_extent(place_bounds(flight.place)) +
-                       " in the local frame; check that --origin (or --center) belongs to the flight file");
+    warnings.push_back(
+        base::formatted("the flight stays at least %.0f m away from the place: the place spans ", away_m) +
+        tiles::describe_extent(place_bounds(flight.place)) +
+        " in the local frame; check that --origin (or --center) belongs to the flight file");
   }
   for (const render::FlightFault& fault : faults) warnings.push_back(fault_line(fault));
   if (const auto line = initialization_warning(check, flight.settings.check)) warnings.push_back(*line);
@@ -463,12 +457,12 @@ PreviewFigures draw_figures(PreviewContext& flight, const scene::Scene& scene, c
   report::FlightProfile profile =
       make_profile(flight, check, place::source_display_name(flight.settings.render.source) + ": flight profile");
   const json nearest = nearest_surface(check, flight.frames());
-  profile.notes.push_back(format("%zu frames, %.1f s, %.1f m", flight.frames().size(), profile.time_s.back(),
-                                 profile.distance_flown_m.back()) +
-                          (nearest.is_null()
-                               ? std::string()
-                               : format("; nearest surface at frame %zu: %.2f m", nearest["frame"].get<std::size_t>(),
-                                        nearest["distance"].get<double>())));
+  profile.notes.push_back(
+      base::formatted("%zu frames, %.1f s, %.1f m", flight.frames().size(), profile.time_s.back(),
+                      profile.distance_flown_m.back()) +
+      (nearest.is_null() ? std::string()
+                         : base::formatted("; nearest surface at frame %zu: %.2f m",
+                                           nearest["frame"].get<std::size_t>(), nearest["distance"].get<double>())));
   const double above_m = median_of_finite(profile.above_ground_m, 20.0);
   Box3 path;
   for (const geometry::StampedPose& pose : flight.frames().poses) path.extend(pose.T_local_camera.translation);
@@ -483,8 +477,8 @@ PreviewFigures draw_figures(PreviewContext& flight, const scene::Scene& scene, c
   const imaging::Camera& camera = flight.mission.calibration.camera;
   report::PlaceMap figure{.title = place::source_display_name(flight.settings.render.source) + ": " +
                                    flight.settings.render.flight.flight.filename().string(),
-                          .notes = {profile.notes[0] + format("; %d x %d pixels, %.0f° wide", camera.width(),
-                                                              camera.height(), camera.horizontal_fov_deg())},
+                          .notes = {profile.notes[0] + base::formatted("; %d x %d pixels, %.0f° wide", camera.width(),
+                                                                       camera.height(), camera.horizontal_fov_deg())},
                           .attribution = base::joined(flight.place.attribution(), "; "),
                           .ground = place::to_ground_picture(view),
                           .frame = flight.place.placement().local_frame,
@@ -562,26 +556,27 @@ json preview(const PreviewSettings& settings, const fs::path& out, bool replace,
 
 std::string preview_text(const json& found, const fs::path& out) {
   const auto about = [](double seconds) {
-    if (seconds < 90) return format("%.0f s", std::max(1.0, seconds));
-    return seconds < 5400 ? format("%.0f min", seconds / 60) : format("%.1f h", seconds / 3600);
+    if (seconds < 90) return base::formatted("%.0f s", std::max(1.0, seconds));
+    return seconds < 5400 ? base::formatted("%.0f min", seconds / 60) : base::formatted("%.1f h", seconds / 3600);
   };
   std::string text =
       out.string() + ": " + std::to_string(found["frames"].get<int>()) + " frames in " +
-      format("%.1f s over %.1f m", found["duration_s"].get<double>(), found["path_length"].get<double>());
+      base::formatted("%.1f s over %.1f m", found["duration_s"].get<double>(), found["path_length"].get<double>());
   const auto range = [&](const char* key, const char* words) {
     if (found[key].is_null()) return;
-    text += format("\n%s: %.1f to %.1f m", words, found[key]["min"].get<double>(), found[key]["max"].get<double>());
+    text += base::formatted("\n%s: %.1f to %.1f m", words, found[key]["min"].get<double>(),
+                            found[key]["max"].get<double>());
   };
   range("height_above_ground", "height above the surface below");
   if (const json& nearest = found["nearest_surface"]; !nearest.is_null())
-    text +=
-        format("; nearest surface %.2f m at frame %d", nearest["distance"].get<double>(), nearest["frame"].get<int>());
+    text += base::formatted("; nearest surface %.2f m at frame %d", nearest["distance"].get<double>(),
+                            nearest["frame"].get<int>());
   const json& cost = found["cost"];
-  text += format("\nrendering: %.3g million pixels from %d tiles", cost["pixels"].get<double>() / 1e6,
-                 cost["tiles"].get<int>());
-  if (!cost["bytes"].is_null()) text += format(" (%.1f MB)", cost["bytes"].get<double>() / 1e6);
-  text += format(", about %.2f GB of memory and about ", cost["memory_bytes"].get<double>() / 1e9) +
-          about(cost["seconds"]["total"]) + format(" with %d threads\n", cost["threads"].get<int>());
+  text += base::formatted("\nrendering: %.3g million pixels from %d tiles", cost["pixels"].get<double>() / 1e6,
+                          cost["tiles"].get<int>());
+  if (!cost["bytes"].is_null()) text += base::formatted(" (%.1f MB)", cost["bytes"].get<double>() / 1e6);
+  text += base::formatted(", about %.2f GB of memory and about ", cost["memory_bytes"].get<double>() / 1e9) +
+          about(cost["seconds"]["total"]) + base::formatted(" with %d threads\n", cost["threads"].get<int>());
   for (const auto& warning : found["warnings"]) text += "warning: " + warning.get<std::string>() + "\n";
   if (found["warnings"].empty()) text += "no problems found\n";
   return text;

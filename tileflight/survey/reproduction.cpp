@@ -1,18 +1,18 @@
 #include "tileflight/survey/reproduction.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <vector>
 
 #include "tileflight/alignment/transform_file.h"
 #include "tileflight/base/files.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/imaging/image_files.h"
@@ -207,13 +207,10 @@ json best_excerpt(const std::vector<FramePair>& pairs) {
 std::string to_csv(const std::vector<FramePair>& pairs) {
   std::string text = "time_s,real_frame,simulated_frame,overlap,ncc,ssim,position_m,rotation_deg\n";
   for (const FramePair& pair : pairs) {
-    char start[96];
-    std::snprintf(start, sizeof start, "%.6f,%zu,%zu", pair.time_s, pair.real, pair.simulated);
-    text += start;
+    text += base::formatted("%.6f,%zu,%zu", pair.time_s, pair.real, pair.simulated);
     for (const double value : {pair.overlap, pair.ncc, pair.ssim, pair.position_m, pair.rotation_deg}) {
-      char number[32] = "";
-      if (std::isfinite(value)) std::snprintf(number, sizeof number, "%.6f", value);
-      text += std::string(",") + number;
+      text += ',';
+      if (std::isfinite(value)) text += base::rounded_text(value, 6);
     }
     text += "\n";
   }

@@ -1,10 +1,10 @@
 #include "tileflight/survey/sensor_recorder.h"
 
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/make_folder.h"
 #include "tileflight/base/number_text.h"
@@ -21,11 +21,7 @@ namespace {
 using geometry::Vec3;
 using OptionalFrame = std::optional<geometry::LocalFrame>;
 
-std::string scan_name(std::size_t number) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%06zu", number);
-  return text;
-}
+std::string scan_name(std::size_t number) { return base::formatted("%06zu", number); }
 
 std::vector<dataset::ScanPoint> to_scan_points(const std::vector<sensors::LidarPoint>& points) {
   std::vector<dataset::ScanPoint> result;

@@ -53,7 +53,7 @@ std::vector<std::string> find_copyrights(std::span<const std::byte> content) {
   if (detect_content_format(content) == "JSON") add(text);
   for (std::size_t at = text.find(kMagic); at != std::string_view::npos; at = text.find(kMagic, at + 1)) {
     if (text.size() - at < kBeforeJson || text.substr(at + 16, 4) != kJsonChunk) continue;
-    add(text.substr(at + kBeforeJson, read_uint32_le(content, at + 12)));
+    add(text.substr(at + kBeforeJson, base::read_raw<std::uint32_t>(content, at + 12)));
   }
   return found;
 }

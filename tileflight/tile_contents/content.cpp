@@ -24,16 +24,16 @@ void append_glb(Bytes bytes, const GltfContainerInfo& around, const std::string&
   constexpr std::size_t kChunkHeader = 8;
   constexpr std::uint32_t kJson = 0x4E4F534A;
   constexpr std::uint32_t kBinary = 0x004E4942;
-  if (bytes.size() >= kHeader && read_uint32_le(bytes, 4) == 1) {
+  if (bytes.size() >= kHeader && base::read_raw<std::uint32_t>(bytes, 4) == 1) {
     throw InputError(name, "glTF version 1 is not supported, only 2: upgrade the tileset");
   }
   if (bytes.size() >= kHeader) require_version(bytes, 2, "glTF", name);
   Bytes rest = trim_to_byte_length(bytes, kHeader + kChunkHeader, name).subspan(kHeader);
-  const auto next_chunk = [&](std::uint32_t wanted) {
-    const std::uint32_t length = read_uint32_le(rest, 0);
-    const std::uint32_t type = read_uint32_le(rest, 4);
+  const auto next_chunk = [&](std::uint32_t expected) {
+    const std::uint32_t length = base::read_raw<std::uint32_t>(rest, 0);
+    const std::uint32_t type = base::read_raw<std::uint32_t>(rest, 4);
     if (length > rest.size() - kChunkHeader) throw InputError(name, "a GLB chunk reaches beyond the end of the file");
-    if (type != wanted) return Bytes();
+    if (type != expected) return Bytes();
     const Bytes chunk = rest.subspan(kChunkHeader, length);
     rest = rest.subspan(kChunkHeader + length);
     return chunk;
@@ -50,18 +50,20 @@ void append_glb(Bytes bytes, const GltfContainerInfo& around, const std::string&
 TileTableLengths b3dm_lengths(Bytes bytes) {
   constexpr std::uint32_t kBeyondAnyTable = 0x22000000;  // "\"" as the highest byte
   TileTableLengths lengths = read_table_lengths(bytes, 28);
-  if (read_uint32_le(bytes, 20) >= kBeyondAnyTable) {
-    lengths = {.header = 20, .batch_json = read_uint32_le(bytes, 16)};
-  } else if (read_uint32_le(bytes, 24) >= kBeyondAnyTable) {
-    lengths = {.header = 24, .batch_json = read_uint32_le(bytes, 12), .batch_binary = read_uint32_le(bytes, 16)};
+  if (base::read_raw<std::uint32_t>(bytes, 20) >= kBeyondAnyTable) {
+    lengths = {.header = 20, .batch_json = base::read_raw<std::uint32_t>(bytes, 16)};
+  } else if (base::read_raw<std::uint32_t>(bytes, 24) >= kBeyondAnyTable) {
+    lengths = {.header = 24,
+               .batch_json = base::read_raw<std::uint32_t>(bytes, 12),
+               .batch_binary = base::read_raw<std::uint32_t>(bytes, 16)};
   }
   return lengths;
 }
 
 /// Number of features of a b3dm; older headers state it before the lengths of their tables.
 std::size_t batch_length(const TileTable& features, const TileTableLengths& lengths, Bytes tile) {
-  if (lengths.header == 20) return read_uint32_le(tile, 12);
-  if (lengths.header == 24) return read_uint32_le(tile, 20);
+  if (lengths.header == 20) return base::read_raw<std::uint32_t>(tile, 12);
+  if (lengths.header == 24) return base::read_raw<std::uint32_t>(tile, 20);
   return features.count("BATCH_LENGTH").value_or(0);
 }
 
@@ -89,7 +91,7 @@ void append_cmpt(Bytes bytes, const std::string& name, const ContentOptions& opt
   require_version(tile, 1, "cmpt", name);
   if (nesting >= options.limits.max_nesting) throw InputError(name, "composites are nested too deeply");
   Bytes rest = tile.subspan(kHeader);
-  const std::uint32_t count = read_uint32_le(tile, 12);
+  const std::uint32_t count = base::read_raw<std::uint32_t>(tile, 12);
   for (std::uint32_t i = 0; i < count; ++i) {
     const std::string inner = name + ": inner tile " + std::to_string(i);
     const Bytes inner_tile = trim_to_byte_length(rest, 12, inner);

@@ -48,16 +48,16 @@ TEST(DecodeContent, YUpBecomesZUp) {
 
 TEST(DecodeContent, RtcCentersAreAddedAfterTheTurn) {
   const std::string glb = transport::test_support::triangle_glb({1, 2, 3, 4, 5, 6, 7, 8, 10});
-  EXPECT_EQ(
-      mesh_of(transport::test_support::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}})).mesh.vertices[0],
-      Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
+  EXPECT_EQ(mesh_of(transport::test_support::b3dm(glb, {{"BATCH_LENGTH", 0}, {"RTC_CENTER", {1e6, 2e6, 3e6}}}))
+                .mesh.vertices[0],
+            Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
   GltfWriter writer;
   writer.add_primitive({{"attributes", {{"POSITION", writer.add_accessor<float>({1, 2, 3, 4, 5, 6, 7, 8, 10}, 3)}}}});
   writer.json()["extensions"]["CESIUM_RTC"]["center"] = {1e6, 2e6, 3e6};
   writer.json()["extensionsRequired"] = {"CESIUM_RTC"};
   EXPECT_EQ(mesh_of(writer.glb()).mesh.vertices[0], Vec3(1e6 + 1, 2e6 - 3, 3e6 + 2));
   EXPECT_THAT(error(transport::test_support::b3dm(glb, {{"RTC_CENTER", {1, 2}}})),
-              HasSubstr("RTC_CENTER has 2 numbers, 3 wanted"));
+              HasSubstr("RTC_CENTER has 2 numbers, expected 3"));
 }
 
 TEST(DecodeContent, EarlierB3dmHeaders) {
@@ -358,7 +358,8 @@ TEST(DecodeContent, MeshoptSequencesAndTheExponentialFilter) {
 }
 
 TEST(DecodeContent, CutShortAtEveryLength) {
-  for (const std::string& whole : {transport::test_support::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
+  for (const std::string& whole :
+       {transport::test_support::b3dm(textured_triangle().glb()), textured_triangle().glb()}) {
     EXPECT_EQ(error(whole), "");
     for (std::size_t length = 0; length < whole.size(); ++length) {
       EXPECT_THAT(error(whole.substr(0, length)), ::testing::StartsWith("tile: ")) << length;

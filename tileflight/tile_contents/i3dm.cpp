@@ -39,21 +39,14 @@ class InstanceReader {
 
  private:
   std::vector<Vec3> positions() const {
-    const auto center = table_.global("RTC_CENTER", 3).value_or(std::vector<double>{0, 0, 0});
-    const Vec3 rtc_center(center[0], center[1], center[2]);
-    std::vector<Vec3> out(count_, rtc_center);
+    std::vector<Vec3> out(count_, table_.rtc_center());
     if (const auto floats = table_.values<float>("POSITION", 3 * count_)) {
       for (std::size_t i = 0; i < 3 * count_; ++i) out[i / 3][static_cast<Eigen::Index>(i % 3)] += (*floats)[i];
       return out;
     }
-    const auto whole = table_.values<std::uint16_t>("POSITION_QUANTIZED", 3 * count_);
-    if (!whole) throw InputError(table_.where(), "has no POSITION and no POSITION_QUANTIZED");
-    const auto scale =
-        require_value(table_.global("QUANTIZED_VOLUME_SCALE", 3), "QUANTIZED_VOLUME_SCALE", table_.where());
-    const auto offset =
-        require_value(table_.global("QUANTIZED_VOLUME_OFFSET", 3), "QUANTIZED_VOLUME_OFFSET", table_.where());
+    const auto [numbers, scale, offset] = table_.quantized_positions(count_);
     for (std::size_t i = 0; i < 3 * count_; ++i) {
-      out[i / 3][static_cast<Eigen::Index>(i % 3)] += offset[i % 3] + (*whole)[i] * scale[i % 3] / 65535.0;
+      out[i / 3][static_cast<Eigen::Index>(i % 3)] += offset[i % 3] + numbers[i] * scale[i % 3] / 65535.0;
     }
     return out;
   }
@@ -108,7 +101,7 @@ class InstanceReader {
 /// Reads the model, embedded or from its URI; the model's own references are relative to that URI.
 DecodedContent read_body(Bytes tile, Bytes body, const std::string& name, const ContentOptions& options,
                          const ModelReader& read_model) {
-  const std::uint32_t format = read_uint32_le(tile, 28);
+  const std::uint32_t format = base::read_raw<std::uint32_t>(tile, 28);
   if (format == 1) return read_model(body, name, options);
   if (format != 0) throw InputError(name, "gltfFormat is " + std::to_string(format) + "; expected 0 (URI) or 1 (GLB)");
   std::string uri(base::as_text(body));

@@ -27,8 +27,9 @@ int bracket_depth(std::string_view text) {
   return deepest;
 }
 
-[[noreturn]] void throw_type(const char* key, const std::string& where, const std::string& wanted, const Json& found) {
-  throw InputError(where, std::string(key) + " is " + std::string(found.type_name()) + ", " + wanted + " wanted");
+[[noreturn]] void throw_type(const char* key, const std::string& where, const std::string& expected,
+                             const Json& found) {
+  throw InputError(where, std::string(key) + " is " + std::string(found.type_name()) + ", expected " + expected);
 }
 
 double finite_number(const Json& value, const char* key, const std::string& where) {
@@ -114,8 +115,8 @@ std::optional<std::vector<double>> find_numbers(const Json& object, const char* 
   const Json* array = find_array(object, key, where);
   if (array == nullptr) return std::nullopt;
   if (count != 0 && array->size() != count) {
-    throw InputError(where, std::string(key) + " has " + std::to_string(array->size()) + " numbers, " +
-                                std::to_string(count) + " wanted");
+    throw InputError(where, std::string(key) + " has " + std::to_string(array->size()) + " numbers, expected " +
+                                std::to_string(count));
   }
   std::vector<double> numbers;
   numbers.reserve(array->size());

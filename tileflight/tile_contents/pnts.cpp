@@ -104,8 +104,7 @@ class PointReader {
   }
 
   std::vector<Vec3> positions() const {
-    const auto center = table_.global("RTC_CENTER", 3).value_or(std::vector<double>{0, 0, 0});
-    const Vec3 rtc_center(center[0], center[1], center[2]);
+    const Vec3 rtc_center = table_.rtc_center();
     auto floats = from_draco("POSITION", 3);
     if (!floats) floats = table_.values<float>("POSITION", 3 * count_);
     std::vector<Vec3> out(count_);
@@ -114,15 +113,10 @@ class PointReader {
         out[i] = rtc_center + Vec3((*floats)[3 * i], (*floats)[3 * i + 1], (*floats)[3 * i + 2]);
       }
     } else {
-      const auto whole = table_.values<std::uint16_t>("POSITION_QUANTIZED", 3 * count_);
-      if (!whole) throw InputError(table_.where(), "has no POSITION and no POSITION_QUANTIZED");
-      const auto scale =
-          require_value(table_.global("QUANTIZED_VOLUME_SCALE", 3), "QUANTIZED_VOLUME_SCALE", table_.where());
-      const auto offset =
-          require_value(table_.global("QUANTIZED_VOLUME_OFFSET", 3), "QUANTIZED_VOLUME_OFFSET", table_.where());
+      const auto [numbers, scale, offset] = table_.quantized_positions(count_);
       for (std::size_t i = 0; i < 3 * count_; ++i) {
         const auto c = static_cast<Eigen::Index>(i % 3);
-        out[i / 3][c] = rtc_center[c] + offset[i % 3] + (*whole)[i] * scale[i % 3] / 65535.0;
+        out[i / 3][c] = rtc_center[c] + offset[i % 3] + numbers[i] * scale[i % 3] / 65535.0;
       }
     }
     for (const Vec3& point : out) {

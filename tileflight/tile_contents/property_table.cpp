@@ -1,13 +1,13 @@
 #include "tileflight/tile_contents/property_table.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <variant>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/raw_bytes.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/tile_contents/json_reader.h"
 
 namespace tileflight::tile_contents {
@@ -18,9 +18,7 @@ using Number = std::variant<std::int64_t, std::uint64_t, double>;
 
 template <class T>
 T load(std::span<const std::byte> bytes, std::size_t index) {
-  T value;
-  std::memcpy(&value, bytes.data() + index * sizeof(T), sizeof(T));
-  return value;
+  return base::read_raw<T>(bytes, index * sizeof(T));
 }
 
 /// Reads a stored component. The caller must have checked the bounds.
@@ -48,9 +46,9 @@ double normalizer(const std::string& type) {
 }
 
 std::string number_text(const Number& number) {
-  char text[32];
-  const auto end = std::visit([&](auto value) { return std::to_chars(text, text + sizeof text, value).ptr; }, number);
-  return {text, end};
+  std::string text;
+  std::visit([&text](auto value) { base::append_number(text, value); }, number);
+  return text;
 }
 
 /// Offsets of a column: `count` + 1 unsigned integers that do not decrease.

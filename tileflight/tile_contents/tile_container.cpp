@@ -1,7 +1,5 @@
 #include "tileflight/tile_contents/tile_container.h"
 
-#include <cstring>
-
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/raw_bytes.h"
 
@@ -9,18 +7,12 @@ namespace tileflight::tile_contents {
 
 using Bytes = std::span<const std::byte>;
 
-std::uint32_t read_uint32_le(Bytes bytes, std::size_t offset) {
-  std::uint32_t value = 0;
-  std::memcpy(&value, bytes.data() + offset, sizeof value);
-  return value;
-}
-
 Bytes trim_to_byte_length(Bytes bytes, std::size_t header_bytes, const std::string& name) {
   if (bytes.size() < header_bytes) {
     throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " bytes, but the header alone has " +
                                std::to_string(header_bytes));
   }
-  const std::uint32_t length = read_uint32_le(bytes, 8);
+  const std::uint32_t length = base::read_raw<std::uint32_t>(bytes, 8);
   if (length > bytes.size()) {
     throw InputError(name, "truncated: " + std::to_string(bytes.size()) + " of " + std::to_string(length) + " bytes");
   }
@@ -29,17 +21,17 @@ Bytes trim_to_byte_length(Bytes bytes, std::size_t header_bytes, const std::stri
   return bytes.first(length);
 }
 
-void require_version(Bytes bytes, std::uint32_t wanted, const std::string& kind, const std::string& name) {
-  const std::uint32_t version = read_uint32_le(bytes, 4);
-  if (version != wanted) {
+void require_version(Bytes bytes, std::uint32_t expected, const std::string& kind, const std::string& name) {
+  const std::uint32_t version = base::read_raw<std::uint32_t>(bytes, 4);
+  if (version != expected) {
     throw InputError(
-        name, kind + " version " + std::to_string(version) + " is not supported, only " + std::to_string(wanted));
+        name, kind + " version " + std::to_string(version) + " is not supported, only " + std::to_string(expected));
   }
 }
 
 TileTableLengths read_table_lengths(Bytes tile, std::size_t header_bytes) {
-  return {header_bytes, read_uint32_le(tile, 12), read_uint32_le(tile, 16), read_uint32_le(tile, 20),
-          read_uint32_le(tile, 24)};
+  return {header_bytes, base::read_raw<std::uint32_t>(tile, 12), base::read_raw<std::uint32_t>(tile, 16),
+          base::read_raw<std::uint32_t>(tile, 20), base::read_raw<std::uint32_t>(tile, 24)};
 }
 
 TileTables split_tables(Bytes tile, const TileTableLengths& lengths, const std::string& name) {

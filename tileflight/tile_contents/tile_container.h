@@ -9,15 +9,12 @@ namespace tileflight::tile_contents {
 
 // Common header of 3D Tiles 1.0 containers (b3dm, i3dm, pnts, cmpt) and GLB: magic, version, total length.
 
-/// Reads a little-endian integer. The caller must have checked the bounds.
-std::uint32_t read_uint32_le(std::span<const std::byte> bytes, std::size_t offset);
-
 /// The content truncated to its own byteLength. Throws InputError if it is shorter than that.
 std::span<const std::byte> trim_to_byte_length(std::span<const std::byte> bytes, std::size_t header_bytes,
                                                const std::string& name);
 
-/// Throws InputError if the version differs from `wanted`.
-void require_version(std::span<const std::byte> bytes, std::uint32_t wanted, const std::string& kind,
+/// Throws InputError if the version differs from `expected`.
+void require_version(std::span<const std::byte> bytes, std::uint32_t expected, const std::string& kind,
                      const std::string& name);
 
 /// The sections between header and body, and the body.

@@ -1,9 +1,11 @@
 #include "tileflight/tile_contents/tile_table.h"
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <string_view>
+
+#include "tileflight/base/raw_bytes.h"
+#include "tileflight/base/text_fields.h"
 
 namespace tileflight::tile_contents {
 namespace {
@@ -26,10 +28,9 @@ std::string text_of(const Json& value) {
 
 template <class T>
 std::string number_text(Bytes bytes, std::size_t index) {
-  T value;
-  std::memcpy(&value, bytes.data() + index * sizeof(T), sizeof(T));
-  char text[32];
-  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+  std::string text;
+  base::append_number(text, base::read_raw<T>(bytes, index * sizeof(T)));
+  return text;
 }
 
 /// Size and type of a component type in 3D Tiles 1.0 tables.
@@ -92,9 +93,20 @@ Bytes TileTable::binary_part(const Json& reference, const char* key, std::size_t
 std::optional<std::size_t> TileTable::count(const char* key) const {
   const Json* member = find_member(json_, key);
   if (member == nullptr || !member->is_object()) return find_index(json_, key, where_, 0xFFFFFFFF);
-  std::uint32_t value = 0;
-  std::memcpy(&value, binary_part(*member, key, 1, sizeof value).data(), sizeof value);
-  return value;
+  return base::read_raw<std::uint32_t>(binary_part(*member, key, 1, sizeof(std::uint32_t)), 0);
+}
+
+geometry::Vec3 TileTable::rtc_center() const {
+  const auto center = global("RTC_CENTER", 3);
+  return center ? geometry::Vec3((*center)[0], (*center)[1], (*center)[2]) : geometry::Vec3::Zero();
+}
+
+TileTable::QuantizedPositions TileTable::quantized_positions(std::size_t count) const {
+  auto numbers = values<std::uint16_t>("POSITION_QUANTIZED", 3 * count);
+  if (!numbers) throw InputError(where_, "has no POSITION and no POSITION_QUANTIZED");
+  auto scale = require_value(global("QUANTIZED_VOLUME_SCALE", 3), "QUANTIZED_VOLUME_SCALE", where_);
+  auto offset = require_value(global("QUANTIZED_VOLUME_OFFSET", 3), "QUANTIZED_VOLUME_OFFSET", where_);
+  return {*std::move(numbers), std::move(scale), std::move(offset)};
 }
 
 std::optional<std::vector<double>> TileTable::global(const char* key, std::size_t components) const {

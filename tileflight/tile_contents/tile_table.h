@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/transform.h"
 #include "tileflight/imaging/feature_table.h"
 #include "tileflight/tile_contents/json_reader.h"
 #include "tileflight/tile_contents/tile_container.h"
@@ -25,7 +26,6 @@ class TileTable {
 
   const Json& json() const { return json_; }
   const std::string& where() const { return where_; }
-  bool has(const char* key) const { return find_member(json_, key) != nullptr; }
 
   /// A global integer; nullopt if there is none.
   std::optional<std::size_t> count(const char* key) const;
@@ -48,6 +48,14 @@ class TileTable {
     if (count > 0) std::memcpy(out.data(), bytes.data(), bytes.size());
     return out;
   }
+  /// RTC_CENTER, to which positions are relative; 0 if there is none.
+  geometry::Vec3 rtc_center() const;
+  /// POSITION_QUANTIZED: positions are offset + number * scale / 65535. Throws InputError if a part is missing.
+  struct QuantizedPositions {
+    std::vector<std::uint16_t> numbers;
+    std::vector<double> scale, offset;
+  };
+  QuantizedPositions quantized_positions(std::size_t count) const;
   /// Ids, one per entry: bytes, shorts or ints, by `componentType` (default: short).
   std::optional<std::vector<std::uint32_t>> ids(const char* key, std::size_t count) const;
 

@@ -59,8 +59,8 @@ TEST(ForeignFiles, EveryTilesetOfTheValidatorIsReadOrNamed) {
 TEST(ForeignFiles, FaultsOfTheValidatorAreNamed) {
   TILEFLIGHT_REQUIRE_TEST_DATA(folder, "invalid/validator_specs/tilesets");
   const std::pair<const char*, const char*> cases[] = {
-      {"assetVersionInvalidType.json", "asset: version is number, a string wanted"},
-      {"boundingVolumeBoxArrayInvalidElementType.json", "box is string, a number wanted"},
+      {"assetVersionInvalidType.json", "asset: version is number, expected a string"},
+      {"boundingVolumeBoxArrayInvalidElementType.json", "box is string, expected a number"},
       {"boundingVolumeRegionArrayElementsOutOfRange.json", "boundingVolume.region has an angle outside of its range"},
       {"boundingVolumeRegionInvalidArrayLength.json", "region has"},
       {"boundingVolumeSphereArrayElementOutOfRange.json", "radius of the bounding sphere is negative"},

@@ -1,6 +1,7 @@
 #include "tileflight/transport/http_source.h"
 
 #include <gmock/gmock.h>
+
 #include <nlohmann/json.hpp>
 
 #include "tests/temporary_folder.h"
@@ -14,12 +15,12 @@ namespace {
 using base::test_support::error_of;
 using base::test_support::to_text;
 using std::chrono::milliseconds;
+using test_support::TestHttpTileset;
 using ::testing::AllOf;
 using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using test_support::TestHttpTileset;
 using transport::test_support::MemorySource;
 using transport::test_support::ServedConnection;
 using transport::test_support::ServedRequest;
@@ -161,10 +162,12 @@ TEST_F(HttpSourceTest, EachFaultGivesTheBytesOrOneError) {
 }
 
 TEST_F(HttpSourceTest, ATilesetCannotSendItsReaderElsewhere) {
-  transport::test_support::Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 9, 9, 9), 5);
+  transport::test_support::Json root =
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 9, 9, 9), 5);
   for (const std::string uri : {"file:///etc/passwd", "http://localhost:9/a.glb", "//127.0.0.2/a.glb", "ftp://h/a.glb",
                                 "https://127.0.0.1/a.glb"}) {
-    root["children"].push_back(transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
+    root["children"].push_back(
+        transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2, 2, 2), 0, uri));
   }
   place_.add("/place/tileset.json", transport::test_support::tileset(root).dump());
   const LoadedTiles tiles = load();
@@ -257,7 +260,8 @@ TEST_F(HttpSourceTest, FaultsOfWhatWasFetchedAheadReachTheirReaderAlone) {
   source.prefetch({place_.url("/place/east.glb"), place_.url("/bad"), "http://localhost:9/x", "data:,x"});
   EXPECT_THAT(base::test_support::error_of([&] { source.read(place_.url("/bad")); }), HasSubstr("404"));
   EXPECT_THAT(base::test_support::error_of([&] { source.read("http://localhost:9/x"); }), HasSubstr("--allow-host"));
-  EXPECT_EQ(base::test_support::to_text(source.read(place_.url("/place/east.glb"))), place_.files().at("/place/east.glb"));
+  EXPECT_EQ(base::test_support::to_text(source.read(place_.url("/place/east.glb"))),
+            place_.files().at("/place/east.glb"));
 }
 
 /// A source with a cache, and a server whose responses can be changed.
@@ -275,7 +279,9 @@ class CachedHttpSource : public HttpSourceTest {
     return transport::HttpSource(std::make_unique<transport::UrlProvider>(place_.root() + "?key=SECRETSECRET"),
                                  options_, std::make_unique<transport::HttpCache>(folder_.path()));
   }
-  std::string read(transport::HttpSource& source) { return base::test_support::to_text(source.read(place_.url("/a.glb"))); }
+  std::string read(transport::HttpSource& source) {
+    return base::test_support::to_text(source.read(place_.url("/a.glb")));
+  }
   int requests() { return place_.server().count("/a.glb"); }
 
   tests::TemporaryFolder folder_;
@@ -367,14 +373,16 @@ TEST_F(CachedHttpSource, BodiesThatCarrySecretsAreNotKept) {
 }
 
 TEST_F(HttpSourceTest, FilesThatTheTreeGoesOnInAreFetchedLevelByLevel) {
-  transport::test_support::Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 90, 9, 9), 5);
+  transport::test_support::Json root =
+      transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 90, 9, 9), 5);
   for (int i = 0; i < 8; ++i) {
     const std::string name = std::to_string(i);
     const auto box = transport::test_support::box_volume(10 * i - 35, 0, 0, 4, 4, 4);
     root["children"].push_back(transport::test_support::tile(box, 4, name + ".json"));
     place_.stage("/place/" + name + ".json", [box, name](const ServedRequest&, ServedConnection& c) {
       c.wait(milliseconds(30));
-      return c.answer(200, transport::test_support::tileset(transport::test_support::tile(box, 0, name + ".glb")).dump());
+      return c.answer(200,
+                      transport::test_support::tileset(transport::test_support::tile(box, 0, name + ".glb")).dump());
     });
     if (i != 5) place_.add("/place/" + name + ".glb", transport::test_support::triangle_glb());
   }
@@ -384,21 +392,6 @@ TEST_F(HttpSourceTest, FilesThatTheTreeGoesOnInAreFetchedLevelByLevel) {
   EXPECT_THAT(tiles.failures, ElementsAre(HasSubstr("5.glb")));
   EXPECT_GE(place_.server().most_at_once(), 4) << "not one after the other";
   for (int i = 0; i < 8; ++i) EXPECT_EQ(place_.server().count("/place/" + std::to_string(i) + ".json"), 1);
-}
-
-TEST_F(HttpSourceTest, CancelEndsTheReaders) {
-  place_.stage("/slow", [](const ServedRequest&, ServedConnection& c) {
-    c.wait(milliseconds(60'000));
-    return false;
-  });
-  transport::HttpSource source = open();
-  source.prefetch({place_.url("/slow"), place_.url("/slow?2")});
-  std::thread canceller([&] {
-    std::this_thread::sleep_for(milliseconds(30));
-    source.cancel();
-  });
-  EXPECT_THAT(base::test_support::error_of([&] { source.read(place_.url("/slow")); }), HasSubstr("cancelled"));
-  canceller.join();
 }
 
 }  // namespace

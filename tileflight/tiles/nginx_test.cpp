@@ -103,7 +103,7 @@ class Nginx {
 class NginxTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    ASSERT_FALSE(program("nginx").empty() || program("openssl").empty()) << "wanted here: .ci/set-up installs both";
+    ASSERT_FALSE(program("nginx").empty() || program("openssl").empty()) << "missing; .ci/set-up installs both";
   }
 
   transport::SourceOptions options(const Nginx& nginx) const {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/geodesy.h"
 
@@ -21,12 +21,6 @@ constexpr double kLargestWhole_m2 = 4e6;
 /// A higher root volume covers a continent or the globe, and tells nothing about ground height.
 constexpr double kTallestKnown_m = 2e4;
 constexpr double kEarthRadius_m = 6.2e6;  ///< less than the polar radius
-
-std::string format(const char* pattern, double a, double b) {
-  char text[96];
-  std::snprintf(text, sizeof text, pattern, a, b);
-  return text;
-}
 
 /// Builds a LocalFrame in place, because Placement holds an optional one.
 LocalFrame frame_at(const Geodetic& origin, const std::string& source) {
@@ -86,7 +80,7 @@ Region whole_tileset(const Box3& tileset, const LoadOptions& options, const Tile
   if (options.size) return region_about(tileset.center(), options, tileset, source);
   const double area_m2 = tileset.sizes().x() * tileset.sizes().y();
   if (area_m2 > kLargestWhole_m2 && !options.allow_large_area) {
-    throw InputError(source, "the whole tileset covers " + format("%.1f km²", area_m2 / 1e6, 0) +
+    throw InputError(source, "the whole tileset covers " + base::formatted("%.1f km²", area_m2 / 1e6) +
                                  ", more than 4 km²; give --center and --size. It spans " + describe_extent(tree));
   }
   return {tileset.center(), tileset.sizes()};
@@ -187,9 +181,9 @@ SE3 T_own_tileset(const TilesetTree& tree) {
 }
 
 std::string describe_extent(const Box3& box) {
-  return "x " + format("%.1f … %.1f", box.min().x(), box.max().x()) + ", y " +
-         format("%.1f … %.1f", box.min().y(), box.max().y()) + ", z " +
-         format("%.1f … %.1f m", box.min().z(), box.max().z());
+  return "x " + base::formatted("%.1f … %.1f", box.min().x(), box.max().x()) + ", y " +
+         base::formatted("%.1f … %.1f", box.min().y(), box.max().y()) + ", z " +
+         base::formatted("%.1f … %.1f m", box.min().z(), box.max().z());
 }
 
 std::string describe_extent(const TilesetTree& tree) {
@@ -197,9 +191,9 @@ std::string describe_extent(const TilesetTree& tree) {
   if (!is_georeferenced(tree)) return describe_extent(local_bounding_box(volume, T_own_tileset(tree)));
   const Geodetic center = geometry::geodetic_from_ecef(center_of(volume));
   const Vec3 size = local_bounding_box(volume, LocalFrame(center).T_local_ecef()).sizes();
-  return format("%.0f m × %.0f m", size.x(), size.y()) +
-         format(" around latitude %.6f, longitude %.6f", center.latitude_deg, center.longitude_deg) +
-         format(", heights %.1f … %.1f m", center.height.m - size.z() / 2, center.height.m + size.z() / 2);
+  return base::formatted("%.0f m × %.0f m", size.x(), size.y()) +
+         base::formatted(" around latitude %.6f, longitude %.6f", center.latitude_deg, center.longitude_deg) +
+         base::formatted(", heights %.1f … %.1f m", center.height.m - size.z() / 2, center.height.m + size.z() / 2);
 }
 
 std::string describe_separation(const Box3& flown, const Box3& tileset, const std::optional<LocalFrame>& frame) {
@@ -207,11 +201,12 @@ std::string describe_separation(const Box3& flown, const Box3& tileset, const st
                      " in the same local frame";
   if (frame) {
     const Geodetic& origin = frame->origin();
-    text += format(" (its origin is latitude %.6f, longitude %.6f", origin.latitude_deg, origin.longitude_deg) +
-            format(", height %.1f m)", origin.height.m, 0);
+    text +=
+        base::formatted(" (its origin is latitude %.6f, longitude %.6f", origin.latitude_deg, origin.longitude_deg) +
+        base::formatted(", height %.1f m)", origin.height.m);
   }
   const double apart_m = std::sqrt(flown.squaredExteriorDistance(tileset));
-  if (apart_m > 0.0) text += format(", %.0f m away", apart_m, 0);
+  if (apart_m > 0.0) text += base::formatted(", %.0f m away", apart_m);
   if (apart_m > tileset.sizes().norm()) {
     return text +
            "; positions are metres east, north and up from the frame's origin: convert them, or give the origin they "

@@ -98,8 +98,8 @@ Prism to_local_prism(const GeographicArea& area, const geometry::LocalFrame& fra
     for (const Vector2d& place : ring) lon_lat.extend(place);
     rings.push_back(local_ring(ring, frame));
   }
-  const auto up = [&](std::optional<double> height_m, double otherwise) {
-    if (!height_m) return otherwise;
+  const auto up = [&](std::optional<double> height_m, double fallback) {
+    if (!height_m) return fallback;
     const Vector2d middle = lon_lat.center();
     return frame.local_from_geodetic({middle.y(), middle.x(), geometry::EllipsoidalHeight{*height_m}}).z();
   };

@@ -1,10 +1,8 @@
 #include "tileflight/tiles/subtree.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
-#include <cstring>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
@@ -30,12 +28,8 @@ SubtreeParts parts_of(Bytes bytes, const std::string& name) {
   constexpr std::size_t kHeader = 24;
   if (!base::as_text(bytes).starts_with("subt")) return {base::as_text(bytes), {}};
   if (bytes.size() < kHeader) throw InputError(name, "truncated: the header of a subtree has 24 bytes");
-  std::uint32_t version = 0;
-  std::uint64_t json = 0;
-  std::uint64_t binary = 0;
-  std::memcpy(&version, bytes.data() + 4, sizeof version);
-  std::memcpy(&json, bytes.data() + 8, sizeof json);
-  std::memcpy(&binary, bytes.data() + 16, sizeof binary);
+  const auto version = base::read_raw<std::uint32_t>(bytes, 4);
+  const auto json = base::read_raw<std::uint64_t>(bytes, 8), binary = base::read_raw<std::uint64_t>(bytes, 16);
   if (version != 1) throw InputError(name, "subtree version " + std::to_string(version) + " is not supported, only 1");
   const Bytes rest = bytes.subspan(kHeader);
   if (json > rest.size() || binary > rest.size() - json) {

@@ -16,7 +16,6 @@ class CellTree {
   /// the number of threads.
   CellTree(const std::vector<geometry::Vec3>& places, const std::vector<float>& weights, int depth);
 
-  int depth() const { return depth_; }
   /// Items of each leaf, ascending; 4^depth leaves, some possibly empty.
   const std::vector<std::vector<std::uint32_t>>& leaves() const { return leaves_; }
   /// The cell of a level (0: root) that contains a point.

@@ -16,7 +16,6 @@ class TriangleNumbering {
     std::size_t mesh = 0, triangle = 0;
   };
 
-  std::uint32_t count() const { return first_.back(); }
   TriangleRef operator()(std::uint32_t number) const;
 
  private:

@@ -11,8 +11,6 @@
 namespace tileflight::tiling {
 namespace {
 
-constexpr std::string_view kMtlBlanks = " \t";
-
 /// Takes a number from the front of `line`.
 bool take_number(std::string_view& line, float& value) {
   std::string_view rest = line;

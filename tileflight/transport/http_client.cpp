@@ -36,7 +36,6 @@ class HttpClient::Engine {
   Engine& operator=(const Engine&) = delete;
 
   ~Engine() {
-    cancel();
     {
       const std::lock_guard lock(mutex_);
       stopping_ = true;
@@ -51,14 +50,6 @@ class HttpClient::Engine {
     {
       const std::lock_guard lock(mutex_);
       submitted_.push_back(std::move(transfer));
-    }
-    curl_multi_wakeup(multi_);
-  }
-
-  void cancel() {
-    {
-      const std::lock_guard lock(mutex_);
-      cancelled_ = true;
     }
     curl_multi_wakeup(multi_);
   }
@@ -83,18 +74,16 @@ class HttpClient::Engine {
   /// False: the client is being destroyed.
   bool take_submitted() {
     std::deque<std::unique_ptr<HttpTransfer>> submitted;
-    bool cancelled = false;
     bool stopping = false;
     {
       const std::lock_guard lock(mutex_);
       submitted.swap(submitted_);
-      cancelled = cancelled_;
       stopping = stopping_;
     }
     for (std::unique_ptr<HttpTransfer>& transfer : submitted) {
       queue_.insert(transfer->urgent() ? queue_.begin() : queue_.end(), std::move(transfer));
     }
-    if (cancelled) abandon_all();
+    if (stopping) abandon_all();
     return !stopping;
   }
 
@@ -184,7 +173,6 @@ class HttpClient::Engine {
   Transfers queue_, running_, later_;
   std::mutex mutex_;  ///< guards the members below
   std::deque<std::unique_ptr<HttpTransfer>> submitted_;
-  bool cancelled_ = false;
   bool stopping_ = false;
   std::thread thread_;
 };
@@ -205,7 +193,5 @@ HttpResponse HttpClient::get(HttpRequest request) {
   if (outcome.failure) throw *outcome.failure;
   return std::move(outcome.response);
 }
-
-void HttpClient::cancel() { engine_->cancel(); }
 
 }  // namespace tileflight::transport

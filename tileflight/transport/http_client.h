@@ -50,15 +50,13 @@ class HttpClient {
   explicit HttpClient(const HttpOptions& options = {});
   HttpClient(const HttpClient&) = delete;
   HttpClient& operator=(const HttpClient&) = delete;
-  /// Cancels running requests.
+  /// All requests that have not ended fail with "cancelled".
   ~HttpClient();
 
   /// `done` is called once, from the client's own thread, and must neither block nor throw.
   void start(HttpRequest request, std::function<void(HttpResult)> done);
   /// Waits for the response. Throws InputError if there is none.
   HttpResponse get(HttpRequest request);
-  /// All running and all later requests end at once with "cancelled".
-  void cancel();
 
  private:
   class Engine;

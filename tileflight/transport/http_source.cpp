@@ -72,8 +72,6 @@ HttpSource::~HttpSource() {
   client_.reset();  // until then, its thread calls back into this object
 }
 
-void HttpSource::cancel() { client_->cancel(); }
-
 std::vector<std::byte> HttpSource::read(const std::string& uri) {
   policy_->check(uri);
   provider_->refresh_credentials(*client_);

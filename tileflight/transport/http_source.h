@@ -42,9 +42,6 @@ class HttpSource : public TileSource {
 
   std::vector<std::string> warnings() const override;
 
-  /// Cancels all requests: waiting readers get an InputError ("cancelled").
-  void cancel();
-
  private:
   /// A completed request.
   struct FetchResult {

@@ -10,6 +10,7 @@
 #include "tileflight/base/decompress.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/md5.h"
+#include "tileflight/base/raw_bytes.h"
 
 namespace tileflight::transport {
 namespace {
@@ -25,24 +26,17 @@ constexpr std::uint32_t kEnd64Locator = 0x07064B50;
 constexpr std::size_t kEndBytes = 22;
 constexpr std::size_t kLocatorBytes = 20;
 
-template <class T>
-T at(Bytes bytes, std::size_t offset) {
-  T value;
-  std::memcpy(&value, bytes.data() + offset, sizeof(T));
-  return value;
-}
-
 /// Reads the fields of a ZIP64 extra, in their fixed order, for those that the entry itself has as all ones.
 void apply_zip64(Bytes extra, const std::array<std::uint64_t*, 3>& fields) {
   while (extra.size() >= 4) {
-    const auto id = at<std::uint16_t>(extra, 0);
-    const std::size_t length = std::min<std::size_t>(at<std::uint16_t>(extra, 2), extra.size() - 4);
+    const auto id = base::read_raw<std::uint16_t>(extra, 0);
+    const std::size_t length = std::min<std::size_t>(base::read_raw<std::uint16_t>(extra, 2), extra.size() - 4);
     Bytes values = extra.subspan(4, length);
     extra = extra.subspan(4 + length);
     if (id != 1) continue;
     for (std::uint64_t* field : fields) {
       if (*field != 0xFFFFFFFF || values.size() < 8) continue;
-      *field = at<std::uint64_t>(values, 0);
+      *field = base::read_raw<std::uint64_t>(values, 0);
       values = values.subspan(8);
     }
   }
@@ -67,8 +61,9 @@ ZipArchive::Directory ZipArchive::find_directory() const {
   const std::vector<std::byte> tail = bytes_at(size_ - tail_bytes, tail_bytes, "its end");
   for (std::size_t i = tail.size(); i-- > 0;) {
     const Bytes end = Bytes(tail).subspan(i);
-    if (end.size() < kEndBytes || at<std::uint32_t>(end, 0) != kEnd) continue;
-    const Directory small{at<std::uint16_t>(end, 10), at<std::uint32_t>(end, 12), at<std::uint32_t>(end, 16)};
+    if (end.size() < kEndBytes || base::read_raw<std::uint32_t>(end, 0) != kEnd) continue;
+    const Directory small{base::read_raw<std::uint16_t>(end, 10), base::read_raw<std::uint32_t>(end, 12),
+                          base::read_raw<std::uint32_t>(end, 16)};
     return find_zip64_directory(size_ - tail_bytes + i, small);
   }
   throw InputError(name_, "is not a complete ZIP archive: it has no end record");
@@ -77,10 +72,11 @@ ZipArchive::Directory ZipArchive::find_directory() const {
 ZipArchive::Directory ZipArchive::find_zip64_directory(std::uint64_t end_offset, const Directory& small) const {
   if (end_offset < kLocatorBytes) return small;
   const std::vector<std::byte> locator = bytes_at(end_offset - kLocatorBytes, kLocatorBytes, "its end");
-  if (at<std::uint32_t>(locator, 0) != kEnd64Locator) return small;
-  const std::vector<std::byte> end = bytes_at(at<std::uint64_t>(locator, 8), 56, "its ZIP64 end record");
-  if (at<std::uint32_t>(end, 0) != kEnd64) throw InputError(name_, "its ZIP64 end record is malformed");
-  return {at<std::uint64_t>(end, 32), at<std::uint64_t>(end, 40), at<std::uint64_t>(end, 48)};
+  if (base::read_raw<std::uint32_t>(locator, 0) != kEnd64Locator) return small;
+  const std::vector<std::byte> end = bytes_at(base::read_raw<std::uint64_t>(locator, 8), 56, "its ZIP64 end record");
+  if (base::read_raw<std::uint32_t>(end, 0) != kEnd64) throw InputError(name_, "its ZIP64 end record is malformed");
+  return {base::read_raw<std::uint64_t>(end, 32), base::read_raw<std::uint64_t>(end, 40),
+          base::read_raw<std::uint64_t>(end, 48)};
 }
 
 void ZipArchive::read_directory(const Directory& directory) {
@@ -91,20 +87,20 @@ void ZipArchive::read_directory(const Directory& directory) {
   const std::vector<std::byte> bytes = bytes_at(directory.offset, directory.bytes, "its directory");
   Bytes rest = bytes;
   for (std::uint64_t i = 0; i < directory.entries; ++i) {
-    if (rest.size() < kEntryBytes || at<std::uint32_t>(rest, 0) != kDirectoryEntry) {
+    if (rest.size() < kEntryBytes || base::read_raw<std::uint32_t>(rest, 0) != kDirectoryEntry) {
       throw InputError(name_, "its directory is malformed at entry " + std::to_string(i));
     }
-    const std::size_t name_bytes = at<std::uint16_t>(rest, 28);
-    const std::size_t extra_bytes = at<std::uint16_t>(rest, 30);
-    const std::size_t whole = kEntryBytes + name_bytes + extra_bytes + at<std::uint16_t>(rest, 32);
+    const std::size_t name_bytes = base::read_raw<std::uint16_t>(rest, 28);
+    const std::size_t extra_bytes = base::read_raw<std::uint16_t>(rest, 30);
+    const std::size_t whole = kEntryBytes + name_bytes + extra_bytes + base::read_raw<std::uint16_t>(rest, 32);
     if (whole > rest.size()) throw InputError(name_, "its directory is truncated at entry " + std::to_string(i));
     Entry entry;
-    entry.encrypted = (at<std::uint16_t>(rest, 8) & 1U) != 0;
-    entry.method = at<std::uint16_t>(rest, 10);
-    entry.crc = at<std::uint32_t>(rest, 16);
-    entry.packed = at<std::uint32_t>(rest, 20);
-    entry.unpacked = at<std::uint32_t>(rest, 24);
-    entry.header_offset = at<std::uint32_t>(rest, 42);
+    entry.encrypted = (base::read_raw<std::uint16_t>(rest, 8) & 1U) != 0;
+    entry.method = base::read_raw<std::uint16_t>(rest, 10);
+    entry.crc = base::read_raw<std::uint32_t>(rest, 16);
+    entry.packed = base::read_raw<std::uint32_t>(rest, 20);
+    entry.unpacked = base::read_raw<std::uint32_t>(rest, 24);
+    entry.header_offset = base::read_raw<std::uint32_t>(rest, 42);
     apply_zip64(rest.subspan(kEntryBytes + name_bytes, extra_bytes),
                 {&entry.unpacked, &entry.packed, &entry.header_offset});
     const std::string path(reinterpret_cast<const char*>(rest.data()) + kEntryBytes, name_bytes);
@@ -127,10 +123,10 @@ void ZipArchive::check_index() {
   bool sorted = bytes.size() % kIndexEntry == 0;
   Hash last{0, 0};
   for (std::size_t i = 0; i + kIndexEntry <= bytes.size(); i += kIndexEntry) {
-    const Hash hash{at<std::uint64_t>(bytes, i), at<std::uint64_t>(bytes, i + 8)};
+    const Hash hash{base::read_raw<std::uint64_t>(bytes, i), base::read_raw<std::uint64_t>(bytes, i + 8)};
     sorted = sorted && last <= hash;
     last = hash;
-    index[hash] = at<std::uint64_t>(bytes, i + 16);
+    index[hash] = base::read_raw<std::uint64_t>(bytes, i + 16);
   }
   if (!sorted) warnings_.push_back("the archive's index is not sorted; its directory is used");
   for (const auto& [path, entry] : entries_) {
@@ -155,13 +151,15 @@ std::vector<std::byte> ZipArchive::packed_bytes(const std::string& path, const E
   constexpr std::size_t kHeaderBytes = 30;
   const std::string what = "the entry '" + path + "'";
   const std::vector<std::byte> header = bytes_at(entry.header_offset, kHeaderBytes, what);
-  if (at<std::uint32_t>(header, 0) != kLocalHeader) throw InputError(name_, what + " has no header at its offset");
-  const std::uint64_t name_bytes = at<std::uint16_t>(header, 26);
+  if (base::read_raw<std::uint32_t>(header, 0) != kLocalHeader)
+    throw InputError(name_, what + " has no header at its offset");
+  const std::uint64_t name_bytes = base::read_raw<std::uint16_t>(header, 26);
   const std::vector<std::byte> name = bytes_at(entry.header_offset + kHeaderBytes, name_bytes, what);
   if (std::string_view(reinterpret_cast<const char*>(name.data()), name.size()) != path) {
     throw InputError(name_, what + " has another name in its own header");
   }
-  return bytes_at(entry.header_offset + kHeaderBytes + name_bytes + at<std::uint16_t>(header, 28), entry.packed, what);
+  return bytes_at(entry.header_offset + kHeaderBytes + name_bytes + base::read_raw<std::uint16_t>(header, 28),
+                  entry.packed, what);
 }
 
 std::vector<std::byte> ZipArchive::read(const std::string& path) const {

@@ -79,18 +79,19 @@ Vec3 QuadrotorController::desired_acceleration(const RigidBodyState& state, cons
   const ControllerOptions& o = options_;
   const Vec3 error = desired_velocity(state, setpoint) - state.velocity_m_s;
   const Vec3 gain(o.velocity_gain_horizontal, o.velocity_gain_horizontal, o.velocity_gain_vertical);
-  const Vec3 wanted = setpoint.acceleration_m_s2 + gain.cwiseProduct(error) + integral_m_s2_;
-  const Vec3 given = limit_acceleration(wanted);
+  const Vec3 desired = setpoint.acceleration_m_s2 + gain.cwiseProduct(error) + integral_m_s2_;
+  const Vec3 achievable = limit_acceleration(desired);
   const Vec3 integral_gain(o.velocity_integral_horizontal, o.velocity_integral_horizontal,
                            o.velocity_integral_vertical);
   const int first = !setpoint.attitude            ? 0
                     : setpoint.attitude->throttle ? 3
                                                   : 2;  // the integral ignores axes that are not controlled
   for (int axis = first; axis < 3; ++axis) {
-    const bool at_limit = std::abs(wanted[axis] - given[axis]) > 1e-9 && (wanted[axis] - given[axis]) * error[axis] > 0;
+    const bool at_limit =
+        std::abs(desired[axis] - achievable[axis]) > 1e-9 && (desired[axis] - achievable[axis]) * error[axis] > 0;
     if (!at_limit) integral_m_s2_[axis] += integral_gain[axis] * error[axis] * step_s;
   }
-  return given;
+  return achievable;
 }
 
 double QuadrotorController::thrust_n(const Setpoint& setpoint, const Vec3& lift_m_s2, const Mat3& R) const {

@@ -65,8 +65,6 @@ class QuadrotorController {
   /// Resets the integral.
   void reset() { integral_m_s2_.setZero(); }
 
-  const ControllerOptions& options() const { return options_; }
-
  private:
   geometry::Vec3 desired_velocity(const RigidBodyState& state, const Setpoint& setpoint) const;
   geometry::Vec3 desired_acceleration(const RigidBodyState& state, const Setpoint& setpoint, double step_s);

@@ -22,12 +22,13 @@ double feasible_share(const Thrusts& base, const Thrusts& extra, double max_n) {
 
 RotorMixer::RotorMixer(const QuadrotorOptions& options)
     : thrust_n_s2_(options.thrust_n_s2), max_thrust_n_(options.max_rotor_thrust_n()) {
+  Eigen::Matrix4d demand_from_thrusts;
   for (int i = 0; i < kRotors; ++i) {
     const Rotor& rotor = options.rotors[i];
-    demand_from_thrusts_.col(i) << 1.0, rotor.position_m.y(), -rotor.position_m.x(),
+    demand_from_thrusts.col(i) << 1.0, rotor.position_m.y(), -rotor.position_m.x(),
         -rotor.spin * options.torque_nm_s2 / options.thrust_n_s2;
   }
-  thrusts_from_demand_ = demand_from_thrusts_.inverse();
+  thrusts_from_demand_ = demand_from_thrusts.inverse();
 }
 
 RotorSpeeds RotorMixer::speeds_rad_s(const RotorDemand& demand) const {
@@ -41,11 +42,6 @@ RotorSpeeds RotorMixer::speeds_rad_s(const RotorDemand& demand) const {
   const Thrusts base = tilting + Thrusts::Constant(lift);
   const Thrusts thrusts = base + feasible_share(base, turning, max_thrust_n_) * turning;
   return (thrusts.array().max(0.0) / thrust_n_s2_).sqrt();
-}
-
-RotorDemand RotorMixer::demand_from_speeds(const RotorSpeeds& speeds_rad_s) const {
-  const Eigen::Vector4d d = demand_from_thrusts_ * (thrust_n_s2_ * speeds_rad_s.square()).matrix();
-  return {d[0], d.tail<3>()};
 }
 
 }  // namespace tileflight::vehicle

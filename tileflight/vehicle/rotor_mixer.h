@@ -18,12 +18,9 @@ class RotorMixer {
   explicit RotorMixer(const QuadrotorOptions& options);
 
   RotorSpeeds speeds_rad_s(const RotorDemand& demand) const;
-  /// Thrust and torque of rotors at these speeds.
-  RotorDemand demand_from_speeds(const RotorSpeeds& speeds_rad_s) const;
 
  private:
-  Eigen::Matrix4d demand_from_thrusts_;  ///< thrust and torques from the rotors' thrusts
-  Eigen::Matrix4d thrusts_from_demand_;
+  Eigen::Matrix4d thrusts_from_demand_;  ///< the rotors' thrusts from total thrust and torques
   double thrust_n_s2_;
   double max_thrust_n_;
 };

@@ -121,8 +121,8 @@ void Vehicle::step_flight() {
   }
   setpoint_ = guided.setpoint;
   const Vec3 from = state_.body.position_m;
-  const RotorSpeeds wanted = controller_.rotor_speeds_rad_s(state_.body, setpoint_, options_.step_s);
-  state_ = integrate(options_.quadrotor, state_, wanted, wind_.velocity_m_s(), options_.step_s);
+  const RotorSpeeds commanded = controller_.rotor_speeds_rad_s(state_.body, setpoint_, options_.step_s);
+  state_ = integrate(options_.quadrotor, state_, commanded, wind_.velocity_m_s(), options_.step_s);
   touching_ = false;
   if (obstacles_ && options_.collision != CollisionPolicy::kOff) handle_collision(from);
 }

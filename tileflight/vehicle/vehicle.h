@@ -72,8 +72,6 @@ class Vehicle {
   const RigidBodyState& state() const { return state_.body; }
   const RotorSpeeds& rotor_speeds_rad_s() const { return state_.rotor_speeds_rad_s; }
   geometry::Vec3 wind_m_s() const { return wind_.velocity_m_s(); }
-  /// The setpoint of the current step.
-  const Setpoint& setpoint() const { return setpoint_; }
   bool landed() const { return landed_; }
   const std::optional<Collision>& last_collision() const { return last_collision_; }
   std::int64_t collisions() const { return collisions_; }

@@ -100,11 +100,6 @@ class Connection:
                 raise TransportError(f"the connection has ended: {fault}") from fault
         return future
 
-    def notify(self, method: str, *args: Any) -> None:
-        """Sends a call that is not answered."""
-        with self._lock:
-            self._socket.sendall(msgpack.packb([2, method, args], default=_plain))
-
     def close(self) -> None:
         try:
             self._socket.shutdown(socket.SHUT_RDWR)
