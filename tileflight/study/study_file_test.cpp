@@ -1,0 +1,68 @@
+#include "tileflight/study/study_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/refusal.h"
+#include "tileflight/study/test_study.h"
+
+namespace tileflight::study::study_file_test {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using tests::refusal_of;
+
+class StudyFileTest : public ::testing::Test {
+ protected:
+  StudyFile read(const std::string& text) { return read_study(made_.study(text)); }
+  std::string refusal(const std::string& text) {
+    return refusal_of([&] { read(text); });
+  }
+  static std::string with(const std::string& more) { return test_support::StudyFolder::kStudy + more; }
+  test_support::StudyFolder made_;
+};
+
+TEST_F(StudyFileTest, ListsPlacesSystemsAndFlights) {
+  const StudyFile study = read(with("cameras: {wide: camera.yaml}\nexcept:\n  - {system: bad, place: two, reason: slow}\n"));
+  EXPECT_EQ(study.name, "test");
+  EXPECT_EQ(study.repetitions, 2);
+  ASSERT_EQ(study.places.size(), 2U);
+  EXPECT_THAT(study.places[0].flights, ElementsAre("simulated", "real"));
+  EXPECT_THAT(study.places[1].flights, ElementsAre("simulated"));
+  ASSERT_EQ(study.cameras.size(), 1U);
+  EXPECT_EQ(study.cameras[0].name, "wide");
+  ASSERT_EQ(study.systems.size(), 2U);
+  EXPECT_EQ(study.systems[1].adapter.name, "bad");
+  ASSERT_EQ(study.exceptions.size(), 1U);
+  EXPECT_EQ(study.exceptions[0].reason, "slow");
+}
+
+TEST_F(StudyFileTest, APlaceMayChooseItsFlights) {
+  const StudyFile study =
+      read("places: {one: {experiment: first.yaml, flights: [real]}}\nsystems: {good: {adapter: adapters/good, "
+           "time_limit: 60, memory_limit: 2}}\n");
+  EXPECT_THAT(study.places[0].flights, ElementsAre("real"));
+  EXPECT_EQ(study.systems[0].time_limit_s, 60.0);
+  EXPECT_EQ(study.systems[0].memory_limit_gb, 2.0);
+  ASSERT_EQ(study.cameras.size(), 1U);
+  EXPECT_EQ(study.cameras[0].name, "");
+}
+
+TEST_F(StudyFileTest, FaultsAreNamed) {
+  EXPECT_THAT(refusal("systems: {good: {adapter: adapters/good}}\n"), HasSubstr("places"));
+  EXPECT_THAT(refusal("places: {one: first.yaml}\n"), HasSubstr("systems"));
+  EXPECT_THAT(refusal("places: {one: none.yaml}\nsystems: {good: }\n"), HasSubstr("which does not exist"));
+  EXPECT_THAT(refusal("places: {a/b: first.yaml}\nsystems: {good: }\n"), HasSubstr("names hold letters"));
+  EXPECT_THAT(refusal("places: {one: {experiment: second.yaml, flights: [real]}}\nsystems: {good: }\n"),
+              HasSubstr("which is no flight of"));
+  EXPECT_THAT(refusal("places: {one: first.yaml}\nsystems: {colmpa: }\n"), HasSubstr("has no adapter"));
+  EXPECT_THAT(refusal(with("except:\n  - {system: godo}\n")), HasSubstr("did you mean 'good'?"));
+  EXPECT_THAT(refusal(with("except:\n  - {reason: none}\n")), HasSubstr("excludes everything"));
+  EXPECT_THAT(refusal(with("threshold: 0.3\n")), HasSubstr("is not one of the thresholds"));
+  EXPECT_THAT(refusal(with("repetition: 3\n")), HasSubstr("did you mean 'repetitions'?"));
+  EXPECT_THAT(refusal(with("alignment: {strat: auto}\n")), HasSubstr("start"));
+}
+
+}  // namespace
+}  // namespace tileflight::study::study_file_test
