@@ -42,7 +42,7 @@ MapOptions map_options(const EvaluateOptions& options) {
 
 std::string wasserstein_text(const json& w) {
   if (!w.is_object() || w["awd"].is_null()) return "";
-  return "AWD " + rounded(w["awd"]) + " m (" + rounded(w["chance"]) + " by chance), SCS " + rounded(w["scs"]) +
+  return "AWD " + rounded(w["awd"]) + " m (up to " + rounded(w["chance"]) + " by chance), SCS " + rounded(w["scs"]) +
          ", of " + percent_text(w["share_of_map"]) + " of the map's points and " + percent_text(w["share_of_truth"]) +
          " of the surface seen\n";
 }

@@ -42,8 +42,8 @@ struct VoxelWasserstein {
   double awd = std::numeric_limits<double>::quiet_NaN();
   double std = std::numeric_limits<double>::quiet_NaN();  ///< of W over the voxels, divisor n
   double median = std::numeric_limits<double>::quiet_NaN();
-  /// What AWD would be about for a map without error: mean over the scored voxels of the distance, by chance, of as
-  /// many points drawn from the truth's normal distribution. What AWD exceeds this by is due to the map.
+  /// Mean over the scored voxels of the distance, by chance, of as many points drawn from the truth's normal
+  /// distribution: an upper figure for a map without error, since points that cover a surface evenly scatter less.
   double chance = std::numeric_limits<double>::quiet_NaN();
 
   /// Mean over the scored voxels with at least two scored neighbours of the standard deviation of the neighbours' W
