@@ -10,7 +10,8 @@ void add_map_options(CLI::App& command, MapOptions& options) {
   command.add_option("--dataset", options.dataset, "dataset folder of the flight: camera, positions, true poses");
   command.add_option("--trajectory", options.trajectory,
                      "estimated poses in the map's frame (TUM); default: those of the odometry folder");
-  command.add_option("--truth-trajectory", options.truth_trajectory, "true poses in the local frame (TUM file, or dataset folder)");
+  command.add_option("--truth-trajectory", options.truth_trajectory,
+                     "true poses in the local frame (TUM file, or dataset folder)");
 }
 
 std::vector<std::filesystem::path> files_named(const MapOptions& options) {

@@ -14,7 +14,7 @@ inline constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 /// results: to_nanoseconds() and back is exact for dates of this century, too.
 inline double to_seconds(std::int64_t nanoseconds) {
   return static_cast<double>(nanoseconds / kNanosecondsPerSecond) +
-         1e-9 * static_cast<double>(nanoseconds % kNanosecondsPerSecond);
+         static_cast<double>(nanoseconds % kNanosecondsPerSecond) / 1e9;  // 1e-9 is no double
 }
 
 /// A whole number of nanoseconds that to_seconds() makes this time again: the product rounded, as it is in EuRoC's

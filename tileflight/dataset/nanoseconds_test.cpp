@@ -27,6 +27,12 @@ TEST(Nanoseconds, SmallNumbersAndEurocsComeBackAsTheyWere) {
     EXPECT_EQ(to_nanoseconds(to_seconds(time_ns)), time_ns);
 }
 
+TEST(Nanoseconds, DecimalsAreTheNearestDoubles) {
+  EXPECT_EQ(to_seconds(207793500), 0.2077935);
+  EXPECT_EQ(to_seconds(415494000), 0.415494);
+  EXPECT_EQ(to_seconds(1305031102175304000), 1305031102.175304);
+}
+
 TEST(Nanoseconds, TimesTooLargeAreRefused) {
   for (const double time_s : {1e300, -1e10, std::nan("")})
     EXPECT_THAT(tests::refusal_of([&] { to_nanoseconds(time_s); }), testing::HasSubstr("is too large"));

@@ -38,7 +38,8 @@ class Pipeline {
   /// The flights in the order of execution.
   const std::vector<FlightStages>& flights() const { return flights_; }
   bool simulated_follows_real() const;
-  /// The experiment of a variant: the simulated flight alone, with the changes; what they leave as it is has equal keys.
+  /// The experiment of a variant: the simulated flight alone, with the changes. What they leave as it is has the keys
+  /// of this experiment's.
   Experiment make_variant(const Variant& variant) const;
 
   bool uses_built_in_place() const;
