@@ -1,5 +1,4 @@
 #include <nlohmann/json.hpp>
-
 #include <optional>
 #include <sstream>
 #include <string>
@@ -112,8 +111,9 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag("--fixed-scale", options->fixed_scale, "keep the start's scale (1 with --start geometry)");
   command->add_flag("--find-regions", options->find_regions,
                     "align on some corners of planes only and hold the others out; `evaluate` scores both");
-  CLI::Option* settings = command->add_option(
-      "--settings", options->settings, "experiment or study file whose section `alignment:` is used instead of options");
+  CLI::Option* settings =
+      command->add_option("--settings", options->settings,
+                          "experiment or study file whose section `alignment:` is used instead of options");
   settings->check(CLI::ExistingFile);
   for (const char* other : {"--preset", "--start", "--method", "--radius", "--up", "--fixed-scale", "--find-regions"})
     settings->excludes(command->get_option(other));

@@ -55,8 +55,7 @@ Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
       options.settings_file.empty() ? options.settings : experiment::read_evaluation_file(options.settings_file);
   const std::filesystem::path out = options.out;
   require_no_input({out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out)}, inputs);
-  const json m =
-      scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress);
+  const json m = scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress);
   std::ostringstream text;
   text << options.out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
        << rounded(m["map"]["cutoff"]) << " m of a voxel centre, mean " << rounded(m["map"]["mean"]) << " m, std "
@@ -163,8 +162,8 @@ void check_map_usage(const GivenOptions& given, const EvaluateOptions& options) 
 }
 
 void check_paths_usage(const GivenOptions& given, const EvaluateOptions& options) {
-  if (const auto name = given.first_of(
-          {"--truth", "--transform", "--dataset", "--cutoff", "--wasserstein-voxel", "--wasserstein-min-points", "--settings"}))
+  if (const auto name = given.first_of({"--truth", "--transform", "--dataset", "--cutoff", "--wasserstein-voxel",
+                                        "--wasserstein-min-points", "--settings"}))
     throw CLI::ValidationError(*name, "scores a map, and MAP is missing (write it before --trajectory)");
   if (options.trajectories.empty() || options.truth_trajectory.empty())
     throw CLI::ValidationError("MAP", "is missing; without a map, give both --trajectory and --truth-trajectory");

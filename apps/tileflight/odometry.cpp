@@ -70,8 +70,7 @@ void add_system_options(CLI::App& command, OdometryCommandOptions& options) {
   CLI::Option* system =
       command.add_option("--system", options.system,
                          "run another SLAM system: a name of `tileflight systems`, or the folder of an adapter");
-  command
-      .add_option("--time-limit", options.limits.seconds, "stop the system after this time, seconds (wall clock)")
+  command.add_option("--time-limit", options.limits.seconds, "stop the system after this time, seconds (wall clock)")
       ->check(CLI::PositiveNumber)
       ->needs(system)
       ->group("Other systems");
@@ -120,9 +119,11 @@ std::string odometry_summary(const nlohmann::json& result, const std::string& ou
 
 void add_odometry(CLI::App& app, CommonOptions& common, Selection& selection) {
   auto options = std::make_shared<OdometryCommandOptions>();
-  CLI::App* command = app.add_subcommand("odometry", "images in, trajectory and map out: Direct Sparse Odometry, or another system");
-  command->footer("Example:\n  tileflight odometry out/stadium/simulated/dataset --out /tmp/odometry\n"
-                  "  tileflight odometry dataset --system colmap --out /tmp/colmap");
+  CLI::App* command =
+      app.add_subcommand("odometry", "images in, trajectory and map out: Direct Sparse Odometry, or another system");
+  command->footer(
+      "Example:\n  tileflight odometry out/stadium/simulated/dataset --out /tmp/odometry\n"
+      "  tileflight odometry dataset --system colmap --out /tmp/colmap");
   command->add_option("DATASET", options->dataset, "dataset folder")->required();
   command->add_option("--out", options->out, "folder to write")->required();
   command->add_option("--from", options->range.from, "first frame, by index");

@@ -28,6 +28,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
     std::string out;
     SourceArguments source_arguments;
     std::string until;
+    std::vector<std::string> flights;
     std::filesystem::path camera;
   };
   auto options = std::make_shared<Options>();
@@ -38,6 +39,9 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->required();
   command->add_option("--until", options->until, "datasets: stop when the truth and the flights' datasets are there")
       ->check(CLI::IsMember({"datasets"}));
+  command->add_option("--flight", options->flights, "with --until: only this flight (repeated: these)")
+      ->check(CLI::IsMember({"simulated", "real"}))
+      ->needs(command->get_option("--until"));
   command->add_option("--camera", options->camera, "calibration for the rendered flights instead of their own")
       ->check(CLI::ExistingFile);
   add_source_options(*command, options->source_arguments);
@@ -47,9 +51,11 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       experiment::Experiment experiment = experiment::read_experiment(options->experiment);
       experiment.source_options = source_options(options->source_arguments);
       replace_cameras(experiment, options->camera);
-      const nlohmann::json results = experiment::run(
-          experiment, options->out, progress,
-          {.rerun_all = shared.force, .listener = shared.stages, .until_datasets = !options->until.empty()});
+      const nlohmann::json results = experiment::run(experiment, options->out, progress,
+                                                     {.rerun_all = shared.force,
+                                                      .listener = shared.stages,
+                                                      .until_datasets = !options->until.empty(),
+                                                      .flights = options->flights});
       if (results.is_null()) return {{{"out", options->out}}, options->out + ": truth and datasets are there\n"};
       const std::string report = (std::filesystem::absolute(options->out) / "report.html").lexically_normal().string();
       std::string text = report::results_table(results);

@@ -1,5 +1,4 @@
 #include <nlohmann/json.hpp>
-
 #include <sstream>
 #include <thread>
 
@@ -50,17 +49,20 @@ void add_study(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->check(CLI::Range(1, 10000));
   command->add_flag("--dry-run", options->dry_run, "print the plan only");
   command->add_flag("--slurm", options->run.slurm, "submit the tasks to Slurm (needs Snakemake)");
-  command->add_flag("--no-snakemake{false}", options->run.use_snakemake,
-                    "run the tasks one after the other, also where Snakemake is installed")
+  command
+      ->add_flag("--no-snakemake{false}", options->run.use_snakemake,
+                 "run the tasks one after the other, also where Snakemake is installed")
       ->excludes(command->get_option("--slurm"));
   add_common_options(*command, common);
   command->callback([options, &selection] {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       const study::StudyFile file = study::read_study(options->study);
-      const int cores = shared.threads > 0 ? shared.threads
-                                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-      const study::PlanOptions folders{
-          .out = options->out, .places = options->places, .jobs = options->run.slurm ? 1 : options->run.jobs, .cores = cores};
+      const int cores =
+          shared.threads > 0 ? shared.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+      const study::PlanOptions folders{.out = options->out,
+                                       .places = options->places,
+                                       .jobs = options->run.slurm ? 1 : options->run.jobs,
+                                       .cores = cores};
       const study::StudyPlan plan = study::make_plan(file, folders);
       if (options->dry_run) return {study::describe_plan(plan), study::plan_text(plan)};
       if (!shared.json && !shared.quiet) std::cout << study::plan_text(plan) << std::flush;

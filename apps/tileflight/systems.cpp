@@ -1,10 +1,8 @@
-#include "tileflight/systems/adapter.h"
-
 #include <nlohmann/json.hpp>
-
 #include <sstream>
 
 #include "command.h"
+#include "tileflight/systems/adapter.h"
 #include "tileflight/systems/handed_dataset.h"
 
 namespace tileflight::app {
@@ -57,7 +55,9 @@ std::string adapter_text(const json& about) {
   text << (about["installed"] == true ? "installed" : "not installed: " + word("missing"));
   text << (word("tried").empty() ? "; never run here" : "; tried with " + word("tried")) << "\n";
   if (about.contains("applicable"))
-    text << "  " << (about["applicable"] == true ? "can run on this dataset" : "cannot run on this dataset: it " + word("reason"))
+    text << "  "
+         << (about["applicable"] == true ? "can run on this dataset"
+                                         : "cannot run on this dataset: it " + word("reason"))
          << "\n";
   if (!word("homepage").empty()) text << "  " << word("homepage") << " (" << word("licence") << ")\n";
   return text.str();
@@ -70,7 +70,8 @@ void add_systems(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("systems", "SLAM systems that `odometry --system` and `study` can run");
   command->footer(
       "Example:\n  tileflight systems --dataset out/stadium/simulated/dataset\n"
-      "Adapters are read from the folders in TILEFLIGHT_ADAPTERS, ./adapters, and the program's own (docs/systems.md).");
+      "Adapters are read from the folders in TILEFLIGHT_ADAPTERS, ./adapters, and the program's own "
+      "(docs/systems.md).");
   command->add_option("--dataset", *folder, "say which of them can run on this dataset, and why not");
   add_common_options(*command, common);
   command->callback([folder, &selection] {

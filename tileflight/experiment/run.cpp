@@ -129,8 +129,10 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   const FlightStageRunner flight(e, p, cache, progress);
   const bool follows = p.simulated_follows_real();
   for (const FlightStages& f : p.flights()) {
+    const bool is_followed = follows && f.name == "real";
+    if (!options.flights.empty() && !is_followed && !std::ranges::count(options.flights, f.name)) continue;
     flight.make_dataset(f);
-    if (options.until_datasets && !(follows && f.name == "real")) continue;
+    if (options.until_datasets && !is_followed) continue;
     flight.track(f);
     if (follows) flight.align_and_score(f);  // the following flight needs the pose of the followed one
   }

@@ -6,14 +6,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 #include <system_error>
 
@@ -33,8 +32,7 @@ class FolderLock {
  public:
   explicit FolderLock(const fs::path& folder) {
     lock_ = ::open((folder / ".lock").c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
-    if (lock_ < 0)
-      throw InputError(folder.string(), "cannot be written: " + std::system_category().message(errno));
+    if (lock_ < 0) throw InputError(folder.string(), "cannot be written: " + std::system_category().message(errno));
     if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       ::close(lock_);
       throw InputError(folder.string(), "is used by another `tileflight study`; wait until it has ended");
@@ -72,12 +70,12 @@ std::string snakefile(const StudyPlan& plan) {
        << "rule all:\n    input:" << list_text(plan.tasks.back().outputs) << "\n";
   for (const StudyTask& task : plan.tasks) {
     std::string rule = task.name;
-    std::ranges::replace_if(rule, [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
-    text << "\nrule " << rule << ":\n    input:" << list_text(task.inputs)
-         << "\n    output:" << list_text(task.outputs) << "\n    threads: " << task.threads
-         << "\n    resources: mem_mb=" << task.memory_mb << ", runtime=" << task.minutes
-         << "\n    log: " << quoted("logs/" + task.name + ".txt") << "\n    shell: "
-         << quoted("sh tasks/" + task.name + ".sh > {log} 2>&1") << "\n";
+    std::ranges::replace_if(
+        rule, [](unsigned char c) { return std::isalnum(c) == 0; }, '_');
+    text << "\nrule " << rule << ":\n    input:" << list_text(task.inputs) << "\n    output:" << list_text(task.outputs)
+         << "\n    threads: " << task.threads << "\n    resources: mem_mb=" << task.memory_mb
+         << ", runtime=" << task.minutes << "\n    log: " << quoted("logs/" + task.name + ".txt")
+         << "\n    shell: " << quoted("sh tasks/" + task.name + ".sh > {log} 2>&1") << "\n";
   }
   return text.str();
 }
@@ -98,6 +96,7 @@ void write_plan(const StudyPlan& plan, const fs::path& folder) {
   base::make_folder(folder / "tasks");
   base::make_folder(folder / "logs");
   write_if_changed(folder / "study.yaml", base::read_text(plan.study.file));
+  write_if_changed(folder / "settings.yaml", "# For align and evaluate.\n" + plan.study.settings);
   write_if_changed(folder / "plan.json", describe_plan(plan).dump(2) + "\n");
   for (const StudyTask& task : plan.tasks) write_if_changed(folder / "tasks" / (task.name + ".sh"), task.script);
   write_if_changed(folder / "Snakefile", snakefile(plan));
@@ -179,21 +178,29 @@ void run_one_by_one(const StudyPlan& plan, const fs::path& folder, const Progres
 
 void run_with_snakemake(const StudyPlan& plan, const PlanOptions& folders, const StudyRunOptions& options,
                         const Progress& progress) {
-  std::vector<std::string> words{"snakemake",       "--snakefile",         "Snakefile", "--keep-going",
-                                 "--rerun-triggers", "mtime",              "--rerun-incomplete",
-                                 "--nolock",        "--nocolor"};
+  std::vector<std::string> words{"snakemake", "--snakefile",        "Snakefile", "--keep-going", "--rerun-triggers",
+                                 "mtime",     "--rerun-incomplete", "--nolock",  "--nocolor"};
   if (options.slurm) {
     const std::vector<std::string> cluster{
-        "--jobs", std::to_string(options.jobs), "--cluster",
+        "--jobs",
+        std::to_string(options.jobs),
+        "--cluster",
         "sbatch --parsable --requeue --cpus-per-task={threads} --mem={resources.mem_mb} --time={resources.runtime} "
         "--output=logs/slurm-%j.txt",
-        "--cluster-status", "./slurm-status", "--cluster-cancel", "scancel", "--latency-wait", "60",
-        "--max-status-checks-per-second", "1"};
+        "--cluster-status",
+        "./slurm-status",
+        "--cluster-cancel",
+        "scancel",
+        "--latency-wait",
+        "60",
+        "--max-status-checks-per-second",
+        "1"};
     words.insert(words.end(), cluster.begin(), cluster.end());
   } else {
     words.insert(words.end(), {"--cores", std::to_string(std::max(options.jobs, folders.cores))});
   }
-  report_progress(progress, 0, 0, "snakemake is running the tasks (" + (folders.out / "logs/snakemake.txt").string() + ")");
+  report_progress(progress, 0, 0,
+                  "snakemake is running the tasks (" + (folders.out / "logs/snakemake.txt").string() + ")");
   const int status = run_program(words, folders.out, folders.out / "logs/snakemake.txt");
   if (status == 0) return;
   for (const StudyTask& task : plan.tasks) {

@@ -17,9 +17,9 @@
 namespace tileflight::study::run_study_test {
 namespace {
 
+using nlohmann::json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using nlohmann::json;
 using tests::refusal_of;
 
 /// A study whose tasks call a stand-in for tileflight.
@@ -50,8 +50,8 @@ TEST_F(RunStudy, ThePlanIsTheProductLessTheExceptions) {
       plan(std::string(test_support::StudyFolder::kStudy) + "except:\n  - {system: bad, flight: real}\n");
   EXPECT_EQ(less.runs.size(), 10U);
   EXPECT_THAT(plan_text(less), HasSubstr("left out: real bad"));
-  const StudyPlan cameras = plan(std::string(test_support::StudyFolder::kStudy) +
-                                 "cameras: {wide: camera.yaml, narrow: camera.yaml}\n");
+  const StudyPlan cameras =
+      plan(std::string(test_support::StudyFolder::kStudy) + "cameras: {wide: camera.yaml, narrow: camera.yaml}\n");
   EXPECT_EQ(cameras.flights.size(), 6U);
   EXPECT_EQ(cameras.flights[0].id(), "one-wide/simulated");
 }
@@ -59,7 +59,8 @@ TEST_F(RunStudy, ThePlanIsTheProductLessTheExceptions) {
 /// Studies of the same place share its folder; whatever changes the datasets makes another.
 TEST_F(RunStudy, APlacesFolderIsNamedByItsContent) {
   const std::string before = plan().flights[0].place_folder;
-  EXPECT_EQ(plan("places: {one: first.yaml}\nsystems: {good: {adapter: adapters/good}}\n").flights[0].place_folder, before);
+  EXPECT_EQ(plan("places: {one: first.yaml}\nsystems: {good: {adapter: adapters/good}}\n").flights[0].place_folder,
+            before);
   test_support::write(made_.folder / "flight.yaml", "camera: camera.yaml\nfps: 3\n");
   EXPECT_NE(plan().flights[0].place_folder, before);
 }
@@ -92,8 +93,7 @@ TEST_F(RunStudy, AnotherSystemLeavesWhatIsDone) {
   run("places: {one: first.yaml}\nsystems: {good: {adapter: adapters/good}}\n");
   const int before = calls();
   run("places: {one: first.yaml}\nsystems: {good: {adapter: adapters/good}, bad: {adapter: adapters/bad}}\n");
-  // Two runs of the new system, two registrations again because study.yaml is an input of each, and the report.
-  EXPECT_EQ(calls() - before, 2 + 2 * 2 + 1);
+  EXPECT_EQ(calls() - before, 2 + 1) << "the new system's runs, which fail, and the report";
 }
 
 TEST_F(RunStudy, AChangedAdapterIsRunAgain) {

@@ -26,7 +26,8 @@ constexpr std::array kColors{"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f0
 /// An axis from data to the view box.
 class Axis {
  public:
-  Axis(bool logarithmic, double low_px, double high_px) : logarithmic_(logarithmic), low_px_(low_px), high_px_(high_px) {}
+  Axis(bool logarithmic, double low_px, double high_px)
+      : logarithmic_(logarithmic), low_px_(low_px), high_px_(high_px) {}
 
   bool can_show(double value) const { return std::isfinite(value) && (!logarithmic_ || value > 0.0); }
   void include(double value) {

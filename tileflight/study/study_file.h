@@ -29,7 +29,7 @@ struct StudyCamera {
 struct StudySystem {
   std::string name;
   systems::Adapter adapter;
-  double time_limit_s = 0.0;      ///< 0: none
+  double time_limit_s = 0.0;     ///< 0: none
   double memory_limit_gb = 0.0;  ///< 0: none
 };
 
@@ -52,6 +52,7 @@ struct StudyFile {
   std::string rank_by = "f_score";  ///< "f_score" or "ate"
   double threshold_m = 0.2;         ///< of accuracy, completeness and F-score
   double ate_limit_m = 1.0;         ///< path error that scores nothing, for rank_by: ate
+  std::string settings;             ///< YAML text of `alignment:` and `evaluation:`
 };
 
 /// Reads a study file. `alignment:` and `evaluation:` are checked as an experiment's. Throws InputError (file, line,

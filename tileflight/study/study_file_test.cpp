@@ -24,7 +24,8 @@ class StudyFileTest : public ::testing::Test {
 };
 
 TEST_F(StudyFileTest, ListsPlacesSystemsAndFlights) {
-  const StudyFile study = read(with("cameras: {wide: camera.yaml}\nexcept:\n  - {system: bad, place: two, reason: slow}\n"));
+  const StudyFile study =
+      read(with("cameras: {wide: camera.yaml}\nexcept:\n  - {system: bad, place: two, reason: slow}\n"));
   EXPECT_EQ(study.name, "test");
   EXPECT_EQ(study.repetitions, 2);
   ASSERT_EQ(study.places.size(), 2U);
@@ -39,9 +40,9 @@ TEST_F(StudyFileTest, ListsPlacesSystemsAndFlights) {
 }
 
 TEST_F(StudyFileTest, APlaceMayChooseItsFlights) {
-  const StudyFile study =
-      read("places: {one: {experiment: first.yaml, flights: [real]}}\nsystems: {good: {adapter: adapters/good, "
-           "time_limit: 60, memory_limit: 2}}\n");
+  const StudyFile study = read(
+      "places: {one: {experiment: first.yaml, flights: [real]}}\nsystems: {good: {adapter: adapters/good, "
+      "time_limit: 60, memory_limit: 2}}\n");
   EXPECT_THAT(study.places[0].flights, ElementsAre("real"));
   EXPECT_EQ(study.systems[0].time_limit_s, 60.0);
   EXPECT_EQ(study.systems[0].memory_limit_gb, 2.0);

@@ -1,9 +1,8 @@
 #include "tileflight/study/study_page.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "tileflight/base/files.h"
@@ -59,14 +58,12 @@ Html tinted_matrix(const json& study) {
     }
     body += element("tr", cells);
   }
-  const Html whole = element("table", element("caption", text(table.caption)) +
-                                          element("thead", element("tr", head)) + element("tbody", body));
+  const Html whole = element("table", element("caption", text(table.caption)) + element("thead", element("tr", head)) +
+                                          element("tbody", body));
   return element("section", {{"class", "table-frame wide"}, {"tabindex", "0"}, {"aria-label", table.caption}}, whole);
 }
 
-Html wide_table(const report::Table& table) {
-  return element("div", {{"class", "wide"}}, report::to_html(table));
-}
+Html wide_table(const report::Table& table) { return element("div", {{"class", "wide"}}, report::to_html(table)); }
 
 std::vector<std::string> system_titles(const json& study) {
   std::vector<std::string> titles;
@@ -97,14 +94,43 @@ Html scatter_figure(const json& study, Scatter scatter, const char* x, const cha
 
 Html charts(const json& study) {
   const Html figures =
-      scatter_figure(study, {.title = "Accuracy against completeness", .x_label = "completeness", .y_label = "accuracy", .series = {}, .points = {}},
-                     "completeness", "accuracy",
-                     "Accuracy (share of the map near the surface) against completeness (share of the surface near the map)") +
-      scatter_figure(study, {.title = "Error against time", .x_label = "wall-clock time, s", .y_label = "median to surface, m", .x_is_logarithmic = true, .y_is_logarithmic = true, .series = {}, .points = {}},
-                     "seconds", "surface_median", "Median distance of the map to the surface against the time of the run") +
-      scatter_figure(study, {.title = "Error against memory", .x_label = "peak memory, MB", .y_label = "median to surface, m", .x_is_logarithmic = true, .y_is_logarithmic = true, .series = {}, .points = {}},
-                     "peak_memory_mb", "surface_median", "Median distance of the map to the surface against the memory of the run") +
-      scatter_figure(study, {.title = "Path error against time", .x_label = "wall-clock time, s", .y_label = "path error (ATE), m", .x_is_logarithmic = true, .y_is_logarithmic = true, .series = {}, .points = {}},
+      scatter_figure(
+          study,
+          {.title = "Accuracy against completeness",
+           .x_label = "completeness",
+           .y_label = "accuracy",
+           .series = {},
+           .points = {}},
+          "completeness", "accuracy",
+          "Accuracy (share of the map near the surface) against completeness (share of the surface near the map)") +
+      scatter_figure(study,
+                     {.title = "Error against time",
+                      .x_label = "wall-clock time, s",
+                      .y_label = "median to surface, m",
+                      .x_is_logarithmic = true,
+                      .y_is_logarithmic = true,
+                      .series = {},
+                      .points = {}},
+                     "seconds", "surface_median",
+                     "Median distance of the map to the surface against the time of the run") +
+      scatter_figure(study,
+                     {.title = "Error against memory",
+                      .x_label = "peak memory, MB",
+                      .y_label = "median to surface, m",
+                      .x_is_logarithmic = true,
+                      .y_is_logarithmic = true,
+                      .series = {},
+                      .points = {}},
+                     "peak_memory_mb", "surface_median",
+                     "Median distance of the map to the surface against the memory of the run") +
+      scatter_figure(study,
+                     {.title = "Path error against time",
+                      .x_label = "wall-clock time, s",
+                      .y_label = "path error (ATE), m",
+                      .x_is_logarithmic = true,
+                      .y_is_logarithmic = true,
+                      .series = {},
+                      .points = {}},
                      "seconds", "ate_rmse", "Path error against the time of the run");
   return figures.empty() ? Html() : element("div", {{"class", "columns"}}, figures);
 }
@@ -143,8 +169,9 @@ Html error_picture(const fs::path& run) {
   const report::GroundExtent extent = report::limit_aspect_ratio(report::fit_extent(map.positions, 0.03, 0.01));
   const std::string png =
       report::encode_png(report::draw_values(extent, map.positions, distances->second, kLargestError_m));
-  return empty_element("img", {{"src", report::data_uri("image/png", png)},
-                               {"alt", "Map from above, coloured by its distance to the surface, green 0 m to red 1 m"}});
+  return empty_element("img",
+                       {{"src", report::data_uri("image/png", png)},
+                        {"alt", "Map from above, coloured by its distance to the surface, green 0 m to red 1 m"}});
 }
 
 /// A picture of the middle of the flight.
@@ -157,7 +184,8 @@ Html frame_picture(const fs::path& dataset) {
   std::ranges::sort(files);
   const fs::path& file = files[files.size() / 2];
   const std::string type = file.extension() == ".png" ? "image/png" : "image/jpeg";
-  return empty_element("img", {{"src", report::data_uri(type, base::read_text(file))}, {"alt", "Picture of the flight"}});
+  return empty_element("img",
+                       {{"src", report::data_uri(type, base::read_text(file))}, {"alt", "Picture of the flight"}});
 }
 
 /// Runs with a score, worst first, at most one of each system and flight.
@@ -183,7 +211,8 @@ Html worst_section(const json& study, const fs::path& folder) {
     std::string task = at.substr(std::string("runs").size());
     std::ranges::replace(task, '/', '.');
     Html card = element("h3", text(at)) + paragraph(about) + frame_picture(data) + error_picture(folder / at);
-    card += element("p", text("Again: ") + element("code", text("sh tasks/system" + task + ".sh && sh tasks/score" + task + ".sh")));
+    card += element("p", text("Again: ") +
+                             element("code", text("sh tasks/system" + task + ".sh && sh tasks/score" + task + ".sh")));
     Html links = link(at + "/odometry/odometry.json");
     for (const char* file : {"/odometry/system.log", "/metrics.json", "/transform.json", "/errors.ply"}) {
       if (fs::exists(folder / (at + file))) links += text(", ") + link(at + file);
@@ -201,8 +230,8 @@ std::string cost_text(const json& study) {
     cpu_seconds += number_at(run, "/cpu_seconds").value_or(0.0);
     memory_mb = std::max(memory_mb, number_at(run, "/peak_memory_mb").value_or(0.0));
   }
-  return "The systems' runs took " + format_fixed(seconds / 60.0, 1) + " minutes, " + format_fixed(cpu_seconds / 60.0, 1) +
-         " minutes of processor time, and at most " + format_fixed(memory_mb, 0) +
+  return "The systems' runs took " + format_fixed(seconds / 60.0, 1) + " minutes, " +
+         format_fixed(cpu_seconds / 60.0, 1) + " minutes of processor time, and at most " + format_fixed(memory_mb, 0) +
          " MB. Times of runs that shared the machine with others are not comparable; processor times are, nearly.";
 }
 
@@ -228,7 +257,8 @@ Html head(const json& study) {
       report::style_sheet() + series_style() +
       ".wide, .wide .table-frame { max-width: none; } .card { background: var(--panel); padding: .6rem 1rem; }\n"
       ".card img { display: block; max-width: 100%; max-height: 24rem; margin: .4rem 0; background: var(--paper); }\n"
-      ".card h3 { margin: .2rem 0; font-size: 1rem; overflow-wrap: anywhere; } .card code { overflow-wrap: anywhere; }\n";
+      ".card h3 { margin: .2rem 0; font-size: 1rem; overflow-wrap: anywhere; } .card code { overflow-wrap: anywhere; "
+      "}\n";
   return element(
       "head", empty_element("meta", {{"charset", "utf-8"}}) +
                   empty_element("meta", {{"name", "viewport"}, {"content", "width=device-width, initial-scale=1"}}) +
@@ -245,29 +275,30 @@ std::string verdict_text(const json& study) {
   const auto title = [&](const json& ranked) {
     return study.at("systems").at(ranked.at("system").get<std::string>()).at("title").get<std::string>();
   };
-  std::string result = title(ranking.at(0)) + " has the highest score, " + format_fixed(number_at(ranking.at(0), "/score"), 3);
+  std::string result =
+      title(ranking.at(0)) + " has the highest score, " + format_fixed(number_at(ranking.at(0), "/score"), 3);
   if (ranking.size() < 2 || ranking.at(1).at("score").is_null()) return result + "; no other system has one.";
   result += ", before " + title(ranking.at(1)) + " with " + format_fixed(number_at(ranking.at(1), "/score"), 3);
   const auto low = number_at(ranking.at(0), "/interval/0"), high = number_at(ranking.at(1), "/interval/1");
   if (!low || !high) return result + "; there are too few runs for intervals.";
-  return result + (*low > *high ? "; their 95 % intervals do not overlap." : "; their 95 % intervals overlap: the order is not certain.");
+  return result + (*low > *high ? "; their 95 % intervals do not overlap."
+                                : "; their 95 % intervals overlap: the order is not certain.");
 }
 
 }  // namespace
 
 std::string study_page(const json& study, const fs::path& folder) {
-  const Html header =
-      element("header", element("h1", text(study.at("name").get<std::string>())) +
-                            element("p", {{"class", "subtitle"}},
-                                    text(std::to_string(study.at("systems").size()) + " systems on " +
-                                         std::to_string(study.at("flights").size()) + " flights, " +
-                                         std::to_string(study.at("repetitions").get<int>()) +
-                                         " repetitions each, all maps registered by the same rule.")) +
-                            element("p", {{"class", "verdict"}}, text(verdict_text(study))) +
-                            report::doubts_panel(study));
-  const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") + link("tables/ranking.csv") +
-                                      text(", ") + link("tables/ranking.tex") + text(", ") + link("tables/runs.csv") +
-                                      text(", ") + link("Snakefile"));
+  const Html header = element("header", element("h1", text(study.at("name").get<std::string>())) +
+                                            element("p", {{"class", "subtitle"}},
+                                                    text(std::to_string(study.at("systems").size()) + " systems on " +
+                                                         std::to_string(study.at("flights").size()) + " flights, " +
+                                                         std::to_string(study.at("repetitions").get<int>()) +
+                                                         " repetitions each, all maps registered by the same rule.")) +
+                                            element("p", {{"class", "verdict"}}, text(verdict_text(study))) +
+                                            report::doubts_panel(study));
+  const Html files = element("p", text("Beside this page: ") + link("study.json") + text(", ") +
+                                      link("tables/ranking.csv") + text(", ") + link("tables/ranking.tex") +
+                                      text(", ") + link("tables/runs.csv") + text(", ") + link("Snakefile"));
   const Html main = section("ranking", "Ranking", wide_table(ranking_table(study)) + paragraph(cost_text(study))) +
                     section("matrix", "Systems and flights", tinted_matrix(study)) +
                     section("agreement", "Simulation against second flights", agreement_section(study)) +
@@ -275,8 +306,8 @@ std::string study_page(const json& study, const fs::path& folder) {
                     section("worst", "The worst runs", worst_section(study, folder)) +
                     section("notes", "What systems were given", notes_section(study)) +
                     section("runs", "Every run", wide_table(runs_table(study))) + section("files", "Files", files);
-  const Html body = element("body", header + element("main", {{"id", "main"}}, main) +
-                                        element("footer", text("Made by tileflight study.")));
+  const Html body = element(
+      "body", header + element("main", {{"id", "main"}}, main) + element("footer", text("Made by tileflight study.")));
   return "<!DOCTYPE html>\n" + element("html", {{"lang", "en"}}, head(study) + body).str() + "\n";
 }
 

@@ -1,9 +1,8 @@
 #include "tileflight/study/study_plan.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tileflight/base/files.h"
@@ -37,7 +36,7 @@ std::string folder_hash(const fs::path& folder) {
 }
 
 bool is_excluded(const StudyFile& study, const StudyFlight& flight, const std::string& system) {
-  const auto fits = [](const std::string& wanted, const std::string& is) { return wanted.empty() || wanted == is; };
+  const auto fits = [](const std::string& named, const std::string& name) { return named.empty() || named == name; };
   return std::ranges::any_of(study.exceptions, [&](const StudyException& e) {
     return fits(e.place, flight.place) && fits(e.camera, flight.camera) && fits(e.flight, flight.flight) &&
            fits(e.system, system);
@@ -74,11 +73,13 @@ class TaskMaker {
   }
 
   StudyTask place_task(const StudyPlace& place, const StudyCamera& camera, const std::string& folder) const {
-    StudyTask task{.name = "place-" + fs::path(folder).filename().string(), .outputs = {folder + "/truth/extract.json"}};
+    StudyTask task{.name = "place-" + fs::path(folder).filename().string(),
+                   .outputs = {folder + "/truth/extract.json"}};
     for (const std::string& flight : place.flights) task.outputs.push_back(dataset(folder, flight) + "/dataset.yaml");
     std::ostringstream script;
     script << "\"$TILEFLIGHT\" run " << shell_word(fs::absolute(place.experiment).lexically_normal())
            << " --until datasets";
+    for (const std::string& flight : place.flights) script << " --flight " << flight;
     if (!camera.calibration.empty())
       script << " --camera " << shell_word(fs::absolute(camera.calibration).lexically_normal());
     script << " --threads " << threads_ << " --quiet --out " << shell_word(folder) << "\n";
@@ -110,12 +111,12 @@ class TaskMaker {
   StudyTask score_task(const StudyFlight& flight, const StudyRun& run) const {
     const std::string truth = flight.place_folder + "/truth", data = dataset(flight.place_folder, flight.flight);
     StudyTask task{.name = task_name("score", run),
-                   .inputs = {run.folder + "/odometry/odometry.json", truth + "/extract.json", "study.yaml"},
+                   .inputs = {run.folder + "/odometry/odometry.json", truth + "/extract.json", "settings.yaml"},
                    .outputs = {run.folder + "/scores.txt"}};
     const std::string map = shell_word(run.folder + "/odometry"), to = shell_word(truth), with = shell_word(data);
     const std::string transform = shell_word(run.folder + "/transform.json");
     const std::string metrics = shell_word(run.folder + "/metrics.json"), log = shell_word(run.folder + "/scores.part");
-    const std::string common = " --settings study.yaml --threads " + std::to_string(threads_) + " --quiet --force";
+    const std::string common = " --settings settings.yaml --threads " + std::to_string(threads_) + " --quiet --force";
     std::ostringstream script;
     script << "rm -f " << transform << " " << metrics << "\n"
            << "# Exit status 1: the map or path cannot be scored, which is a result; why stands in scores.txt.\n"
@@ -156,8 +157,8 @@ class TaskMaker {
   StudyTask finished(StudyTask task, const std::string& work, const std::string& version) const {
     task.threads = threads_;
     task.script = "#!/bin/sh\n# To be run in the study's folder.\n# program " + fingerprint_.substr(0, 16) +
-                  (version.empty() ? "" : ", adapter " + version.substr(0, 16)) + "\nset -e\n: \"${TILEFLIGHT:=" +
-                  program_.string() + "}\"\n" + work;
+                  (version.empty() ? "" : ", adapter " + version.substr(0, 16)) +
+                  "\nset -e\n: \"${TILEFLIGHT:=" + program_.string() + "}\"\n" + work;
     task.inputs.push_back("tasks/" + task.name + ".sh");
     return task;
   }
@@ -235,11 +236,8 @@ json describe_plan(const StudyPlan& plan) {
   }
   json left_out = json::array();
   for (const StudyException& e : plan.study.exceptions) {
-    left_out.push_back({{"place", e.place},
-                        {"camera", e.camera},
-                        {"flight", e.flight},
-                        {"system", e.system},
-                        {"reason", e.reason}});
+    left_out.push_back(
+        {{"place", e.place}, {"camera", e.camera}, {"flight", e.flight}, {"system", e.system}, {"reason", e.reason}});
   }
   return {{"name", plan.study.name},
           {"seed", plan.study.seed},
@@ -259,7 +257,8 @@ std::string plan_text(const StudyPlan& plan) {
   text << plan.study.name << ": " << plan.flights.size() << " flights, " << plan.study.systems.size() << " systems, "
        << plan.study.repetitions << " repetitions: " << plan.runs.size() << " runs in " << plan.tasks.size()
        << " tasks\n";
-  for (const StudyFlight& flight : plan.flights) text << "  flight " << flight.id() << " (" << flight.place_folder << ")\n";
+  for (const StudyFlight& flight : plan.flights)
+    text << "  flight " << flight.id() << " (" << flight.place_folder << ")\n";
   for (const StudySystem& system : plan.study.systems) {
     const std::string missing = systems::why_not_installed(system.adapter);
     text << "  system " << system.name << ": " << system.adapter.title

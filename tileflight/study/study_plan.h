@@ -28,8 +28,8 @@ struct StudyRun {
 /// A step of the study: a shell script that is run in the study's folder when an output is missing or older than an
 /// input.
 struct StudyTask {
-  std::string name;    ///< also of its script: tasks/NAME.sh
-  std::string script;  ///< whole text
+  std::string name;                          ///< also of its script: tasks/NAME.sh
+  std::string script;                        ///< whole text
   std::vector<std::string> inputs, outputs;  ///< files, relative to the study's folder
   int threads = 1;
   int memory_mb = 4000;

@@ -1,9 +1,8 @@
 #include "tileflight/study/study_ranking.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "tileflight/evaluation/rank_correlation.h"
@@ -98,13 +97,13 @@ std::optional<RankAgreement> compare_ranks(const std::vector<ScoredRun>& runs, s
   }
   if (names.size() < 2) return std::nullopt;
   const evaluation::RankCorrelation correlation = evaluation::rank_correlation(a, b, 2000, seed);
-  RankAgreement agreement{.systems = names.size(), .tau_b = std::nullopt, .method = correlation.interval.method, .ranks = {}};
+  RankAgreement agreement{
+      .systems = names.size(), .tau_b = std::nullopt, .method = correlation.interval.method, .ranks = {}};
   if (std::isfinite(correlation.tau_b)) agreement.tau_b = correlation.tau_b;
   for (std::size_t side = 0; side < 2; ++side) {
     if (std::isfinite(correlation.interval.ci95[side])) agreement.interval[side] = correlation.interval.ci95[side];
   }
-  for (std::size_t i = 0; i < names.size(); ++i)
-    agreement.ranks[names[i]] = {rank_among(a, a[i]), rank_among(b, b[i])};
+  for (std::size_t i = 0; i < names.size(); ++i) agreement.ranks[names[i]] = {rank_among(a, a[i]), rank_among(b, b[i])};
   return agreement;
 }
 

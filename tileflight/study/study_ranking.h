@@ -40,7 +40,7 @@ struct RankAgreement {
   std::size_t systems = 0;
   std::optional<double> tau_b;
   std::array<std::optional<double>, 2> interval{};
-  std::string method = "none";  ///< of the interval (evaluation::TauInterval)
+  std::string method = "none";                      ///< of the interval (evaluation::TauInterval)
   std::map<std::string, std::array<int, 2>> ranks;  ///< by system: rank in simulation, on the second flights (from 1)
 };
 

@@ -1,9 +1,8 @@
 #include "tileflight/study/study_results.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -19,16 +18,16 @@ namespace {
 
 using nlohmann::json;
 
+constexpr const char* kNotRunYet = "not run yet";
+constexpr const char* kNotScoredYet = "not scored yet";
+
 json at(const json& object, const char* pointer) {
   const json::json_pointer where(pointer);
   return object.contains(where) ? object.at(where) : json(nullptr);
 }
 
 /// A threshold as metrics.json writes it, "0.2".
-std::string threshold_key(double threshold_m) {
-  std::string text = base::fixed_text(threshold_m);
-  return text;
-}
+std::string threshold_key(double threshold_m) { return base::fixed_text(threshold_m); }
 
 std::string first_line(const fs::path& file) {
   std::ifstream stream(file);
@@ -67,10 +66,18 @@ void add_scores(const json& metrics, double threshold_m, json& run) {
 
 json describe_run(const fs::path& folder, const json& plan, const json& planned) {
   const json& flight = plan.at("flights").at(planned.at("flight").get<std::size_t>());
-  json run{{"system", planned.at("system")}, {"place", flight.at("place")},       {"camera", flight.at("camera")},
-           {"flight", flight.at("flight")},  {"repetition", planned.at("repetition")}, {"seed", planned.at("seed")},
-           {"folder", planned.at("folder")}, {"dataset", flight.at("folder").get<std::string>() + "/" + flight.at("flight").get<std::string>() + "/dataset"},
-           {"applicable", true},             {"completed", false},                {"reason", "not run yet"}};
+  json run{
+      {"system", planned.at("system")},
+      {"place", flight.at("place")},
+      {"camera", flight.at("camera")},
+      {"flight", flight.at("flight")},
+      {"repetition", planned.at("repetition")},
+      {"seed", planned.at("seed")},
+      {"folder", planned.at("folder")},
+      {"dataset", flight.at("folder").get<std::string>() + "/" + flight.at("flight").get<std::string>() + "/dataset"},
+      {"applicable", true},
+      {"completed", false},
+      {"reason", kNotRunYet}};
   for (const char* key : {"frames", "frames_tracked", "ate_rmse", "accuracy", "completeness", "f_score", "seconds",
                           "cpu_seconds", "peak_memory_mb", "surface_median", "alignment_metres"})
     run[key] = nullptr;
@@ -80,21 +87,26 @@ json describe_run(const fs::path& folder, const json& plan, const json& planned)
   add_system_results(base::read_json(place / "odometry/odometry.json"), run);
   if (fs::exists(place / "metrics.json"))
     add_scores(base::read_json(place / "metrics.json"), plan.at("threshold_m"), run);
-  const std::string fault = fs::exists(place / "scores.txt") ? first_line(place / "scores.txt") : "not scored yet";
+  const std::string fault = fs::exists(place / "scores.txt") ? first_line(place / "scores.txt") : kNotScoredYet;
   run["not_scored"] = fault;
   if (run["completed"] == true && !fault.empty()) run["reason"] = fault;
   return run;
 }
 
-/// 0 for a run that failed, or whose result cannot be scored although it should have one.
+bool is_installed(const json& plan, const json& run) {
+  return plan.at("systems").at(run.at("system").get<std::string>()).at("installed");
+}
+
+/// 0 for a run that failed, or whose map or path cannot be registered; none where there is nothing to score it by.
 std::optional<double> score_of(const json& run, const json& plan) {
-  if (run.at("applicable") == false || run.at("reason") == "not run yet") return std::nullopt;
   const bool by_path = plan.at("rank_by") == "ate";
-  const bool installed = plan.at("systems").at(run.at("system").get<std::string>()).at("installed");
   const bool makes_map = plan.at("systems").at(run.at("system").get<std::string>()).at("map");
-  if (!installed || (!by_path && !makes_map)) return std::nullopt;
+  if (run.at("applicable") == false || !is_installed(plan, run) || (!by_path && !makes_map)) return std::nullopt;
+  if (run.at("reason") == kNotRunYet) return std::nullopt;
+  if (run.at("completed") == false) return 0.0;
   const json& value = run.at(by_path ? "ate_rmse" : "f_score");
-  if (run.at("completed") == false || value.is_null()) return 0.0;
+  const std::string fault = run.at("not_scored");
+  if (value.is_null()) return fault.empty() || fault == kNotScoredYet ? std::nullopt : std::optional(0.0);
   if (!by_path) return value.get<double>();
   return std::max(0.0, 1.0 - value.get<double>() / plan.at("ate_limit_m").get<double>());
 }
@@ -114,13 +126,17 @@ std::vector<ScoredRun> scored_runs(json& runs, const json& plan) {
 }
 
 /// Runs, failures and lost frames of each system.
-json robustness(const json& runs) {
+json robustness(const json& runs, const json& plan) {
   json result = json::object();
   for (const json& run : runs) {
     json& system = result[run.at("system").get<std::string>()];
-    if (system.is_null()) system = {{"runs", 0}, {"failed", 0}, {"not_applicable", 0}, {"frames", 0}, {"frames_tracked", 0}};
-    if (run.at("applicable") == false) {
-      system["not_applicable"] = system["not_applicable"].get<int>() + 1;
+    if (system.is_null())
+      system = {{"runs", 0},    {"failed", 0}, {"not_applicable", 0},
+                {"not_run", 0}, {"frames", 0}, {"frames_tracked", 0}};
+    const bool was_run = is_installed(plan, run) && run.at("reason") != kNotRunYet;
+    if (run.at("applicable") == false || !was_run) {
+      json& count = system[run.at("applicable") == false ? "not_applicable" : "not_run"];
+      count = count.get<int>() + 1;
       continue;
     }
     system["runs"] = system["runs"].get<int>() + 1;
@@ -180,7 +196,7 @@ json collect_study(const fs::path& folder) {
           {"flights", plan.at("flights")},
           {"except", plan.at("except")},
           {"runs", runs},
-          {"robustness", robustness(runs)},
+          {"robustness", robustness(runs, plan)},
           {"ranking", to_json(ranking)},
           {"kendall_tau", agreement ? to_json(*agreement) : json(nullptr)},
           {"doubts", ranking_doubts(plan, ranking)}};

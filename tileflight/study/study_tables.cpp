@@ -1,9 +1,8 @@
 #include "tileflight/study/study_tables.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "tileflight/base/files.h"
@@ -82,15 +81,14 @@ Table ranking_table(const json& study) {
     const auto median = [&](const char* key, int decimals) {
       return format_fixed(median_of(study.at("runs"), name, key), decimals);
     };
-    table.rows.push_back({study.at("systems").at(name).at("title"), format_fixed(number_at(ranked, "/score"), 3),
-                          interval_text(ranked.at("interval")),
-                          ranked.at("interval_over") == "none" ? report::kUnknown : ranked.at("interval_over"),
-                          std::to_string(ranked.at("flights").get<int>()),
-                          std::to_string(robustness.at("failed").get<int>()) + " of " +
-                              std::to_string(robustness.at("runs").get<int>()),
-                          frames > 0 ? report::format_percent(tracked / frames) : report::kUnknown,
-                          median("surface_median", 3), median("ate_rmse", 3), median("seconds", 1),
-                          median("cpu_seconds", 1), median("peak_memory_mb", 0)});
+    table.rows.push_back(
+        {study.at("systems").at(name).at("title"), format_fixed(number_at(ranked, "/score"), 3),
+         interval_text(ranked.at("interval")),
+         ranked.at("interval_over") == "none" ? report::kUnknown : ranked.at("interval_over"),
+         std::to_string(ranked.at("flights").get<int>()),
+         std::to_string(robustness.at("failed").get<int>()) + " of " + std::to_string(robustness.at("runs").get<int>()),
+         frames > 0 ? report::format_percent(tracked / frames) : report::kUnknown, median("surface_median", 3),
+         median("ate_rmse", 3), median("seconds", 1), median("cpu_seconds", 1), median("peak_memory_mb", 0)});
   }
   return table;
 }
@@ -105,7 +103,8 @@ Table matrix_table(const json& study) {
     if (run.at("score").is_number()) scores[{system, flight}].push_back(run.at("score"));
     if (run.at("applicable") == false) reasons[{system, flight}] = "not applicable";
   }
-  Table table{.caption = "Score of each system on each flight (mean over repetitions)", .header = {"System"}, .rows = {}};
+  Table table{
+      .caption = "Score of each system on each flight (mean over repetitions)", .header = {"System"}, .rows = {}};
   table.header.insert(table.header.end(), flights.begin(), flights.end());
   for (const json& ranked : study.at("ranking")) {
     const std::string system = ranked.at("system");

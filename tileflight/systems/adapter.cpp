@@ -23,10 +23,10 @@ namespace {
 using base::StrictSection;
 
 constexpr std::array<std::pair<const char*, Input>, 5> kInputWords{{{"images", Input::kImages},
-                                                                   {"stereo", Input::kStereo},
-                                                                   {"depth", Input::kDepth},
-                                                                   {"imu", Input::kImu},
-                                                                   {"lidar", Input::kLidar}}};
+                                                                    {"stereo", Input::kStereo},
+                                                                    {"depth", Input::kDepth},
+                                                                    {"imu", Input::kImu},
+                                                                    {"lidar", Input::kLidar}}};
 constexpr const char* kManifest = "adapter.yaml";
 /// The dataset folder as it is, without conversion.
 constexpr const char* kUnconverted = "tileflight";
@@ -95,9 +95,8 @@ void read_leaves(StrictSection section, Adapter& adapter) {
 }
 
 bool is_name(const std::string& text) {
-  return !text.empty() && std::ranges::all_of(text, [](unsigned char c) {
-    return std::isalnum(c) != 0 || c == '-' || c == '_';
-  });
+  return !text.empty() &&
+         std::ranges::all_of(text, [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
 }
 
 bool is_in_path(const std::string& program) {
@@ -145,7 +144,7 @@ std::vector<fs::path> adapter_folders() {
   for (const std::string& folder : separated(own == nullptr ? "" : own, ':')) folders.emplace_back(folder);
   folders.emplace_back("adapters");
   if (const fs::path program = program_folder(); !program.empty()) {
-    folders.push_back(program.parent_path() / "share/tileflight/adapters");  // PREFIX/bin
+    folders.push_back(program.parent_path() / "share/tileflight/adapters");             // PREFIX/bin
     folders.push_back(program.parent_path().parent_path().parent_path() / "adapters");  // build/PRESET/bin
   }
   return folders;

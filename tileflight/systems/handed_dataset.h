@@ -20,7 +20,7 @@ struct HandedDataset {
   std::filesystem::path folder;
   imaging::Calibration calibration;  ///< of the images as handed over
   bool rectified = false;
-  double visible_share = 1.0;  ///< share of the native images' pixels that the rectified ones hold
+  double visible_share = 1.0;                ///< share of the native images' pixels that the rectified ones hold
   std::optional<geometry::SE3> T_cam_lidar;  ///< of the scans that were handed over, if there are any
   std::vector<std::string> notes;            ///< what was changed or left out, one line each
 };

@@ -23,9 +23,9 @@ bool all_zero(const Numbers& numbers) {
 }  // namespace
 
 const std::vector<std::string>& lens_names() {
-  static const std::vector<std::string> kNames{"pinhole", "pinhole-radtan", "pinhole-rational",
-                                               "pinhole-equi", "fov", "double-sphere",
-                                               "omni", "eucm", "equirectangular"};
+  static const std::vector<std::string> kNames{
+      "pinhole", "pinhole-radtan", "pinhole-rational", "pinhole-equi", "fov", "double-sphere",
+      "omni",    "eucm",           "equirectangular"};
   return kNames;
 }
 
@@ -49,11 +49,8 @@ imaging::Camera rectified_pinhole(const imaging::Camera& camera) {
   Eigen::Matrix<double, 2, 3> d_pixel_d_point;
   const auto center = camera.project(geometry::Vec3::UnitZ(), d_pixel_d_point);
   if (!center) throw InputError("camera", "does not see its optical axis, so its images cannot be rectified");
-  return {imaging::PinholeRadtan{.fx = d_pixel_d_point(0, 0),
-                                 .fy = d_pixel_d_point(1, 1),
-                                 .cx = center->x(),
-                                 .cy = center->y(),
-                                 .d = {}},
+  return {imaging::PinholeRadtan{
+              .fx = d_pixel_d_point(0, 0), .fy = d_pixel_d_point(1, 1), .cx = center->x(), .cy = center->y(), .d = {}},
           camera.width(), camera.height()};
 }
 

@@ -52,7 +52,8 @@ class EndRequests {
   EndRequests& operator=(const EndRequests&) = delete;
 
  private:
-  struct sigaction interrupt_ {}, terminate_ {};
+  struct sigaction interrupt_ {
+  }, terminate_{};
 };
 
 /// A process as /proc describes it.
@@ -97,8 +98,7 @@ std::vector<ProcessEntry> command_processes(pid_t leader) {
   for (bool found = true; found;) {
     found = false;
     for (const ProcessEntry& process : all) {
-      const bool belongs =
-          process.session == leader || process.parent == getpid() || members.contains(process.parent);
+      const bool belongs = process.session == leader || process.parent == getpid() || members.contains(process.parent);
       if (belongs && process.id != getpid()) found |= members.insert(process.id).second;
     }
   }

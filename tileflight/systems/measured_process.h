@@ -14,7 +14,7 @@ struct ProcessLimits {
 
 /// How a process ended and what it took, with all that it started.
 struct ProcessReport {
-  int exit_status = 0;  ///< 128 + signal if a signal ended it, as in a shell
+  int exit_status = 0;                              ///< 128 + signal if a signal ended it, as in a shell
   bool out_of_time = false, out_of_memory = false;  ///< stopped at a limit
   double seconds = 0.0;                             ///< wall clock
   double cpu_seconds = 0.0;                         ///< user and system time of all processes

@@ -1,10 +1,9 @@
 #include "tileflight/systems/run_system.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <thread>
 #include <variant>
 #include <vector>
@@ -107,9 +106,14 @@ class SystemRun {
       : adapter_(adapter), dataset_(dataset), options_(options) {}
 
   json run(const fs::path& folder, const Progress& progress) {
-    about_ = {{"frames", dataset_.frames.size()}, {"frames_tracked", 0}, {"lost", true},
-              {"lost_reason", ""},                {"keyframes", nullptr}, {"points", 0},
-              {"seconds", nullptr},               {"frames_per_second", nullptr}};
+    about_ = {{"frames", dataset_.frames.size()},
+              {"frames_tracked", 0},
+              {"lost", true},
+              {"lost_reason", ""},
+              {"keyframes", nullptr},
+              {"points", 0},
+              {"seconds", nullptr},
+              {"frames_per_second", nullptr}};
     json& system = about_["system"];
     const int threads =
         options_.threads > 0 ? options_.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -127,7 +131,15 @@ class SystemRun {
     std::string reason = why_not_applicable(adapter_, dataset_);
     system["applicable"] = reason.empty();
     if (reason.empty()) reason = why_not_installed(adapter_);
-    if (reason.empty()) reason = execute(folder, threads, progress);
+    if (reason.empty()) {
+      try {
+        reason = execute(folder, threads, progress);
+      } catch (const InputError& fault) {
+        system["applicable"] = false;
+        reason = std::string("its input cannot be prepared: ") + fault.what();
+        fs::remove_all(folder / "scratch");
+      }
+    }
     system["completed"] = reason.empty();
     system["reason"] = reason;
     if (!reason.empty()) about_["lost_reason"] = reason;
@@ -143,10 +155,9 @@ class SystemRun {
     const HandedDataset handed = hand_over(adapter_, dataset_, scratch, progress);
     imaging::write_kalibr(folder / "camera.yaml", handed.calibration);
     report_progress(progress, 0, 0, adapter_.title + " is running");
-    const ProcessReport report =
-        run_measured(adapter_.command, adapter_.folder,
-                     make_environment(adapter_, dataset_, handed, output, options_, threads), folder / "system.log",
-                     options_.limits);
+    const ProcessReport report = run_measured(adapter_.command, adapter_.folder,
+                                              make_environment(adapter_, dataset_, handed, output, options_, threads),
+                                              folder / "system.log", options_.limits);
     describe(handed, report);
     std::string reason = report.succeeded() ? "" : report.outcome();
     if (report.exit_status != 0 && !report.out_of_time && !report.out_of_memory)

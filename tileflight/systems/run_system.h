@@ -21,11 +21,12 @@ struct SystemRunOptions {
 
 /// Runs a system once on a dataset and writes the folder `out` as odometry writes its own: trajectory.txt, map.ply (if
 /// the system makes one), camera.yaml (of the images as handed over), system.log (what it printed) and odometry.json,
-/// which is returned. Its key `system` holds {name, title, version, applicable, completed, reason, seconds, cpu_seconds,
-/// peak_memory_mb, exit_status, seed, threads, limits, lens, handed_lens, visible_share, layout, scale, notes}. A system
-/// that is not installed, not applicable, fails or leaves what cannot be read is a result: `completed` is false, and
-/// `reason` says why. Only the system's own process is measured, not the preparation of its input. Throws InputError
-/// for an unreadable dataset and a folder that cannot be written.
+/// which is returned. Its key `system` holds {name, title, version, applicable, completed, reason, seconds,
+/// cpu_seconds, peak_memory_mb, exit_status, seed, threads, limits, lens, handed_lens, visible_share, layout, scale,
+/// notes}. A system that is not installed, not applicable (it lacks an input, or its layout cannot hold the dataset),
+/// fails or leaves what cannot be read is a result: `completed` is false, and `reason` says why. Only the system's own
+/// process is measured, not the preparation of its input. Throws InputError for an unreadable dataset and a folder that
+/// cannot be written.
 nlohmann::json run_system(const Adapter& adapter, const std::filesystem::path& dataset,
                           const std::filesystem::path& out, const SystemRunOptions& options,
                           const Progress& progress = {});

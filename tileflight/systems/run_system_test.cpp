@@ -18,17 +18,18 @@ namespace tileflight::systems::run_system_test {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 using nlohmann::json;
 using test_support::write_adapter;
 using test_support::write_dataset;
+using ::testing::HasSubstr;
 
 constexpr const char* kMap = "echo '0 0 1' > \"$OUT/map.xyz\"; echo '0 1 1' >> \"$OUT/map.xyz\"\n";
 
 class RunSystem : public ::testing::Test {
  protected:
   void SetUp() override { write_dataset(folder_ / "data", imaging::make_pinhole(64, 48, 90.0)); }
-  json run(const std::string& manifest, const std::string& script, const SystemRunOptions& options = {.replace = true}) {
+  json run(const std::string& manifest, const std::string& script,
+           const SystemRunOptions& options = {.replace = true}) {
     const Adapter adapter = write_adapter(folder_ / "mine", manifest, script);
     return run_system(adapter, folder_ / "data", folder_ / "out", options);
   }
@@ -38,9 +39,10 @@ class RunSystem : public ::testing::Test {
 };
 
 TEST_F(RunSystem, LeavesAnOdometryFolderWithItsMeasurements) {
-  const json about = run("leaves: {map: map.xyz}\n",
-                         "cp \"$DATASET/groundtruth.txt\" \"$OUT/trajectory.txt\"\necho hello $SEED\n" + std::string(kMap),
-                         {.seed = 7, .replace = true});
+  const json about =
+      run("leaves: {map: map.xyz}\n",
+          "cp \"$DATASET/groundtruth.txt\" \"$OUT/trajectory.txt\"\necho hello $SEED\n" + std::string(kMap),
+          {.seed = 7, .replace = true});
   EXPECT_EQ(about["frames"], 4);
   EXPECT_EQ(about["frames_tracked"], 4);
   EXPECT_EQ(about["points"], 2);
@@ -115,7 +117,8 @@ TEST_F(RunSystem, ConventionsOfPathsAreUndone) {
        "for k in 0 1 2 3; do echo 5${k}00000000 $k 0 0 0 0 0.70710678118654757 0.70710678118654757; done"
        " > \"$OUT/trajectory.txt\"");
   same("leaves: {trajectory: {times: frame-indices}}\n",
-       "for k in 0 1 2 3; do echo $k $k 0 0 0 0 0.70710678118654757 0.70710678118654757; done > \"$OUT/trajectory.txt\"");
+       "for k in 0 1 2 3; do echo $k $k 0 0 0 0 0.70710678118654757 0.70710678118654757; done > "
+       "\"$OUT/trajectory.txt\"");
   // The inverse: rotation by -90 degrees, translation -R^T t = (0, k, 0).
   same("leaves: {trajectory: {pose: world-to-camera}}\n",
        "for k in 0 1 2 3; do echo 5.$k 0 $k 0 0 0 -0.70710678118654757 0.70710678118654757; done"
@@ -123,12 +126,14 @@ TEST_F(RunSystem, ConventionsOfPathsAreUndone) {
   same("leaves: {trajectory: {file: poses.txt}}\n",  // KITTI's format has no times
        "for k in 0 1 2 3; do echo 0 -1 0 $k 1 0 0 0 0 0 1 0; done > \"$OUT/poses.txt\"");
   same("leaves: {trajectory: {file: images.txt, format: colmap, pose: world-to-camera}}\n",
-       "echo '# COLMAP' > \"$OUT/images.txt\"; for k in 0 1 2 3; do echo $k 0.70710678118654757 0 0 -0.70710678118654757 "
+       "echo '# COLMAP' > \"$OUT/images.txt\"; for k in 0 1 2 3; do echo $k 0.70710678118654757 0 0 "
+       "-0.70710678118654757 "
        "0 $k 0 1 00000$k.png; echo; done >> \"$OUT/images.txt\"");
 }
 
 TEST_F(RunSystem, AnIndexBeyondTheFramesIsAFault) {
-  const json about = run("leaves: {trajectory: {times: frame-indices}}\n", "echo 9 0 0 0 0 0 0 1 > $OUT/trajectory.txt");
+  const json about =
+      run("leaves: {trajectory: {times: frame-indices}}\n", "echo 9 0 0 0 0 0 0 1 > $OUT/trajectory.txt");
   EXPECT_THAT(about["system"]["reason"].get<std::string>(), HasSubstr("has a pose for frame 9"));
 }
 

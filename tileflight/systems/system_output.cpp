@@ -66,7 +66,8 @@ SE3 sensor_from_camera(const Adapter& adapter, const HandedDataset& handed) {
   if (adapter.path.of == "imu") return handed.calibration.T_cam_imu.inverse();
   if (adapter.path.of != "lidar") return {};
   if (!handed.T_cam_lidar)
-    throw InputError(adapter.folder.string(), "says that its poses are the lidar's, whose place on the camera is unknown");
+    throw InputError(adapter.folder.string(),
+                     "says that its poses are the lidar's, whose place on the camera is unknown");
   return handed.T_cam_lidar->inverse();
 }
 
