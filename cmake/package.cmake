@@ -6,6 +6,7 @@ include(CMakePackageConfigHelpers)
 set(PACKAGE_FOLDER ${CMAKE_INSTALL_LIBDIR}/cmake/tileflight)
 if(TARGET tileflight)
   install(TARGETS tileflight RUNTIME)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/adapters DESTINATION ${CMAKE_INSTALL_DATADIR}/tileflight USE_SOURCE_PERMISSIONS)
 endif()
 
 # Each room is an export of its own, so that who asks for one needs the libraries of no other.

@@ -44,11 +44,13 @@ inline ProgramResult run_command(const std::vector<std::string>& words, const st
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(folder / "out"), file_text(folder / "err")};
 }
 
+#ifdef TILEFLIGHT_BINARY
 /// Runs the tileflight binary with these arguments.
 inline ProgramResult run_tileflight(std::vector<std::string> arguments, const std::string& environment = "") {
   arguments.insert(arguments.begin(), TILEFLIGHT_BINARY);
   return run_command(arguments, environment);
 }
+#endif
 
 /// Number of lines, as a person would count them.
 inline int line_count(const std::string& text) {

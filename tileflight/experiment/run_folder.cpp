@@ -1,14 +1,7 @@
 #include "tileflight/experiment/run_folder.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <fstream>
-#include <sstream>
 #include <string_view>
 #include <system_error>
 #include <vector>
@@ -23,9 +16,6 @@ namespace tileflight::experiment {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr const char* kLock = ".lock";
-constexpr std::uintmax_t kMaxLockBytes = 4096;
-
 /// Files written by runs besides folders with their own marker; a prefix "FOLDER/" restricts them to folders of that
 /// name.
 constexpr std::array kRunFiles{".lock",           ".file-hashes",      ".tileflight",       "stages/*.json",
@@ -34,54 +24,6 @@ constexpr std::array kRunFiles{".lock",           ".file-hashes",      ".tilefli
                                "metrics.json",    "errors.ply",        "seen.ply",          "failed.txt",
                                "comparison.json", "failure.json",      "reproduction.json", "reproduction.csv",
                                "lost-frames.csv", "missed-places.csv", "ablation.csv"};
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
-}
-
-/// "tileflight run a.yaml --out out" of a local process; empty if it cannot be read.
-std::string read_command_line(const std::string& process) {
-  std::ifstream file("/proc/" + process + "/cmdline", std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  std::string command = text.str();
-  while (!command.empty() && command.back() == '\0') command.pop_back();
-  std::replace_if(
-      command.begin(), command.end(), [](unsigned char c) { return c < 0x20; }, ' ');
-  return command;
-}
-
-/// "process 4711 (tileflight run a.yaml --out out)", as stored in the lock file.
-std::string read_owner(const fs::path& lock) {
-  std::istringstream text(base::read_text(lock, kMaxLockBytes));
-  std::string process, host;
-  if (!(text >> process >> host)) return "another process";
-  if (host != host_name()) return "process " + process + " of " + host;
-  const std::string command = read_command_line(process);
-  return "process " + process + (command.empty() ? "" : " (" + command + ")");
-}
-
-/// Stores the owner of the lock.
-void write_owner(int lock) {
-  const std::string text = std::to_string(::getpid()) + " " + host_name() + "\n";
-  if (::ftruncate(lock, 0) != 0 || ::pwrite(lock, text.data(), text.size(), 0) < 0) return;  // the owner is unknown
-}
-
-int lock_folder(const fs::path& folder) {
-  const fs::path file = folder / kLock;
-  const int lock = ::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
-  if (lock < 0) throw InputError(file.string(), "cannot be written: " + std::system_category().message(errno));
-  if (::flock(lock, LOCK_EX | LOCK_NB) == 0) {
-    write_owner(lock);
-    return lock;
-  }
-  const bool is_busy = errno == EWOULDBLOCK;
-  ::close(lock);
-  if (!is_busy) return -1;
-  throw InputError(folder.string(),
-                   read_owner(file) + " is using it; wait until it has ended, or choose another folder for --out");
-}
 
 /// Runs of earlier versions have no marker.
 bool has_stage_records(const fs::path& folder) {
@@ -98,7 +40,7 @@ bool is_run(const fs::path& folder) {
 
 bool is_unused(const fs::path& folder) {
   return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(),
-                     [](const fs::directory_entry& entry) { return entry.path().filename() == kLock; });
+                     [](const fs::directory_entry& entry) { return entry.path().filename() == FolderLock::kFile; });
 }
 
 /// Marks the folder as a run's. It lists no files: stages come and go, each with its own marker.
@@ -139,15 +81,9 @@ void check_run_folder(const fs::path& folder) {
 RunFolder::RunFolder(fs::path folder) : path_(std::move(folder)) {
   check_run_folder(path_);
   base::make_folder(path_);
-  lock_ = lock_folder(path_);
+  lock_.emplace(path_);
   write_marker(path_);
   base::make_folder(path_ / "stages");
-}
-
-RunFolder::~RunFolder() {
-  if (lock_ < 0) return;
-  [[maybe_unused]] const int ignored = ::ftruncate(lock_, 0);  // harmless on failure: the lock itself is released
-  ::close(lock_);
 }
 
 void remove_results(const fs::path& part) {

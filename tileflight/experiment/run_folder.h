@@ -1,7 +1,10 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
+
+#include "tileflight/experiment/folder_lock.h"
 
 namespace tileflight::experiment {
 
@@ -15,16 +18,13 @@ class RunFolder {
   /// Creates the folder or opens an earlier run's. Throws InputError if it is a file or holds something else, and if
   /// another process, which is named, uses it.
   explicit RunFolder(std::filesystem::path folder);
-  ~RunFolder();
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path hash_cache_file() const { return path_ / ".file-hashes"; }
 
  private:
   std::filesystem::path path_;
-  int lock_ = -1;  ///< file descriptor; -1: the file system does not support locks
+  std::optional<FolderLock> lock_;
 };
 
 /// Throws InputError if `folder` exists and holds anything but an earlier run.

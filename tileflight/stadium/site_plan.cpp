@@ -28,7 +28,7 @@ std::vector<Vec2> smooth_line(const std::vector<Vec2>& points) {
 }
 
 std::vector<Grandstand> plan_stands() {
-  return {{{-59, -55, -32, 55}, 1.0, 30, 1.5, 1.5}, {{32, -50, 55, 50}, -1.0, 25, 1.5, 1.75}};
+  return {{{-59, -55, -32, 55}, 1.0, 30, 1.5}, {{32, -50, 55, 50}, -1.0, 25, 1.5}};
 }
 
 std::vector<Building> plan_buildings() {

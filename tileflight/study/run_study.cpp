@@ -1,7 +1,6 @@
 #include "tileflight/study/run_study.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -19,6 +18,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/make_folder.h"
+#include "tileflight/experiment/folder_lock.h"
 #include "tileflight/study/study_results.h"
 
 namespace tileflight::study {
@@ -26,25 +26,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-/// The folder of a study, used by one process at a time. The lock ends with the process.
-class FolderLock {
- public:
-  explicit FolderLock(const fs::path& folder) {
-    lock_ = ::open((folder / ".lock").c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
-    if (lock_ < 0) throw InputError(folder.string(), "cannot be written: " + std::system_category().message(errno));
-    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-      ::close(lock_);
-      throw InputError(folder.string(), "is used by another `tileflight study`; wait until it has ended");
-    }
-  }
-  ~FolderLock() { ::close(lock_); }
-  FolderLock(const FolderLock&) = delete;
-  FolderLock& operator=(const FolderLock&) = delete;
-
- private:
-  int lock_;
-};
 
 /// Leaves an equal file as it is: its time tells what must be done again.
 void write_if_changed(const fs::path& file, const std::string& text) {
@@ -217,7 +198,7 @@ json run_study(const StudyPlan& plan, const PlanOptions& folders, const StudyRun
   if (fs::exists(folders.out) && !fs::is_empty(folders.out) && !is_study_folder(folders.out))
     throw InputError(folders.out.string(), "holds something else than a study; choose another folder for --out");
   base::make_folder(folders.out);
-  const FolderLock lock(folders.out);
+  const experiment::FolderLock lock(folders.out);
   write_plan(plan, folders.out);
   const bool has_snakemake = options.use_snakemake && has_program("snakemake");
   if (options.slurm && !has_snakemake)

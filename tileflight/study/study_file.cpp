@@ -153,7 +153,11 @@ StudyFile read_study(const fs::path& file) {
   study.rank_by = root.choice("rank_by", {"f_score", "ate"}).value_or(study.rank_by);
   study.threshold_m = root.positive_number("threshold").value_or(study.threshold_m);
   study.ate_limit_m = root.positive_number("ate_limit").value_or(study.ate_limit_m);
-  if (auto alignment = root.section("alignment")) experiment::read_alignment_options(*alignment);
+  if (auto alignment = root.section("alignment")) {
+    const alignment::AlignMapOptions options = experiment::read_alignment_options(*alignment);
+    if (options.start == alignment::AlignmentStart::kGiven)
+      throw alignment->error("start", "names a transform: that of one map cannot serve the maps of all systems");
+  }
   scoring::EvaluationSettings evaluation;
   if (auto section = root.section("evaluation")) evaluation = experiment::read_evaluation_settings(*section);
   if (!std::ranges::count(evaluation.thresholds_m, study.threshold_m))

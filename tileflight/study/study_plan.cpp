@@ -7,6 +7,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/number_text.h"
+#include "tileflight/base/shell_word.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/place/version.h"
@@ -15,13 +16,8 @@ namespace tileflight::study {
 namespace fs = std::filesystem;
 namespace {
 
+using base::shell_word;
 using nlohmann::json;
-
-std::string shell_word(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? "'\\''" : std::string(1, c);
-  return result + "'";
-}
 
 /// Hash of the files below a folder, by name and content.
 std::string folder_hash(const fs::path& folder) {

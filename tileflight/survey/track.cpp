@@ -1,7 +1,5 @@
 #include "tileflight/survey/track.h"
 
-#include <nlohmann/json.hpp>
-
 #include <sys/wait.h>
 
 #include <algorithm>
@@ -9,11 +7,13 @@
 #include <cstdlib>
 #include <fstream>
 #include <iomanip>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/base/shell_word.h"
 #include "tileflight/dataset/colmap.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/evaluation/doubts_json.h"
@@ -241,11 +241,7 @@ json describe(const odometry::OdometryResult& result, const SkippedFrames& skipp
       {"frames_per_second", result.wall_time_s > 0 ? static_cast<double>(result.frames) / result.wall_time_s : 0.0}};
 }
 
-std::string shell_quote(const fs::path& path) {
-  std::string result = "'";
-  for (const char c : fs::absolute(path).string()) result += c == '\'' ? "'\\''" : std::string(1, c);
-  return result + "'";
-}
+std::string shell_path(const fs::path& path) { return base::shell_word(fs::absolute(path).string()); }
 
 std::string replace_placeholder(std::string command, const std::string& name, const std::string& value) {
   for (std::size_t at = command.find(name); at != std::string::npos; at = command.find(name, at + value.size())) {
@@ -256,7 +252,7 @@ std::string replace_placeholder(std::string command, const std::string& name, co
 
 void run_command(const std::string& command, const fs::path& folder, const fs::path& log) {
   const std::string whole =
-      "cd " + shell_quote(folder) + " && ( " + command + "\n) > " + shell_quote(log) + " 2>&1 < /dev/null";
+      "cd " + shell_path(folder) + " && ( " + command + "\n) > " + shell_path(log) + " 2>&1 < /dev/null";
   const int status = std::system(whole.c_str());
   if (status == 0) return;
   const std::string how =
@@ -459,8 +455,8 @@ nlohmann::json track_with_command(const fs::path& dataset_folder, const fs::path
   const dataset::Dataset data = dataset::read_dataset(dataset_folder);
   json about;
   base::write_folder(odometry_output_folder(out, replace, {dataset_folder}), [&](const fs::path& temporary) {
-    run_command(replace_placeholder(replace_placeholder(command, "{dataset}", shell_quote(dataset_folder)), "{out}",
-                                    shell_quote(temporary)),
+    run_command(replace_placeholder(replace_placeholder(command, "{dataset}", shell_path(dataset_folder)), "{out}",
+                                    shell_path(temporary)),
                 folder, temporary / "command.log");
     for (const char* name : {"trajectory.txt", "map.ply"}) {
       if (!fs::exists(temporary / name))
