@@ -10,8 +10,8 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/dataset/imu_files.h"
-#include "tileflight/dataset/nanoseconds.h"
 #include "tileflight/dataset/number_table.h"
+#include "tileflight/geometry/nanoseconds.h"
 
 namespace tileflight::dataset::exports {
 
@@ -69,7 +69,7 @@ void write_camera(const Dataset& dataset, const fs::path& folder) {
                        lens.distortion + "\ndistortion_coefficients: " + list_text(lens.coefficients) + "\n");
   std::string list = "#timestamp [ns],filename\n";
   for (const Frame& frame : dataset.frames) {
-    const std::string name = std::to_string(to_nanoseconds(frame.time_s));
+    const std::string name = std::to_string(geometry::to_nanoseconds(frame.time_s));
     list += name + "," + name + ".png\n";
   }
   base::write_file(folder / "data.csv", list);
@@ -172,7 +172,7 @@ void write_truth(const Dataset& dataset, const fs::path& folder) {
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const geometry::Vec3& p = poses[i].T_local_camera.translation;
     const Eigen::Quaterniond& q = poses[i].T_local_camera.rotation;
-    text += std::to_string(to_nanoseconds(poses[i].time_s));
+    text += std::to_string(geometry::to_nanoseconds(poses[i].time_s));
     add(std::array{p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
     add(velocity_at(poses, i));
     if (has_biases) add(biases_at(biases, poses[i].time_s));
@@ -193,7 +193,7 @@ void write_euroc(const Dataset& dataset, const fs::path& folder, std::vector<std
     notes.push_back("sensor.yaml cannot store the rolling shutter; it is left out");
   write_png_frames(
       dataset, mav / "cam0" / "data",
-      [&](std::size_t i) { return std::to_string(to_nanoseconds(dataset.frames[i].time_s)); }, progress);
+      [&](std::size_t i) { return std::to_string(geometry::to_nanoseconds(dataset.frames[i].time_s)); }, progress);
 }
 
 }  // namespace tileflight::dataset::exports

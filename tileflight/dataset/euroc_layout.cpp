@@ -9,7 +9,7 @@
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/frame_list.h"
 #include "tileflight/dataset/layouts.h"
-#include "tileflight/dataset/nanoseconds.h"
+#include "tileflight/geometry/nanoseconds.h"
 #include "tileflight/geometry/trajectory_files.h"
 #include "tileflight/imaging/calibration_checks.h"
 
@@ -37,7 +37,7 @@ std::vector<Frame> read_frames(const fs::path& camera, std::vector<std::string>&
     const auto time_ns = base::parse_number<std::int64_t>(fields.front());
     if (!time_ns || fields.size() != 2) throw InputError(where, "expected \"time_in_nanoseconds,file\"");
     const fs::path image = camera / "data" / fs::path(fields[1]).filename();
-    frames.push_back({image.stem().string(), image, to_seconds(*time_ns), 0.0});
+    frames.push_back({image.stem().string(), image, geometry::to_seconds(*time_ns), 0.0});
   }
   return existing_frames(std::move(frames), file, warnings);
 }

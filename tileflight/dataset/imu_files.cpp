@@ -9,7 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/strict_section.h"
 #include "tileflight/base/text_fields.h"
-#include "tileflight/dataset/nanoseconds.h"
+#include "tileflight/geometry/nanoseconds.h"
 #include "tileflight/imaging/calibration_yaml.h"
 
 namespace tileflight::dataset {
@@ -37,7 +37,7 @@ double parse_time_s(const std::string& where, std::string_view field, bool in_se
   }
   const auto time_ns = base::parse_number<std::int64_t>(field);
   if (!time_ns) throw InputError(where, "\"" + std::string(field) + "\" is not a time in whole nanoseconds");
-  return to_seconds(*time_ns);
+  return geometry::to_seconds(*time_ns);
 }
 
 ImuReading parse_reading(const std::string& where, const std::vector<std::string_view>& fields, bool in_seconds) {
@@ -86,7 +86,7 @@ std::vector<ImuReading> read_imu_csv(const std::filesystem::path& file) {
 void write_imu_csv(const std::filesystem::path& file, const std::vector<ImuReading>& readings) {
   std::string text = std::string(kHeader) + "\n";
   for (const ImuReading& reading : readings) {
-    base::append_number(text, to_nanoseconds(reading.time_s));
+    base::append_number(text, geometry::to_nanoseconds(reading.time_s));
     for (const geometry::Vec3& vector : {reading.angular_rate_rad_s, reading.specific_force_m_s2}) {
       for (int axis = 0; axis < 3; ++axis) {
         text += ',';

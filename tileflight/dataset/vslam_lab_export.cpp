@@ -9,7 +9,7 @@
 #include "tileflight/dataset/depth_images.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/dataset/imu_files.h"
-#include "tileflight/dataset/nanoseconds.h"
+#include "tileflight/geometry/nanoseconds.h"
 #include "tileflight/imaging/calibration_checks.h"
 #include "tileflight/imaging/calibration_files.h"
 #include "tileflight/imaging/image_files.h"
@@ -81,7 +81,7 @@ std::string imu_text(const Dataset& dataset, const std::vector<ImuReading>& read
 }
 
 void append_row(std::string& text, double time_s, std::initializer_list<double> numbers) {
-  text += std::to_string(to_nanoseconds(time_s));
+  text += std::to_string(geometry::to_nanoseconds(time_s));
   for (const double number : numbers) {
     text += ',';
     base::append_number(text, number);
@@ -114,7 +114,7 @@ std::string frames_csv(const Dataset& dataset, bool as_png, bool with_depth) {
   text += with_depth ? ",ts_depth_0 (ns),path_depth_0\n" : "\n";
   for (std::size_t i = 0; i < dataset.frames.size(); ++i) {
     const Frame& frame = dataset.frames[i];
-    const std::string time = std::to_string(to_nanoseconds(frame.time_s));
+    const std::string time = std::to_string(geometry::to_nanoseconds(frame.time_s));
     text += time + ",rgb_0/" + frame_stem(i) + (as_png ? ".png" : frame.image.extension().string());
     if (with_depth) text += frame.depth.empty() ? ",," : "," + time + ",depth_0/" + frame_stem(i) + ".png";
     text += '\n';

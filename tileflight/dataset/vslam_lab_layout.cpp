@@ -9,7 +9,7 @@
 #include "tileflight/base/string_lists.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/dataset/layouts.h"
-#include "tileflight/dataset/nanoseconds.h"
+#include "tileflight/geometry/nanoseconds.h"
 #include "tileflight/imaging/calibration_files.h"
 
 namespace tileflight::dataset::layouts {
@@ -92,7 +92,7 @@ class CsvTable {
     const TimeUnit unit = unit_of(column);
     const double value = number(column);
     if (unit == TimeUnit::kSeconds || (unit == TimeUnit::kNotSaid && std::abs(value) < kYear5000_s)) return value;
-    if (const auto whole = base::parse_number<std::int64_t>(cell(column))) return to_seconds(*whole);
+    if (const auto whole = base::parse_number<std::int64_t>(cell(column))) return geometry::to_seconds(*whole);
     return 1e-9 * value;
   }
 

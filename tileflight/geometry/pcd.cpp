@@ -58,7 +58,7 @@ void set_each(std::vector<PcdField>& fields, std::vector<std::string_view> value
 
 /// Applies one line of the header. `values`: the fields after the key.
 void apply_pcd_line(PcdHeader& header, std::string_view key, const std::vector<std::string_view>& values,
-                       const std::string& where) {
+                    const std::string& where) {
   const auto number = [&] { return parse_or_throw<std::uint64_t>(values.empty() ? "" : values[0], where); };
   if (key == "FIELDS") {
     header.fields.clear();

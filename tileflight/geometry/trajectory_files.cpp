@@ -12,6 +12,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/text_fields.h"
+#include "tileflight/geometry/nanoseconds.h"
 
 namespace tileflight::geometry {
 namespace {
@@ -81,7 +82,7 @@ double euroc_time_s(std::string_view field, bool has_seconds, const std::string&
   if (has_seconds) return finite_number(field, where);
   const auto time_ns = base::parse_number<std::int64_t>(field);
   if (!time_ns) throw InputError(where, "'" + std::string(field) + "' is not a time in whole nanoseconds");
-  return 1e-9 * static_cast<double>(*time_ns);
+  return to_seconds(*time_ns);
 }
 
 StampedPose parse_euroc_pose(std::string_view line, const EurocColumns& columns, const std::string& where) {

@@ -44,8 +44,11 @@ class Axis {
   }
   double to_px(double value) const { return low_px_ + (scaled(value) - low_) / (high_ - low_) * (high_px_ - low_px_); }
   std::vector<double> ticks() const {
-    if (!logarithmic_) return report::nice_ticks(low_, high_, kTicks);
     std::vector<double> values;
+    if (!logarithmic_) {
+      for (const double tick : report::nice_ticks(low_, high_, kTicks)) values.push_back(tick + 0.0);  // no "-0"
+      return values;
+    }
     for (int power = static_cast<int>(std::floor(low_)); power <= static_cast<int>(std::ceil(high_)); ++power) {
       for (const double digit : {1.0, 2.0, 5.0}) {
         const double value = digit * std::pow(10.0, power);

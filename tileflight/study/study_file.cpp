@@ -163,7 +163,8 @@ StudyFile read_study(const fs::path& file) {
   if (!std::ranges::count(evaluation.thresholds_m, study.threshold_m))
     throw root.error("threshold", "is not one of the thresholds that are evaluated; add it to evaluation.thresholds");
   for (const char* section : {"alignment", "evaluation"})
-    if (root.has(section)) study.settings += std::string(section) + ": " + root.canonical_value(section) + "\n";
+    study.settings +=
+        std::string(section) + ": " + (root.section(section) ? root.canonical_value(section) : "{}") + "\n";
   root.require_all_keys_used();
   return study;
 }

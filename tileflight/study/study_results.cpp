@@ -147,12 +147,26 @@ json robustness(const json& runs, const json& plan) {
   return result;
 }
 
+/// Why none of the completed runs has scores, if that is so: the fault is then hardly the systems'.
+std::string why_nothing_is_scored(const json& runs) {
+  std::string reason;
+  for (const json& run : runs) {
+    if (run.at("completed") == false) continue;
+    const std::string fault = run.at("not_scored");
+    if (fault.empty()) return "";
+    if (reason.empty()) reason = fault;
+  }
+  return reason;
+}
+
 /// What makes the ranking less sure than it looks.
-json ranking_doubts(const json& plan, const std::vector<RankedSystem>& ranking) {
+json ranking_doubts(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
   json doubts = json::array();
   const auto add = [&](const std::string& what, const std::string& remedy) {
     doubts.push_back({{"what", what}, {"where", "ranking"}, {"how_sure", "certain"}, {"what_to_do", remedy}});
   };
+  if (const std::string fault = why_nothing_is_scored(runs); !fault.empty())
+    add("no run could be scored: " + fault, "mend that, and start the study again");
   std::size_t places = 0, flights = 0;
   for (const RankedSystem& system : ranking) {
     places = std::max(places, system.places);
@@ -199,7 +213,7 @@ json collect_study(const fs::path& folder) {
           {"robustness", robustness(runs, plan)},
           {"ranking", to_json(ranking)},
           {"kendall_tau", agreement ? to_json(*agreement) : json(nullptr)},
-          {"doubts", ranking_doubts(plan, ranking)}};
+          {"doubts", ranking_doubts(plan, runs, ranking)}};
 }
 
 json write_study_report(const fs::path& folder) {

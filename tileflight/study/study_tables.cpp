@@ -81,14 +81,16 @@ Table ranking_table(const json& study) {
     const auto median = [&](const char* key, int decimals) {
       return format_fixed(median_of(study.at("runs"), name, key), decimals);
     };
-    table.rows.push_back(
-        {study.at("systems").at(name).at("title"), format_fixed(number_at(ranked, "/score"), 3),
-         interval_text(ranked.at("interval")),
-         ranked.at("interval_over") == "none" ? report::kUnknown : ranked.at("interval_over"),
-         std::to_string(ranked.at("flights").get<int>()),
-         std::to_string(robustness.at("failed").get<int>()) + " of " + std::to_string(robustness.at("runs").get<int>()),
-         frames > 0 ? report::format_percent(tracked / frames) : report::kUnknown, median("surface_median", 3),
-         median("ate_rmse", 3), median("seconds", 1), median("cpu_seconds", 1), median("peak_memory_mb", 0)});
+    table.rows.push_back({study.at("systems").at(name).at("title"), format_fixed(number_at(ranked, "/score"), 3),
+                          interval_text(ranked.at("interval")),
+                          ranked.at("interval_over") == "none" ? report::kUnknown : ranked.at("interval_over"),
+                          std::to_string(ranked.at("flights").get<int>()),
+                          robustness.at("runs") == 0 ? report::kUnknown
+                                                     : std::to_string(robustness.at("failed").get<int>()) + " of " +
+                                                           std::to_string(robustness.at("runs").get<int>()),
+                          frames > 0 ? report::format_percent(tracked / frames) : report::kUnknown,
+                          median("surface_median", 3), median("ate_rmse", 3), median("seconds", 1),
+                          median("cpu_seconds", 1), median("peak_memory_mb", 0)});
   }
   return table;
 }

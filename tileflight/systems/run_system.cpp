@@ -12,6 +12,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/dataset/exports.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/systems/handed_dataset.h"
 #include "tileflight/systems/lens_support.h"
@@ -22,12 +23,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-
-double frames_per_second(const dataset::Dataset& dataset) {
-  if (dataset.frames.size() < 2) return 0.0;
-  return static_cast<double>(dataset.frames.size() - 1) /
-         (dataset.frames.back().time_s - dataset.frames.front().time_s);
-}
 
 /// Distortion in the order of imaging/camera.h, with commas; empty for a plain pinhole and a panorama.
 template <class Lens>
@@ -56,7 +51,7 @@ std::map<std::string, std::string> make_environment(const Adapter& adapter, cons
       {"THREADS", std::to_string(threads)},
       {"OMP_NUM_THREADS", std::to_string(threads)},
       {"FRAMES", std::to_string(dataset.frames.size())},
-      {"FPS", base::fixed_text(frames_per_second(dataset))},
+      {"FPS", base::fixed_text(dataset::exports::frame_rate_hz(dataset))},
       {"WIDTH", std::to_string(handed.calibration.camera.width())},
       {"HEIGHT", std::to_string(handed.calibration.camera.height())},
       {"LENS", lens_name(handed.calibration.camera)},

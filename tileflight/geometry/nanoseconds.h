@@ -6,7 +6,7 @@
 
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::dataset {
+namespace tileflight::geometry {
 
 inline constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
 
@@ -28,4 +28,4 @@ inline std::int64_t to_nanoseconds(double time_s) {
   return static_cast<std::int64_t>(whole) * kNanosecondsPerSecond + std::llround(1e9 * (time_s - whole));
 }
 
-}  // namespace tileflight::dataset
+}  // namespace tileflight::geometry

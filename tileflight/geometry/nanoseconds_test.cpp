@@ -1,4 +1,4 @@
-#include "tileflight/dataset/nanoseconds.h"
+#include "tileflight/geometry/nanoseconds.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 
 #include "tests/refusal.h"
 
-namespace tileflight::dataset::nanoseconds_test {
+namespace tileflight::geometry::nanoseconds_test {
 namespace {
 
 TEST(Nanoseconds, SecondsComeBackToTheLastBit) {
@@ -39,4 +39,4 @@ TEST(Nanoseconds, TimesTooLargeAreRefused) {
 }
 
 }  // namespace
-}  // namespace tileflight::dataset::nanoseconds_test
+}  // namespace tileflight::geometry::nanoseconds_test
