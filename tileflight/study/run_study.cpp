@@ -76,6 +76,7 @@ esac
 void write_plan(const StudyPlan& plan, const fs::path& folder) {
   base::make_folder(folder / "tasks");
   base::make_folder(folder / "logs");
+  base::make_folder(folder / "done");
   write_if_changed(folder / "study.yaml", base::read_text(plan.study.file));
   write_if_changed(folder / "settings.yaml", "# For align and evaluate.\n" + plan.study.settings);
   write_if_changed(folder / "plan.json", describe_plan(plan).dump(2) + "\n");

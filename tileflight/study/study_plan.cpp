@@ -69,9 +69,6 @@ class TaskMaker {
   }
 
   StudyTask place_task(const StudyPlace& place, const StudyCamera& camera, const std::string& folder) const {
-    StudyTask task{.name = "place-" + fs::path(folder).filename().string(),
-                   .outputs = {folder + "/truth/extract.json"}};
-    for (const std::string& flight : place.flights) task.outputs.push_back(dataset(folder, flight) + "/dataset.yaml");
     std::ostringstream script;
     script << "\"$TILEFLIGHT\" run " << shell_word(fs::absolute(place.experiment).lexically_normal())
            << " --until datasets";
@@ -79,26 +76,23 @@ class TaskMaker {
     if (!camera.calibration.empty())
       script << " --camera " << shell_word(fs::absolute(camera.calibration).lexically_normal());
     script << " --threads " << threads_ << " --quiet --out " << shell_word(folder) << "\n";
-    script << "touch";  // what was up to date stays as it is, and counts as made now
-    for (const std::string& output : task.outputs) script << " " << shell_word(output);
-    script << "\n";
-    return finished(task, script.str(), "");
+    return finished({.name = place_task_name(folder)}, script.str(), "");
   }
 
   StudyTask system_task(const StudyFlight& flight, const StudyRun& run, const StudySystem& system) const {
     const std::string data = dataset(flight.place_folder, flight.flight);
-    StudyTask task{.name = task_name("system", run),
-                   .inputs = {data + "/dataset.yaml"},
-                   .outputs = {run.folder + "/odometry/odometry.json"}};
+    StudyTask task{.name = task_name("system", run), .inputs = {marker_of(place_task_name(flight.place_folder))}};
     std::ostringstream script;
     script << "mkdir -p " << shell_word(run.folder) << "\n"
+           << "rm -rf " << shell_word(run.folder + "/odometry") << "\n"
            << "# Exit status 1: the system failed, which is a result and stands in odometry.json.\n"
            << "\"$TILEFLIGHT\" odometry " << shell_word(data) << " --system " << shell_word(adapter_word(system))
            << " --seed " << run.seed;
     if (system.time_limit_s > 0.0) script << " --time-limit " << base::fixed_text(system.time_limit_s);
     if (system.memory_limit_gb > 0.0) script << " --memory-limit " << base::fixed_text(system.memory_limit_gb);
     script << " --threads " << threads_ << " --quiet --force --out " << shell_word(run.folder + "/odometry")
-           << " || [ $? -eq 1 ]\n";
+           << " || [ $? -eq 1 ]\n"
+           << "test -f " << shell_word(run.folder + "/odometry/odometry.json") << "\n";
     if (system.time_limit_s > 0.0) task.minutes = 10 + static_cast<int>(system.time_limit_s / 60.0);
     if (system.memory_limit_gb > 0.0) task.memory_mb = 2000 + static_cast<int>(1000.0 * system.memory_limit_gb);
     return finished(task, script.str(), folder_hash(system.adapter.folder));
@@ -106,9 +100,8 @@ class TaskMaker {
 
   StudyTask score_task(const StudyFlight& flight, const StudyRun& run) const {
     const std::string truth = flight.place_folder + "/truth", data = dataset(flight.place_folder, flight.flight);
-    StudyTask task{.name = task_name("score", run),
-                   .inputs = {run.folder + "/odometry/odometry.json", truth + "/extract.json", "settings.yaml"},
-                   .outputs = {run.folder + "/scores.txt"}};
+    const StudyTask task{.name = task_name("score", run),
+                         .inputs = {marker_of(task_name("system", run)), "settings.yaml"}};
     const std::string map = shell_word(run.folder + "/odometry"), to = shell_word(truth), with = shell_word(data);
     const std::string transform = shell_word(run.folder + "/transform.json");
     const std::string metrics = shell_word(run.folder + "/metrics.json"), log = shell_word(run.folder + "/scores.part");
@@ -132,12 +125,16 @@ class TaskMaker {
   }
 
   StudyTask report_task(const std::vector<StudyRun>& runs) const {
-    StudyTask task{.name = "report", .inputs = {"plan.json"}, .outputs = {"study.json", "study.html"}};
-    for (const StudyRun& run : runs) task.inputs.push_back(run.folder + "/scores.txt");
+    StudyTask task{.name = "report", .inputs = {"plan.json"}};
+    for (const StudyRun& run : runs) task.inputs.push_back(marker_of(task_name("score", run)));
     return finished(task, "\"$TILEFLIGHT\" report . --quiet\n", "");
   }
 
  private:
+  static std::string place_task_name(const std::string& folder) {
+    return "place-" + fs::path(folder).filename().string();
+  }
+  static std::string marker_of(const std::string& task) { return "done/" + task; }
   static std::string dataset(const std::string& place_folder, const std::string& flight) {
     return place_folder + "/" + flight + "/dataset";
   }
@@ -154,8 +151,10 @@ class TaskMaker {
     task.threads = threads_;
     task.script = "#!/bin/sh\n# To be run in the study's folder.\n# program " + fingerprint_.substr(0, 16) +
                   (version.empty() ? "" : ", adapter " + version.substr(0, 16)) +
-                  "\nset -e\n: \"${TILEFLIGHT:=" + program_.string() + "}\"\n" + work;
+                  "\nset -e\n: \"${TILEFLIGHT:=" + program_.string() + "}\"\n" + work + "touch " +
+                  shell_word(marker_of(task.name)) + "\n";
     task.inputs.push_back("tasks/" + task.name + ".sh");
+    task.outputs = {marker_of(task.name)};
     return task;
   }
 

@@ -28,9 +28,11 @@ struct StudyRun {
 /// A step of the study: a shell script that is run in the study's folder when an output is missing or older than an
 /// input.
 struct StudyTask {
-  std::string name;                          ///< also of its script: tasks/NAME.sh
-  std::string script;                        ///< whole text
-  std::vector<std::string> inputs, outputs;  ///< files, relative to the study's folder
+  std::string name;    ///< also of its script: tasks/NAME.sh
+  std::string script;  ///< whole text
+  /// Files, relative to the study's folder. The output is a marker, done/NAME: Snakemake removes the outputs of a task
+  /// before it runs it, and a place's truth may serve another study meanwhile.
+  std::vector<std::string> inputs, outputs;
   int threads = 1;
   int memory_mb = 4000;
   int minutes = 120;
