@@ -6,7 +6,7 @@
 
 namespace tileflight::report {
 
-/// Placeholder for an unknown value.
+/// What is shown for an unknown value.
 inline constexpr const char* kUnknown = "\u2013";
 
 /// The number at a JSON pointer ("/map/mean"); nullopt if it is absent, null or not a number.
