@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "tileflight/base/angles.h"
 #include "tileflight/flight/path.h"
+#include "tileflight/geometry/angles.h"
 
 namespace tileflight::flight {
 namespace {
@@ -11,7 +11,7 @@ namespace {
 using geometry::Mat3;
 using geometry::Vec3;
 
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 
 Mat3 rolled(const Vec3& forward, const Vec3& right, double roll_deg) {
   const Vec3 down = forward.cross(right);

@@ -5,11 +5,11 @@
 #include <string>
 #include <variant>
 
-#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/flight/cubic_spline.h"
 #include "tileflight/flight/orientation_curve.h"
 #include "tileflight/flight/speed_plan.h"
+#include "tileflight/geometry/angles.h"
 
 namespace tileflight::flight {
 namespace {
@@ -18,7 +18,7 @@ using geometry::Mat3;
 using geometry::SE3;
 using geometry::Vec3;
 
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 /// Grid cells between two waypoints for speed planning.
 constexpr int kCellsPerSegment = 64;
 /// Between the grid's samples the bounds may be slightly exceeded.

@@ -10,7 +10,7 @@ std::string version();
 /// Commit that the program was built from ("unknown" outside a checkout; "+changes" when files differed from it).
 std::string commit();
 
-/// SHA-256 of the running program's own file.
+/// SHA-256 of the program's own file (base::program_path()).
 std::string program_fingerprint();
 
 }  // namespace tileflight::place

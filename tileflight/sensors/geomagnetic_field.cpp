@@ -4,15 +4,15 @@
 #include <cmath>
 #include <vector>
 
-#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/angles.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::Vec3;
 
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 constexpr double kMicroPerNano = 1e-3;
 constexpr double kEpoch = 2025.0, kEnd = 2030.0;
 constexpr double kReferenceRadius_m = 6371200.0;

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
+#include "tileflight/geometry/angles.h"
 #include "tileflight/render/sample_times.h"
 
 namespace tileflight::sensors {
@@ -13,7 +13,7 @@ namespace {
 using geometry::Vec3;
 
 constexpr std::uint64_t kGyroscopeNoise = 11, kAccelerometerNoise = 12, kGyroscopeWalk = 13, kAccelerometerWalk = 14;
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 
 void check_not_negative(double value, const char* option) {
   if (!(value >= 0.0 && std::isfinite(value))) throw InputError(std::string("IMU ") + option, "must be 0 or more");

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
 #include "tileflight/base/require.h"
+#include "tileflight/geometry/angles.h"
 #include "tileflight/render/reflectance.h"
 
 namespace tileflight::sensors {
@@ -19,7 +19,7 @@ using geometry::SE3;
 using geometry::Vec3;
 
 constexpr std::uint64_t kLidarNoise = 51, kDropoutStream = 52;
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 
 /// A uniform number in [0, 1) that depends only on key and counter.
 double uniform_number(std::uint64_t key, std::uint64_t counter) {

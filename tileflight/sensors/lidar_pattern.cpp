@@ -6,16 +6,16 @@
 #include <numeric>
 #include <string>
 
-#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/require.h"
+#include "tileflight/geometry/angles.h"
 
 namespace tileflight::sensors {
 namespace {
 
 using geometry::Vec3;
 
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 constexpr double kMaxBeams = 1e7;
 
 /// Azimuth clockwise from x (to the right), elevation positive upwards.

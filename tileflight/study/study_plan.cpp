@@ -7,6 +7,7 @@
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/number_text.h"
+#include "tileflight/base/program_path.h"
 #include "tileflight/base/shell_word.h"
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/results.h"
@@ -46,7 +47,7 @@ class TaskMaker {
       : study_(study),
         options_(options),
         threads_(std::max(1, options.cores / std::max(1, options.jobs))),
-        program_(fs::read_symlink("/proc/self/exe")),
+        program_(base::program_path()),
         fingerprint_(place::program_fingerprint()) {}
 
   /// Folder of a place's truth and datasets, named by all that they come from: studies with the same place share it.

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "tileflight/base/known_keys.h"
+#include "tileflight/base/program_path.h"
 #include "tileflight/base/strict_section.h"
 #include "tileflight/dataset/export_dataset.h"
 #include "tileflight/systems/lens_support.h"
@@ -107,12 +108,6 @@ bool is_in_path(const std::string& program) {
   return false;
 }
 
-fs::path program_folder() {
-  std::error_code failed;
-  const fs::path program = fs::read_symlink("/proc/self/exe", failed);
-  return failed ? fs::path() : program.parent_path();
-}
-
 }  // namespace
 
 std::string to_text(Input input) {
@@ -143,7 +138,7 @@ std::vector<fs::path> adapter_folders() {
   std::vector<fs::path> folders;
   for (const std::string& folder : separated(own == nullptr ? "" : own, ':')) folders.emplace_back(folder);
   folders.emplace_back("adapters");
-  if (const fs::path program = program_folder(); !program.empty()) {
+  if (const fs::path program = base::program_path().parent_path(); !program.empty()) {
     folders.push_back(program.parent_path() / "share/tileflight/adapters");             // PREFIX/bin
     folders.push_back(program.parent_path().parent_path().parent_path() / "adapters");  // build/PRESET/bin
   }
@@ -192,8 +187,7 @@ std::string why_not_installed(const Adapter& adapter) {
 
 std::string installed_version(const Adapter& adapter) {
   if (adapter.version_command.empty() || !why_not_installed(adapter).empty()) return "";
-  if (const fs::path program = program_folder(); !program.empty())
-    setenv("TILEFLIGHT", (program / "tileflight").c_str(), 0);
+  if (const fs::path program = base::program_path(); !program.empty()) setenv("TILEFLIGHT", program.c_str(), 0);
   const std::unique_ptr<FILE, int (*)(FILE*)> pipe(
       popen(("(" + adapter.version_command + ") 2>/dev/null </dev/null").c_str(), "r"), pclose);
   if (!pipe) return "";

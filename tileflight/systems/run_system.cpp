@@ -12,6 +12,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/base/program_path.h"
 #include "tileflight/dataset/exports.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/systems/handed_dataset.h"
@@ -55,7 +56,7 @@ std::map<std::string, std::string> make_environment(const Adapter& adapter, cons
       {"WIDTH", std::to_string(handed.calibration.camera.width())},
       {"HEIGHT", std::to_string(handed.calibration.camera.height())},
       {"LENS", lens_name(handed.calibration.camera)},
-      {"TILEFLIGHT", options.program.empty() ? fs::read_symlink("/proc/self/exe") : options.program}};
+      {"TILEFLIGHT", options.program.empty() ? base::program_path() : options.program}};
   std::visit(
       [&](const auto& lens) {
         environment["DISTORTION"] = distortion_text(lens);

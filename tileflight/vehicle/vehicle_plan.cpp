@@ -1,12 +1,12 @@
 #include "tileflight/vehicle/vehicle_plan.h"
 
-#include "tileflight/base/angles.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/geometry/angles.h"
 
 namespace tileflight::vehicle {
 namespace {
 
-using base::kRadiansPerDegree;
+using geometry::kRadiansPerDegree;
 using base::StrictSection;
 using geometry::Vec3;
 

@@ -2,8 +2,8 @@
 
 #include <numbers>
 
-namespace tileflight::base {
+namespace tileflight::geometry {
 
 inline constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 
-}  // namespace tileflight::base
+}  // namespace tileflight::geometry
