@@ -100,6 +100,18 @@ void describe(DatasetWriter& writer, const IngestOptions& options, const ScaledC
   for (const auto& [key, value] : options.description) writer.describe(key, value);
 }
 
+/// What the log and the true path know of the frames' time span, and where all of it came from.
+void finish(DatasetWriter& writer, const IngestOptions& options, const ScaledCalibration& fitted,
+            const geometry::Trajectory& groundtruth, IngestResult& result) {
+  const TimeSpan frames{result.first_time_s, result.last_time_s};
+  add_gps(writer, options, frames, result);
+  add_attitudes(writer, options, frames);
+  add_ranges(writer, options, frames);
+  add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
+  describe(writer, options, fitted);
+  writer.finish();
+}
+
 /// Throws InputError if frames are missing at the end of the excerpt: frames are `period_s` apart and the video ends at
 /// `end_s`.
 void require_covers_excerpt(const IngestOptions& options, double end_s, double period_s) {
@@ -148,13 +160,7 @@ void ingest_video(const IngestOptions& options, const fs::path& folder, const ge
   // The container's duration may be wrong, so the frames decide.
   require_covers_excerpt(options, result.last_time_s + period_s * options.excerpt.every, period_s);
 
-  const TimeSpan frames{result.first_time_s, result.last_time_s};
-  add_gps(writer, options, frames, result);
-  add_attitudes(writer, options, frames);
-  add_ranges(writer, options, frames);
-  add_groundtruth(writer, groundtruth, options.groundtruth.string(), frames, result);
-  describe(writer, options, fitted);
-  writer.finish();
+  finish(writer, options, fitted, groundtruth, result);
 }
 
 /// Images in time order.
@@ -236,13 +242,7 @@ void ingest_images(const IngestOptions& options, const fs::path& folder, const g
     const std::lock_guard lock(mutex);
     report_progress(progress, ++done, static_cast<std::int64_t>(frames.size()), "copying images");
   });
-  const TimeSpan span{result.first_time_s, result.last_time_s};
-  add_gps(writer, options, span, result);
-  add_attitudes(writer, options, span);
-  add_ranges(writer, options, span);
-  add_groundtruth(writer, groundtruth, options.groundtruth.string(), span, result);
-  describe(writer, options, fitted);
-  writer.finish();
+  finish(writer, options, fitted, groundtruth, result);
 }
 
 }  // namespace
