@@ -46,6 +46,9 @@ inline void add_common_options(CLI::App& command, CommonOptions& common) {
       ->check(CLI::Range(1, 1024));
 }
 
+/// Adds all commands; `common` and `selection` are filled by the parser and must outlive the application.
+void add_commands(CLI::App& app, CommonOptions& common, Selection& selection);
+
 // One function per command, each in the file of its name: adds the subcommand and binds it to `selection`.
 void add_scene(CLI::App& app, CommonOptions& common, Selection& selection);
 void add_tile(CLI::App& app, CommonOptions& common, Selection& selection);

@@ -23,28 +23,6 @@ using tileflight::app::CommonOptions;
 using tileflight::app::Output;
 using tileflight::app::Selection;
 
-void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
-  namespace commands = tileflight::app;
-  commands::add_scene(app, common, selection);
-  commands::add_tile(app, common, selection);
-  commands::add_inspect(app, common, selection);
-  commands::add_extract(app, common, selection);
-  commands::add_coverage(app, common, selection);
-  commands::add_preview(app, common, selection);
-  commands::add_render(app, common, selection);
-  commands::add_ingest(app, common, selection);
-  commands::add_export(app, common, selection);
-  commands::add_odometry(app, common, selection);
-  commands::add_systems(app, common, selection);
-  commands::add_align(app, common, selection);
-  commands::add_evaluate(app, common, selection);
-  commands::add_compare(app, common, selection);
-  commands::add_run(app, common, selection);
-  commands::add_study(app, common, selection);
-  commands::add_report(app, common, selection);
-  commands::add_serve(app, common, selection);
-}
-
 /// Prints one line, whatever the message contains.
 void print_error(std::string message) {
   for (char& c : message) {
@@ -125,7 +103,7 @@ int main(int argc, char** argv) {
 
   CommonOptions common;
   Selection selection;
-  add_commands(app, common, selection);
+  tileflight::app::add_commands(app, common, selection);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& fault) {
