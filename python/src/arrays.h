@@ -1,0 +1,75 @@
+#pragma once
+
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/geometry/trajectory.h"
+#include "tileflight/geometry/transform.h"
+#include "tileflight/imaging/image.h"
+
+namespace tileflight::python {
+
+namespace py = pybind11;
+
+/// Arrays that functions take: converted to this type and to rows without gaps if they are not already.
+template <class T>
+using InputArray = py::array_t<T, py::array::c_style | py::array::forcecast>;
+
+/// Hands a vector over to a new array without copying its elements. `shape` has as many T as the vector has bytes.
+template <class T, class Element>
+py::array_t<T> move_to_array(std::vector<Element> elements, std::vector<py::ssize_t> shape) {
+  auto* owned = new std::vector<Element>(std::move(elements));
+  const py::capsule owner(owned, [](void* memory) { delete static_cast<std::vector<Element>*>(memory); });
+  return py::array_t<T>(std::move(shape), reinterpret_cast<const T*>(owned->data()), owner);
+}
+
+/// An array that shows memory of `owner`, which it keeps alive; it cannot be written to.
+template <class T>
+py::array_t<T> view_of(const void* memory, std::vector<py::ssize_t> shape, const py::handle& owner) {
+  py::array_t<T> view(std::move(shape), static_cast<const T*>(memory), owner);
+  view.attr("setflags")(py::arg("write") = false);
+  return view;
+}
+
+inline py::array_t<double> points_to_array(std::vector<geometry::Vec3> points) {
+  const auto count = static_cast<py::ssize_t>(points.size());
+  return move_to_array<double>(std::move(points), {count, 3});
+}
+
+inline py::array_t<std::uint8_t> image_to_array(imaging::RgbImage image) {
+  return move_to_array<std::uint8_t>(std::move(image.pixels), {image.height, image.width, 3});
+}
+
+inline py::array_t<float> image_to_array(imaging::FloatImage image) {
+  return move_to_array<float>(std::move(image.pixels), {image.height, image.width});
+}
+
+/// Throws ValueError unless the array has shape (any, columns). `name`: of the argument.
+void require_columns(const py::array& array, py::ssize_t columns, const char* name);
+
+/// The rows of an (N, 3) array.
+std::vector<geometry::Vec3> points_from_array(const InputArray<double>& array, const char* name);
+
+/// An image of shape (height, width, 3), or (height, width) in grey; 8 bits a channel. Throws ValueError.
+imaging::RgbImage image_from_array(const InputArray<std::uint8_t>& array);
+
+/// A rigid motion from a 4x4 matrix. Throws ValueError for another shape, or if its upper left is no rotation to 1e-6.
+geometry::SE3 rigid_motion_from(const InputArray<double>& matrix, const char* name);
+/// A similarity from a 4x4 matrix. Throws ValueError, InputError.
+geometry::Sim3 similarity_from(const InputArray<double>& matrix, const char* name);
+
+/// Times (N) and poses (N, 4, 4) as a trajectory. Throws ValueError for other shapes, and times that do not increase.
+geometry::Trajectory trajectory_from(const InputArray<double>& times, const InputArray<double>& poses);
+py::array_t<double> times_of(const geometry::Trajectory& trajectory);
+py::array_t<double> poses_of(const geometry::Trajectory& trajectory);
+
+}  // namespace tileflight::python

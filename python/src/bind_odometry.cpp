@@ -1,0 +1,127 @@
+#include <nlohmann/json.hpp>
+
+#include "arrays.h"
+#include "bindings.h"
+#include "tileflight/experiment/stage_options.h"
+#include "tileflight/odometry/odometry.h"
+
+namespace tileflight::python {
+namespace {
+
+using odometry::FrameResult;
+using odometry::Odometry;
+using odometry::OdometryResult;
+
+const char* status_name(odometry::FrameStatus status) {
+  switch (status) {
+    case odometry::FrameStatus::kInitializing:
+      return "initializing";
+    case odometry::FrameStatus::kTracked:
+      return "tracked";
+    case odometry::FrameStatus::kNotAligned:
+      return "not aligned";
+    case odometry::FrameStatus::kLost:
+      break;
+  }
+  return "lost";
+}
+
+odometry::OdometryOptions options_from(const py::kwargs& settings) {
+  const nlohmann::json json = to_json(settings, "settings");
+  base::StrictSection section(json, "Odometry");
+  odometry::OdometryOptions options = experiment::read_odometry_options(section);
+  section.require_all_keys_used();
+  return options;
+}
+
+std::unique_ptr<Odometry> make_odometry(const imaging::Camera& camera, double line_delay_s,
+                                        const py::kwargs& settings) {
+  imaging::Calibration calibration;
+  calibration.camera = camera;
+  calibration.line_delay_s = line_delay_s;
+  return std::make_unique<Odometry>(calibration, options_from(settings));
+}
+
+FrameResult add(Odometry& odometry, const InputArray<std::uint8_t>& image, double time_s,
+                const std::optional<InputArray<double>>& prior) {
+  imaging::RgbImage pixels = image_from_array(image);
+  std::optional<geometry::SE3> T_world_camera;
+  if (prior) T_world_camera = rigid_motion_from(*prior, "prior");
+  const py::gil_scoped_release unlocked;
+  return odometry.add(std::move(pixels), time_s, T_world_camera);
+}
+
+py::dict cloud_to_arrays(geometry::PointCloud cloud) {
+  const auto count = static_cast<py::ssize_t>(cloud.size());
+  py::dict arrays;
+  arrays["points"] = points_to_array(std::move(cloud.positions));
+  if (!cloud.colors.empty()) arrays["colors"] = move_to_array<std::uint8_t>(std::move(cloud.colors), {count, 3});
+  for (auto& [name, values] : cloud.scalars) arrays[name.c_str()] = move_to_array<float>(std::move(values), {count});
+  return arrays;
+}
+
+py::dict path_to_arrays(const geometry::Trajectory& trajectory) {
+  py::dict arrays;
+  arrays["times"] = times_of(trajectory);
+  arrays["poses"] = poses_of(trajectory);
+  return arrays;
+}
+
+py::dict finish(Odometry& odometry) {
+  OdometryResult result;
+  {
+    const py::gil_scoped_release unlocked;
+    result = odometry.finish();
+  }
+  py::dict out;
+  out["trajectory"] = path_to_arrays(result.trajectory);
+  out["keyframes"] = path_to_arrays(result.keyframes);
+  out["map"] = cloud_to_arrays(std::move(result.map));
+  out["camera"] = result.camera ? py::cast(*result.camera) : py::object(py::none());
+  out["frames"] = result.frames;
+  out["frames_tracked"] = result.frames_tracked;
+  out["lost"] = result.lost;
+  out["lost_reason"] = result.lost_reason;
+  return out;
+}
+
+}  // namespace
+
+void bind_odometry(py::module_& module) {
+  using py::arg;
+  py::class_<FrameResult>(module, "TrackedFrame", "What is known of an image at the moment when it was added.")
+      .def_property_readonly("status", [](const FrameResult& f) { return status_name(f.status); },
+                             "'initializing', 'tracked', 'not aligned' or 'lost'.")
+      .def_property_readonly(
+          "pose",
+          [](const FrameResult& f) {
+            return f.T_map_camera ? py::cast(f.T_map_camera->matrix()) : py::object(py::none());
+          },
+          "T_map_camera (4, 4), scale unknown (monocular); or None.")
+      .def_property_readonly("is_keyframe", [](const FrameResult& f) { return f.quality.is_keyframe; })
+      .def_property_readonly("rmse", [](const FrameResult& f) { return f.quality.rmse; }, "Of the alignment, grey values.")
+      .def_property_readonly("sigma_position", [](const FrameResult& f) { return f.quality.sigma_position; },
+                             "Standard deviation of the position relative to the previous keyframe, map units.")
+      .def_readonly("reason", &FrameResult::reason, "Why there is no pose; empty if tracked.");
+  py::class_<Odometry>(module, "Odometry",
+                       "Direct Sparse Odometry (Engel, Koltun, Cremers, TPAMI 2018): images in, one at a time; poses "
+                       "and a map out. One thread at a time may use an object.")
+      .def(py::init(&make_odometry), arg("camera"), arg("line_delay") = 0.0,
+           "camera: the lens of the images. line_delay: seconds from row to row of a rolling shutter. Further keywords "
+           "are the keys of an experiment's `odometry:` section.")
+      .def("add", &add, arg("image"), arg("time"), arg("prior") = py::none(),
+           "Processes the next image, (height, width, 3) or (height, width) uint8, at a time in seconds; prior: "
+           "T_world_camera (4, 4) if it is known. Returns a TrackedFrame.")
+      .def_property_readonly("lost", &Odometry::lost)
+      .def_property_readonly("frames", &Odometry::frames)
+      .def_property_readonly("trajectory", [](const Odometry& o) { return path_to_arrays(o.trajectory()); },
+                             "As estimated now: times (N) and poses T_map_camera (N, 4, 4).")
+      .def_property_readonly("keyframes", [](const Odometry& o) { return path_to_arrays(o.keyframes()); })
+      .def_property_readonly("map", [](const Odometry& o) { return cloud_to_arrays(o.map()); },
+                             "As estimated now: points (N, 3) in map units, colors (N, 3), and named values (N).")
+      .def("finish", &finish,
+           "Ends the odometry: a dictionary with trajectory, keyframes, map, camera (refined), frames, frames_tracked, "
+           "lost, lost_reason.");
+}
+
+}  // namespace tileflight::python

@@ -1,0 +1,155 @@
+#include "arrays.h"
+#include "bindings.h"
+#include "loaded_scene.h"
+#include "tileflight/flight/path.h"
+#include "tileflight/sensors/imu.h"
+#include "tileflight/sensors/lidar.h"
+
+namespace tileflight::python {
+namespace {
+
+using SceneHandle = std::shared_ptr<LoadedScene>;
+
+/// A lidar by its data sheet in a scene.
+class SceneLidar {
+ public:
+  SceneLidar(SceneHandle scene, const std::string& model, const std::optional<InputArray<double>>& T_camera_lidar,
+             std::uint64_t seed, bool perfect, const std::string& motion)
+      : scene_(std::move(scene)) {
+    sensors::LidarOptions options = sensors::lidar_preset(model);
+    options.seed = seed;
+    if (T_camera_lidar) options.T_camera_lidar = rigid_motion_from(*T_camera_lidar, "T_camera_lidar");
+    if (perfect) {
+      options.range_sigma_m = options.range_sigma_share = options.signal_spread = options.dropout_share = 0.0;
+      options.white_range_m = std::numeric_limits<double>::infinity();
+    }
+    options.motion = motion_named(motion);
+    period_s_ = sensors::scan_period_s(options.pattern);
+    const py::gil_scoped_release unlocked;
+    lidar_ = std::make_unique<sensors::Lidar>(scene_->scene, options);
+  }
+
+  double period_s() const { return period_s_; }
+
+  py::dict scan(const flight::Path& path, std::uint64_t number, double start_s) const {
+    return to_arrays([&] { return lidar_->scan(number, start_s, [&](double t) { return path.pose(t); }); });
+  }
+  py::dict scan_at_rest(const InputArray<double>& T_local_camera, std::uint64_t number) const {
+    const geometry::SE3 pose = rigid_motion_from(T_local_camera, "T_local_camera");
+    return to_arrays([&] { return lidar_->scan(number, 0.0, [&](double) { return pose; }); });
+  }
+
+ private:
+  static sensors::ScanMotion motion_named(const std::string& name) {
+    if (name == "distorted") return sensors::ScanMotion::kDistorted;
+    if (name == "corrected") return sensors::ScanMotion::kCorrected;
+    if (name == "frozen") return sensors::ScanMotion::kFrozen;
+    throw py::value_error("motion must be 'distorted', 'corrected' or 'frozen', not '" + name + "'");
+  }
+
+  template <class Scan>
+  static py::dict to_arrays(Scan scan) {
+    sensors::LidarScan result;
+    {
+      const py::gil_scoped_release unlocked;
+      result = scan();
+    }
+    const auto count = static_cast<py::ssize_t>(result.points.size());
+    std::vector<float> positions, intensities, times;
+    std::vector<std::uint16_t> rings;
+    for (const sensors::LidarPoint& point : result.points) {
+      positions.insert(positions.end(), point.position.data(), point.position.data() + 3);
+      intensities.push_back(point.intensity);
+      times.push_back(point.time_s);
+      rings.push_back(point.ring);
+    }
+    py::dict arrays;
+    arrays["points"] = move_to_array<float>(std::move(positions), {count, 3});
+    arrays["intensity"] = move_to_array<float>(std::move(intensities), {count});
+    arrays["time"] = move_to_array<float>(std::move(times), {count});
+    arrays["ring"] = move_to_array<std::uint16_t>(std::move(rings), {count});
+    arrays["start"] = result.time_s;
+    arrays["T_local_lidar"] = py::cast(result.T_local_lidar.matrix());
+    arrays["beams"] = result.beams;
+    return arrays;
+  }
+
+  SceneHandle scene_;
+  double period_s_ = 0.0;
+  std::unique_ptr<sensors::Lidar> lidar_;
+};
+
+flight::Path path_from(const InputArray<double>& times, const InputArray<double>& poses) {
+  return flight::path_through_poses(trajectory_from(times, poses));
+}
+
+py::dict simulate_imu(const flight::Path& path, const std::string& model, std::optional<double> rate_hz,
+                      std::uint64_t seed, const std::optional<InputArray<double>>& T_camera_imu) {
+  sensors::ImuOptions options = sensors::imu_preset(model);
+  options.seed = seed;
+  if (rate_hz) options.rate_hz = *rate_hz;
+  if (T_camera_imu) options.T_camera_imu = rigid_motion_from(*T_camera_imu, "T_camera_imu");
+  sensors::ImuRecording recording;
+  {
+    const py::gil_scoped_release unlocked;
+    recording = sensors::simulate_imu(sensors::motion_along(path), path.start_s(), path.end_s(), options);
+  }
+  const auto count = static_cast<py::ssize_t>(recording.samples.size());
+  std::vector<double> times;
+  std::vector<geometry::Vec3> rates, forces, rate_biases, force_biases;
+  for (const sensors::ImuSample& sample : recording.samples) {
+    times.push_back(sample.time_s);
+    rates.push_back(sample.angular_rate_rad_s);
+    forces.push_back(sample.specific_force_m_s2);
+  }
+  for (const sensors::ImuBias& bias : recording.biases) {
+    rate_biases.push_back(bias.gyroscope_rad_s);
+    force_biases.push_back(bias.accelerometer_m_s2);
+  }
+  py::dict arrays;
+  arrays["times"] = move_to_array<double>(std::move(times), {count});
+  arrays["angular_rate"] = points_to_array(std::move(rates));
+  arrays["specific_force"] = points_to_array(std::move(forces));
+  arrays["gyroscope_bias"] = points_to_array(std::move(rate_biases));
+  arrays["accelerometer_bias"] = points_to_array(std::move(force_biases));
+  return arrays;
+}
+
+}  // namespace
+
+void bind_sensors(py::module_& module) {
+  using flight::Path;
+  using py::arg;
+  py::class_<Path>(module, "Path", "A smooth camera path; times beyond its ends are those of its ends.")
+      .def(py::init(&path_from), arg("times"), arg("poses"),
+           "Through poses T_local_camera (N, 4, 4) at times (N), seconds: cubic splines in position and quaternion.")
+      .def_property_readonly("start", &Path::start_s, "Seconds.")
+      .def_property_readonly("end", &Path::end_s, "Seconds.")
+      .def("pose", [](const Path& p, double t) { return p.pose(t).matrix(); }, arg("time"), "T_local_camera (4, 4).")
+      .def("velocity", &Path::velocity, arg("time"), "Of the camera, local frame (3), m/s.")
+      .def("acceleration", &Path::acceleration, arg("time"), "Of the camera, local frame (3), m/s^2, without gravity.")
+      .def("angular_velocity", &Path::angular_velocity, arg("time"), "In camera axes (3), rad/s.");
+  py::class_<SceneLidar>(module, "Lidar",
+                         "A lidar in a scene; lidar frame: x forward, y left, z up. A scan is a dictionary: points "
+                         "(N, 3) float32 metres in the lidar frame, intensity (N) 0 to 1, time (N) seconds after the "
+                         "start, ring (N), start, T_local_lidar (4, 4) at the start, beams fired.")
+      .def(py::init<SceneHandle, const std::string&, const std::optional<InputArray<double>>&, std::uint64_t, bool,
+                    const std::string&>(),
+           arg("scene"), arg("model") = "vlp-16", py::kw_only(), arg("T_camera_lidar") = py::none(), arg("seed") = 1,
+           arg("perfect") = false, arg("motion") = "distorted",
+           "model: vlp-16, os1-64, hdl-64e, livox-mid-40. T_camera_lidar: mounting (default: upright on the camera). "
+           "perfect: no noise and no lost returns. motion: 'distorted' (points in the lidar's frame at their time, as a "
+           "real one gives them), 'corrected' (in its frame at the start), 'frozen' (all beams at the start).")
+      .def_property_readonly("period", &SceneLidar::period_s, "Seconds from scan to scan.")
+      .def("scan", &SceneLidar::scan, arg("path"), arg("number") = 0, arg("start") = 0.0,
+           "Scan `number`, which starts at `start` seconds, of a camera that moves along the path.")
+      .def("scan_at_rest", &SceneLidar::scan_at_rest, arg("T_local_camera"), arg("number") = 0,
+           "A scan from a camera at rest.");
+  module.def("simulate_imu", &simulate_imu, arg("path"), arg("model") = "adis16448", py::kw_only(),
+             arg("rate_hz") = py::none(), arg("seed") = 1, arg("T_camera_imu") = py::none(),
+             "Readings of an inertial unit along a path. model: adis16448 (EuRoC's), bmi160, perfect. A dictionary: "
+             "times (N), angular_rate (N, 3) rad/s, specific_force (N, 3) m/s^2 in the unit's axes, gyroscope_bias and "
+             "accelerometer_bias (N, 3), the true ones.");
+}
+
+}  // namespace tileflight::python

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "tileflight/geometry/geodesy.h"
+#include "tileflight/scene/scene.h"
+#include "tileflight/tiles/load.h"
+
+namespace tileflight::python {
+
+/// A scene in memory, with what is known of where it comes from. Objects that use it share it, so that it lives as long
+/// as they do.
+struct LoadedScene {
+  LoadedScene(std::vector<imaging::TexturedMesh> meshes, tiles::LoadedTiles tiles)
+      : scene(std::move(meshes)), tiles(std::move(tiles)) {}
+
+  scene::Scene scene;
+  tiles::LoadedTiles tiles;  ///< without its meshes
+
+  std::optional<geometry::Geodetic> origin() const {
+    return tiles.local_frame ? std::optional(tiles.local_frame->origin()) : std::nullopt;
+  }
+};
+
+}  // namespace tileflight::python

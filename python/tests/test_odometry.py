@@ -1,0 +1,64 @@
+import unittest
+
+import numpy as np
+import place
+
+import tileflight as tf
+
+
+class OdometryTest(unittest.TestCase):
+    def test_poses_and_map_are_those_of_the_command(self):
+        dataset, out = place.work_folder() / "flown", place.work_folder() / "tracked"
+        tf.render(place.tileset(), flight=place.flight_file(), out=dataset, png=True, force=True)
+        written = tf.odometry(dataset, out=out, force=True)
+        self.assertFalse(written["lost"])
+
+        flight = tf.Flight.plan(str(place.flight_file()))
+        odometry = tf.Odometry(flight.camera)
+        states = [odometry.add(frame.rgb, frame.time) for frame in tf.render_flight(place.scene(), flight)]
+        self.assertIn("initializing", {state.status for state in states})
+        self.assertEqual(states[-1].status, "tracked")
+        self.assertEqual(states[-1].pose.shape, (4, 4))
+        result = odometry.finish()
+        rows = np.loadtxt(out / "trajectory.txt")
+        np.testing.assert_allclose(result["trajectory"]["times"], rows[:, 0], atol=1e-9)
+        np.testing.assert_allclose(result["trajectory"]["poses"][:, :3, 3], rows[:, 1:4], atol=1e-8)
+        self.assertEqual(len(result["map"]["points"]), written["map_points"])
+
+        score = tf.evaluate_trajectory(**result["trajectory"], true_times=flight.times, true_poses=flight.poses)
+        self.assertLess(score["ate_rmse"], 0.1)
+
+    def test_settings_are_the_keys_of_an_experiment(self):
+        camera = tf.Camera.pinhole(64, 48, 80)
+        tf.Odometry(camera, max_keyframes=6, loop_closure=True)
+        with self.assertRaisesRegex(tf.InputError, "max_keyframs"):
+            tf.Odometry(camera, max_keyframs=6)
+
+    def test_images_are_checked(self):
+        odometry = tf.Odometry(tf.Camera.pinhole(64, 48, 80))
+        with self.assertRaisesRegex(ValueError, r"an image must have shape \(height, width, 3\)"):
+            odometry.add(np.zeros((48, 64, 4), np.uint8), 0.0)
+        with self.assertRaises(tf.InputError):
+            odometry.add(np.zeros((64, 48, 3), np.uint8), 0.0)
+        self.assertEqual(odometry.add(np.zeros((48, 64), np.uint8), 0.0).status, "initializing")
+
+
+class ScoringTest(unittest.TestCase):
+    def test_umeyama_finds_the_similarity(self):
+        points = np.random.default_rng(2).normal(size=(20, 3))
+        truth = place.looking_down(1, 2, 3, yaw=0.7)
+        truth[:3, :3] *= 2.5
+        found = tf.umeyama(points, points @ truth[:3, :3].T + truth[:3, 3])
+        np.testing.assert_allclose(found["T_target_source"], truth, atol=1e-12)
+        self.assertAlmostEqual(found["scale"], 2.5)
+
+    def test_icp_brings_samples_back_to_the_surface(self):
+        samples = place.scene().sample_surface(per_m2=0.5)["points"]
+        moved = samples + [0.2, -0.1, 0.15]
+        found = tf.icp(moved, place.scene(), method="point-to-mesh", radius=2.0, with_scale=False)
+        self.assertTrue(found["converged"])
+        np.testing.assert_allclose(found["T_target_source"][:3, 3], [-0.2, 0.1, -0.15], atol=0.01)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,103 @@
+"""Fly a drone's camera through 3D Tiles of a real place, and measure how true SLAM's map is.
+
+Two ways in, which may be mixed:
+
+- **Arrays.** `load` a place into memory, then `Renderer`, `Lidar`, `simulate_imu`, `Odometry`, `Scene.voxelize`, `icp`,
+  `evaluate_trajectory` and `Simulator` take and give numpy arrays.
+- **Folders.** Every command of the program is a function with the command's options as keywords (`extract`, `render`,
+  `odometry`, `align`, `evaluate`, `run`, ...); it writes the same files and returns the command's JSON as a dictionary.
+
+Conventions: metres, seconds, degrees only where a name says so; the local frame is x east, y north, z up; cameras look
+along z, with x right and y down; `T_a_b` is the 4x4 matrix that maps coordinates in frame b to frame a. Results do not
+depend on the number of threads. What cannot be used raises `InputError`, a `ValueError` of one line.
+"""
+
+from . import commands
+from ._core import (
+    Camera,
+    Flight,
+    FlightFrames,
+    Frame,
+    InputError,
+    Lidar,
+    Odometry,
+    Path,
+    Renderer,
+    Scene,
+    Simulator,
+    TrackedFrame,
+    VoxelGrid,
+    __version__,
+    commit,
+    evaluate_trajectory,
+    icp,
+    load,
+    read_binvox,
+    render_flight,
+    set_threads,
+    simulate_imu,
+    umeyama,
+)
+from .commands import (
+    align,
+    compare,
+    coverage,
+    evaluate,
+    export,
+    extract,
+    ingest,
+    inspect,
+    make_stadium,
+    odometry,
+    preview,
+    render,
+    report,
+    run,
+    study,
+    systems,
+    tile,
+)
+
+__all__ = [
+    "Camera",
+    "Flight",
+    "FlightFrames",
+    "Frame",
+    "InputError",
+    "Lidar",
+    "Odometry",
+    "Path",
+    "Renderer",
+    "Scene",
+    "Simulator",
+    "TrackedFrame",
+    "VoxelGrid",
+    "__version__",
+    "align",
+    "commands",
+    "commit",
+    "compare",
+    "coverage",
+    "evaluate",
+    "evaluate_trajectory",
+    "export",
+    "extract",
+    "icp",
+    "ingest",
+    "inspect",
+    "load",
+    "make_stadium",
+    "odometry",
+    "preview",
+    "read_binvox",
+    "render",
+    "render_flight",
+    "report",
+    "run",
+    "set_threads",
+    "simulate_imu",
+    "study",
+    "systems",
+    "tile",
+    "umeyama",
+]
