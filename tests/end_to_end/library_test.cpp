@@ -12,10 +12,10 @@ namespace tileflight::library_test {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::HasSubstr;
 using tests::file_text;
 using tests::run_command;
 using tests::run_tileflight;
-using ::testing::HasSubstr;
 
 const fs::path kSource = TILEFLIGHT_SOURCE_DIR;
 
@@ -26,12 +26,13 @@ std::string run(const std::vector<std::string>& command) {
   return result.out;
 }
 
-/// Configures and builds the project of `source` in `build`.
-void build_project(const fs::path& source, const fs::path& build, std::vector<std::string> options) {
+/// Configures and builds the project of `source` in `build`: all of it, or only `target`.
+void build_project(const fs::path& source, const fs::path& build, const std::vector<std::string>& options,
+                   const std::string& target = "all") {
   std::vector<std::string> configure{TILEFLIGHT_CMAKE, "-G", "Ninja", "-S", source.string(), "-B", build.string()};
   configure.insert(configure.end(), options.begin(), options.end());
   run(configure);
-  run({TILEFLIGHT_CMAKE, "--build", build.string(), "--parallel", "2"});
+  run({TILEFLIGHT_CMAKE, "--build", build.string(), "--parallel", "2", "--target", target});
 }
 
 /// The surface of a cube whose edges are 2 m.
@@ -59,11 +60,12 @@ TEST(Library, TheInstalledPackageDoesWhatTheProgramDoes) {
 
   // Image by image, the library ends with the program's trajectory, byte for byte.
   tests::TinyFlight::copy_to(folder / "dataset");
-  const std::string printed = run({(build / "track_frames").string(), (folder / "dataset").string(),
-                                   (folder / "trajectory.txt").string()});
+  const std::string printed =
+      run({(build / "track_frames").string(), (folder / "dataset").string(), (folder / "trajectory.txt").string()});
   EXPECT_THAT(printed, HasSubstr("of 36 images tracked"));
-  ASSERT_EQ(run_tileflight({"odometry", (folder / "dataset").string(), "--out", (folder / "odometry").string()}).exit_code,
-            0);
+  ASSERT_EQ(
+      run_tileflight({"odometry", (folder / "dataset").string(), "--out", (folder / "odometry").string()}).exit_code,
+      0);
   EXPECT_EQ(file_text(folder / "trajectory.txt"), file_text(folder / "odometry/trajectory.txt"));
 }
 
@@ -80,11 +82,14 @@ TEST(Library, AnUnknownComponentIsNamed) {
 }
 
 TEST(Library, IsASubprojectByFetchContent) {
-  const tests::TemporaryFolder folder;
+  // In the same folder each time, so that only what has changed since the last test is built again.
+  const fs::path folder = fs::path(TILEFLIGHT_BUILD_DIR) / "subproject_consumer";
+  fs::create_directories(folder);
   std::ofstream(folder / "CMakeLists.txt") << R"(cmake_minimum_required(VERSION 3.25)
 project(subproject_consumer LANGUAGES CXX)
 include(FetchContent)
-FetchContent_Declare(tileflight SOURCE_DIR )" << kSource << R"()
+FetchContent_Declare(tileflight SOURCE_DIR )"
+                                           << kSource << R"()
 FetchContent_MakeAvailable(tileflight)
 add_executable(centre centre.cpp)
 target_link_libraries(centre PRIVATE tileflight::geometry)
@@ -96,9 +101,10 @@ int main() {
   std::cout << cell_centers(grid).positions.at(0).transpose() << '\n';
 }
 )";
-  build_project(folder.path(), folder / "build",
-                {"-DTILEFLIGHT_ONLY=base;geometry", "-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_UNITY_BUILD=ON",
-                 "-DCMAKE_UNITY_BUILD_BATCH_SIZE=40"});
+  build_project(folder, folder / "build",
+                {"-DTILEFLIGHT_ONLY=base;geometry", "-DCMAKE_BUILD_TYPE=Debug",
+                 "-DCMAKE_CXX_FLAGS_DEBUG=", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=40"},
+                "centre");
   EXPECT_THAT(run({(folder / "build/centre").string(), ""}), HasSubstr("1.75 3.25 4.75"));
 }
 
