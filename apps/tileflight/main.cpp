@@ -1,6 +1,4 @@
 // tileflight COMMAND: parse, call, print, exit code. 0 done, 1 the work failed (one line on stderr), 2 wrong usage.
-#include <nlohmann/json.hpp>
-
 #include <oneapi/tbb/global_control.h>
 
 #include <csignal>
@@ -8,6 +6,7 @@
 #include <exception>
 #include <iostream>
 #include <new>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 

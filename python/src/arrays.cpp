@@ -14,8 +14,9 @@ geometry::Mat4 matrix_from(const double* numbers) {
 
 geometry::SE3 rigid_motion(const geometry::Mat4& matrix, const char* name) {
   const geometry::Mat3 rotation = matrix.topLeftCorner<3, 3>();
-  const bool is_rotation = (rotation.transpose() * rotation - geometry::Mat3::Identity()).cwiseAbs().maxCoeff() < 1e-6 &&
-                           rotation.determinant() > 0.0;
+  const bool is_rotation =
+      (rotation.transpose() * rotation - geometry::Mat3::Identity()).cwiseAbs().maxCoeff() < 1e-6 &&
+      rotation.determinant() > 0.0;
   const bool is_affine = (matrix.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).cwiseAbs().maxCoeff() < 1e-12;
   if (!matrix.allFinite() || !is_rotation || !is_affine)
     throw py::value_error(std::string(name) + " must be a rigid motion: a rotation, a translation, last row 0 0 0 1");

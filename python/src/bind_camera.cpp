@@ -154,8 +154,8 @@ void bind_camera(py::module_& module) {
           },
           arg("width"), arg("height"), "An equirectangular panorama of the full sphere.")
       .def_static(
-          "read", [](const std::filesystem::path& file) { return imaging::read_calibration(file).camera; },
-          arg("file"), "The lens of a calibration file (Kalibr, OpenCV, COLMAP, DSO, VSLAM-LAB), told from its content.")
+          "read", [](const std::filesystem::path& file) { return imaging::read_calibration(file).camera; }, arg("file"),
+          "The lens of a calibration file (Kalibr, OpenCV, COLMAP, DSO, VSLAM-LAB), told from its content.")
       .def_property_readonly("model", [](const Camera& c) { return std::visit(ModelName{}, c.model()); })
       .def_property_readonly("width", &Camera::width)
       .def_property_readonly("height", &Camera::height)

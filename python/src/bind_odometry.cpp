@@ -90,8 +90,9 @@ py::dict finish(Odometry& odometry) {
 void bind_odometry(py::module_& module) {
   using py::arg;
   py::class_<FrameResult>(module, "TrackedFrame", "What is known of an image at the moment when it was added.")
-      .def_property_readonly("status", [](const FrameResult& f) { return status_name(f.status); },
-                             "'initializing', 'tracked', 'not aligned' or 'lost'.")
+      .def_property_readonly(
+          "status", [](const FrameResult& f) { return status_name(f.status); },
+          "'initializing', 'tracked', 'not aligned' or 'lost'.")
       .def_property_readonly(
           "pose",
           [](const FrameResult& f) {
@@ -99,9 +100,11 @@ void bind_odometry(py::module_& module) {
           },
           "T_map_camera (4, 4), scale unknown (monocular); or None.")
       .def_property_readonly("is_keyframe", [](const FrameResult& f) { return f.quality.is_keyframe; })
-      .def_property_readonly("rmse", [](const FrameResult& f) { return f.quality.rmse; }, "Of the alignment, grey values.")
-      .def_property_readonly("sigma_position", [](const FrameResult& f) { return f.quality.sigma_position; },
-                             "Standard deviation of the position relative to the previous keyframe, map units.")
+      .def_property_readonly(
+          "rmse", [](const FrameResult& f) { return f.quality.rmse; }, "Of the alignment, grey values.")
+      .def_property_readonly(
+          "sigma_position", [](const FrameResult& f) { return f.quality.sigma_position; },
+          "Standard deviation of the position relative to the previous keyframe, map units.")
       .def_readonly("reason", &FrameResult::reason, "Why there is no pose; empty if tracked.");
   py::class_<Odometry>(module, "Odometry",
                        "Direct Sparse Odometry (Engel, Koltun, Cremers, TPAMI 2018): images in, one at a time; poses "
@@ -114,11 +117,13 @@ void bind_odometry(py::module_& module) {
            "T_world_camera (4, 4) if it is known. Returns a TrackedFrame.")
       .def_property_readonly("lost", &Odometry::lost)
       .def_property_readonly("frames", &Odometry::frames)
-      .def_property_readonly("trajectory", [](const Odometry& o) { return path_to_arrays(o.trajectory()); },
-                             "As estimated now: times (N) and poses T_map_camera (N, 4, 4).")
+      .def_property_readonly(
+          "trajectory", [](const Odometry& o) { return path_to_arrays(o.trajectory()); },
+          "As estimated now: times (N) and poses T_map_camera (N, 4, 4).")
       .def_property_readonly("keyframes", [](const Odometry& o) { return path_to_arrays(o.keyframes()); })
-      .def_property_readonly("map", [](const Odometry& o) { return cloud_to_arrays(o.map()); },
-                             "As estimated now: points (N, 3) in map units, colors (N, 3), and named values (N).")
+      .def_property_readonly(
+          "map", [](const Odometry& o) { return cloud_to_arrays(o.map()); },
+          "As estimated now: points (N, 3) in map units, colors (N, 3), and named values (N).")
       .def("finish", &finish,
            "Ends the odometry: a dictionary with trajectory, keyframes, map, camera (refined), frames, frames_tracked, "
            "lost, lost_reason.");

@@ -102,8 +102,8 @@ class FlightFrames {
     options_.first_frame = first;
     options_.end_frame = std::min(end, flight_->plan.frames.size());
     next_ = first;
-    if (first >= options_.end_frame) throw py::value_error("no frames: the flight has " +
-                                                           std::to_string(flight_->plan.frames.size()));
+    if (first >= options_.end_frame)
+      throw py::value_error("no frames: the flight has " + std::to_string(flight_->plan.frames.size()));
     thread_ = std::thread([this] { run(); });
   }
   ~FlightFrames() { stop(); }
@@ -229,9 +229,10 @@ void bind_render(py::module_& module) {
                   "frame (Scene.origin), for flights with geodetic waypoints. camera: a calibration file that replaces "
                   "the flight's.")
       .def_property_readonly("camera", [](const Flight& f) { return f.plan.calibration.camera; })
-      .def_property_readonly("times", [](const Flight& f) { return times_of(f.plan.frames); }, "(N) seconds.")
-      .def_property_readonly("poses", [](const Flight& f) { return poses_of(f.plan.frames); },
-                             "T_local_camera of each image (N, 4, 4).")
+      .def_property_readonly(
+          "times", [](const Flight& f) { return times_of(f.plan.frames); }, "(N) seconds.")
+      .def_property_readonly(
+          "poses", [](const Flight& f) { return poses_of(f.plan.frames); }, "T_local_camera of each image (N, 4, 4).")
       .def("__len__", [](const Flight& f) { return f.plan.frames.size(); });
   py::class_<FlightFrames>(module, "FlightFrames", "Iterator over the frames of a flight, rendered ahead by some.")
       .def("__iter__", [](py::object self) { return self; })
@@ -248,7 +249,8 @@ void bind_render(py::module_& module) {
       },
       arg("scene"), arg("flight"), py::kw_only(), arg("depth") = false, arg("first") = 0, arg("end") = py::none(),
       "The frames of a planned flight in order, with its shutter, exposure and noise: the pixels that `tileflight "
-      "render` writes from the same tiles. Memory is bounded: some eight frames.");
+      "render` writes from the same tiles if the scene's anchor is the position in the middle of the flight. Memory is "
+      "bounded: some eight frames.");
 }
 
 }  // namespace tileflight::python

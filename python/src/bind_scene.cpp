@@ -35,7 +35,7 @@ app::RegionOptions region_options(const std::vector<double>& center, const std::
 SceneHandle load(const std::string& source, const std::vector<double>& center, const std::vector<double>& center_local,
                  const std::vector<double>& size, const std::vector<double>& origin,
                  const std::vector<std::string>& region, double error_m, bool textures, bool allow_incomplete,
-                 const py::object& progress) {
+                 const std::optional<geometry::Vec3>& anchor, const py::object& progress) {
   tiles::LoadOptions options =
       app::load_options(region_options(center, center_local, size, origin, region, error_m, allow_incomplete));
   options.textures = textures;
@@ -45,7 +45,7 @@ SceneHandle load(const std::string& source, const std::vector<double>& center, c
     if (tiles.meshes.empty()) throw InputError(source, "has no surface in the region");
     std::vector<imaging::TexturedMesh> meshes = std::move(tiles.meshes);
     tiles.meshes.clear();
-    return std::make_shared<LoadedScene>(std::move(meshes), std::move(tiles));
+    return std::make_shared<LoadedScene>(std::move(meshes), std::move(tiles), anchor);
   });
 }
 
@@ -78,10 +78,10 @@ py::list mesh_list(const py::object& self) {
     entry["vertices"] = view_of<double>(mesh.mesh.vertices.data(), {vertices, 3}, self);
     entry["triangles"] = view_of<std::uint32_t>(mesh.mesh.triangles.data(), {triangles, 3}, self);
     entry["uv"] = mesh.uv.empty() ? py::object(py::none()) : view_of<float>(mesh.uv.data(), {vertices, 2}, self);
-    entry["texture"] = mesh.texture ? py::object(view_of<std::uint8_t>(mesh.texture->pixels.data(),
-                                                                       {mesh.texture->height, mesh.texture->width, 3},
-                                                                       self))
-                                    : py::object(py::none());
+    entry["texture"] = mesh.texture
+                           ? py::object(view_of<std::uint8_t>(mesh.texture->pixels.data(),
+                                                              {mesh.texture->height, mesh.texture->width, 3}, self))
+                           : py::object(py::none());
     list.append(entry);
   }
   return list;
@@ -163,7 +163,8 @@ geometry::VoxelGrid voxelize(const LoadedScene& scene, double edge, const py::ob
 py::dict sample_surface(const LoadedScene& scene, double per_m2, std::uint64_t seed) {
   if (!(per_m2 > 0.0)) throw py::value_error("per_m2 must be positive");
   geometry::PointCloud samples = call_interruptibly(py::none(), [&](const Progress&) {
-    return ground_truth::sample_surface(scene::merge_meshes(scene.scene.meshes()), scene.tiles.region.box(), per_m2, seed);
+    return ground_truth::sample_surface(scene::merge_meshes(scene.scene.meshes()), scene.tiles.region.box(), per_m2,
+                                        seed);
   });
   const auto count = static_cast<py::ssize_t>(samples.size());
   py::dict result;
@@ -200,9 +201,7 @@ py::array_t<double> to_geodetic(const LoadedScene& scene, const InputArray<doubl
   return points_to_array(std::move(points));
 }
 
-py::array_t<double> box_to_array(const geometry::Box3& box) {
-  return points_to_array({box.min(), box.max()});
-}
+py::array_t<double> box_to_array(const geometry::Box3& box) { return points_to_array({box.min(), box.max()}); }
 
 void bind_voxel_grid(py::module_& module) {
   using geometry::VoxelGrid;
@@ -225,7 +224,8 @@ void bind_voxel_grid(py::module_& module) {
           "centers", [](const VoxelGrid& g) { return points_to_array(geometry::cell_centers(g).positions); },
           "Centres (N, 3) of the occupied cells, metres, in the order of `cells`.")
       .def(
-          "write_binvox", [](const VoxelGrid& g, const std::filesystem::path& file) { geometry::write_binvox(file, g); },
+          "write_binvox",
+          [](const VoxelGrid& g, const std::filesystem::path& file) { geometry::write_binvox(file, g); },
           py::arg("file"))
       .def("__len__", [](const VoxelGrid& g) { return g.occupied.size(); });
   module.def("read_binvox", &geometry::read_binvox, py::arg("file"), "A grid from a binvox file.");
@@ -250,17 +250,22 @@ void bind_scene(py::module_& module) {
           "region", [](const LoadedScene& s) { return box_to_array(s.tiles.region.box()); },
           "Minimum and maximum corner (2, 3) of the region asked for, metres.")
       .def_property_readonly("triangles", [](const LoadedScene& s) { return s.scene.triangle_count(); })
-      .def_property_readonly("origin", &origin_of,
-                             "Latitude, longitude (degrees) and ellipsoidal height (metres) of the local frame; None if "
-                             "the place is not georeferenced.")
-      .def_property_readonly("complete", [](const LoadedScene& s) { return s.tiles.complete; },
-                             "Whether every tile of the region could be read.")
-      .def_property_readonly("failures", [](const LoadedScene& s) { return s.tiles.failures; },
-                             "A line for each tile that could not be read.")
-      .def_property_readonly("attribution", [](const LoadedScene& s) { return s.tiles.attribution; },
-                             "Copyrights to be shown with pictures, most frequent first.")
-      .def_property_readonly("cut_hash", [](const LoadedScene& s) { return s.tiles.cut_hash; },
-                             "SHA-256 over the identities of the tiles in use.")
+      .def_property_readonly(
+          "origin", &origin_of,
+          "Latitude, longitude (degrees) and ellipsoidal height (metres) of the local frame; None if "
+          "the place is not georeferenced.")
+      .def_property_readonly(
+          "complete", [](const LoadedScene& s) { return s.tiles.complete; },
+          "Whether every tile of the region could be read.")
+      .def_property_readonly(
+          "failures", [](const LoadedScene& s) { return s.tiles.failures; },
+          "A line for each tile that could not be read.")
+      .def_property_readonly(
+          "attribution", [](const LoadedScene& s) { return s.tiles.attribution; },
+          "Copyrights to be shown with pictures, most frequent first.")
+      .def_property_readonly(
+          "cut_hash", [](const LoadedScene& s) { return s.tiles.cut_hash; },
+          "SHA-256 over the identities of the tiles in use.")
       .def("to_local", &to_local, arg("geodetic"),
            "Local points (N, 3) of latitudes, longitudes (degrees) and ellipsoidal heights (N, 3).")
       .def("to_geodetic", &to_geodetic, arg("points"), "The inverse of to_local.")
@@ -277,16 +282,18 @@ void bind_scene(py::module_& module) {
       .def("__repr__", [](const LoadedScene& s) {
         return "<Scene of " + std::to_string(s.scene.triangle_count()) + " triangles>";
       });
-  module.def("load", &load, arg("source"), py::kw_only(), arg("center") = std::vector<double>{},
-             arg("center_local") = std::vector<double>{}, arg("size") = std::vector<double>{},
-             arg("origin") = std::vector<double>{}, arg("region") = std::vector<std::string>{}, arg("error") = 0.0,
-             arg("textures") = true, arg("allow_incomplete") = false, arg("progress") = py::none(),
-             "Loads a region of 3D Tiles. source: tileset.json, its folder, an archive (.3tz, .3dtiles), an http(s) "
-             "URL, 'google' or 'ion:ASSET'. center: latitude, longitude in degrees[, ellipsoidal height in metres], or "
-             "center_local: x, y, z in the tileset's frame; size: metres east, north, up; region: GeoJSON files "
-             "instead; nothing of these: the whole of a small tileset. origin: of the local frame (default: the "
-             "region's centre). error: allowed geometric error, metres; 0: the finest level. progress: a callable "
-             "(done, total, what). Raises InputError.");
+  module.def(
+      "load", &load, arg("source"), py::kw_only(), arg("center") = std::vector<double>{},
+      arg("center_local") = std::vector<double>{}, arg("size") = std::vector<double>{},
+      arg("origin") = std::vector<double>{}, arg("region") = std::vector<std::string>{}, arg("error") = 0.0,
+      arg("textures") = true, arg("allow_incomplete") = false, arg("anchor") = py::none(), arg("progress") = py::none(),
+      "Loads a region of 3D Tiles. source: tileset.json, its folder, an archive (.3tz, .3dtiles), an http(s) "
+      "URL, 'google' or 'ion:ASSET'. center: latitude, longitude in degrees[, ellipsoidal height in metres], or "
+      "center_local: x, y, z in the tileset's frame; size: metres east, north, up; region: GeoJSON files "
+      "instead; nothing of these: the whole of a small tileset. origin: of the local frame (default: the "
+      "region's centre). error: allowed geometric error, metres; 0: the finest level. anchor: local point from "
+      "which the ray tracer's single-precision coordinates count (default: the middle of the bounds; commands "
+      "take the pose in the middle of the flight). progress: a callable (done, total, what). Raises InputError.");
 }
 
 }  // namespace tileflight::python

@@ -43,9 +43,8 @@ geometry::PointCloud cloud_from(const InputArray<double>& points, const char* na
 }
 
 /// Against points (N, 3), or a Scene.
-py::dict icp(const InputArray<double>& source, const py::object& target,
-             const std::optional<InputArray<double>>& start, const std::string& method, double radius,
-             bool with_scale) {
+py::dict icp(const InputArray<double>& source, const py::object& target, const std::optional<InputArray<double>>& start,
+             const std::string& method, double radius, bool with_scale) {
   alignment::IcpOptions options = alignment::converging_icp_options();
   options.method = method_named(method);
   options.radius_m = radius;

@@ -125,7 +125,8 @@ void bind_sensors(py::module_& module) {
            "Through poses T_local_camera (N, 4, 4) at times (N), seconds: cubic splines in position and quaternion.")
       .def_property_readonly("start", &Path::start_s, "Seconds.")
       .def_property_readonly("end", &Path::end_s, "Seconds.")
-      .def("pose", [](const Path& p, double t) { return p.pose(t).matrix(); }, arg("time"), "T_local_camera (4, 4).")
+      .def(
+          "pose", [](const Path& p, double t) { return p.pose(t).matrix(); }, arg("time"), "T_local_camera (4, 4).")
       .def("velocity", &Path::velocity, arg("time"), "Of the camera, local frame (3), m/s.")
       .def("acceleration", &Path::acceleration, arg("time"), "Of the camera, local frame (3), m/s^2, without gravity.")
       .def("angular_velocity", &Path::angular_velocity, arg("time"), "In camera axes (3), rad/s.");
@@ -133,13 +134,14 @@ void bind_sensors(py::module_& module) {
                          "A lidar in a scene; lidar frame: x forward, y left, z up. A scan is a dictionary: points "
                          "(N, 3) float32 metres in the lidar frame, intensity (N) 0 to 1, time (N) seconds after the "
                          "start, ring (N), start, T_local_lidar (4, 4) at the start, beams fired.")
-      .def(py::init<SceneHandle, const std::string&, const std::optional<InputArray<double>>&, std::uint64_t, bool,
-                    const std::string&>(),
-           arg("scene"), arg("model") = "vlp-16", py::kw_only(), arg("T_camera_lidar") = py::none(), arg("seed") = 1,
-           arg("perfect") = false, arg("motion") = "distorted",
-           "model: vlp-16, os1-64, hdl-64e, livox-mid-40. T_camera_lidar: mounting (default: upright on the camera). "
-           "perfect: no noise and no lost returns. motion: 'distorted' (points in the lidar's frame at their time, as a "
-           "real one gives them), 'corrected' (in its frame at the start), 'frozen' (all beams at the start).")
+      .def(
+          py::init<SceneHandle, const std::string&, const std::optional<InputArray<double>>&, std::uint64_t, bool,
+                   const std::string&>(),
+          arg("scene"), arg("model") = "vlp-16", py::kw_only(), arg("T_camera_lidar") = py::none(), arg("seed") = 1,
+          arg("perfect") = false, arg("motion") = "distorted",
+          "model: vlp-16, os1-64, hdl-64e, livox-mid-40. T_camera_lidar: mounting (default: upright on the camera). "
+          "perfect: no noise and no lost returns. motion: 'distorted' (points in the lidar's frame at their time, as a "
+          "real one gives them), 'corrected' (in its frame at the start), 'frozen' (all beams at the start).")
       .def_property_readonly("period", &SceneLidar::period_s, "Seconds from scan to scan.")
       .def("scan", &SceneLidar::scan, arg("path"), arg("number") = 0, arg("start") = 0.0,
            "Scan `number`, which starts at `start` seconds, of a camera that moves along the path.")

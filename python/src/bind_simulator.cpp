@@ -283,7 +283,8 @@ void bind_flight(py::class_<Simulator>& simulator) {
       .def(
           "step",
           [](Simulator& s, double duration) {
-            run_interruptibly(py::none(), [&](const Progress&) { s.sim_continue_for_time(duration); }, [&] { s.stop(); });
+            run_interruptibly(
+                py::none(), [&](const Progress&) { s.sim_continue_for_time(duration); }, [&] { s.stop(); });
           },
           arg("duration"), "Advances simulation time by some seconds, then pauses; Ctrl-C ends the simulator.");
 }
@@ -307,8 +308,9 @@ void bind_simulator(py::module_& module) {
                   arg("ned_origin") = py::none(),
                   "A simulator over a scene in memory (a copy of its triangles). ned_origin: the local point (3) from "
                   "which positions count; default: the surface at the local frame's origin or the place's middle.")
-      .def("close", [](Simulator& s) { s.stop(); }, py::call_guard<py::gil_scoped_release>(),
-           "Cancels all tasks and unblocks all calls.")
+      .def(
+          "close", [](Simulator& s) { s.stop(); }, py::call_guard<py::gil_scoped_release>(),
+          "Cancels all tasks and unblocks all calls.")
       .def_property_readonly("warnings", &Simulator::warnings)
       .def_property_readonly("vehicles", &Simulator::list_vehicles)
       .def("reset", &Simulator::reset, py::call_guard<py::gil_scoped_release>(), "All vehicles to their start.")
@@ -327,10 +329,12 @@ void bind_simulator(py::module_& module) {
             s.sim_set_vehicle_pose(pose_from(position, orientation), true, vehicle);
           },
           arg("position"), arg("orientation") = std::array<double, 4>{1, 0, 0, 0}, arg("vehicle") = "")
-      .def("pose", [](const Simulator& s, const std::string& v) { return to_dict(s.sim_get_vehicle_pose(v)); },
-           arg("vehicle") = "")
+      .def(
+          "pose", [](const Simulator& s, const std::string& v) { return to_dict(s.sim_get_vehicle_pose(v)); },
+          arg("vehicle") = "")
       .def("images", &images, arg("kinds"), arg("camera") = "front_center", arg("vehicle") = "",
-           "Images of one moment, a list as `kinds`: rgb, segmentation, normals, infrared (height, width, 3) uint8; depth "
+           "Images of one moment, a list as `kinds`: rgb, segmentation, normals, infrared (height, width, 3) uint8; "
+           "depth "
            "(along the optical axis), range (along the ray) (height, width) float32 metres.")
       .def(
           "set_camera_fov",
@@ -342,11 +346,12 @@ void bind_simulator(py::module_& module) {
            "A whole scan: points (N, 3), intensity, ring, time, segmentation (N), start, position, orientation.")
       .def("imu", &imu_reading, arg("imu") = "", arg("vehicle") = "")
       .def("gps", &gps_reading, arg("gps") = "", arg("vehicle") = "")
-      .def("distance",
-           [](Simulator& s, const std::string& sensor, const std::string& vehicle) {
-             return s.get_distance_sensor_data(sensor, vehicle).distance;
-           },
-           arg("sensor") = "", arg("vehicle") = "", "Of a distance sensor, metres.");
+      .def(
+          "distance",
+          [](Simulator& s, const std::string& sensor, const std::string& vehicle) {
+            return s.get_distance_sensor_data(sensor, vehicle).distance;
+          },
+          arg("sensor") = "", arg("vehicle") = "", "Of a distance sensor, metres.");
   bind_flight(simulator);
 }
 

@@ -25,8 +25,7 @@ struct Report {
 /// Work in its thread.
 class Worker {
  public:
-  explicit Worker(const std::function<void(const Progress&)>& work)
-      : thread_([this, &work] { run(work); }) {}
+  explicit Worker(const std::function<void(const Progress&)>& work) : thread_([this, &work] { run(work); }) {}
   ~Worker() { join(); }
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;

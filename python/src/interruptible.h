@@ -22,7 +22,8 @@ void run_interruptibly(const pybind11::object& progress, const std::function<voi
 template <class Work>
 auto call_interruptibly(const pybind11::object& progress, Work&& work, const std::function<void()>& cancel = {}) {
   std::optional<decltype(work(Progress{}))> result;
-  run_interruptibly(progress, [&](const Progress& report) { result.emplace(work(report)); }, cancel);
+  run_interruptibly(
+      progress, [&](const Progress& report) { result.emplace(work(report)); }, cancel);
   return std::move(*result);
 }
 

@@ -12,8 +12,9 @@ namespace tileflight::python {
 /// A scene in memory, with what is known of where it comes from. Objects that use it share it, so that it lives as long
 /// as they do.
 struct LoadedScene {
-  LoadedScene(std::vector<imaging::TexturedMesh> meshes, tiles::LoadedTiles tiles)
-      : scene(std::move(meshes)), tiles(std::move(tiles)) {}
+  LoadedScene(std::vector<imaging::TexturedMesh> meshes, tiles::LoadedTiles tiles,
+              const std::optional<geometry::Vec3>& anchor = {})
+      : scene(std::move(meshes), anchor), tiles(std::move(tiles)) {}
 
   scene::Scene scene;
   tiles::LoadedTiles tiles;  ///< without its meshes

@@ -13,6 +13,8 @@ import numpy as np
 import tileflight as tf
 
 SIZE_M = 80.0
+#: All of it: with a region, commands take these tiles and not those that a flight sees.
+REGION = {"center_local": (0, 0, 0), "size": (90, 90, 20)}
 
 
 def _png(image):
@@ -70,7 +72,21 @@ def tileset():
 
 @functools.lru_cache(maxsize=None)
 def scene():
-    return tf.load(str(tileset()))
+    return tf.load(str(tileset()), **REGION)
+
+
+@functools.lru_cache(maxsize=None)
+def dataset():
+    """The flight as the command renders it."""
+    tf.render(tileset(), **REGION, flight=flight_file(), out=work_folder() / "flown", png=True)
+    return work_folder() / "flown"
+
+
+@functools.lru_cache(maxsize=None)
+def scene_of_the_flight():
+    """The place as the command loads it: single-precision coordinates count from the middle of the flight."""
+    poses = tf.Flight.plan(str(flight_file())).poses
+    return tf.load(str(tileset()), **REGION, anchor=poses[len(poses) // 2, :3, 3])
 
 
 def looking_down(x, y, z, yaw=0.0):

@@ -8,14 +8,13 @@ import tileflight as tf
 
 class OdometryTest(unittest.TestCase):
     def test_poses_and_map_are_those_of_the_command(self):
-        dataset, out = place.work_folder() / "flown", place.work_folder() / "tracked"
-        tf.render(place.tileset(), flight=place.flight_file(), out=dataset, png=True, force=True)
-        written = tf.odometry(dataset, out=out, force=True)
+        out = place.work_folder() / "tracked"
+        written = tf.odometry(place.dataset(), out=out, force=True)
         self.assertFalse(written["lost"])
 
         flight = tf.Flight.plan(str(place.flight_file()))
         odometry = tf.Odometry(flight.camera)
-        states = [odometry.add(frame.rgb, frame.time) for frame in tf.render_flight(place.scene(), flight)]
+        states = [odometry.add(frame.rgb, frame.time) for frame in tf.render_flight(place.scene_of_the_flight(), flight)]
         self.assertIn("initializing", {state.status for state in states})
         self.assertEqual(states[-1].status, "tracked")
         self.assertEqual(states[-1].pose.shape, (4, 4))

@@ -45,7 +45,7 @@ class SceneTest(unittest.TestCase):
 
     def test_voxels_are_those_that_extract_writes(self):
         out = place.work_folder() / "truth"
-        written = tf.extract(place.tileset(), out=out, voxel=2.0, force=True)
+        written = tf.extract(place.tileset(), **place.REGION, out=out, voxel=2.0, force=True)
         grid = place.scene().voxelize(2.0)
         read = tf.read_binvox(str(out / "voxels.binvox"))
         self.assertEqual(len(grid), written["voxels_occupied"])

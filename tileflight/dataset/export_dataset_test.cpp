@@ -206,6 +206,36 @@ TEST_F(Export, KittiHasScansAtTheFramesTimes) {
   }
 }
 
+// Frame times then lie just between the middles of two scans, and are rounded.
+TEST_F(Export, KittiScansOfTheFramesRateAreEachUsedOnce) {
+  const auto camera_at = [](double t) { return SE3(Eigen::Quaterniond::Identity(), Vec3(t, 0.0, 10.0)); };
+  const auto name = [](int k) { return std::string(k < 10 ? "00000" : "0000") + std::to_string(k); };
+  constexpr int kScans = 40;
+  geometry::Trajectory truth;
+  for (int i = 0; i < kScans; ++i) truth.poses.push_back({0.05 * i, camera_at(0.05 * i)});
+  imaging::Calibration calibration;
+  calibration.camera = pinhole();
+  const auto add_scans = [&](const fs::path& out) {
+    fs::create_directories(out / "lidar");
+    geometry::Trajectory starts;
+    for (int k = 0; k < kScans; ++k) {
+      const double start_s = static_cast<double>(k) / 20.0;
+      starts.poses.push_back({start_s, camera_at(start_s)});
+      write_scan_ply(out / "lidar" / (name(k) + ".ply"),
+                     {{Eigen::Vector3f(1, 2, 3), 0.01F * static_cast<float>(k), 0.0F, 0}});
+    }
+    geometry::write_tum(out / "lidar/poses.txt", starts);
+  };
+  const Dataset dataset = with_path(folder_ / "of-same-rate", calibration, truth, {}, add_scans);
+  const ExportResult result = export_dataset(dataset, "kitti", folder_ / "same-rate", false);
+  for (int i = 0; i < kScans; ++i) {
+    const auto points = read_scan(folder_ / "same-rate/velodyne" / (name(i) + ".bin"));
+    ASSERT_EQ(points.size(), 1U);
+    EXPECT_FLOAT_EQ(points[0].intensity, 0.01F * static_cast<float>(i)) << i;
+  }
+  EXPECT_THAT(result.notes, testing::Not(testing::Contains(HasSubstr("the scan of the frame before"))));
+}
+
 TEST_F(Export, KittiIsReadBack) {
   const Dataset read = round_trip(pinhole(), "kitti");
   expect_same_frames(read, 0.0);
@@ -232,7 +262,8 @@ TEST_F(Export, ColmapHasThePosesAndTheLens) {
   expect_same_lens(imaging::read_calibration(model / "cameras.txt").camera, fisheye());
   EXPECT_THAT(base::read_text(model / "images.txt"), HasSubstr(" 1 000003.png\n"));
   EXPECT_TRUE(fs::is_regular_file(model / "points3D.txt"));
-  EXPECT_EQ(imaging::read_rgb(folder_ / "colmap/images/000003.png").pixels, test_support::moving_picture(64, 48, 3).pixels);
+  EXPECT_EQ(imaging::read_rgb(folder_ / "colmap/images/000003.png").pixels,
+            test_support::moving_picture(64, 48, 3).pixels);
 }
 
 TEST_F(Export, WhatALayoutCannotHoldIsSaid) {

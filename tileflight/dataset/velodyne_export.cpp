@@ -66,14 +66,18 @@ SE3 estimate_mounting(const Scans& scans, const geometry::Trajectory& truth) {
   return interpolate_camera(truth, best->time_s).inverse() * best->T_local_camera;
 }
 
-/// The scan whose middle is nearest to the time; nullopt if no scan is close enough.
+/// The scan whose middle is nearest to the time; nullopt if no scan is close enough. Of two that are equally near, the
+/// later one: where scans begin with the frames, times lie just between two middles, and rounding would give some
+/// frames the scan of the one before.
 std::optional<std::size_t> find_scan(const Scans& scans, double time_s) {
+  constexpr double kRounding_s = 1e-6;
   const auto apart_s = [&](const geometry::StampedPose& start) {
     return std::abs(start.time_s + 0.5 * scans.period_s - time_s);
   };
   const auto& starts = scans.T_local_lidar.poses;
-  const auto nearest = std::min_element(starts.begin(), starts.end(),
-                                        [&](const auto& a, const auto& b) { return apart_s(a) < apart_s(b); });
+  auto nearest = std::min_element(starts.begin(), starts.end(),
+                                  [&](const auto& a, const auto& b) { return apart_s(a) < apart_s(b); });
+  if (std::next(nearest) != starts.end() && apart_s(*std::next(nearest)) <= apart_s(*nearest) + kRounding_s) ++nearest;
   if (apart_s(*nearest) > 0.51 * scans.period_s) return std::nullopt;
   return static_cast<std::size_t>(nearest - starts.begin());
 }
@@ -108,10 +112,13 @@ std::optional<SE3> write_velodyne(const Dataset& dataset, const fs::path& folder
   const geometry::Trajectory& truth = *dataset.groundtruth;
   const SE3 T_cam_velo = estimate_mounting(*scans, truth);
   const std::vector<SE3> T_local_camera = find_frame_poses(dataset);
-  std::size_t empty = 0;
+  std::size_t empty = 0, repeated = 0;
+  std::optional<std::size_t> before;
   for (std::size_t i = 0; i < dataset.frames.size(); ++i) {
     const std::optional<std::size_t> scan = find_scan(*scans, dataset.frames[i].time_s);
     empty += scan ? 0 : 1;
+    repeated += scan && scan == before ? 1 : 0;
+    before = scan;
     write_scan_bin(folder / "velodyne" / (frame_stem(i) + ".bin"),
                    scan ? compensate_motion(*scans, *scan, T_local_camera[i] * T_cam_velo, truth, T_cam_velo)
                         : std::vector<ScanPoint>());
@@ -119,6 +126,10 @@ std::optional<SE3> write_velodyne(const Dataset& dataset, const fs::path& folder
   if (empty > 0)
     notes.push_back(std::to_string(empty) + " of " + std::to_string(dataset.frames.size()) +
                     " frames have an empty scan: there are no lidar data at their times");
+  if (repeated > 0)
+    notes.push_back(std::to_string(repeated) + " of " + std::to_string(dataset.frames.size()) +
+                    " frames have the scan of the frame before, moved by the true motion, from which a lidar odometry "
+                    "profits: give the lidar the frames' rate");
   return T_cam_velo;
 }
 

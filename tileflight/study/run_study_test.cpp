@@ -12,11 +12,13 @@
 
 #include "tests/refusal.h"
 #include "tests/run_program.h"
+#include "tileflight/study/study_results.h"
 #include "tileflight/study/test_study.h"
 
 namespace tileflight::study::run_study_test {
 namespace {
 
+namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -87,6 +89,26 @@ TEST_F(RunStudy, RunsEachTaskOnceAndGathersTheResults) {
   EXPECT_TRUE(std::filesystem::exists(made_.folder / "out/study.html"));
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/ranking.csv"), HasSubstr("good,0.250"));
   EXPECT_THAT(tests::file_text(made_.folder / "out/tables/ranking.tex"), HasSubstr("\\toprule"));
+}
+
+/// A map that shrank to a point on the surface has perfect distances.
+TEST_F(RunStudy, AMapInADoubtedPlaceShowsNoDistances) {
+  const json before = run()["runs"][0];
+  EXPECT_EQ(before["place_doubted"], false);
+  EXPECT_EQ(before["surface_median"], 0.1);
+  const fs::path metrics = made_.folder / "out" / before["folder"].get<std::string>() / "metrics.json";
+  json changed = json::parse(tests::file_text(metrics));
+  changed["doubts"].push_back({{"what", "ambiguous"}, {"where", "alignment"}, {"how_sure", "possible"}});
+  test_support::write(metrics, changed.dump());
+  EXPECT_EQ(collect_study(made_.folder / "out")["runs"][0]["surface_median"], 0.1) << "one that is only possible";
+  changed["doubts"].push_back({{"what", "the scale is far off"}, {"where", "alignment"}, {"how_sure", "likely"}});
+  test_support::write(metrics, changed.dump());
+  const json study = collect_study(made_.folder / "out");
+  const json& after = study["runs"][0];
+  EXPECT_EQ(after["place_doubted"], true);
+  for (const char* key : {"surface_median", "accuracy", "completeness"}) EXPECT_TRUE(after[key].is_null()) << key;
+  EXPECT_EQ(after["f_score"], before["f_score"]);
+  EXPECT_THAT(study["doubts"].dump(), HasSubstr("1 of 6 maps of good may lie in a wrong place"));
 }
 
 TEST_F(RunStudy, AnotherSystemLeavesWhatIsDone) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
@@ -51,6 +52,13 @@ void add_system_results(const json& odometry, json& run) {
     run[key] = at(system, ("/" + std::string(key)).c_str());
 }
 
+/// Whether it is likely that the map does not lie where it belongs.
+bool has_doubted_place(const json& doubts) {
+  return std::ranges::any_of(doubts, [](const json& doubt) {
+    return doubt.at("where") == "alignment" && (doubt.at("how_sure") == "certain" || doubt.at("how_sure") == "likely");
+  });
+}
+
 void add_scores(const json& metrics, double threshold_m, json& run) {
   const std::string threshold = threshold_key(threshold_m);
   run["ate_rmse"] = at(metrics, "/trajectory/ate_rmse");
@@ -62,6 +70,11 @@ void add_scores(const json& metrics, double threshold_m, json& run) {
   run["scs"] = at(metrics, "/wasserstein/scs");
   run["alignment_metres"] = at(metrics, "/error_budget/alignment/metres");
   run["doubts"] = metrics.value("doubts", json::array());
+  run["place_doubted"] = has_doubted_place(run["doubts"]);
+  if (run["place_doubted"] == false) return;
+  // A map that shrank onto the surface, or lies on another part of it, is near it: that tells nothing of the map. The
+  // F-score stays: of the surface that the camera saw, such a map covers nothing.
+  for (const char* key : {"surface_median", "accuracy", "completeness", "awd", "scs"}) run[key] = nullptr;
 }
 
 json describe_run(const fs::path& folder, const json& plan, const json& planned) {
@@ -82,6 +95,7 @@ json describe_run(const fs::path& folder, const json& plan, const json& planned)
                           "cpu_seconds", "peak_memory_mb", "surface_median", "alignment_metres"})
     run[key] = nullptr;
   run["doubts"] = json::array();
+  run["place_doubted"] = false;
   const fs::path place = folder / planned.at("folder").get<std::string>();
   if (!fs::exists(place / "odometry/odometry.json")) return run;
   add_system_results(base::read_json(place / "odometry/odometry.json"), run);
@@ -159,6 +173,18 @@ std::string why_nothing_is_scored(const json& runs) {
   return reason;
 }
 
+/// By system: number of scored maps, and of those whose place is doubted.
+std::map<std::string, std::pair<int, int>> count_doubted_places(const json& runs) {
+  std::map<std::string, std::pair<int, int>> counts;
+  for (const json& run : runs) {
+    if (run.at("f_score").is_null()) continue;
+    auto& [scored, doubted] = counts[run.at("system")];
+    ++scored;
+    if (run.at("place_doubted") == true) ++doubted;
+  }
+  return counts;
+}
+
 /// What makes the ranking less sure than it looks.
 json ranking_doubts(const json& plan, const json& runs, const std::vector<RankedSystem>& ranking) {
   json doubts = json::array();
@@ -181,6 +207,13 @@ json ranking_doubts(const json& plan, const json& runs, const std::vector<Ranked
       add(system.system + " is judged by " + std::to_string(system.flights) + " of " + std::to_string(flights) +
               " flights, those it can run on",
           "compare it on these flights only");
+  }
+  for (const auto& [name, count] : count_doubted_places(runs)) {
+    if (count.second > 0)
+      add(std::to_string(count.second) + " of " + std::to_string(count.first) + " maps of " + name +
+              " may lie in a wrong place, by the doubts of their registration: their distances to the surface are not "
+              "shown, their scores count as they are",
+          "see `doubts` of these runs in study.json");
   }
   for (const auto& [name, system] : plan.at("systems").items()) {
     if (system.at("installed") == false)

@@ -6,8 +6,8 @@
 namespace tileflight::vehicle {
 namespace {
 
-using geometry::kRadiansPerDegree;
 using base::StrictSection;
+using geometry::kRadiansPerDegree;
 using geometry::Vec3;
 
 /// Commands in a file always have a timeout.
