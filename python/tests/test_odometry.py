@@ -22,7 +22,7 @@ class OdometryTest(unittest.TestCase):
         rows = np.loadtxt(out / "trajectory.txt")
         np.testing.assert_allclose(result["trajectory"]["times"], rows[:, 0], atol=1e-9)
         np.testing.assert_allclose(result["trajectory"]["poses"][:, :3, 3], rows[:, 1:4], atol=1e-8)
-        self.assertEqual(len(result["map"]["points"]), written["map_points"])
+        self.assertEqual(len(result["map"]["points"]), written["points"])
 
         score = tf.evaluate_trajectory(**result["trajectory"], true_times=flight.times, true_poses=flight.poses)
         self.assertLess(score["ate_rmse"], 0.1)

@@ -82,7 +82,7 @@ Table coverage_table(const json& coverage) {
               {}};
   if (!coverage.is_object() || !coverage.contains("strategies") || !coverage["strategies"].is_object()) return table;
   for (const auto& [name, values] : coverage["strategies"].items()) {
-    const auto share = [&](const char* key) { return format_percent(number_at(values, std::string("/") + key), 2); };
+    const auto share = [&values = values](const char* key) { return format_percent(number_at(values, std::string("/") + key), 2); };
     table.rows.push_back({name, format_count(number_at(values, "/tiles")), share("right"), share("coarser"),
                           share("missing"), share("missing_worst"), share("cells_share")});
   }
