@@ -4,8 +4,7 @@ add_library(tileflight_compiler INTERFACE)
 # Designated initialisers name what differs from the default; the rest is meant to be left out.
 target_compile_options(tileflight_compiler INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wno-missing-field-initializers)
 if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
-  # The report's script is one string of 600 kB.
-  target_compile_options(tileflight_compiler INTERFACE -Wno-unknown-warning-option -Wno-overlength-strings)
+  target_compile_options(tileflight_compiler INTERFACE -Wno-unknown-warning-option)
 endif()
 # GCC 12 takes `text + std::string` for an overlapping copy where it inlines more (GCC bug 105651, mended in 13).
 target_compile_options(tileflight_compiler INTERFACE
