@@ -1,4 +1,4 @@
-"""A drone learns to fly to a goal through the built-in stadium, in about a minute: the cross-entropy method over a linear
+"""A drone learns to fly to a goal through the built-in stadium, in about a minute (two cores): the cross-entropy method over a linear
 policy, with numpy alone (Rubinstein and Kroese, The Cross-Entropy Method, 2004).
 
     python3 examples/python/learn_navigation.py [TILESET] [--picture learning.png]
@@ -13,7 +13,7 @@ import numpy as np
 import tileflight as tf
 from tileflight.navigation import NavigationEnv
 
-GENERATIONS, POPULATION, ELITE, EPISODES = 15, 30, 6, 2
+GENERATIONS, POPULATION, ELITE, EPISODES = 10, 30, 6, 2
 
 
 def features(observation):
