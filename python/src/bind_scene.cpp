@@ -32,10 +32,12 @@ app::RegionOptions region_options(const std::vector<double>& center, const std::
   return {center, center_local, size, origin, region, error_m, allow_incomplete};
 }
 
-SceneHandle load(const std::string& source, const std::vector<double>& center, const std::vector<double>& center_local,
-                 const std::vector<double>& size, const std::vector<double>& origin,
-                 const std::vector<std::string>& region, double error_m, bool textures, bool allow_incomplete,
-                 const std::optional<geometry::Vec3>& anchor, const py::object& progress) {
+SceneHandle load(const std::filesystem::path& place, const std::vector<double>& center,
+                 const std::vector<double>& center_local, const std::vector<double>& size,
+                 const std::vector<double>& origin, const std::vector<std::string>& region, double error_m,
+                 bool textures, bool allow_incomplete, const std::optional<geometry::Vec3>& anchor,
+                 const py::object& progress) {
+  const std::string source = place.string();  // a path or a word, such as a URL
   tiles::LoadOptions options =
       app::load_options(region_options(center, center_local, size, origin, region, error_m, allow_incomplete));
   options.textures = textures;

@@ -56,7 +56,7 @@ std::string settings_text(const py::object& settings) {
   return to_json(settings, "settings").dump();
 }
 
-std::unique_ptr<Simulator> open_simulator(const std::string& source, const py::object& settings,
+std::unique_ptr<Simulator> open_simulator(const std::filesystem::path& source, const py::object& settings,
                                           const std::vector<double>& center, const std::vector<double>& center_local,
                                           const std::vector<double>& size, double error_m, double memory_gb,
                                           const py::object& progress) {
@@ -66,7 +66,7 @@ std::unique_ptr<Simulator> open_simulator(const std::string& source, const py::o
   region.size = size;
   region.error_m = error_m;
   simulator::SimulatorOptions options;
-  options.source = source;
+  options.source = source.string();
   options.settings = settings_text(settings);
   options.settings_name = "settings";
   options.load = app::load_options(region);

@@ -72,7 +72,7 @@ def tileset():
 
 @functools.lru_cache(maxsize=None)
 def scene():
-    return tf.load(str(tileset()), **REGION)
+    return tf.load(tileset(), **REGION)
 
 
 @functools.lru_cache(maxsize=None)
