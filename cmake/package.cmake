@@ -5,10 +5,12 @@ include(CMakePackageConfigHelpers)
 
 set(PACKAGE_FOLDER ${CMAKE_INSTALL_LIBDIR}/cmake/tileflight)
 if(TARGET tileflight)
-  install(TARGETS tileflight RUNTIME)
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/adapters DESTINATION ${CMAKE_INSTALL_DATADIR}/tileflight USE_SOURCE_PERMISSIONS)
+  install(TARGETS tileflight RUNTIME COMPONENT runtime)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/adapters DESTINATION ${CMAKE_INSTALL_DATADIR}/tileflight USE_SOURCE_PERMISSIONS
+          COMPONENT runtime)
 endif()
 
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)
 # Each room is an export of its own, so that who asks for one needs the libraries of no other.
 set_target_properties(tileflight_tinygltf PROPERTIES EXPORT_NAME tinygltf)
 install(TARGETS tileflight_tinygltf EXPORT tileflight-tinygltf ARCHIVE)

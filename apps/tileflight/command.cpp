@@ -21,6 +21,7 @@ void add_commands(CLI::App& app, CommonOptions& common, Selection& selection) {
   add_study(app, common, selection);
   add_report(app, common, selection);
   add_serve(app, common, selection);
+  add_completion(app, common, selection);
 }
 
 }  // namespace tileflight::app

@@ -13,8 +13,8 @@
 #include "command.h"
 #include "mpi_ranks.h"
 #include "terminal_progress.h"
-#include "tileflight/place/version.h"
 #include "usage_fault.h"
+#include "version_text.h"
 
 namespace {
 
@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Render drone flights over 3D Tiles of a real place, and measure how accurate a SLAM map of it is."};
   app.name("tileflight");
   app.require_subcommand(1);
-  app.set_version_flag("--version", std::string("tileflight ") + tileflight::place::version());
+  app.set_version_flag("--version", tileflight::app::version_text());
 
   CommonOptions common;
   Selection selection;

@@ -17,8 +17,8 @@ from typing import Any, Callable
 from . import _core
 
 _NAMES = {"scene stadium": "make_stadium"}
-#: A server that runs until a signal; `Simulator` is the same within the process.
-_LEFT_OUT = {"serve"}
+#: A server that runs until a signal (`Simulator` is the same within the process), and what only a shell has a use for.
+_LEFT_OUT = {"serve", "completion"}
 #: Options of the terminal, which a function has no use for.
 _TERMINAL = {"json", "quiet"}
 
@@ -28,7 +28,9 @@ Progress = Callable[[int, int, str], None]
 def _find_program() -> str:
     """The program that was built with the module, for commands that start others (`study`, `odometry --system`)."""
     package = _pathlib.Path(__file__).parent
-    built_with_it = (package / "bin" / "tileflight", package.parents[1] / "bin" / "tileflight")  # wheel, build folder
+    built_with_it = [package / "bin" / "tileflight", package.parents[1] / "bin" / "tileflight"]  # wheel, build folder
+    if package.parent.name == "dist-packages":  # Debian's package: PREFIX/lib/python3/dist-packages/tileflight
+        built_with_it.append(package.parents[3] / "bin" / "tileflight")
     found = [str(program) for program in built_with_it if program.exists()]
     return _os.environ.get("TILEFLIGHT_BINARY") or (found[0] if found else "")
 

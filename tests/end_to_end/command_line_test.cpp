@@ -9,6 +9,7 @@
 namespace tileflight::command_line_test {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using tests::ProgramResult;
 using tests::run_tileflight;
@@ -111,10 +112,12 @@ TEST(CommandLine, ATimeOffsetIsAutoOrSeconds) {
         << "only the files are not there";
 }
 
-TEST(CommandLine, VersionIsPrinted) {
+TEST(CommandLine, VersionSaysCommitCompilerAndWhatWasBuiltIn) {
   const ProgramResult result = run_tileflight({"--version"});
   EXPECT_EQ(result.exit_code, 0);
-  EXPECT_THAT(result.out, HasSubstr("tileflight "));
+  EXPECT_THAT(result.out, ContainsRegex("^tileflight [0-9]+\\.[0-9]+\\.[0-9]+\n"));
+  EXPECT_THAT(result.out, ContainsRegex("\ncommit ([0-9a-f]{12}|.*-g[0-9a-f]{12}|v[0-9.]+|unknown)"));
+  EXPECT_THAT(result.out, ContainsRegex("\nbuilt by (GNU|Clang) [0-9.]+, [A-Za-z]+\nwith Embree 3\\.[0-9.]+"));
 }
 
 }  // namespace
