@@ -196,7 +196,7 @@ void add_trajectory_part(CLI::App& command, EvaluateOptions& options) {
   command.add_option("--trajectory", options.trajectories,
                      "estimated poses: with MAP those in the map's frame (TUM; default: the odometry folder's), "
                      "without MAP one or more files (TUM, EuRoC, KITTI)");
-  command.add_option("--truth-trajectory", options.truth_trajectory, "true poses");
+  command.add_option("--truth-trajectory", options.truth_trajectory, "true poses: a file, or a dataset folder");
   command.add_option("--alignment", options.alignment, "of each trajectory to the truth (default sim3)")
       ->check(CLI::IsMember({"sim3", "se3", "none"}));
   command

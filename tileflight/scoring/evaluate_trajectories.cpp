@@ -13,6 +13,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/doubts_json.h"
 #include "tileflight/geometry/trajectory_files.h"
+#include "tileflight/scoring/map_inputs.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -41,6 +42,12 @@ std::vector<std::string> names_of(const std::vector<fs::path>& estimates) {
 TrajectoryFile shifted(TrajectoryFile file, double offset_s) {
   for (geometry::StampedPose& pose : file.trajectory.poses) pose.time_s += offset_s;
   return file;
+}
+
+/// A file of poses, or those of a dataset.
+TrajectoryFile read_true_trajectory(const fs::path& file_or_dataset) {
+  if (!fs::is_directory(file_or_dataset)) return geometry::read_trajectory(file_or_dataset);
+  return {.trajectory = read_true_poses(file_or_dataset)};
 }
 
 /// An estimate and its score.
@@ -167,7 +174,7 @@ fs::path trajectory_errors_file(const fs::path& metrics_json) {
 
 json evaluate_trajectories(const TrajectoryScoring& scoring, const fs::path& out) {
   const std::vector<std::string> names = names_of(scoring.estimates);
-  const TrajectoryFile truth = geometry::read_trajectory(scoring.truth);
+  const TrajectoryFile truth = read_true_trajectory(scoring.truth);
   std::vector<ScoredTrajectory> all;
   for (std::size_t i = 0; i < names.size(); ++i)
     all.push_back(score_file(scoring.estimates[i], names[i], truth, scoring));

@@ -11,7 +11,7 @@ namespace tileflight::scoring {
 /// Estimated trajectories, without any map, and how they are compared with the true one.
 struct TrajectoryScoring {
   std::vector<std::filesystem::path> estimates;  ///< TUM, EuRoC or KITTI files (geometry::read_trajectory)
-  std::filesystem::path truth;                   ///< likewise
+  std::filesystem::path truth;                   ///< likewise, or a dataset folder with true poses
   evaluation::TrajectoryOptions options;         ///< the pairing is set from the files
   double time_offset_s = 0.0;                    ///< added to the times of the estimates
 };

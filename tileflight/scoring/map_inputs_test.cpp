@@ -3,10 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "tests/refusal.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/dataset/export_dataset.h"
+#include "tileflight/scoring/evaluate_trajectories.h"
 
 namespace tileflight::scoring::map_inputs_test {
 namespace {
@@ -50,6 +53,18 @@ TEST_F(MapInputsOfAFlight, EveryLayoutGivesCameraAndTrueCameraPoses) {
     }
     EXPECT_NEAR(read_flight_camera(inputs.camera).horizontal_fov_deg(), 90.0, 1e-9) << layout;
     EXPECT_EQ(inputs.dataset, folder_ / layout);
+  }
+}
+
+TEST_F(MapInputsOfAFlight, ADatasetIsTheTruthOfATrajectoryAlone) {
+  const dataset::Dataset own = flown(true);
+  geometry::write_tum(folder_ / "estimate.txt", truth_);
+  for (const std::string layout : {"own", "euroc"}) {
+    if (layout != "own") dataset::export_dataset(own, layout, folder_ / layout, false);
+    const nlohmann::json metrics = evaluate_trajectories(
+        {.estimates = {folder_ / "estimate.txt"}, .truth = folder_ / layout}, folder_ / (layout + ".json"));
+    EXPECT_EQ(metrics["trajectory"]["poses"], 3) << layout;
+    EXPECT_LT(metrics["trajectory"]["ate_rmse"], 1e-9) << layout;
   }
 }
 
