@@ -122,7 +122,7 @@ void add_align(CLI::App& app, CommonOptions& common, Selection& selection) {
     selection.run = [options](const CommonOptions&, const Progress& progress) -> Output {
       std::vector<std::filesystem::path> inputs = files_named(options->map);
       inputs.insert(inputs.end(), {options->target, options->start});
-      base::require_not_input(options->out, inputs);
+      base::prepare_output_file(options->out, inputs);
       const nlohmann::json t =
           scoring::align(map_inputs(options->map), options->target, align_options(*options), options->out, progress);
       std::ostringstream text;

@@ -27,10 +27,10 @@ struct EvaluateOptions {
   bool report = false;
 };
 
-/// Throws InputError if metrics.json or a file written beside it is an input.
-void require_no_input(const std::vector<std::filesystem::path>& written,
+/// Throws InputError if metrics.json or a file written beside it is an input; makes their folder.
+void prepare_output_files(const std::vector<std::filesystem::path>& written,
                       const std::vector<std::filesystem::path>& inputs) {
-  for (const std::filesystem::path& file : written) base::require_not_input(file, inputs);
+  for (const std::filesystem::path& file : written) base::prepare_output_file(file, inputs);
 }
 
 // ------------------------------------------------------------------------------------------------------------- a map
@@ -54,7 +54,7 @@ Output evaluate_map(const EvaluateOptions& options, const Progress& progress) {
   const scoring::EvaluationSettings settings =
       options.settings_file.empty() ? options.settings : experiment::read_evaluation_file(options.settings_file);
   const std::filesystem::path out = options.out;
-  require_no_input({out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out)}, inputs);
+  prepare_output_files({out, out.parent_path() / "errors.ply", scoring::seen_surface_file(out)}, inputs);
   const json m = scoring::evaluate(map_inputs(map), options.truth, options.transform, settings, options.out, progress);
   std::ostringstream text;
   text << options.out << ": " << m["map"]["correspondences"] << " of " << m["map"]["points"] << " points within "
@@ -127,7 +127,7 @@ Output evaluate_paths(const EvaluateOptions& options) {
   std::vector<std::filesystem::path> inputs = scoring.estimates;
   inputs.push_back(scoring.truth);
   const std::filesystem::path out = options.out;
-  require_no_input({out, scoring::trajectory_errors_file(out)}, inputs);
+  prepare_output_files({out, scoring::trajectory_errors_file(out)}, inputs);
   const json metrics = scoring::evaluate_trajectories(scoring, out);
   std::string text = trajectories_text(options, metrics);
   if (options.report) {

@@ -57,7 +57,7 @@ void add_export(CLI::App& app, CommonOptions& common, Selection& selection) {
       const dataset::Dataset source = dataset::read_dataset(options->dataset, options->camera);
       if (options->layout != kMcap)
         return exported_folder(source, options->camera, options->layout, options->out, shared.force, progress);
-      base::require_not_input(options->out, {options->dataset, options->camera.calibration});
+      base::prepare_output_file(options->out, {options->dataset, options->camera.calibration});
       return exported_mcap(source, options->out, shared.force, progress);
     };
   });

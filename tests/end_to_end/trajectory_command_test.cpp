@@ -104,6 +104,14 @@ TEST_F(TrajectoryCommand, SeveralAtOnceWithAPage) {
   EXPECT_EQ(file_text(folder_ / "out/report.html"), page) << "the same from the folder";
 }
 
+TEST_F(TrajectoryCommand, ThePageReadsTheFileThatWasAskedFor) {
+  const ProgramResult scored = run_tileflight({"evaluate", "--trajectory", path("noisy.txt"), "--truth-trajectory",
+                                               path("truth.txt"), "--out", path("new/deep/scores.json"), "--report"});
+  ASSERT_EQ(scored.exit_code, 0) << scored.err;
+  EXPECT_THAT(file_text(folder_ / "new/deep/report.html"), HasSubstr("full precision are in scores.json"));
+  EXPECT_EQ(run_tileflight({"report", path("new/deep")}).exit_code, 0);
+}
+
 TEST_F(TrajectoryCommand, KittiIsPairedByLine) {
   const auto write_kitti = [&](const std::string& name, std::size_t poses) {
     std::ofstream file(folder_ / name);

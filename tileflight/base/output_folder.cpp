@@ -183,8 +183,18 @@ void remove_output(const fs::path& path) {
   if (error) throw InputError(path.string(), "cannot be removed: " + error.message());
 }
 
-void require_not_input(const fs::path& file, const std::vector<fs::path>& inputs) {
-  if (!fs::exists(file)) return;
+namespace {
+
+void make_folder_of(const fs::path& file) {
+  std::error_code error;
+  if (file.has_parent_path()) fs::create_directories(file.parent_path(), error);
+  if (error) throw InputError(file.parent_path().string(), "cannot be made: " + error.message());
+}
+
+}  // namespace
+
+void prepare_output_file(const fs::path& file, const std::vector<fs::path>& inputs) {
+  if (!fs::exists(file)) return make_folder_of(file);
   for (const fs::path& input : inputs) {
     if (input.empty() || !fs::exists(input)) continue;
     std::error_code error;

@@ -59,8 +59,9 @@ bool matches_pattern(std::string_view name, std::string_view pattern);
 /// holds any other.
 void remove_output(const std::filesystem::path& path);
 
-/// Throws InputError if `file` is an input, or a file of an input folder: outputs never overwrite inputs. A file in a
-/// command's output folder that the command did not write is not an input.
-void require_not_input(const std::filesystem::path& file, const std::vector<std::filesystem::path>& inputs);
+/// To be called before the work whose result is a single file. Throws InputError if `file` is an input, or a file of an
+/// input folder: outputs never overwrite inputs. A file in a command's output folder that the command did not write is
+/// not an input. Makes the folder of `file` if it is missing.
+void prepare_output_file(const std::filesystem::path& file, const std::vector<std::filesystem::path>& inputs);
 
 }  // namespace tileflight::base

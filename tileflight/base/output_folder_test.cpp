@@ -306,7 +306,7 @@ TEST(RemoveOutput, TakesOursAlone) {
   EXPECT_TRUE(fs::exists(folder / "out/a"));
 }
 
-TEST(RequireNoInput, RefusesFilesThatAreRead) {
+TEST(PrepareOutputFile, RefusesFilesThatAreRead) {
   const tests::TemporaryFolder folder;
   write(folder / "data", {"map.ply", "times.txt"});
   make_file(folder / "foreign/map.ply");
@@ -315,13 +315,23 @@ TEST(RequireNoInput, RefusesFilesThatAreRead) {
   fs::create_hard_link(folder / "cloud.ply", folder / "hard.ply");
   const std::vector<fs::path> inputs{folder / "cloud.ply", folder / "data", folder / "foreign", folder / "absent", ""};
   for (const char* name : {"cloud.ply", "link.ply", "hard.ply", "foreign/../cloud.ply"})
-    EXPECT_THAT(refusal_of([&] { require_not_input(folder / name, inputs); }),
+    EXPECT_THAT(refusal_of([&] { prepare_output_file(folder / name, inputs); }),
                 HasSubstr("is also an input of this command"));
   for (const char* name : {"data/map.ply", "data/../data/times.txt", "foreign/map.ply"})
-    EXPECT_THAT(refusal_of([&] { require_not_input(folder / name, inputs); }), HasSubstr("an input of this command"));
+    EXPECT_THAT(refusal_of([&] { prepare_output_file(folder / name, inputs); }), HasSubstr("an input of this command"));
   make_file(folder / "data/transform.json");
   for (const char* name : {"new.json", "data/new.json", "foreign/new.json", "data/transform.json"})
-    EXPECT_EQ(refusal_of([&] { require_not_input(folder / name, inputs); }), "no error") << name;
+    EXPECT_EQ(refusal_of([&] { prepare_output_file(folder / name, inputs); }), "no error") << name;
+}
+
+TEST(PrepareOutputFile, MakesTheFolderBeforeTheWork) {
+  const tests::TemporaryFolder folder;
+  prepare_output_file(folder / "out/deep/transform.json", {});
+  EXPECT_TRUE(fs::is_directory(folder / "out/deep"));
+  prepare_output_file("transform.json", {});
+  make_file(folder / "file");
+  EXPECT_THAT(refusal_of([&] { prepare_output_file(folder / "file/below/transform.json", {}); }),
+              HasSubstr("cannot be made"));
 }
 
 TEST(Matches, DigitsAndStars) {

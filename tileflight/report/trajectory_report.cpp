@@ -35,7 +35,8 @@ struct ComparedPath {
 
 /// The contents of the folder.
 struct ScoredPaths {
-  json metrics;  ///< metrics.json
+  std::string metrics_file;  ///< name in the folder, metrics.json as a rule
+  json metrics;
   json scores;   ///< list of `trajectory`, one for each path
   std::string alignment;
   bool has_times = true;  ///< else time_s are indices
@@ -85,9 +86,11 @@ ComparedPath read_path(const json& object, std::size_t index, const std::string&
 }
 
 ScoredPaths read_scored_paths(const std::filesystem::path& folder) {
-  ScoredPaths result{.metrics = base::read_json(folder / "metrics.json")};
   const std::filesystem::path file = folder / kErrorsFile;
   const json errors = base::read_json(file);
+  ScoredPaths result;
+  result.metrics_file = std::filesystem::path(text_at(errors, "/metrics").value_or("metrics.json")).filename().string();
+  result.metrics = base::read_json(folder / result.metrics_file);
   const json list = errors.is_object() ? errors.value("trajectories", json()) : json();
   if (!list.is_array() || list.empty()) throw InputError(file.string(), "'trajectories' must be a list");
   result.alignment = text_at(errors, "/alignment").value_or("");
@@ -96,7 +99,7 @@ ScoredPaths read_scored_paths(const std::filesystem::path& folder) {
   result.scores = result.metrics.contains("trajectory") ? json::array({result.metrics["trajectory"]})
                                                         : result.metrics.value("trajectories", json::array());
   if (result.scores.size() != result.paths.size())
-    throw InputError(file.string(), "belongs to another metrics.json; evaluate the trajectories again");
+    throw InputError(file.string(), "belongs to another " + result.metrics_file + "; evaluate the trajectories again");
   return result;
 }
 
@@ -332,7 +335,7 @@ void write_trajectory_report(const std::filesystem::path& folder) {
                                ? "Trajectory " + scored.paths.front().name
                                : std::to_string(scored.paths.size()) + " trajectories against the truth";
   const std::string subtitle = "Compared with the true trajectory after alignment of " + words_for(scored.alignment) +
-                               ". Numbers in full precision are in metrics.json.";
+                               ". Numbers in full precision are in " + scored.metrics_file + ".";
   const Html header =
       element("header", element("h1", text(name)) + element("p", {{"class", "subtitle"}}, text(subtitle)) +
                             doubts_panel(scored.metrics));

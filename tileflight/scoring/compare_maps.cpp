@@ -73,10 +73,10 @@ void require_no_input(const std::vector<FoundMap>& maps, const ComparisonFiles& 
     for (const fs::path& metrics_json : map.metrics_files)
       inputs.insert(inputs.end(), {metrics_json, metrics_json.parent_path() / "errors.ply"});
   }
-  if (!files.csv.empty()) base::require_not_input(files.csv, inputs);
-  if (!files.csv.empty()) base::require_not_input(pairs_file(files.csv), inputs);
+  if (!files.csv.empty()) base::prepare_output_file(files.csv, inputs);
+  if (!files.csv.empty()) base::prepare_output_file(pairs_file(files.csv), inputs);
   for (const fs::path& file : {files.tex, files.text})
-    if (!file.empty()) base::require_not_input(file, inputs);
+    if (!file.empty()) base::prepare_output_file(file, inputs);
 }
 
 /// The chosen maps, with the baseline among them, and its index.

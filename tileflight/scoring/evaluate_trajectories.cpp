@@ -183,6 +183,7 @@ json evaluate_trajectories(const TrajectoryScoring& scoring, const fs::path& out
   for (const ScoredTrajectory& scored : all) series.push_back(series_of(scored));
   const json errors = {{"alignment", evaluation::name_of(scoring.options.alignment)},
                        {"has_times", truth.has_times()},
+                       {"metrics", out.filename().string()},
                        {"trajectories", series}};
   const auto dumped = [](const json& object, int indent) {
     return object.dump(indent, ' ', false, json::error_handler_t::replace) + "\n";
