@@ -56,8 +56,6 @@ class Stage:
             return self.pages[file] + ("#" + anchor if anchor else "")
         if file.is_dir() and file / "README.md" in self.pages:
             return self.pages[file / "README.md"]
-        if file.suffix == ".png" and file.with_suffix(".py").exists():
-            return target  # drawn by that example
         if not file.is_file() or not file.is_relative_to(self.source):
             sys.exit(f"build_site: {page.relative_to(self.source)}: the link {target} leads nowhere")
         docs = self.source / "docs"
