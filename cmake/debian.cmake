@@ -21,6 +21,8 @@ install(DIRECTORY ${MADE}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONEN
 install(FILES ${MADE}/completion/tileflight DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT runtime)
 install(FILES ${MADE}/completion/_tileflight DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions COMPONENT runtime)
 
+# The examples' first lines name their schemas, one folder up.
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/schemas DESTINATION ${CMAKE_INSTALL_DOCDIR}-examples COMPONENT examples)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples/ DESTINATION ${CMAKE_INSTALL_DOCDIR}-examples/examples COMPONENT examples
         EXCLUDE_FROM_ALL PATTERN __pycache__ EXCLUDE)
 if(TILEFLIGHT_PYTHON)

@@ -8,6 +8,7 @@ if(TARGET tileflight)
   install(TARGETS tileflight RUNTIME COMPONENT runtime)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/adapters DESTINATION ${CMAKE_INSTALL_DATADIR}/tileflight USE_SOURCE_PERMISSIONS
           COMPONENT runtime)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/schemas DESTINATION ${CMAKE_INSTALL_DATADIR}/tileflight COMPONENT runtime)
 endif()
 
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME development)

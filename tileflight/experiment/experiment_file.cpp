@@ -72,15 +72,25 @@ TruthConfig read_truth(StrictSection section) {
   return truth;
 }
 
-fs::path required_path(StrictSection& section, const std::string& key) {
-  const std::optional<fs::path> path = section.path(key);
-  if (!path) throw section.error(key, "is missing");
-  if (!fs::exists(*path)) throw section.error(key, "names " + path->string() + ", which does not exist");
-  return *path;
+fs::path optional_path(StrictSection& section, const std::string& key) {
+  const fs::path path = section.path(key).value_or(fs::path());
+  if (!path.empty() && !fs::exists(path))
+    throw section.error(key, "names " + path.string() + ", which does not exist");
+  return path;
 }
 
-fs::path optional_path(StrictSection& section, const std::string& key) {
-  return section.has(key) ? required_path(section, key) : fs::path();
+fs::path required_path(StrictSection& section, const std::string& key) {
+  const fs::path path = optional_path(section, key);
+  if (path.empty()) throw section.error(key, "is missing");
+  return path;
+}
+
+/// The regular grids of rays that a pixel may have.
+int read_samples_per_pixel(StrictSection& section, int fallback) {
+  const int samples = section.integer("samples_per_pixel").value_or(fallback);
+  if (samples != 1 && samples != 4 && samples != 9 && samples != 16)
+    throw section.error("samples_per_pixel", "must be 1, 4, 9 or 16");
+  return samples;
 }
 
 void read_resolution(StrictSection& section, survey::RenderedFlightConfig& render) {
@@ -102,7 +112,7 @@ survey::RenderedFlightConfig read_render(StrictSection section) {
   render.camera = optional_path(section, "camera");
   render.source = read_source(section, "source");
   read_resolution(section, render);
-  render.samples_per_pixel = section.integer("samples_per_pixel").value_or(render.samples_per_pixel);
+  render.samples_per_pixel = read_samples_per_pixel(section, render.samples_per_pixel);
   render.max_frames = section.integer("max_frames");
   if (render.max_frames && *render.max_frames < 2) throw section.error("max_frames", "must be at least 2");
   if (const auto words = section.text("outputs")) {
@@ -139,7 +149,7 @@ survey::IngestedFlightConfig read_ingest(StrictSection section) {
   ingest.from_s = section.number("from").value_or(0.0);
   ingest.to_s = section.number("to");
   ingest.every = section.integer("every").value_or(1);
-  ingest.fps = section.number("fps");
+  ingest.fps = section.positive_number("fps");
   if (ingest.estimates_telemetry_offset && ingest.telemetry.empty())
     throw section.error("telemetry_offset", "applies to a flight log; give one with 'telemetry'");
   if (ingest.every < 1) throw section.error("every", "must be at least 1");
@@ -205,20 +215,21 @@ SiteConfig read_variant_place(StrictSection section, const SiteConfig& place) {
     changed.seed = place.seed;
     return changed;
   }
+  section.ignore({"source"});
   read_site_keys(section, changed);
   return changed;
 }
 
 /// Changes to the rendered flight.
 void read_flight_changes(StrictSection& section, Variant& variant) {
-  if (section.has("flight")) {
-    variant.render.flight = required_path(section, "flight");
+  if (const fs::path flight = optional_path(section, "flight"); !flight.empty()) {
+    variant.render.flight = flight;
     variant.render.follows_real = false;
   }
-  if (section.has("camera")) variant.render.camera = required_path(section, "camera");
+  if (const fs::path camera = optional_path(section, "camera"); !camera.empty()) variant.render.camera = camera;
   read_resolution(section, variant.render);
-  variant.render.samples_per_pixel = section.integer("samples_per_pixel").value_or(variant.render.samples_per_pixel);
-  if (section.has("texture_scale")) variant.texture_scale = section.positive_number("texture_scale").value_or(1.0);
+  variant.render.samples_per_pixel = read_samples_per_pixel(section, variant.render.samples_per_pixel);
+  variant.texture_scale = section.positive_number("texture_scale");
   if (auto degrade = section.section("degrade")) {
     variant.render.video.reset();
     read_degrade(*degrade, variant.render);

@@ -49,6 +49,7 @@ StudyPlace read_place(StrictSection& places, const std::string& name) {
   section.require("experiment");
   place.experiment = require_file(section, "experiment", section.path("experiment").value_or(""));
   place.flights = flights_of(place.experiment);
+  section.ignore({"flights"});  // a key here, also where it is left out
   if (section.has("flights")) {
     const std::vector<std::string> chosen = section.required_texts("flights");
     for (const std::string& flight : chosen) {

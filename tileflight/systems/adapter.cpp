@@ -73,6 +73,7 @@ void read_takes(StrictSection section, Adapter& adapter) {
 }
 
 void read_needs(StrictSection section, Adapter& adapter) {
+  section.ignore({"programs", "variables"});  // keys here, also where they are left out
   if (section.has("programs")) adapter.programs = section.required_texts("programs");
   if (section.has("variables")) adapter.variables = section.required_texts("variables");
   adapter.needs_gpu = section.boolean("gpu").value_or(false);
