@@ -40,6 +40,8 @@ def type_in_words(schema, root):
                 words.append(word)
         return ", or ".join(words)
     kinds = schema.get("type", "")
+    if isinstance(kinds, list) and "object" in kinds:
+        kinds = "object"  # a section without keys may be left empty
     words = []
     for kind in kinds if isinstance(kinds, list) else [kinds]:
         word = {"integer": "whole number", "number": "number", "string": "text", "boolean": "true or false", "object": "mapping", "null": "null"}.get(kind, kind)
@@ -89,17 +91,14 @@ def page(title, schema, file_name):
     has_unit = any(row[2] for row in rows)
     out = [rst.heading(title), rst.escape(schema.get("description", "")) + "\n\n",
            f"Generated from :download:`{file_name} <{file_name}>`, which editors can use to check and complete such a file. ``[]`` is each entry of a list.\n\n"]
-    sections = {}
+    groups = {}  # a table for each section, under the path that leads to it
     for row in rows:
-        sections.setdefault(row[0].split(".")[0].split("[")[0], []).append(row)
-    plain = [rows_[0] for rows_ in sections.values() if len(rows_) == 1]
-    groups = ([("Top level", plain)] if plain else []) + [(name, rows_) for name, rows_ in sections.items() if len(rows_) > 1]
-    for name, group in groups:
-        if len(groups) > 1:
-            out.append(rst.heading("Top level" if name == "Top level" else f"``{name}``", "-"))
+        groups.setdefault(row[0].rpartition(".")[0], []).append(row)
+    for section, group in groups.items():
+        out.append(rst.heading(f"``{section}``" if section else "Top level", "-"))
         out.append(".. list-table::\n   :header-rows: 1\n   :class: keys\n\n   * - key\n     - type\n" + ("     - unit\n" if has_unit else "") + "     - default\n     - meaning\n")
         for path, kind, unit, default, meaning in group:
-            cells = [f"``{path}``", rst.escape(kind), *([rst.escape(unit)] if has_unit else []), rst.escape(default), rst.escape(" ".join(meaning.split()))]
+            cells = [f"``{path.rpartition('.')[2]}``", rst.escape(kind), *([rst.escape(unit)] if has_unit else []), rst.escape(default), rst.escape(" ".join(meaning.split()))]
             out.append("   * - " + "\n     - ".join(cells) + "\n")
         out.append("\n")
     return "".join(out)

@@ -44,7 +44,9 @@ class SchemaPagesTest(unittest.TestCase):
     def test_a_page_is_made(self):
         text = schema_pages.page("Things", SCHEMA, "thing.schema.json")
         for key in self.rows:
-            self.assertIn(f"``{key}``", text)
+            section, _, name = key.rpartition(".")
+            self.assertIn(f"``{name}``", text)
+            self.assertIn(f"``{section}``" if section else "Top level", text)
 
 
 if __name__ == "__main__":
