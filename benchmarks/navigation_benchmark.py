@@ -49,7 +49,7 @@ def main():
         calls, cpu_ms = rate(work, arguments.seconds)
         print(f"| {name} | {calls * per_call:.0f} | {cpu_ms / per_call:.2f} |", flush=True)
 
-    for observation in ("depth", "rgb"):
+    for observation in ("depth", "rgb", "lidar"):
         env = NavigationEnv(scene, observation=observation)
         env.reset(seed=1)
         report(f"steps, {observation} 128 x 72", step_of(env, random_actions(4)))

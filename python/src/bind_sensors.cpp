@@ -1,9 +1,14 @@
+#include <array>
+#include <nlohmann/json.hpp>
+
 #include "arrays.h"
 #include "bindings.h"
 #include "loaded_scene.h"
+#include "tileflight/base/strict_section.h"
 #include "tileflight/flight/path.h"
 #include "tileflight/sensors/imu.h"
 #include "tileflight/sensors/lidar.h"
+#include "tileflight/sensors/sensor_suite.h"
 
 namespace tileflight::python {
 namespace {
@@ -115,6 +120,139 @@ py::dict simulate_imu(const flight::Path& path, const std::string& model, std::o
   return arrays;
 }
 
+/// Attributes of samples as arrays, one after the other.
+template <class Sample>
+class Columns {
+ public:
+  explicit Columns(const std::vector<Sample>& samples) : samples_(samples) {}
+
+  template <class Read>
+  Columns& numbers(const char* name, const Read& read) {
+    std::vector<double> values;
+    values.reserve(samples_.size());
+    for (const Sample& sample : samples_) values.push_back(read(sample));
+    arrays_[name] = move_to_array<double>(std::move(values), {count()});
+    return *this;
+  }
+  template <class Read>
+  Columns& vectors(const char* name, const Read& read) {
+    std::vector<geometry::Vec3> values;
+    values.reserve(samples_.size());
+    for (const Sample& sample : samples_) values.push_back(read(sample));
+    arrays_[name] = points_to_array(std::move(values));
+    return *this;
+  }
+  template <class Read>
+  Columns& rotations(const char* name, const Read& read) {
+    std::vector<double> values;
+    values.reserve(9 * samples_.size());
+    for (const Sample& sample : samples_) {
+      const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> matrix = read(sample);
+      values.insert(values.end(), matrix.data(), matrix.data() + 9);
+    }
+    arrays_[name] = move_to_array<double>(std::move(values), {count(), 3, 3});
+    return *this;
+  }
+  py::dict take() { return std::move(arrays_); }
+
+ private:
+  py::ssize_t count() const { return static_cast<py::ssize_t>(samples_.size()); }
+
+  const std::vector<Sample>& samples_;
+  py::dict arrays_;
+};
+
+/// What the sensors of a suite record along a path.
+struct Recordings {
+  std::vector<sensors::GnssFix> gnss;
+  std::vector<sensors::AttitudeSample> attitude;
+  std::vector<sensors::BarometerSample> barometer;
+  std::vector<sensors::MagnetometerSample> magnetometer;
+  std::vector<sensors::RangeSample> range_finder;
+};
+
+Recordings record(const sensors::SensorSuite& suite, const flight::Path& path, const scene::Scene* scene,
+                  const std::optional<geometry::LocalFrame>& frame) {
+  const double from_s = path.start_s(), to_s = path.end_s();
+  const auto pose_at = [&](double t) { return path.pose(t); };
+  Recordings out;
+  if (suite.gnss)
+    out.gnss = sensors::simulate_gnss([&](double t) { return path.pose(t).translation; }, from_s, to_s, *suite.gnss);
+  if (suite.attitude)
+    out.attitude = sensors::simulate_attitude(
+        pose_at, render::make_sample_times("attitude", from_s, to_s, suite.attitude->rate_hz), *suite.attitude);
+  if (suite.barometer) {
+    const auto height_m = sensors::height_above_sea(suite, frame, path.pose(from_s).translation);
+    out.barometer = sensors::simulate_barometer([&](double t) { return height_m(path.pose(t).translation); }, from_s,
+                                                to_s, *suite.barometer);
+  }
+  if (suite.magnetometer)
+    out.magnetometer = sensors::simulate_magnetometer(pose_at, sensors::magnetic_field_at(suite.magnetic_field, frame),
+                                                      from_s, to_s, *suite.magnetometer);
+  if (suite.range_finder) {
+    const auto times = render::make_sample_times("range finder", from_s, to_s, suite.range_finder->rate_hz);
+    out.range_finder = sensors::simulate_range_finder(*scene, pose_at, times, 0, times.count(), *suite.range_finder);
+  }
+  return out;
+}
+
+std::optional<geometry::LocalFrame> frame_of(const std::optional<std::array<double, 3>>& origin,
+                                             const SceneHandle& scene) {
+  if (origin) return geometry::LocalFrame({(*origin)[0], (*origin)[1], geometry::EllipsoidalHeight{(*origin)[2]}});
+  return scene ? scene->tiles.local_frame : std::nullopt;
+}
+
+py::dict simulate_sensors(const flight::Path& path, const py::dict& options, const SceneHandle& scene,
+                          std::uint64_t seed, const std::optional<std::array<double, 3>>& origin) {
+  const auto json = nlohmann::json::parse(py::module_::import("json").attr("dumps")(options).cast<std::string>());
+  for (const char* other : {"imu", "lidar"}) {
+    if (json.contains(other))
+      throw py::value_error(std::string("sensors: ") + other + " is simulated by " +
+                            (std::string(other) == "imu" ? "simulate_imu" : "Lidar"));
+  }
+  const sensors::SensorSuite suite = sensors::read_sensor_suite(base::StrictSection(json, "sensors"), seed, {});
+  if (suite.range_finder && !scene) throw py::value_error("sensors: a range_finder needs a scene");
+  const auto frame = frame_of(origin, scene);
+  Recordings recorded;
+  {
+    const py::gil_scoped_release unlocked;
+    recorded = record(suite, path, scene ? &scene->scene : nullptr, frame);
+  }
+  const auto time = [](const auto& sample) { return sample.time_s; };
+  py::dict out;
+  if (suite.gnss)
+    out["gnss"] = Columns(recorded.gnss)
+                      .numbers("times", time)
+                      .vectors("position", [](const auto& s) { return s.position; })
+                      .numbers("horizontal_sigma", [](const auto& s) { return s.horizontal_sigma_m; })
+                      .numbers("vertical_sigma", [](const auto& s) { return s.vertical_sigma_m; })
+                      .take();
+  if (suite.attitude)
+    out["attitude"] =
+        Columns(recorded.attitude)
+            .numbers("times", time)
+            .rotations("R_local_camera", [](const auto& s) { return s.R_local_camera.toRotationMatrix(); })
+            .take();
+  if (suite.barometer)
+    out["barometer"] = Columns(recorded.barometer)
+                           .numbers("times", time)
+                           .numbers("pressure", [](const auto& s) { return s.pressure_pa; })
+                           .numbers("temperature", [](const auto& s) { return s.temperature_k; })
+                           .numbers("altitude", [](const auto& s) { return s.altitude_m; })
+                           .take();
+  if (suite.magnetometer)
+    out["magnetometer"] = Columns(recorded.magnetometer)
+                              .numbers("times", time)
+                              .vectors("field", [](const auto& s) { return s.field_ut; })
+                              .take();
+  if (suite.range_finder)
+    out["range_finder"] = Columns(recorded.range_finder)
+                              .numbers("times", time)
+                              .numbers("range", [](const auto& s) { return s.range_m; })
+                              .take();
+  return out;
+}
+
 }  // namespace
 
 void bind_sensors(py::module_& module) {
@@ -152,6 +290,17 @@ void bind_sensors(py::module_& module) {
              "Readings of an inertial unit along a path. model: adis16448 (EuRoC's), bmi160, perfect. A dictionary: "
              "times (N), angular_rate (N, 3) rad/s, specific_force (N, 3) m/s^2 in the unit's axes, gyroscope_bias and "
              "accelerometer_bias (N, 3), the true ones.");
+  module.def(
+      "simulate_sensors", &simulate_sensors, arg("path"), arg("sensors"), py::kw_only(), arg("scene") = SceneHandle(),
+      arg("seed") = 1, arg("origin") = py::none(),
+      "Readings of other sensors along a path. sensors: as `sensors:` of a flight file, for example {'gnss': "
+      "{'rate_hz': 5}, 'barometer': {}}; there are gnss, attitude, barometer, magnetometer and range_finder, which "
+      "needs a scene. origin: latitude, longitude (degrees), height (metres above the ellipsoid) of the local "
+      "frame; default: the scene's. A dictionary by sensor of dictionaries with times (N), seconds, and: gnss: "
+      "position (N, 3) local metres, horizontal_sigma and vertical_sigma (N); attitude: R_local_camera (N, 3, 3); "
+      "barometer: pressure (N) Pa, temperature (N) K, altitude (N) metres above the sea by the standard "
+      "atmosphere; magnetometer: field (N, 3) microtesla in camera axes; range_finder: range (N) metres, "
+      "infinite beyond the largest. Raises InputError for keys and values that a flight file may not have.");
 }
 
 }  // namespace tileflight::python

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 import unittest
 
 import numpy as np
@@ -63,7 +65,7 @@ class SimulatorTest(unittest.TestCase):
 
 class NavigationTest(unittest.TestCase):
     def test_observations_and_actions_are_in_their_spaces(self):
-        for settings in ({}, {"observation": "rgb"}, {"action": "attitude"}):
+        for settings in ({}, {"observation": "rgb"}, {"observation": "lidar"}, {"action": "attitude"}):
             with self.subTest(settings):
                 env = NavigationEnv(place.scene(), size=(32, 18), distance=(5, 10), **settings)
                 observation, info = env.reset(seed=3)
@@ -77,6 +79,40 @@ class NavigationTest(unittest.TestCase):
                     self.assertTrue(env.observation_space.contains(observation))
                     self.assertEqual((type(reward), type(terminated), type(truncated)), (float, bool, bool))
                 env.close()
+
+    def test_the_lidar_sees_the_ground_below_and_the_wall_ahead(self):
+        env = NavigationEnv(flat(), size=(36, 10), observation="lidar")
+        observation, _ = env.reset(seed=1, options={"start": [5, 0, 6], "goal": [40, 0, 6]})
+        ranges = observation["image"][:, :, 0]
+        self.assertEqual(ranges.shape, (10, 36))
+        elevations = np.radians(np.linspace(15, -30, 10))
+        azimuths = np.radians(np.arange(36) * 10.0 - 180)
+        position, orientation = env.simulator.state()["position"], env.simulator.state()["orientation"]
+        w, x, y, z = orientation
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        origin = env._origin + [position[1], position[0], -position[2]]
+        for row, elevation in enumerate(elevations):
+            level = np.cos(elevation)
+            heading = azimuths + yaw  # clockwise from north
+            rays = np.stack([level * np.sin(heading), level * np.cos(heading), np.full(36, np.sin(elevation))], axis=1)
+            expected = np.minimum(env.scene.cast_rays(np.tile(origin, (36, 1)), rays)["distance"], 100)
+            near = np.abs(ranges[row] - expected) < 0.05 * expected
+            self.assertGreater(near.mean(), 0.9, f"row {row}")  # beams at the wall's edges may miss it
+
+    def test_gymnasium_makes_it_where_that_is_installed(self):
+        script = """
+import sys, types
+made = {}
+gymnasium = types.ModuleType("gymnasium")
+gymnasium.Env = type("Env", (), {})
+gymnasium.register = lambda id, entry_point, **rest: made.update({id: entry_point})
+sys.modules["gymnasium"] = gymnasium
+import tileflight.navigation as navigation
+module, name = made["tileflight/Navigation-v0"].split(":")
+assert getattr(sys.modules[module], name) is navigation.NavigationEnv
+assert issubclass(navigation.NavigationEnv, gymnasium.Env)
+"""
+        subprocess.run([sys.executable, "-c", script], check=True)
 
     def test_a_seed_repeats_an_episode(self):
         def episode(env):

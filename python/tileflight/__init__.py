@@ -36,6 +36,7 @@ from ._core import (
     render_flight,
     set_threads,
     simulate_imu,
+    simulate_sensors,
     umeyama,
 )
 from .commands import (
@@ -96,6 +97,7 @@ __all__ = [
     "run",
     "set_threads",
     "simulate_imu",
+    "simulate_sensors",
     "study",
     "systems",
     "tile",

@@ -28,13 +28,36 @@ except ImportError:
     _Base = object
 
 MAX_RANGE_M = 100.0
+#: Lowest and highest channel of the lidar.
+LIDAR_ELEVATION_DEG = (-30.0, 15.0)
 
 
-def _settings(size: tuple[int, int], fov_deg: float) -> dict[str, Any]:
+def _lidar(size: tuple[int, int]) -> dict[str, Any]:
+    """AirSim's settings of a lidar with `size` beams around and above each other, the first column behind the drone."""
+    lowest, highest = LIDAR_ELEVATION_DEG
+    turns = 10
+    beams = {"NumberOfChannels": size[1], "RotationsPerSecond": turns, "PointsPerSecond": size[0] * size[1] * turns}
+    view = {"HorizontalFOVStart": -180, "HorizontalFOVEnd": 180, "VerticalFOVUpper": highest, "VerticalFOVLower": lowest}
+    return {"SensorType": 6, "Enabled": True, "Range": MAX_RANGE_M, "DataFrame": "SensorLocalFrame", **beams, **view}
+
+
+def _range_image(points: np.ndarray, ring: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """(channels, columns, 1): the range of each beam, the highest channel first; MAX_RANGE_M where nothing came back.
+    points: forward, right, down."""
+    image = np.full((size[1], size[0], 1), MAX_RANGE_M, np.float32)
+    turn = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) + 0.5
+    columns = np.rint(turn * size[0]).astype(int) % size[0]
+    image[size[1] - 1 - ring.astype(int), columns, 0] = np.minimum(np.linalg.norm(points, axis=1), MAX_RANGE_M)
+    return image
+
+
+def _settings(size: tuple[int, int], fov_deg: float, has_lidar: bool) -> dict[str, Any]:
     capture = {"Width": size[0], "Height": size[1], "FOV_Degrees": fov_deg}
     captures = [{"ImageType": kind, **capture} for kind in (0, 1, 2)]
     camera = {"CaptureSettings": captures, "X": 0.25, "Y": 0, "Z": 0, "Pitch": 0, "Roll": 0, "Yaw": 0}
-    drone = {"VehicleType": "SimpleFlight", "Cameras": {"front_center": camera}}
+    drone: dict[str, Any] = {"VehicleType": "SimpleFlight", "Cameras": {"front_center": camera}}
+    if has_lidar:
+        drone["Sensors"] = {"lidar": _lidar(size)}
     return {"SimMode": "Multirotor", "StepOnDemand": True, "Vehicles": {"drone": drone}}
 
 
@@ -47,7 +70,8 @@ class NavigationEnv(_Base):  # type: ignore[misc, valid-type]
     """Fly to a goal without touching anything.
 
     Observation, a dictionary: `image` (height, width, 1) float32 depth along the optical axis, metres, at most 100; or
-    (height, width, 3) uint8 with observation="rgb"; `goal` (3) float32: forward, right, down metres to the goal in the
+    (height, width, 3) uint8 with observation="rgb"; with observation="lidar" the ranges of `size` beams, (channels, columns,
+    1) float32, all around from behind over left, front and right, from 15 degrees above to 30 below; `goal` (3) float32: forward, right, down metres to the goal in the
     drone's heading; `velocity` (3) float32: forward, right, down, m/s.
 
     Action: `velocity`: forward, right, down, turn, each -1 to 1 of `max_speed` and 90 degrees a second; `attitude`: roll,
@@ -79,22 +103,24 @@ class NavigationEnv(_Base):  # type: ignore[misc, valid-type]
         region: Any = None,
         render_mode: str | None = None,
     ):
-        if observation not in ("depth", "rgb"):
-            raise ValueError(f"observation must be 'depth' or 'rgb', not {observation!r}")
+        if observation not in ("depth", "rgb", "lidar"):
+            raise ValueError(f"observation must be 'depth', 'rgb' or 'lidar', not {observation!r}")
         if action not in ("velocity", "attitude"):
             raise ValueError(f"action must be 'velocity' or 'attitude', not {action!r}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {render_mode!r}")
         self.scene = source if isinstance(source, _core.Scene) else _core.load(str(source))
         self._origin = self._middle_of_the_ground()
-        self.simulator = _core.Simulator.of_scene(self.scene, _settings(size, fov_deg), ned_origin=self._origin)
+        self.simulator = _core.Simulator.of_scene(
+            self.scene, _settings(size, fov_deg, observation == "lidar"), ned_origin=self._origin
+        )
         self.render_mode = render_mode
         self.max_steps = max_steps
-        self._observation, self._action = observation, action
+        self._observation, self._action, self._size = observation, action, size
         self._step_s, self._max_speed = step_s, max_speed
         self._height, self._distance = height, distance
         self._region = self._default_region() if region is None else np.asarray(region, float).reshape(2, 2)
-        channels, bound, kind = (1, MAX_RANGE_M, np.float32) if observation == "depth" else (3, 255, np.uint8)
+        channels, bound, kind = (3, 255, np.uint8) if observation == "rgb" else (1, MAX_RANGE_M, np.float32)
         self.observation_space = Dict(
             {
                 "image": Box(0, bound, (size[1], size[0], channels), kind),
@@ -161,12 +187,16 @@ class NavigationEnv(_Base):  # type: ignore[misc, valid-type]
         roll, pitch = np.radians(25.0) * action[:2]
         self.simulator.move_by_attitude(roll, pitch, self._yaw, 0.5 + 0.5 * action[3], self._step_s)
 
-    def _observe(self) -> dict[str, np.ndarray]:
+    def _image(self) -> np.ndarray:
+        if self._observation == "lidar":
+            scan = self.simulator.lidar("lidar")
+            return _range_image(scan["points"], scan["ring"], self._size)
         image = self.simulator.images([self._observation])[0]
-        if self._observation == "depth":
-            image = np.minimum(image, np.float32(MAX_RANGE_M))[:, :, None]
+        return image if self._observation == "rgb" else np.minimum(image, np.float32(MAX_RANGE_M))[:, :, None]
+
+    def _observe(self) -> dict[str, np.ndarray]:
         to_goal = self._goal - self._state["position"]
-        return {"image": image, "goal": self._in_heading(to_goal), "velocity": self._in_heading(self._state["linear_velocity"])}
+        return {"image": self._image(), "goal": self._in_heading(to_goal), "velocity": self._in_heading(self._state["linear_velocity"])}
 
     def _in_heading(self, ned: np.ndarray) -> np.ndarray:
         yaw = _yaw_of(self._state["orientation"])

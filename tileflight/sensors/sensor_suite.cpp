@@ -253,7 +253,9 @@ LidarOptions read_lidar(StrictSection section, std::uint64_t seed, bool& kitti_s
   return finish_and_check(section, o);
 }
 
-SensorSuite read_suite(StrictSection section, std::uint64_t seed, const SE3& T_camera_imu) {
+}  // namespace
+
+SensorSuite read_sensor_suite(StrictSection section, std::uint64_t seed, const SE3& T_camera_imu) {
   SensorSuite suite;
   if (auto s = section.section("imu")) suite.imu = read_imu(*s, seed, T_camera_imu);
   if (auto s = section.section("gnss")) suite.gnss = read_gnss(*s, seed);
@@ -267,15 +269,34 @@ SensorSuite read_suite(StrictSection section, std::uint64_t seed, const SE3& T_c
   return suite;
 }
 
-}  // namespace
-
 SensorSuite read_sensor_suite(const std::filesystem::path& flight_file, std::uint64_t seed, const SE3& T_camera_imu) {
   StrictSection flight = StrictSection::load(flight_file);
   const auto section = flight.section("sensors");
   const auto file = flight.path("sensors_file");
   if (section && file) throw flight.error("sensors_file", "and 'sensors' are both given; keep one of the two");
-  if (file) return read_suite(StrictSection::load(*file), seed, T_camera_imu);
-  return section ? read_suite(*section, seed, T_camera_imu) : SensorSuite{};
+  if (file) return read_sensor_suite(StrictSection::load(*file), seed, T_camera_imu);
+  return section ? read_sensor_suite(*section, seed, T_camera_imu) : SensorSuite{};
+}
+
+std::function<double(const Vec3&)> height_above_sea(const SensorSuite& suite,
+                                                    const std::optional<geometry::LocalFrame>& frame,
+                                                    const Vec3& near) {
+  if (!frame) return [above_m = suite.origin_above_sea_m](const Vec3& position) { return position.z() + above_m; };
+  const geometry::Geodetic at = frame->geodetic_from_local(near);
+  const double undulation_m = geometry::ellipsoidal_from_orthometric(at.latitude_deg, at.longitude_deg, {0.0}).m;
+  return [frame = *frame, undulation_m](const Vec3& position) {
+    return frame.geodetic_from_local(position).height.m - undulation_m;
+  };
+}
+
+std::function<Vec3(const Vec3&)> magnetic_field_at(const MagneticField& field,
+                                                   const std::optional<geometry::LocalFrame>& frame) {
+  if (field.fixed_field_ut) return [fixed = *field.fixed_field_ut](const Vec3&) { return fixed; };
+  if (!frame)
+    throw InputError("magnetometer",
+                     "the place is not georeferenced: give declination_deg, inclination_deg and strength_ut");
+  return
+      [frame = *frame, year = field.year](const Vec3& position) { return geomagnetic_field_ut(frame, position, year); };
 }
 
 }  // namespace tileflight::sensors

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 
+#include "tileflight/geometry/geodesy.h"
 #include "tileflight/sensors/attitude.h"
 #include "tileflight/sensors/barometer.h"
 #include "tileflight/sensors/gnss.h"
@@ -10,6 +12,10 @@
 #include "tileflight/sensors/lidar.h"
 #include "tileflight/sensors/magnetometer.h"
 #include "tileflight/sensors/range_finder.h"
+
+namespace tileflight::base {
+class StrictSection;
+}
 
 namespace tileflight::sensors {
 
@@ -43,5 +49,18 @@ struct SensorSuite {
 /// keys, both sections, values out of range.
 SensorSuite read_sensor_suite(const std::filesystem::path& flight_file, std::uint64_t seed,
                               const geometry::SE3& T_camera_imu);
+/// The same keys from a section at hand.
+SensorSuite read_sensor_suite(base::StrictSection section, std::uint64_t seed, const geometry::SE3& T_camera_imu);
+
+/// Height above mean sea level by position in the local frame, metres: by the geoid (EGM96) below `near`, which is
+/// treated as level over such a small place; without a frame by the suite's `origin_above_sea_m`.
+std::function<double(const geometry::Vec3&)> height_above_sea(const SensorSuite& suite,
+                                                              const std::optional<geometry::LocalFrame>& frame,
+                                                              const geometry::Vec3& near);
+
+/// The earth's field by position in the local frame, microtesla. Throws InputError if it is neither fixed nor follows
+/// from a frame.
+std::function<geometry::Vec3(const geometry::Vec3&)> magnetic_field_at(
+    const MagneticField& field, const std::optional<geometry::LocalFrame>& frame);
 
 }  // namespace tileflight::sensors

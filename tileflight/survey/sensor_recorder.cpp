@@ -11,7 +11,6 @@
 #include "tileflight/dataset/imu_files.h"
 #include "tileflight/dataset/lidar_files.h"
 #include "tileflight/dataset/number_table.h"
-#include "tileflight/sensors/geomagnetic_field.h"
 #include "tileflight/sensors/motion.h"
 
 namespace tileflight::survey {
@@ -41,17 +40,6 @@ std::string motion_name(sensors::ScanMotion motion) {
   return motion == sensors::ScanMotion::kCorrected ? "corrected" : "frozen";
 }
 
-/// Height above mean sea level as a function of position: the geoid is treated as level over such a small place.
-std::function<double(const Vec3&)> height_above_sea(const OptionalFrame& place, const Vec3& near,
-                                                    double origin_above_sea_m) {
-  if (!place) return [=](const Vec3& position) { return position.z() + origin_above_sea_m; };
-  const geometry::Geodetic at = place->geodetic_from_local(near);
-  const double undulation_m = geometry::ellipsoidal_from_orthometric(at.latitude_deg, at.longitude_deg, {0.0}).m;
-  return [frame = *place, undulation_m](const Vec3& position) {
-    return frame.geodetic_from_local(position).height.m - undulation_m;
-  };
-}
-
 }  // namespace
 
 SensorRecorder::SensorRecorder(sensors::SensorSuite suite, flight::Path path, geometry::Trajectory frames)
@@ -59,9 +47,7 @@ SensorRecorder::SensorRecorder(sensors::SensorSuite suite, flight::Path path, ge
 
 void SensorRecorder::record(const scene::Scene& scene, const OptionalFrame& frame, std::size_t begin, std::size_t end,
                             const fs::path& folder) {
-  if (suite_.magnetometer && !suite_.magnetic_field.fixed_field_ut && !frame)
-    throw InputError("magnetometer",
-                     "the place is not georeferenced: give declination_deg, inclination_deg and strength_ut");
+  if (suite_.magnetometer) sensors::magnetic_field_at(suite_.magnetic_field, frame);  // refuses before the work
   const double from_s = frames_.poses[begin].time_s;
   const double to_s = end < frames_.size() ? frames_.poses[end].time_s : std::numeric_limits<double>::infinity();
   if (suite_.lidar) scan(scene, from_s, to_s, folder);
@@ -129,8 +115,7 @@ void SensorRecorder::write_imu(double shift_s, const fs::path& folder) const {
 }
 
 void SensorRecorder::write_barometer(const OptionalFrame& frame, double shift_s, const fs::path& folder) const {
-  const auto height_m =
-      height_above_sea(frame, frames_.poses.front().T_local_camera.translation, suite_.origin_above_sea_m);
+  const auto height_m = sensors::height_above_sea(suite_, frame, frames_.poses.front().T_local_camera.translation);
   const auto samples = sensors::simulate_barometer([&](double t) { return height_m(path_.pose(t).translation); },
                                                    start_s(), end_s(), *suite_.barometer);
   dataset::NumberTable table{{"t [s]", "pressure [Pa]", "temperature [K]", "altitude [m]"}, {}};
@@ -140,10 +125,7 @@ void SensorRecorder::write_barometer(const OptionalFrame& frame, double shift_s,
 }
 
 void SensorRecorder::write_magnetometer(const OptionalFrame& frame, double shift_s, const fs::path& folder) const {
-  const sensors::MagneticField& field = suite_.magnetic_field;
-  const auto field_at = [&](const Vec3& position) {
-    return field.fixed_field_ut ? *field.fixed_field_ut : sensors::geomagnetic_field_ut(*frame, position, field.year);
-  };
+  const auto field_at = sensors::magnetic_field_at(suite_.magnetic_field, frame);
   dataset::NumberTable table{{"t [s]", "x [uT]", "y [uT]", "z [uT]"}, {}};
   for (const sensors::MagnetometerSample& s : sensors::simulate_magnetometer(
            [this](double t) { return path_.pose(t); }, field_at, start_s(), end_s(), *suite_.magnetometer))
