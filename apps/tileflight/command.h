@@ -35,6 +35,7 @@ struct FailedElsewhere : std::exception {};
 struct Selection {
   std::function<Output(const CommonOptions&, const Progress&)> run;
   bool is_server = false;  ///< runs until it is stopped: its duration is not reported
+  bool has_ranks = false;  ///< shares its work among the processes that mpirun starts; else these would each do all
 };
 
 /// Adds the options of every command.

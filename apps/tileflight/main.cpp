@@ -66,6 +66,7 @@ int run_selected(CommonOptions& common, const Selection& selection) {
     terminal.update(done, total, what);
   };
   try {
+    if (!selection.has_ranks) tileflight::app::refuse_ranks();
     const Output output = selection.run(common, progress);
     terminal.finish();
     print_output(common, output);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cstdlib>
 #include <string_view>
 #include <thread>
@@ -16,7 +17,6 @@
 #include <signal.h>
 
 #include <atomic>
-#include <chrono>
 #include <iostream>
 #include <mutex>
 #endif
@@ -146,6 +146,18 @@ std::unique_ptr<survey::Ranks> ranks_of_mpirun() {
   throw InputError(
       "mpirun", "this tileflight was built without MPI: run a single process, or build with libopenmpi-dev installed");
 #endif
+}
+
+void refuse_ranks() {
+  constexpr std::chrono::seconds kAtMost{5};
+  if (told_by_mpirun("OMPI_COMM_WORLD_SIZE") < 2) return;
+  if (told_by_mpirun("OMPI_COMM_WORLD_RANK") > 0) {
+    std::this_thread::sleep_for(kAtMost);
+    std::_Exit(1);
+  }
+  throw InputError("mpirun",
+                   "only `render` shares its work among processes; start this command once, without mpirun or with "
+                   "`-n 1` (it uses all cores)");
 }
 
 void abort_ranks() {

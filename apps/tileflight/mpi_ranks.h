@@ -11,6 +11,10 @@ namespace tileflight::app {
 /// finalized by the object's destructor. Throws InputError in a build without MPI.
 std::unique_ptr<survey::Ranks> ranks_of_mpirun();
 
+/// Throws InputError in the first of several processes of mpirun; the others wait for mpirun to end them. For a command
+/// that does not share its work: each process would do all of it, and write to the same files.
+void refuse_ranks();
+
 /// Terminates all processes of mpirun, for a failure that only this one knows of.
 [[noreturn]] void abort_ranks();
 

@@ -128,6 +128,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     if (memory->count() > 0) {
       options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
     }
+    selection.has_ranks = true;
     selection.run = [options, command, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
       options->settings.asked = asked(*command);
       options->settings.load = load_options(options->region);

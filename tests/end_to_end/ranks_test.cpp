@@ -171,6 +171,17 @@ TEST_F(Ranks, FailWithOneLine) {
   EXPECT_EQ(ours, 1) << result.err;
 }
 
+TEST_F(Ranks, AreRefusedByACommandThatDoesNotShareItsWork) {
+  const std::string out = (folder_ / "place").string();
+  const std::string command = std::string(kMpirun) + " -n 3 " + tests::shell_quoted(TILEFLIGHT_BINARY) + " inspect " +
+                              tests::shell_quoted(out) + " > /dev/null 2> " +
+                              tests::shell_quoted((folder_ / "stderr").string()) + " < /dev/null";
+  const ProgramResult result = finished(std::system(command.c_str()));
+  EXPECT_NE(result.exit_code, 0);
+  EXPECT_THAT(result.err, testing::HasSubstr("tileflight: mpirun: only `render` shares its work"));
+  EXPECT_THAT(result.err, testing::Not(testing::HasSubstr("place")));  // nobody looked
+}
+
 /// The process that renders as this rank into `out`.
 std::optional<pid_t> process_of(int rank, const std::string& out) {
   for (const auto& entry : fs::directory_iterator("/proc")) {
