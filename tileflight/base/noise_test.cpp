@@ -46,6 +46,31 @@ TEST(Noise, HitsItsLatticeAndVariesBetweenSeeds) {
   EXPECT_LT(equal, 3);
 }
 
+TEST(Noise, FractalIsTheSumOfItsOctavesToTheLastBit) {
+  for (int octaves = 1; octaves <= 9; ++octaves) {
+    for (int i = 0; i < 300; ++i) {
+      double x = 0.731 * (i - 150), y = -3.577 * i + 11.0;
+      const std::uint32_t seed = 7U + static_cast<std::uint32_t>(i);
+      const double x0 = x, y0 = y;
+      const float gain = i % 2 == 0 ? 0.5F : 0.6F;
+      double z = 0.37 * i - 20.0;
+      const double z0 = z;
+      float sum = 0.0F, sum_3d = 0.0F, weight = 1.0F, total = 0.0F;
+      for (std::uint32_t octave = 0; octave < static_cast<std::uint32_t>(octaves); ++octave) {
+        sum += weight * value_noise(x, y, seed + 0x632be5abU * octave);
+        sum_3d += weight * value_noise_3d(x, y, z, seed + 0x632be5abU * octave);
+        total += weight;
+        weight *= gain;
+        x = 2.0 * x + 17.3;
+        y = 2.0 * y + 5.7;
+        z = 2.0 * z + 11.1;
+      }
+      ASSERT_EQ(fractal_noise(x0, y0, seed, octaves, gain), 1.6F * sum / total) << octaves << " " << i;
+      ASSERT_EQ(fractal_noise_3d(x0, y0, z0, seed, octaves, gain), 1.6F * sum_3d / total) << octaves << " " << i;
+    }
+  }
+}
+
 TEST(Noise, FractalHasMeanZeroAndTheDeviationThatPhotogrammetryCountsOn) {
   double sum = 0, squares = 0;
   constexpr int kCount = 40000;

@@ -1,10 +1,13 @@
 #include "tileflight/simplification/simplify.h"
 
 #include <meshoptimizer.h>
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <limits>
 
 #include "tileflight/geometry/triangle_index.h"
@@ -64,17 +67,34 @@ struct DistanceBounds {
   double low_m = 0.0, high_m = 0.0;
 };
 
-/// The distance to one triangle is convex, so its maximum over the piece is at a corner; the distance to the surface is
-/// no larger.
+double distance_to_triangle_m(const geometry::Vec3& p, const geometry::TriangleMesh& surface, std::size_t triangle) {
+  const geometry::Triangle& t = surface.triangles[triangle];
+  const auto& v = surface.vertices;
+  return (p - geometry::closest_point_on_triangle(p, v[t[0]], v[t[1]], v[t[2]])).norm();
+}
+
+/// More than the rounding errors of distances computed in different ways.
+double with_slack_m(double distance_m) { return distance_m * (1.0 + 1e-9) + 1e-9; }
+
+/// No point of the piece is farther from the surface: the distance to one triangle is convex, so its maximum over the
+/// piece is at a corner, and the distance to the surface is no larger.
+double upper_bound_m(const TrianglePiece& piece, const geometry::TriangleMesh& surface, std::size_t triangle) {
+  return std::max({distance_to_triangle_m(piece.a, surface, triangle),
+                   distance_to_triangle_m(piece.b, surface, triangle),
+                   distance_to_triangle_m(piece.c, surface, triangle)});
+}
+
+/// `guess`: any triangle, the nearer to the piece the faster; becomes the nearest one. A piece of which no point is
+/// farther than `known_m` tells nothing new: its bounds are zeros.
 DistanceBounds bounds_of(const TrianglePiece& piece, const geometry::TriangleMesh& surface,
-                         const geometry::TriangleIndex& index) {
-  const geometry::SurfacePoint nearest = *index.nearest((piece.a + piece.b + piece.c) / 3);
-  const geometry::Triangle& t = surface.triangles[nearest.triangle];
-  const auto from_it = [&](const geometry::Vec3& p) {
-    const auto& v = surface.vertices;
-    return (p - geometry::closest_point_on_triangle(p, v[t[0]], v[t[1]], v[t[2]])).norm();
-  };
-  return {nearest.distance_m, std::max({from_it(piece.a), from_it(piece.b), from_it(piece.c)})};
+                         const geometry::TriangleIndex& index, double known_m, std::size_t& guess) {
+  if (with_slack_m(upper_bound_m(piece, surface, guess)) <= known_m) return {};
+  const geometry::Vec3 middle = (piece.a + piece.b + piece.c) / 3;
+  double within_m = with_slack_m(distance_to_triangle_m(middle, surface, guess));
+  if (!std::isfinite(within_m)) within_m = std::numeric_limits<double>::infinity();  // of a degenerate triangle
+  const geometry::SurfacePoint nearest = *index.nearest(middle, within_m);
+  guess = nearest.triangle;
+  return {nearest.distance_m, upper_bound_m(piece, surface, nearest.triangle)};
 }
 
 void subdivide_piece(const TrianglePiece& p, std::vector<TrianglePiece>& pieces) {
@@ -87,6 +107,8 @@ double tolerance_m(double distance_m) { return std::max(1e-3, 0.01 * distance_m)
 
 /// Number of triangles processed together, which bounds memory.
 constexpr std::size_t kTrianglesAtOnce = std::size_t{1} << 22;
+/// Number of pieces between two updates of what is known, which spares others.
+constexpr std::size_t kPiecesAtOnce = std::size_t{1} << 14;
 
 /// Raises `known_m`, a lower bound attained at some point, until no piece can contain a point farther by more than the
 /// tolerance: pieces that can are quartered in each round.
@@ -94,9 +116,15 @@ void raise_lower_bound(std::vector<TrianglePiece> pieces, const geometry::Triang
                        const geometry::TriangleIndex& index, double& known_m) {
   while (!pieces.empty()) {
     std::vector<DistanceBounds> bounds(pieces.size());
-    tbb::parallel_for(std::size_t{0}, pieces.size(),
-                      [&](std::size_t i) { bounds[i] = bounds_of(pieces[i], surface, index); });
-    for (const DistanceBounds& b : bounds) known_m = std::max(known_m, b.low_m);
+    for (std::size_t begin = 0; begin < pieces.size(); begin += kPiecesAtOnce) {
+      const std::size_t end = std::min(pieces.size(), begin + kPiecesAtOnce);
+      tbb::parallel_for(tbb::blocked_range<std::size_t>(begin, end), [&](const tbb::blocked_range<std::size_t>& range) {
+        std::size_t guess = 0;  // pieces that follow each other are mostly neighbours
+        for (std::size_t i = range.begin(); i < range.end(); ++i)
+          bounds[i] = bounds_of(pieces[i], surface, index, known_m, guess);
+      });
+      for (std::size_t i = begin; i < end; ++i) known_m = std::max(known_m, bounds[i].low_m);
+    }
     std::vector<TrianglePiece> open;
     for (std::size_t i = 0; i < pieces.size(); ++i)
       if (bounds[i].high_m > known_m + tolerance_m(known_m)) subdivide_piece(pieces[i], open);
@@ -172,7 +200,10 @@ geometry::TriangleMesh merge_meshes(const std::vector<TexturedMesh>& meshes) {
 }
 
 double hausdorff_distance_m(const geometry::TriangleMesh& a, const geometry::TriangleMesh& b, double at_least_m) {
-  return std::max(directed_hausdorff_m(a, b, at_least_m), directed_hausdorff_m(b, a, at_least_m));
+  double there_m = 0.0, back_m = 0.0;
+  tbb::parallel_invoke([&] { there_m = directed_hausdorff_m(a, b, at_least_m); },
+                       [&] { back_m = directed_hausdorff_m(b, a, at_least_m); });
+  return std::max(there_m, back_m);
 }
 
 }  // namespace tileflight::simplification

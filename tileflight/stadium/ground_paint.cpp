@@ -1,7 +1,9 @@
 #include "tileflight/stadium/ground_paint.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
 #include "tileflight/base/noise.h"
 
@@ -65,6 +67,35 @@ LocalPlan local_plan(const SitePlan& plan, const Rect& part) {
     if (part.distance(tree.position.x(), tree.position.y()) < 6.0) local.trees.push_back(tree);
   return local;
 }
+
+/// The plan around each cell of a part: a texel looks only at what is near to it.
+class PlanGrid {
+ public:
+  PlanGrid(const SitePlan& plan, const Rect& part) : part_(part) {
+    for (int row = 0; row < kCells; ++row)
+      for (int column = 0; column < kCells; ++column) cells_.push_back(local_plan(plan, cell(column, row)));
+  }
+
+  const LocalPlan& at(double x, double y) const {
+    const int column = index(x, part_.x0, part_.x1), row = index(y, part_.y0, part_.y1);
+    return cells_[static_cast<std::size_t>(row * kCells + column)];
+  }
+
+ private:
+  static constexpr int kCells = 10;  ///< along each side
+
+  static int index(double place, double low, double high) {
+    return std::clamp(static_cast<int>((place - low) / (high - low) * kCells), 0, kCells - 1);
+  }
+  Rect cell(int column, int row) const {
+    const double width = (part_.x1 - part_.x0) / kCells, height = (part_.y1 - part_.y0) / kCells;
+    return {part_.x0 + column * width, part_.y0 + row * height, part_.x0 + (column + 1) * width,
+            part_.y0 + (row + 1) * height};
+  }
+
+  Rect part_;
+  std::vector<LocalPlan> cells_;
+};
 
 LineProjection nearest_on_road(const LocalRoad& road, const Vec2& p) {
   LineProjection best{1e9, 0.0};
@@ -173,8 +204,11 @@ tiling::Color car_park_color(const CarPark& park, double x, double y) {
 }
 
 tiling::Painter ground_painter(const SitePlan& plan, const Rect& part) {
-  const auto local = std::make_shared<const LocalPlan>(local_plan(plan, part));
-  return [local](const tiling::Texel& texel) { return ground_color(*local, texel.position.x(), texel.position.y()); };
+  const auto local = std::make_shared<const PlanGrid>(plan, part);
+  return [local](const tiling::Texel& texel) {
+    const double x = texel.position.x(), y = texel.position.y();
+    return ground_color(local->at(x, y), x, y);
+  };
 }
 
 }  // namespace tileflight::stadium
