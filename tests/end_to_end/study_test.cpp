@@ -151,7 +151,7 @@ systems: {noisy: {adapter: noisy}, slow: {adapter: slow}}
 rank_by: ate
 )");
   TinyPlace::write_file(folder_ / "slow/adapter.yaml",
-                        "name: slow\ntakes: {inputs: [images], lenses: [any]}\ncommand: sleep 15; ../noisy/run\n");
+                        "name: slow\ntakes: {inputs: [images], lenses: [any]}\ncommand: sleep 8; ../noisy/run\n");
   const json local = study("local", {"--no-snakemake"});
   tests::SlurmCluster cluster;
   std::string dead_node;
