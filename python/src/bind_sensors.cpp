@@ -204,7 +204,7 @@ std::optional<geometry::LocalFrame> frame_of(const std::optional<std::array<doub
 
 py::dict simulate_sensors(const flight::Path& path, const py::dict& options, const SceneHandle& scene,
                           std::uint64_t seed, const std::optional<std::array<double, 3>>& origin) {
-  const auto json = nlohmann::json::parse(py::module_::import("json").attr("dumps")(options).cast<std::string>());
+  const nlohmann::json json = to_json(options, "sensors");
   for (const char* other : {"imu", "lidar"}) {
     if (json.contains(other))
       throw py::value_error(std::string("sensors: ") + other + " is simulated by " +

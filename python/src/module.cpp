@@ -30,8 +30,15 @@ py::object to_python(const nlohmann::json& json) {
 }
 
 nlohmann::json to_json(const py::handle& object, const char* name) {
+  // numpy's numbers and arrays become Python's.
+  const py::cpp_function plain([name](const py::object& value) -> py::object {
+    if (py::hasattr(value, "tolist")) return value.attr("tolist")();
+    throw py::type_error(std::string(name) + " has a value that is no number, text, list or dictionary: " +
+                         py::repr(value).cast<std::string>());
+  });
   try {
-    return nlohmann::json::parse(py::module_::import("json").attr("dumps")(object).cast<std::string>());
+    const py::object text = py::module_::import("json").attr("dumps")(object, py::arg("default") = plain);
+    return nlohmann::json::parse(text.cast<std::string>());
   } catch (const nlohmann::json::exception&) {
     throw py::value_error(std::string(name) + " has numbers that are not finite");
   }

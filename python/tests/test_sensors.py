@@ -83,10 +83,22 @@ class SensorsTest(unittest.TestCase):
         path = tf.Path([0, 1], np.stack([np.eye(4)] * 2))
         with self.assertRaisesRegex(tf.InputError, "'gnss.rate' is not a key here; did you mean 'rate_hz'"):
             tf.simulate_sensors(path, {"gnss": {"rate": 5}})
+        with self.assertRaisesRegex(ValueError, "sensors has numbers that are not finite"):
+            tf.simulate_sensors(path, {"gnss": {"rate_hz": np.nan}})
+        with self.assertRaisesRegex(TypeError, "sensors has a value that is no number"):
+            tf.simulate_sensors(path, {"gnss": {"rate_hz": {1, 2}}})
         with self.assertRaisesRegex(ValueError, "a range_finder needs a scene"):
             tf.simulate_sensors(path, {"range_finder": {}})
         with self.assertRaisesRegex(ValueError, "imu is simulated by simulate_imu"):
             tf.simulate_sensors(path, {"imu": {}})
+
+    def test_numbers_and_vectors_may_be_numpys(self):
+        path = tf.Path([0, 1], np.stack([np.eye(4)] * 2))
+        plain = {"rate_hz": 4, "noise_ut": 0, "hard_iron_ut": [1, 2, 3], "declination_deg": 0, "inclination_deg": 0, "strength_ut": 50}
+        numpys = {**plain, "rate_hz": np.int64(4), "hard_iron_ut": np.array([1.0, 2.0, 3.0])}
+        fields = [tf.simulate_sensors(path, {"magnetometer": options})["magnetometer"]["field"] for options in (plain, numpys)]
+        np.testing.assert_array_equal(fields[0], fields[1])
+        np.testing.assert_allclose(fields[0], [[1, 52, 3]] * 5, atol=1e-9)
 
     def test_times_must_increase(self):
         with self.assertRaisesRegex(ValueError, "times must be finite and increase"):
