@@ -1,6 +1,9 @@
 #include "tileflight/place/extract.h"
 
+#include <charconv>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "command.h"
 #include "number_text.h"
@@ -15,6 +18,7 @@ struct ExtractOptions {
   RegionOptions region;
   SourceArguments source_arguments;
   double voxel_m = 1.0;
+  std::string block;
   std::string out;
 };
 
@@ -28,6 +32,19 @@ std::string extract_summary(const nlohmann::json& result, const std::string& out
   return text.str();
 }
 
+/// Edge of a block: 0 for `auto`, nullopt if it is neither that nor a length above zero.
+std::optional<double> block_edge_m(const std::string& text) {
+  if (text == "auto") return 0.0;
+  double edge_m = 0.0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), edge_m);
+  const bool is_length = fault == std::errc() && end == text.data() + text.size() && std::isfinite(edge_m);
+  return is_length && edge_m > 0.0 ? std::optional(edge_m) : std::nullopt;
+}
+
+std::string block_fault(const std::string& text) {
+  return block_edge_m(text) ? "" : "must be a length above zero, in metres, or auto, got " + text;
+}
+
 }  // namespace
 
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -39,6 +56,11 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
+  command
+      ->add_option("--block", options->block,
+                   "make the truth in blocks of this edge, metres, or `auto` (by memory): memory then depends on the "
+                   "block, not on the region")
+      ->check(block_fault, "METRES|auto");
   command->add_option("--out", options->out, "folder to write")->required();
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
@@ -46,6 +68,7 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       place::ExtractSettings settings{
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
+      if (!options->block.empty()) settings.block_m = block_edge_m(options->block);
       settings.load.source = source_options(options->source_arguments);
       const nlohmann::json result = place::extract(settings, options->out, shared.force, progress);
       return {result, extract_summary(result, options->out)};

@@ -163,5 +163,37 @@ TEST_F(AlignCommand, BadOptionsAreOneLine) {
   EXPECT_FALSE(std::filesystem::exists(path("t.json")));
 }
 
+TEST_F(AlignCommand, TakesATruthInBlocksThatIsTheSame) {
+  for (const std::string edge : {"20", "33.3", "auto"}) {
+    run({"extract", path("place"), "--block", edge, "--out", path("blocks"), "--force"});
+    json whole = read_json(folder_ / "truth/extract.json"), blocks = read_json(folder_ / "blocks/extract.json");
+    whole.erase("seconds");
+    blocks.erase("seconds");
+    EXPECT_EQ(blocks, whole);
+    std::size_t triangles = 0, voxels = 0;
+    const json index = read_json(folder_ / "blocks/index.json");
+    for (const json& block : index["blocks"]) {
+      triangles += block["triangles"].get<std::size_t>();
+      voxels += block["voxels_occupied"].get<std::size_t>();
+      EXPECT_TRUE(std::filesystem::exists(folder_ / "blocks" / block["folder"].get<std::string>() / "voxels.binvox"));
+    }
+    EXPECT_EQ(triangles, whole["triangles"]);
+    EXPECT_EQ(voxels, whole["voxels_occupied"]);
+  }
+  run({"extract", path("place"), "--block", "20", "--out", path("blocks"), "--force"});
+  EXPECT_GE(read_json(folder_ / "blocks/index.json")["blocks"].size(), 25U);
+  run({"align", path("map.ply"), "--to", path("blocks"), "--out", path("transform.json")});
+  for (const std::string truth : {"truth", "blocks"}) {
+    run({"evaluate", path("map.ply"), "--truth", path(truth), "--transform", path("transform.json"), "--out",
+         path(truth + ".json")});
+  }
+  json whole = read_json(folder_ / "truth.json"), blocks = read_json(folder_ / "blocks.json");
+  // Which of two equally near triangles gives the normal depends on their order.
+  whole["surface"].erase("normals");
+  blocks["surface"].erase("normals");
+  EXPECT_EQ(blocks["distances"], whole["distances"]);
+  EXPECT_EQ(blocks["surface"], whole["surface"]);
+}
+
 }  // namespace
 }  // namespace tileflight::align_command_test

@@ -58,6 +58,8 @@ TEST(CommandLine, AMisspeltWordIsNamedWithTheNearest) {
   says({"extract", "x"}, "extract: --out is required; see `tileflight extract --help`");
   says({"extract", "x", "--out", "y", "--voxel", "-1"}, "extract: --voxel must not be negative, got -1");
   says({"extract", "x", "--out", "y", "--voxel", "0"}, "extract: --voxel must be more than 0, got 0");
+  says({"extract", "x", "--out", "y", "--block", "0"},
+       "extract: --block: must be a length above zero, in metres, or auto, got 0");
   says({"extract", "x", "--out", "y", "--threads", "0"}, "extract: --threads must be 1 to 1024, got 0");
   says({"extract", "x", "--out", "y", "--size", "1,2"}, "--size takes at least 3 comma-separated values, got 2");
   says({"export", "x", "--out", "y", "--layout", "eurok"}, "'eurok'; did you mean 'euroc'?");

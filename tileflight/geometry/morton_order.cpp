@@ -24,6 +24,8 @@ std::uint64_t spread(std::uint64_t bits) {
   return (bits | bits << 2) & 0x1249249249249249ull;
 }
 
+}  // namespace
+
 std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre) {
   std::uint64_t code = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -32,8 +34,6 @@ std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre) 
   }
   return code;
 }
-
-}  // namespace
 
 std::vector<std::uint32_t> morton_order(const std::vector<Vec3>& points, double cells) {
   Eigen::AlignedBox3d box;

@@ -10,6 +10,10 @@ namespace tileflight::geometry {
 /// Cell count of a coarser grid for morton_order(): 16 bits an axis.
 inline constexpr double kCoarseMortonCells = 65535.0;
 
+/// Number of the cell along a Morton curve that holds a point: 2^21 cells an axis from `low` on, `cells_a_metre` each
+/// metre; points beyond lie in the outermost cells.
+std::uint64_t morton_code(const Vec3& p, const Vec3& low, double cells_a_metre);
+
 /// Indices of the points along a Morton curve (Morton 1966) through their bounding box. Neighbours in the list are
 /// neighbours in space, so queries or storage in this order are cache friendly. The points must be finite and fewer
 /// than 2^32. `cells`: number of cells along the longest side, at most 2^21; points in one cell keep their input order.

@@ -1,13 +1,25 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <vector>
 
 #include "tileflight/base/progress.h"
 #include "tileflight/geometry/prism.h"
+#include "tileflight/ground_truth/cell_range.h"
 #include "tileflight/ground_truth/voxelize.h"
 #include "tileflight/scene/scene.h"
 
 namespace tileflight::ground_truth {
+
+/// A part of a region's ground truth. Cells, samples and points are of the block whose cells hold them, a triangle is
+/// of the block that holds the lowest corner of its bounds (nearest to it inside the region): the blocks of a region
+/// share nothing and are together exactly what the region has without blocks.
+struct GroundTruthBlock {
+  CellRange cells;  ///< of the grid of the whole region
+  /// Number of cells around the block which the meshes and clouds given cover, too.
+  std::int32_t border = 1;
+};
 
 /// Options of write_ground_truth(), which writes the output of `tileflight extract` except extract.json: mesh.glb
 /// (textured, triangles that intersect the box), surface.ply (samples with normals), voxels.binvox, voxels.ply,
@@ -19,6 +31,8 @@ struct GroundTruthOptions {
   /// Polygons that restrict the box: keeps triangles that intersect any of them, points and surface samples inside one,
   /// and cells whose centre is. Empty: the whole box.
   std::vector<geometry::Prism> prisms = {};
+  /// Writes only this part of the region.
+  std::optional<GroundTruthBlock> block = {};
 };
 
 /// Result of write_ground_truth().
@@ -30,15 +44,21 @@ struct GroundTruthSummary {
   /// Distance of each point in surface.ply to the nearest voxel centre, metres: the errors of a perfect map. Empty if
   /// no cell is occupied.
   std::vector<double> quantization_floor_m;
+  /// Of a block: a voxel beyond the border may be nearer to a sample than those inside, so the distances are not exact;
+  /// no file was written.
+  bool border_too_narrow = false;
 };
 
 /// Writes the ground truth of a box into a folder. `clouds`: points that represent surface without triangles (tiles of
 /// a point cloud). They occupy their cells and are written to surface.ply with their normals (zero if they have none).
-/// A region of points alone has no mesh.glb.
+/// A region of points alone has no mesh.glb. A block may be empty: then no file is written.
 GroundTruthSummary write_ground_truth(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Box3& box,
                                       const GroundTruthOptions& options, const std::filesystem::path& folder,
                                       const Progress& progress = {},
                                       const std::vector<geometry::PointCloud>& clouds = {});
+
+/// Cells of a block's files: `voxels` on a grid of the block alone.
+geometry::VoxelGrid grid_of_block(const geometry::VoxelGrid& voxels, const CellRange& block);
 
 /// The parts of a folder written by `extract` that scoring needs. Positions in the local frame.
 struct GroundTruth {
@@ -46,10 +66,16 @@ struct GroundTruth {
   geometry::PointCloud voxel_centers;  ///< voxels.ply
   double voxel_m = 1.0;
 };
-/// Reads the ground truth of a folder. Throws InputError.
+/// The folders of a truth's blocks, as its index.json names them; the folder itself if it has no blocks. Throws
+/// InputError.
+std::vector<std::filesystem::path> block_folders(const std::filesystem::path& folder);
+/// The mesh.glb of each of them that has one.
+std::vector<std::filesystem::path> mesh_files(const std::filesystem::path& folder);
+
+/// Reads the ground truth of a folder, all blocks together. Throws InputError.
 GroundTruth read_ground_truth(const std::filesystem::path& folder);
 
-/// Reads surface.ply, by far the largest part.
+/// Reads surface.ply, by far the largest part; of all blocks, in the order of the whole.
 geometry::PointCloud read_surface_samples(const std::filesystem::path& folder);
 
 }  // namespace tileflight::ground_truth

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <set>
 #include <span>
@@ -16,8 +17,10 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/nearest.h"
+#include "tileflight/geometry/position_order.h"
 #include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/octree.h"
+#include "tileflight/ground_truth/quantization_floor.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::ground_truth::ground_truth_test {
@@ -297,6 +300,121 @@ TEST(GroundTruth, FullDiskIsAnError) {
       [&] { write_ground_truth({hills(5, Vec3::Zero())}, Box3(Vec3::Zero(), Vec3(5, 5, 5)), {}, folder.path()); },
       ThrowsMessage<InputError>(HasSubstr("No space left on device")));
 }
+
+/// The blocks of a region in a grid of `count` by `count`.
+std::vector<CellRange> blocks_of(const std::array<std::int32_t, 3>& dims, std::int32_t count) {
+  std::vector<CellRange> blocks;
+  for (std::int32_t x = 0; x < count; ++x) {
+    for (std::int32_t y = 0; y < count; ++y) {
+      blocks.push_back({{x * dims[0] / count, y * dims[1] / count, 0},
+                        {(x + 1) * dims[0] / count - 1, (y + 1) * dims[1] / count - 1, dims[2] - 1}});
+    }
+  }
+  return blocks;
+}
+
+using Corners = std::array<std::array<double, 3>, 3>;
+
+std::vector<Corners> sorted_triangles(const geometry::TriangleMesh& mesh) {
+  std::vector<Corners> triangles;
+  for (const geometry::Triangle& t : mesh.triangles) {
+    Corners& corners = triangles.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t a = 0; a < 3; ++a) corners[k][a] = mesh.vertices[t[k]][static_cast<Eigen::Index>(a)];
+  }
+  std::sort(triangles.begin(), triangles.end());
+  return triangles;
+}
+
+/// What a region's folders hold, in an order that does not depend on blocks.
+struct Content {
+  std::vector<Corners> triangles;
+  geometry::PointCloud surface;
+  std::vector<Vec3> centers;
+  std::vector<geometry::Cell> cells;
+  nlohmann::json floor;
+  std::size_t cloud_points = 0;
+};
+
+void add_folder(const std::filesystem::path& folder, const CellRange& block, Content& content) {
+  if (!std::filesystem::exists(folder / "voxels.ply")) return;
+  const geometry::VoxelGrid grid = geometry::read_binvox(folder / "voxels.binvox");
+  for (const geometry::Cell& cell : grid.occupied)
+    content.cells.push_back({cell.x + block.low[0], cell.y + block.low[1], cell.z + block.low[2]});
+  for (const Vec3& center : geometry::read_cloud(folder / "voxels.ply").positions) content.centers.push_back(center);
+  const geometry::PointCloud samples = read_surface_samples(folder);
+  content.surface.positions.insert(content.surface.positions.end(), samples.positions.begin(), samples.positions.end());
+  content.surface.normals.insert(content.surface.normals.end(), samples.normals.begin(), samples.normals.end());
+  if (!std::filesystem::exists(folder / "mesh.glb")) return;
+  for (const Corners& t : sorted_triangles(read_mesh_glb(folder / "mesh.glb"))) content.triangles.push_back(t);
+}
+
+class GroundTruthBlocks : public ::testing::TestWithParam<std::tuple<int, bool>> {};
+
+TEST_P(GroundTruthBlocks, AreTogetherExactlyTheRegion) {
+  const auto [count, in_polygon] = GetParam();
+  // Hills of small triangles, one triangle that is larger than any block, and a tile of points; the region's sides are
+  // no multiple of the voxel.
+  std::vector<imaging::TexturedMesh> meshes{hills(30, kCorner), hills(4, kCorner)};
+  meshes[1].mesh.vertices.push_back(kCorner + Vec3(-10, -10, 7));
+  meshes[1].mesh.vertices.push_back(kCorner + Vec3(60, 5, 1));
+  meshes[1].mesh.vertices.push_back(kCorner + Vec3(5, 70, 2));
+  const auto n = static_cast<std::uint32_t>(meshes[1].mesh.vertices.size());
+  meshes[1].mesh.triangles = {{n - 3, n - 2, n - 1}};
+  if (!meshes[1].uv.empty()) meshes[1].uv.resize(n);
+  if (!meshes[1].colors.empty()) meshes[1].colors.resize(n);
+  geometry::PointCloud points;
+  for (int i = 0; i < 400; ++i) points.positions.push_back(kCorner + Vec3(0.075 * i, 0.3 + 29.0 / (1 + i % 40), 6.3));
+  const Box3 box(kCorner + Vec3(0.4, 0.2, -0.3), kCorner + Vec3(29.7, 28.9, 8.1));
+  GroundTruthOptions options{.voxel_m = 0.7, .samples_per_m2 = 9.0};
+  if (in_polygon) {
+    const Vec3 c = kCorner;
+    const geometry::Ring ring{{c.x() + 2, c.y() + 3}, {c.x() + 25, c.y() + 1}, {c.x() + 15, c.y() + 27}};
+    options.prisms.push_back({geometry::PolygonArea({ring}), c.z() - 5, c.z() + 20});
+  }
+
+  const tests::TemporaryFolder whole_folder;
+  Content whole, parts;
+  const GroundTruthSummary all = write_ground_truth(meshes, box, options, whole_folder.path(), {}, {points});
+  QuantizationFloor whole_floor(0.7), floor(0.7);
+  whole_floor.add(all.quantization_floor_m);
+  add_folder(whole_folder.path(), whole_grid(all.voxels.dims), whole);
+  std::size_t triangles = 0, samples = 0, cloud_points = 0;
+  for (const CellRange& block : blocks_of(all.voxels.dims, count)) {
+    const tests::TemporaryFolder folder;
+    GroundTruthSummary part;
+    options.block = {block, 1};
+    do {
+      part = write_ground_truth(meshes, box, options, folder.path(), {}, {points});
+      options.block->border *= 2;
+    } while (part.border_too_narrow);
+    floor.add(part.quantization_floor_m);
+    triangles += part.triangles;
+    samples += part.surface_points;
+    cloud_points += part.cloud_points;
+    add_folder(folder.path(), block, parts);
+  }
+  geometry::sort_by_position(parts.surface);
+  std::sort(parts.triangles.begin(), parts.triangles.end());
+  std::sort(parts.cells.begin(), parts.cells.end());
+  EXPECT_GT(all.cloud_points, 50U);
+  EXPECT_EQ(triangles, all.triangles);
+  EXPECT_EQ(samples, all.surface_points);
+  EXPECT_EQ(cloud_points, all.cloud_points);
+  EXPECT_EQ(parts.cells, all.voxels.occupied);
+  EXPECT_EQ(parts.triangles, whole.triangles);
+  EXPECT_EQ(parts.surface.positions, whole.surface.positions);
+  EXPECT_EQ(parts.surface.normals, whole.surface.normals);
+  EXPECT_EQ(floor.to_json(), whole_floor.to_json());
+  const auto by_axis = [](const Vec3& a, const Vec3& b) {
+    return std::tuple(a.x(), a.y(), a.z()) < std::tuple(b.x(), b.y(), b.z());
+  };
+  std::sort(parts.centers.begin(), parts.centers.end(), by_axis);
+  EXPECT_EQ(parts.centers, whole.centers);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfAnySize, GroundTruthBlocks,
+                         ::testing::Combine(::testing::Values(1, 2, 3, 7, 40), ::testing::Bool()));
 
 }  // namespace
 }  // namespace tileflight::ground_truth::ground_truth_test

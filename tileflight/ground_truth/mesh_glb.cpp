@@ -82,9 +82,8 @@ class GlbBuilder {
     model_.defaultScene = 0;
   }
 
-  void add(const TexturedMesh& m) {
+  void add(const TexturedMesh& m, const Vec3& center) {
     if (m.mesh.triangles.empty()) return;
-    const Vec3 center = geometry::bounds(m.mesh).center();
     tinygltf::Primitive primitive;
     primitive.mode = TINYGLTF_MODE_TRIANGLES;
     primitive.attributes["POSITION"] = add_positions(m.mesh, center);
@@ -303,10 +302,11 @@ std::string one_line(const std::string& text) { return text.substr(0, text.find(
 }  // namespace
 
 void write_mesh_glb(const std::filesystem::path& file, const std::vector<TexturedMesh>& meshes, bool textures,
-                    const Progress& progress) {
+                    const Progress& progress, const std::vector<Vec3>& centers) {
   const EncodedImages images = textures ? encode_textures(meshes, progress) : EncodedImages();
   GlbBuilder builder(images);
-  for (const TexturedMesh& m : meshes) builder.add(m);
+  for (std::size_t i = 0; i < meshes.size(); ++i)
+    builder.add(meshes[i], centers.empty() ? Vec3(geometry::bounds(meshes[i].mesh).center()) : centers[i]);
   if (builder.buffer_bytes() > 0xf0000000U) {
     throw InputError(file.string(),
                      "would be larger than the 4 GiB of a GLB file: choose a smaller region or a larger "

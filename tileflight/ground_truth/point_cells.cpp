@@ -24,6 +24,16 @@ std::optional<Cell> cell_of(const Vec3& point, const VoxelGrid& grid) {
 
 }  // namespace
 
+geometry::Cell nearest_cell(const geometry::Vec3& position, const VoxelGrid& grid) {
+  const Vec3 in_cells = (position - grid.origin) / grid.edge_m;
+  std::array<std::int32_t, 3> index{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double at = std::floor(in_cells[static_cast<Eigen::Index>(i)]);
+    index[i] = static_cast<std::int32_t>(std::clamp(at, 0.0, grid.dims[i] - 1.0));
+  }
+  return {index[0], index[1], index[2]};
+}
+
 geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box) {
   geometry::PointCloud out;
   for (const geometry::PointCloud& cloud : clouds) {

@@ -12,6 +12,10 @@ namespace tileflight::ground_truth {
 /// normals).
 geometry::PointCloud points_in_box(const std::vector<geometry::PointCloud>& clouds, const geometry::Box3& box);
 
+/// The cell that contains a position, or the nearest one of the grid. A position on the border of two cells belongs to
+/// the upper one.
+geometry::Cell nearest_cell(const geometry::Vec3& position, const geometry::VoxelGrid& grid);
+
 /// Also occupies the cells that contain a point. A point on the border of two cells belongs to the upper one, a point
 /// on the grid's upper border to the last; points outside the grid are ignored.
 void mark_occupied(const geometry::PointCloud& points, geometry::VoxelGrid& grid);

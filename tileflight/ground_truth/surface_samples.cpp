@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <span>
@@ -12,6 +13,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/random_numbers.h"
 #include "tileflight/geometry/morton_order.h"
+#include "tileflight/geometry/position_order.h"
 
 namespace tileflight::ground_truth {
 namespace {
@@ -62,41 +64,87 @@ Polygon clip_to_box(const Vec3& a, const Vec3& b, const Vec3& c, const Box3& box
   return polygon;
 }
 
-/// Places samples along the accumulated area, one in each interval of 1 / per_m2 square metres.
-class AreaSampler {
- public:
-  AreaSampler(double per_m2, std::uint64_t seed) : per_m2_(per_m2), seed_(seed) { draw_next(); }
+/// A number that depends only on the seed and the triangle's corners: the triangle gets the same samples in whatever
+/// part of a mesh, and with whatever neighbours, it is met.
+std::uint64_t triangle_seed(std::uint64_t seed, const std::array<Vec3, 3>& corners) {
+  std::uint64_t hash = base::splitmix64_hash(seed);
+  for (const Vec3& corner : corners) {
+    for (int axis = 0; axis < 3; ++axis)
+      hash = base::splitmix64_hash(hash ^ std::bit_cast<std::uint64_t>(corner[axis]));
+  }
+  return hash;
+}
 
-  /// `normal`: unit normal of the whole triangle.
-  void add(const Vec3& a, const Vec3& b, const Vec3& c, const Eigen::Vector3f& normal) {
+/// Places samples along the area of one triangle: one in each interval of 1 / per_m2 square metres, of which the first
+/// begins at a random place before the triangle's area, so that small triangles get their share on average.
+class TriangleSampler {
+ public:
+  TriangleSampler(double per_m2, std::uint64_t seed) : per_m2_(per_m2), seed_(seed), phase_(uniform(seed, 0)) {
+    draw_next();
+  }
+
+  /// Samples the next piece of the triangle's area, an interval of the whole; calls add(point).
+  template <typename Add>
+  void sample(const Vec3& a, const Vec3& b, const Vec3& c, const Add& add) {
     const double area_m2 = 0.5 * (b - a).cross(c - a).norm();
-    for (; next_m2_ < done_m2_ + area_m2; draw_next()) {
-      // The position within the triangle's area replaces one of the two random numbers, which keeps samples of one
+    for (; next_m2_ < done_m2_ + area_m2; ++interval_, draw_next()) {
+      if (next_m2_ < done_m2_) continue;
+      // The position within the piece's area replaces one of the two random numbers, which keeps samples of one
       // triangle apart.
       const double r = std::sqrt((next_m2_ - done_m2_) / area_m2);
-      const double s = uniform(seed_, 2 * count_ + 1);
-      cloud_.positions.push_back((1.0 - r) * a + r * ((1.0 - s) * b + s * c));
-      cloud_.normals.push_back(normal);
-      ++count_;
+      const double s = uniform(seed_, 2 * interval_ + 2);
+      add((1.0 - r) * a + r * ((1.0 - s) * b + s * c));
     }
     done_m2_ += area_m2;
   }
 
-  /// Advances as if the samples of this area had been placed.
-  void skip(double area_m2) {
-    for (done_m2_ += area_m2; next_m2_ < done_m2_; draw_next()) ++count_;
+ private:
+  void draw_next() {
+    next_m2_ = (static_cast<double>(interval_) - phase_ + uniform(seed_, 2 * interval_ + 1)) / per_m2_;
+  }
+
+  double per_m2_;
+  std::uint64_t seed_;
+  double phase_;  ///< share of the first interval that lies before the triangle's area
+  std::uint64_t interval_ = 0;
+  double done_m2_ = 0.0;  ///< area of the pieces so far
+  double next_m2_ = 0.0;  ///< area at which the interval's sample lies
+};
+
+/// Samples of a run of triangles.
+class RunSampler {
+ public:
+  RunSampler(const Box3& box, const Box3& part, const SampleFilter& wanted, double per_m2, std::uint64_t seed)
+      : box_(box), part_(part), wanted_(wanted), per_m2_(per_m2), seed_(seed) {}
+
+  void add(const std::array<Vec3, 3>& corners) {
+    const auto& [a, b, c] = corners;
+    Box3 around(a);
+    around.extend(b).extend(c);
+    if (!box_.intersects(around) || !part_.intersects(around)) return;
+    const Vec3 normal = (b - a).cross(c - a);
+    if (!(normal.norm() > 0.0)) return;
+    const Eigen::Vector3f unit = normal.normalized().cast<float>();
+    const Polygon polygon = clip_to_box(a, b, c, box_);
+    TriangleSampler sampler(per_m2_, triangle_seed(seed_, corners));
+    for (std::size_t i = 2; i < polygon.size; ++i) {
+      const auto& p = polygon.corners;
+      sampler.sample(p[0], p[i - 1], p[i], [&](const Vec3& point) {
+        if (wanted_ && !wanted_(point)) return;
+        cloud_.positions.push_back(point);
+        cloud_.normals.push_back(unit);
+      });
+    }
   }
 
   PointCloud take() { return std::move(cloud_); }
 
  private:
-  void draw_next() { next_m2_ = (static_cast<double>(count_) + uniform(seed_, 2 * count_)) / per_m2_; }
-
+  const Box3& box_;
+  const Box3& part_;
+  const SampleFilter& wanted_;
   double per_m2_;
   std::uint64_t seed_;
-  std::uint64_t count_ = 0;
-  double done_m2_ = 0.0;  ///< area of the triangles so far
-  double next_m2_ = 0.0;  ///< accumulated area at which the next sample lies
   PointCloud cloud_;
 };
 
@@ -166,6 +214,26 @@ class VisibilityTester {
   std::vector<Vec3> centers_;
 };
 
+/// Throws InputError if a mesh's part would get more samples than are supported.
+void require_few_samples(const TriangleMesh& mesh, const Box3& box, const Box3& part, double per_m2) {
+  double area_m2 = 0.0;
+  for (const geometry::Triangle& t : mesh.triangles) {
+    const Vec3 &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
+    Box3 around(a);
+    around.extend(b).extend(c);
+    if (!box.intersects(around) || !part.intersects(around)) continue;
+    const Polygon polygon = box.contains(around) ? Polygon{{a, b, c}, 3} : clip_to_box(a, b, c, box);
+    for (std::size_t i = 2; i < polygon.size; ++i) {
+      const auto& p = polygon.corners;
+      area_m2 += 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
+    }
+  }
+  if (area_m2 * per_m2 > kMaxPoints) {
+    throw InputError("samples per square metre " + std::to_string(per_m2),
+                     "would give more than 500 million points: choose fewer, or a smaller region");
+  }
+}
+
 }  // namespace
 
 PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_m2, std::uint64_t seed) {
@@ -173,38 +241,28 @@ PointCloud sample_surface(const TriangleMesh& mesh, const Box3& box, double per_
 }
 
 PointCloud sample_surface_near(const TriangleMesh& mesh, const Box3& box, const Box3& part, double per_m2,
-                               std::uint64_t seed) {
+                               std::uint64_t seed, const SampleFilter& wanted) {
   check_samples(mesh, box, per_m2);
-  AreaSampler sampler(per_m2, seed);
-  double area_m2 = 0.0;
-  for (const auto& t : mesh.triangles) {
-    const Vec3& a = mesh.vertices[t[0]];
-    const Vec3& b = mesh.vertices[t[1]];
-    const Vec3& c = mesh.vertices[t[2]];
-    Box3 around(a);
-    around.extend(b).extend(c);
-    if (!box.intersects(around)) continue;
-    const Vec3 normal = (b - a).cross(c - a);
-    if (!(normal.norm() > 0.0)) continue;
-    const bool is_inside = part.intersects(around);
-    const Eigen::Vector3f unit = normal.normalized().cast<float>();
-    const Polygon polygon = clip_to_box(a, b, c, box);
-    for (std::size_t i = 2; i < polygon.size; ++i) {
-      const auto& p = polygon.corners;
-      const double piece_m2 = 0.5 * (p[i - 1] - p[0]).cross(p[i] - p[0]).norm();
-      area_m2 += piece_m2;
-      if (area_m2 * per_m2 > kMaxPoints) {
-        throw InputError("samples per square metre " + std::to_string(per_m2),
-                         "would give more than 500 million points: choose fewer, or a smaller region");
-      }
-      if (is_inside) {
-        sampler.add(p[0], p[i - 1], p[i], unit);
-      } else {
-        sampler.skip(piece_m2);
-      }
+  require_few_samples(mesh, box, part, per_m2);
+  constexpr std::size_t kTogether = 8192;
+  std::vector<PointCloud> runs((mesh.triangles.size() + kTogether - 1) / kTogether);
+  tbb::parallel_for(std::size_t{0}, runs.size(), [&](std::size_t run) {
+    RunSampler sampler(box, part, wanted, per_m2, seed);
+    const std::size_t end = std::min(mesh.triangles.size(), (run + 1) * kTogether);
+    for (std::size_t i = run * kTogether; i < end; ++i) {
+      const geometry::Triangle& t = mesh.triangles[i];
+      sampler.add({mesh.vertices[t[0]], mesh.vertices[t[1]], mesh.vertices[t[2]]});
     }
+    runs[run] = sampler.take();
+  });
+  PointCloud cloud;
+  for (PointCloud& run : runs) {
+    cloud.positions.insert(cloud.positions.end(), run.positions.begin(), run.positions.end());
+    cloud.normals.insert(cloud.normals.end(), run.normals.begin(), run.normals.end());
+    run = {};
   }
-  return sampler.take();
+  geometry::sort_by_position(cloud);
+  return cloud;
 }
 
 Box3 view_range_bounds(const geometry::Trajectory& poses, double max_range_m) {

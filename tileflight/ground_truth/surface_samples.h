@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/point_cloud.h"
@@ -10,15 +11,21 @@
 
 namespace tileflight::ground_truth {
 
-/// Samples points with their triangle's normal, uniformly by area: stratified along the cumulative area, `per_m2`
-/// points per square metre, clipped to the box. Deterministic in the seed.
+/// Samples points with their triangle's normal, uniformly by area: `per_m2` points per square metre on average,
+/// stratified along each triangle's area, clipped to the box. A triangle's samples depend only on its corners, the box
+/// and the seed, and their order (sort_by_position) only on themselves: a mesh sampled in parts gives the same points.
 geometry::PointCloud sample_surface(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double per_m2,
                                     std::uint64_t seed = 1);
 
-/// The subset of sample_surface()'s points on triangles that intersect `part`, bit-identical and in the same order: a
-/// camera often sees only a small part of a large place.
+/// Whether a sample is wanted.
+using SampleFilter = std::function<bool(const geometry::Vec3&)>;
+
+/// The subset of sample_surface()'s points on triangles whose bounds intersect `part`, and that are wanted,
+/// bit-identical and in the same order: a camera often sees only a small part of a large place. `wanted` is called from
+/// several threads; empty: all.
 geometry::PointCloud sample_surface_near(const geometry::TriangleMesh& mesh, const geometry::Box3& box,
-                                         const geometry::Box3& part, double per_m2, std::uint64_t seed = 1);
+                                         const geometry::Box3& part, double per_m2, std::uint64_t seed = 1,
+                                         const SampleFilter& wanted = {});
 
 /// Default maximum viewing range of cameras.
 inline constexpr double kDefaultViewRange_m = 500.0;

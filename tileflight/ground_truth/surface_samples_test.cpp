@@ -37,7 +37,7 @@ TEST(SampleSurface, CountIsAreaTimesDensityAndPointsLieOnTheSurface) {
   add_rectangle(mesh, Vec3(1, 2, 3), Vec3(10, 0, 5), Vec3(0, 7, 0));
   const double area_m2 = geometry::surface_area_m2(mesh);
   const PointCloud cloud = sample_surface(mesh, kEverywhere, 20.0);
-  EXPECT_NEAR(static_cast<double>(cloud.size()), 20.0 * area_m2, 1.0);
+  EXPECT_NEAR(static_cast<double>(cloud.size()), 20.0 * area_m2, 2.0);
   const Vec3 normal = Vec3(-5, 0, 10).normalized();
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     EXPECT_NEAR(normal.dot(cloud.positions[i] - Vec3(1, 2, 3)), 0.0, 1e-12);
@@ -68,7 +68,7 @@ TEST(SampleSurface, ClippedToTheBoxWithTheSameDensity) {
   add_rectangle(mesh, Vec3(-50, -50, 0), Vec3(100, 0, 0), Vec3(0, 100, 0));
   const Box3 box(Vec3(-2, -3, -1), Vec3(4, 3, 1));
   const PointCloud cloud = sample_surface(mesh, box, 50.0);
-  EXPECT_NEAR(static_cast<double>(cloud.size()), 50.0 * 36.0, 1.0);
+  EXPECT_NEAR(static_cast<double>(cloud.size()), 50.0 * 36.0, 2.0);
   for (const Vec3& p : cloud.positions) EXPECT_LT(box.exteriorDistance(p), 1e-12);
   EXPECT_TRUE(sample_surface(mesh, Box3(Vec3(0, 0, 5), Vec3(1, 1, 6)), 50.0).empty());
 }

@@ -16,22 +16,17 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <type_traits>
+#include <utility>
 
 #include "tileflight/base/noise.h"
 #include "tileflight/geometry/mesh.h"
+#include "tileflight/ground_truth/cell_range.h"
 
 namespace tileflight::ground_truth {
 
 /// A triangle's corners, in cells.
 using CellTriangle = std::array<geometry::Vec3, 3>;
-
-/// Cells from low to high, both included, along each axis; empty if high < low.
-struct CellRange {
-  std::array<std::int32_t, 3> low{}, high{};
-
-  bool empty() const { return high[0] < low[0] || high[1] < low[1] || high[2] < low[2]; }
-  std::int64_t count(std::size_t axis) const { return std::int64_t{high[axis]} - low[axis] + 1; }
-};
 
 constexpr double kTouchTolerance_cells = 1e-9;
 
@@ -49,16 +44,6 @@ inline CellRange bounding_cells(const CellTriangle& t, const std::array<std::int
     range.high[axis] = base::floor_to_int(std::clamp(high, -2.0, dims[axis] + 1.0));
   }
   return range;
-}
-
-/// The part of a range inside a grid of `dims` cells.
-inline CellRange clip_to_grid(const CellRange& range, const std::array<std::int32_t, 3>& dims) {
-  CellRange inside;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    inside.low[axis] = std::max(range.low[axis], 0);
-    inside.high[axis] = std::min(range.high[axis], dims[axis] - 1);
-  }
-  return inside;
 }
 
 /// An interval of cell indices as real numbers: k is in it if low <= k <= high.
@@ -148,8 +133,14 @@ class ColumnPlane {
 template <typename Run>
 class TouchedCells {
  public:
-  /// `inside`: the wanted part of the triangle's bounding cells, not empty.
-  TouchedCells(const CellTriangle& t, const CellRange& inside, Run& run) : inside_(inside), run_(run) {
+  /// `inside`: the triangle's bounding cells in the grid; `wanted`: those of them to report, not empty. What is
+  /// reported of a cell does not depend on which others are wanted: coordinates are relative to `inside` always.
+  TouchedCells(const CellTriangle& t, const CellRange& inside, const CellRange& wanted, Run& run)
+      : inside_(inside), run_(run) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      first_[axis] = wanted.low[axis] - inside.low[axis];
+      last_[axis] = wanted.high[axis] - inside.low[axis];
+    }
     // Coordinates relative to the first cell keep more digits.
     const geometry::Vec3 base(inside.low[0], inside.low[1], inside.low[2]);
     for (std::size_t i = 0; i < 3; ++i) t_[i] = t[i] - base;
@@ -159,13 +150,17 @@ class TouchedCells {
   }
 
   /// The triangle fits into one cell along all axes but `w`: it touches every cell of the resulting row.
-  void row(std::size_t w) { run_(inside_.low, w, inside_.high[w]); }
+  void row(std::size_t w) {
+    auto cell = inside_.low;
+    cell[w] += first_[w];
+    run_(cell, w, inside_.low[w] + last_[w]);
+  }
 
   /// The triangle fits into one cell along the third axis: only its projection on (u, w) matters.
   void layer(std::size_t u, std::size_t w) {
     const ProjectedSides sides(t_, u, w, tolerance_);
     const Interval all = whole(w);
-    for (std::int32_t k_u = 0; k_u < inside_.count(u); ++k_u) {
+    for (std::int32_t k_u = first_[u]; k_u <= last_[u]; ++k_u) {
       Interval range = all;
       sides.narrow(k_u, range);
       auto cell = inside_.low;
@@ -188,14 +183,16 @@ class TouchedCells {
   }
 
  private:
-  Interval whole(std::size_t axis) const { return {0.0, static_cast<double>(inside_.count(axis) - 1)}; }
+  Interval whole(std::size_t axis) const {
+    return {static_cast<double>(first_[axis]), static_cast<double>(last_[axis])};
+  }
 
   template <typename Plane>
   void columns(std::size_t u, std::size_t v, std::size_t w, Plane plane) {
     const ProjectedSides sides_uv(t_, u, v, tolerance_);
     const ProjectedSides sides_uw(t_, u, w, tolerance_);
     const ProjectedSides sides_vw(t_, v, w, tolerance_);
-    for (std::int32_t k_u = 0; k_u < inside_.count(u); ++k_u) {
+    for (std::int32_t k_u = first_[u]; k_u <= last_[u]; ++k_u) {
       Interval range_v = whole(v);
       Interval range_w = whole(w);
       sides_uv.narrow(k_u, range_v);
@@ -225,23 +222,26 @@ class TouchedCells {
 
   CellTriangle t_;
   CellRange inside_;
+  std::array<std::int32_t, 3> first_{}, last_{};  ///< of the wanted cells, relative to `inside_`
   Run& run_;
   double tolerance_ = kTouchTolerance_cells;
 };
 
-/// Calls run(cell, axis, last) for the runs of cells in a grid of `dims` cells that the triangle touches; a cell may be
-/// reported more than once.
+/// Calls run(cell, axis, last) for the runs of cells in a part (`window`) of a grid of `dims` cells that the triangle
+/// touches; a cell may be reported more than once. The cells of several windows are those of their union.
 template <typename Run>
-void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims, Run&& run) {
+void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims, const CellRange& window,
+                         Run&& run) {
   const CellRange range = bounding_cells(t, dims);
   const CellRange inside = clip_to_grid(range, dims);
-  if (inside.empty()) return;
+  const CellRange wanted = intersection(inside, window);
+  if (wanted.empty()) return;
   std::array<std::size_t, 3> wide{};
   std::size_t wide_axes = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     if (range.count(axis) > 1) wide[wide_axes++] = axis;
   }
-  TouchedCells<std::remove_reference_t<Run>> cells(t, inside, run);
+  TouchedCells<std::remove_reference_t<Run>> cells(t, inside, wanted, run);
   switch (wide_axes) {
     case 0:
     case 1:
@@ -251,6 +251,12 @@ void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3
     default:
       return cells.volume();
   }
+}
+
+/// The same in the whole grid.
+template <typename Run>
+void visit_touched_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims, Run&& run) {
+  visit_touched_cells(t, dims, whole_grid(dims), std::forward<Run>(run));
 }
 
 }  // namespace tileflight::ground_truth

@@ -27,6 +27,8 @@ constexpr double kMaxCells = 5e8;
 /// Triangles between two calls of Progress.
 constexpr std::size_t kBlock = 8192;
 
+}  // namespace
+
 std::array<std::int32_t, 3> grid_dims(const Box3& box, double edge_m) {
   if (!std::isfinite(edge_m) || edge_m <= 0.0) {
     throw InputError("voxel edge " + std::to_string(edge_m), "must be a length above zero, in metres");
@@ -49,6 +51,8 @@ std::array<std::int32_t, 3> grid_dims(const Box3& box, double edge_m) {
   }
   return dims;
 }
+
+namespace {
 
 /// Conversion from metres to cells.
 class CellFrame {
@@ -75,9 +79,9 @@ class CellFrame {
 };
 
 /// Estimate of the number of cells touched by a triangle: the area of its largest projection plus its sides, at most
-/// the grid's columns below it. Triangles of a few cells count as zero: their memory is bounded by the mesh.
-double estimate_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims) {
-  const CellRange range = clip_to_grid(bounding_cells(t, dims), dims);
+/// the window's columns below it. Triangles of a few cells count as zero: their memory is bounded by the mesh.
+double estimate_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& dims, const CellRange& window) {
+  const CellRange range = intersection(clip_to_grid(bounding_cells(t, dims), dims), window);
   if (range.empty()) return 0.0;
   const Vec3 counts(static_cast<double>(range.count(0)), static_cast<double>(range.count(1)),
                     static_cast<double>(range.count(2)));
@@ -89,11 +93,12 @@ double estimate_cells(const CellTriangle& t, const std::array<std::int32_t, 3>& 
 }
 
 void require_few_cells(const CellFrame& frame, std::size_t triangles, const std::array<std::int32_t, 3>& dims,
-                       double edge_m) {
+                       const CellRange& window, double edge_m) {
   const double cells = tbb::parallel_reduce(
       tbb::blocked_range<std::size_t>(0, triangles, kBlock), 0.0,
       [&](const tbb::blocked_range<std::size_t>& range, double sum) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i) sum += estimate_cells(frame.triangle(i), dims);
+        for (std::size_t i = range.begin(); i < range.end(); ++i)
+          sum += estimate_cells(frame.triangle(i), dims, window);
         return sum;
       },
       std::plus<>());
@@ -108,10 +113,15 @@ void require_few_cells(const CellFrame& frame, std::size_t triangles, const std:
 }  // namespace
 
 geometry::VoxelGrid voxelize(const TriangleMesh& mesh, const Box3& box, double edge_m, const Progress& progress) {
+  return voxelize(mesh, box, edge_m, whole_grid(grid_dims(box, edge_m)), progress);
+}
+
+geometry::VoxelGrid voxelize(const TriangleMesh& mesh, const Box3& box, double edge_m, const CellRange& window,
+                             const Progress& progress) {
   const std::array<std::int32_t, 3> dims = grid_dims(box, edge_m);
   const CellFrame frame(mesh, box.min(), edge_m);
   const std::size_t triangles = mesh.triangles.size();
-  require_few_cells(frame, triangles, dims, edge_m);
+  require_few_cells(frame, triangles, dims, window, edge_m);
 
   // Each thread collects its own set; a union has no order, so the result does not depend on the distribution of
   // triangles over threads.
@@ -123,7 +133,8 @@ geometry::VoxelGrid voxelize(const TriangleMesh& mesh, const Box3& box, double e
     const auto insert = [&set](const std::array<std::int32_t, 3>& cell, std::size_t axis, std::int32_t last) {
       set.insert_run(cell, axis, last);
     };
-    for (std::size_t i = range.begin(); i < range.end(); ++i) visit_touched_cells(frame.triangle(i), dims, insert);
+    for (std::size_t i = range.begin(); i < range.end(); ++i)
+      visit_touched_cells(frame.triangle(i), dims, window, insert);
     if (!progress) return;
     const std::lock_guard lock(progress_mutex);
     done += static_cast<std::int64_t>(range.size());

@@ -3,6 +3,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/geometry/mesh.h"
 #include "tileflight/geometry/voxel_grid.h"
+#include "tileflight/ground_truth/cell_range.h"
 
 namespace tileflight::ground_truth {
 
@@ -13,5 +14,13 @@ namespace tileflight::ground_truth {
 /// box, non-finite vertex.
 geometry::VoxelGrid voxelize(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double edge_m,
                              const Progress& progress = {});
+
+/// A part of that grid: origin and dims are those of the whole box, and the cells are exactly those of voxelize() that
+/// lie in `window`. Memory is proportional to them.
+geometry::VoxelGrid voxelize(const geometry::TriangleMesh& mesh, const geometry::Box3& box, double edge_m,
+                             const CellRange& window, const Progress& progress = {});
+
+/// Cells along each axis of voxelize()'s grid. Throws InputError: edge not positive, empty box, too many cells.
+std::array<std::int32_t, 3> grid_dims(const geometry::Box3& box, double edge_m);
 
 }  // namespace tileflight::ground_truth

@@ -1,19 +1,18 @@
 #include "tileflight/place/extract.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <chrono>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/output_folder.h"
-#include "tileflight/evaluation/metrics.h"
-#include "tileflight/ground_truth/ground_truth.h"
 #include "tileflight/ground_truth/suggested_voxel.h"
+#include "tileflight/place/truth_blocks.h"
 #include "tileflight/place/version.h"
+#include "tileflight/tiles/region_reader.h"
 #include "tileflight/transport/open_source.h"
 
 namespace tileflight::place {
@@ -37,37 +36,17 @@ json region_json(const tiles::Region& region) {
   return out;
 }
 
-/// Extent of the meshes and clouds inside the region.
-geometry::Vec3 extent_of(const tiles::LoadedTiles& loaded) {
-  geometry::Box3 box;
-  for (const imaging::TexturedMesh& mesh : loaded.meshes) {
-    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
-  }
-  for (const geometry::PointCloud& cloud : loaded.clouds) {
-    for (const geometry::Vec3& point : cloud.positions) box.extend(point);
-  }
-  box = box.intersection(loaded.region.box());
-  return box.isEmpty() ? geometry::Vec3(geometry::Vec3::Zero()) : geometry::Vec3(box.sizes());
-}
-
-std::vector<std::string> collect_warnings(const ExtractSettings& settings, const tiles::LoadedTiles& loaded) {
+std::vector<std::string> collect_warnings(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
+                                          const TruthCounts& truth) {
   std::vector<std::string> warnings = loaded.warnings;
-  if (const auto line = ground_truth::coarse_voxel_warning(extent_of(loaded), settings.voxel_m))
-    warnings.push_back(*line);
+  const geometry::Box3 inside = truth.extent.intersection(loaded.region.box());
+  const geometry::Vec3 size =
+      inside.isEmpty() ? geometry::Vec3(geometry::Vec3::Zero()) : geometry::Vec3(inside.sizes());
+  if (const auto line = ground_truth::coarse_voxel_warning(size, settings.voxel_m)) warnings.push_back(*line);
   return warnings;
 }
 
-/// Errors of a perfect map, stored so that no evaluation needs to read the samples again.
-json quantization_floor_json(std::vector<double> floor_m) {
-  if (floor_m.empty()) return nullptr;
-  const double largest = *std::max_element(floor_m.begin(), floor_m.end());
-  const evaluation::DistanceStatistics s = evaluation::compute_statistics(std::move(floor_m));
-  return {{"count", s.count},   {"mean", s.mean}, {"std", s.std},
-          {"median", s.median}, {"rmse", s.rmse}, {"max", largest}};
-}
-
-json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
-              const ground_truth::GroundTruthSummary& truth) {
+json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded, const TruthCounts& truth) {
   return {
       {"source", transport::redact_source(settings.source)},
       {"tiles_wanted", loaded.tiles_wanted},
@@ -82,16 +61,16 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
       {"points", truth.cloud_points},
       {"bytes_read", loaded.bytes_read},
       {"cut_sha256", loaded.cut_hash},
-      {"voxel_size", truth.voxels.edge_m},
-      {"voxel_dims", truth.voxels.dims},
-      {"voxels_occupied", truth.voxels.occupied.size()},
+      {"voxel_size", settings.voxel_m},
+      {"voxel_dims", truth.voxel_dims},
+      {"voxels_occupied", truth.voxels_occupied},
       {"surface_points", truth.surface_points},
       {"region", region_json(loaded.region)},
       {"frame", frame_json(loaded.local_frame)},
       {"attribution", loaded.attribution},
       {"terms", {{"provider", loaded.terms.provider}, {"url", loaded.terms.url}}},
       {"terms_accepted", settings.load.source.terms_accepted},
-      {"warnings", collect_warnings(settings, loaded)},
+      {"warnings", collect_warnings(settings, loaded, truth)},
       {"version", version()},
   };
 }
@@ -112,20 +91,19 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
   base::require_writable(output);
   tiles::LoadOptions load = settings.load;
   load.uses = {transport::Use::kExtract};
-  const tiles::LoadedTiles loaded = tiles::load_region(settings.source, load, progress);
-  const double load_seconds = base::seconds_since(start);
+  const auto files = transport::open_source(settings.source, load.source);
+  tiles::RegionReader reader(*files, transport::redact_source(settings.source), load, progress);
 
   json result;
   base::write_folder(output, [&](const std::filesystem::path& temporary) {
-    const auto truth_start = std::chrono::steady_clock::now();
-    ground_truth::GroundTruthSummary truth = ground_truth::write_ground_truth(
-        loaded.meshes, loaded.region.box(),
-        {.voxel_m = settings.voxel_m, .samples_per_m2 = settings.samples_per_m2, .prisms = loaded.region.parts},
-        temporary, progress, loaded.clouds);
-    result = describe(settings, loaded, truth);
-    result["quantization_floor"] = quantization_floor_json(std::move(truth.quantization_floor_m));
-    result["seconds"] = {
-        {"load", load_seconds}, {"truth", base::seconds_since(truth_start)}, {"total", base::seconds_since(start)}};
+    const TruthCounts truth = settings.block_m ? write_truth_in_blocks(reader, settings, temporary, progress)
+                                               : write_whole_truth(reader, settings, temporary, progress);
+    result = describe(settings, reader.summary(), truth);
+    // Errors of a perfect map, stored so that no evaluation needs to read the samples again.
+    result["quantization_floor"] = truth.floor.to_json();
+    result["seconds"] = {{"load", truth.load_seconds},
+                         {"truth", base::seconds_since(start) - truth.load_seconds},
+                         {"total", base::seconds_since(start)}};
     base::write_file(temporary / "extract.json", result.dump(2) + "\n");
   });
   return result;

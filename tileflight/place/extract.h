@@ -17,10 +17,15 @@ struct ExtractSettings {
   tiles::LoadOptions load;  ///< region and geometric error
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
+  /// Edge of the blocks in which the truth is made, metres, rounded to whole voxels; 0: chosen by memory; nullopt: the
+  /// region is one piece.
+  std::optional<double> block_m;
 };
 
 /// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
-/// voxels.ply, octree.bt and extract.json, whose content is returned. Throws InputError.
+/// voxels.ply, octree.bt and extract.json, whose content is returned. With blocks, each block is such a folder (without
+/// extract.json), index.json names them, and memory depends on the block, not on the region; cells, triangles and
+/// samples are together exactly those without blocks. Throws InputError.
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                        const Progress& progress = {});
 

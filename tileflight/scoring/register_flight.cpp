@@ -1,9 +1,9 @@
 #include "tileflight/scoring/register_flight.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
+#include <iterator>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "tileflight/alignment/align_globally.h"
@@ -40,7 +40,11 @@ struct TruthScene {
   bool textured = false;
 
   explicit TruthScene(const AlignTarget& target) {
-    auto meshes = tiling::read_mesh_source(target.folder / "mesh.glb", {}).meshes;
+    std::vector<imaging::TexturedMesh> meshes;
+    for (const std::filesystem::path& file : ground_truth::mesh_files(target.folder)) {
+      auto part = tiling::read_mesh_source(file, {}).meshes;
+      std::move(part.begin(), part.end(), std::back_inserter(meshes));
+    }
     textured = is_textured(meshes);
     scene = std::make_unique<scene::Scene>(std::move(meshes));
     scene->build_ray_tree();

@@ -83,8 +83,14 @@ std::optional<std::uintmax_t> FolderSource::size(const std::string& uri) {
 
 std::vector<std::byte> CountingSource::read(const std::string& uri) {
   std::vector<std::byte> bytes = inner_.read(uri);
-  bytes_ += static_cast<std::int64_t>(bytes.size());
+  const std::lock_guard lock(mutex_);
+  if (read_.insert(uri).second) bytes_ += static_cast<std::int64_t>(bytes.size());
   return bytes;
+}
+
+std::int64_t CountingSource::bytes() const {
+  const std::lock_guard lock(mutex_);
+  return bytes_;
 }
 
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri) {

@@ -1,11 +1,12 @@
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "tileflight/transport/terms.h"
@@ -63,7 +64,7 @@ class FolderSource : public TileSource {
   FolderSourceOptions options_;
 };
 
-/// Forwards to another source and counts the bytes read.
+/// Forwards to another source and counts the bytes of the files read, each file once however often it is read.
 class CountingSource : public TileSource {
  public:
   explicit CountingSource(TileSource& inner) : inner_(inner) {}
@@ -77,11 +78,13 @@ class CountingSource : public TileSource {
   TermsOfUse terms() const override { return inner_.terms(); }
   std::vector<std::string> warnings() const override { return inner_.warnings(); }
 
-  std::int64_t bytes() const { return bytes_; }
+  std::int64_t bytes() const;
 
  private:
   TileSource& inner_;
-  std::atomic<std::int64_t> bytes_ = 0;
+  mutable std::mutex mutex_;
+  std::unordered_set<std::string> read_;  ///< URIs
+  std::int64_t bytes_ = 0;
 };
 
 /// The bytes of a URI: a "data:" URI is decoded, all others are read from the source. Gzip-compressed files (from plain

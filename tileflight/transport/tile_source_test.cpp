@@ -82,13 +82,15 @@ TEST(ReadUri, DataUrisCarryTheirBytes) {
   EXPECT_EQ(base::test_support::to_text(read_uri(source, "data:,abc")), "abc");
 }
 
-TEST(CountingSource, CountsBytes) {
+TEST(CountingSource, CountsTheBytesOfEachFileOnce) {
   test_support::MemorySource inner;
   inner.add("a", std::string("12345"));
+  inner.add("b", std::string("123"));
   CountingSource source(inner);
   source.read("a");
+  source.read("b");
   source.read("a");
-  EXPECT_EQ(source.bytes(), 10);
+  EXPECT_EQ(source.bytes(), 8);
 }
 
 }  // namespace

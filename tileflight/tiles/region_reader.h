@@ -1,0 +1,72 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tileflight/base/progress.h"
+#include "tileflight/tiles/cut_reader.h"
+#include "tileflight/tiles/load.h"
+#include "tileflight/tiles/placement.h"
+#include "tileflight/tiles/selection.h"
+#include "tileflight/tiles/tileset_tree.h"
+#include "tileflight/transport/tile_source.h"
+
+namespace tileflight::tiles {
+
+/// A region of a tileset whose cut is selected once and whose contents are read in parts: memory then depends on the
+/// part, not on the region. Not thread safe.
+class RegionReader {
+ public:
+  /// Opens the tileset, resolves the region and selects its cut. `source` must outlive the reader; `name` is used in
+  /// messages. Throws InputError as load_region().
+  RegionReader(transport::TileSource& source, std::string name, const LoadOptions& options,
+               const Progress& progress = {});
+  RegionReader(const RegionReader&) = delete;
+  RegionReader& operator=(const RegionReader&) = delete;
+
+  const Placement& placement() const { return placement_; }
+  std::size_t content_count() const { return cut_.contents.size(); }
+
+  /// The contents, in the cut's order, that may reach into a box of the local frame: by their bounding volumes or, once
+  /// read, by what they hold.
+  std::vector<std::size_t> contents_in(const geometry::Box3& box) const;
+  /// All contents of the cut.
+  std::vector<std::size_t> all_contents() const;
+
+  /// Reads these contents, in this order; unreadable ones are left out. A content may be read again. Throws
+  /// MemoryLimitExceeded, and InputError for the first unreadable content unless options.allow_incomplete.
+  std::vector<LoadedContent> read(const std::vector<std::size_t>& contents, const Progress& progress = {});
+
+  /// What load_region() says about its result, without meshes and clouds: of all contents read so far, each counted
+  /// once however often it was read.
+  LoadedTiles summary() const;
+
+ private:
+  /// What a content was found to hold.
+  struct ContentRecord {
+    std::int64_t triangles = 0, points = 0;
+    std::vector<std::string> copyrights, warnings;
+    std::string failure;
+  };
+
+  void select();
+  void require_contents() const;
+  void record(std::size_t content, const LoadedContent& loaded);
+
+  transport::TileSource& source_;
+  transport::CountingSource counted_;
+  std::string name_;
+  LoadOptions options_;
+  TilesetTree tree_;
+  Placement placement_;
+  TileCut cut_;
+  std::vector<std::string> first_warnings_;  ///< of the source before any content was read
+  std::string whole_cut_hash_;               ///< of a flight's whole cut, of which `cut_` may be a part
+  std::int64_t whole_cut_size_ = 0;
+  std::vector<geometry::Box3> bounds_;  ///< of each content, local frame
+  std::vector<std::optional<ContentRecord>> records_;
+};
+
+}  // namespace tileflight::tiles
