@@ -27,7 +27,9 @@ if(TILEFLIGHT_SANITIZE)
                       -fno-omit-frame-pointer)
   add_link_options(-fsanitize=address,undefined)
   if(CMAKE_CXX_COMPILER_ID STREQUAL Clang)
-    add_compile_options(-fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
+    # Relative to the folder in which compilers run, as the paths below.
+    file(RELATIVE_PATH SANITIZER_IGNORE ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR}/cmake/sanitizer-ignore.txt)
+    add_compile_options(-fsanitize-ignorelist=${SANITIZER_IGNORE})
   endif()
 endif()
 
@@ -48,6 +50,9 @@ if(TILEFLIGHT_LLD)
   add_link_options(-fuse-ld=lld)
 endif()
 
+# Assertions and tests name their file: without the folder of the clone, so that all clones compile the same text and ccache
+# knows it.
+add_compile_options(-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 find_program(CCACHE ccache)
 if(CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})

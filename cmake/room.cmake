@@ -6,6 +6,12 @@
 # which the installed package holds (docs/library.md).
 include(GoogleTest)
 
+if(TILEFLIGHT_TESTS OR TILEFLIGHT_BENCHMARKS)
+  add_library(tileflight_source_folder STATIC ${PROJECT_SOURCE_DIR}/tests/source_folder.cpp)
+  target_include_directories(tileflight_source_folder PRIVATE ${PROJECT_SOURCE_DIR})
+  target_compile_definitions(tileflight_source_folder PRIVATE TILEFLIGHT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+endif()
+
 # Rooms of which nothing is worth a slow compiler: what they do is soon done, or waits for a disk or a network.
 set(TILEFLIGHT_QUICKLY_COMPILED report rpc server experiment systems study)
 
@@ -57,8 +63,7 @@ function(tileflight_room NAME)
     add_executable(${NAME}_test ${TESTS})
     list(TRANSFORM ROOM_TESTS PREPEND "tileflight::")
     target_link_libraries(${NAME}_test PRIVATE tileflight::${NAME} ${ROOM_TESTS} ${ROOM_PRIVATE} tileflight_compiler
-                          GTest::gmock GTest::gtest_main)
-    target_compile_definitions(${NAME}_test PRIVATE TILEFLIGHT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+                          tileflight_source_folder GTest::gmock GTest::gtest_main)
     set(PLAIN imaging transport tile_contents tiles dataset report)
     if(NAME IN_LIST PLAIN)
       target_link_libraries(${NAME}_test PRIVATE tileflight_plain_tests)

@@ -4,12 +4,14 @@
 #include <filesystem>
 #include <string>
 
+#include "tests/source_folder.h"
+
 namespace tileflight::tests {
 
 /// Folder of the real tilesets and flights: $TILEFLIGHT_TEST_DATA, else ../shared/data beside the repository.
 inline std::filesystem::path test_data_root() {
   if (const char* folder = std::getenv("TILEFLIGHT_TEST_DATA")) return folder;
-  return std::filesystem::path(TILEFLIGHT_SOURCE_DIR) / ".." / "shared" / "data";
+  return source_folder() / ".." / "shared" / "data";
 }
 
 }  // namespace tileflight::tests

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/run_program.h"
+#include "tests/source_folder.h"
 #include "tests/test_data.h"
 #include "tests/tiny_place.h"
 #include "tileflight/imaging/image_files.h"
@@ -184,7 +185,7 @@ TEST_F(Coverage, WhatCannotBeIsOneLine) {
 TEST(CoverageOfMachangara, TheFlightsCutIsWholeAndSmallerThanEverything) {
   TILEFLIGHT_REQUIRE_TEST_DATA(place, "tilesets/machangara_photogrammetry/tileset.json");
   const tests::TemporaryFolder folder;
-  const fs::path flight = fs::path(TILEFLIGHT_SOURCE_DIR) / "examples/machangara-flight-simulated.yaml";
+  const fs::path flight = tests::source_folder() / "examples/machangara-flight-simulated.yaml";
   const ProgramResult result = run_tileflight({"coverage", place.string(), "--flight", flight.string(), "--out",
                                                (folder / "out").string(), "--json", "--frames", "5", "--width", "160"});
   ASSERT_EQ(result.exit_code, 0) << result.err;

@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "tests/run_program.h"
+#include "tests/source_folder.h"
 #include "tests/tiny_flight.h"
 #include "tileflight/ground_truth/mesh_glb.h"
 
@@ -17,7 +18,7 @@ using tests::file_text;
 using tests::run_command;
 using tests::run_tileflight;
 
-const fs::path kSource = TILEFLIGHT_SOURCE_DIR;
+const fs::path kSource = tests::source_folder();
 
 /// Runs a command and expects it to succeed; returns what it printed.
 std::string run(const std::vector<std::string>& command) {

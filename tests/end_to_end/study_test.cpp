@@ -13,6 +13,7 @@
 
 #include "tests/run_program.h"
 #include "tests/slurm_cluster.h"
+#include "tests/source_folder.h"
 #include "tests/tiny_experiments.h"
 
 namespace tileflight::study_test {
@@ -41,7 +42,7 @@ std::string code_block(const fs::path& document, const std::string& language, co
 /// The example of docs/systems.md, as its reader would copy it.
 void write_documented_adapter(const fs::path& folder) {
   fs::create_directories(folder);
-  const fs::path page = fs::path(TILEFLIGHT_SOURCE_DIR) / "docs/systems.md";
+  const fs::path page = tests::source_folder() / "docs/systems.md";
   TinyPlace::write_file(folder / "adapter.yaml", code_block(page, "yaml", "Truth with noise"));
   TinyPlace::write_file(folder / "run", code_block(page, "python", "groundtruth.txt"));
   fs::permissions(folder / "run", fs::perms::owner_all);

@@ -17,6 +17,7 @@
 
 #include "outcome.h"
 #include "random_flight.h"
+#include "tests/source_folder.h"
 #include "tileflight/base/doubt.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -297,7 +298,7 @@ class ProvingGround {
 int main_of(int argc, char** argv) {
   CLI::App app{"Random flights, each through render, odometry, align and evaluate, judged by the truth."};
   Options options;
-  options.places = fs::path(TILEFLIGHT_SOURCE_DIR) / "tests/proving_ground/places.yaml";
+  options.places = tests::source_folder() / "tests/proving_ground/places.yaml";
   app.add_option("--places", options.places, "places to fly over (YAML)")
       ->check(CLI::ExistingFile)
       ->capture_default_str();

@@ -4,6 +4,7 @@
 #include <map>
 #include <regex>
 
+#include "tests/source_folder.h"
 #include "tileflight/server/method_table.h"
 #include "tileflight/simulator/test_world.h"
 
@@ -34,7 +35,7 @@ std::vector<std::string> cells_of(const std::string& line) {
 
 /// The text from "## Methods" to the next heading of that level.
 std::vector<Row> documented() {
-  std::ifstream page(TILEFLIGHT_SOURCE_DIR "/docs/server.md");
+  std::ifstream page(tests::source_folder() / "docs/server.md");
   std::vector<Row> rows;
   bool within = false;
   const std::regex name("`([A-Za-z]+)[`(]");

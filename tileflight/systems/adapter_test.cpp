@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "tests/refusal.h"
+#include "tests/source_folder.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/systems/test_adapters.h"
 
@@ -121,7 +122,7 @@ TEST_F(AdapterFile, OnesOwnComesBeforeTheProgramsOwnOfThatName) {
 /// Those that come with the program.
 TEST(ShippedAdapters, AreReadableAndTheirScriptsAreShort) {
   std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(fs::path(TILEFLIGHT_SOURCE_DIR) / "adapters")) {
+  for (const auto& entry : fs::directory_iterator(tests::source_folder() / "adapters")) {
     const Adapter adapter = read_adapter(entry.path());
     EXPECT_EQ(adapter.name, entry.path().filename().string());
     names.push_back(adapter.name);

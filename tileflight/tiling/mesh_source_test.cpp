@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "tests/refusal.h"
+#include "tests/source_folder.h"
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
@@ -253,7 +254,7 @@ constexpr const char* kKtx2Gltf = R"({"asset": {"version": "2.0"},
   "buffers": [{"byteLength": 60, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/"}]})";
 
 TEST_F(MeshFile, GltfWithATextureInKtx2IsRead) {
-  std::filesystem::copy(TILEFLIGHT_SOURCE_DIR "/tests/fuzz/seeds/texture/uastc.ktx2", folder_ / "the wall.ktx2");
+  std::filesystem::copy(tests::source_folder() / "tests/fuzz/seeds/texture/uastc.ktx2", folder_ / "the wall.ktx2");
   const MeshSource source = read("a.gltf", kKtx2Gltf);
   ASSERT_EQ(source.meshes.size(), 1U);
   ASSERT_NE(source.meshes[0].texture, nullptr);
