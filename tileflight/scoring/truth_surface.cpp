@@ -11,8 +11,8 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/evaluation/normal_consistency.h"
 #include "tileflight/evaluation/part_search.h"
-#include "tileflight/geometry/nearest.h"
 #include "tileflight/geometry/position_order.h"
+#include "tileflight/ground_truth/center_index.h"
 #include "tileflight/ground_truth/surface_samples.h"
 #include "tileflight/scene/scene.h"
 
@@ -88,16 +88,15 @@ std::vector<double> distances_to_voxel_centers(const PointCloud& points, const g
   require_finite(points, what);
   std::vector<Box3> bounds;
   for (const std::size_t part : truth.all_parts()) bounds.push_back(truth.voxel_bounds(part));
+  const double voxel_m = truth.voxel_m();
   std::vector<double> distances(points.size(), kAnywhere);
-  evaluation::search_parts(points.positions, bounds, distances,
-                           [&](std::size_t part, const std::vector<std::uint32_t>& asked) {
-                             const geometry::NearestIndex centers(truth.read_voxel_centers(part).positions);
-                             const auto nearest = [&](const Vec3& p, double within_m) -> std::optional<double> {
-                               const auto found = centers.nearest(p, within_m);
-                               return found ? std::optional(found->distance_m) : std::nullopt;
-                             };
-                             evaluation::lower_reach(points.positions, asked, nearest, distances);
-                           });
+  evaluation::search_parts(
+      points.positions, bounds, distances, [&](std::size_t part, const std::vector<std::uint32_t>& asked) {
+        const PointCloud centers = truth.read_voxel_centers(part);
+        const ground_truth::CenterIndex index(centers.positions, voxel_m);
+        const auto nearest = [&](const Vec3& p, double within_m) { return index.nearest(p, within_m); };
+        evaluation::lower_reach(points.positions, asked, nearest, distances);
+      });
   if (distances.front() == kAnywhere) throw InputError("voxel centres", "has no points; there is nothing to score");
   return distances;
 }
