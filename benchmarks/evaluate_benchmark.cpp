@@ -25,7 +25,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/trajectory.h"
-#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/scoring/evaluate.h"
 #include "tileflight/stadium/stadium.h"

@@ -30,6 +30,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
     std::string until;
     std::vector<std::string> flights;
     std::filesystem::path camera;
+    std::string truth_cache;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("run", "run an experiment, from tiles to report");
@@ -44,6 +45,9 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->needs(command->get_option("--until"));
   command->add_option("--camera", options->camera, "calibration for the rendered flights instead of their own")
       ->check(CLI::ExistingFile);
+  command->add_option("--truth-cache", options->truth_cache,
+                      "folder of truths that runs share: each is extracted once for the same tiles and settings, found "
+                      "by content. It may be removed at any time");
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
@@ -54,6 +58,7 @@ void add_run(CLI::App& app, CommonOptions& common, Selection& selection) {
       const nlohmann::json results = experiment::run(experiment, options->out, progress,
                                                      {.rerun_all = shared.force,
                                                       .listener = shared.stages,
+                                                      .truth_cache = options->truth_cache,
                                                       .until_datasets = !options->until.empty(),
                                                       .flights = options->flights});
       if (results.is_null()) return {{{"out", options->out}}, options->out + ": truth and datasets are there\n"};

@@ -223,5 +223,47 @@ TEST_F(RunCache, ForceDoesAllAgainAndKeepsWhatIsNotOurs) {
   run("out");
 }
 
+TEST_F(RunCache, RunsShareATruthByItsContent) {
+  const std::vector<std::string> only_truth{"--until", "datasets",      "--flight",
+                                            "real",    "--truth-cache", (folder_ / "truths").string()};
+  const auto extracted = [&](const std::string& out) { return stages_in(run(out, only_truth).err).count("truth"); };
+  EXPECT_EQ(extracted("first"), 1U);
+  EXPECT_EQ(extracted("second"), 0U);
+  EXPECT_EQ(inodes(folder_ / "first/truth"), inodes(folder_ / "second/truth")) << "hard links";
+  // The same tiles elsewhere, in a file written differently.
+  fs::copy(folder_ / "place", folder_ / "elsewhere", fs::copy_options::recursive);
+  const std::string text = TinyExperiments::kOneFlight;
+  write("experiment.yaml", "truth: {voxel: 1}\n" + std::string(text).replace(text.find("place/tileset.json"), 18,
+                                                                             "elsewhere/tileset.json"));
+  EXPECT_EQ(extracted("third"), 0U);
+  EXPECT_THAT(file_text(folder_ / "third/truth/extract.json"), HasSubstr("elsewhere/tileset.json"));
+  EXPECT_THAT(file_text(folder_ / "first/truth/extract.json"), Not(HasSubstr("elsewhere")));
+  EXPECT_EQ(file_text(folder_ / "third/truth/mesh.glb"), file_text(folder_ / "out/truth/mesh.glb"));
+  // Another voxel, or other bytes in a tile.
+  write("experiment.yaml", "truth: {voxel: 2}\n" + text);
+  EXPECT_EQ(extracted("fourth"), 1U);
+  write("experiment.yaml", text);
+  std::string tile = file_text(folder_ / "place/0.glb");
+  char& colour = tile[tile.size() * 36 / 100];
+  colour = static_cast<char>(colour ^ 1);
+  TinyPlace::write_file(folder_ / "place/0.glb", tile);
+  EXPECT_EQ(extracted("fifth"), 1U);
+  // An entry that was spoilt.
+  for (const auto& entry : fs::directory_iterator(folder_ / "truths"))
+    if (entry.is_directory()) fs::remove(entry.path() / "voxels.ply");
+  EXPECT_EQ(extracted("sixth"), 1U);
+  EXPECT_EQ(extracted("seventh"), 0U);
+}
+
+TEST_F(RunCache, ATruthInBlocksGivesTheSameScores) {
+  write("experiment.yaml", "truth: {block: 23}\n" + std::string(TinyExperiments::kOneFlight));
+  run("blocks");
+  EXPECT_TRUE(fs::exists(folder_ / "blocks/truth/index.json"));
+  for (const char* file : {"simulated/metrics.json", "simulated/errors.ply", "simulated/seen.ply"})
+    EXPECT_TRUE(file_text(folder_ / "blocks" / file) == file_text(folder_ / "out" / file)) << file;
+  for (const char* place : {"ground truth under the maps", "mesh.glb"})
+    EXPECT_THAT(file_text(folder_ / "blocks/report.json"), Not(HasSubstr(place)));
+}
+
 }  // namespace
 }  // namespace tileflight::run_cache_test

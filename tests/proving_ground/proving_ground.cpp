@@ -24,7 +24,7 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/base/strict_section.h"
 #include "tileflight/geometry/cloud_files.h"
-#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/scoring/align_stage.h"
 #include "tileflight/scoring/evaluate.h"

@@ -31,15 +31,17 @@ std::vector<double> sample_distances(const PointCloud& aligned_map, const Evalua
 
 }  // namespace
 
-MapEvaluation evaluate(PointCloud given_map, const EvaluationInputs& against, const EvaluationOptions& options,
+MapEvaluation evaluate(PointCloud given_map, EvaluationInputs against, const EvaluationOptions& options,
                        const Progress& progress) {
-  if (!against.voxel_centers) throw InputError("ground truth", "has no voxel centres");
+  if (!against.voxel_centers && !(against.voxel_m && against.floor))
+    throw InputError("ground truth", "has no voxel centres");
   constexpr std::int64_t kParts = 4;
   MapEvaluation score;
   score.errors.aligned_map = std::move(given_map);
   const PointCloud& aligned_map = score.errors.aligned_map;
   report_progress(progress, 0, kParts, "distances to voxel centres");
-  score.errors.voxel_m = cloud_distances(aligned_map, *against.voxel_centers, "map", "voxel centres");
+  score.errors.voxel_m = against.voxel_m ? std::move(*against.voxel_m)
+                                         : cloud_distances(aligned_map, *against.voxel_centers, "map", "voxel centres");
   score.metrics.map = score_map(score.errors.voxel_m, floor_against(against, options.map.cutoff_m), options.map);
   if (against.surface && !against.surface->triangles.empty()) {
     report_progress(progress, 1, kParts, "distances to the surface");

@@ -1,11 +1,11 @@
 #include "tileflight/evaluation/normal_consistency.h"
 
-#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
 #include <cassert>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "tileflight/base/strict_section.h"
@@ -19,12 +19,6 @@ namespace {
 constexpr double kNoNormal = std::numeric_limits<double>::quiet_NaN();
 const double kCos30 = std::sqrt(3.0) / 2.0;
 
-/// Normal of a triangle, not normalised; zero for a triangle without area.
-Vec3 direction_of(const geometry::TriangleMesh& mesh, std::size_t triangle) {
-  const auto& [a, b, c] = mesh.triangles[triangle];
-  return (mesh.vertices[b] - mesh.vertices[a]).cross(mesh.vertices[c] - mesh.vertices[a]);
-}
-
 double abs_cos(const Vec3& a, const Vec3& b) {
   const double lengths = a.norm() * b.norm();
   return lengths > 0.0 ? std::min(1.0, std::abs(a.dot(b)) / lengths) : kNoNormal;
@@ -32,14 +26,27 @@ double abs_cos(const Vec3& a, const Vec3& b) {
 
 }  // namespace
 
+Vec3 triangle_direction(const geometry::TriangleMesh& mesh, std::size_t triangle) {
+  const auto& [a, b, c] = mesh.triangles[triangle];
+  return (mesh.vertices[b] - mesh.vertices[a]).cross(mesh.vertices[c] - mesh.vertices[a]);
+}
+
 NormalConsistency normal_consistency(const geometry::PointCloud& map, const geometry::TriangleMesh& surface,
                                      const geometry::TriangleIndex& index, double within_m, std::size_t neighbors) {
-  assert(map.normals.size() == map.size());
-  std::vector<double> cosines(map.size(), kNoNormal);
+  std::vector<Vec3> nearest(map.size(), Vec3::Zero());
   tbb::parallel_for(std::size_t{0}, map.size(), [&](std::size_t i) {
-    if (const auto nearest = index.nearest(map.positions[i], within_m))
-      cosines[i] = abs_cos(map.normals[i].cast<double>(), direction_of(surface, nearest->triangle));
+    if (const auto found = index.nearest(map.positions[i], within_m))
+      nearest[i] = triangle_direction(surface, found->triangle);
   });
+  return normal_consistency(map, nearest, within_m, neighbors);
+}
+
+NormalConsistency normal_consistency(const geometry::PointCloud& map, const std::vector<Vec3>& nearest, double within_m,
+                                     std::size_t neighbors) {
+  assert(map.normals.size() == map.size() && nearest.size() == map.size());
+  std::vector<double> cosines(map.size(), kNoNormal);
+  tbb::parallel_for(std::size_t{0}, map.size(),
+                    [&](std::size_t i) { cosines[i] = abs_cos(map.normals[i].cast<double>(), nearest[i]); });
   NormalConsistency result{.points = map.size(), .sampled = map.size(), .within_m = within_m, .neighbors = neighbors};
   double sum = 0.0, close = 0.0;
   for (const double cosine : cosines) {

@@ -4,6 +4,7 @@
 #include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "tileflight/geometry/point_cloud.h"
 #include "tileflight/geometry/triangle_index.h"
@@ -32,6 +33,14 @@ struct NormalConsistency {
 /// caller sets `points` to the map's size. `neighbors` is only recorded in the result.
 NormalConsistency normal_consistency(const geometry::PointCloud& asked, const geometry::TriangleMesh& surface,
                                      const geometry::TriangleIndex& index, double within_m, std::size_t neighbors);
+
+/// The same with the normal, of any length, of the nearest triangle to each point; zero where there is none within
+/// `within_m`.
+NormalConsistency normal_consistency(const geometry::PointCloud& asked, const std::vector<geometry::Vec3>& nearest,
+                                     double within_m, std::size_t neighbors);
+
+/// Normal of a triangle, not normalised; zero for a triangle without area.
+geometry::Vec3 triangle_direction(const geometry::TriangleMesh& mesh, std::size_t triangle);
 
 /// {points, asked, judged, share_judged (of those asked), within, neighbors, mean_abs_cos, share_within_30_deg}.
 nlohmann::json to_json(const NormalConsistency& consistency);

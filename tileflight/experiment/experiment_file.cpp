@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "tileflight/base/strict_section.h"
+#include "tileflight/base/text_fields.h"
 #include "tileflight/experiment/command_files.h"
 #include "tileflight/experiment/stage_options.h"
 
@@ -64,18 +65,29 @@ SiteConfig read_place(StrictSection section) {
   return place;
 }
 
+/// `block: auto | METRES`; 0: auto.
+std::optional<double> read_block(StrictSection& section) {
+  const std::optional<std::string> text = section.text("block");
+  if (!text) return std::nullopt;
+  if (*text == "auto") return 0.0;
+  const auto edge_m = base::parse_number<double>(*text);
+  if (!edge_m || !(*edge_m > 0.0) || !std::isfinite(*edge_m))
+    throw section.error("block", "must be a length above zero, in metres, or auto, got " + *text);
+  return edge_m;
+}
+
 TruthConfig read_truth(StrictSection section) {
   TruthConfig truth;
   truth.voxel_m = section.positive_number("voxel").value_or(truth.voxel_m);
   truth.samples_per_m2 = section.positive_number("samples_per_m2").value_or(truth.samples_per_m2);
+  if (section.has("block")) truth.block_m = read_block(section);
   section.require_all_keys_used();
   return truth;
 }
 
 fs::path optional_path(StrictSection& section, const std::string& key) {
   const fs::path path = section.path(key).value_or(fs::path());
-  if (!path.empty() && !fs::exists(path))
-    throw section.error(key, "names " + path.string() + ", which does not exist");
+  if (!path.empty() && !fs::exists(path)) throw section.error(key, "names " + path.string() + ", which does not exist");
   return path;
 }
 

@@ -37,10 +37,11 @@ struct SiteConfig {
   bool terms_accepted = false;   ///< terms_accepted: an agreement permits what the provider's terms forbid
 };
 
-/// Section `truth:`: resolution of the extracted ground truth. Keys: voxel, samples_per_m2.
+/// Section `truth:`: resolution of the extracted ground truth. Keys: voxel, samples_per_m2, block (auto, or metres).
 struct TruthConfig {
   double voxel_m = 1.0;
   double samples_per_m2 = 16.0;
+  std::optional<double> block_m;  ///< edge of its blocks; 0: by memory; nullopt: one piece
 };
 
 /// One flight of the experiment: rendered or ingested.

@@ -8,6 +8,7 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/flight_logs/telemetry_file.h"
 #include "tileflight/imaging/camera.h"
+#include "tileflight/place/version.h"
 #include "tileflight/stadium/stadium.h"
 #include "tileflight/transport/open_source.h"
 #include "tileflight/transport/url_secrets.h"
@@ -186,7 +187,8 @@ place::ExtractSettings Pipeline::extract_settings() const {
                    .origin = place.origin,
                    .source = source_options()},
           .voxel_m = experiment_.truth.voxel_m,
-          .samples_per_m2 = experiment_.truth.samples_per_m2};
+          .samples_per_m2 = experiment_.truth.samples_per_m2,
+          .block_m = experiment_.truth.block_m};
 }
 
 /// The cameras see more of the place than is scored: the region is grown on every side, in the truth's frame.
@@ -225,6 +227,26 @@ json Pipeline::truth_inputs() const {
   return {{"place", section_hash("place")},
           {"truth", section_hash("truth")},
           {"tiles", source_fingerprint(experiment_.place.source)}};
+}
+
+std::string Pipeline::truth_key() const {
+  const place::ExtractSettings settings = extract_settings();
+  const auto geodetic = [](const std::optional<geometry::Geodetic>& g) {
+    return g ? json{g->latitude_deg, g->longitude_deg, g->height.m} : json();
+  };
+  const auto vector = [](const std::optional<geometry::Vec3>& v) { return v ? json{v->x(), v->y(), v->z()} : json(); };
+  const json content{{"program", place::program_fingerprint()},
+                     {"tiles", source_fingerprint(experiment_.place.source)},
+                     {"center", geodetic(settings.load.center)},
+                     {"center_local", vector(settings.load.center_local)},
+                     {"size", vector(settings.load.size)},
+                     {"error", settings.load.error_m},
+                     {"origin", geodetic(settings.load.origin)},
+                     {"terms_accepted", settings.load.source.terms_accepted},
+                     {"voxel", settings.voxel_m},
+                     {"samples_per_m2", settings.samples_per_m2},
+                     {"block", settings.block_m ? json(*settings.block_m) : json()}};
+  return base::sha256_hex(content.dump());
 }
 
 json Pipeline::dataset_inputs(const FlightStages& f) const {

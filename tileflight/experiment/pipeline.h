@@ -55,6 +55,8 @@ class Pipeline {
 
   nlohmann::json place_inputs() const;
   nlohmann::json truth_inputs() const;
+  /// Hash of what the truth comes from, by content, wherever its tiles lie: equal truths have equal keys.
+  std::string truth_key() const;
   nlohmann::json dataset_inputs(const FlightStages& flight) const;
   nlohmann::json followed_inputs() const;
   nlohmann::json reproduction_inputs() const;

@@ -12,6 +12,7 @@
 #include "tileflight/experiment/results.h"
 #include "tileflight/experiment/run_folder.h"
 #include "tileflight/experiment/stage_cache.h"
+#include "tileflight/experiment/truth_cache.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/version.h"
 #include "tileflight/report/report.h"
@@ -23,6 +24,7 @@
 #include "tileflight/survey/render_stage.h"
 #include "tileflight/survey/reproduction.h"
 #include "tileflight/survey/track.h"
+#include "tileflight/transport/url_secrets.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -104,6 +106,18 @@ class FlightStageRunner {
   const Progress& progress_;
 };
 
+/// Extracts the truth, or takes it from those that runs share.
+void make_truth(const Pipeline& pipeline, StageCache& cache, const RunOptions& options, const Progress& progress) {
+  const fs::path truth = cache.run_folder() / "truth";
+  const place::ExtractSettings settings = pipeline.extract_settings();
+  const TruthCache shared(options.truth_cache, transport::redact_source(settings.source), options.rerun_all, progress);
+  const std::string key = options.truth_cache.empty() ? "" : pipeline.truth_key();
+  cache.run_stage(
+      "truth", pipeline.truth_inputs(), {"truth"},
+      [&] { shared.make(key, truth, [&](const fs::path& to) { place::extract(settings, to, true, progress); }); },
+      [&] { return shared.take(key, truth); });
+}
+
 /// Prefixes a variant's stages with its name.
 StageListener prefix_listener(const Variant& variant, const StageListener& listener) {
   if (!listener) return {};
@@ -123,8 +137,7 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
   const Pipeline p(e, folder, cache);
 
   if (p.uses_built_in_place()) cache.run_stage("place", p.place_inputs(), {"place"}, [&] { p.build_place(progress); });
-  cache.run_stage("truth", p.truth_inputs(), {"truth"},
-                  [&] { place::extract(p.extract_settings(), folder / "truth", true, progress); });
+  make_truth(p, cache, options, progress);
 
   const FlightStageRunner flight(e, p, cache, progress);
   const bool follows = p.simulated_follows_real();
@@ -157,7 +170,9 @@ nlohmann::json run(const Experiment& e, const fs::path& folder, const Progress& 
     results["ablation"] =
         run_variants(e.variants, results, folder, [&](const Variant& variant, const fs::path& its_folder) {
           return run(p.make_variant(variant), its_folder, progress,
-                     {.listener = prefix_listener(variant, options.listener), .original = folder});
+                     {.listener = prefix_listener(variant, options.listener),
+                      .original = folder,
+                      .truth_cache = options.truth_cache});
         });
   }
   base::write_file(folder / "results.json", results.dump(2) + "\n");

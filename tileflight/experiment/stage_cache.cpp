@@ -8,6 +8,7 @@
 #include "tileflight/base/folder_marker.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/experiment/link_files.h"
 
 namespace tileflight::experiment {
 namespace fs = std::filesystem;
@@ -32,24 +33,6 @@ nlohmann::json record_in(const fs::path& file) {
 
 bool is_record_of(const nlohmann::json& record, const std::string& key) {
   return record.is_object() && record.value("key", nlohmann::json()) == key;
-}
-
-/// Fills an empty folder with links to the files of another.
-void link_files(const fs::path& from, const fs::path& to) {
-  for (const fs::directory_entry& entry : fs::directory_iterator(from)) {
-    const fs::path target = to / entry.path().filename();
-    std::error_code fault;
-    if (entry.is_symlink()) {
-      fs::copy_symlink(entry.path(), target, fault);
-    } else if (entry.is_directory()) {
-      fs::create_directory(target, fault);
-      if (!fault) link_files(entry.path(), target);
-    } else {
-      fs::create_hard_link(entry.path(), target, fault);
-      if (fault) fs::copy_file(entry.path(), target, fault);
-    }
-    if (fault) throw InputError(target.string(), "cannot be written: " + fault.message());
-  }
 }
 
 }  // namespace
@@ -95,7 +78,8 @@ void StageCache::notify(const std::string& stage, StageEvent::Kind what, double 
 }
 
 bool StageCache::run_stage(const std::string& name, const nlohmann::json& inputs,
-                           const std::vector<std::string>& products, const std::function<void()>& work) {
+                           const std::vector<std::string>& products, const std::function<void()>& work,
+                           const std::function<bool()>& take) {
   hashes_.save();  // saved before the work, which may take hours
   const std::string key = base::sha256_hex(program_ + "\n" + inputs.dump());
   const nlohmann::json record = read_record(name);
@@ -111,14 +95,17 @@ bool StageCache::run_stage(const std::string& name, const nlohmann::json& inputs
     return false;
   }
 
-  notify(name, StageEvent::Kind::kBegins);
   const auto start = std::chrono::steady_clock::now();
-  work();
+  const bool taken = take && take();
+  if (!taken) {
+    notify(name, StageEvent::Kind::kBegins);
+    work();
+  }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   done_[name] = {{"key", key}, {"seconds", seconds}, {"inputs", inputs}, {"products", products}};
   base::write_file(record_file(name), done_[name].dump(2) + "\n");
-  notify(name, StageEvent::Kind::kDone, seconds);
-  return true;
+  notify(name, taken ? StageEvent::Kind::kUnchanged : StageEvent::Kind::kDone, taken ? 0.0 : seconds);
+  return !taken;
 }
 
 std::string StageCache::key(const std::string& name) const { return done_.at(name).at("key").get<std::string>(); }

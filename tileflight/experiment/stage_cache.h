@@ -33,10 +33,10 @@ class StageCache {
   /// Runs `work` unless a record with the same inputs and all `products` (relative to the run folder) exist. Products
   /// from other inputs are replaced by the work; they are kept until then, and if it fails. A stage whose products are
   /// folders is taken over from the original run if that did it with the same inputs: the files are hard links (copies
-  /// where the file system has none), and writers replace files, so neither run changes the other's. Returns whether
-  /// `work` ran.
+  /// where the file system has none), and writers replace files, so neither run changes the other's. `take`: puts the
+  /// products in place without the work, if it can, and returns whether it did. Returns whether `work` ran.
   bool run_stage(const std::string& name, const nlohmann::json& inputs, const std::vector<std::string>& products,
-                 const std::function<void()>& work);
+                 const std::function<void()>& work, const std::function<bool()>& take = {});
 
   /// Whether the stage is up to date in this run: executed, or found unchanged.
   bool is_done(const std::string& name) const { return done_.contains(name); }

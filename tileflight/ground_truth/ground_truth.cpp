@@ -3,16 +3,12 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <string>
-#include <tuple>
 
-#include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/position_order.h"
 #include "tileflight/ground_truth/center_distances.h"
-#include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/octree.h"
 #include "tileflight/ground_truth/point_cells.h"
 #include "tileflight/ground_truth/surface_samples.h"
@@ -74,13 +70,14 @@ PointCloud crop_points(const std::vector<Prism>& within, PointCloud cloud) {
 /// Which triangles are wanted.
 using TriangleFilter = std::function<bool(const geometry::TriangleMesh&, const geometry::Triangle&)>;
 
-/// The wanted triangles of a mesh, with only the vertices they use.
-TexturedMesh crop_mesh(const TexturedMesh& whole, const TriangleFilter& wanted) {
-  TexturedMesh part = whole;
-  part.mesh = {};
-  part.uv.clear();
-  part.colors.clear();
-  part.feature_ids.clear();
+/// The wanted triangles of a mesh, with only the vertices they use. `numbers` receives their numbers in the whole.
+TexturedMesh crop_mesh(const TexturedMesh& whole, const TriangleFilter& wanted, std::vector<std::uint32_t>& numbers) {
+  TexturedMesh part{.texture = whole.texture,
+                    .wrap_u = whole.wrap_u,
+                    .wrap_v = whole.wrap_v,
+                    .base_color = whole.base_color,
+                    .features = whole.features,
+                    .name = whole.name};
   std::vector<std::uint32_t> new_index(whole.mesh.vertices.size(), kUnused);
   const auto moved = [&](std::uint32_t vertex) {
     if (new_index[vertex] == kUnused) {
@@ -92,8 +89,11 @@ TexturedMesh crop_mesh(const TexturedMesh& whole, const TriangleFilter& wanted) 
     }
     return new_index[vertex];
   };
-  for (const geometry::Triangle& t : whole.mesh.triangles) {
-    if (wanted(whole.mesh, t)) part.mesh.triangles.push_back({moved(t[0]), moved(t[1]), moved(t[2])});
+  for (std::size_t i = 0; i < whole.mesh.triangles.size(); ++i) {
+    const geometry::Triangle& t = whole.mesh.triangles[i];
+    if (!wanted(whole.mesh, t)) continue;
+    part.mesh.triangles.push_back({moved(t[0]), moved(t[1]), moved(t[2])});
+    numbers.push_back(static_cast<std::uint32_t>(i));
   }
   return part;
 }
@@ -103,16 +103,33 @@ TexturedMesh crop_mesh(const TexturedMesh& whole, const TriangleFilter& wanted) 
 struct CroppedMeshes {
   std::vector<TexturedMesh> meshes;
   std::vector<Vec3> centers;
+  std::vector<MeshOrigin> origins;  ///< if those of the whole meshes are known
+
+  void add(const TexturedMesh& whole, const TriangleFilter& wanted, const MeshOrigin* origin = nullptr) {
+    MeshOrigin numbers = origin != nullptr ? MeshOrigin{origin->content, origin->first, {}} : MeshOrigin();
+    TexturedMesh part = crop_mesh(whole, wanted, numbers.triangles);
+    if (part.mesh.triangles.empty()) return;
+    meshes.push_back(std::move(part));
+    centers.emplace_back(geometry::bounds(whole.mesh).center());
+    if (origin != nullptr) origins.push_back(std::move(numbers));
+  }
 };
 
-CroppedMeshes crop_meshes(const std::vector<TexturedMesh>& meshes, const TriangleFilter& wanted) {
+CroppedMeshes crop_meshes(const std::vector<TexturedMesh>& meshes, const TriangleFilter& wanted,
+                          const std::vector<MeshOrigin>& origins = {}) {
   CroppedMeshes parts;
-  for (const TexturedMesh& mesh : meshes) {
-    TexturedMesh part = crop_mesh(mesh, wanted);
-    if (part.mesh.triangles.empty()) continue;
-    parts.meshes.push_back(std::move(part));
-    parts.centers.emplace_back(geometry::bounds(mesh.mesh).center());
+  for (std::size_t i = 0; i < meshes.size(); ++i) parts.add(meshes[i], wanted, origins.empty() ? nullptr : &origins[i]);
+  return parts;
+}
+
+/// The same, releasing each whole mesh.
+CroppedMeshes crop_and_release(std::vector<TexturedMesh>& meshes, const TriangleFilter& wanted) {
+  CroppedMeshes parts;
+  for (TexturedMesh& mesh : meshes) {
+    parts.add(mesh, wanted);
+    mesh = {};
   }
+  meshes.clear();
   return parts;
 }
 
@@ -176,10 +193,15 @@ class WrittenPart {
   std::int32_t border_ = 0;
 };
 
-void write_files(const CroppedMeshes& parts, const PointCloud& surface, const geometry::VoxelGrid& voxels,
-                 const GroundTruthOptions& options, const std::filesystem::path& folder, const Progress& progress) {
-  if (!parts.meshes.empty())
-    write_mesh_glb(folder / "mesh.glb", parts.meshes, options.textured_mesh, progress, parts.centers);
+void write_mesh(const CroppedMeshes& parts, const GroundTruthOptions& options, const std::filesystem::path& folder,
+                const Progress& progress) {
+  if (parts.meshes.empty()) return;
+  write_mesh_glb(folder / "mesh.glb", parts.meshes, options.textured_mesh, progress, parts.centers, parts.origins);
+}
+
+void write_points_and_voxels(const PointCloud& surface, const geometry::VoxelGrid& voxels,
+                             const GroundTruthOptions& options, const std::filesystem::path& folder,
+                             const Progress& progress) {
   const geometry::VoxelGrid own_grid = options.block ? grid_of_block(voxels, options.block->cells) : voxels;
   constexpr int kFiles = 4;
   report_progress(progress, 0, kFiles, "writing ground truth");
@@ -209,7 +231,7 @@ PointCloud owned_surface(const geometry::TriangleMesh& mesh, PointCloud points, 
 
 }  // namespace
 
-GroundTruthSummary write_ground_truth(const std::vector<TexturedMesh>& meshes, const Box3& box,
+GroundTruthSummary write_ground_truth(std::vector<TexturedMesh> meshes, const Box3& box,
                                       const GroundTruthOptions& options, const std::filesystem::path& folder,
                                       const Progress& progress, const std::vector<geometry::PointCloud>& clouds) {
   if (box.isEmpty() || !(box.sizes().minCoeff() > 0.0)) throw InputError("region", "is empty");
@@ -220,19 +242,31 @@ GroundTruthSummary write_ground_truth(const std::vector<TexturedMesh>& meshes, c
   const auto in_region = [&](const geometry::TriangleMesh& mesh, const geometry::Triangle& t) {
     return triangle_meets_box(mesh, t, box) && meets_any_prism(options.prisms, mesh, t);
   };
-  const geometry::TriangleMesh mesh = scene::merge_meshes(crop_meshes(meshes, in_region).meshes);
-  const CroppedMeshes owned = crop_meshes(meshes, [&](const geometry::TriangleMesh& m, const geometry::Triangle& t) {
-    return in_region(m, t) && part.owns(m, t);
-  });
   const PointCloud points = crop_points(options.prisms, points_in_box(clouds, box));
+  // A cell at a polygon's edge may be touched only from outside the polygon.
+  geometry::TriangleMesh around;
+  if (!options.prisms.empty()) around = scene::merge_meshes(crop_meshes(meshes, in_box).meshes);
+  CroppedMeshes owned;
+  if (options.block) {
+    owned = crop_meshes(
+        meshes,
+        [&](const geometry::TriangleMesh& m, const geometry::Triangle& t) {
+          return in_region(m, t) && part.owns(m, t);
+        },
+        options.block->origins);
+  }
+  CroppedMeshes inside = crop_and_release(meshes, in_region);
+  const geometry::TriangleMesh mesh = scene::merge_meshes(inside.meshes);
   if (mesh.triangles.empty() && points.empty() && !options.block)
     throw InputError("region", "contains no triangle: check its centre, size and height");
 
   GroundTruthSummary result;
-  for (const TexturedMesh& m : owned.meshes) result.triangles += m.mesh.triangles.size();
-  // A cell at a polygon's edge may be touched only from outside the polygon.
-  result.voxels = voxelize(options.prisms.empty() ? mesh : scene::merge_meshes(crop_meshes(meshes, in_box).meshes), box,
-                           options.voxel_m, part.covered(), progress);
+  for (const TexturedMesh& m : (options.block ? owned : inside).meshes) result.triangles += m.mesh.triangles.size();
+  // Textures are the largest part of a place, and only this file needs them.
+  if (!options.block) write_mesh(inside, options, folder, progress);
+  inside = {};
+  result.voxels = voxelize(options.prisms.empty() ? mesh : around, box, options.voxel_m, part.covered(), progress);
+  around = {};
   mark_occupied(points, result.voxels);
   std::erase_if(result.voxels.occupied, [&](const geometry::Cell& cell) {
     return !part.covered().contains(cell) || !any_contains(options.prisms, result.voxels.center(cell));
@@ -246,8 +280,10 @@ GroundTruthSummary write_ground_truth(const std::vector<TexturedMesh>& meshes, c
                                                                 : std::ranges::max(result.quantization_floor_m);
   result.border_too_narrow = !surface.empty() && part.may_be_nearer_outside(farthest_m);
   std::erase_if(result.voxels.occupied, [&](const geometry::Cell& cell) { return !part.block().contains(cell); });
-  const bool is_empty = owned.meshes.empty() && surface.empty() && result.voxels.occupied.empty();
-  if (!result.border_too_narrow && !is_empty) write_files(owned, surface, result.voxels, options, folder, progress);
+  const bool is_empty = options.block && owned.meshes.empty() && surface.empty() && result.voxels.occupied.empty();
+  if (result.border_too_narrow || is_empty) return result;
+  write_mesh(owned, options, folder, progress);
+  write_points_and_voxels(surface, result.voxels, options, folder, progress);
   return result;
 }
 
@@ -260,67 +296,6 @@ geometry::VoxelGrid grid_of_block(const geometry::VoxelGrid& voxels, const CellR
   for (geometry::Cell& cell : own.occupied)
     cell = {cell.x - block.low[0], cell.y - block.low[1], cell.z - block.low[2]};
   return own;
-}
-
-std::vector<std::filesystem::path> block_folders(const std::filesystem::path& folder) {
-  const std::filesystem::path index = folder / "index.json";
-  if (!std::filesystem::exists(index)) return {folder};
-  const nlohmann::json content = nlohmann::json::parse(base::read_text(index), nullptr, false);
-  std::vector<std::filesystem::path> folders;
-  const auto found = content.is_object() ? content.find("blocks") : content.end();
-  if (content.is_object() && found != content.end() && found->is_array()) {
-    for (const nlohmann::json& block : *found) {
-      if (!block.is_object() || !block.value("folder", nlohmann::json()).is_string()) continue;
-      folders.push_back(folder / block["folder"].get<std::string>());
-    }
-  }
-  if (folders.empty()) throw InputError(index.string(), "names no blocks; make the folder with `tileflight extract`");
-  return folders;
-}
-
-std::vector<std::filesystem::path> mesh_files(const std::filesystem::path& folder) {
-  std::vector<std::filesystem::path> files;
-  for (const std::filesystem::path& block : block_folders(folder)) {
-    if (std::filesystem::exists(block / "mesh.glb")) files.push_back(block / "mesh.glb");
-  }
-  return files;
-}
-
-GroundTruth read_ground_truth(const std::filesystem::path& folder) {
-  GroundTruth truth;
-  for (const std::filesystem::path& file : mesh_files(folder)) {
-    const geometry::TriangleMesh part = read_mesh_glb(file);
-    const auto first = static_cast<std::uint32_t>(truth.mesh.vertices.size());
-    truth.mesh.vertices.insert(truth.mesh.vertices.end(), part.vertices.begin(), part.vertices.end());
-    for (const geometry::Triangle& t : part.triangles)
-      truth.mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
-  }
-  const std::vector<std::filesystem::path> folders = block_folders(folder);
-  for (const std::filesystem::path& block : folders) {
-    const PointCloud centers = geometry::read_cloud(block / "voxels.ply");
-    truth.voxel_centers.positions.insert(truth.voxel_centers.positions.end(), centers.positions.begin(),
-                                         centers.positions.end());
-  }
-  if (folders.size() > 1) {
-    std::ranges::sort(truth.voxel_centers.positions, [](const Vec3& a, const Vec3& b) {
-      return std::tuple(a.x(), a.y(), a.z()) < std::tuple(b.x(), b.y(), b.z());
-    });
-  }
-  truth.voxel_m = geometry::read_binvox_header(folders.front() / "voxels.binvox").edge_m;
-  return truth;
-}
-
-geometry::PointCloud read_surface_samples(const std::filesystem::path& folder) {
-  const std::vector<std::filesystem::path> folders = block_folders(folder);
-  geometry::PointCloud all = geometry::read_cloud(folders.front() / "surface.ply");
-  if (folders.size() == 1) return all;
-  for (std::size_t i = 1; i < folders.size(); ++i) {
-    const geometry::PointCloud part = geometry::read_cloud(folders[i] / "surface.ply");
-    all.positions.insert(all.positions.end(), part.positions.begin(), part.positions.end());
-    all.normals.insert(all.normals.end(), part.normals.begin(), part.normals.end());
-  }
-  geometry::sort_by_position(all);
-  return all;
 }
 
 }  // namespace tileflight::ground_truth

@@ -7,6 +7,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/geometry/prism.h"
 #include "tileflight/ground_truth/cell_range.h"
+#include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/voxelize.h"
 #include "tileflight/scene/scene.h"
 
@@ -19,6 +20,9 @@ struct GroundTruthBlock {
   CellRange cells;  ///< of the grid of the whole region
   /// Number of cells around the block which the meshes and clouds given cover, too.
   std::int32_t border = 1;
+  /// Of each mesh given, its content and the number of its first triangle there (`triangles` is ignored): stored with
+  /// the block's triangles, so that they can be read in the order of the whole region. Empty: not stored.
+  std::vector<MeshOrigin> origins = {};
 };
 
 /// Options of write_ground_truth(), which writes the output of `tileflight extract` except extract.json: mesh.glb
@@ -51,31 +55,14 @@ struct GroundTruthSummary {
 
 /// Writes the ground truth of a box into a folder. `clouds`: points that represent surface without triangles (tiles of
 /// a point cloud). They occupy their cells and are written to surface.ply with their normals (zero if they have none).
-/// A region of points alone has no mesh.glb. A block may be empty: then no file is written.
-GroundTruthSummary write_ground_truth(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Box3& box,
+/// A region of points alone has no mesh.glb. A block may be empty: then no file is written. Meshes that are moved in
+/// are released as soon as they are written.
+GroundTruthSummary write_ground_truth(std::vector<imaging::TexturedMesh> meshes, const geometry::Box3& box,
                                       const GroundTruthOptions& options, const std::filesystem::path& folder,
                                       const Progress& progress = {},
                                       const std::vector<geometry::PointCloud>& clouds = {});
 
 /// Cells of a block's files: `voxels` on a grid of the block alone.
 geometry::VoxelGrid grid_of_block(const geometry::VoxelGrid& voxels, const CellRange& block);
-
-/// The parts of a folder written by `extract` that scoring needs. Positions in the local frame.
-struct GroundTruth {
-  geometry::TriangleMesh mesh;         ///< mesh.glb; empty if only points were extracted
-  geometry::PointCloud voxel_centers;  ///< voxels.ply
-  double voxel_m = 1.0;
-};
-/// The folders of a truth's blocks, as its index.json names them; the folder itself if it has no blocks. Throws
-/// InputError.
-std::vector<std::filesystem::path> block_folders(const std::filesystem::path& folder);
-/// The mesh.glb of each of them that has one.
-std::vector<std::filesystem::path> mesh_files(const std::filesystem::path& folder);
-
-/// Reads the ground truth of a folder, all blocks together. Throws InputError.
-GroundTruth read_ground_truth(const std::filesystem::path& folder);
-
-/// Reads surface.ply, by far the largest part; of all blocks, in the order of the whole.
-geometry::PointCloud read_surface_samples(const std::filesystem::path& folder);
 
 }  // namespace tileflight::ground_truth

@@ -1,4 +1,5 @@
 #include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/truth_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

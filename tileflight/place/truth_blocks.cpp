@@ -25,21 +25,44 @@ using ground_truth::CellRange;
 
 struct Surfaces {
   std::vector<imaging::TexturedMesh> meshes;
+  std::vector<ground_truth::MeshOrigin> origins;  ///< of each mesh
   std::vector<geometry::PointCloud> clouds;
 };
 
+/// Where the meshes of a content stand in the order of the region.
+void add_origins(std::size_t number, const tiles::LoadedContent& content,
+                 std::vector<ground_truth::MeshOrigin>& origins) {
+  std::size_t first = 0;
+  for (const imaging::TexturedMesh& mesh : content.meshes) {
+    origins.push_back({static_cast<std::uint32_t>(number), static_cast<std::uint32_t>(first), {}});
+    first += mesh.mesh.triangles.size();
+  }
+}
+
+/// Reads contents; removes from the list the numbers of those that cannot be read.
+std::vector<tiles::LoadedContent> read_contents(tiles::RegionReader& reader, std::vector<std::size_t>& numbers,
+                                                const Progress& progress) {
+  std::vector<tiles::LoadedContent> loaded = reader.read(numbers, progress);
+  if (loaded.size() < numbers.size())
+    std::erase_if(numbers, [&](const std::size_t number) { return reader.read({number}).empty(); });
+  return loaded;
+}
+
 /// Reads contents of the region; adds what was read to the counts.
-Surfaces read_surfaces(tiles::RegionReader& reader, const std::vector<std::size_t>& contents, TruthCounts& counts,
+Surfaces read_surfaces(tiles::RegionReader& reader, std::vector<std::size_t> contents, TruthCounts& counts,
                        const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
   Surfaces surfaces;
-  for (tiles::LoadedContent& content : reader.read(contents, progress)) {
+  std::vector<tiles::LoadedContent> loaded = read_contents(reader, contents, progress);
+  for (std::size_t k = 0; k < loaded.size(); ++k) {
+    tiles::LoadedContent& content = loaded[k];
     for (const imaging::TexturedMesh& mesh : content.meshes) {
       for (const Vec3& vertex : mesh.mesh.vertices) counts.extent.extend(vertex);
     }
     for (const geometry::PointCloud& cloud : content.clouds) {
       for (const Vec3& point : cloud.positions) counts.extent.extend(point);
     }
+    add_origins(contents[k], content, surfaces.origins);
     std::move(content.meshes.begin(), content.meshes.end(), std::back_inserter(surfaces.meshes));
     std::move(content.clouds.begin(), content.clouds.end(), std::back_inserter(surfaces.clouds));
   }
@@ -170,9 +193,9 @@ class BlockWriter {
     for (std::int32_t border = 1;; border *= 2) {
       const Box3 bounds = bounds_of(block, region_.min(), options_.voxel_m, border);
       const std::vector<std::size_t> contents = reader_.contents_in(bounds);
-      const Surfaces surfaces = read_surfaces(reader_, contents, counts, {});
-      options_.block = {block, border};
-      part = write_ground_truth(surfaces.meshes, region_, options_, folder, {}, surfaces.clouds);
+      Surfaces surfaces = read_surfaces(reader_, contents, counts, {});
+      options_.block = {block, border, std::move(surfaces.origins)};
+      part = write_ground_truth(std::move(surfaces.meshes), region_, options_, folder, {}, surfaces.clouds);
       if (part.border_too_narrow) continue;
       read_.emplace_back(bounds, contents);
       break;
@@ -214,8 +237,8 @@ class BlockWriter {
 TruthCounts write_whole_truth(tiles::RegionReader& reader, const ExtractSettings& settings,
                               const std::filesystem::path& folder, const Progress& progress) {
   TruthCounts counts(settings.voxel_m);
-  const Surfaces surfaces = read_surfaces(reader, reader.all_contents(), counts, progress);
-  add(ground_truth::write_ground_truth(surfaces.meshes, reader.placement().region.box(),
+  Surfaces surfaces = read_surfaces(reader, reader.all_contents(), counts, progress);
+  add(ground_truth::write_ground_truth(std::move(surfaces.meshes), reader.placement().region.box(),
                                        truth_options(reader, settings), folder, progress, surfaces.clouds),
       counts);
   return counts;

@@ -1,6 +1,8 @@
 #include "tileflight/report/place_model.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "tileflight/simplification/surface_simplification.h"
 #include "tileflight/tiling/mesh_source.h"
@@ -22,15 +24,17 @@ geometry::TriangleMesh simplify_surface(const std::vector<imaging::TexturedMesh>
 
 }  // namespace
 
-PlaceModel read_place_model(const std::filesystem::path& mesh_glb, const PlaceModelOptions& options) {
-  const tiling::MeshSource source = tiling::read_mesh_source(mesh_glb, {});
+PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options) {
+  std::vector<imaging::TexturedMesh> source;
+  for (const std::filesystem::path& file : mesh_glbs)
+    std::ranges::move(tiling::read_mesh_source(file, {}).meshes, std::back_inserter(source));
   PlaceModel model;
   std::vector<const imaging::TexturedMesh*> meshes;
-  for (const imaging::TexturedMesh& mesh : source.meshes) {
+  for (const imaging::TexturedMesh& mesh : source) {
     model.source_triangles += mesh.mesh.triangles.size();
     meshes.push_back(&mesh);
   }
-  const geometry::TriangleMesh surface = simplify_surface(source.meshes, options.max_triangles);
+  const geometry::TriangleMesh surface = simplify_surface(source, options.max_triangles);
   const double texels = kAtlasFill * options.texture_px * options.texture_px;
   const double texel_m = std::sqrt(geometry::surface_area_m2(surface) / texels);
   model.mesh = tiling::transfer_colors(surface, tiling::SurfaceColors(meshes), {texel_m, options.texture_px}).mesh;

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
 
@@ -19,9 +20,9 @@ struct PlaceModel {
   std::size_t source_triangles = 0;
 };
 
-/// Reads a run's truth/mesh.glb, simplifies it and paints the result from the source's textures and colours
-/// (simplification/surface_simplification.h, tiling/painted_surface.h). Deterministic for any number of threads. Throws
-/// InputError.
-PlaceModel read_place_model(const std::filesystem::path& mesh_glb, const PlaceModelOptions& options = {});
+/// Reads the mesh.glb of a run's truth, or of some of its blocks, simplifies it and paints the result from the source's
+/// textures and colours (simplification/surface_simplification.h, tiling/painted_surface.h). Deterministic for any
+/// number of threads. Throws InputError.
+PlaceModel read_place_model(const std::vector<std::filesystem::path>& mesh_glbs, const PlaceModelOptions& options = {});
 
 }  // namespace tileflight::report

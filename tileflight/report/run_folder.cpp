@@ -1,15 +1,15 @@
 #include "tileflight/report/run_folder.h"
 
-#include <nlohmann/json.hpp>
-
 #include <cmath>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/report/key_figures.h"
 #include "tileflight/report/number_format.h"
 
@@ -139,6 +139,25 @@ FlightRun read_flight(const fs::path& folder, const std::string& key, const json
   return flight;
 }
 
+/// The meshes of the blocks around the flights' paths; of all blocks if no path is known.
+std::vector<fs::path> meshes_around(const std::vector<FlightRun>& flights, const ground_truth::TruthFolder& truth) {
+  constexpr double kMargin_m = 250.0;
+  geometry::Box3 flown;
+  for (const FlightRun& flight : flights) {
+    for (const auto* path : {&flight.truth, &flight.estimate}) {
+      if (!*path) continue;
+      for (const geometry::StampedPose& pose : (*path)->poses) flown.extend(pose.T_local_camera.translation);
+    }
+  }
+  const geometry::Vec3 margin = geometry::Vec3::Constant(kMargin_m);
+  std::vector<fs::path> files;
+  for (const std::size_t part :
+       flown.isEmpty() ? truth.all_parts() : truth.parts_in({flown.min() - margin, flown.max() + margin})) {
+    if (truth.has_mesh(part)) files.push_back(truth.folder_of(part) / "mesh.glb");
+  }
+  return files;
+}
+
 }  // namespace
 
 RunFolder read_run_folder(const std::filesystem::path& folder) {
@@ -148,11 +167,15 @@ RunFolder read_run_folder(const std::filesystem::path& folder) {
   RunFolder run;
   run.results = read_object(folder / "results.json");
   run.voxel_m = number_at(run.results, "/truth/voxel_size").value_or(1.0);
-  read_part(folder, "truth/voxels.ply", "no ground truth under the maps", run.missing,
-            [&](const fs::path& file) { run.voxel_centers = geometry::read_cloud(file); });
+  const bool in_blocks = fs::exists(folder / "truth/index.json");
+  read_part(folder, in_blocks ? "truth/index.json" : "truth/voxels.ply", "no ground truth under the maps", run.missing,
+            [&](const fs::path&) {
+              const ground_truth::TruthFolder truth(folder / "truth");
+              run.voxel_centers = truth.read_voxel_centers(truth.all_parts());
+            });
   run.view_pairs = read_view_pairs(folder / "reproduction.csv");
   if (fs::exists(folder / "coverage/coverage.json")) run.coverage = read_object(folder / "coverage/coverage.json");
-  if (fs::exists(folder / "truth/mesh.glb")) run.mesh = folder / "truth/mesh.glb";
+  if (fs::exists(folder / "truth/mesh.glb")) run.meshes = {folder / "truth/mesh.glb"};
   for (const char* key : {"simulated", "real"}) {
     if (run.results.contains(key) && run.results[key].is_object()) {
       run.flights.push_back(read_flight(folder, key, run.results, run.missing));
@@ -161,6 +184,7 @@ RunFolder read_run_folder(const std::filesystem::path& folder) {
                             " flight");
     }
   }
+  if (in_blocks) run.meshes = meshes_around(run.flights, ground_truth::TruthFolder(folder / "truth"));
   return run;
 }
 

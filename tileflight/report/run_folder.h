@@ -39,11 +39,12 @@ struct RunFolder {
   nlohmann::json results;
   std::optional<geometry::PointCloud> voxel_centers;
   double voxel_m = 1.0;
-  std::optional<std::filesystem::path> mesh;  ///< truth/mesh.glb, the textured place
-  std::vector<FlightRun> flights;             ///< flights in results.json, simulated first
-  std::vector<ViewPair> view_pairs;           ///< empty unless the simulated flight follows the other one
-  nlohmann::json coverage;                    ///< coverage/coverage.json, results of the tile strategies; may be null
-  std::vector<std::string> missing;           ///< one line for each missing part that a page could show
+  /// The textured place: truth/mesh.glb, or those of the truth's blocks around the flights.
+  std::vector<std::filesystem::path> meshes;
+  std::vector<FlightRun> flights;    ///< flights in results.json, simulated first
+  std::vector<ViewPair> view_pairs;  ///< empty unless the simulated flight follows the other one
+  nlohmann::json coverage;           ///< coverage/coverage.json, results of the tile strategies; may be null
+  std::vector<std::string> missing;  ///< one line for each missing part that a page could show
 };
 
 /// Throws InputError: results.json missing or not JSON, or an existing part malformed.

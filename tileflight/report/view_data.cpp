@@ -1,11 +1,10 @@
 #include "tileflight/report/view_data.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <set>
 
@@ -65,8 +64,8 @@ std::string jpeg_within(imaging::RgbImage image, std::size_t most_bytes) {
 }
 
 json place_layer(DataBlocks& blocks, const RunFolder& run, const ViewBudget& budget) {
-  if (!run.mesh) return nullptr;
-  const PlaceModel model = read_place_model(*run.mesh, budget.place);
+  if (run.meshes.empty()) return nullptr;
+  const PlaceModel model = read_place_model(run.meshes, budget.place);
   const imaging::TexturedMesh& mesh = model.mesh;
   std::vector<std::uint16_t> uv;
   for (const Eigen::Vector2f& at : mesh.uv) {

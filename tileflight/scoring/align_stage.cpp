@@ -163,17 +163,24 @@ Doubts icp_doubts(const alignment::IcpResult& result) {
   return doubts;
 }
 
+/// How much of a truth in blocks was read.
+void add_blocks(const AlignTarget& target, json& result) {
+  if (target.blocks > 1) result["truth_blocks"] = {{"read", target.blocks_read}, {"of", target.blocks}};
+}
+
 }  // namespace
 
 nlohmann::json align(const MapInputs& map, const fs::path& target_path, const alignment::AlignMapOptions& options,
                      const fs::path& out, const Progress& progress) {
   const geometry::PointCloud cloud = alignment::subsample(read_map(map.map), options.max_points);
-  const AlignTarget target = read_align_target(target_path);
+  const AlignTarget target = read_align_target(
+      target_path, [&](const auto& origin) { return reach_of_map(map, cloud, options, origin); }, progress);
   alignment::AlignMapOptions chosen = options;
   if (chosen.icp.regions.empty()) chosen.icp.regions = target.regions;
 
   if (chosen.use_all_evidence && target.index) {
-    const json result = register_flight(map, target, chosen, progress);
+    json result = register_flight(map, target, chosen, progress);
+    add_blocks(target, result);
     base::write_file(out, result.dump(2) + "\n");
     return result;
   }
@@ -191,6 +198,7 @@ nlohmann::json align(const MapInputs& map, const fs::path& target_path, const al
   Doubts doubts = odometry_doubts(map);
   append_distinct(doubts, icp_doubts(aligned.result));
   result["doubts"] = evaluation::to_json(doubts);
+  add_blocks(target, result);
   base::write_file(out, result.dump(2) + "\n");
   return result;
 }

@@ -21,12 +21,11 @@
 #include "tileflight/geometry/cloud_files.h"
 #include "tileflight/geometry/morton_order.h"
 #include "tileflight/geometry/nearest.h"
-#include "tileflight/ground_truth/ground_truth.h"
-#include "tileflight/ground_truth/surface_samples.h"
-#include "tileflight/imaging/camera.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/place/truth_region.h"
 #include "tileflight/scoring/doubts.h"
+#include "tileflight/scoring/truth_surface.h"
 
 namespace tileflight::scoring {
 namespace fs = std::filesystem;
@@ -51,33 +50,13 @@ geometry::Trajectory local_poses(const MapInputs& map, const geometry::Sim3& T_l
   return {};
 }
 
-/// The triangles that intersect the box, with all vertices.
-geometry::TriangleMesh crop_to_box(const geometry::TriangleMesh& mesh, const geometry::Box3& box) {
-  geometry::TriangleMesh part{mesh.vertices, {}};
-  for (const geometry::Triangle& t : mesh.triangles) {
-    geometry::Box3 around;
-    for (const std::uint32_t corner : t) around.extend(mesh.vertices[corner]);
-    if (box.intersects(around)) part.triangles.push_back(t);
-  }
-  return part;
-}
-
 /// Evenly distributed samples of the true surface that the flight's camera saw; all samples if camera or poses are
-/// unknown. Only the part of a large place within the camera's range is sampled and used for occlusion.
-geometry::PointCloud sample_seen_surface(const MapInputs& map, const geometry::TriangleMesh& mesh,
-                                         const place::TruthRegion& region, const geometry::Sim3& T_local_map,
-                                         double per_m2) {
+/// unknown.
+geometry::PointCloud sample_seen_surface(const MapInputs& map, TruthSurface& surface, const place::TruthRegion& region,
+                                         const geometry::Sim3& T_local_map, double per_m2) {
   const geometry::Trajectory poses = subsample_poses(local_poses(map, T_local_map));
-  if (map.camera.empty() || poses.empty())
-    return place::crop_to_region(ground_truth::sample_surface(mesh, region.box, per_m2), region);
-  const geometry::Box3 reach = ground_truth::view_range_bounds(poses);
-  const geometry::PointCloud samples =
-      place::crop_to_region(ground_truth::sample_surface_near(mesh, region.box, reach, per_m2), region);
-  imaging::TexturedMesh in_reach{.mesh = crop_to_box(mesh, reach)};
-  if (in_reach.mesh.triangles.empty()) return {};
-  const scene::Scene scene({std::move(in_reach)}, geometry::bounds(mesh).center());
-  const imaging::Camera camera = read_flight_camera(map.camera);
-  return geometry::filter_points(samples, ground_truth::compute_visibility(scene, samples, poses, camera));
+  if (map.camera.empty() || poses.empty()) return surface.sample(region, per_m2);
+  return surface.sample_seen(region, per_m2, poses, read_flight_camera(map.camera));
 }
 
 /// Estimated and true poses, if known.
@@ -139,14 +118,19 @@ geometry::PointCloud positions_and_normals(const geometry::PointCloud& cloud) {
   return {cloud.positions, cloud.normals, {}, {}};
 }
 
-/// The map's own normals, else normals estimated from neighbourhoods, at all points or at evenly chosen ones of a large
-/// map. `points`: index of the map's points.
+/// Points of a map at which its normals are compared with the surface's: all, or evenly chosen ones of a large map.
+std::vector<std::uint32_t> choose_for_normals(const geometry::PointCloud& map) {
+  constexpr std::size_t kMostPoints = 200000;
+  return geometry::sample_evenly(map.positions, kMostPoints);
+}
+
+/// The map's own normals at the chosen points, else normals estimated from neighbourhoods, against those of the nearest
+/// triangles. `points`: index of the map's points.
 evaluation::NormalConsistency evaluate_normals(const geometry::PointCloud& map, const geometry::NearestIndex& points,
-                                               const geometry::TriangleMesh& surface,
-                                               const geometry::TriangleIndex& index, double within_m) {
-  constexpr std::size_t kNeighbors = 16, kMostPoints = 200000;
+                                               const std::vector<std::uint32_t>& chosen,
+                                               const std::vector<geometry::Vec3>& nearest, double within_m) {
+  constexpr std::size_t kNeighbors = 16;
   const bool own = !map.normals.empty();
-  const std::vector<std::uint32_t> chosen = geometry::sample_evenly(map.positions, kMostPoints);
   geometry::PointCloud asked;
   asked.positions.resize(chosen.size());
   asked.normals.resize(chosen.size());
@@ -155,8 +139,7 @@ evaluation::NormalConsistency evaluate_normals(const geometry::PointCloud& map, 
     asked.normals[k] =
         own ? map.normals[chosen[k]] : alignment::estimate_normal(map.positions, points, p, kNeighbors).cast<float>();
   });
-  evaluation::NormalConsistency result =
-      evaluation::normal_consistency(asked, surface, index, within_m, own ? 0 : kNeighbors);
+  evaluation::NormalConsistency result = evaluation::normal_consistency(asked, nearest, within_m, own ? 0 : kNeighbors);
   result.points = map.size();
   return result;
 }
@@ -187,42 +170,51 @@ std::optional<evaluation::DistanceStatistics> recorded_floor(const json& extract
 }
 
 /// A ground truth folder and its metadata.
-struct TruthFolder {
-  fs::path folder;
+struct Truth {
   json extract_json;  ///< extract.json
   place::TruthRegion region;
-  ground_truth::GroundTruth parts;
+  ground_truth::TruthFolder folder;
 };
 
-TruthFolder read_truth(const fs::path& folder) {
+Truth read_truth(const fs::path& folder) {
   json about = place::read_extract_json(folder);
   const place::TruthRegion region = place::region_from_json(about);
-  return {folder, std::move(about), region, ground_truth::read_ground_truth(folder)};
+  return {std::move(about), region, ground_truth::TruthFolder(folder)};
 }
 
 /// The map's points over the region. Outside it there is no reference surface: such points count as map points, but not
 /// as errors.
 struct RegionPart {
-  std::vector<bool> is_over;  ///< for all of the map's points
-  geometry::PointCloud points;
-  std::vector<double> surface_m;  ///< of `points`
+  std::vector<bool> is_over;           ///< for all of the map's points
+  std::vector<std::uint32_t> numbers;  ///< of those that are
+  geometry::PointCloud points;         ///< those, unless all are
+
+  /// `map`: the cloud of which this is the part.
+  const geometry::PointCloud& points_of(const geometry::PointCloud& map) const {
+    return numbers.size() == map.size() ? map : points;
+  }
 };
 
-/// `surface_m`: for all points. Throws InputError if no point is over the region.
-RegionPart select_over_region(geometry::PointCloud on_surface, const std::vector<double>& surface_m,
-                              const TruthFolder& truth, const MapInputs& map) {
+/// Throws InputError if no point is over the region.
+RegionPart select_over_region(const geometry::PointCloud& on_surface, const Truth& truth, const MapInputs& map) {
   RegionPart part{.is_over = std::vector<bool>(on_surface.size())};
   for (std::size_t i = 0; i < on_surface.size(); ++i) {
     part.is_over[i] = truth.region.contains_horizontally(on_surface.positions[i]);
-    if (part.is_over[i]) part.surface_m.push_back(surface_m[i]);
+    if (part.is_over[i]) part.numbers.push_back(static_cast<std::uint32_t>(i));
   }
-  if (part.surface_m.empty()) {
-    throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.string() +
+  if (part.numbers.empty()) {
+    throw InputError(map.map.string(), "no map point lies over the region of " + truth.folder.folder().string() +
                                            ": the alignment is wrong, or map and truth show different places");
   }
-  const bool all = part.surface_m.size() == on_surface.size();
-  part.points = all ? std::move(on_surface) : geometry::filter_points(on_surface, part.is_over);
+  if (part.numbers.size() < on_surface.size()) part.points = geometry::filter_points(on_surface, part.is_over);
   return part;
+}
+
+template <typename T>
+std::vector<T> chosen_of(const std::vector<T>& values, const std::vector<std::uint32_t>& numbers) {
+  std::vector<T> chosen(numbers.size());
+  for (std::size_t k = 0; k < numbers.size(); ++k) chosen[k] = values[numbers[k]];
+  return chosen;
 }
 
 evaluation::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings& settings) {
@@ -230,22 +222,30 @@ evaluation::VoxelWassersteinOptions wasserstein_options(const EvaluationSettings
           .min_points = static_cast<std::size_t>(settings.wasserstein_min_points)};
 }
 
+/// The floor that `extract` recorded, else measured again on its samples of the surface.
+evaluation::DistanceStatistics quantization_floor(const Truth& truth, double cutoff_m) {
+  if (const auto recorded = recorded_floor(truth.extract_json, cutoff_m)) return *recorded;
+  const geometry::PointCloud samples = truth.folder.read_surface_samples();
+  if (samples.empty()) return {};
+  return evaluation::compute_quantization_floor(distances_to_voxel_centers(samples, truth.folder, "surface samples"),
+                                                cutoff_m);
+}
+
 /// Scores without a surface: the paper's metric, the path, and the map's entropy. The cloud, in the map's frame, is
 /// moved into the score's errors; `index` becomes the index of its aligned points.
 evaluation::MapEvaluation score_without_surface(geometry::PointCloud cloud, const geometry::Sim3& T_local_map,
-                                                const TruthFolder& truth, const TrajectoryPair& poses,
+                                                const Truth& truth, const TrajectoryPair& poses,
                                                 const EvaluationSettings& settings, const Progress& progress,
                                                 std::optional<geometry::NearestIndex>& index) {
-  const auto floor = recorded_floor(truth.extract_json, settings.cutoff_m);
-  const geometry::PointCloud samples =
-      floor ? geometry::PointCloud() : ground_truth::read_surface_samples(truth.folder);
+  cloud = geometry::transformed(T_local_map, std::move(cloud));
+  report_progress(progress, 0, 4, "distances to voxel centres");
+  std::vector<double> voxel_m = distances_to_voxel_centers(cloud, truth.folder, "map");
   evaluation::MapEvaluation score =
-      evaluation::evaluate(geometry::transformed(T_local_map, std::move(cloud)),
-                           {.voxel_centers = &truth.parts.voxel_centers,
-                            .surface_samples = &samples,
-                            .estimate = poses.has_both() ? &poses.estimate : nullptr,
+      evaluation::evaluate(std::move(cloud),
+                           {.estimate = poses.has_both() ? &poses.estimate : nullptr,
                             .truth = poses.has_both() ? &poses.truth : nullptr,
-                            .floor = floor},
+                            .floor = quantization_floor(truth, settings.cutoff_m),
+                            .voxel_m = std::move(voxel_m)},
                            {.map = {.cutoff_m = settings.cutoff_m}, .thresholds_m = settings.thresholds_m}, progress);
   index.emplace(score.errors.aligned_map.positions);
   score.metrics.entropy =
@@ -291,43 +291,46 @@ nlohmann::json evaluate(const MapInputs& map, const fs::path& truth_folder, cons
   geometry::PointCloud cloud = read_map(map.map);
   const geometry::Sim3 T_published_map = read_transform_of(transform_file, "published");
   const geometry::Sim3 T_surface_map = read_transform_of(transform_file, "to_surface");
-  const TruthFolder truth = read_truth(truth_folder);
+  const Truth truth = read_truth(truth_folder);
   const TrajectoryPair poses = read_poses(map);
   const std::optional<double> path_m = distance_to_true_poses_m(poses, T_surface_map, cloud);
-  geometry::PointCloud on_surface = geometry::transformed(T_surface_map, positions_and_normals(cloud));
+  const geometry::PointCloud on_surface = geometry::transformed(T_surface_map, positions_and_normals(cloud));
 
   std::optional<geometry::NearestIndex> index;
   evaluation::MapEvaluation score =
       score_without_surface(std::move(cloud), T_published_map, truth, poses, settings, progress, index);
   evaluation::Metrics& metrics = score.metrics;
   // A truth of points alone has cells but no surface.
-  if (const geometry::TriangleMesh& mesh = truth.parts.mesh; !mesh.triangles.empty()) {
-    const geometry::TriangleIndex triangles(mesh);
-    score.errors.surface_m = evaluation::surface_distances(on_surface, triangles);
+  if (truth.folder.has_mesh()) {
+    RegionPart part = select_over_region(on_surface, truth, map);
+    const geometry::PointCloud& over = part.points_of(on_surface);
+    const std::vector<std::uint32_t> chosen = choose_for_normals(over);
+    TruthSurface surface(truth.folder);
+    SurfaceMatch match = surface.match(on_surface, chosen_of(part.numbers, chosen), settings.cutoff_m);
+    score.errors.surface_m = std::move(match.distances_m);
     metrics.regions = evaluate_regions(transform_file, on_surface, score.errors.surface_m);
-    RegionPart part = select_over_region(std::move(on_surface), score.errors.surface_m, truth, map);
-    if (part.points.positions != score.errors.aligned_map.positions) index.emplace(part.points.positions);
+    const std::vector<double> surface_m = chosen_of(score.errors.surface_m, part.numbers);
+    if (over.positions != score.errors.aligned_map.positions) index.emplace(over.positions);
 
     const geometry::PointCloud seen =
-        sample_seen_surface(map, mesh, truth.region, T_surface_map, settings.completeness_samples_per_m2);
+        sample_seen_surface(map, surface, truth.region, T_surface_map, settings.completeness_samples_per_m2);
     std::vector<double> seen_m;
     if (!seen.empty()) seen_m = evaluation::cloud_distances(seen, *index, "surface samples");
-    metrics.surface = evaluation::score_surface(part.surface_m, seen_m, settings.thresholds_m);
-    metrics.surface->normals = evaluate_normals(part.points, *index, mesh, triangles, settings.cutoff_m);
-    if (!seen.empty())
-      metrics.wasserstein = evaluation::voxel_wasserstein(part.points, seen, wasserstein_options(settings));
+    metrics.surface = evaluation::score_surface(surface_m, seen_m, settings.thresholds_m);
+    metrics.surface->normals = evaluate_normals(over, *index, chosen, match.directions, settings.cutoff_m);
+    if (!seen.empty()) metrics.wasserstein = evaluation::voxel_wasserstein(over, seen, wasserstein_options(settings));
     metrics.error_budget =
         evaluation::error_budget({.floor_rmse_m = metrics.map.quantization_floor.rmse,
                                   .geometric_error_m = number_of(truth.extract_json, "geometric_error_max"),
                                   .alignment_sigma_m = alignment_sigma_m(transform_file),
                                   .rms_to_true_poses_m = path_m,
-                                  .surface_m = part.surface_m,
+                                  .surface_m = surface_m,
                                   .within_m = settings.cutoff_m});
     score.errors.over_region = std::move(part.is_over);
     write_seen_surface(out, seen, seen_m);
   } else {
-    metrics.wasserstein = evaluation::voxel_wasserstein(
-        score.errors.aligned_map, ground_truth::read_surface_samples(truth.folder), wasserstein_options(settings));
+    metrics.wasserstein = evaluation::voxel_wasserstein(score.errors.aligned_map, truth.folder.read_surface_samples(),
+                                                        wasserstein_options(settings));
   }
   metrics.doubts = score_doubts(map, truth.extract_json, transform_file, metrics);
   evaluation::write_metrics(out, metrics, std::move(score.errors));

@@ -41,7 +41,7 @@ struct TruthScene {
 
   explicit TruthScene(const AlignTarget& target) {
     std::vector<imaging::TexturedMesh> meshes;
-    for (const std::filesystem::path& file : ground_truth::mesh_files(target.folder)) {
+    for (const fs::path& file : target.mesh_files) {
       auto part = tiling::read_mesh_source(file, {}).meshes;
       std::move(part.begin(), part.end(), std::back_inserter(meshes));
     }

@@ -65,8 +65,11 @@ class TaskMaker {
       if (fs::is_regular_file(file)) content += "\n" + base::sha256_hex_of_file(file);
     }
     const std::string name = place.name + (camera.name.empty() ? "" : "-" + camera.name);
-    const fs::path places = options_.places.empty() ? fs::path("places") : fs::absolute(options_.places);
-    return places.lexically_normal() / (name + "-" + base::sha256_hex(content).substr(0, 8));
+    return places_folder() / (name + "-" + base::sha256_hex(content).substr(0, 8));
+  }
+
+  fs::path places_folder() const {
+    return (options_.places.empty() ? fs::path("places") : fs::absolute(options_.places)).lexically_normal();
   }
 
   StudyTask place_task(const StudyPlace& place, const StudyCamera& camera, const std::string& folder) const {
@@ -76,7 +79,9 @@ class TaskMaker {
     for (const std::string& flight : place.flights) script << " --flight " << flight;
     if (!camera.calibration.empty())
       script << " --camera " << shell_word(fs::absolute(camera.calibration).lexically_normal());
-    script << " --threads " << threads_ << " --quiet --out " << shell_word(folder) << "\n";
+    // Other cameras' and flights' folders of the place have the same truth.
+    script << " --truth-cache " << shell_word((places_folder() / "truths").string()) << " --threads " << threads_
+           << " --quiet --out " << shell_word(folder) << "\n";
     return finished({.name = place_task_name(folder)}, script.str(), "");
   }
 

@@ -14,7 +14,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/number_text.h"
 #include "tileflight/dataset/dataset.h"
-#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/imaging/image_files.h"
 #include "tileflight/imaging/image_similarity.h"
 #include "tileflight/render/view_overlap.h"

@@ -5,7 +5,7 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/order_statistics.h"
-#include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/place/extract.h"
 #include "tileflight/scene/scene.h"
 

@@ -1,0 +1,127 @@
+#include "tileflight/experiment/truth_cache.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <atomic>
+#include <nlohmann/json.hpp>
+#include <thread>
+#include <vector>
+
+#include "tests/temporary_folder.h"
+#include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
+#include "tileflight/base/output_folder.h"
+
+namespace tileflight::experiment::truth_cache_test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Makes truths as extract() does, each with its number.
+class TruthCacheTest : public ::testing::Test {
+ protected:
+  TruthCache cache(bool refresh = false, const std::string& source = "here/tileset.json") const {
+    return {folder_ / "cache", source, refresh, no_progress_};
+  }
+  TruthCache::Extract extract() {
+    return [this](const fs::path& to) {
+      const base::OutputFolder output{.folder = to, .command = "extract", .replace = true, .inputs = {}, .legacy = {}};
+      base::write_folder(output, [&](const fs::path& temporary) {
+        fs::create_directories(temporary / "blocks/x0");
+        base::write_file(temporary / "blocks/x0/surface.ply", "truth " + std::to_string(++made_));
+        base::write_file(temporary / "extract.json", R"({"source": "here/tileset.json"})");
+      });
+    };
+  }
+  void get(const TruthCache& from, const std::string& key, const std::string& truth) {
+    if (!from.take(key, folder_ / truth)) from.make(key, folder_ / truth, extract());
+  }
+  std::string content(const std::string& truth) const {
+    return base::read_text(folder_ / truth / "blocks/x0/surface.ply");
+  }
+  ino_t inode(const std::string& file) const {
+    struct stat status {};
+    EXPECT_EQ(::stat((folder_ / file).c_str(), &status), 0);
+    return status.st_ino;
+  }
+
+  tests::TemporaryFolder folder_;
+  Progress no_progress_;
+  std::atomic<int> made_ = 0;
+};
+
+TEST_F(TruthCacheTest, EqualTruthsAreMadeOnce) {
+  get(cache(), "a", "run1");
+  get(cache(), "a", "run2");
+  EXPECT_EQ(made_, 1);
+  EXPECT_EQ(inode("run1/blocks/x0/surface.ply"), inode("run2/blocks/x0/surface.ply")) << "no disk is taken twice";
+  get(cache(), "b", "run3");
+  EXPECT_EQ(made_, 2);
+  get(cache(), "a", "run3");
+  EXPECT_EQ(content("run3"), "truth 1") << "replaced";
+  EXPECT_EQ(made_, 2);
+  // Tiles of the same content elsewhere.
+  get(cache(false, "there/tileset.json"), "a", "run4");
+  EXPECT_EQ(made_, 2);
+  const auto source = [&](const std::string& run) {
+    return nlohmann::json::parse(base::read_text(folder_ / run / "extract.json"))["source"];
+  };
+  EXPECT_EQ(source("run4"), "there/tileset.json");
+  EXPECT_EQ(source("run1"), "here/tileset.json");
+}
+
+TEST_F(TruthCacheTest, ABrokenEntryIsMadeAgain) {
+  get(cache(), "a", "run1");
+  const fs::path file = folder_ / "cache/a/blocks/x0/surface.ply";
+  // Each leaves the runs as they are, but for a change in place, which is that of the run's file, too.
+  fs::resize_file(file, 3);
+  get(cache(), "a", "run2");
+  EXPECT_EQ(content("run2"), "truth 2");
+  fs::remove(file);
+  get(cache(), "a", "run3");
+  EXPECT_EQ(content("run3"), "truth 3");
+  EXPECT_EQ(content("run2"), "truth 2");
+  base::write_file(folder_ / "cache/a.json", "{");
+  get(cache(), "a", "run4");
+  fs::remove(folder_ / "cache/a.json");  // as a process leaves it that is killed before it is done
+  get(cache(), "a", "run5");
+  EXPECT_EQ(content("run5"), "truth 5");
+  get(cache(true), "a", "run6");
+  EXPECT_EQ(content("run6"), "truth 6") << "--force";
+  get(cache(), "a", "run7");
+  EXPECT_EQ(content("run7"), "truth 6");
+  fs::remove_all(folder_ / "cache");
+  EXPECT_EQ(content("run7"), "truth 6") << "the cache may be removed";
+  get(cache(), "a", "run8");
+  EXPECT_EQ(made_, 7);
+  base::write_file(folder_ / "cache/a/notes", "mine");
+  EXPECT_THROW(get(cache(), "a", "run9"), InputError) << "nothing is lost that others put there";
+}
+
+TEST_F(TruthCacheTest, OthersWaitForTheOneThatMakesIt) {
+  std::vector<std::jthread> runs;
+  for (int i = 0; i < 4; ++i) runs.emplace_back([this, i] { get(cache(), "a", "run" + std::to_string(i)); });
+  runs.clear();
+  EXPECT_EQ(made_, 1);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(content("run" + std::to_string(i)), "truth 1");
+}
+
+TEST_F(TruthCacheTest, WithoutAFolderEachRunHasItsOwn) {
+  const TruthCache none({}, "here", false, no_progress_);
+  get(none, "", "run1");
+  get(none, "", "run2");
+  EXPECT_EQ(made_, 2);
+}
+
+TEST_F(TruthCacheTest, AFailureLeavesNoEntry) {
+  const auto fail = [](const fs::path&) { throw InputError("tiles", "are broken"); };
+  EXPECT_THROW(cache().make("a", folder_ / "run1", fail), InputError);
+  EXPECT_FALSE(fs::exists(folder_ / "run1"));
+  EXPECT_FALSE(cache().take("a", folder_ / "run1"));
+  get(cache(), "a", "run1");
+  EXPECT_EQ(content("run1"), "truth 1");
+}
+
+}  // namespace
+}  // namespace tileflight::experiment::truth_cache_test
