@@ -7,6 +7,13 @@
 An image is one frame: scene alone, or scene, depth and segmentation of one instant in one call. Uncompressed; the
 vehicle is moved before each, so that nothing can be answered twice. Clients are processes that read the answers' bytes
 without decoding them, which in Python takes longer than rendering.
+
+With --fly, a camera crosses a place whose tiles follow it, in a straight line at --speed, and takes pictures all the
+time; reported are the pauses between pictures and those of the clock:
+
+    benchmarks/make_city.py 8 out/city64
+    PYTHONPATH=clients/python benchmarks/server_benchmark.py --binary build/release/bin/tileflight \
+        --source out/city64/tileset.json --fly 400 --speed 5 --height 60 --memory 2
 """
 import argparse
 import json
@@ -26,7 +33,15 @@ import tileflight_airsim as airsim  # noqa: E402
 import tiny_place  # noqa: E402
 
 SIZES = {"small": (256, 144), "vga": (640, 480), "hd": (1920, 1080)}
+FLOWN = (320, 240)
 KINDS = {"RGB": [(0, False)], "RGB+depth+segmentation": [(0, False), (1, True), (5, False)]}
+
+
+def settings_of_flight():
+    capture = {"ImageType": 0, "Width": FLOWN[0], "Height": FLOWN[1], "FOV_Degrees": 90}
+    camera = {"X": 0, "Y": 0, "Z": 0, "Pitch": -30, "CaptureSettings": [capture]}
+    return {"SettingsVersion": 1.2, "SimMode": "ComputerVision",
+            "Vehicles": {"Eye0": {"VehicleType": "ComputerVision", "Cameras": {"flown": camera}}}}
 
 
 def settings():
@@ -119,12 +134,57 @@ def overhead(port, camera="small", times=200):
     return tuple(statistics.median(values) for values in (pings, pictures, own))
 
 
+def fly(port, metres, speed, height, pictures):
+    """(pauses between pictures in ms, pauses of the clock in ms, statistics). The first second is not counted."""
+    gaps_ms, clock_ms = [], []
+    request = [airsim.ImageRequest("flown", 0, False, False)]
+    with airsim.VehicleClient(port=port) as client:
+        def look(way):
+            client.simSetVehiclePose(airsim.Pose(airsim.Vector3r(way - metres / 2, 0, -height)), True, "Eye0")
+            return client.simGetImages(request, "Eye0")[0].time_stamp
+
+        look(0)
+        begin = last = time.monotonic()
+        last_clock = None
+        while (now := time.monotonic()) < begin + metres / speed:
+            clock = look(speed * (now - begin))
+            done = time.monotonic()
+            if done > begin + 1:
+                gaps_ms.append(1e3 * (done - last))
+                # What the clock lost against the wall's.
+                clock_ms.append(1e3 * (done - last) - 1e-6 * (clock - last_clock))
+            last, last_clock = done, clock
+            time.sleep(max(0, 1 / pictures - (time.monotonic() - now)))
+        return gaps_ms, clock_ms, client.tfStatistics().simulator
+
+
+def report_flight(port, options):
+    gaps, clock, statistic = fly(port, options.fly, options.speed, options.height, options.pictures)
+    gaps.sort()
+    print(f"{options.fly:g} m at {options.speed:g} m/s, {len(gaps)} pictures: median {statistics.median(gaps):.0f} ms from one to "
+          f"the next, 99 % below {gaps[int(0.99 * len(gaps))]:.0f} ms, longest {gaps[-1]:.0f} ms; the clock lost at most "
+          f"{max(clock):.0f} ms; {statistic.scenes_built} scenes, {statistic.tiles_read} tiles read, "
+          f"{statistic.memory_bytes / 1e9:.2f} GB, error {statistic.error_px:.2f} pixels")
+
+
+def peak_memory_gb(pid):
+    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmHWM"):
+            return int(line.split()[1]) * 1024 / 1e9
+    return float("nan")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--binary", default=os.environ.get("TILEFLIGHT_BINARY", "build/release/bin/tileflight"))
     parser.add_argument("--source", help="tileset (default: a small one made by hand)")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--seconds", type=float, default=4.0, help="of each measurement")
+    parser.add_argument("--fly", type=float, metavar="METRES", help="measure pauses on a way northwards over the place")
+    parser.add_argument("--speed", type=float, default=5.0, help="metres a second")
+    parser.add_argument("--height", type=float, default=60.0, help="metres above the start")
+    parser.add_argument("--pictures", type=float, default=20.0, help="at most, a second")
+    parser.add_argument("--memory", type=float, default=2.0, help="GB, with --fly")
     parser.add_argument("--client-of", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--take", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -133,16 +193,23 @@ def main():
         return
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        (folder / "settings.json").write_text(json.dumps(settings()))
+        (folder / "settings.json").write_text(json.dumps(settings_of_flight() if options.fly else settings()))
         source = options.source or tiny_place.write(folder / "place")
+        follow = ["--follow", "sensors", "--memory", str(options.memory)] if options.fly else []
         threads = ["--threads", str(options.threads)] if options.threads else []
+        begin = time.monotonic()
         server = subprocess.Popen([options.binary, "serve", str(source), "--settings", str(folder / "settings.json"),
-                                   "--port", "0", "--json", "--quiet", *threads], stdout=subprocess.PIPE, text=True)
+                                   "--port", "0", "--json", "--quiet", *threads, *follow], stdout=subprocess.PIPE, text=True)
         try:
             text = ""
             while not text.endswith("}\n"):
                 text += server.stdout.readline()
             port = json.loads(text)["port"]
+            if options.fly:
+                print(f"started in {time.monotonic() - begin:.1f} s")
+                report_flight(port, options)
+                print(f"peak {peak_memory_gb(server.pid):.2f} GB")
+                return
             print("| images/s | 1 client | 4 clients |\n| --- | ---: | ---: |")
             for camera, (width, height) in SIZES.items():
                 for kind in KINDS:

@@ -211,6 +211,11 @@ void add_world_options(CLI::App& command, ServeOptions& options) {
   command.add_option("--memory", options.memory_gb, "memory limit for decoded tiles, GB")
       ->check(CLI::Range(0.001, 100000.0))
       ->capture_default_str();
+  command
+      .add_option("--view-distance", options.simulator.max_distance_m,
+                  "with tiles that follow the sensors, leave out those farther away, metres (default: all above the "
+                  "horizon)")
+      ->check(CLI::PositiveNumber);
   command.add_option("--files", options.files, "folder that clients may write files into (default: none)");
   command
       .add_option("--start-local", options.start_local,

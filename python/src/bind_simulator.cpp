@@ -84,7 +84,8 @@ std::unique_ptr<Simulator> simulator_of_scene(const LoadedScene& scene, const py
   options.settings = settings_text(settings);
   options.settings_name = "settings";
   const py::gil_scoped_release unlocked;
-  return std::make_unique<Simulator>(options, scene.scene.meshes());
+  const auto meshes = scene.scene.meshes();
+  return std::make_unique<Simulator>(options, std::vector<imaging::TexturedMesh>(meshes.begin(), meshes.end()));
 }
 
 /// A call that blocks until a task ends; Ctrl-C cancels the task.

@@ -3,7 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <unordered_map>
+#include <utility>
 
 #include "tileflight/render/texture_atlas.h"
 
@@ -62,32 +62,26 @@ Material material_of(const TexturedMesh& mesh, const MipPyramid* pyramid) {
   return material;
 }
 
-/// Whether two meshes have the same triangles and texture coordinates.
-bool same_surface(const TexturedMesh& a, const TexturedMesh& b) {
-  return a.uv == b.uv && a.mesh.triangles == b.mesh.triangles && a.mesh.vertices == b.mesh.vertices;
+std::vector<std::shared_ptr<const PartAppearance>> appearances_of(const scene::Scene& scene) {
+  std::vector<std::shared_ptr<const PartAppearance>> parts(scene.parts().size());
+  tbb::parallel_for(std::size_t{0}, parts.size(),
+                    [&](std::size_t i) { parts[i] = std::make_shared<const PartAppearance>(scene.parts()[i]); });
+  return parts;
 }
 
 }  // namespace
 
-Appearance::Appearance(const scene::Scene& scene, const Appearance* before) : meshes_(&scene.meshes()) {
+PartAppearance::PartAppearance(std::shared_ptr<const scene::ScenePart> part)
+    : part_(std::move(part)), meshes_(&part_->meshes()), triangles_(part_->triangle_count()) {
   group_meshes_by_texture();
-  triangles_.resize(scene.triangle_count());
-  std::vector<const TextureGroup*> known(texture_groups_.size(), nullptr);
-  tbb::parallel_for(std::size_t{0}, texture_groups_.size(), [&](std::size_t i) {
-    if (before != nullptr) known[i] = find_matching_group(texture_groups_[i], *before);
-    texture_groups_[i].pyramid = known[i] != nullptr ? known[i]->pyramid : build_pyramid(texture_groups_[i]);
-  });
+  tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
+                    [&](std::size_t i) { texture_groups_[i].pyramid = build_pyramid(texture_groups_[i]); });
   build_materials();
-  tbb::parallel_for(std::size_t{0}, texture_groups_.size(), [&](std::size_t i) {
-    if (known[i] != nullptr) {
-      copy_triangle_shading(texture_groups_[i], *known[i], *before);
-    } else {
-      compute_triangle_shading(texture_groups_[i]);
-    }
-  });
+  tbb::parallel_for(std::size_t{0}, texture_groups_.size(),
+                    [&](std::size_t i) { compute_triangle_shading(texture_groups_[i]); });
 }
 
-void Appearance::group_meshes_by_texture() {
+void PartAppearance::group_meshes_by_texture() {
   for (std::size_t i = 0; i < meshes_->size(); ++i) {
     const TexturedMesh& mesh = (*meshes_)[i];
     if (!has_texture(mesh)) continue;
@@ -97,53 +91,41 @@ void Appearance::group_meshes_by_texture() {
   }
 }
 
-/// The texture group of `before` with this texture on the same triangles; null if there is none.
-const Appearance::TextureGroup* Appearance::find_matching_group(const TextureGroup& skin,
-                                                                const Appearance& before) const {
-  const auto at = before.group_of_texture_.find((*meshes_)[skin.meshes[0]].texture.get());
-  if (at == before.group_of_texture_.end()) return nullptr;
-  const TextureGroup& other = before.texture_groups_[at->second];
-  const bool same = std::ranges::equal(skin.meshes, other.meshes, [&](std::uint32_t mine, std::uint32_t theirs) {
-    return same_surface((*meshes_)[mine], (*before.meshes_)[theirs]);
-  });
-  return same ? &other : nullptr;
-}
-
-std::shared_ptr<const MipPyramid> Appearance::build_pyramid(const TextureGroup& skin) const {
+std::shared_ptr<const MipPyramid> PartAppearance::build_pyramid(const TextureGroup& skin) const {
   std::vector<const TexturedMesh*> users;
   for (const std::uint32_t mesh : skin.meshes) users.push_back(&(*meshes_)[mesh]);
   return std::make_shared<const MipPyramid>(users[0]->texture, texture_coverage(users));
 }
 
-void Appearance::build_materials() {
+void PartAppearance::build_materials() {
   std::size_t first = 0;
   for (const TexturedMesh& mesh : *meshes_) {
     const MipPyramid* pyramid =
         has_texture(mesh) ? texture_groups_[group_of_texture_.at(mesh.texture.get())].pyramid.get() : nullptr;
     materials_.push_back(material_of(mesh, pyramid));
-    materials_.back().first_triangle = first;
+    materials_.back().triangles = triangles_.data() + first;
+    first_triangle_.push_back(first);
     first += mesh.mesh.triangles.size();
   }
 }
 
 /// Computes the shading data of all triangles in the group's meshes.
-void Appearance::compute_triangle_shading(const TextureGroup& skin) {
+void PartAppearance::compute_triangle_shading(const TextureGroup& skin) {
   const int coarsest = skin.pyramid->levels() - 1;
   for (const std::uint32_t i : skin.meshes) {
     const TexturedMesh& mesh = (*meshes_)[i];
     const std::vector<std::int32_t> levels = chart_max_mip_levels(mesh);
-    TriangleShading* out = triangles_.data() + materials_[i].first_triangle;
+    TriangleShading* out = triangles_.data() + first_triangle_[i];
     for (std::size_t t = 0; t < levels.size(); ++t)
       out[t] = shade_of(mesh, mesh.mesh.triangles[t], std::min(levels[t], coarsest));
   }
 }
 
-void Appearance::copy_triangle_shading(const TextureGroup& skin, const TextureGroup& known, const Appearance& before) {
-  for (std::size_t k = 0; k < skin.meshes.size(); ++k) {
-    const TriangleShading* from = before.triangles_.data() + before.materials_[known.meshes[k]].first_triangle;
-    TriangleShading* to = triangles_.data() + materials_[skin.meshes[k]].first_triangle;
-    std::copy_n(from, (*meshes_)[skin.meshes[k]].mesh.triangles.size(), to);
-  }
+Appearance::Appearance(std::vector<std::shared_ptr<const PartAppearance>> parts) : parts_(std::move(parts)) {
+  for (const auto& part : parts_)
+    materials_.insert(materials_.end(), part->materials().begin(), part->materials().end());
 }
+
+Appearance::Appearance(const scene::Scene& scene) : Appearance(appearances_of(scene)) {}
 
 }  // namespace tileflight::render

@@ -28,25 +28,18 @@ struct Material {
   bool texture_only = true;                                    ///< true: no base colour or vertex colours to multiply
   LinearRgb factor{1, 1, 1};                                   ///< linear base colour
   const std::array<std::uint8_t, 4>* vertex_colors = nullptr;  ///< one per vertex, linear, or null
-  std::size_t first_triangle = 0;                              ///< of the mesh in Appearance::triangles
+  const TriangleShading* triangles = nullptr;                  ///< one per triangle
 };
 
-/// Mip pyramids (one per texture, shared by all its meshes) and per-triangle texture gradients of a scene. Costs 64
-/// bytes a triangle and a third of the textures' size. Immutable; may be shared by several cameras. The scene must
-/// outlive it.
-///
-/// If constructed with another scene's appearance, it reuses that one's data for the same texture on the same triangles
-/// (pyramids are shared, not copied); the result is bit-identical to a new one. The other appearance may be destroyed
-/// afterwards.
-class Appearance {
+/// Mip pyramids (one per texture, shared by all its meshes) and per-triangle texture gradients of a part of a scene.
+/// Costs 64 bytes a triangle and a third of the textures' size. Immutable; several scenes that hold the part may share
+/// it.
+class PartAppearance {
  public:
-  /// `before`, if given, and its scene must be valid during the constructor.
-  explicit Appearance(const scene::Scene& scene, const Appearance* before = nullptr);
+  explicit PartAppearance(std::shared_ptr<const scene::ScenePart> part);
 
-  const Material& material(std::uint32_t mesh) const { return materials_[mesh]; }
-  const TriangleShading& triangle_shading(const Material& material, std::uint32_t triangle) const {
-    return triangles_[material.first_triangle + triangle];
-  }
+  /// One per mesh of the part.
+  const std::vector<Material>& materials() const { return materials_; }
 
  private:
   /// The meshes that use one texture.
@@ -56,17 +49,35 @@ class Appearance {
   };
 
   void group_meshes_by_texture();
-  const TextureGroup* find_matching_group(const TextureGroup& skin, const Appearance& before) const;
   std::shared_ptr<const MipPyramid> build_pyramid(const TextureGroup& skin) const;
   void build_materials();
   void compute_triangle_shading(const TextureGroup& skin);
-  void copy_triangle_shading(const TextureGroup& skin, const TextureGroup& known, const Appearance& before);
 
-  const std::vector<imaging::TexturedMesh>* meshes_;  ///< of the scene
+  std::shared_ptr<const scene::ScenePart> part_;
+  const std::vector<imaging::TexturedMesh>* meshes_;  ///< of the part
   std::vector<TextureGroup> texture_groups_;
   std::unordered_map<const imaging::RgbImage*, std::size_t> group_of_texture_;
   std::vector<Material> materials_;
+  std::vector<std::size_t> first_triangle_;  ///< of each mesh, index into triangles_
   std::vector<TriangleShading> triangles_;
+};
+
+/// The appearance of a scene: that of its parts. Immutable; may be shared by several cameras, and may outlive the
+/// scene.
+class Appearance {
+ public:
+  explicit Appearance(const scene::Scene& scene);
+  /// From the appearances of the scene's parts, in their order.
+  explicit Appearance(std::vector<std::shared_ptr<const PartAppearance>> parts);
+
+  const Material& material(std::uint32_t mesh) const { return materials_[mesh]; }
+  static const TriangleShading& triangle_shading(const Material& material, std::uint32_t triangle) {
+    return material.triangles[triangle];
+  }
+
+ private:
+  std::vector<std::shared_ptr<const PartAppearance>> parts_;
+  std::vector<Material> materials_;
 };
 
 }  // namespace tileflight::render

@@ -15,7 +15,7 @@ using geometry::Vec3;
 using imaging::TexturedMesh;
 
 /// Textures with padding on the right, enough for a scene.
-class AppearanceTakenOver : public testing::Test {
+class SharedAppearance : public testing::Test {
  protected:
   static TexturedMesh tile(int seed, double east_m, std::shared_ptr<const imaging::RgbImage> image = nullptr) {
     if (!image) {
@@ -27,6 +27,14 @@ class AppearanceTakenOver : public testing::Test {
     TexturedMesh mesh = test_scenes::hills(Vec3(east_m, 0, 0), 20.0, 12, std::move(image));
     for (Eigen::Vector2f& uv : mesh.uv) uv.x() *= 0.7F;
     return mesh;
+  }
+  static TexturedMesh bare(double east_m) {
+    TexturedMesh mesh = tile(3, east_m);
+    mesh.texture = nullptr;
+    return mesh;
+  }
+  std::shared_ptr<const scene::ScenePart> part(std::vector<TexturedMesh> meshes) const {
+    return std::make_shared<const scene::ScenePart>(std::move(meshes), frame_);
   }
   static const MipPyramid* pyramid(const Appearance& appearance, std::uint32_t mesh) {
     return appearance.material(mesh).texture.pyramid;
@@ -57,48 +65,50 @@ class AppearanceTakenOver : public testing::Test {
                 CameraRenderer(scene, shared(b), camera, {}).render(T).rgb.pixels);
     }
   }
+
+  scene::SceneFrame frame_{Vec3(Vec3::Zero())};
 };
 
-TEST_F(AppearanceTakenOver, IsTheSameToTheLastBitAsMadeAnew) {
-  const TexturedMesh a = tile(1, 0);
-  const TexturedMesh b = tile(2, 20);
-  TexturedMesh bare = tile(3, 40);
-  bare.texture = nullptr;
-  const scene::Scene first({a, b, bare}, Vec3(Vec3::Zero()));
-  const scene::Scene second({bare, b, tile(4, 0)}, Vec3(Vec3::Zero()));
-  const Appearance of_first(first);
-  const Appearance taken_over(second, &of_first);
-  expect_same(second, taken_over, Appearance(second));
-  EXPECT_EQ(pyramid(taken_over, 1), pyramid(of_first, 1)) << "shared, not made again";
-  EXPECT_NE(pyramid(taken_over, 2), pyramid(of_first, 0));
+TEST_F(SharedAppearance, IsTheSameToTheLastBitAsMadeAnew) {
+  const auto a = part({tile(1, 0)}), b = part({tile(2, 20), bare(40)}), c = part({tile(4, 60)});
+  const scene::Scene first({a, b});
+  const scene::Scene second({b, c});
+  const auto of_b = std::make_shared<const PartAppearance>(b);
+  const Appearance of_first({std::make_shared<const PartAppearance>(a), of_b});
+  const Appearance of_second({of_b, std::make_shared<const PartAppearance>(c)});
+  expect_same(first, of_first, Appearance(first));
+  expect_same(second, of_second, Appearance(second));
+  EXPECT_EQ(pyramid(of_first, 1), pyramid(of_second, 0)) << "shared, not made again";
 }
 
-TEST_F(AppearanceTakenOver, OutlivesTheOne) {
-  const TexturedMesh b = tile(2, 20);
-  const scene::Scene second({b, tile(4, 0)}, Vec3(Vec3::Zero()));
-  std::unique_ptr<Appearance> taken_over;
+TEST_F(SharedAppearance, OfPartsIsThatOfOneWhole) {
+  const TexturedMesh a = tile(1, 0), b = tile(2, 20), none = bare(40);
+  const scene::Scene parts({part({a}), part({}), part({b, none})});
+  const scene::Scene whole({a, b, none}, Vec3(Vec3::Zero()));
+  expect_same(whole, Appearance(parts), Appearance(whole));
+}
+
+TEST_F(SharedAppearance, OutlivesTheScene) {
+  std::unique_ptr<Appearance> kept;
   {
-    const scene::Scene first({tile(1, 0), b}, Vec3(Vec3::Zero()));
-    const Appearance of_first(first);
-    taken_over = std::make_unique<Appearance>(second, &of_first);
+    const scene::Scene gone({part({tile(2, 20)}), part({tile(4, 0)})});
+    kept = std::make_unique<Appearance>(gone);
   }
-  expect_same(second, *taken_over, Appearance(second));
+  const scene::Scene again({part({tile(2, 20)}), part({tile(4, 0)})});
+  expect_same(again, *kept, Appearance(again));
 }
 
-TEST_F(AppearanceTakenOver, NotWhereTheTextureLiesOnOtherTriangles) {
+TEST_F(SharedAppearance, WhatAnotherPartShowsOfTheTextureIsPadding) {
   const auto image = tile(1, 0).texture;
   const TexturedMesh left = tile(1, 0, image);
   TexturedMesh right = tile(1, 20, image);
   for (Eigen::Vector2f& uv : right.uv) uv.x() += 0.3F;
-  const scene::Scene both({left, right}, Vec3(Vec3::Zero()));
+  const scene::Scene both({part({left}), part({right})});
   const scene::Scene one({left}, Vec3(Vec3::Zero()));
-  const scene::Scene other({right}, Vec3(Vec3::Zero()));
   const Appearance of_both(both);
-  const Appearance of_one(one, &of_both);
-  expect_same(one, of_one, Appearance(one));
-  EXPECT_NE(pyramid(of_one, 0), pyramid(of_both, 0)) << "what the right one shows is padding now";
-  expect_same(other, Appearance(other, &of_one), Appearance(other));
-  expect_same(both, Appearance(both, &of_one), of_both);
+  const Appearance of_one(one);
+  EXPECT_NE(pyramid(of_both, 0), pyramid(of_both, 1));
+  expect_same(one, Appearance({std::make_shared<const PartAppearance>(both.parts()[0])}), of_one);
 }
 
 }  // namespace

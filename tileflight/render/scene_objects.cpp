@@ -56,8 +56,12 @@ SceneObjects::SceneObjects(const scene::Scene& scene) {
 std::uint32_t SceneObjects::index_of(std::uint32_t mesh, std::uint32_t triangle) const {
   const MeshObjects& own = meshes_[mesh];
   if (own.mesh->feature_ids.empty()) return own.tile_object;
-  const std::uint32_t feature = own.mesh->feature_ids[own.mesh->mesh.triangles[triangle][0]];
-  return std::lower_bound(own.features.begin(), own.features.end(), NumberedFeature{feature, 0})->second;
+  return index_of_feature(mesh, own.mesh->feature_ids[own.mesh->mesh.triangles[triangle][0]]);
+}
+
+std::uint32_t SceneObjects::index_of_feature(std::uint32_t mesh, std::uint32_t feature) const {
+  const std::vector<NumberedFeature>& features = meshes_[mesh].features;
+  return std::lower_bound(features.begin(), features.end(), NumberedFeature{feature, 0})->second;
 }
 
 }  // namespace tileflight::render

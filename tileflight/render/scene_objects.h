@@ -27,6 +27,8 @@ class SceneObjects {
   std::span<const SceneObject> all() const { return objects_; }
   /// Index into all(). A triangle belongs to the feature of its first corner.
   std::uint32_t index_of(std::uint32_t mesh, std::uint32_t triangle) const;
+  /// The same for a feature of the mesh; kNoFeature: its triangles without a feature. Precondition: it has such.
+  std::uint32_t index_of_feature(std::uint32_t mesh, std::uint32_t feature) const;
 
  private:
   using NumberedFeature = std::pair<std::uint32_t, std::uint32_t>;  ///< feature id, index into objects_

@@ -37,8 +37,9 @@ constexpr float kMaxSlope = 1.7F;             // maximum |x| and |y| of a ray
 constexpr float kNoHitInverseDepth = 1e-30F;  // inverse depth if nothing was hit
 constexpr float kFar = 1e30F;                 // beyond all coordinates; finite, so that its product with 0 is 0
 
-/// At most seven children are deferred per level; Embree's builder makes at most 32 levels.
-constexpr std::size_t kStackSize = 32 * 7 + 1;
+/// At most seven children are deferred per level; Embree's builder makes at most 32 levels, and a tree of parts stands
+/// above the parts' trees.
+constexpr std::size_t kStackSize = 2 * 32 * 7 + 1;
 
 /// Bound on the rounding error of a box or a plane, relative to the largest coordinate.
 constexpr float kBoxSlack = 4e-6F;
@@ -331,8 +332,8 @@ TILEFLIGHT_LANE_INLINE void break_ties(const Beam& beam, int p, const Float8& in
 }
 
 /// Tests one triangle against one packet.
-TILEFLIGHT_LANE_INLINE void test_triangle(Beam& beam, const BeamLeaf& leaf, const TriangleSetup8& facets, int place,
-                                          int p) {
+TILEFLIGHT_LANE_INLINE void test_triangle(Beam& beam, const BeamLeaf& leaf, std::uint32_t first_mesh,
+                                          const TriangleSetup8& facets, int place, int p) {
   const Float8 x = beam.ray_x[p], y = beam.ray_y[p];
   Float8 a, b, c, inverse_depth;
   evaluate_plane(facets.edge_bc, place, x, y, a);
@@ -342,7 +343,7 @@ TILEFLIGHT_LANE_INLINE void test_triangle(Beam& beam, const BeamLeaf& leaf, cons
   const Int8 outside = (Int8)a | (Int8)b | (Int8)c | (Int8)(inverse_depth - beam.inverse_depth[p]);
   if (sign_mask((Int8)outside) == 0xFFU) return;
   Int8 hit = ~outside >> 31;
-  const Int8 mesh = Int8{} + static_cast<std::int32_t>(leaf.mesh[place]);
+  const Int8 mesh = Int8{} + static_cast<std::int32_t>(first_mesh + leaf.mesh[place]);
   const Int8 triangle = Int8{} + static_cast<std::int32_t>(leaf.triangle[place]);
   break_ties(beam, p, inverse_depth, mesh, triangle, hit);
   beam.inverse_depth[p] = hit ? inverse_depth : beam.inverse_depth[p];
@@ -364,7 +365,7 @@ TILEFLIGHT_LANE_INLINE unsigned overlapping_packets(const Beam& beam, const Tria
 }
 
 /// Tests every triangle against every packet that may hit it.
-TILEFLIGHT_LANE_INLINE void intersect_leaf(const BeamLeaf& leaf, Beam& beam) {
+TILEFLIGHT_LANE_INLINE void intersect_leaf(const BeamLeaf& leaf, std::uint32_t first_mesh, Beam& beam) {
   TriangleSetup8 facets;
   std::uint64_t pairs = 0;  // bit 8 * place + packet
   for (unsigned places = set_up_triangles(beam, leaf, facets); places != 0; places &= places - 1) {
@@ -373,7 +374,7 @@ TILEFLIGHT_LANE_INLINE void intersect_leaf(const BeamLeaf& leaf, Beam& beam) {
   }
   for (; pairs != 0; pairs &= pairs - 1) {
     const int pair = std::countr_zero(pairs);
-    test_triangle(beam, leaf, facets, pair / 8, pair % 8);
+    test_triangle(beam, leaf, first_mesh, facets, pair / 8, pair % 8);
   }
 }
 
@@ -391,6 +392,7 @@ TILEFLIGHT_LANE_INLINE void tighten_bound(std::size_t packets, Beam& beam) {
 
 struct Entry {
   float depth_m;
+  std::uint32_t first_mesh;  ///< of the part that the child belongs to
   BeamNode::Child child;
 };
 
@@ -401,8 +403,9 @@ TILEFLIGHT_LANE_INLINE void prefetch(BeamNode::Child child) {
 }
 
 /// Pushes the children that intersect the pyramid, the nearest on top.
-TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, const BeamFrustum& pyramid, float farthest,
-                                                 Entry* stack, std::size_t size) {
+TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, std::uint32_t first_mesh,
+                                                 const BeamFrustum& pyramid, float farthest, Entry* stack,
+                                                 std::size_t size) {
   Float8 inside[4], depths;
   for (int side = 0; side < 4; ++side) plane_distances(pyramid.sides[side], node, inside[side]);
   plane_distances(pyramid.depth, node, depths);
@@ -414,26 +417,30 @@ TILEFLIGHT_LANE_INLINE std::size_t push_children(const BeamNode& node, const Bea
     const float depth_m = depths[k];
     std::size_t at = size++;
     for (; at > bottom && stack[at - 1].depth_m < depth_m; --at) stack[at] = stack[at - 1];
-    stack[at] = {depth_m, node.child[k]};
-    prefetch(node.child[k]);
+    stack[at] = {depth_m, first_mesh, node.child[k]};
+    if ((node.child[k] & 2U) == 0) prefetch(node.child[k]);
   }
   return size;
 }
 
-TILEFLIGHT_LANE_INLINE void traverse(BeamNode::Child root, const BeamFrustum& pyramid, std::size_t packets,
-                                     Beam& beam) {
+TILEFLIGHT_LANE_INLINE void traverse(BeamNode::Child root, std::span<const BeamBranch> branches,
+                                     const BeamFrustum& pyramid, std::size_t packets, Beam& beam) {
   std::array<Entry, kStackSize> stack;
   std::size_t size = 0;
-  stack[size++] = {-std::numeric_limits<float>::infinity(), root};
+  stack[size++] = {-std::numeric_limits<float>::infinity(), 0, root};
   while (size > 0) {
-    const Entry entry = stack[--size];
+    Entry entry = stack[--size];
     if (entry.depth_m > beam.max_depth) continue;
+    if ((entry.child & 2U) != 0) {
+      const BeamBranch& part = branches[entry.child >> 2U];
+      entry = {entry.depth_m, part.first_mesh, part.root};
+    }
     if ((entry.child & 1U) == 0) {
       const auto& node = *reinterpret_cast<const BeamNode*>(entry.child);
-      size = push_children(node, pyramid, beam.max_depth, stack.data(), size);
+      size = push_children(node, entry.first_mesh, pyramid, beam.max_depth, stack.data(), size);
       continue;
     }
-    intersect_leaf(*reinterpret_cast<const BeamLeaf*>(entry.child & ~BeamNode::Child{1}), beam);
+    intersect_leaf(*reinterpret_cast<const BeamLeaf*>(entry.child & ~BeamNode::Child{1}), entry.first_mesh, beam);
     if (beam.updated_packets != 0) tighten_bound(packets, beam);
   }
 }
@@ -452,20 +459,24 @@ TILEFLIGHT_LANE_INLINE void write_hits(const Beam& beam, int p, RayPacket8& pack
   std::memcpy(packet.triangle, &beam.triangle[p], sizeof(packet.triangle));
 }
 
-TILEFLIGHT_WIDE_VECTORS bool intersect_beam(BeamNode::Child root, float reach_m, std::span<RayPacket8> packets) {
+TILEFLIGHT_WIDE_VECTORS bool cast_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
+                                       std::span<RayPacket8> packets) {
   Beam beam;
   if (!build_frame(packets, beam) || !transform_rays(packets, beam)) return false;
   clear_hits(packets, beam);
-  traverse(root, make_frustum(beam, reach_m), packets.size(), beam);
+  traverse(root, branches, make_frustum(beam, reach_m), packets.size(), beam);
   for (std::size_t p = 0; p < packets.size(); ++p) write_hits(beam, static_cast<int>(p), packets[p]);
   return true;
 }
 
 }  // namespace
 
-bool BeamTree::intersect(std::span<RayPacket8> beam) const {
+bool intersect_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
+                    std::span<RayPacket8> beam) {
   assert(!beam.empty() && beam.size() <= kPackets);
-  return intersect_beam(root_, reach_m_, beam);
+  return cast_beam(root, branches, reach_m, beam);
 }
+
+bool BeamTree::intersect(std::span<RayPacket8> beam) const { return intersect_beam(root_, {}, reach_m_, beam); }
 
 }  // namespace tileflight::scene

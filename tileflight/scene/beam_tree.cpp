@@ -6,6 +6,7 @@
 #include <cmath>
 #include <new>
 #include <stdexcept>
+#include <utility>
 
 namespace tileflight::scene {
 namespace {
@@ -94,27 +95,30 @@ float largest_coordinate(const std::vector<RTCBuildPrimitive>& boxes) {
 
 }  // namespace
 
-BeamTree::BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor)
-    : device_(rtcNewDevice(nullptr)) {
-  if (device_) memory_.reset(rtcNewBVH(device_.get()));
-  if (!memory_) throw std::runtime_error("Embree: no device");
-  TriangleSource place{meshes, anchor};
-  std::vector<RTCBuildPrimitive> boxes = boxes_of(place);
-  reach_m_ = largest_coordinate(boxes);
-  RTCBuildArguments arguments = rtcDefaultBuildArguments();
+BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::vector<RTCBuildPrimitive>& boxes) {
   arguments.maxBranchingFactor = 8;
-  arguments.sahBlockSize = 8;
-  arguments.maxLeafSize = 8;
-  arguments.bvh = memory_.get();
   arguments.primitives = boxes.data();
   arguments.primitiveCount = boxes.size();
   arguments.primitiveArrayCapacity = boxes.size();
   arguments.createNode = create_node;
   arguments.setNodeChildren = set_children;
   arguments.setNodeBounds = set_bounds;
+  return reinterpret_cast<BeamNode::Child>(rtcBuildBVH(&arguments));
+}
+
+BeamTree::BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor, DeviceHandle device)
+    : device_(std::move(device)), memory_(rtcNewBVH(device_.get())) {
+  if (!memory_) throw std::runtime_error("Embree: no memory for a tree");
+  TriangleSource place{meshes, anchor};
+  std::vector<RTCBuildPrimitive> boxes = boxes_of(place);
+  reach_m_ = largest_coordinate(boxes);
+  RTCBuildArguments arguments = rtcDefaultBuildArguments();
+  arguments.sahBlockSize = 8;
+  arguments.maxLeafSize = 8;
+  arguments.bvh = memory_.get();
   arguments.createLeaf = create_leaf;
   arguments.userPtr = &place;
-  root_ = reinterpret_cast<BeamNode::Child>(rtcBuildBVH(&arguments));
+  root_ = build_beam_nodes(arguments, boxes);
   if (root_ == 0) throw std::runtime_error("Embree: the tree for beams was not built; is there enough memory?");
 }
 

@@ -24,7 +24,7 @@ struct alignas(64) BeamLeaf {
 
 /// Up to eight children and their boxes, stored for SIMD tests.
 struct alignas(64) BeamNode {
-  /// A BeamNode, or a BeamLeaf if the lowest bit is set.
+  /// A BeamNode; a BeamLeaf if the lowest bit is set; the number of a part, times four, if the second is.
   using Child = std::uintptr_t;
 
   float low[3][8], high[3][8];  ///< [axis][child], metres relative to the anchor; low > high for missing children
@@ -34,6 +34,22 @@ struct alignas(64) BeamNode {
 struct ReleaseBvh {
   void operator()(RTCBVH bvh) const { rtcReleaseBVH(bvh); }
 };
+using BvhHandle = std::unique_ptr<std::remove_pointer_t<RTCBVH>, ReleaseBvh>;
+
+/// Builds the nodes over the boxes, up to eight children a node, in the memory of `arguments.bvh`; the caller sets what
+/// concerns leaves. 0 if memory is insufficient.
+BeamNode::Child build_beam_nodes(RTCBuildArguments arguments, std::vector<RTCBuildPrimitive>& boxes);
+
+/// A tree within a larger one (part_tree.h): its meshes are numbered from `first_mesh` on.
+struct BeamBranch {
+  BeamNode::Child root = 0;
+  std::uint32_t first_mesh = 0;
+};
+
+/// Casts a beam through the tree below `root`, whose parts are `branches`. `reach_m`: largest absolute coordinate of a
+/// corner. As BeamTree::intersect.
+bool intersect_beam(BeamNode::Child root, std::span<const BeamBranch> branches, float reach_m,
+                    std::span<RayPacket8> beam);
 
 /// A bounding volume hierarchy over the triangles of a list of meshes, for beams: up to 64 rays with a common origin
 /// and similar directions, such as a block of a camera's pixels. The tree is traversed once per beam with its enclosing
@@ -42,16 +58,19 @@ struct ReleaseBvh {
 /// heuristic) chooses the splits.
 class BeamTree {
  public:
-  /// Throws std::runtime_error if memory is insufficient. Keeps no reference to `meshes`.
-  BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor);
+  /// Throws std::runtime_error if memory is insufficient. Keeps no reference to `meshes`, which have a triangle.
+  BeamTree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor, DeviceHandle device);
 
   /// Scene::intersect for beams. Returns false, without changing `beam`, if the rays diverge too much (some 60 degrees
   /// from their mean): then cast them one by one.
   bool intersect(std::span<RayPacket8> beam) const;
 
+  BeamNode::Child root() const { return root_; }
+  float reach_m() const { return reach_m_; }
+
  private:
   DeviceHandle device_;
-  std::unique_ptr<std::remove_pointer_t<RTCBVH>, ReleaseBvh> memory_;  ///< holds nodes and leaves
+  BvhHandle memory_;  ///< holds nodes and leaves
   BeamNode::Child root_ = 0;
   float reach_m_ = 0.0F;  ///< largest absolute coordinate of a corner
 };

@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace tileflight::scene {
 namespace {
@@ -34,10 +35,16 @@ void attach_mesh(RTCDevice device, RTCScene scene, const geometry::TriangleMesh&
 
 }  // namespace
 
-EmbreeTree build_embree_tree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor) {
+DeviceHandle new_device() {
+  const RTCDevice device = rtcNewDevice(nullptr);
+  if (device == nullptr) throw_embree("no device", nullptr);
+  return {device, [](RTCDevice released) { rtcReleaseDevice(released); }};
+}
+
+EmbreeTree build_embree_tree(const std::vector<imaging::TexturedMesh>& meshes, const geometry::Vec3& anchor,
+                             DeviceHandle device) {
   EmbreeTree tree;
-  tree.device.reset(rtcNewDevice(nullptr));
-  if (!tree.device) throw_embree("no device", nullptr);
+  tree.device = std::move(device);
   tree.scene.reset(rtcNewScene(tree.device.get()));
   rtcSetSceneFlags(tree.scene.get(), RTC_SCENE_FLAG_ROBUST);
   for (std::size_t i = 0; i < meshes.size(); ++i) {

@@ -1,20 +1,21 @@
 #include "tileflight/scene/scene.h"
 
-#include <tbb/task_arena.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
 #include <cstddef>
-#include <mutex>
 #include <string>
 #include <utility>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/beam_tree.h"
 #include "tileflight/scene/embree_tree.h"
+#include "tileflight/scene/lazy_tree.h"
 #include "tileflight/scene/packets.h"
+#include "tileflight/scene/part_queries.h"
 
 namespace tileflight::scene {
 
@@ -34,51 +35,6 @@ static_assert(offsetof(RTCRayHit8, ray) == 0 && alignof(RTCRay8) <= alignof(RayP
 namespace {
 
 alignas(32) constexpr int kAllLanes[8] = {-1, -1, -1, -1, -1, -1, -1, -1};  // disabled by far limits
-
-std::string mesh_label(const imaging::TexturedMesh& mesh, std::size_t index) {
-  return mesh.name.empty() ? "mesh " + std::to_string(index) : mesh.name;
-}
-
-void check_attributes(const imaging::TexturedMesh& mesh, const std::string& where) {
-  const std::size_t vertices = mesh.mesh.vertices.size();
-  if (!mesh.uv.empty() && mesh.uv.size() != vertices) {
-    throw InputError(where, std::to_string(mesh.uv.size()) + " texture coordinates for " + std::to_string(vertices) +
-                                " vertices; give one per vertex");
-  }
-  if (!mesh.colors.empty() && mesh.colors.size() != vertices) {
-    throw InputError(where, std::to_string(mesh.colors.size()) + " colours for " + std::to_string(vertices) +
-                                " vertices; give one per vertex");
-  }
-  const auto finite = [](const Eigen::Vector2f& uv) { return uv.allFinite(); };
-  if (!std::ranges::all_of(mesh.uv, finite))
-    throw InputError(where, "a texture coordinate is not finite; repair the mesh");
-  if (mesh.texture && mesh.texture->empty()) throw InputError(where, "its texture has no pixels; leave it out");
-}
-
-void check_mesh(const imaging::TexturedMesh& mesh, std::size_t index) {
-  const std::string where = mesh_label(mesh, index);
-  const std::size_t vertices = mesh.mesh.vertices.size();
-  const auto finite = [](const geometry::Vec3& p) { return p.allFinite(); };
-  if (!std::ranges::all_of(mesh.mesh.vertices, finite)) {
-    throw InputError(where, "a vertex is not finite; repair the mesh");
-  }
-  const auto inside = [&](const geometry::Triangle& t) {
-    return t[0] < vertices && t[1] < vertices && t[2] < vertices;
-  };
-  if (!std::ranges::all_of(mesh.mesh.triangles, inside)) {
-    throw InputError(where, "a triangle refers to a vertex that does not exist; repair the mesh");
-  }
-  check_attributes(mesh, where);
-}
-
-geometry::Box3 bounds_of(const std::vector<imaging::TexturedMesh>& meshes) {
-  geometry::Box3 box;
-  for (const imaging::TexturedMesh& mesh : meshes) {
-    if (mesh.mesh.triangles.empty()) continue;
-    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
-  }
-  return box;
-}
 
 RTCRay embree_ray(const Ray& ray, const geometry::Vec3& anchor, double max_distance_m) {
   const geometry::Vec3 origin = ray.origin - anchor;
@@ -121,6 +77,19 @@ bool look_at_triangle(RTCPointQueryFunctionArguments* asked) {
   return true;
 }
 
+/// Brings `search` up to date with the part's surfaces.
+void search_part(const ScenePart& part, const float (&position)[3], NearestSearch& search) {
+  search.meshes = &part.meshes();
+  RTCPointQuery query{};
+  query.x = position[0];
+  query.y = position[1];
+  query.z = position[2];
+  query.radius = search.radius();
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(part.ray_tree().scene.get(), &query, &context, look_at_triangle, &search);
+}
+
 /// Distance along the ray to the triangle's plane in double precision; `distance_m` if the plane is edge-on.
 double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, double distance_m) {
   const geometry::Vec3 normal = (p[1] - p[0]).cross(p[2] - p[0]);
@@ -131,71 +100,77 @@ double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, do
 
 }  // namespace
 
-/// An object built on first use.
-template <class Tree>
-class LazyTree {
- public:
-  template <class Build>
-  const Tree& get(const Build& build) {
-    std::call_once(once_, [&] { build_apart(build); });
-    return *tree_;
-  }
-
- private:
-  /// Builds in an arena of its own, for two reasons. While this thread waits for parts of the tree, it must not pick up
-  /// a task that needs the tree. And Embree's scene keeps a task group, whose context would be bound to that of the
-  /// algorithm in which the tree happens to be built, and would refer to it after its end.
-  template <class Build>
-  void build_apart(const Build& build) {
-    tbb::task_arena arena(tbb::this_task_arena::max_concurrency());
-    arena.execute([&] { tree_.emplace(build()); });
-  }
-
-  std::once_flag once_;
-  std::optional<Tree> tree_;
-};
-
 struct Scene::Impl {
-  std::vector<imaging::TexturedMesh> meshes;
+  std::vector<std::shared_ptr<const ScenePart>> parts;
+  std::vector<const imaging::TexturedMesh*> meshes;  ///< of all parts
   geometry::Box3 bounds;
   geometry::Vec3 anchor;
   std::size_t triangle_count = 0;
 
-  RTCScene rays() {
-    return ray_tree_.get([this] { return build_embree_tree(meshes, anchor); }).scene.get();
+  explicit Impl(std::vector<std::shared_ptr<const ScenePart>> all) : parts(std::move(all)) {
+    for (const auto& part : parts) {
+      for (const imaging::TexturedMesh& mesh : part->meshes()) meshes.push_back(&mesh);
+      bounds.extend(part->bounds());
+      triangle_count += part->triangle_count();
+    }
+    if (triangle_count == 0) throw InputError("scene", "contains no triangle; is the region empty?");
+    anchor = parts.front()->frame().anchor();
   }
-  const BeamTree& beams() {
-    return beam_tree_.get([this] { return BeamTree(meshes, anchor); });
+
+  bool is_whole() const { return parts.size() == 1; }
+  /// Precondition: is_whole().
+  RTCScene rays() const { return parts.front()->ray_tree().scene.get(); }
+  /// Precondition: not is_whole().
+  const PartQueries& queries() {
+    return *queries_.get([this] { return std::make_unique<PartQueries>(parts); });
   }
 
  private:
-  LazyTree<EmbreeTree> ray_tree_;
-  LazyTree<BeamTree> beam_tree_;
+  LazyTree<std::unique_ptr<PartQueries>> queries_;
 };
 
+namespace {
+
+std::vector<std::shared_ptr<const ScenePart>> one_part(std::vector<imaging::TexturedMesh> meshes,
+                                                       const std::optional<geometry::Vec3>& anchor) {
+  const geometry::Box3 box = bounds_of(meshes);
+  const SceneFrame frame(anchor.value_or(box.isEmpty() ? geometry::Vec3(geometry::Vec3::Zero()) : box.center()));
+  return {std::make_shared<const ScenePart>(std::move(meshes), frame)};
+}
+
+}  // namespace
+
 Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor)
-    : impl_(std::make_unique<Impl>()) {
-  for (std::size_t i = 0; i < meshes.size(); ++i) {
-    check_mesh(meshes[i], i);
-    impl_->triangle_count += meshes[i].mesh.triangles.size();
-  }
-  if (impl_->triangle_count == 0) throw InputError("scene", "contains no triangle; is the region empty?");
-  impl_->meshes = std::move(meshes);
-  impl_->bounds = bounds_of(impl_->meshes);
-  impl_->anchor = anchor.value_or(impl_->bounds.center());
+    : Scene(one_part(std::move(meshes), anchor)) {}
+
+Scene::Scene(std::vector<std::shared_ptr<const ScenePart>> parts) {
+  assert(!parts.empty());
+  assert(std::ranges::all_of(parts, [&](const auto& part) {
+    return part->frame().device() == parts.front()->frame().device() &&
+           part->frame().anchor() == parts.front()->frame().anchor();
+  }));
+  impl_ = std::make_unique<Impl>(std::move(parts));
 }
 
 Scene::~Scene() = default;
 Scene::Scene(Scene&&) noexcept = default;
 Scene& Scene::operator=(Scene&&) noexcept = default;
 
-const std::vector<imaging::TexturedMesh>& Scene::meshes() const { return impl_->meshes; }
+Scene::Meshes Scene::meshes() const { return Meshes(impl_->meshes); }
+const std::vector<std::shared_ptr<const ScenePart>>& Scene::parts() const { return impl_->parts; }
 const geometry::Box3& Scene::bounds() const { return impl_->bounds; }
 const geometry::Vec3& Scene::anchor() const { return impl_->anchor; }
 std::size_t Scene::triangle_count() const { return impl_->triangle_count; }
 
-void Scene::build_ray_tree() const { impl_->rays(); }
-void Scene::build_beam_tree() const { impl_->beams(); }
+void Scene::build_ray_tree() const {
+  tbb::parallel_for(std::size_t{0}, impl_->parts.size(), [&](std::size_t i) { impl_->parts[i]->build_ray_tree(); });
+  if (!impl_->is_whole()) impl_->queries();
+}
+
+void Scene::build_beam_tree() const {
+  if (impl_->is_whole()) return impl_->parts.front()->build_beam_tree();
+  impl_->queries().build_beam_trees();
+}
 
 std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const {
   RTCIntersectContext context;
@@ -203,9 +178,13 @@ std::optional<Hit> Scene::intersect(const Ray& ray, double max_distance_m) const
   RTCRayHit query{};
   query.ray = embree_ray(ray, impl_->anchor, max_distance_m);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(impl_->rays(), &context, &query);
+  if (impl_->is_whole()) {
+    rtcIntersect1(impl_->rays(), &context, &query);
+  } else {
+    impl_->queries().intersect(query);
+  }
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  const auto triangle = corners(impl_->meshes[query.hit.geomID].mesh, query.hit.primID);
+  const auto triangle = corners(impl_->meshes[query.hit.geomID]->mesh, query.hit.primID);
   const double distance_m = plane_distance(ray, triangle, query.ray.tfar);
   return Hit{distance_m, query.hit.geomID, query.hit.primID, query.hit.u, query.hit.v};
 }
@@ -214,7 +193,11 @@ bool Scene::is_occluded(const Ray& ray, double max_distance_m) const {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   RTCRay query = embree_ray(ray, impl_->anchor, max_distance_m);
-  rtcOccluded1(impl_->rays(), &context, &query);
+  if (impl_->is_whole()) {
+    rtcOccluded1(impl_->rays(), &context, &query);
+  } else {
+    impl_->queries().test_occlusion(query);
+  }
   return query.tfar < 0.0F;
 }
 
@@ -222,19 +205,19 @@ std::optional<double> Scene::distance_to_surface_m(const geometry::Vec3& point, 
   constexpr double kFloatStep = 1e-6;  // relative to a coordinate, some eight times the precision of floats
   const geometry::Vec3 from = point - impl_->anchor;
   const double largest_m = from.norm() + impl_->bounds.sizes().norm();
-  NearestSearch search{&impl_->meshes, point, within_m, kFloatStep * largest_m};
-  RTCPointQuery query{};
-  query.x = static_cast<float>(from.x());
-  query.y = static_cast<float>(from.y());
-  query.z = static_cast<float>(from.z());
-  query.radius = search.radius();
-  RTCPointQueryContext context;
-  rtcInitPointQueryContext(&context);
-  rtcPointQuery(impl_->rays(), &query, &context, look_at_triangle, &search);
+  NearestSearch search{nullptr, point, within_m, kFloatStep * largest_m};
+  const float position[3] = {static_cast<float>(from.x()), static_cast<float>(from.y()), static_cast<float>(from.z())};
+  if (impl_->is_whole()) {
+    search_part(*impl_->parts.front(), position, search);
+  } else {
+    impl_->queries().visit_near(
+        position, [&] { return search.radius(); }, [&](const ScenePart& part) { search_part(part, position, search); });
+  }
   return search.found ? std::optional(search.distance_m) : std::nullopt;
 }
 
 void Scene::intersect(RayPacket8& packet) const {
+  if (!impl_->is_whole()) return impl_->queries().intersect(packet);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
@@ -242,11 +225,14 @@ void Scene::intersect(RayPacket8& packet) const {
 }
 
 void Scene::intersect(std::span<RayPacket8> beam) const {
-  if (impl_->beams().intersect(beam)) return;
+  const bool done =
+      impl_->is_whole() ? impl_->parts.front()->beam_tree().intersect(beam) : impl_->queries().intersect(beam);
+  if (done) return;
   for (RayPacket8& packet : beam) intersect(packet);
 }
 
 void Scene::test_occlusion(RayPacket8& packet) const {
+  if (!impl_->is_whole()) return impl_->queries().test_occlusion(packet);
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
@@ -255,7 +241,7 @@ void Scene::test_occlusion(RayPacket8& packet) const {
 
 geometry::Vec3 Scene::position(const Hit& hit) const {
   assert(hit.mesh < impl_->meshes.size());
-  const auto p = corners(impl_->meshes[hit.mesh].mesh, hit.triangle);
+  const auto p = corners(impl_->meshes[hit.mesh]->mesh, hit.triangle);
   const double u = hit.u;
   const double v = hit.v;
   return p[0] + u * (p[1] - p[0]) + v * (p[2] - p[0]);
@@ -263,13 +249,16 @@ geometry::Vec3 Scene::position(const Hit& hit) const {
 
 geometry::Vec3 Scene::normal(const Hit& hit) const {
   assert(hit.mesh < impl_->meshes.size());
-  const auto p = corners(impl_->meshes[hit.mesh].mesh, hit.triangle);
+  const auto p = corners(impl_->meshes[hit.mesh]->mesh, hit.triangle);
   const geometry::Vec3 area_normal = (p[1] - p[0]).cross(p[2] - p[0]);
   const double length = area_normal.norm();
   return length > 0.0 ? geometry::Vec3(area_normal / length) : geometry::Vec3(geometry::Vec3::Zero());
 }
 
-geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& meshes) {
+namespace {
+
+template <class Meshes>
+geometry::TriangleMesh merge(const Meshes& meshes) {
   geometry::TriangleMesh all;
   std::size_t triangles = 0;
   for (const imaging::TexturedMesh& part : meshes) triangles += part.mesh.triangles.size();
@@ -283,5 +272,10 @@ geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& me
   }
   return all;
 }
+
+}  // namespace
+
+geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& meshes) { return merge(meshes); }
+geometry::TriangleMesh merge_meshes(const Scene::Meshes& meshes) { return merge(meshes); }
 
 }  // namespace tileflight::scene

@@ -2,12 +2,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
+#include "tileflight/scene/scene_part.h"
 
 namespace tileflight::scene {
 
@@ -32,18 +34,63 @@ struct Ray {
 /// through an edge shared by two triangles hits one of them (a ray within a micrometre of a corner may slip through).
 /// Each tree is built by the first query of its kind, or explicitly. Immutable; queries may run in parallel, and
 /// results do not depend on the number of threads.
+///
+/// A scene of meshes has one tree of each kind over all triangles, which is the fastest to query: for places that are
+/// loaded whole. A scene of parts shares the parts' trees with other scenes and adds a small tree over the parts, so
+/// that one more tile costs its own tree only: for the server, whose tiles come and go. Both give the same hits, to the
+/// last bit (except that of surfaces at exactly the same distance, rays and packets may name another).
 class Scene {
  public:
+  /// A view of the meshes of all parts, in their order.
+  class Meshes {
+   public:
+    class Iterator {
+     public:
+      using iterator_category = std::forward_iterator_tag;
+      using value_type = imaging::TexturedMesh;
+      using difference_type = std::ptrdiff_t;
+      using pointer = const imaging::TexturedMesh*;
+      using reference = const imaging::TexturedMesh&;
+
+      Iterator() = default;
+      explicit Iterator(const imaging::TexturedMesh* const* at) : at_(at) {}
+      reference operator*() const { return **at_; }
+      pointer operator->() const { return *at_; }
+      Iterator& operator++() {
+        ++at_;
+        return *this;
+      }
+      Iterator operator++(int) { return Iterator(at_++); }
+      bool operator==(const Iterator&) const = default;
+
+     private:
+      const imaging::TexturedMesh* const* at_ = nullptr;
+    };
+
+    explicit Meshes(std::span<const imaging::TexturedMesh* const> all) : all_(all) {}
+    std::size_t size() const { return all_.size(); }
+    bool empty() const { return all_.empty(); }
+    const imaging::TexturedMesh& operator[](std::size_t mesh) const { return *all_[mesh]; }
+    Iterator begin() const { return Iterator(all_.data()); }
+    Iterator end() const { return Iterator(all_.data() + all_.size()); }
+
+   private:
+    std::span<const imaging::TexturedMesh* const> all_;
+  };
+
   /// Takes the meshes (positions in the local frame). Throws InputError (mesh name, cause) if there is no triangle, a
   /// coordinate is not finite, a triangle refers to a missing vertex, or an attribute does not have one value per
   /// vertex.
   /// `anchor`: origin of float coordinates; default: the centre of the bounds.
   explicit Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor = {});
+  /// A scene of these parts, at least one, all of one SceneFrame. Throws InputError if there is no triangle.
+  explicit Scene(std::vector<std::shared_ptr<const ScenePart>> parts);
   ~Scene();
   Scene(Scene&&) noexcept;
   Scene& operator=(Scene&&) noexcept;
 
-  const std::vector<imaging::TexturedMesh>& meshes() const;
+  Meshes meshes() const;
+  const std::vector<std::shared_ptr<const ScenePart>>& parts() const;
   const geometry::Box3& bounds() const;  ///< of all vertices, local frame
   const geometry::Vec3& anchor() const;
   std::size_t triangle_count() const;
@@ -78,5 +125,6 @@ class Scene {
 
 /// All triangles of all meshes as one mesh without appearance (vertices are not welded).
 geometry::TriangleMesh merge_meshes(const std::vector<imaging::TexturedMesh>& meshes);
+geometry::TriangleMesh merge_meshes(const Scene::Meshes& meshes);
 
 }  // namespace tileflight::scene

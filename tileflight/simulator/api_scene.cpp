@@ -245,7 +245,8 @@ GroundTruthReport Simulator::tf_ground_truth(const Vector3r& center, const Vecto
   make_airsim_grid(box.center(), box.sizes(), voxel_m, kMaxFileCells);  // checks the same limits for the cells
   const std::filesystem::path path = impl_->file_access.resolve_writable(folder);
   if (impl_->options.source.empty()) {
-    ground_truth::write_ground_truth(impl_->working_set.current()->scene().meshes(), box, {.voxel_m = voxel_m}, path);
+    const auto meshes = impl_->working_set.current()->scene().parts().front()->meshes();
+    ground_truth::write_ground_truth(meshes, box, {.voxel_m = voxel_m}, path);
     return {path.string(), "{}"};
   }
   place::ExtractSettings settings{impl_->options.source, impl_->options.load, voxel_m};
@@ -269,7 +270,7 @@ Statistics Simulator::tf_statistics() const {
   s.last_image_seconds = impl_->last_image_seconds;
   s.scenes_built = world.scenes_built();
   s.tiles_read = world.tiles_read();
-  s.memory_bytes = world.current() ? world.current()->loaded().bytes : 0;
+  s.memory_bytes = world.memory_bytes();
   s.max_memory_bytes = impl_->options.max_memory_bytes;
   s.error_px = static_cast<float>(world.error_px());
   s.mode = world.follows_sensors() ? "follow" : "region";

@@ -1,12 +1,10 @@
 #include "tileflight/simulator/resident_scene.h"
 
 #include <algorithm>
-#include <filesystem>
+#include <iterator>
 #include <set>
-#include <utility>
 
 #include "tileflight/place/require_surface.h"
-#include "tileflight/tiles/cut_reader.h"
 
 namespace tileflight::simulator {
 namespace {
@@ -20,25 +18,59 @@ std::string display_name(const render::SceneObject& object) {
   return object.feature == imaging::kNoFeature ? tile : tile + "#" + std::to_string(object.feature);
 }
 
-std::vector<TexturedMesh> take_meshes(std::vector<ResidentTile>& tiles, std::vector<std::size_t>& first_mesh) {
-  std::vector<TexturedMesh> all;
-  for (ResidentTile& tile : tiles) {
-    first_mesh.push_back(all.size());
-    for (TexturedMesh& mesh : tile.meshes) all.push_back(std::move(mesh));
-    tile.meshes.clear();
+ResidentPart::FeatureBounds feature_bounds(const TexturedMesh& mesh) {
+  ResidentPart::FeatureBounds bounds;
+  std::uint32_t last = imaging::kNoFeature;
+  geometry::Box3* box = nullptr;
+  for (const geometry::Triangle& triangle : mesh.mesh.triangles) {
+    const std::uint32_t feature = mesh.feature_ids.empty() ? imaging::kNoFeature : mesh.feature_ids[triangle[0]];
+    if (box == nullptr || feature != last) box = &bounds[feature];
+    last = feature;
+    for (const std::uint32_t corner : triangle) box->extend(mesh.mesh.vertices[corner]);
   }
-  first_mesh.push_back(all.size());
-  return all;
+  return bounds;
+}
+
+using Parts = std::vector<std::shared_ptr<const ResidentPart>>;
+
+Parts parts_of(const std::vector<ResidentTile>& tiles) {
+  Parts parts;
+  for (const ResidentTile& tile : tiles) {
+    if (tile.part) parts.push_back(tile.part);
+  }
+  return parts;
+}
+
+bool has_meshes(const Parts& parts) {
+  return std::ranges::any_of(parts, [](const auto& part) { return !part->scene()->meshes().empty(); });
+}
+
+/// The parts, or a placeholder that no ray hits if there is nothing to see.
+Parts or_placeholder(const Parts& parts, const scene::SceneFrame& frame) {
+  if (has_meshes(parts)) return parts;
+  return {std::make_shared<const ResidentPart>(place::with_placeholder({}), frame)};
+}
+
+scene::Scene scene_of(const Parts& parts) {
+  std::vector<std::shared_ptr<const scene::ScenePart>> all;
+  for (const auto& part : parts) all.push_back(part->scene());
+  return scene::Scene(std::move(all));
+}
+
+std::shared_ptr<const render::Appearance> appearance_of(const Parts& parts) {
+  std::vector<std::shared_ptr<const render::PartAppearance>> all;
+  for (const auto& part : parts) all.push_back(part->appearance());
+  return std::make_shared<const render::Appearance>(std::move(all));
 }
 
 /// Bounds of each object.
-std::vector<geometry::Box3> compute_object_bounds(const scene::Scene& scene, const render::SceneObjects& objects) {
+std::vector<geometry::Box3> compute_object_bounds(const Parts& parts, const render::SceneObjects& objects) {
   std::vector<geometry::Box3> bounds(objects.all().size());
-  for (std::uint32_t m = 0; m < scene.meshes().size(); ++m) {
-    const geometry::TriangleMesh& mesh = scene.meshes()[m].mesh;
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      geometry::Box3& box = bounds[objects.index_of(m, t)];
-      for (const std::uint32_t corner : mesh.triangles[t]) box.extend(mesh.vertices[corner]);
+  std::uint32_t mesh = 0;
+  for (const auto& part : parts) {
+    for (const ResidentPart::FeatureBounds& of_mesh : part->bounds()) {
+      for (const auto& [feature, box] : of_mesh) bounds[objects.index_of_feature(mesh, feature)].extend(box);
+      ++mesh;
     }
   }
   return bounds;
@@ -46,29 +78,38 @@ std::vector<geometry::Box3> compute_object_bounds(const scene::Scene& scene, con
 
 }  // namespace
 
-ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded,
-                             const ResidentScene* before)
+ResidentPart::ResidentPart(std::vector<TexturedMesh> meshes, const scene::SceneFrame& frame)
+    : scene_(std::make_shared<const scene::ScenePart>(std::move(meshes), frame)),
+      appearance_(std::make_shared<const render::PartAppearance>(scene_)) {
+  scene_->build_beam_tree();
+  for (const TexturedMesh& mesh : scene_->meshes()) bounds_.push_back(feature_bounds(mesh));
+  bytes_ = resident_bytes(scene_->meshes());
+}
+
+ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const scene::SceneFrame& frame, LoadedRegion loaded)
+    : ResidentScene(std::move(tiles), Parts{}, frame, std::move(loaded)) {}
+
+ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, std::shared_ptr<const ResidentPart> whole,
+                             LoadedRegion loaded)
+    : ResidentScene(std::move(tiles), Parts{whole}, whole->scene()->frame(), std::move(loaded)) {}
+
+ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const Parts& whole, const scene::SceneFrame& frame,
+                             LoadedRegion loaded)
     : tiles_(std::move(tiles)),
       scene_([&] {
-        std::vector<TexturedMesh> meshes = take_meshes(tiles_, first_mesh_);
-        has_surface_ = !meshes.empty();
-        return scene::Scene(place::with_placeholder(std::move(meshes)), anchor);
+        const Parts parts = whole.empty() ? parts_of(tiles_) : whole;
+        has_surface_ = has_meshes(parts);
+        return scene_of(parts_ = or_placeholder(parts, frame));
       }()),
-      appearance_(
-          std::make_shared<const render::Appearance>(scene_, before != nullptr ? before->appearance_.get() : nullptr)),
+      appearance_(appearance_of(parts_)),
       objects_(scene_),
-      object_bounds_(compute_object_bounds(scene_, objects_)),
+      object_bounds_(compute_object_bounds(parts_, objects_)),
       loaded_(std::move(loaded)) {
-  scene_.build_ray_tree();
   scene_.build_beam_tree();
+  for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+    tile_of_mesh_.insert(tile_of_mesh_.end(), tiles_[tile].mesh_count, static_cast<std::uint32_t>(tile));
   if (tiles_.empty()) tiles_.push_back({});
   tile_of_mesh_.resize(scene_.meshes().size(), 0);
-  for (std::size_t tile = 0; tile + 1 < first_mesh_.size(); ++tile) {
-    std::fill(tile_of_mesh_.begin() + static_cast<std::ptrdiff_t>(first_mesh_[tile]),
-              tile_of_mesh_.begin() + static_cast<std::ptrdiff_t>(first_mesh_[tile + 1]),
-              static_cast<std::uint32_t>(tile));
-  }
-  for (std::size_t tile = 0; tile < tiles_.size(); ++tile) tile_of_identity_.try_emplace(tiles_[tile].identity, tile);
   std::set<std::string> distinct;
   for (const render::SceneObject& object : objects_.all()) {
     object_names_.push_back(display_name(object));
@@ -78,24 +119,28 @@ ResidentScene::ResidentScene(std::vector<ResidentTile> tiles, const geometry::Ve
   loaded_.triangles = has_surface_ ? scene_.triangle_count() : 0;
 }
 
-const ResidentTile* ResidentScene::find(const std::string& identity) const {
-  const auto at = tile_of_identity_.find(identity);
-  return at == tile_of_identity_.end() ? nullptr : &tiles_[at->second];
-}
-
-std::vector<TexturedMesh> ResidentScene::copy_meshes(const ResidentTile& tile) const {
-  const auto index = static_cast<std::size_t>(&tile - tiles_.data());
-  const auto begin = scene_.meshes().begin();
-  return {begin + static_cast<std::ptrdiff_t>(first_mesh_[index]),
-          begin + static_cast<std::ptrdiff_t>(first_mesh_[index + 1])};
+std::optional<std::vector<TexturedMesh>> ResidentScene::copy_meshes(const TileKey& key) const {
+  std::size_t first = 0;
+  for (const ResidentTile& tile : tiles_) {
+    if (tile.key == key) {
+      const auto begin = std::next(scene_.meshes().begin(), static_cast<std::ptrdiff_t>(first));
+      return std::vector<TexturedMesh>(begin, std::next(begin, static_cast<std::ptrdiff_t>(tile.mesh_count)));
+    }
+    first += tile.mesh_count;
+  }
+  return std::nullopt;
 }
 
 std::uintmax_t resident_bytes(const std::vector<TexturedMesh>& meshes) {
-  constexpr std::uintmax_t kShadeBytes = 64;  // per triangle, in render::Appearance
+  constexpr std::uintmax_t kBeamTreeBytes = 100;  // per triangle
+  constexpr std::uintmax_t kRayTreeBytes = 20;    // likewise; 110 where rays go
+  constexpr std::uintmax_t kShadeBytes = 64;      // likewise, in render::PartAppearance
   std::set<const imaging::RgbImage*> textures;
   std::uintmax_t bytes = 0;
   for (const TexturedMesh& mesh : meshes) {
-    bytes += tiles::memory_bytes(mesh) + kShadeBytes * mesh.mesh.triangles.size();
+    bytes += mesh.mesh.vertices.size() * sizeof(geometry::Vec3) + mesh.uv.size() * sizeof(mesh.uv[0]) +
+             mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]);
+    bytes += mesh.mesh.triangles.size() * (sizeof(geometry::Triangle) + kBeamTreeBytes + kRayTreeBytes + kShadeBytes);
     if (mesh.texture && textures.insert(mesh.texture.get()).second)
       bytes += mesh.texture->pixels.size() * sizeof(imaging::Rgb8) * 7 / 3;  // including its mipmaps
   }

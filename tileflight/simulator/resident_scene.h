@@ -3,32 +3,63 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "tileflight/base/progress.h"
 #include "tileflight/render/appearance.h"
 #include "tileflight/render/scene_objects.h"
 #include "tileflight/scene/scene.h"
 #include "tileflight/simulator/extension_types.h"
+#include "tileflight/tiles/tileset_tree.h"
 
 namespace tileflight::simulator {
 
-/// The meshes of a tile's content.
+/// Meshes of a tile, or of a whole region, prepared for pictures: tree for beams, appearance, bounds of objects. (The
+/// tree for rays is built by the first ray that meets them.) Immutable; shared by the scenes that hold it.
+class ResidentPart {
+ public:
+  /// Bounds of the triangles of each feature of a mesh, or of those without one (kNoFeature), local frame.
+  using FeatureBounds = std::map<std::uint32_t, geometry::Box3>;
+
+  /// `meshes`: local frame. Throws InputError, std::runtime_error.
+  ResidentPart(std::vector<imaging::TexturedMesh> meshes, const scene::SceneFrame& frame);
+
+  const std::shared_ptr<const scene::ScenePart>& scene() const { return scene_; }
+  const std::shared_ptr<const render::PartAppearance>& appearance() const { return appearance_; }
+  /// For each mesh.
+  const std::vector<FeatureBounds>& bounds() const { return bounds_; }
+  std::uintmax_t bytes() const { return bytes_; }  ///< resident_bytes()
+
+ private:
+  std::shared_ptr<const scene::ScenePart> scene_;
+  std::shared_ptr<const render::PartAppearance> appearance_;
+  std::vector<FeatureBounds> bounds_;
+  std::uintmax_t bytes_ = 0;
+};
+
+/// A content of the tree: tile, and index into its contents. (Its identity in a cut would not do: an external tileset
+/// that several tiles refer to, each with its own transform, has the same one in each.)
+using TileKey = std::pair<tiles::NodeId, std::size_t>;
+
+/// A tile's content in a scene.
 struct ResidentTile {
-  std::string identity;  ///< as in tiles::CutContent
+  std::optional<TileKey> key;  ///< nullopt: could not be read
   double geometric_error_m = 0.0;
-  std::vector<imaging::TexturedMesh> meshes;  ///< local frame
+  std::size_t mesh_count = 0;                ///< its meshes follow those of the tile before
+  std::shared_ptr<const ResidentPart> part;  ///< its own; null in a scene of one part for all tiles
 };
 
 /// A working set: the tiles in memory, prepared for ray casting and rendering. Immutable and shared by all users;
 /// replaced by a new one when other tiles are needed.
 class ResidentScene {
  public:
-  /// `anchor`: reference point, the same for all scenes of a session, so that surfaces are bit-identical in each. The
-  /// appearance of tiles that `before` also holds is reused from it.
-  ResidentScene(std::vector<ResidentTile> tiles, const geometry::Vec3& anchor, LoadedRegion loaded,
-                const ResidentScene* before = nullptr);
+  /// A scene whose parts are those of the tiles. All have the frame given, the same for all scenes of a session, so
+  /// that surfaces are bit-identical in each.
+  ResidentScene(std::vector<ResidentTile> tiles, const scene::SceneFrame& frame, LoadedRegion loaded);
+  /// A scene of one part that holds the meshes of all tiles.
+  ResidentScene(std::vector<ResidentTile> tiles, std::shared_ptr<const ResidentPart> whole, LoadedRegion loaded);
 
   const scene::Scene& scene() const { return scene_; }
   const std::shared_ptr<const render::Appearance>& appearance() const { return appearance_; }
@@ -42,31 +73,35 @@ class ResidentScene {
   /// Geometric error of the tile that a mesh of the scene belongs to.
   double geometric_error_m(std::uint32_t mesh) const { return tiles_[tile_of_mesh_[mesh]].geometric_error_m; }
   std::uint32_t tile_of_mesh(std::uint32_t mesh) const { return tile_of_mesh_[mesh]; }
+  const std::vector<ResidentTile>& tiles() const { return tiles_; }
   const LoadedRegion& loaded() const { return loaded_; }
   bool has_surface() const { return has_surface_; }
 
-  /// find(): the tile with this identity, or nullptr; copy_meshes(): a copy of its original meshes. Identities may
-  /// occur in several tiles.
-  const ResidentTile* find(const std::string& identity) const;
-  std::vector<imaging::TexturedMesh> copy_meshes(const ResidentTile& tile) const;
+  /// The meshes of a tile; nullopt if the scene does not have it.
+  std::optional<std::vector<imaging::TexturedMesh>> copy_meshes(const TileKey& key) const;
 
  private:
-  std::vector<ResidentTile> tiles_;          ///< without their meshes, which are in the scene
-  std::vector<std::size_t> first_mesh_;      ///< first mesh of each tile, and one past the last
+  using Parts = std::vector<std::shared_ptr<const ResidentPart>>;
+
+  /// `whole`: the single part, or none.
+  ResidentScene(std::vector<ResidentTile> tiles, const Parts& whole, const scene::SceneFrame& frame,
+                LoadedRegion loaded);
+
+  std::vector<ResidentTile> tiles_;
   std::vector<std::uint32_t> tile_of_mesh_;  ///< for each mesh of the scene
   bool has_surface_ = false;
+  Parts parts_;
   scene::Scene scene_;
   std::shared_ptr<const render::Appearance> appearance_;
   render::SceneObjects objects_;
   std::vector<geometry::Box3> object_bounds_;
   std::vector<std::string> object_names_;
   std::vector<std::string> distinct_names_;
-  std::map<std::string, std::size_t> tile_of_identity_;
   LoadedRegion loaded_;
 };
 
-/// Memory used by a tile's meshes in a scene: geometry, ray tracing acceleration structures, textures and their
-/// mipmaps.
+/// Memory used by a tile's meshes in a scene: geometry, tree for beams, textures and their mipmaps, and a share for the
+/// trees for rays, which are built where rays go.
 std::uintmax_t resident_bytes(const std::vector<imaging::TexturedMesh>& meshes);
 
 }  // namespace tileflight::simulator

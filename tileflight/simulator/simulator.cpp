@@ -93,8 +93,7 @@ void Simulator::Impl::initialize() {
   wind_ned_m_s = settings.wind_ned_m_s;
   for (const CameraSettings& external : settings.external_cameras) external_cameras.emplace_back(external);
   for (const VehicleSettings& vehicle : settings.vehicles) add_vehicle(vehicle, find_home_pose(vehicle));
-  working_set.load_for(viewpoints());
-  obstacle_scene = working_set.current();
+  obstacle_scene = working_set.load_for(viewpoints());
   if (settings.recording.enabled) begin_recording();
   clock.start();
 }

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,6 +32,11 @@ struct SimulatorOptions {
   TileResidency residency = TileResidency::kAuto;
   double error_px = 1.0;  ///< allowed error of a tile in any image, if tiles follow the sensors
   std::uintmax_t max_memory_bytes = std::uintmax_t{2} << 30;  ///< for decoded tiles
+  /// Tiles farther from every sensor are left out, if tiles follow the sensors.
+  double max_distance_m = std::numeric_limits<double>::infinity();
+  /// Tiles that could not be read are requested again after this time, if tiles follow the sensors.
+  std::chrono::milliseconds retry_after{10'000};
+  bool prefetch = true;  ///< whether the tiles that come next are read beside; no result depends on it
   /// Root of clients' file names. nullopt: calls that write files are refused.
   std::optional<std::filesystem::path> output_root;
   /// Origin of NED in the local frame (east, north, up); a z of NaN: on the surface. Default: on the surface at the

@@ -1,11 +1,19 @@
 #include "tileflight/simulator/working_set.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <iterator>
 #include <limits>
+#include <numeric>
+#include <set>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/string_lists.h"
+#include "tileflight/place/require_surface.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/transport/open_source.h"
@@ -17,15 +25,18 @@ namespace {
 using geometry::Box3;
 using geometry::Vec3;
 
-/// Half the diagonal of a cell: the maximum distance of a sensor from its centre.
-const double kCellRadius_m = 0.5 * std::sqrt(3.0) * WorkingSet::kCellSize_m;
-constexpr double kErrorGrowth = 1.5;     ///< factor by which the allowed error is raised if memory is short
-constexpr double kCoarsest_px = 4096.0;  ///< upper limit of the allowed error
 constexpr std::size_t kMaxPinned = 32;
 constexpr double kMaxOriginDistance_m = 20e3;
 constexpr double kMaxAnchoredExtent_m = 1e5;  ///< above it, sensors may be far from the centre of the place
-constexpr std::chrono::seconds kRetryAfter{10};
-constexpr double kMaxHeight_m = 2e4;  ///< vertical search range for surfaces
+constexpr double kMaxHeight_m = 2e4;          ///< vertical search range for surfaces
+/// Scenes that are made ahead, and those kept beside the present one: two for each cell on a way (sensors cross a
+/// border one after the other), ahead and behind.
+constexpr std::size_t kScenesAhead = 3, kScenesKept = 6;
+/// Files that are read at once, and those after which reading ahead lets others in: a tenth of a second's.
+constexpr std::size_t kFilesNow = 64, kFilesAhead = 2, kDistantFilesAhead = 16;
+constexpr std::chrono::milliseconds kWaitForOthers{1};
+/// Contents from which the memory for a cut is estimated.
+constexpr std::size_t kSampledContents = 32;
 
 Box3 bounding_box(const std::vector<imaging::TexturedMesh>& meshes) {
   Box3 box;
@@ -36,17 +47,77 @@ Box3 bounding_box(const std::vector<imaging::TexturedMesh>& meshes) {
   return box;
 }
 
+/// Counts a waiting caller while it exists.
+class Waiting {
+ public:
+  explicit Waiting(std::atomic<int>& count) : count_(count) { ++count_; }
+  ~Waiting() { --count_; }
+  Waiting(const Waiting&) = delete;
+  Waiting& operator=(const Waiting&) = delete;
+
+ private:
+  std::atomic<int>& count_;
+};
+
+std::optional<TileKey> key_of(const tiles::CutContent& content) { return TileKey{content.node, content.content}; }
+
+/// A cut of these contents.
+tiles::TileCut part_of(const tiles::TileCut& cut, std::span<const std::size_t> contents) {
+  tiles::TileCut part;
+  for (const std::size_t i : contents) part.contents.push_back(cut.contents[i]);
+  return part;
+}
+
+/// Contents in groups of at most `files` files; those of one file are in one group, so that it is read once.
+std::vector<std::vector<std::size_t>> batches_of(const tiles::TileCut& cut, const std::vector<std::size_t>& contents,
+                                                 std::size_t files) {
+  std::map<std::string, std::size_t> file_of;
+  std::vector<std::vector<std::size_t>> batches;
+  for (const std::size_t i : contents) {
+    const std::size_t file = file_of.try_emplace(cut.contents[i].uri, file_of.size()).first->second;
+    batches.resize(std::max(batches.size(), file / files + 1));
+    batches[file / files].push_back(i);
+  }
+  return batches;
+}
+
 }  // namespace
 
+/// A scene in the making.
+struct WorkingSet::Attempt {
+  SensorCells cells;
+  DetailLimit wanted, detail;
+  When when = When::kNow;
+  std::uint64_t pins = 0;
+  std::uint64_t number = 0;  ///< of all attempts
+
+  tiles::TileCut cut;
+  std::vector<ResidentTile> tiles;  ///< of the cut
+  std::vector<std::size_t> missing;
+  std::map<std::size_t, std::vector<imaging::TexturedMesh>> meshes;  ///< read, not yet a part; by tile
+  std::vector<std::string> failures;
+  std::uintmax_t bytes = 0;  ///< of all tiles whose size is known
+  double worst_px = 0.0;
+  std::shared_ptr<const ResidentScene> scene;  ///< the result
+
+  Attempt(SensorCells around, const DetailLimit& began_at, const DetailLimit& limit, When made = When::kNow)
+      : cells(std::move(around)), wanted(began_at), detail(limit), when(made) {}
+
+  Prepared prepared() && { return {std::move(cells), wanted, detail, pins, worst_px, std::move(scene)}; }
+};
+
 WorkingSet::WorkingSet(const SimulatorOptions& options, SimulatorLog log, const Progress& progress)
-    : options_(options), log_(std::move(log)), error_px_(options.error_px) {
+    : options_(options), log_(std::move(log)), error_px_(options.error_px), detail_{options.error_px} {
   if (!(options.error_px > 0.0)) throw InputError("error in pixels", "must be above 0");
+  if (!(options.max_distance_m > 0.0)) throw InputError("viewing distance", "must be above 0");
   open(progress);
   choose_residency(progress);
+  if (follows_sensors_ && options.prefetch)
+    prefetcher_ = std::jthread([this](const std::stop_token& stop) { prefetch(stop); });
 }
 
 WorkingSet::WorkingSet(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log)
-    : options_(options), log_(std::move(log)), error_px_(options.error_px) {
+    : options_(options), log_(std::move(log)), error_px_(options.error_px), detail_{options.error_px} {
   const Box3 box = bounding_box(meshes);
   placement_.region = {box.center(), box.sizes()};
   if (options.load.origin) placement_.local_frame.emplace(*options.load.origin);
@@ -54,9 +125,11 @@ WorkingSet::WorkingSet(const SimulatorOptions& options, std::vector<imaging::Tex
   loaded.complete = true;
   loaded.tiles_wanted = loaded.tiles_loaded = 1;
   loaded.bytes = resident_bytes(meshes);
-  std::vector<ResidentTile> tiles;
-  tiles.push_back({"", 0.0, std::move(meshes)});
-  set_current(std::make_shared<const ResidentScene>(std::move(tiles), box.center(), loaded));
+  frame_.emplace(box.center());
+  std::vector<ResidentTile> tiles{{{}, 0.0, meshes.size(), nullptr}};
+  auto whole = std::make_shared<const ResidentPart>(place::with_placeholder(std::move(meshes)), *frame_);
+  present_.emplace();
+  present_->scene = std::make_shared<const ResidentScene>(std::move(tiles), std::move(whole), std::move(loaded));
 }
 
 void WorkingSet::log_line(const std::string& line) const {
@@ -97,9 +170,8 @@ void WorkingSet::choose_residency(const Progress& progress) {
     return choose_residency(progress);
   }
   base::add_distinct(placement_.warnings, warnings_);
-  if (follows_sensors_) return;
-  const std::lock_guard lock(loading_mutex_);
-  if (auto place = try_load({}, progress)) return set_current(*place);
+  frame_.emplace(anchor());
+  if (follows_sensors_ || load_whole_region(progress)) return;
   if (options_.residency == TileResidency::kRegion) {
     throw InputError(name,
                      "the region needs more memory than the limit: request a smaller region (--size) or coarser tiles "
@@ -130,48 +202,31 @@ std::vector<std::string> WorkingSet::attribution() const {
   return all;
 }
 
+/// Whether it fits into memory.
+bool WorkingSet::load_whole_region(const Progress& progress) {
+  Lock lock(loading_mutex_);
+  Attempt attempt({}, wanted_detail(), wanted_detail());
+  // An estimate is wrong by much less than this, so a place that fits is not refused.
+  const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion({}, attempt.detail, nullptr));
+  if (cut.contents.size() > kSampledContents && estimate_bytes(cut, progress) > 3 * scene_limit_bytes()) return false;
+  if (make(attempt, lock, progress) != Outcome::kMade) return false;
+  enter(std::move(attempt).prepared());
+  return true;
+}
+
 std::shared_ptr<const ResidentScene> WorkingSet::current() const {
-  const std::lock_guard lock(current_mutex_);
-  return current_;
+  const std::lock_guard lock(scenes_mutex_);
+  return present_ ? present_->scene : nullptr;
 }
 
-void WorkingSet::set_current(std::shared_ptr<const ResidentScene> place) {
-  const std::lock_guard lock(current_mutex_);
-  current_ = std::move(place);
-}
-
-std::vector<WorkingSet::Cell> WorkingSet::cells_around(std::span<const SensorViewpoint> viewpoints) const {
-  std::vector<Cell> cells;
-  for (const SensorViewpoint& viewpoint : viewpoints) {
-    Cell cell{};
-    for (int axis = 0; axis < 3; ++axis)
-      cell[static_cast<std::size_t>(axis)] = (std::floor(viewpoint.position[axis] / kCellSize_m) + 0.5) * kCellSize_m;
-    cell[3] = viewpoint.pixels_per_rad;
-    cells.push_back(cell);
-  }
-  std::ranges::sort(cells);
-  // The highest resolution of a cell's viewpoints counts.
-  std::vector<Cell> distinct;
-  for (const Cell& cell : cells) {
-    if (!distinct.empty() && std::equal(cell.begin(), cell.begin() + 3, distinct.back().begin())) distinct.pop_back();
-    distinct.push_back(cell);
-  }
-  return distinct;
-}
-
-tiles::RefinementCriterion WorkingSet::refinement_criterion(const std::vector<Cell>& cells) const {
+tiles::RefinementCriterion WorkingSet::refinement_criterion(const SensorCells& cells, const DetailLimit& detail,
+                                                            double* worst_px) const {
   const geometry::SE3 T_local_tileset = placement_.T_local_tileset;
   tiles::RefinementCriterion all;
   if (follows_sensors_) {
-    const auto fine_enough = [cells, T_local_tileset, error_px = error_px_.load(), error_m = options_.load.error_m](
-                                 const tiles::BoundingVolume& volume, double geometric_error_m) {
-      if (geometric_error_m <= error_m) return true;
-      return std::ranges::all_of(cells, [&](const Cell& cell) {
-        const double away_m = tiles::distance_m(volume, T_local_tileset, {cell[0], cell[1], cell[2]}) - kCellRadius_m;
-        return geometric_error_m * cell[3] <= error_px * std::max(0.0, away_m);
-      });
-    };
-    all = {.intersects = [](const tiles::BoundingVolume&) { return true; }, .is_fine_enough = fine_enough};
+    SensorCriterion wanted{T_local_tileset, detail, options_.load.error_m, options_.max_distance_m, {}};
+    if (placement_.local_frame && tiles::is_georeferenced(*tree_)) wanted.horizon.emplace(*placement_.local_frame);
+    all = wanted.for_cells(cells, worst_px);
   } else {
     all = tiles::region_criterion(placement_.region, T_local_tileset, options_.load.error_m);
   }
@@ -183,122 +238,451 @@ tiles::RefinementCriterion WorkingSet::refinement_criterion(const std::vector<Ce
 
 std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const SensorViewpoint> viewpoints) {
   if (!follows_sensors_) return current();
-  const std::lock_guard lock(loading_mutex_);
-  const std::vector<Cell> cells = cells_around(viewpoints);
-  if (const auto place = current(); place && cells == cells_ && !(place->loaded().tiles_failed > 0 && may_retry()))
-    return place;
-  return load(cells, {});
+  const SensorCells cells = cells_around(viewpoints);
+  std::shared_ptr<const ResidentScene> scene = enter_prepared(cells);
+  if (!scene) {
+    const Waiting waiting(waiting_);
+    Lock lock(loading_mutex_);
+    scene = enter_prepared(cells);  // another caller may have waited for the same
+    if (!scene) {
+      ++waits_;
+      Prepared next = load(cells, lock, {});
+      scene = next.scene;
+      enter(std::move(next));
+      make_room(nullptr);
+    }
+  }
+  plan_ahead(viewpoints);
+  return scene;
 }
 
-/// Loads the scene for these cells; requires loading_mutex_.
-std::shared_ptr<const ResidentScene> WorkingSet::load(const std::vector<Cell>& cells, const Progress& progress) {
-  while (true) {
-    if (auto place = try_load(cells, progress)) {
-      set_current(*place);
-      cells_ = cells;
-      return *place;
+/// The scene for these cells, if it is at hand, which becomes the present one.
+std::shared_ptr<const ResidentScene> WorkingSet::enter_prepared(const SensorCells& cells) {
+  DetailLimit before, now;
+  std::shared_ptr<const ResidentScene> scene;
+  {
+    const std::lock_guard lock(scenes_mutex_);
+    if (!present_ || present_->cells != cells || present_->pins != pins_) {
+      const auto at = std::ranges::find_if(others_, [&](const Prepared& other) {
+        return other.cells == cells && other.wanted == detail_ && other.pins == pins_;
+      });
+      if (at == others_.end()) return nullptr;
+      Prepared left = std::move(*present_);
+      present_ = std::move(*at);
+      others_.erase(at);
+      others_.push_front(std::move(left));
     }
+    if (present_->scene->loaded().tiles_failed > 0 && may_retry()) return nullptr;
+    before = detail_;
+    now = detail_ = present_->wanted = present_->detail;  // a search that begins there ends there
+    error_px_ = std::max(options_.error_px, present_->worst_px);
+    scene = present_->scene;
+  }
+  tell_detail(before, now);
+  return scene;
+}
+
+/// Makes it the present one.
+void WorkingSet::enter(Prepared next) {
+  DetailLimit before;
+  const DetailLimit now = next.detail;
+  std::list<Prepared> gone;  // freed without the lock
+  {
+    const std::lock_guard lock(scenes_mutex_);
+    before = detail_;
+    detail_ = now;
+    error_px_ = std::max(options_.error_px, next.worst_px);
+    for (auto at = others_.begin(); at != others_.end();) {
+      const auto other = at++;
+      if (other->cells == next.cells) gone.splice(gone.end(), others_, other);
+    }
+    if (present_ && present_->cells != next.cells) others_.push_front(std::move(*present_));
+    present_ = std::move(next);
+    present_->wanted = now;  // a search that begins there ends there
+  }
+  tell_detail(before, now);
+}
+
+void WorkingSet::tell_detail(const DetailLimit& before, const DetailLimit& now) const {
+  if (before == now) return;
+  std::string line =
+      "the tiles that the sensors can see do not fit into memory: their screen-space error is raised to ";
+  line += std::to_string(now.error_px) + " pixels";
+  if (std::isfinite(now.full_detail_m))
+    line += ", in proportion to distance beyond " + std::to_string(std::lround(now.full_detail_m)) + " m";
+  log_line(line + "; the largest is " + std::to_string(error_px_.load()) + " pixels");
+}
+
+/// The scene for these cells, coarser if memory is short.
+WorkingSet::Prepared WorkingSet::load(const SensorCells& cells, Lock& lock, const Progress& progress) {
+  const bool first = current() == nullptr;
+  const DetailLimit wanted = wanted_detail();
+  DetailLimit detail = first ? first_detail(cells, progress) : wanted;
+  while (true) {
+    Attempt attempt(cells, wanted, detail);
+    if (make(attempt, lock, progress) == Outcome::kMade) return std::move(attempt).prepared();
     if (!pinned_.empty()) {
       log_line(
           "the tiles that the sensors can see do not fit into memory: the oldest region of tfLoadRegion is unloaded");
       pinned_.erase(pinned_.begin());
+      count_pin_change();
       continue;
     }
-    if (!follows_sensors_ || error_px_ * kErrorGrowth > kCoarsest_px)
-      throw InputError(transport::redact_source(options_.source), "does not fit into the memory limit (--memory)");
-    error_px_ = error_px_ * kErrorGrowth;
-    log_line("the tiles that the sensors can see do not fit into memory: their screen-space error is raised to " +
-             std::to_string(error_px_.load()) + " pixels");
+    const std::optional<DetailLimit> coarser = detail.coarser();
+    if (!coarser) {
+      throw InputError(
+          transport::redact_source(options_.source),
+          "even the coarsest tiles that the sensors can see take more than two thirds of the memory limit; raise "
+          "it (--memory) or see less far (--view-distance)");
+    }
+    detail = *coarser;
   }
 }
 
-/// nullopt if it exceeds the memory limit.
-std::optional<std::shared_ptr<const ResidentScene>> WorkingSet::try_load(const std::vector<Cell>& cells,
-                                                                         const Progress& progress) {
-  const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion(cells));
+/// Selects and reads what the attempt's scene consists of. Throws InputError.
+WorkingSet::Outcome WorkingSet::make(Attempt& attempt, Lock& lock, const Progress& progress) {
+  attempt.number = ++attempts_;
+  {
+    const std::lock_guard scenes(scenes_mutex_);
+    attempt.pins = pins_;
+  }
+  attempt.cut = tiles::select_cut(*tree_, refinement_criterion(attempt.cells, attempt.detail, &attempt.worst_px));
+  attempt.scene = find_same(attempt.cut);
+  if (attempt.scene) return Outcome::kMade;
+  if (!take_known_tiles(attempt)) return Outcome::kTooLarge;
+  const Outcome outcome = read_missing(attempt, lock, progress);
+  if (outcome == Outcome::kMade) finish(attempt);
+  return outcome;
+}
+
+/// A complete scene of the same tiles.
+std::shared_ptr<const ResidentScene> WorkingSet::find_same(const tiles::TileCut& cut) const {
+  const std::lock_guard lock(scenes_mutex_);
+  const auto is_same = [&](const Prepared& one) {
+    return one.scene->loaded().tiles_failed == 0 &&
+           std::ranges::equal(cut.contents, one.scene->tiles(), {}, key_of, &ResidentTile::key);
+  };
+  if (present_ && is_same(*present_)) return present_->scene;
+  const auto at = std::ranges::find_if(others_, is_same);
+  return at == others_.end() ? nullptr : at->scene;
+}
+
+/// Takes the tiles that are in memory; false if those whose size is known exceed the limit.
+bool WorkingSet::take_known_tiles(Attempt& attempt) {
   const std::shared_ptr<const ResidentScene> before = current();
-  if (before && cut.hash == cut_hash_ && before->loaded().tiles_failed == 0) return before;
-  std::vector<ResidentTile> tiles(cut.contents.size());
-  std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < tiles.size(); ++i) {
-    tiles[i].identity = cut.contents[i].identity;
-    tiles[i].geometric_error_m = cut.contents[i].geometric_error_m;
-    const ResidentTile* known = before ? before->find(tiles[i].identity) : nullptr;
-    if (known != nullptr) {
-      tiles[i].meshes = before->copy_meshes(*known);
+  attempt.failures = attempt.cut.failures;
+  attempt.tiles.resize(attempt.cut.contents.size());
+  std::vector<std::shared_ptr<const ResidentPart>> kept;
+  for (std::size_t i = 0; i < attempt.tiles.size(); ++i) {
+    ResidentTile& tile = attempt.tiles[i];
+    tile.key = key_of(attempt.cut.contents[i]);
+    tile.geometric_error_m = attempt.cut.contents[i].geometric_error_m;
+    const auto known = known_tiles_.find(*tile.key);
+    if (known != known_tiles_.end()) {
+      attempt.bytes += known->second.bytes;
+      tile.part = known->second.part.lock();
+    }
+    if (tile.part) {
+      tile.mesh_count = tile.part->scene()->meshes().size();
+      kept.push_back(tile.part);
+    } else if (auto meshes = before && !follows_sensors_ ? before->copy_meshes(*tile.key) : std::nullopt) {
+      attempt.meshes[i] = std::move(*meshes);
     } else {
-      missing.push_back(i);
+      attempt.missing.push_back(i);
     }
   }
+  preparing_ = std::move(kept);
+  return attempt.bytes <= scene_limit_bytes();
+}
+
+WorkingSet::Outcome WorkingSet::read_missing(Attempt& attempt, Lock& lock, const Progress& progress) {
+  const bool ahead = attempt.when == When::kAhead;
+  const std::size_t files = !ahead ? kFilesNow : tree_->is_high_latency() ? kDistantFilesAhead : kFilesAhead;
+  for (const auto& batch : batches_of(attempt.cut, attempt.missing, files)) {
+    if (ahead && is_interrupted(attempt.cells)) return Outcome::kInterrupted;
+    if (!read_batch(attempt, batch, progress)) return Outcome::kTooLarge;
+    if (!follows_sensors_) continue;
+    prepare_batch(attempt, batch, lock);
+    if (attempt.number != attempts_) return Outcome::kInterrupted;  // another scene was made meanwhile
+    if (!make_room(ahead ? &attempt : nullptr)) return Outcome::kNoRoom;
+  }
+  return Outcome::kMade;
+}
+
+/// False if the tiles exceed the memory limit. Tiles that cannot be read lose their key, so that the next scene
+/// does not treat them as loaded.
+bool WorkingSet::read_batch(Attempt& attempt, std::span<const std::size_t> batch, const Progress& progress) {
+  // Its own count of the bytes differs a little from resident_bytes(), which decides.
+  std::vector<tiles::LoadedContent> contents =
+      tiles::read_cut(*source_, *tree_, part_of(attempt.cut, batch), placement_.T_local_tileset, true, progress,
+                      2 * scene_limit_bytes());
+  if (contents.size() < batch.size()) return false;
+  for (std::size_t k = 0; k < batch.size(); ++k) {
+    ResidentTile& tile = attempt.tiles[batch[k]];
+    if (!contents[k].failure.empty()) {
+      attempt.failures.push_back(contents[k].failure);
+      tile.key.reset();
+      continue;
+    }
+    ++tiles_read_;
+    base::add_distinct(contents[k].copyrights, attribution_);
+    const auto [known, is_new] = known_tiles_.try_emplace(*tile.key);
+    if (is_new) attempt.bytes += known->second.bytes = resident_bytes(contents[k].meshes);
+    attempt.meshes[batch[k]] = std::move(contents[k].meshes);
+  }
+  return attempt.bytes <= scene_limit_bytes();
+}
+
+/// Makes parts of the meshes. They are the attempt's own, so that others may read and select meanwhile.
+void WorkingSet::prepare_batch(Attempt& attempt, std::span<const std::size_t> batch, Lock& lock) {
+  if (attempt.when == When::kAhead) lock.unlock();
+  tbb::parallel_for(std::size_t{0}, batch.size(), [&](std::size_t k) {
+    const auto read = attempt.meshes.find(batch[k]);
+    if (read == attempt.meshes.end()) return;
+    ResidentTile& tile = attempt.tiles[batch[k]];
+    tile.mesh_count = read->second.size();
+    tile.part = std::make_shared<const ResidentPart>(std::move(read->second), *frame_);
+  });
+  attempt.meshes.clear();
+  if (attempt.when == When::kAhead) lock.lock();
+  if (attempt.number != attempts_) return;
+  for (const std::size_t i : batch) {
+    if (!attempt.tiles[i].part) continue;
+    known_tiles_[*attempt.tiles[i].key].part = attempt.tiles[i].part;
+    preparing_.push_back(attempt.tiles[i].part);
+  }
+}
+
+void WorkingSet::finish(Attempt& attempt) {
   LoadedRegion loaded;
-  loaded.tiles_wanted = static_cast<int>(cut.contents.size() + cut.failures.size());
-  loaded.geometric_error_max = static_cast<float>(cut.geometric_error_max_m);
-  loaded.failures = cut.failures;
-  if (!read_missing(cut, missing, tiles, loaded, progress)) return std::nullopt;
-  for (const ResidentTile& tile : tiles) loaded.bytes += resident_bytes(tile.meshes);
-  if (loaded.bytes > scene_limit_bytes()) return std::nullopt;
+  loaded.tiles_wanted = static_cast<int>(attempt.cut.contents.size() + attempt.cut.failures.size());
+  loaded.geometric_error_max = static_cast<float>(attempt.cut.geometric_error_max_m);
+  loaded.failures = std::move(attempt.failures);
+  loaded.bytes = attempt.bytes;
   loaded.tiles_failed = static_cast<int>(loaded.failures.size());
   loaded.tiles_loaded = loaded.tiles_wanted - loaded.tiles_failed;
   loaded.complete = loaded.tiles_failed == 0;
-  if (!loaded.complete) last_failure_ = std::chrono::steady_clock::now();
   for (const std::string& failure : loaded.failures) log_line(failure);
-  cut_hash_ = cut.hash;
+  if (!loaded.complete) {
+    const std::lock_guard lock(scenes_mutex_);
+    last_failure_ = std::chrono::steady_clock::now();
+  }
   ++scenes_built_;
-  return std::make_shared<const ResidentScene>(std::move(tiles), anchor(), std::move(loaded), before.get());
+  if (follows_sensors_) {
+    attempt.scene = std::make_shared<const ResidentScene>(std::move(attempt.tiles), *frame_, std::move(loaded));
+    preparing_.clear();
+    return;
+  }
+  std::vector<imaging::TexturedMesh> all;
+  for (auto& [tile, meshes] : attempt.meshes) {
+    attempt.tiles[tile].mesh_count = meshes.size();
+    std::ranges::move(meshes, std::back_inserter(all));
+  }
+  auto whole = std::make_shared<const ResidentPart>(place::with_placeholder(std::move(all)), *frame_);
+  attempt.scene = std::make_shared<const ResidentScene>(std::move(attempt.tiles), std::move(whole), std::move(loaded));
+}
+
+/// Memory for a cut, from a sample of its contents.
+std::uintmax_t WorkingSet::estimate_bytes(const tiles::TileCut& cut, const Progress& progress) {
+  const std::size_t count = std::min(kSampledContents, cut.contents.size());
+  std::vector<std::size_t> unknown;
+  std::uintmax_t bytes = 0;
+  std::size_t sampled = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = k * cut.contents.size() / count;
+    const auto known = known_tiles_.find(*key_of(cut.contents[i]));
+    if (known == known_tiles_.end()) {
+      unknown.push_back(i);
+    } else {
+      bytes += known->second.bytes;
+      ++sampled;
+    }
+  }
+  const std::vector<tiles::LoadedContent> contents =
+      tiles::read_cut(*source_, *tree_, part_of(cut, unknown), placement_.T_local_tileset, true, progress);
+  for (std::size_t k = 0; k < contents.size(); ++k) {
+    if (!contents[k].failure.empty()) continue;
+    bytes += known_tiles_[*key_of(cut.contents[unknown[k]])].bytes = resident_bytes(contents[k].meshes);
+    ++sampled;
+  }
+  return sampled == 0 ? 0 : bytes / sampled * cut.contents.size();
+}
+
+/// The detail at which to begin the search for one that fits: of the first scene, too large cuts are not read to find
+/// that out, if a sample tells. (Later ones differ little from the one before.)
+DetailLimit WorkingSet::first_detail(const SensorCells& cells, const Progress& progress) {
+  DetailLimit detail = detail_;
+  while (true) {
+    const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion(cells, detail, nullptr));
+    if (cut.contents.size() <= kSampledContents || estimate_bytes(cut, progress) <= scene_limit_bytes() * 3 / 2)
+      return detail;
+    const std::optional<DetailLimit> coarser = detail.coarser();
+    if (!coarser) return detail;
+    detail = *coarser;
+  }
+}
+
+/// Forgets scenes until all fit into memory, with the tiles of the scene in the making: first those that were not used
+/// for longest, then those that lie ahead farthest. `ahead`: the scene in the making has to fit beside those that are
+/// needed before it; false if it does not.
+bool WorkingSet::make_room(const Attempt* ahead) {
+  std::list<Prepared> gone;  // freed without the lock
+  const std::lock_guard lock(scenes_mutex_);
+  const auto rank = [&](const SensorCells& cells) { return std::ranges::find(ahead_, cells) - ahead_.begin(); };
+  others_.sort([&](const Prepared& a, const Prepared& b) { return rank(a.cells) < rank(b.cells); });
+  const auto first_after = std::ranges::find_if(
+      others_, [&](const Prepared& other) { return ahead == nullptr || rank(other.cells) >= rank(ahead->cells); });
+  std::set<const ResidentPart*> counted;
+  std::uintmax_t bytes = present_ ? count_bytes(*present_, counted) : 0;
+  for (auto at = others_.begin(); at != first_after; ++at) bytes += count_bytes(*at, counted);
+  for (const auto& part : preparing_) bytes += counted.insert(part.get()).second ? part->bytes() : 0;
+  if (ahead != nullptr && bytes > options_.max_memory_bytes) return false;
+  auto kept = static_cast<std::size_t>(std::distance(others_.begin(), first_after));
+  auto at = first_after;
+  for (; at != others_.end(); ++at) {
+    bytes += count_bytes(*at, counted);
+    if (++kept > kScenesKept || bytes > options_.max_memory_bytes) break;
+  }
+  gone.splice(gone.end(), others_, at, others_.end());
+  return true;
+}
+
+/// Of the tiles that were not counted before.
+std::uintmax_t WorkingSet::count_bytes(const Prepared& one, std::set<const ResidentPart*>& counted) const {
+  if (!follows_sensors_) return one.scene->loaded().bytes;
+  std::uintmax_t bytes = 0;
+  for (const ResidentTile& tile : one.scene->tiles())
+    bytes += tile.part && counted.insert(tile.part.get()).second ? tile.part->bytes() : 0;
+  return bytes;
+}
+
+std::uintmax_t WorkingSet::memory_bytes() const {
+  const std::lock_guard lock(scenes_mutex_);
+  std::set<const ResidentPart*> counted;
+  std::uintmax_t bytes = present_ ? count_bytes(*present_, counted) : 0;
+  for (const Prepared& other : others_) bytes += count_bytes(other, counted);
+  return bytes;
+}
+
+/// Asks for the scenes of the cells that the sensors are about to enter.
+void WorkingSet::plan_ahead(std::span<const SensorViewpoint> viewpoints) {
+  if (!options_.prefetch) return;
+  {
+    const std::lock_guard lock(scenes_mutex_);
+    std::optional<std::vector<SensorCells>> next = motion_.predict(viewpoints, kScenesAhead);
+    if (!next || *next == ahead_) return;
+    ahead_ = std::move(*next);
+    is_planned_ = true;
+  }
+  wake_.notify_all();
+}
+
+/// Runs in a thread of its own, with the help of no other: clock and pictures have the remaining cores.
+void WorkingSet::prefetch(const std::stop_token& stop) {
+  tbb::task_arena alone(1);
+  while (true) {
+    std::vector<SensorCells> ahead;
+    {
+      std::unique_lock lock(scenes_mutex_);
+      is_prefetching_ = false;
+      wake_.notify_all();
+      if (!wake_.wait(lock, stop, [this] { return is_planned_; })) return;
+      ahead = ahead_;
+      is_planned_ = false;
+      is_prefetching_ = true;
+    }
+    for (const SensorCells& cells : ahead) {
+      while (alone.execute([&] { return prepare_ahead(cells); }) == Outcome::kInterrupted && is_ahead(cells))
+        while (waiting_ > 0 && !stop.stop_requested()) std::this_thread::sleep_for(kWaitForOthers);
+    }
+  }
+}
+
+/// Makes the scene of these cells unless others need the tree. What fails here is told when the cells are entered,
+/// where it is tried again.
+WorkingSet::Outcome WorkingSet::prepare_ahead(const SensorCells& cells) {
+  try {
+    Lock lock(loading_mutex_);
+    if (is_prepared(cells)) return Outcome::kMade;
+    if (is_interrupted(cells)) return Outcome::kInterrupted;
+    const DetailLimit wanted = wanted_detail();
+    for (std::optional<DetailLimit> detail = wanted; detail; detail = detail->coarser()) {
+      Attempt attempt(cells, wanted, *detail, When::kAhead);
+      const Outcome outcome = make(attempt, lock, {});
+      if (outcome == Outcome::kTooLarge && pinned_.empty()) continue;
+      if (outcome != Outcome::kMade) return outcome;
+      {
+        const std::lock_guard scenes(scenes_mutex_);
+        others_.push_front(std::move(attempt).prepared());
+      }
+      make_room(nullptr);
+      return Outcome::kMade;
+    }
+  } catch (const std::exception&) {
+    const std::lock_guard lock(loading_mutex_);
+    preparing_.clear();
+  }
+  return Outcome::kNoRoom;
+}
+
+/// Whether the scene for these cells is at hand.
+bool WorkingSet::is_prepared(const SensorCells& cells) const {
+  const std::lock_guard lock(scenes_mutex_);
+  const auto serves = [&](const Prepared& one) { return one.cells == cells && one.pins == pins_; };
+  return (present_ && serves(*present_)) ||
+         std::ranges::any_of(others_, [&](const Prepared& one) { return serves(one) && one.wanted == detail_; });
+}
+
+/// Whether making the scene of these cells ahead must end: somebody waits, or they do not lie ahead any more.
+bool WorkingSet::is_interrupted(const SensorCells& cells) const { return waiting_ > 0 || !is_ahead(cells); }
+
+bool WorkingSet::is_ahead(const SensorCells& cells) const {
+  if (prefetcher_.get_stop_token().stop_requested()) return false;
+  const std::lock_guard lock(scenes_mutex_);
+  return std::ranges::find(ahead_, cells) != ahead_.end();
+}
+
+void WorkingSet::wait_until_prefetched() {
+  std::unique_lock lock(scenes_mutex_);
+  wake_.wait(lock, [this] { return !is_planned_ && !is_prefetching_; });
+}
+
+DetailLimit WorkingSet::wanted_detail() const {
+  const std::lock_guard lock(scenes_mutex_);
+  return detail_;
 }
 
 Vec3 WorkingSet::anchor() const {
   return placement_.region.size.norm() < kMaxAnchoredExtent_m ? placement_.region.center : Vec3(Vec3::Zero());
 }
 
-/// Whether to retry tiles that could not be read.
-bool WorkingSet::may_retry() {
-  const auto now = std::chrono::steady_clock::now();
-  if (now - last_failure_ < kRetryAfter) return false;
-  last_failure_ = now;
-  return true;
-}
-
-/// Returns false if the missing tiles exceed the memory limit. Tiles that cannot be read lose their identity, so that
-/// the next scene does not treat them as loaded.
-bool WorkingSet::read_missing(const tiles::TileCut& cut, const std::vector<std::size_t>& missing,
-                              std::vector<ResidentTile>& tiles, LoadedRegion& loaded, const Progress& progress) {
-  tiles::TileCut part;
-  for (const std::size_t i : missing) part.contents.push_back(cut.contents[i]);
-  std::vector<tiles::LoadedContent> contents =
-      tiles::read_cut(*source_, *tree_, part, placement_.T_local_tileset, true, progress, scene_limit_bytes());
-  if (contents.size() < missing.size()) return false;
-  for (std::size_t k = 0; k < missing.size(); ++k) {
-    ResidentTile& tile = tiles[missing[k]];
-    if (!contents[k].failure.empty()) {
-      loaded.failures.push_back(contents[k].failure);
-      tile.identity.clear();
-      continue;
-    }
-    ++tiles_read_;
-    tile.meshes = std::move(contents[k].meshes);
-    base::add_distinct(contents[k].copyrights, attribution_);
-  }
-  return true;
-}
+/// Whether to retry tiles that could not be read; requires scenes_mutex_.
+bool WorkingSet::may_retry() const { return std::chrono::steady_clock::now() - last_failure_ >= options_.retry_after; }
 
 LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m,
                                     std::span<const SensorViewpoint> viewpoints) {
   if (!tree_) return current()->loaded();
-  const std::lock_guard lock(loading_mutex_);
+  const Waiting waiting(waiting_);
+  Lock lock(loading_mutex_);
   const std::vector<PinnedRegion> before = pinned_;
   if (pinned_.size() >= kMaxPinned) pinned_.erase(pinned_.begin());
   pinned_.push_back({{box_local.center(), box_local.sizes(), {}}, error_m});
-  const std::vector<Cell> cells = cells_around(viewpoints);
-  const auto place = try_load(cells, {});
-  if (!place) {
+  count_pin_change();
+  Attempt attempt(follows_sensors_ ? cells_around(viewpoints) : SensorCells{}, wanted_detail(), wanted_detail());
+  if (make(attempt, lock, {}) != Outcome::kMade) {
     pinned_ = before;
+    count_pin_change();
     throw InputError(transport::redact_source(options_.source),
                      "the region needs more memory than is left: request a smaller region or coarser tiles");
   }
-  set_current(*place);
-  cells_ = cells;
-  return (*place)->loaded();
+  enter(std::move(attempt).prepared());
+  return current()->loaded();
+}
+
+/// Scenes made for other pinned regions are of no use any more.
+void WorkingSet::count_pin_change() {
+  const std::lock_guard lock(scenes_mutex_);
+  ++pins_;
 }
 
 geometry::TriangleMesh WorkingSet::triangles_in(const Box3& box_local, double error_m) const {
@@ -310,6 +694,7 @@ geometry::TriangleMesh WorkingSet::triangles_in(const Box3& box_local, double er
 
 geometry::TriangleMesh WorkingSet::read_triangles(const Box3& box_local, double error_m, Broken broken) const {
   const std::string name = transport::redact_source(options_.source);
+  const Waiting waiting(waiting_);
   const std::lock_guard lock(loading_mutex_);
   const tiles::Region region{box_local.center(), box_local.sizes(), {}};
   const tiles::TileCut cut =

@@ -2,17 +2,23 @@
 
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <functional>
+#include <list>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/simulator/resident_scene.h"
+#include "tileflight/simulator/sensor_cells.h"
 #include "tileflight/simulator/simulator.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/placement.h"
@@ -21,25 +27,23 @@
 
 namespace tileflight::simulator {
 
-/// Position and angular resolution of a sensor that may look in any direction.
-struct SensorViewpoint {
-  geometry::Vec3 position = geometry::Vec3::Zero();  ///< local frame
-  double pixels_per_rad = 100.0;
-};
-
 /// The tiles in memory, which follow what sensors can see.
 ///
-/// The tile cut is computed for the cells, cubes of kCellSize_m, that contain the viewpoints: every tile has an error
-/// of at most `error_px` pixels from anywhere in the cell, in all directions. So images have no holes and no coarser
-/// levels, however a vehicle turns; an image depends only on where the sensors are, not on how they got there; and
-/// nothing is loaded or rebuilt until a sensor enters another cell. Tiles that are also in the next cut are kept, with
-/// all data derived from their textures.
+/// The tile cut is computed for the cells, cubes of SensorCell::kSize_m, that contain the viewpoints: every tile has an
+/// error of at most `error_px` pixels from anywhere in the cell, in all directions. So images have no holes and no
+/// coarser levels, however a vehicle turns; an image depends only on where the sensors are, not on how they got there;
+/// and nothing is loaded or rebuilt until a sensor enters another cell. Tiles that are also in the next cut are kept,
+/// with their trees and all data derived from their textures.
 ///
-/// If a cut does not fit into the memory limit, the allowed error is raised until it does, and stays raised.
+/// A thread of its own makes the scenes of the cells that lie ahead, so that entering one is the exchange of a pointer.
+/// It changes nothing about any scene, only when it is made: a cell that is not ready is waited for. The last few
+/// scenes are kept, too. All scenes together stay within the memory limit. (After a jump, the scene that is left is
+/// kept until the next one is there: together they may exceed it by a third meanwhile, if they have no tile in common.)
+///
+/// If a cut takes more than two thirds of the limit, the allowed error is raised until it does (far tiles first, see
+/// DetailLimit), and stays raised.
 class WorkingSet {
  public:
-  static constexpr double kCellSize_m = 24.0;
-
   /// Opens the source and determines the local frame. Throws InputError.
   WorkingSet(const SimulatorOptions& options, SimulatorLog log, const Progress& progress);
   /// A place that consists of the given meshes.
@@ -50,11 +54,17 @@ class WorkingSet {
   geometry::Vec3 center() const { return placement_.region.center; }
   geometry::Box3 bounds() const { return placement_.region.box(); }
   bool follows_sensors() const { return follows_sensors_; }
+  /// The largest error of the tiles in memory, pixels, as seen from the sensors' cells, or the allowed error if that is
+  /// larger. (The finest tiles there are count as without error.)
   double error_px() const { return error_px_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
   std::vector<std::string> attribution() const;
   std::uint64_t scenes_built() const { return scenes_built_; }
   std::uint64_t tiles_read() const { return tiles_read_; }
+  /// Number of calls of load_for() that had to wait for a scene.
+  std::uint64_t waits() const { return waits_; }
+  /// Of all tiles in memory: of the current scene, and of others that are kept or made ahead.
+  std::uintmax_t memory_bytes() const;
 
   /// Returns a scene with everything that the sensors need, loading it if necessary. Throws InputError if not even the
   /// coarsest tiles fit.
@@ -69,49 +79,112 @@ class WorkingSet {
   geometry::TriangleMesh triangles_in(const geometry::Box3& box_local, double error_m) const;
   /// Height of the highest surface at a horizontal position of the local frame, not above `below_z`.
   std::optional<double> surface_z(double x, double y, double below_z) const;
+  /// Waits until no scene is being made ahead, or about to be. For tests.
+  void wait_until_prefetched();
 
  private:
   struct PinnedRegion {
     tiles::Region region;
     double error_m = 0.0;
   };
-  using Cell = std::array<double, 4>;  ///< centre x, y, z and pixels per radian
+  /// A scene, and what it was made for.
+  struct Prepared {
+    SensorCells cells;
+    DetailLimit wanted;      ///< limit at which the search for one that fits began
+    DetailLimit detail;      ///< that of the scene
+    std::uint64_t pins = 0;  ///< number of changes of the pinned regions before
+    double worst_px = 0.0;   ///< largest error of a tile
+    std::shared_ptr<const ResidentScene> scene;
+  };
+  /// What is known of a tile's content.
+  struct KnownTile {
+    std::uintmax_t bytes = 0;  ///< in memory
+    std::weak_ptr<const ResidentPart> part;
+  };
+  /// kNoRoom: memory is needed for scenes that come first; kInterrupted: somebody waits, or the cells do not lie ahead.
+  enum class Outcome { kMade, kTooLarge, kNoRoom, kInterrupted };
+  struct Attempt;  ///< working_set.cpp
+  enum class When { kNow, kAhead };
+  using Lock = std::unique_lock<std::mutex>;
 
   void open(const Progress& progress);
   void choose_residency(const Progress& progress);
+  bool load_whole_region(const Progress& progress);
   bool is_default_origin_elsewhere(const std::string& name) const;
-  std::vector<Cell> cells_around(std::span<const SensorViewpoint> viewpoints) const;
-  tiles::RefinementCriterion refinement_criterion(const std::vector<Cell>& cells) const;
-  std::shared_ptr<const ResidentScene> load(const std::vector<Cell>& cells, const Progress& progress);
-  std::optional<std::shared_ptr<const ResidentScene>> try_load(const std::vector<Cell>& cells,
-                                                               const Progress& progress);
-  bool read_missing(const tiles::TileCut& cut, const std::vector<std::size_t>& missing,
-                    std::vector<ResidentTile>& tiles, LoadedRegion& loaded, const Progress& progress);
+  tiles::RefinementCriterion refinement_criterion(const SensorCells& cells, const DetailLimit& detail,
+                                                  double* worst_px) const;
+
+  // Making scenes. `lock` holds loading_mutex_; a scene that is made ahead gives it up in between.
+  Prepared load(const SensorCells& cells, Lock& lock, const Progress& progress);
+  Outcome make(Attempt& attempt, Lock& lock, const Progress& progress);
+  std::shared_ptr<const ResidentScene> find_same(const tiles::TileCut& cut) const;
+  bool take_known_tiles(Attempt& attempt);
+  Outcome read_missing(Attempt& attempt, Lock& lock, const Progress& progress);
+  bool read_batch(Attempt& attempt, std::span<const std::size_t> batch, const Progress& progress);
+  void prepare_batch(Attempt& attempt, std::span<const std::size_t> batch, Lock& lock);
+  void finish(Attempt& attempt);
+  std::uintmax_t estimate_bytes(const tiles::TileCut& cut, const Progress& progress);
+  DetailLimit first_detail(const SensorCells& cells, const Progress& progress);
+
+  // Scenes at hand.
+  std::shared_ptr<const ResidentScene> enter_prepared(const SensorCells& cells);
+  void enter(Prepared next);
+  bool make_room(const Attempt* ahead);
+  std::uintmax_t count_bytes(const Prepared& one, std::set<const ResidentPart*>& counted) const;
+  void tell_detail(const DetailLimit& before, const DetailLimit& now) const;
+
+  // Prefetching.
+  void plan_ahead(std::span<const SensorViewpoint> viewpoints);
+  void prefetch(const std::stop_token& stop);
+  Outcome prepare_ahead(const SensorCells& cells);
+  bool is_prepared(const SensorCells& cells) const;
+  bool is_interrupted(const SensorCells& cells) const;
+  bool is_ahead(const SensorCells& cells) const;
+
   enum class Broken { kRefused, kLeftOut };
   geometry::TriangleMesh read_triangles(const geometry::Box3& box_local, double error_m, Broken tiles) const;
-  void set_current(std::shared_ptr<const ResidentScene> place);
   void log_line(const std::string& line) const;
   geometry::Vec3 anchor() const;
-  bool may_retry();
-  std::uintmax_t scene_limit_bytes() const { return options_.max_memory_bytes / 2; }
+  bool may_retry() const;
+  DetailLimit wanted_detail() const;
+  void count_pin_change();
+  /// Of one scene. What follows the sensors shares most of its tiles with the next scene, which must fit beside it.
+  std::uintmax_t scene_limit_bytes() const { return options_.max_memory_bytes / 6 * (follows_sensors_ ? 4 : 3); }
 
   SimulatorOptions options_;
   SimulatorLog log_;
-  mutable std::mutex loading_mutex_;  ///< guards tree, cells_ and loading
   std::unique_ptr<transport::TileSource> source_;
   std::unique_ptr<tiles::TilesetTree> tree_;
   tiles::Placement placement_;
+  std::optional<scene::SceneFrame> frame_;
   bool follows_sensors_ = false;
-  std::atomic<double> error_px_{1.0};
-  std::vector<PinnedRegion> pinned_;
-  std::vector<Cell> cells_;  ///< of the current scene
-  std::string cut_hash_;     ///< of the current scene
-  std::chrono::steady_clock::time_point last_failure_{};
   std::vector<std::string> warnings_;
+  std::atomic<double> error_px_{1.0};
+  std::atomic<std::uint64_t> scenes_built_{0}, tiles_read_{0}, waits_{0};
+
+  /// Guards what follows, and reading. Locked before scenes_mutex_.
+  mutable std::mutex loading_mutex_;
+  std::vector<PinnedRegion> pinned_;
+  std::map<TileKey, KnownTile> known_tiles_;
+  std::vector<std::shared_ptr<const ResidentPart>> preparing_;  ///< of the scene that is being made
+  std::uint64_t attempts_ = 0;                                  ///< to make a scene
   std::vector<std::string> attribution_;
-  std::atomic<std::uint64_t> scenes_built_{0}, tiles_read_{0};
-  mutable std::mutex current_mutex_;
-  std::shared_ptr<const ResidentScene> current_;
+
+  /// Guards what follows; held for moments only.
+  mutable std::mutex scenes_mutex_;
+  std::optional<Prepared> present_;
+  std::list<Prepared> others_;  ///< entered before or made ahead, the latest first
+  DetailLimit detail_;
+  std::uint64_t pins_ = 0;
+  std::chrono::steady_clock::time_point last_failure_{};
+  SensorMotion motion_;
+  std::vector<SensorCells> ahead_;  ///< cells to prepare
+  bool is_planned_ = false;         ///< `ahead_` is not yet being worked on
+  bool is_prefetching_ = false;
+  std::condition_variable_any wake_;
+
+  mutable std::atomic<int> waiting_{0};  ///< callers that wait for a scene
+  std::jthread prefetcher_;              ///< last member: ends first
 };
 
 }  // namespace tileflight::simulator

@@ -1,10 +1,19 @@
 #include "tileflight/simulator/working_set.h"
 
 #include <gmock/gmock.h>
+
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <numbers>
+#include <set>
+#include <thread>
 
 #include "tests/temporary_folder.h"
 #include "tests/tiny_place.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/simulator/simulator.h"
 
 namespace tileflight::simulator::working_set_test {
@@ -23,6 +32,7 @@ class FollowingTiles : public testing::Test {
     SimulatorOptions options;
     options.source = folder_.path().string();
     options.residency = following;
+    options.prefetch = false;  // so that counts of what is read are told by the positions alone
     options.settings = R"({"SimMode": "ComputerVision", "StepOnDemand": true})";
     return options;
   }
@@ -113,7 +123,7 @@ TEST_F(FollowingTiles, WithTooLittleMemoryTilesGetCoarserAndNothingIsMissing) {
   SimulatorOptions little = options(TileResidency::kAuto);
   std::vector<std::string> lines;
   WorkingSet all(options(TileResidency::kRegion), SimulatorLog(), Progress());
-  little.max_memory_bytes = 2 * all.current()->loaded().bytes - 1000;
+  little.max_memory_bytes = all.current()->loaded().bytes * 7 / 5;
   WorkingSet world(little, [&](const std::string& line) { lines.push_back(line); }, {});
   EXPECT_TRUE(world.follows_sensors()) << "the whole region does not fit";
   const auto place = world.load_for(std::vector<SensorViewpoint>{{Vec3(0, 0, 300), 200.0}});
@@ -121,6 +131,244 @@ TEST_F(FollowingTiles, WithTooLittleMemoryTilesGetCoarserAndNothingIsMissing) {
   EXPECT_EQ(place->loaded().tiles_loaded, 1);
   EXPECT_GT(world.error_px(), 1.0);
   EXPECT_THAT(lines, testing::Contains(testing::HasSubstr("their screen-space error is raised to")));
+}
+
+/// 3 x 3 copies of the place, 80 m apart, by reference to one external tileset.
+class FollowingTilesOfACity : public FollowingTiles {
+ protected:
+  static constexpr double kBlock_m = 2 * TinyPlace::kHalf;
+
+  FollowingTilesOfACity() {
+    nlohmann::json blocks = nlohmann::json::array();
+    for (int i = 0; i < 9; ++i) {
+      blocks.push_back(
+          {{"transform", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, (i % 3 - 1) * kBlock_m, (i / 3 - 1) * kBlock_m, 0, 1}},
+           {"boundingVolume", {{"box", {0, 0, 100, 40, 0, 0, 0, 40, 0, 0, 0, 4}}}},
+           {"geometricError", 16},
+           {"content", {{"uri", "block/tileset.json"}}}});
+    }
+    TinyPlace::write(folder_ / "block");
+    const nlohmann::json root{{"boundingVolume", {{"box", {0, 0, 100, 120, 0, 0, 0, 120, 0, 0, 0, 4}}}},
+                              {"geometricError", 500},
+                              {"refine", "REPLACE"},
+                              {"children", blocks}};
+    TinyPlace::write_file(
+        folder_ / "tileset.json",
+        nlohmann::json{{"asset", {{"version", "1.1"}}}, {"geometricError", 1000}, {"root", root}}.dump());
+  }
+
+  /// With an error of 12 pixels, near blocks are fine and far ones coarse.
+  SimulatorOptions city_options(bool prefetch) const {
+    SimulatorOptions city = options(TileResidency::kFollow);
+    city.prefetch = prefetch;
+    city.error_px = 12.0;
+    return city;
+  }
+  static std::vector<SensorViewpoint> at(double x, double y = 0.0) { return {{Vec3(x, y, 130), 200.0}}; }
+  static std::vector<std::optional<TileKey>> keys_of(const ResidentScene& place) {
+    std::vector<std::optional<TileKey>> keys;
+    for (const ResidentTile& tile : place.tiles()) keys.push_back(tile.key);
+    return keys;
+  }
+  static std::vector<Vec3> vertices_of(const ResidentScene& place) {
+    return scene::merge_meshes(place.scene().meshes()).vertices;
+  }
+};
+
+TEST_F(FollowingTilesOfACity, CopiesOfATilesetKeepTheirPlaces) {
+  WorkingSet moved(city_options(false), SimulatorLog(), Progress());
+  for (const double x : {-100.0, 0.0, 100.0}) {
+    const auto place = moved.load_for(at(x));
+    WorkingSet fresh(city_options(false), SimulatorLog(), Progress());
+    const auto wanted = fresh.load_for(at(x));
+    EXPECT_EQ(vertices_of(*place), vertices_of(*wanted)) << "at " << x;
+    EXPECT_GT(place->loaded().tiles_loaded, 9);
+    EXPECT_LT(place->loaded().tiles_loaded, 36);
+    EXPECT_NEAR(place->scene().bounds().sizes().x(), 240.0, 1.0) << "no hole";
+  }
+}
+
+TEST_F(FollowingTilesOfACity, TilesOfTwoScenesAreTheSameObjects) {
+  WorkingSet world(city_options(false), SimulatorLog(), Progress());
+  const auto before = world.load_for(at(-100));
+  const auto after = world.load_for(at(-60));
+  ASSERT_NE(keys_of(*before), keys_of(*after));
+  int shared = 0;
+  for (const ResidentTile& tile : after->tiles()) {
+    const auto known = std::ranges::find(before->tiles(), tile.key, &ResidentTile::key);
+    if (known == before->tiles().end()) continue;
+    EXPECT_EQ(tile.part, known->part);
+    ++shared;
+  }
+  EXPECT_GT(shared, 5);
+  EXPECT_LT(world.tiles_read(), before->tiles().size() + after->tiles().size());
+}
+
+TEST_F(FollowingTilesOfACity, ACellThatWasPreparedIsEnteredWithoutWaiting) {
+  WorkingSet world(city_options(true), SimulatorLog(), Progress());
+  WorkingSet plain(city_options(false), SimulatorLog(), Progress());
+  std::set<std::vector<std::optional<TileKey>>> cuts;
+  for (double x = -118; x < 100; x += 4.0) {
+    const auto place = world.load_for(at(x));
+    world.wait_until_prefetched();
+    const auto wanted = plain.load_for(at(x));
+    EXPECT_EQ(keys_of(*place), keys_of(*wanted)) << "at " << x;
+    EXPECT_EQ(vertices_of(*place), vertices_of(*wanted)) << "at " << x;
+    cuts.insert(keys_of(*place));
+  }
+  EXPECT_EQ(world.waits(), 1U) << "for the first cell only";
+  EXPECT_GT(plain.waits(), 5U);
+  EXPECT_GT(cuts.size(), 3U) << "the tiles do change on this way";
+}
+
+TEST_F(FollowingTilesOfACity, AJumpIsWaitedForAndGivesTheSame) {
+  WorkingSet world(city_options(true), SimulatorLog(), Progress());
+  for (const double x : {-100.0, 90.0, -90.0, 100.0}) {
+    WorkingSet fresh(city_options(false), SimulatorLog(), Progress());
+    const auto place = world.load_for(at(x, -x)), wanted = fresh.load_for(at(x, -x));
+    EXPECT_EQ(vertices_of(*place), vertices_of(*wanted)) << "at " << x;
+  }
+}
+
+TEST_F(FollowingTilesOfACity, CirclingOverABorderMakesNoSceneAnew) {
+  WorkingSet world(city_options(true), SimulatorLog(), Progress());
+  const auto circle = [&] {
+    for (int i = 0; i < 24; ++i) {
+      const double turn = i * std::numbers::pi / 12;
+      world.load_for(at(-48 + 6 * std::cos(turn), 3 * std::sin(turn) + 12));
+      world.wait_until_prefetched();
+    }
+  };
+  circle();
+  const std::uint64_t built = world.scenes_built(), read = world.tiles_read(), waits = world.waits();
+  for (int round = 0; round < 5; ++round) circle();
+  EXPECT_EQ(world.scenes_built(), built);
+  EXPECT_EQ(world.tiles_read(), read);
+  EXPECT_EQ(world.waits(), waits);
+}
+
+TEST_F(FollowingTilesOfACity, EveryoneGetsTheSceneOfTheirCellsWhileOthersMove) {
+  WorkingSet plain(city_options(false), SimulatorLog(), Progress());
+  const auto way = [](int thread, int i) { return at(-110.0 + (7.0 + thread) * i, 60.0 * thread - 90.0); };
+  std::map<std::pair<int, int>, std::vector<std::optional<TileKey>>> wanted;
+  for (int thread = 0; thread < 4; ++thread) {
+    for (int i = 0; i < 24; ++i) wanted[{thread, i}] = keys_of(*plain.load_for(way(thread, i)));
+  }
+  WorkingSet world(city_options(true), SimulatorLog(), Progress());
+  std::atomic<int> wrong = 0, seen = 0;
+  std::vector<std::jthread> threads;
+  for (int thread = 0; thread < 4; ++thread) {
+    threads.emplace_back([&, thread] {
+      for (int i = 0; i < 24; ++i) {
+        const auto place = world.load_for(way(thread, i));
+        if (keys_of(*place) != wanted.at({thread, i})) ++wrong;
+        // A ray from above meets the place in each scene, whatever becomes of the working set meanwhile.
+        if (world.current()->scene().intersect({Vec3(0.3, 0.2, 500), -Vec3::UnitZ()})) ++seen;
+        if (place->scene().intersect({Vec3(-70.3, 0.2, 500), -Vec3::UnitZ()})) ++seen;
+      }
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(seen, 4 * 24 * 2);
+}
+
+TEST_F(FollowingTilesOfACity, PicturesDoNotDependOnPrefetching) {
+  const auto fly = [&](bool prefetch) {
+    const auto world = std::make_unique<Simulator>(city_options(prefetch));
+    std::vector<std::vector<std::uint8_t>> pictures;
+    for (int i = 0; i < 12; ++i) pictures.push_back(picture(*world, static_cast<float>(9 * i - 50), -15));
+    return pictures;
+  };
+  EXPECT_EQ(fly(true), fly(false));
+}
+
+TEST_F(FollowingTilesOfACity, ATileThatFailsAheadIsToldWhenItIsEntered) {
+  for (const char* name : {"block/0.glb", "block/2.glb"}) TinyPlace::write_file(folder_ / name, "broken");
+  const auto run = [&](bool prefetch) {
+    std::mutex mutex;
+    std::vector<std::string> lines;
+    WorkingSet world(
+        city_options(prefetch),
+        [&](const std::string& line) {
+          const std::lock_guard lock(mutex);
+          lines.push_back(line);
+        },
+        Progress());
+    std::vector<std::pair<int, std::vector<std::string>>> told;
+    for (double x = -118; x < 0; x += 8.0) {
+      const auto place = world.load_for(at(x));
+      told.emplace_back(place->loaded().tiles_failed, place->loaded().failures);
+      world.wait_until_prefetched();
+    }
+    EXPECT_THAT(lines, testing::Contains(HasSubstr("0.glb")));
+    return told;
+  };
+  const auto told = run(true);
+  EXPECT_GT(told.back().first, 0);
+  EXPECT_EQ(told, run(false));
+}
+
+TEST_F(FollowingTilesOfACity, ATileThatFailedIsRequestedAgain) {
+  const std::filesystem::path file = folder_ / "block/2.glb", kept = folder_ / "block/kept.glb";
+  for (const bool prefetch : {false, true}) {
+    std::filesystem::copy_file(file, kept, std::filesystem::copy_options::overwrite_existing);
+    TinyPlace::write_file(file, "broken");
+    SimulatorOptions options = city_options(prefetch);
+    options.retry_after = std::chrono::milliseconds(0);
+    WorkingSet world(options, SimulatorLog(), Progress());
+    for (const double x : {-60.0, -56.0}) EXPECT_FALSE(world.load_for(at(x))->loaded().complete);
+    world.wait_until_prefetched();
+    std::filesystem::copy_file(kept, file, std::filesystem::copy_options::overwrite_existing);
+    EXPECT_TRUE(world.load_for(at(-56))->loaded().complete);
+    EXPECT_TRUE(world.load_for(at(-40))->loaded().complete) << "also where it had failed ahead";
+  }
+}
+
+TEST_F(FollowingTilesOfACity, MemoryIsBoundedWithWhatIsPreparedAndFarTilesGetCoarserFirst) {
+  WorkingSet all(city_options(false), SimulatorLog(), Progress());
+  const std::uintmax_t needed = all.load_for(at(0))->loaded().bytes;
+  SimulatorOptions little = city_options(true);
+  little.max_memory_bytes = needed * 6 / 5;
+  WorkingSet world(little, SimulatorLog(), Progress());
+  for (double x = -118; x < 118; x += 6.0) {
+    const auto place = world.load_for(at(x));
+    world.wait_until_prefetched();
+    EXPECT_LE(place->loaded().bytes, little.max_memory_bytes * 2 / 3);
+    EXPECT_LE(world.memory_bytes(), little.max_memory_bytes);
+    EXPECT_TRUE(place->loaded().complete);
+    EXPECT_NEAR(place->scene().bounds().sizes().x(), 240.0, 1.0) << "no hole";
+    // The block below is as fine as it gets.
+    const auto below = place->scene().intersect({Vec3(x, 0.2, 300), -Vec3::UnitZ()});
+    ASSERT_TRUE(below);
+    EXPECT_EQ(place->geometric_error_m(below->mesh), 0.0) << "at " << x;
+  }
+  EXPECT_GT(world.error_px(), 12.0);
+}
+
+TEST_F(FollowingTilesOfACity, WhatDoesNotFitAtAllIsRefusedWithALine) {
+  SimulatorOptions little = city_options(true);
+  little.max_memory_bytes = 20000;
+  WorkingSet world(little, SimulatorLog(), Progress());
+  EXPECT_THAT([&] { world.load_for(at(0)); }, ThrowsMessage<InputError>(HasSubstr("--memory")));
+  little.max_distance_m = -1.0;
+  EXPECT_THAT([&] { WorkingSet(little, SimulatorLog(), Progress()); },
+              ThrowsMessage<InputError>(HasSubstr("viewing distance")));
+}
+
+TEST_F(FollowingTilesOfACity, ARegionThatIsPinnedWhileTilesAreReadAheadIsThere) {
+  WorkingSet world(city_options(true), SimulatorLog(), Progress());
+  world.load_for(at(-118));
+  world.load_for(at(-114));
+  const LoadedRegion loaded = world.add_region({Vec3(60, 60, 90), Vec3(100, 100, 110)}, 0.0, at(-112));
+  EXPECT_TRUE(loaded.complete);
+  for (const double x : {-112.0, -90.0, -66.0, -40.0}) {
+    const auto place = world.load_for(at(x));
+    const auto hit = place->scene().intersect({Vec3(80.3, 80.2, 300), -Vec3::UnitZ()});
+    ASSERT_TRUE(hit);
+    EXPECT_EQ(place->geometric_error_m(hit->mesh), 0.0) << "at " << x;
+    world.wait_until_prefetched();
+  }
 }
 
 TEST_F(FollowingTiles, ABrokenTileIsToldWithThePicture) {

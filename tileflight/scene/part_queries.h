@@ -1,0 +1,83 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "tileflight/scene/beam_tree.h"
+#include "tileflight/scene/lazy_tree.h"
+#include "tileflight/scene/packets.h"
+#include "tileflight/scene/part_tree.h"
+#include "tileflight/scene/scene_part.h"
+
+namespace tileflight::scene {
+
+/// Queries over several parts, as over one tree of all their triangles: meshes are numbered across the parts, in their
+/// order. A tree over the parts chooses those that a query meets; their own trees answer. A part's tree for rays is
+/// built by the first ray that meets the part.
+class PartQueries {
+ public:
+  /// There is a triangle. Throws std::runtime_error if memory is insufficient.
+  explicit PartQueries(std::vector<std::shared_ptr<const ScenePart>> parts);
+
+  /// As rtcIntersect1 and rtcOccluded1, with meshes as geometry numbers. Of equally near surfaces of several parts the
+  /// first part's counts.
+  void intersect(RTCRayHit& query) const;
+  void test_occlusion(RTCRay& ray) const;
+  /// As Scene's functions of the same names.
+  void intersect(RayPacket8& packet) const;
+  void test_occlusion(RayPacket8& packet) const;
+  bool intersect(std::span<RayPacket8> beam) const;
+  void build_beam_trees() const { branches(); }
+
+  /// Calls `look(part)` for the parts whose box is nearer to the point (relative to the anchor) than `radius()`, which
+  /// may shrink between calls.
+  template <class Radius, class Look>
+  void visit_near(const float (&point)[3], const Radius& radius, const Look& look) const;
+
+ private:
+  const std::vector<BeamBranch>& branches() const;
+  float slack_at(float x, float y, float z) const;
+
+  std::vector<std::shared_ptr<const ScenePart>> parts_;
+  std::vector<std::uint32_t> first_mesh_;  ///< of each part
+  float reach_m_;                          ///< largest absolute coordinate of a box
+  PartTree tree_;
+  mutable LazyTree<std::vector<BeamBranch>> branches_;
+};
+
+/// Boxes against a point.
+template <class Radius>
+struct PointBoxes {
+  const float (&point)[3];
+  const Radius& radius;
+  float slack_m;
+
+  float reach() const { return radius(); }
+  void distances(const BeamNode& node, float (&distance)[8]) const {
+    for (int k = 0; k < 8; ++k) {
+      float squared = 0.0F;
+      for (int axis = 0; axis < 3; ++axis) {
+        const float below = node.low[axis][k] - point[axis], above = point[axis] - node.high[axis][k];
+        const float away = std::max(std::max(below, above), 0.0F);
+        squared += away * away;
+      }
+      distance[k] = std::max(0.0F, std::sqrt(squared) * (1.0F - 1e-6F) - slack_m);
+    }
+  }
+};
+
+template <class Radius, class Look>
+void PartQueries::visit_near(const float (&point)[3], const Radius& radius, const Look& look) const {
+  const PointBoxes<Radius> query{point, radius, slack_at(point[0], point[1], point[2])};
+  tree_.visit_parts(query, [&](std::size_t part) {
+    look(*parts_[part]);
+    return true;
+  });
+}
+
+}  // namespace tileflight::scene
