@@ -190,6 +190,11 @@ Scene::Scene(Scene&&) noexcept = default;
 Scene& Scene::operator=(Scene&&) noexcept = default;
 
 const std::vector<imaging::TexturedMesh>& Scene::meshes() const { return impl_->meshes; }
+std::vector<imaging::TexturedMesh> Scene::release_meshes() && {
+  const std::unique_ptr<Impl> ended = std::move(impl_);  // Embree uses the triangles until then; they do not move
+  return std::move(ended->meshes);
+}
+
 const geometry::Box3& Scene::bounds() const { return impl_->bounds; }
 const geometry::Vec3& Scene::anchor() const { return impl_->anchor; }
 std::size_t Scene::triangle_count() const { return impl_->triangle_count; }

@@ -44,6 +44,8 @@ class Scene {
   Scene& operator=(Scene&&) noexcept;
 
   const std::vector<imaging::TexturedMesh>& meshes() const;
+  /// Ends the scene and returns its meshes.
+  std::vector<imaging::TexturedMesh> release_meshes() &&;
   const geometry::Box3& bounds() const;  ///< of all vertices, local frame
   const geometry::Vec3& anchor() const;
   std::size_t triangle_count() const;
