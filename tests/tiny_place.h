@@ -71,24 +71,6 @@ class TinyPlace {
     return tile;
   }
 
-  static void write_file(const std::filesystem::path& file, const std::string& bytes) {
-    std::ofstream(file, std::ios::binary) << bytes;
-  }
-
- private:
-  static nlohmann::json box(double x, double y, double half) { return {x, y, 100, half, 0, 0, 0, half, 0, 0, 0, 4}; }
-
-  template <class T>
-  static void append(std::string& bytes, const std::vector<T>& values) {
-    bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
-  }
-
-  static void append_chunk(std::string& bytes, const std::string& kind, std::string content, char padding) {
-    while (content.size() % 4 != 0) content += padding;
-    append(bytes, std::vector<std::uint32_t>{static_cast<std::uint32_t>(content.size())});
-    bytes += kind + content;
-  }
-
   /// A grid of n x n squares from (x0, y0), `size` metres wide; glTF is y-up, so (x, y, z) is stored as (x, z, -y).
   static std::string glb(double x0, double y0, double size, std::uint32_t n) {
     std::vector<float> positions;
@@ -119,6 +101,24 @@ class TinyPlace {
     std::string bytes = "glTF";
     append(bytes, std::vector<std::uint32_t>{2, static_cast<std::uint32_t>(12 + chunks.size())});
     return bytes + chunks;
+  }
+
+  static void write_file(const std::filesystem::path& file, const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+  }
+
+ private:
+  static nlohmann::json box(double x, double y, double half) { return {x, y, 100, half, 0, 0, 0, half, 0, 0, 0, 4}; }
+
+  template <class T>
+  static void append(std::string& bytes, const std::vector<T>& values) {
+    bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+  }
+
+  static void append_chunk(std::string& bytes, const std::string& kind, std::string content, char padding) {
+    while (content.size() % 4 != 0) content += padding;
+    append(bytes, std::vector<std::uint32_t>{static_cast<std::uint32_t>(content.size())});
+    bytes += kind + content;
   }
 
   static nlohmann::json document(const std::vector<float>& positions, std::size_t color_bytes,

@@ -127,6 +127,8 @@ survey::RenderedFlightConfig read_render(StrictSection section) {
   render.samples_per_pixel = read_samples_per_pixel(section, render.samples_per_pixel);
   render.max_frames = section.integer("max_frames");
   if (render.max_frames && *render.max_frames < 2) throw section.error("max_frames", "must be at least 2");
+  render.error_px = section.positive_number("pixel_error");
+  render.memory_gb = section.positive_number("memory");
   if (const auto words = section.text("outputs")) {
     render.outputs =
         survey::parse_outputs(*words, [&](const std::string& what) { return section.error("outputs", what); });
@@ -145,6 +147,15 @@ std::string meaning_without(const StrictSection& section, const std::vector<std:
     if (std::ranges::find(left_out, key) == left_out.end()) text += key + ": " + section.canonical_value(key) + "\n";
   }
   return text;
+}
+
+/// What of a flight's section affects its dataset: not the memory that rendering may take.
+std::string flight_text(StrictSection& root, const std::string& name) {
+  std::optional<StrictSection> flight = root.section(name);
+  const bool has_render = flight && flight->is_map("render");
+  const std::optional<StrictSection> render = has_render ? flight->section("render") : std::nullopt;
+  if (!render || !render->has("memory")) return root.canonical_value(name);
+  return meaning_without(*flight, {"render"}) + "render:\n" + meaning_without(*render, {"memory"});
 }
 
 survey::IngestedFlightConfig read_ingest(StrictSection section) {
@@ -327,6 +338,9 @@ Experiment read_experiment(const fs::path& file) {
   if (auto alignment = root.section("alignment")) experiment.alignment = read_alignment_options(*alignment);
   if (auto evaluation = root.section("evaluation")) experiment.evaluation = read_evaluation_settings(*evaluation);
   for (const std::string& key : root.keys()) experiment.sections[key] = root.canonical_value(key);
+  for (const char* flight : {"simulated", "real"}) {
+    if (root.has(flight)) experiment.sections[flight] = flight_text(root, flight);
+  }
   if (const auto odometry = root.section("odometry")) experiment.sections["odometry"] = odometry_text(*odometry);
   experiment.variants = read_variants(root, experiment);
   root.require_all_keys_used();

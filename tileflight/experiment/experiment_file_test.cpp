@@ -47,6 +47,19 @@ TEST_F(ExperimentFile, TheLogsOffsetIsGivenFoundOrLeftToTheAlignment) {
   EXPECT_THAT(fault("", ", telemetry: log.srt, telemetry_offset: automatic"), HasSubstr("must be a number"));
 }
 
+TEST_F(ExperimentFile, MemoryIsNoChangeOfAFlightAndAPixelErrorIs) {
+  const Experiment plain = read("", ""), limited = read(", memory: 1.5", ""), other = read(", memory: 2", ""),
+                   seen = read(", pixel_error: 2, memory: 2", "");
+  EXPECT_EQ(plain.simulated->render->memory_gb, std::nullopt);
+  EXPECT_EQ(plain.simulated->render->error_px, std::nullopt);
+  EXPECT_EQ(limited.simulated->render->memory_gb, 1.5);
+  EXPECT_EQ(seen.simulated->render->error_px, 2.0);
+  EXPECT_EQ(limited.sections.at("simulated"), other.sections.at("simulated"));
+  EXPECT_NE(other.sections.at("simulated"), seen.sections.at("simulated"));
+  EXPECT_THAT(fault(", pixel_error: 0", ""), HasSubstr("pixel_error"));
+  EXPECT_THAT(fault(", memory: -1", ""), HasSubstr("memory"));
+}
+
 TEST_F(ExperimentFile, AFollowedPathIsSmoothedUnlessToldOtherwise) {
   const auto smoothing = [&](const std::string& render) { return read(render, "").simulated->render->smoothing; };
   ASSERT_TRUE(smoothing("").has_value());

@@ -206,6 +206,8 @@ survey::RenderSettings Pipeline::render_settings(const FlightStages& flight) con
   const std::vector<double> size = truth.at("region").at("size");
   const double margin = 2 * experiment_.place.view_margin_m;
   const geometry::Vec3 middle(center[0], center[1], center[2]), half(size[0] / 2, size[1] / 2, size[2] / 2);
+  std::optional<std::uintmax_t> memory_bytes;
+  if (render.memory_gb) memory_bytes = static_cast<std::uintmax_t>(*render.memory_gb * 1e9);
   return {.source = resolve_source(render.source.empty() ? experiment_.place.source : render.source),
           .load = {.center_local = middle,
                    .size = geometry::Vec3(size[0] + margin, size[1] + margin, size[2] + margin),
@@ -214,6 +216,8 @@ survey::RenderSettings Pipeline::render_settings(const FlightStages& flight) con
                    .source = source_options()},
           .flight = render,
           .seed = experiment_.seed,
+          .error_px = render.error_px,
+          .max_memory_bytes = memory_bytes,
           .scored = geometry::Box3(middle - half, middle + half),
           .resume = true,
           .asked = dataset_inputs(flight)};

@@ -88,6 +88,7 @@ class FrameRenderer {
         path_(pose_at),
         pose_at_(shutter_path(pose_at, frames, options.formation)),
         clearance_m_(options.clearance_m),
+        inside_reach_m_(options.inside_reach_m),
         vignette_(make_vignette(formation_, camera.width(), camera.height())),
         exposure_(options.exposure_before) {
     RenderOptions colour = render_options_;
@@ -97,7 +98,13 @@ class FrameRenderer {
     };
     with_lens(formation_.chromatic_red, red_);
     with_lens(formation_.chromatic_blue, blue_);
-    if (formation_.auto_exposure.target > 0.0) meter(scene, colour, range_of(options, frames.size()));
+    const FrameRange range = range_of(options, frames.size());
+    if (!options.exposure_gains.empty()) {
+      const auto first = options.exposure_gains.begin() + static_cast<std::ptrdiff_t>(range.begin);
+      gains_.assign(first, first + static_cast<std::ptrdiff_t>(range.count()));
+    } else if (formation_.auto_exposure.target > 0.0) {
+      meter(scene, colour, range);
+    }
   }
 
   /// State after the last frame of the range; nullopt without automatic exposure.
@@ -113,8 +120,8 @@ class FrameRenderer {
       frame.outputs = outputs_.render(rows_of(index), rows_of(index + 1));
       frame.objects = outputs_.objects();
     }
-    frame.check.surroundings =
-        scene::find_surroundings(scene_, frames_.poses[index].T_local_camera.translation, clearance_m_);
+    frame.check.surroundings = scene::find_surroundings(scene_, frames_.poses[index].T_local_camera.translation,
+                                                        clearance_m_, inside_reach_m_);
     frame.check.path_is_blocked = is_blocked_after(index);
     return frame;
   }
@@ -185,7 +192,7 @@ class FrameRenderer {
   ImageFormation formation_;
   PoseFunction path_;     // as given; may be empty
   PoseFunction pose_at_;  // for the shutter
-  double clearance_m_;
+  double clearance_m_, inside_reach_m_;
   imaging::FloatImage vignette_;
   std::optional<CameraRenderer> red_, blue_;  ///< set if the channel's image has another scale
   std::optional<AutoExposureState> exposure_;
@@ -258,6 +265,13 @@ std::vector<std::string> flight_warnings(Checks checks, std::size_t first_frame,
     }
   }
   return warnings;
+}
+
+std::vector<double> meter_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,
+                                 const FlightRenderOptions& options) {
+  const FrameRange range = range_of(options, frames.size());
+  return meter_light(scene, std::make_shared<const Appearance>(scene), camera, make_render_options(options),
+                     options.formation, std::span(frames.poses).subspan(range.begin, range.count()));
 }
 
 FlightRenderReport render_flight(const scene::Scene& scene, const imaging::Camera& camera, const Trajectory& frames,

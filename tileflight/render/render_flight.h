@@ -32,8 +32,12 @@ struct FlightRenderOptions {
   std::function<bool(std::size_t index)> frame_filter{};
   /// State of the automatic exposure before `first_frame`: FlightRenderReport::exposure_after of the preceding frames.
   std::optional<AutoExposureState> exposure_before{};
+  /// Gains of the automatic exposure for all frames of the flight (exposure_gains), if known: nothing is metered.
+  std::vector<double> exposure_gains{};
   int max_frames_in_memory = 4;  ///< frames in memory at once, being rendered or written
   double clearance_m = 0.3;      ///< surfaces nearer to the camera than this are reported
+  /// Surfaces farther away do not count for Surroundings::inside.
+  double inside_reach_m = 1e9;
 };
 
 /// Checks of the flight path at one frame.
@@ -92,5 +96,9 @@ FlightRenderReport render_flight(const scene::Scene& scene, const imaging::Camer
                                  const geometry::Trajectory& frames, const PoseFunction& pose_at,
                                  const FlightRenderOptions& options, const FrameSink& sink,
                                  const Progress& progress = {});
+
+/// Mean light of each frame of the range, as the automatic exposure meters it (auto_exposure.h).
+std::vector<double> meter_flight(const scene::Scene& scene, const imaging::Camera& camera,
+                                 const geometry::Trajectory& frames, const FlightRenderOptions& options);
 
 }  // namespace tileflight::render

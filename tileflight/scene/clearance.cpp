@@ -30,17 +30,17 @@ std::array<Vec3, kDirections> fibonacci_sphere() {
 /// Visible face of the first surface along a direction.
 enum class Side { kNone, kFront, kBack };
 
-Side side_seen(const Scene& scene, const Ray& ray) {
-  const auto hit = scene.intersect(ray);
+Side side_seen(const Scene& scene, const Ray& ray, double reach_m) {
+  const auto hit = scene.intersect(ray, reach_m);
   if (!hit) return Side::kNone;
   return scene.normal(*hit).dot(ray.direction) > 0 ? Side::kBack : Side::kFront;
 }
 
-bool is_inside(const Scene& scene, const Vec3& point) {
+bool is_inside(const Scene& scene, const Vec3& point, double reach_m) {
   static const std::array<Vec3, kDirections> kAll = fibonacci_sphere();
   int fronts = 0, backs = 0, upwards = 0, backs_upwards = 0;
   for (const Vec3& direction : kAll) {
-    const Side side = side_seen(scene, {point, direction});
+    const Side side = side_seen(scene, {point, direction}, reach_m);
     fronts += side == Side::kFront ? 1 : 0;
     backs += side == Side::kBack ? 1 : 0;
     if (direction.z() < 0.5) continue;  // within 60 degrees of vertical
@@ -52,11 +52,11 @@ bool is_inside(const Scene& scene, const Vec3& point) {
 
 }  // namespace
 
-Surroundings find_surroundings(const Scene& scene, const Vec3& point, double reach_m) {
+Surroundings find_surroundings(const Scene& scene, const Vec3& point, double reach_m, double inside_reach_m) {
   Surroundings around;
   if (const auto nearest = scene.distance_to_surface_m(point, reach_m)) around.clearance_m = *nearest;
   if (const auto below = scene.intersect({point, -Vec3::UnitZ()})) around.above_ground_m = below->distance_m;
-  around.inside = is_inside(scene, point);
+  around.inside = is_inside(scene, point, inside_reach_m);
   return around;
 }
 

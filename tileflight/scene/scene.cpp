@@ -102,6 +102,7 @@ double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, do
 
 struct Scene::Impl {
   std::vector<std::shared_ptr<const ScenePart>> parts;
+  std::shared_ptr<ScenePart> own;  ///< the only part, of a scene that was made of meshes
   std::vector<const imaging::TexturedMesh*> meshes;  ///< of all parts
   geometry::Box3 bounds;
   geometry::Vec3 anchor;
@@ -131,17 +132,20 @@ struct Scene::Impl {
 
 namespace {
 
-std::vector<std::shared_ptr<const ScenePart>> one_part(std::vector<imaging::TexturedMesh> meshes,
-                                                       const std::optional<geometry::Vec3>& anchor) {
+std::shared_ptr<ScenePart> one_part(std::vector<imaging::TexturedMesh> meshes,
+                                    const std::optional<geometry::Vec3>& anchor) {
   const geometry::Box3 box = bounds_of(meshes);
   const SceneFrame frame(anchor.value_or(box.isEmpty() ? geometry::Vec3(geometry::Vec3::Zero()) : box.center()));
-  return {std::make_shared<const ScenePart>(std::move(meshes), frame)};
+  return std::make_shared<ScenePart>(std::move(meshes), frame);
 }
 
 }  // namespace
 
-Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor)
-    : Scene(one_part(std::move(meshes), anchor)) {}
+Scene::Scene(std::vector<imaging::TexturedMesh> meshes, const std::optional<geometry::Vec3>& anchor) {
+  const std::shared_ptr<ScenePart> part = one_part(std::move(meshes), anchor);
+  impl_ = std::make_unique<Impl>(std::vector<std::shared_ptr<const ScenePart>>{part});
+  impl_->own = part;
+}
 
 Scene::Scene(std::vector<std::shared_ptr<const ScenePart>> parts) {
   assert(!parts.empty());
@@ -158,6 +162,13 @@ Scene& Scene::operator=(Scene&&) noexcept = default;
 
 Scene::Meshes Scene::meshes() const { return Meshes(impl_->meshes); }
 const std::vector<std::shared_ptr<const ScenePart>>& Scene::parts() const { return impl_->parts; }
+
+std::vector<imaging::TexturedMesh> Scene::release_meshes() && {
+  const std::unique_ptr<Impl> ended = std::move(impl_);  // Embree uses the triangles until then; they do not move
+  assert(ended->own);
+  return std::move(*ended->own).release_meshes();
+}
+
 const geometry::Box3& Scene::bounds() const { return impl_->bounds; }
 const geometry::Vec3& Scene::anchor() const { return impl_->anchor; }
 std::size_t Scene::triangle_count() const { return impl_->triangle_count; }

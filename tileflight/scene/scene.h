@@ -91,6 +91,8 @@ class Scene {
 
   Meshes meshes() const;
   const std::vector<std::shared_ptr<const ScenePart>>& parts() const;
+  /// Ends a scene that was made of meshes, and returns them.
+  std::vector<imaging::TexturedMesh> release_meshes() &&;
   const geometry::Box3& bounds() const;  ///< of all vertices, local frame
   const geometry::Vec3& anchor() const;
   std::size_t triangle_count() const;

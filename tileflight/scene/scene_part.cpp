@@ -74,6 +74,7 @@ ScenePart::ScenePart(std::vector<imaging::TexturedMesh> meshes, const SceneFrame
 ScenePart::~ScenePart() = default;
 
 const std::vector<imaging::TexturedMesh>& ScenePart::meshes() const { return impl_->meshes; }
+std::vector<imaging::TexturedMesh> ScenePart::release_meshes() && { return std::move(impl_->meshes); }
 const geometry::Box3& ScenePart::bounds() const { return impl_->bounds; }
 const SceneFrame& ScenePart::frame() const { return impl_->frame; }
 std::size_t ScenePart::triangle_count() const { return impl_->triangle_count; }

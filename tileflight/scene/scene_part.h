@@ -40,6 +40,8 @@ class ScenePart {
   ScenePart& operator=(const ScenePart&) = delete;
 
   const std::vector<imaging::TexturedMesh>& meshes() const;
+  /// The meshes, after which the part can only be destroyed.
+  std::vector<imaging::TexturedMesh> release_meshes() &&;
   /// Of all vertices of meshes with triangles, local frame.
   const geometry::Box3& bounds() const;
   const SceneFrame& frame() const;

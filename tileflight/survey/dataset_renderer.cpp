@@ -1,12 +1,12 @@
 #include "tileflight/survey/dataset_renderer.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <map>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/string_lists.h"
@@ -21,7 +21,10 @@
 #include "tileflight/scene/scene.h"
 #include "tileflight/sensors/gnss.h"
 #include "tileflight/survey/flight_faults.h"
+#include "tileflight/survey/flight_tiles.h"
 #include "tileflight/survey/frame_output_writer.h"
+#include "tileflight/survey/memory_check.h"
+#include "tileflight/survey/part_loader.h"
 #include "tileflight/transport/open_source.h"
 
 namespace tileflight::survey {
@@ -93,23 +96,6 @@ class FrameReorderBuffer {
   std::size_t next_ = 0;
 };
 
-void merge_part(const render::FlightRenderReport& report, const tiles::LoadedTiles& tiles, RenderSummary& summary) {
-  tiles::LoadedTiles& all = summary.tiles;
-  all.local_frame = tiles.local_frame;
-  all.region = tiles.region;
-  all.terms = tiles.terms;
-  all.cut_hash = tiles.cut_hash;
-  all.cut_size = tiles.cut_size;
-  all.complete = tiles.complete && (summary.parts == 0 || all.complete);
-  all.tiles_failed = std::max(all.tiles_failed, tiles.tiles_failed);
-  all.triangles = std::max(all.triangles, tiles.triangles);
-  base::add_distinct(tiles.attribution, all.attribution);
-  base::add_distinct(tiles.warnings, all.warnings);
-  summary.exposure_after = report.exposure_after;
-  summary.seconds += report.seconds;
-  ++summary.parts;
-}
-
 /// Region of the output `visibility`.
 render::RegionPredicate visibility_region_test(const RenderSettings& settings, const tiles::Region& region) {
   if (settings.scored) {
@@ -124,82 +110,167 @@ render::RegionPredicate visibility_region_test(const RenderSettings& settings, c
   };
 }
 
-/// Loads a flight's tiles and renders its frames, in as many parts as the memory limit requires.
+/// Loads a flight's tiles and renders its frames, in as many parts as the memory limit requires. The steps are called
+/// in order.
 class PartRenderer {
  public:
   PartRenderer(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress)
       : mission_(mission),
         settings_(settings),
         progress_(progress),
-        source_(transport::open_source(settings.source, settings.load.source)),
-        load_(settings.load) {
-    load_.uses = {transport::Use::kAnalyse};
-    load_.max_memory_bytes = settings.max_memory_bytes.value_or(place::default_memory_bytes());
-    if (settings.error_px) load_.flight = {flight_view_cones(mission), *settings.error_px, {}};
+        max_memory_bytes_(settings.max_memory_bytes.value_or(place::default_memory_bytes())) {}
+
+  /// Selects the tiles, and with them the frames that remain; refuses those that do not fit into memory.
+  void select(FrameAssignment& share) {
+    tiles_.emplace(mission_, settings_, progress_);
+    share.set_cut(tiles_->cut_hash());
+    require_frames_fit(*tiles_, frames_to_load(share), max_memory_bytes_, progress_);
+  }
+
+  /// Light of the frames in this rank's range, for set_light(); empty if the rank needs none of other ranks' frames.
+  std::string meter(const FrameAssignment& share) {
+    if (!has_auto_exposure() || share.has_all_frames()) return "";
+    nlohmann::json light = nlohmann::json::array();
+    PartLoader& loader = loader_for(frames_in_range(share));
+    for (std::size_t next = 0; next < loader.frames().size();) {
+      LoadedPart part = load(loader, next, share);
+      for (const double mean : meter_flight(part.scene, mission_.calibration.camera, mission_.frames, part.options))
+        light.push_back(mean);
+      next = release(std::move(part), loader);
+    }
+    return light.dump();
+  }
+
+  /// `parts`: results of meter(), by rank.
+  void set_light(const std::vector<std::string>& parts) {
+    std::vector<double> light, times_s;
+    for (const std::string& part : parts) {
+      if (part.empty()) return;
+      for (const nlohmann::json& mean : nlohmann::json::parse(part)) light.push_back(mean.get<double>());
+    }
+    for (const geometry::StampedPose& pose : mission_.frames.poses) times_s.push_back(pose.time_s);
+    std::optional<render::AutoExposureState> settled;
+    gains_ = render::exposure_gains(mission_.options.formation.auto_exposure, times_s, light, settled);
   }
 
   /// Frames of `share` are passed to `sink`, which must have written a frame's files when it returns. `folder`: the
   /// dataset's, for the data of other sensors.
   RenderSummary run(const fs::path& folder, FrameAssignment& share, const render::FrameSink& sink) {
     RenderSummary summary;
-    bool any_surface = false, any_points = false;
-    const std::size_t frames = mission_.frames.size();
-    for (std::size_t begin = 0, count = frames; begin < frames; begin += count) {
-      tiles::LoadedTiles tiles = load(begin, count);
-      if (begin == 0) share.set_cut(tiles.cut_hash);
-      any_surface = any_surface || !tiles.meshes.empty();
-      any_points = any_points || tiles.points > 0;
-      if (count == frames) place::require_surface(tiles.meshes, any_points, transport::redact_source(settings_.source));
-      const scene::Scene scene(place::with_placeholder(std::move(tiles.meshes)), anchor());
-      render::FlightRenderOptions options = mission_.options;
-      options.first_frame = begin;
-      options.end_frame = begin + count;
-      if (tiles.local_frame) options.origin = tiles.local_frame->origin();
-      options.scored_region = visibility_region_test(settings_, tiles.region);
-      options.exposure_before = summary.exposure_after;
-      if (share.store() != nullptr)
-        options.frame_filter = [&share](std::size_t index) { return share.is_assigned(index); };
-      if (share.is_first_rank()) {
-        mission_.sensor_recorder->record(scene, tiles.local_frame, begin, begin + count, folder);
-      }
+    PartLoader& loader = loader_for(frames_to_load(share));
+    for (std::size_t next = 0; next < loader.frames().size();) {
+      LoadedPart part = load(loader, next, share);
+      loader.prefetch(part.end);
+      part.options.exposure_before = summary.exposure_after;
+      mission_.sensor_recorder->record(part.scene, tiles_->placement().local_frame, part.options.first_frame,
+                                       part.options.end_frame, folder);
       const auto take = [&](const render::FlightFrame& frame) {
         sink(frame);
         share.add(frame);
       };
-      merge_part(render::render_flight(scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, options,
-                                       take, progress_),
-                 tiles, summary);
+      const render::FlightRenderReport report = render::render_flight(
+          part.scene, mission_.calibration.camera, mission_.frames, mission_.pose_at, part.options, take, progress_);
+      summary.exposure_after = report.exposure_after;
+      summary.seconds += report.seconds;
+      summary.tiles.triangles =
+          std::max(summary.tiles.triangles, static_cast<std::int64_t>(part.scene.triangle_count()));
+      ++summary.parts;
+      next = release(std::move(part), loader);
     }
-    if (!any_surface) place::require_surface({}, any_points, transport::redact_source(settings_.source));
+    keep_records(share);
+    loader_.reset();
     return summary;
   }
 
- private:
-  /// The same for all parts of a flight, so that surfaces are bit-identical in each.
-  geometry::Vec3 anchor() const { return mission_.frames.poses[mission_.frames.size() / 2].T_local_camera.translation; }
-
-  /// Loads tiles for `count` frames from `begin` on, halving `count` until they fit.
-  tiles::LoadedTiles load(std::size_t begin, std::size_t& count) {
-    count = std::min(count, mission_.frames.size() - begin);
-    while (true) {
-      if (load_.flight) {
-        const std::size_t cones_per_frame = load_.flight->view_cones.size() / mission_.frames.size();
-        load_.flight->part = {begin * cones_per_frame, (begin + count) * cones_per_frame};
-      }
-      try {
-        return tiles::load_region(*source_, transport::redact_source(settings_.source), load_, progress_);
-      } catch (const tiles::MemoryLimitExceeded&) {
-        if (!load_.flight || count == 1) throw;
-        count = (count + 1) / 2;
-      }
+  /// Completes the summary by what all processes read; on the first rank. Throws InputError if no tile has a surface.
+  void complete(const FrameAssignment& share, RenderSummary& summary) {
+    if (share.store() != nullptr) {
+      for (const nlohmann::json& records : share.store()->read_tiles()) tiles_->add_records(records);
     }
+    tiles_->read_rest();
+    const std::int64_t largest = summary.tiles.triangles;
+    summary.tiles = tiles_->summary();
+    if (summary.tiles.triangles == 0) place::require_surface({}, summary.tiles.points > 0, tiles_->name());
+    summary.tiles.triangles = largest;
+  }
+
+ private:
+  struct LoadedPart {
+    scene::Scene scene;
+    render::FlightRenderOptions options;
+    std::size_t end = 0;  ///< index into the loader's frames
+  };
+
+  bool has_auto_exposure() const { return mission_.options.formation.auto_exposure.target > 0.0; }
+
+  static std::vector<std::size_t> frames_in_range(const FrameAssignment& share) {
+    std::vector<std::size_t> frames(share.end() - share.begin());
+    std::iota(frames.begin(), frames.end(), share.begin());
+    return frames;
+  }
+
+  /// The frames to render; all of the range if they are also metered, or other sensors look at the scene.
+  std::vector<std::size_t> frames_to_load(const FrameAssignment& share) const {
+    std::vector<std::size_t> frames = frames_in_range(share);
+    const bool is_metered = has_auto_exposure() && gains_.empty();
+    if (!is_metered && !mission_.sensor_recorder->suite().needs_scene())
+      std::erase_if(frames, [&](std::size_t frame) { return !share.is_assigned(frame); });
+    return frames;
+  }
+
+  /// The loader of the step before, with what it has in memory, if it is for the same frames.
+  PartLoader& loader_for(std::vector<std::size_t> frames) {
+    if (!loader_ || loader_->frames() != frames) loader_.emplace(*tiles_, std::move(frames), max_memory_bytes_);
+    return *loader_;
+  }
+
+  LoadedPart load(PartLoader& loader, std::size_t begin, const FrameAssignment& share) {
+    FlightPart part = loader.load(begin, progress_);
+    keep_records(share);
+    const std::vector<std::size_t>& frames = loader.frames();
+    if (part.end - part.begin == mission_.frames.size())
+      place::require_surface(part.meshes, tiles_->summary().points > 0, tiles_->name());
+    const FrameGroups& groups = tiles_->groups();
+    // The same for all parts of a group, so that surfaces are bit-identical in each.
+    const geometry::Vec3& anchor = groups.anchors[groups.group_of_frame[frames[part.begin]]];
+    LoadedPart loaded{scene::Scene(place::with_placeholder(std::move(part.meshes)), anchor), mission_.options,
+                      part.end};
+    // One after the other: each takes additional memory while it is built.
+    loaded.scene.build_beam_tree();
+    loaded.scene.build_ray_tree();
+    render::FlightRenderOptions& options = loaded.options;
+    options.first_frame = frames[part.begin];
+    options.end_frame = frames[part.end - 1] + 1;
+    const std::optional<geometry::LocalFrame>& local_frame = tiles_->placement().local_frame;
+    if (local_frame) options.origin = local_frame->origin();
+    options.scored_region = visibility_region_test(settings_, tiles_->placement().region);
+    options.exposure_gains = gains_;
+    if (groups.count() > 1) options.inside_reach_m = kInsideReach_m;
+    if (share.store() != nullptr)
+      options.frame_filter = [&share](std::size_t index) { return share.is_assigned(index); };
+    return loaded;
+  }
+
+  /// Returns the loader's next frame.
+  static std::size_t release(LoadedPart part, PartLoader& loader) {
+    loader.take_back(std::move(part.scene).release_meshes());
+    return part.end;
+  }
+
+  /// What was read is kept before any frame that shows it.
+  void keep_records(const FrameAssignment& share) {
+    if (share.store() == nullptr) return;
+    if (const nlohmann::json records = tiles_->take_new_records(); !records.is_null())
+      share.store()->add_tiles(records);
   }
 
   const PlannedFlight& mission_;
   const RenderSettings& settings_;
   const Progress& progress_;
-  std::unique_ptr<transport::TileSource> source_;
-  tiles::LoadOptions load_;
+  std::uintmax_t max_memory_bytes_;
+  std::optional<FlightTiles> tiles_;
+  std::optional<PartLoader> loader_;
+  std::vector<double> gains_;  ///< of the automatic exposure, for all frames; empty: not known yet, or none
 };
 
 /// Writes the inverse of the camera's response, and its vignetting.
@@ -286,20 +357,36 @@ struct DatasetRenderer::Impl {
   }
 
   /// Renders this process's frames.
-  void render() {
-    summary_ = part_renderer_.run(writer_.temporary_folder(), share_, [&](const render::FlightFrame& frame) {
-      outputs_.add(frame);
-      if (!settings_.flight.video) {
-        writer_.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
-      } else {
-        if (share_.store() != nullptr) share_.store()->add_picture(frame.index, frame.rgb);
-        if (share_.renders_all_frames()) reorder_buffer_.add(frame.index, frame.rgb);
-      }
+  void render(Ranks& ranks) {
+    run_collectively(ranks, [&] { part_renderer_.select(share_); });
+    std::string light;
+    run_collectively(ranks, [&] { light = part_renderer_.meter(share_); });
+    part_renderer_.set_light(ranks.all_gather(light));
+    const auto start = std::chrono::steady_clock::now();
+    double loading_s = 0.0;
+    run_collectively(ranks, [&] {
+      summary_ = part_renderer_.run(writer_.temporary_folder(), share_,
+                                    [&](const render::FlightFrame& frame) { take(frame); });
+      loading_s = base::seconds_since(start) - summary_.seconds;
     });
+    summary_.seconds = base::seconds_since(start) - loading_s;  // includes the time spent waiting for other ranks
+    SensorRecorder& recorder = *mission_.sensor_recorder;
+    recorder.set_recorded(ranks.all_gather(recorder.recorded()));
+  }
+
+  void take(const render::FlightFrame& frame) {
+    outputs_.add(frame);
+    if (!settings_.flight.video) {
+      writer_.add_frame(frame.index, frame.time_s, frame.exposure_ms, frame.rgb);
+      return;
+    }
+    if (share_.store() != nullptr) share_.store()->add_picture(frame.index, frame.rgb);
+    if (share_.renders_all_frames()) reorder_buffer_.add(frame.index, frame.rgb);
   }
 
   /// Completes the dataset after every process has rendered its frames; called by the first rank.
   std::vector<FrameRecord> finish() {
+    part_renderer_.complete(share_, summary_);
     const std::vector<FrameRecord> frames = share_.collect_frames();
     if (settings_.flight.video) apply_video_codec(frames);
     for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -339,7 +426,7 @@ DatasetRenderer::DatasetRenderer(const PlannedFlight& mission, const RenderSetti
 
 DatasetRenderer::~DatasetRenderer() = default;
 
-void DatasetRenderer::render() { impl_->render(); }
+void DatasetRenderer::render(Ranks& ranks) { impl_->render(ranks); }
 
 std::vector<FrameRecord> DatasetRenderer::finish() { return impl_->finish(); }
 

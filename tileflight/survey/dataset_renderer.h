@@ -9,6 +9,7 @@
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_assignment.h"
 #include "tileflight/survey/planned_flight.h"
+#include "tileflight/survey/ranks.h"
 #include "tileflight/survey/render_stage.h"
 #include "tileflight/tiles/load.h"
 
@@ -18,7 +19,7 @@ namespace tileflight::survey {
 struct RenderSummary {
   double seconds = 0.0;  ///< rendering time
   std::optional<render::AutoExposureState> exposure_after;
-  tiles::LoadedTiles tiles;  ///< without their content; triangles: the largest number loaded at once
+  tiles::LoadedTiles tiles;  ///< without their content; triangles: the largest number in a scene. Valid after finish()
   std::int64_t parts = 0;
 };
 
@@ -32,12 +33,13 @@ class DatasetRenderer {
                   bool replace, FrameAssignment& share, const Progress& progress);
   ~DatasetRenderer();
 
-  /// Loads tiles and renders the frames assigned to this process. Throws InputError.
-  void render();
+  /// Loads tiles and renders the frames assigned to this process, in as many parts as memory requires. Called by all
+  /// ranks; throws on all if one fails (run_collectively).
+  void render(Ranks& ranks);
   /// Completes the dataset and moves it to its final name, after every process has rendered its frames; called by the
   /// first rank. Returns the record of each frame. Throws InputError.
   std::vector<FrameRecord> finish();
-  /// Valid after render().
+  /// Valid after render(), on the first rank.
   const RenderSummary& summary() const;
 
  private:

@@ -12,7 +12,7 @@
 namespace tileflight::survey {
 
 /// Section `render:`: a flight rendered from the place's tiles. Keys: flight | follow, smooth, camera, source,
-/// resolution, samples_per_pixel, max_frames, outputs, degrade.
+/// resolution, samples_per_pixel, max_frames, pixel_error, memory, outputs, degrade.
 struct RenderedFlightConfig {
   std::filesystem::path flight;  ///< FLIGHT file; empty if another flight is followed
   bool follows_real = false;     ///< follow: real: uses the estimated path of the second flight, with its lens
@@ -23,7 +23,9 @@ struct RenderedFlightConfig {
   std::optional<int> width, height;  ///< image size that replaces the camera's; both or neither
   int samples_per_pixel = 1;
   std::optional<int> max_frames;
-  RenderOutputs outputs;                          ///< outputs: a list of names, "depth, flow"
+  std::optional<double> error_px;   ///< pixel_error: RenderSettings::error_px; nullopt: the tiles of the region
+  std::optional<double> memory_gb;  ///< memory: limit for tiles; nullopt: half of the machine's memory
+  RenderOutputs outputs;            ///< outputs: a list of names, "depth, flow"
   std::optional<render::ImageFormation> degrade;  ///< imperfections of the second flight's camera
   std::optional<dataset::VideoCompression>
       video;  ///< video_crf, video_bitrate: H.264 compression of the frames; nullopt: none

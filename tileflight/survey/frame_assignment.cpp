@@ -29,22 +29,27 @@ FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size
     : ranks_(ranks),
       store_(kept),
       previous_cuts_(frames),
-      is_assigned_(frames, true),
+      is_finished_(frames, false),
+      end_(frames),
       own_frames_(kept == nullptr ? frames : 0) {
   if (kept != nullptr) previous_cuts_ = read_previous_cuts(ranks, *kept, frames);
 }
 
 void FrameAssignment::set_cut(const std::string& cut) {
   cut_ = cut;
-  resumed_ = 0;
-  std::size_t missing = 0;
-  for (std::size_t i = 0; i < is_assigned_.size(); ++i) {
-    const bool is_there = !cut.empty() && previous_cuts_[i] == cut;
-    resumed_ += is_there ? 1 : 0;
-    // Round-robin, since neighbouring frames take equally long.
-    is_assigned_[i] =
-        !is_there && static_cast<int>(missing++ % static_cast<std::size_t>(ranks_.count())) == ranks_.rank();
+  std::vector<std::size_t> missing;
+  for (std::size_t i = 0; i < is_finished_.size(); ++i) {
+    is_finished_[i] = !cut.empty() && previous_cuts_[i] == cut;
+    if (!is_finished_[i]) missing.push_back(i);
   }
+  resumed_ = is_finished_.size() - missing.size();
+  const auto first_of = [&](int rank) {
+    const std::size_t k = missing.size() * static_cast<std::size_t>(rank) / static_cast<std::size_t>(ranks_.count());
+    if (rank == 0) return std::size_t{0};
+    return k < missing.size() ? missing[k] : is_finished_.size();
+  };
+  begin_ = first_of(ranks_.rank());
+  end_ = ranks_.rank() + 1 == ranks_.count() ? is_finished_.size() : first_of(ranks_.rank() + 1);
 }
 
 void FrameAssignment::add(const render::FlightFrame& frame) {
@@ -60,7 +65,7 @@ std::vector<FrameRecord> FrameAssignment::collect_frames() const {
   const std::map<std::size_t, FrameRecord> kept = store_->read_frames();
   std::vector<FrameRecord> frames;
   std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < is_assigned_.size(); ++i) {
+  for (std::size_t i = 0; i < is_finished_.size(); ++i) {
     const auto frame = kept.find(i);
     if (frame == kept.end() || frame->second.cut != cut_) {
       missing.push_back(i);

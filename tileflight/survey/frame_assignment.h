@@ -11,8 +11,8 @@
 
 namespace tileflight::survey {
 
-/// The frames of a flight that this process renders: frames that earlier runs have not finished, distributed
-/// round-robin over the ranks.
+/// The frames of a flight that this process renders. Each rank has a range of consecutive frames, so that it needs the
+/// tiles of its part of the flight only; frames that earlier runs have not finished are divided evenly.
 class FrameAssignment {
  public:
   /// `kept`: store that shares finished frames with other ranks and later runs, the same for all ranks; null: this
@@ -33,7 +33,13 @@ class FrameAssignment {
 
   /// Sets the tile cut; frames rendered from another cut are rendered again.
   void set_cut(const std::string& cut);
-  bool is_assigned(std::size_t index) const { return is_assigned_[index]; }
+  /// This rank's range of frames, finished ones included. The ranges of all ranks follow each other and cover all
+  /// frames. Valid after set_cut().
+  std::size_t begin() const { return begin_; }
+  std::size_t end() const { return end_; }
+  bool has_all_frames() const { return ranks_.count() == 1; }  ///< whether its range is the whole flight
+  /// Whether this process renders the frame: it is in its range and not finished.
+  bool is_assigned(std::size_t index) const { return index >= begin_ && index < end_ && !is_finished_[index]; }
   /// Reports that all files of a frame are written. Thread-safe.
   void add(const render::FlightFrame& frame);
 
@@ -47,7 +53,8 @@ class FrameAssignment {
   const FrameStore* store_;
   std::vector<std::string> previous_cuts_;  ///< cut of each frame finished earlier; empty: not finished
   std::string cut_;
-  std::vector<bool> is_assigned_;
+  std::vector<bool> is_finished_;  ///< by an earlier run
+  std::size_t begin_ = 0, end_;
   std::size_t resumed_ = 0;
   std::vector<FrameRecord> own_frames_;  ///< used if there is no store
 };

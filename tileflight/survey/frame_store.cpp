@@ -1,7 +1,5 @@
 #include "tileflight/survey/frame_store.h"
 
-#include <nlohmann/json.hpp>
-
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -9,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "tileflight/base/files.h"
@@ -24,7 +23,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::uintmax_t kMaxRecord_bytes = 1 << 20;
+constexpr std::uintmax_t kMaxRecord_bytes = 1 << 20, kMaxTiles_bytes = std::uintmax_t{1} << 30;
 
 /// Opens a file and locks it while the descriptor is open; -1: another process has the lock, or locking failed.
 int lock_file(const fs::path& file) {
@@ -51,9 +50,9 @@ bool any_rank_alive(const fs::path& ranks_folder) {
   return false;
 }
 
-json read_json(const fs::path& file) {
+json read_json(const fs::path& file, std::uintmax_t max_bytes = kMaxRecord_bytes) {
   try {
-    return json::parse(base::read_text(file, kMaxRecord_bytes));
+    return json::parse(base::read_text(file, max_bytes));
   } catch (const std::exception&) {
     return nullptr;
   }
@@ -189,6 +188,21 @@ void FrameStore::add_picture(std::size_t index, const imaging::RgbImage& picture
 
 imaging::RgbImage FrameStore::read_picture(std::size_t index) const {
   return imaging::read_rgb(folder_ / "pictures" / (dataset::frame_id(index) + ".png"));
+}
+
+void FrameStore::add_tiles(const json& records) const {
+  base::make_folder(folder_ / "tiles");
+  const std::string text = records.dump();
+  base::write_file(folder_ / "tiles" / (base::sha256_hex(text) + ".json"), text);
+}
+
+std::vector<json> FrameStore::read_tiles() const {
+  std::vector<json> records;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder_ / "tiles", error), end; !error && entry != end; entry.increment(error)) {
+    if (entry->path().extension() == ".json") records.push_back(read_json(entry->path(), kMaxTiles_bytes));
+  }
+  return records;
 }
 
 std::map<std::size_t, FrameRecord> FrameStore::read_frames() const {

@@ -30,6 +30,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 ///   DIR/.NAME.frames/inputs.json   the inputs of the render
 ///                    frames/000012.json   record of a finished frame, written after its files
 ///                    pictures/000012.png  its image, if a video is encoded first
+///                    tiles/0123….json     what tiles were found to hold, for the summary; named by its content
 ///                    segmentation.runs/   SegmentationWriter's data of frames
 ///                    dataset/      becomes the dataset
 ///                    ranks/0       locked while the process that renders as this rank lives
@@ -56,6 +57,9 @@ class FrameStore {
   void add(std::size_t index, const FrameRecord& frame) const;
   void add_picture(std::size_t index, const imaging::RgbImage& picture) const;
   imaging::RgbImage read_picture(std::size_t index) const;
+  /// Stores what tiles hold (FlightTiles::take_new_records), before any frame that shows them is added.
+  void add_tiles(const nlohmann::json& records) const;
+  std::vector<nlohmann::json> read_tiles() const;
   /// All finished frames; unreadable records are ignored.
   std::map<std::size_t, FrameRecord> read_frames() const;
   /// Why a render of `frames` frames is incomplete: which ranks have ended, which frames are missing. Empty if a lower

@@ -2,11 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "tests/refusal.h"
@@ -213,7 +213,42 @@ TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
     ASSERT_EQ(all.size(), 10U);
     EXPECT_EQ(all[8].exposure_ms, 8.0);
   });
-  EXPECT_THAT(rank_of, ElementsAre(0, 1, -1, 2, 0, 1, 2, 0, 1, 2));
+  EXPECT_THAT(rank_of, ElementsAre(0, 0, -1, 0, 1, 1, 1, 2, 2, 2));
+}
+
+TEST(FrameShare, RangesFollowEachOtherAndCoverTheFlight) {
+  for (const int count : {1, 2, 3, 4, 7}) {
+    const TemporaryFolder folder;
+    const fs::path out = folder / "data";
+    FrameStore::prepare(out, {});
+    {
+      const FrameStore before(out, 0, 1);
+      for (const std::size_t i : {0U, 1U, 4U}) before.add(i, frame_of(0.0, "cut"));
+    }
+    std::vector<std::pair<std::size_t, std::size_t>> ranges(static_cast<std::size_t>(count));
+    ThreadRanks ranks(count);
+    ranks.run([&](Ranks& rank) {
+      const FrameStore kept(out, rank.rank(), count);
+      FrameAssignment share(rank, &kept, 6);
+      share.set_cut("cut");
+      ranges[static_cast<std::size_t>(rank.rank())] = {share.begin(), share.end()};
+    });
+    EXPECT_EQ(ranges.front().first, 0U);
+    EXPECT_EQ(ranges.back().second, 6U);
+    for (std::size_t r = 0; r + 1 < ranges.size(); ++r) EXPECT_EQ(ranges[r].second, ranges[r + 1].first) << count;
+  }
+}
+
+TEST(KeptFrames, WhatTilesHoldIsKeptOnceForEachContent) {
+  const TemporaryFolder folder;
+  const fs::path out = folder / "data";
+  FrameStore::prepare(out, {});
+  const FrameStore first(out, 0, 2), second(out, 1, 2);
+  EXPECT_TRUE(first.read_tiles().empty());
+  first.add_tiles({{"3", "grass"}});
+  first.add_tiles({{"4", "stone"}});
+  second.add_tiles({{"3", "grass"}});
+  EXPECT_THAT(second.read_tiles(), testing::UnorderedElementsAre(json{{"3", "grass"}}, json{{"4", "stone"}}));
 }
 
 }  // namespace

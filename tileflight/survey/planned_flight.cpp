@@ -48,4 +48,10 @@ std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission) {
   return needs_all ? tiles::widen_to_all_directions(std::move(cones)) : cones;
 }
 
+FrameGroups group_flight_frames(const PlannedFlight& mission, const RenderSettings& settings) {
+  std::vector<geometry::Vec3> positions;
+  for (const geometry::StampedPose& pose : mission.frames.poses) positions.push_back(pose.T_local_camera.translation);
+  return settings.error_px ? group_frames(positions) : single_group(positions);
+}
+
 }  // namespace tileflight::survey

@@ -6,6 +6,7 @@
 
 #include "tileflight/imaging/camera.h"
 #include "tileflight/render/render_flight.h"
+#include "tileflight/survey/frame_groups.h"
 #include "tileflight/survey/render_stage.h"
 #include "tileflight/survey/sensor_recorder.h"
 #include "tileflight/tiles/view_criteria.h"
@@ -28,5 +29,9 @@ PlannedFlight plan_flight(const RenderSettings& settings, const Progress& progre
 /// The view cones of every image, including the camera's motion during exposure and readout: the same number of cones
 /// for each frame.
 std::vector<tiles::ViewCone> flight_view_cones(const PlannedFlight& mission);
+
+/// The frames in groups that each have their own selection of tiles (frame_groups.h). Without a pixel error they are
+/// one: the cut of a region is the same for all frames, however far they fly.
+FrameGroups group_flight_frames(const PlannedFlight& mission, const RenderSettings& settings);
 
 }  // namespace tileflight::survey

@@ -115,13 +115,24 @@ struct SamplePicture {
   double load_s = 0.0, render_s = 0.0, encode_s = 0.0;
 };
 
-tiles::RefinementCriterion criterion_for_part(const PreviewContext& flight, const tiles::ViewConeRange& part) {
+/// The criterion of the tiles that `render` loads for the frames of a group; `frame`: for that one only.
+tiles::RefinementCriterion criterion_of(const PreviewContext& flight, const std::vector<std::size_t>& group,
+                                        std::optional<std::size_t> frame = {}) {
   const RenderSettings& render = flight.settings.render;
   const tiles::Placement& placement = flight.place.placement();
   if (!render.error_px)
     return tiles::region_criterion(placement.region, placement.T_local_tileset, render.load.error_m);
+  const std::vector<tiles::ViewCone> all = flight_view_cones(flight.mission);
+  const std::size_t per_frame = all.size() / flight.frames().size();
+  std::vector<tiles::ViewCone> cones;
+  tiles::ViewConeRange part;
+  for (const std::size_t i : group) {
+    if (i == frame) part = {cones.size(), cones.size() + per_frame};
+    const auto first = all.begin() + static_cast<std::ptrdiff_t>(i * per_frame);
+    cones.insert(cones.end(), first, first + static_cast<std::ptrdiff_t>(per_frame));
+  }
   return tiles::limit_refinement(
-      tiles::flight_criterion(flight_view_cones(flight.mission), placement.T_local_tileset, *render.error_px, part),
+      tiles::flight_criterion(std::move(cones), placement.T_local_tileset, *render.error_px, part),
       render.load.error_m);
 }
 
@@ -134,9 +145,9 @@ SamplePicture render_picture(PreviewContext& flight, const std::string& name, st
                              std::vector<place::MissingTile>& missing, const Progress& progress) {
   SamplePicture picture{.name = name, .frame = frame, .thumbnail = {}};
   auto start = std::chrono::steady_clock::now();
-  const std::size_t cones_per_frame = flight_view_cones(flight.mission).size() / flight.frames().size();
-  const tiles::TileCut cut =
-      flight.place.select_cut(criterion_for_part(flight, {frame * cones_per_frame, (frame + 1) * cones_per_frame}));
+  const FrameGroups groups = group_flight_frames(flight.mission, flight.settings.render);
+  const std::size_t group = groups.group_of_frame[frame];
+  const tiles::TileCut cut = flight.place.select_cut(criterion_of(flight, groups.frames[group], frame));
   auto part = flight.place.read(cut, true, flight.memory, progress);
   if (!part) {
     throw tiles::MemoryLimitExceeded(flight.place.name(),
@@ -148,8 +159,7 @@ SamplePicture render_picture(PreviewContext& flight, const std::string& name, st
   picture.tiles = part->tiles;
   picture.file_bytes = part->file_bytes;
   picture.memory_bytes = part->memory_bytes;
-  const scene::Scene scene(place::with_placeholder(std::move(part->meshes)),
-                           flight.pose(flight.frames().size() / 2).translation);
+  const scene::Scene scene(place::with_placeholder(std::move(part->meshes)), groups.anchors[group]);
   scene.build_beam_tree();
   render::FlightRenderOptions options = flight.mission.options;
   options.first_frame = frame;
@@ -194,17 +204,22 @@ std::vector<SamplePicture> render_pictures(PreviewContext& flight, std::vector<p
   return pictures;
 }
 
-/// Number and size of the distinct files in the whole flight's cut.
+/// Number and size of the distinct files in the cuts of all groups.
 struct CutSize {
   std::size_t tiles = 0, files = 0;
   std::optional<std::uintmax_t> bytes;  ///< nullopt: unknown to the source
 };
 
 CutSize measure_cut(PreviewContext& flight) {
-  const tiles::TileCut cut = flight.place.select_cut(criterion_for_part(flight, {}));
   std::set<std::string> uris;
-  for (const tiles::CutContent& content : cut.contents) uris.insert(content.uri);
-  CutSize size{cut.contents.size(), uris.size(), std::nullopt};
+  std::set<std::pair<tiles::NodeId, std::size_t>> contents;
+  for (const std::vector<std::size_t>& group : group_flight_frames(flight.mission, flight.settings.render).frames) {
+    for (const tiles::CutContent& content : flight.place.select_cut(criterion_of(flight, group)).contents) {
+      uris.insert(content.uri);
+      contents.emplace(content.node, content.content);
+    }
+  }
+  CutSize size{contents.size(), uris.size(), std::nullopt};
   if (!flight.place.source().knows_sizes()) return size;
   size.bytes = 0;
   for (const std::string& uri : uris)
@@ -227,8 +242,7 @@ json estimate_cost(PreviewContext& flight, const std::vector<SamplePicture>& pic
   const double frames = static_cast<double>(flight.frames().size());
   const int threads = tbb::this_task_arena::max_concurrency();
   const double memory_all = memory * per_tile, parts = std::ceil(memory_all / static_cast<double>(flight.memory));
-  // Consecutive parts read the tiles that both see again.
-  const double loading_s = load_s * per_tile * (parts > 1 ? 1.3 : 1.0);
+  const double loading_s = load_s * per_tile;
   const double rendering_s = frames * std::max(render_s, (render_s * (threads - 1) + encode_s) / threads);
   const imaging::Camera& camera = flight.mission.calibration.camera;
   return {{"frames", flight.frames().size()},

@@ -1,12 +1,11 @@
 #include "tileflight/survey/render_stage.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
 #include "tileflight/base/output_folder.h"
@@ -87,22 +86,16 @@ struct RenderedFrames {
 RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
                                bool replace, const FrameStore* kept, Ranks& ranks, const Progress& progress) {
   FrameAssignment share(ranks, kept, mission.frames.size());
-  std::optional<DatasetRenderer> renderer;
-  const auto start = std::chrono::steady_clock::now();
-  double loading_s = 0.0;
+  std::unique_ptr<DatasetRenderer> renderer;
   run_collectively(ranks, [&] {
-    renderer.emplace(mission, settings, out, replace, share, progress);
-    renderer->render();
-    const std::chrono::duration<double> shot = std::chrono::steady_clock::now() - start;
-    loading_s = shot.count() - renderer->summary().seconds;
+    renderer = std::make_unique<DatasetRenderer>(mission, settings, out, replace, share, progress);
   });
-  const std::chrono::duration<double> all_shot = std::chrono::steady_clock::now() - start;
+  renderer->render(ranks);
   RenderedFrames rendered;
   run_collectively(ranks, [&] {
     if (ranks.rank() == 0) rendered.frames = renderer->finish();
   });
   rendered.summary = renderer->summary();
-  rendered.summary.seconds = all_shot.count() - loading_s;  // includes the time spent waiting for other ranks
   rendered.resumed = share.frames_resumed();
   return rendered;
 }

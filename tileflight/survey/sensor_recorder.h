@@ -23,10 +23,15 @@ class SensorRecorder {
   const sensors::SensorSuite& suite() const { return suite_; }
 
   /// Simulates lidar scans and ranges that start between frame `begin`'s and frame `end`'s time (exclusive), and writes
-  /// them into the dataset's folder immediately. A flight may be recorded in several parts, in order; the files are the
-  /// same. Throws InputError if a sensor needs a georeferenced place and it is not.
+  /// scans into the dataset's folder immediately. A flight may be recorded in several parts, in order, or by several
+  /// processes; the files are the same. Throws InputError if a sensor needs a georeferenced place and it is not.
   void record(const scene::Scene& scene, const std::optional<geometry::LocalFrame>& frame, std::size_t begin,
               std::size_t end, const std::filesystem::path& folder);
+
+  /// What record() has recorded here, for set_recorded() in this or another process: bytes.
+  std::string recorded() const;
+  /// Replaces it by what several processes recorded, in the order of their frames.
+  void set_recorded(const std::vector<std::string>& parts);
 
   /// Writes all other sensors, and the lists of what record() wrote. `first_frame_s`: the first frame's time in the
   /// dataset.

@@ -8,7 +8,6 @@
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/string_lists.h"
-#include "tileflight/tile_contents/attribution.h"
 #include "tileflight/tiles/bounding_volume.h"
 
 namespace tileflight::tiles {
@@ -38,22 +37,6 @@ std::string nothing_seen(const TilesetTree& tree, const Placement& placement, co
   return "the flight sees nothing of the tileset: " + describe_separation(flown, tileset, placement.local_frame);
 }
 
-RefinementCriterion make_criterion(const Placement& placement, const LoadOptions& options, const ViewConeRange& part) {
-  if (!options.flight) return region_criterion(placement.region, placement.T_local_tileset, options.error_m);
-  return limit_refinement(
-      flight_criterion(options.flight->view_cones, placement.T_local_tileset, options.flight->error_px, part),
-      options.error_m);
-}
-
-bool is_partial_flight(const LoadOptions& options) {
-  return options.flight &&
-         (options.flight->part.begin > 0 || options.flight->part.end < options.flight->view_cones.size());
-}
-
-InputError incomplete(const std::string& what) {
-  return {what, "the region is not complete (--allow-incomplete continues without this tile)"};
-}
-
 /// Extent of what a content holds.
 geometry::Box3 bounds_of(const LoadedContent& content) {
   geometry::Box3 box;
@@ -75,6 +58,22 @@ transport::TileSource& require_terms(transport::TileSource& source, const std::s
 
 }  // namespace
 
+RefinementCriterion request_criterion(const Placement& placement, const LoadOptions& options) {
+  if (!options.flight) return region_criterion(placement.region, placement.T_local_tileset, options.error_m);
+  return limit_refinement(
+      flight_criterion(options.flight->view_cones, placement.T_local_tileset, options.flight->error_px),
+      options.error_m);
+}
+
+void require_contents(const TileCut& cut, const TilesetTree& tree, const Placement& placement,
+                      const LoadOptions& options, const std::string& name) {
+  if (!cut.contents.empty() || !cut.failures.empty()) return;
+  if (holds_nothing(tree)) throw InputError(name, "the tileset is empty: none of its tiles has content");
+  if (options.flight) throw InputError(name, nothing_seen(tree, placement, options.flight->view_cones));
+  throw InputError(name, "no tile with content overlaps the region " + describe_extent(placement.region.box()) +
+                             "; the tileset spans " + describe_extent(tree));
+}
+
 RegionReader::RegionReader(transport::TileSource& source, std::string name, const LoadOptions& options,
                            const Progress& progress)
     : source_(require_terms(source, name, options)),
@@ -85,33 +84,16 @@ RegionReader::RegionReader(transport::TileSource& source, std::string name, cons
   report_progress(progress, 0, 0, "reading the tileset");
   require_supported_extensions(tree_.tileset(tree_.root()), name_);
   placement_ = resolve_placement(tree_, options_, name_);
-  select();
-  require_contents();
+  cut_ = select_cut(tree_, request_criterion(placement_, options_));
+  require_contents(cut_, tree_, placement_, options_, name_);
   first_warnings_ = source_.warnings();
-  if (!options_.allow_incomplete && !cut_.failures.empty()) throw incomplete(cut_.failures.front());
+  if (!options_.allow_incomplete && !cut_.failures.empty()) throw incomplete_region(cut_.failures.front());
   for (const CutContent& content : cut_.contents) {
     const BoundingVolume volume =
         tree_.content_volume(content.node, content.content).value_or(tree_.volume(content.node));
     bounds_.push_back(local_bounding_box(volume, placement_.T_local_tileset));
   }
   records_.resize(cut_.contents.size());
-}
-
-/// Selects the cut to read. The cut of a part of a flight keeps the name (hash) of the whole flight's cut.
-void RegionReader::select() {
-  cut_ = select_cut(tree_, make_criterion(placement_, options_, {}));
-  whole_cut_hash_ = cut_.hash;
-  whole_cut_size_ = static_cast<std::int64_t>(cut_.contents.size());
-  if (is_partial_flight(options_))
-    cut_ = select_cut(tree_, make_criterion(placement_, options_, options_.flight->part));
-}
-
-void RegionReader::require_contents() const {
-  if (!cut_.contents.empty() || !cut_.failures.empty() || is_partial_flight(options_)) return;
-  if (holds_nothing(tree_)) throw InputError(name_, "the tileset is empty: none of its tiles has content");
-  if (options_.flight) throw InputError(name_, nothing_seen(tree_, placement_, options_.flight->view_cones));
-  throw InputError(name_, "no tile with content overlaps the region " + describe_extent(placement_.region.box()) +
-                              "; the tileset spans " + describe_extent(tree_));
 }
 
 std::vector<std::size_t> RegionReader::contents_in(const geometry::Box3& box) const {
@@ -144,17 +126,10 @@ std::vector<LoadedContent> RegionReader::read(const std::vector<std::size_t>& co
 }
 
 void RegionReader::record(std::size_t content, const LoadedContent& loaded) {
-  if (!loaded.failure.empty() && !options_.allow_incomplete) throw incomplete(loaded.failure);
+  if (!loaded.failure.empty() && !options_.allow_incomplete) throw incomplete_region(loaded.failure);
   if (records_[content]) return;
-  ContentRecord& record = records_[content].emplace();
-  record.failure = loaded.failure;
-  if (!loaded.failure.empty()) return;
-  for (const imaging::TexturedMesh& mesh : loaded.meshes)
-    record.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
-  for (const geometry::PointCloud& cloud : loaded.clouds) record.points += static_cast<std::int64_t>(cloud.size());
-  record.copyrights = loaded.copyrights;
-  record.warnings = loaded.warnings;
-  bounds_[content] = bounds_of(loaded);
+  records_[content] = make_record(loaded);
+  if (loaded.failure.empty()) bounds_[content] = bounds_of(loaded);
 }
 
 LoadedTiles RegionReader::summary() const {
@@ -163,32 +138,12 @@ LoadedTiles RegionReader::summary() const {
   out.region = placement_.region;
   out.tiles_wanted = static_cast<std::int64_t>(cut_.contents.size() + cut_.failures.size());
   out.geometric_error_max_m = cut_.geometric_error_max_m;
-  out.cut_hash = whole_cut_hash_;
-  out.cut_size = whole_cut_size_;
+  out.cut_hash = cut_.hash;
+  out.cut_size = static_cast<std::int64_t>(cut_.contents.size());
   out.warnings = placement_.warnings;
   base::add_distinct(first_warnings_, out.warnings);
   out.failures = cut_.failures;
-  tile_contents::AttributionCollector attribution;
-  for (const std::optional<ContentRecord>& record : records_) {
-    if (!record) continue;
-    if (!record->failure.empty()) {
-      out.failures.push_back(record->failure);
-      continue;
-    }
-    ++out.tiles_loaded;
-    out.triangles += record->triangles;
-    out.points += record->points;
-    for (const std::string& copyright : record->copyrights) attribution.add(copyright);
-    base::add_distinct(record->warnings, out.warnings);
-  }
-  out.tiles_failed = static_cast<std::int64_t>(out.failures.size());
-  for (const auto& [uri, tileset] : tree_.files_read()) attribution.add(tileset->copyright);
-  base::add_distinct(tree_.warnings(), out.warnings);
-  base::add_distinct(source_.warnings(), out.warnings);  // including warnings of the reads
-  out.terms = source_.terms();
-  out.attribution = source_.attribution();
-  base::add_distinct(attribution.sorted_holders(), out.attribution);
-  out.complete = out.tiles_failed == 0;
+  add_records(records_, tree_, source_, out);
   out.bytes_read = counted_.bytes();
   return out;
 }

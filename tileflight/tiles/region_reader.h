@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tileflight/base/progress.h"
+#include "tileflight/tiles/content_records.h"
 #include "tileflight/tiles/cut_reader.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/tiles/placement.h"
@@ -14,6 +15,13 @@
 #include "tileflight/transport/tile_source.h"
 
 namespace tileflight::tiles {
+
+/// The criterion of a request: its region, or what its flight sees.
+RefinementCriterion request_criterion(const Placement& placement, const LoadOptions& options);
+
+/// Throws InputError, with the cause and what to do, if the cut of a request holds nothing.
+void require_contents(const TileCut& cut, const TilesetTree& tree, const Placement& placement,
+                      const LoadOptions& options, const std::string& name);
 
 /// A region of a tileset whose cut is selected once and whose contents are read in parts: memory then depends on the
 /// part, not on the region. Not thread safe.
@@ -44,15 +52,6 @@ class RegionReader {
   LoadedTiles summary() const;
 
  private:
-  /// What a content was found to hold.
-  struct ContentRecord {
-    std::int64_t triangles = 0, points = 0;
-    std::vector<std::string> copyrights, warnings;
-    std::string failure;
-  };
-
-  void select();
-  void require_contents() const;
   void record(std::size_t content, const LoadedContent& loaded);
 
   transport::TileSource& source_;
@@ -63,9 +62,7 @@ class RegionReader {
   Placement placement_;
   TileCut cut_;
   std::vector<std::string> first_warnings_;  ///< of the source before any content was read
-  std::string whole_cut_hash_;               ///< of a flight's whole cut, of which `cut_` may be a part
-  std::int64_t whole_cut_size_ = 0;
-  std::vector<geometry::Box3> bounds_;  ///< of each content, local frame
+  std::vector<geometry::Box3> bounds_;       ///< of each content, local frame
   std::vector<std::optional<ContentRecord>> records_;
 };
 

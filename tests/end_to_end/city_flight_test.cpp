@@ -1,0 +1,193 @@
+// A flight across a place of several levels: groups of frames with their own tiles, rendered in parts, by several
+// processes, and after one was killed.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <thread>
+
+#include "tests/background_program.h"
+#include "tests/run_program.h"
+#include "tests/tiny_city.h"
+
+namespace tileflight::city_flight_test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+using tests::file_text;
+using tests::ProgramResult;
+using tests::run_tileflight;
+using tests::TinyCity;
+using tests::TinyPlace;
+
+// Across the place, around a corner, and back over the first part: seven cubes.
+constexpr const char* kFlight = R"(camera: camera.yaml
+fps: 0.5
+speed_m_s: 40
+acceleration_m_s2: 40
+waypoints:
+  - {position: [-500, -300, 160], yaw_deg: 90, pitch_deg: -40}
+  - {position: [500, -280, 170], yaw_deg: 60, pitch_deg: -30}
+  - {position: [300, 200, 165], yaw_deg: -60, pitch_deg: -35}
+  - {position: [-500, -290, 160], yaw_deg: -120, pitch_deg: -30}
+)";
+
+constexpr const char* kSensors = R"(sensors:
+  imu: {rate_hz: 20}
+  range_finder: {rate_hz: 1}
+  lidar: {pattern: raster, columns: 12, rows: 6, horizontal_fov_deg: 60, vertical_fov_deg: 40, rate_hz: 0.5}
+)";
+
+constexpr const char* kDegrade = R"(exposure_time: 0.002
+exposure_samples: 3
+auto_exposure: {target: 0.25, time_constant: 3}
+)";
+
+std::set<std::string> files_of(const fs::path& folder) {
+  std::set<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) files.insert(fs::relative(entry.path(), folder).string());
+  }
+  return files;
+}
+
+void expect_equal_folders(const fs::path& one, const fs::path& other) {
+  ASSERT_FALSE(files_of(one).empty());
+  EXPECT_EQ(files_of(one), files_of(other));
+  for (const std::string& file : files_of(one)) {
+    EXPECT_TRUE(file_text(one / file) == file_text(other / file)) << other << " " << file;
+  }
+}
+
+class CityFlight : public testing::Test {
+ protected:
+  CityFlight() {
+    TinyCity::write(folder_ / "place");
+    TinyPlace::write_file(folder_ / "camera.yaml", TinyPlace::kCamera);
+    TinyPlace::write_file(folder_ / "flight.yaml", kFlight);
+    TinyPlace::write_file(folder_ / "degrade.yaml", kDegrade);
+  }
+
+  std::vector<std::string> arguments(const std::string& out, const std::vector<std::string>& more) const {
+    std::vector<std::string> words{
+        "render", (folder_ / "place").string(), "--flight", (folder_ / "flight.yaml").string(),
+        "--out",  (folder_ / out).string(),     "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  json render(const std::string& out, const std::vector<std::string>& more) const {
+    const ProgramResult result = run_tileflight(arguments(out, more));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result.exit_code == 0 ? json::parse(result.out) : json();
+  }
+
+  tests::TemporaryFolder folder_;
+};
+
+TEST_F(CityFlight, MemoryChangesNoByte) {
+  const std::vector<std::string> outputs{"--outputs", "depth,segmentation,flow", "--degrade",
+                                         (folder_ / "degrade.yaml").string()};
+  const auto with_memory = [&](const std::string& gigabytes) {
+    std::vector<std::string> more = outputs;
+    more.insert(more.end(), {"--memory", gigabytes});
+    return more;
+  };
+  // A tile takes 0.14 MB while it is rendered; a frame needs up to 39.
+  const json whole = render("whole", with_memory("1")), parts = render("parts", with_memory("0.0062"));
+  EXPECT_GE(whole["parts"], 7);
+  EXPECT_GT(parts["parts"], whole["parts"]);
+  for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(parts[key], whole[key]) << key;
+  expect_equal_folders(folder_ / "whole", folder_ / "parts");
+}
+
+TEST_F(CityFlight, ThreadsAndOtherSensorsChangeNothingInParts) {
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
+  render("whole", {"--memory", "1", "--threads", "1"});
+  render("parts", {"--memory", "0.0095", "--threads", "2"});
+  expect_equal_folders(folder_ / "whole", folder_ / "parts");
+}
+
+TEST_F(CityFlight, FarTilesAreCoarseInEachGroup) {
+  const json crossing = render("crossing", {});
+  // A flight of the same camera around the middle, which needs the finest tiles there and coarser ones far away.
+  TinyPlace::write_file(folder_ / "flight.yaml", R"(camera: camera.yaml
+fps: 0.5
+speed_m_s: 40
+acceleration_m_s2: 40
+waypoints:
+  - {position: [-20, 0, 160], yaw_deg: 90, pitch_deg: -40}
+  - {position: [20, 0, 160], yaw_deg: 90, pitch_deg: -40}
+)");
+  const json middle = render("middle", {});
+  EXPECT_EQ(middle["parts"], 1);
+  EXPECT_LT(crossing["triangles"], 64 * 512) << "no scene holds all of the finest level";
+  EXPECT_GT(crossing["tiles"], middle["tiles"]);
+}
+
+TEST_F(CityFlight, AFrameThatDoesNotFitIsRefusedWithWhatWould) {
+  const ProgramResult refused = run_tileflight(arguments("refused", {"--memory", "0.004"}));
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_EQ(tests::line_count(refused.err), 1) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("more than 0.004 GB of memory: raise the limit (--memory "));
+  EXPECT_FALSE(fs::exists(folder_ / "refused"));
+  const auto number_after = [&](const std::string& word) {
+    const std::size_t at = refused.err.find(word);
+    EXPECT_NE(at, std::string::npos) << refused.err;
+    return refused.err.substr(at + word.size(), refused.err.find(')', at) - at - word.size());
+  };
+  EXPECT_TRUE(render("more", {"--memory", number_after("(--memory ")})["complete"]);
+  EXPECT_TRUE(render("coarser", {"--memory", "0.004", "--pixel-error", number_after("(--pixel-error ")})["complete"]);
+}
+
+TEST_F(CityFlight, WhatAKilledRenderLeftIsTakenUp) {
+  const std::vector<std::string> more{"--memory",  "0.0062",
+                                      "--outputs", "segmentation",
+                                      "--degrade", (folder_ / "degrade.yaml").string(),
+                                      "--samples", "4",
+                                      "--threads", "1"};
+  render("whole", more);
+  std::vector<std::string> resumed = more;
+  resumed.emplace_back("--resume");
+  const fs::path frames = folder_ / ".killed.frames/frames";
+  const auto finished = [&] {
+    std::error_code error;
+    std::size_t count = 0;
+    for (fs::directory_iterator entry(frames, error), end; !error && entry != end; entry.increment(error)) ++count;
+    return count;
+  };
+  {
+    tests::BackgroundProgram program(arguments("killed", resumed), folder_ / "log");
+    while (finished() < 5 && program.runs()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }  // killed
+  ASSERT_GE(finished(), 5U);
+  ASSERT_FALSE(fs::exists(folder_ / "killed"));
+  EXPECT_GE(render("killed", resumed)["frames_taken_up"], 5);
+  expect_equal_folders(folder_ / "whole", folder_ / "killed");
+}
+
+#ifdef TILEFLIGHT_MPIRUN
+TEST_F(CityFlight, ProcessesChangeNoByte) {
+  TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
+  const std::vector<std::string> more{"--outputs", "segmentation", "--degrade", (folder_ / "degrade.yaml").string(),
+                                      "--memory",  "0.0095"};
+  render("alone", more);
+  for (const int count : {2, 3, 4}) {
+    const std::string out = "by" + std::to_string(count);
+    std::string command =
+        "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl_vader_single_copy_mechanism=none "
+        "exec " TILEFLIGHT_MPIRUN " --oversubscribe --bind-to none -n " +
+        std::to_string(count) + " " + tests::shell_quoted(TILEFLIGHT_BINARY);
+    for (const std::string& word : arguments(out, more)) command += " " + tests::shell_quoted(word);
+    command += " > /dev/null 2> " + tests::shell_quoted((folder_ / "stderr").string()) + " < /dev/null";
+    ASSERT_EQ(std::system(command.c_str()), 0) << file_text(folder_ / "stderr");
+    expect_equal_folders(folder_ / "alone", folder_ / out);
+  }
+}
+#endif
+
+}  // namespace
+}  // namespace tileflight::city_flight_test

@@ -1,0 +1,22 @@
+#include "tileflight/render/scene_memory.h"
+
+#include "tileflight/render/appearance.h"
+
+namespace tileflight::render {
+
+std::uintmax_t decoded_bytes(const imaging::TexturedMesh& mesh) {
+  return mesh.mesh.vertices.size() * sizeof(mesh.mesh.vertices[0]) + mesh.uv.size() * sizeof(mesh.uv[0]) +
+         mesh.colors.size() * sizeof(mesh.colors[0]) + mesh.feature_ids.size() * sizeof(mesh.feature_ids[0]) +
+         mesh.mesh.triangles.size() * sizeof(mesh.mesh.triangles[0]);
+}
+
+std::uintmax_t rendered_bytes(const imaging::TexturedMesh& mesh) {
+  constexpr std::uintmax_t kTreeBytes = 180;  // per triangle: both trees, with their copies of its corners
+  return decoded_bytes(mesh) + mesh.mesh.triangles.size() * (kTreeBytes + sizeof(TriangleShading));
+}
+
+std::uintmax_t rendered_bytes(const imaging::RgbImage& texture) {
+  return texture.pixels.size() * sizeof(imaging::Rgb8) * 7 / 3;  // image, copy, and a third of it
+}
+
+}  // namespace tileflight::render

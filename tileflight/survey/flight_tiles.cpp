@@ -1,0 +1,226 @@
+#include "tileflight/survey/flight_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tileflight/base/files.h"
+#include "tileflight/base/string_lists.h"
+#include "tileflight/tiles/cut_reader.h"
+#include "tileflight/tiles/region_reader.h"
+#include "tileflight/transport/open_source.h"
+#include "tileflight/transport/uri.h"
+
+namespace tileflight::survey {
+namespace {
+
+using geometry::Vec3;
+using nlohmann::json;
+using tiles::BoundingSphere;
+
+tiles::LoadOptions load_options_of(const PlannedFlight& mission, const RenderSettings& settings) {
+  tiles::LoadOptions load = settings.load;
+  load.uses = {transport::Use::kAnalyse};
+  if (settings.error_px) load.flight = {flight_view_cones(mission), *settings.error_px, {}};
+  return load;
+}
+
+std::unique_ptr<transport::TileSource> open_permitted(const std::string& source, const tiles::LoadOptions& load) {
+  std::unique_ptr<transport::TileSource> opened = transport::open_source(source, load.source);
+  for (const transport::Use use : load.uses)
+    transport::require_permitted(opened->terms(), use, load.source.terms_accepted, transport::redact_source(source));
+  return opened;
+}
+
+/// Whether the vertical line down from a point meets the sphere.
+bool is_below(const BoundingSphere& sphere, const Vec3& point) {
+  return (sphere.center - point).head<2>().norm() <= sphere.radius_m &&
+         sphere.center.z() - sphere.radius_m <= point.z();
+}
+
+json content_record_to_json(const tiles::ContentRecord& record) {
+  return {{"triangles", record.triangles},
+          {"points", record.points},
+          {"copyrights", record.copyrights},
+          {"warnings", record.warnings},
+          {"failure", record.failure}};
+}
+
+tiles::ContentRecord content_record_from_json(const json& note) {
+  return {note.at("triangles").get<std::int64_t>(), note.at("points").get<std::int64_t>(),
+          note.at("copyrights").get<std::vector<std::string>>(), note.at("warnings").get<std::vector<std::string>>(),
+          note.at("failure").get<std::string>()};
+}
+
+}  // namespace
+
+FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress)
+    : mission_(mission),
+      load_(load_options_of(mission, settings)),
+      error_px_(settings.error_px),
+      name_(transport::redact_source(settings.source)),
+      source_(open_permitted(settings.source, load_)),
+      tree_(*source_),
+      cones_(flight_view_cones(mission)),
+      cones_per_frame_(cones_.size() / mission.frames.size()),
+      groups_(group_flight_frames(mission, settings)) {
+  report_progress(progress, 0, 0, "reading the tileset");
+  tiles::require_supported_extensions(tree_.tileset(tree_.root()), name_);
+  placement_ = tiles::resolve_placement(tree_, load_, name_);
+  add_frame_spheres();
+  for (std::size_t group = 0; group < groups_.count(); ++group) {
+    report_progress(progress, static_cast<std::int64_t>(group), static_cast<std::int64_t>(groups_.count()),
+                    "selecting tiles");
+    add_group(group);
+  }
+  if (groups_.count() > 1) cut_.hash = base::sha256_hex(cut_.hash);
+  tiles::require_contents(cut_, tree_, placement_, load_, name_);
+  first_warnings_ = source_->warnings();
+  if (!load_.allow_incomplete && !cut_.failures.empty()) throw tiles::incomplete_region(cut_.failures.front());
+  records_.resize(content_count());
+}
+
+/// Spheres that hold all surfaces that FrameCheck looks for around a frame's camera, other than below it.
+void FlightTiles::add_frame_spheres() {
+  constexpr double kDetour = 1.5, kSlack_m = 1.0;  // the way to the next frame may be curved
+  const auto& poses = mission_.frames.poses;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Vec3& here = poses[i].T_local_camera.translation;
+    const Vec3& next = poses[std::min(i + 1, poses.size() - 1)].T_local_camera.translation;
+    const double near_m = std::max(mission_.options.clearance_m, kDetour * (next - here).norm()) + kSlack_m;
+    surroundings_.push_back({here, groups_.count() > 1 ? std::max(near_m, kInsideReach_m + kSlack_m) : near_m});
+  }
+}
+
+tiles::TileCut FlightTiles::select_group(std::size_t group, double error_px) {
+  tiles::LoadOptions load = load_;
+  if (load.flight) {
+    load.flight->error_px = error_px;
+    load.flight->view_cones.clear();
+    for (const std::size_t frame : groups_.frames[group]) {
+      const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(frame * cones_per_frame_);
+      load.flight->view_cones.insert(load.flight->view_cones.end(), first,
+                                     first + static_cast<std::ptrdiff_t>(cones_per_frame_));
+    }
+  }
+  return tiles::select_cut(tree_, tiles::request_criterion(placement_, load));
+}
+
+void FlightTiles::add_group(std::size_t group) {
+  tiles::TileCut cut = select_group(group, error_px_.value_or(0.0));
+  std::vector<std::size_t>& contents = contents_of_group_.emplace_back();
+  for (const tiles::CutContent& content : cut.contents) contents.push_back(number_of(content));
+  base::add_distinct(cut.failures, cut_.failures);
+  cut_.geometric_error_max_m = std::max(cut_.geometric_error_max_m, cut.geometric_error_max_m);
+  cut_.hash += groups_.count() > 1 ? cut.hash + "\n" : cut.hash;
+}
+
+std::size_t FlightTiles::number_of(const tiles::CutContent& content) {
+  const auto [known, is_new] = numbers_.emplace(std::pair(content.node, content.content), cut_.contents.size());
+  if (is_new) {
+    cut_.contents.push_back(content);
+    spheres_.push_back(sphere_of(content));
+  }
+  return known->second;
+}
+
+BoundingSphere FlightTiles::sphere_of(const tiles::CutContent& content) const {
+  const tiles::BoundingVolume volume =
+      tree_.content_volume(content.node, content.content).value_or(tree_.volume(content.node));
+  const geometry::Box3 box = tiles::local_bounding_box(volume, placement_.T_local_tileset);
+  return {box.center(), box.sizes().norm() / 2};
+}
+
+std::optional<std::uintmax_t> FlightTiles::file_bytes(const tiles::CutContent& content) const {
+  return transport::is_data_uri(content.uri) ? std::nullopt : source_->size(content.uri);
+}
+
+std::function<bool(const BoundingSphere&)> FlightTiles::needs_of(std::size_t frame) const {
+  const auto first = cones_.begin() + static_cast<std::ptrdiff_t>(frame * cones_per_frame_);
+  const tiles::RefinementCriterion view =
+      tiles::flight_criterion({first, first + static_cast<std::ptrdiff_t>(cones_per_frame_)}, geometry::SE3(), 0.0);
+  return [view, around = surroundings_[frame]](const BoundingSphere& sphere) {
+    return view.intersects(sphere) || (sphere.center - around.center).norm() <= sphere.radius_m + around.radius_m ||
+           is_below(sphere, around.center);
+  };
+}
+
+std::vector<std::size_t> FlightTiles::places_for_frame(std::size_t frame) const {
+  const auto needs = needs_of(frame);
+  const std::vector<std::size_t>& contents = contents_of_group_[groups_.group_of_frame[frame]];
+  std::vector<std::size_t> places;
+  for (std::size_t place = 0; place < contents.size(); ++place) {
+    if (needs(spheres_[contents[place]])) places.push_back(place);
+  }
+  return places;
+}
+
+std::vector<tiles::CutContent> FlightTiles::contents_for_frame(std::size_t frame, double error_px) {
+  tiles::TileCut cut = select_group(groups_.group_of_frame[frame], error_px);
+  const auto needs = needs_of(frame);
+  std::erase_if(cut.contents, [&](const tiles::CutContent& content) { return !needs(sphere_of(content)); });
+  return std::move(cut.contents);
+}
+
+std::vector<tiles::LoadedContent> FlightTiles::read(const std::vector<std::size_t>& contents) {
+  tiles::TileCut part;
+  for (const std::size_t content : contents) part.contents.push_back(cut_.contents[content]);
+  std::vector<tiles::LoadedContent> loaded =
+      tiles::read_cut(*source_, tree_, part, placement_.T_local_tileset, load_.textures);
+  for (std::size_t i = 0; i < contents.size(); ++i) {
+    if (!loaded[i].failure.empty() && !load_.allow_incomplete) throw tiles::incomplete_region(loaded[i].failure);
+    if (records_[contents[i]]) continue;
+    records_[contents[i]] = tiles::make_record(loaded[i]);
+    new_records_.push_back(contents[i]);
+  }
+  return loaded;
+}
+
+void FlightTiles::read_rest() {
+  constexpr std::size_t kAtOnce = 16;
+  std::vector<std::size_t> rest;
+  const auto read_all = [&] {
+    if (!rest.empty()) read(rest);
+    rest.clear();
+  };
+  for (std::size_t content = 0; content < records_.size(); ++content) {
+    if (!records_[content]) rest.push_back(content);
+    if (rest.size() == kAtOnce) read_all();
+  }
+  read_all();
+}
+
+json FlightTiles::take_new_records() {
+  json records;
+  for (const std::size_t content : new_records_)
+    records[std::to_string(content)] = content_record_to_json(*records_[content]);
+  new_records_.clear();
+  return records;
+}
+
+void FlightTiles::add_records(const json& records) {
+  try {
+    for (const auto& [number, record] : records.items()) {
+      const std::size_t content = std::stoul(number);
+      if (content < records_.size() && !records_[content]) records_[content] = content_record_from_json(record);
+    }
+  } catch (const std::exception&) {  // damaged: only its attribution is lost
+  }
+}
+
+tiles::LoadedTiles FlightTiles::summary() const {
+  tiles::LoadedTiles out;
+  out.local_frame = placement_.local_frame;
+  out.region = placement_.region;
+  out.tiles_wanted = static_cast<std::int64_t>(cut_.contents.size() + cut_.failures.size());
+  out.geometric_error_max_m = cut_.geometric_error_max_m;
+  out.cut_hash = cut_.hash;
+  out.cut_size = static_cast<std::int64_t>(cut_.contents.size());
+  out.warnings = placement_.warnings;
+  base::add_distinct(first_warnings_, out.warnings);
+  out.failures = cut_.failures;
+  tiles::add_records(records_, tree_, *source_, out);
+  return out;
+}
+
+}  // namespace tileflight::survey

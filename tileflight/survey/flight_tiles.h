@@ -1,0 +1,106 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/survey/frame_groups.h"
+#include "tileflight/survey/planned_flight.h"
+#include "tileflight/survey/render_stage.h"
+#include "tileflight/tiles/bounding_volume.h"
+#include "tileflight/tiles/content_records.h"
+#include "tileflight/tiles/placement.h"
+#include "tileflight/tiles/selection.h"
+#include "tileflight/tiles/tileset_tree.h"
+#include "tileflight/transport/tile_source.h"
+
+namespace tileflight::survey {
+
+/// On a flight of several groups, surfaces farther away than this do not tell whether a camera is inside a solid: what
+/// is loaded for a frame must not depend on memory, and neither must what is found.
+inline constexpr double kInsideReach_m = 64.0;
+
+/// The tiles of a flight: for each group of its frames (frame_groups.h) the cut that is fine enough for the nearest
+/// camera of the group; without a pixel error, the cut of a region for all frames. Contents are numbered over all cuts,
+/// in the order in which the cuts name them first. Not thread safe.
+class FlightTiles {
+ public:
+  /// Opens the source and selects the cuts; reads no content. Flight and settings must outlive it. Throws InputError.
+  FlightTiles(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress);
+
+  const std::string& name() const { return name_; }  ///< of the source, for messages
+  const tiles::Placement& placement() const { return placement_; }
+  const FrameGroups& groups() const { return groups_; }
+  /// SHA-256 that names all cuts: that of a single group's cut (TileCut::hash), or over those of all groups.
+  const std::string& cut_hash() const { return cut_.hash; }
+  std::size_t content_count() const { return cut_.contents.size(); }
+  const tiles::CutContent& content(std::size_t content) const { return cut_.contents[content]; }
+  /// Size of a content's file, if the source knows it.
+  std::optional<std::uintmax_t> file_bytes(const tiles::CutContent& content) const;
+
+  /// The contents that a group's cut consists of, in its order.
+  const std::vector<std::size_t>& contents_of_group(std::size_t group) const { return contents_of_group_[group]; }
+  /// Those that a frame needs: what it may show, and what surrounds the camera (FrameCheck). As places in
+  /// contents_of_group, ascending.
+  std::vector<std::size_t> places_for_frame(std::size_t frame) const;
+
+  /// Whether a region is loaded whole if it fits into memory, also what no frame shows.
+  bool is_region() const { return !error_px_; }
+  /// Pixel error that tiles are selected for; nullopt: a region's.
+  const std::optional<double>& error_px() const { return error_px_; }
+
+  /// The cut that frame `frame`'s group would have with another pixel error: what the frame needs of it.
+  std::vector<tiles::CutContent> contents_for_frame(std::size_t frame, double error_px);
+
+  /// Reads contents, in this order; an unreadable one is empty and states its failure. Throws InputError for the first
+  /// of these unless LoadOptions::allow_incomplete.
+  std::vector<tiles::LoadedContent> read(const std::vector<std::size_t>& contents);
+
+  /// Reads, and releases, the contents that neither this process nor another has read, so that the summary is the same
+  /// however a region was rendered.
+  void read_rest();
+
+  /// What has been read since the last call, for add_records() of another process; null: nothing.
+  nlohmann::json take_new_records();
+  /// Adds what another process has read. Unreadable records are ignored.
+  void add_records(const nlohmann::json& records);
+  /// What load_region() says about its result, without meshes and clouds: of all cuts, as far as their contents have
+  /// been read.
+  tiles::LoadedTiles summary() const;
+
+ private:
+  tiles::TileCut select_group(std::size_t group, double error_px);
+  void add_group(std::size_t group);
+  std::size_t number_of(const tiles::CutContent& content);
+  void add_frame_spheres();
+  std::function<bool(const tiles::BoundingSphere& sphere)> needs_of(std::size_t frame) const;
+  tiles::BoundingSphere sphere_of(const tiles::CutContent& content) const;
+
+  const PlannedFlight& mission_;
+  tiles::LoadOptions load_;
+  std::optional<double> error_px_;
+  std::string name_;
+  std::unique_ptr<transport::TileSource> source_;
+  tiles::TilesetTree tree_;
+  tiles::Placement placement_;
+  std::vector<tiles::ViewCone> cones_;  ///< the same number for each frame
+  std::size_t cones_per_frame_;
+  FrameGroups groups_;
+  std::vector<tiles::BoundingSphere> surroundings_;  ///< of each frame, local frame
+  tiles::TileCut cut_;                               ///< all contents by number
+  std::vector<tiles::BoundingSphere> spheres_;       ///< of each content, local frame
+  std::vector<std::vector<std::size_t>> contents_of_group_;
+  std::map<std::pair<tiles::NodeId, std::size_t>, std::size_t> numbers_;
+  std::vector<std::string> first_warnings_;  ///< of the source before any content was read
+  std::vector<std::optional<tiles::ContentRecord>> records_;
+  std::vector<std::size_t> new_records_;
+};
+
+}  // namespace tileflight::survey

@@ -1,0 +1,300 @@
+#include "tileflight/survey/part_loader.h"
+
+#include <tbb/task_arena.h>
+#include <tbb/task_group.h>
+
+#include <algorithm>
+#include <atomic>
+#include <iterator>
+#include <limits>
+
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/render/scene_memory.h"
+
+namespace tileflight::survey {
+namespace {
+
+using imaging::TexturedMesh;
+
+/// Share of the memory limit that a part of several frames may take; the rest is for what is read ahead.
+constexpr double kPartShare = 0.75;
+/// Number of frames whose needs decide which contents are kept.
+constexpr std::size_t kFramesAhead = 64;
+
+/// The distinct textures of meshes, in the order of their first use.
+std::vector<const imaging::RgbImage*> textures_of(const std::vector<TexturedMesh>& meshes) {
+  std::vector<const imaging::RgbImage*> textures;
+  for (const TexturedMesh& mesh : meshes) {
+    if (mesh.texture && std::ranges::find(textures, mesh.texture.get()) == textures.end())
+      textures.push_back(mesh.texture.get());
+  }
+  return textures;
+}
+
+}  // namespace
+
+ContentMemory memory_of(const std::vector<TexturedMesh>& meshes) {
+  ContentMemory memory;
+  for (const TexturedMesh& mesh : meshes) {
+    memory.decoded_bytes += render::decoded_bytes(mesh);
+    memory.rendered_bytes += render::rendered_bytes(mesh);
+  }
+  for (const imaging::RgbImage* texture : textures_of(meshes)) {
+    memory.textures.push_back(
+        {memory.textures.size(), texture->pixels.size() * sizeof(imaging::Rgb8), render::rendered_bytes(*texture)});
+  }
+  return memory;
+}
+
+std::uintmax_t MemorySum::bytes_of(const ContentMemory& content, std::size_t file, bool is_rendered) const {
+  std::uintmax_t bytes = is_rendered ? content.rendered_bytes : content.decoded_bytes;
+  for (const ContentMemory::Texture& texture : content.textures) {
+    if (!textures_.contains({file, texture.number}))
+      bytes += is_rendered ? texture.rendered_bytes : texture.decoded_bytes;
+  }
+  return bytes;
+}
+
+void MemorySum::add(const ContentMemory& content, std::size_t file, bool is_rendered) {
+  bytes_ += bytes_of(content, file, is_rendered);
+  for (const ContentMemory::Texture& texture : content.textures) textures_.emplace(file, texture.number);
+}
+
+/// An arena of its own, so that a thread that waits for its part of a frame does not begin to read a tile. A program
+/// with a single thread never reads ahead.
+struct PartLoader::Background {
+  tbb::task_arena arena;
+  tbb::task_group group;
+  std::atomic<bool> stops = false;
+
+  template <class Work>
+  void run(const Work& work) {
+    stops = false;
+    arena.execute([&] { group.run(work); });
+  }
+  /// Throws what the work threw.
+  void stop() {
+    stops = true;
+    arena.execute([&] { group.wait(); });
+  }
+};
+
+PartLoader::PartLoader(FlightTiles& tiles, std::vector<std::size_t> frames, std::uintmax_t max_memory_bytes)
+    : tiles_(tiles),
+      frames_(std::move(frames)),
+      max_memory_bytes_(max_memory_bytes),
+      contents_(tiles.content_count()),
+      background_(std::make_unique<Background>()) {
+  std::map<std::string, std::size_t> files;
+  for (std::size_t i = 0; i < contents_.size(); ++i)
+    file_of_.push_back(files.emplace(tiles.content(i).uri, files.size()).first->second);
+}
+
+PartLoader::~PartLoader() {
+  try {
+    background_->stop();
+  } catch (const std::exception&) {  // of a content that is needed no more
+  }
+}
+
+PartLoader::Contents PartLoader::contents_at(const std::vector<std::size_t>& places, std::size_t group) const {
+  Contents contents;
+  for (const std::size_t place : places) contents.push_back(tiles_.contents_of_group(group)[place]);
+  return contents;
+}
+
+PartLoader::Contents PartLoader::contents_for(std::size_t frame) const {
+  return contents_at(tiles_.places_for_frame(frame), tiles_.groups().group_of_frame[frame]);
+}
+
+FlightPart PartLoader::load(std::size_t begin, const Progress& progress) {
+  std::vector<std::size_t> places;
+  FlightPart part{begin, choose_frames(begin, places, progress), {}};
+  part_ = contents_at(places, tiles_.groups().group_of_frame[frames_[begin]]);
+  make_room(part_, {part_.begin(), part_.end()}, part.end, 0);
+  part_meshes_.clear();
+  for (const std::size_t i : part_) {
+    Content& content = contents_[i];
+    part_meshes_.push_back(content.meshes.size());
+    std::move(content.meshes.begin(), content.meshes.end(), std::back_inserter(part.meshes));
+    content.meshes.clear();
+  }
+  return part;
+}
+
+/// Fetches what the part needs, into memory and `places`. Returns the part's end.
+std::size_t PartLoader::choose_frames(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress) {
+  const std::vector<std::size_t>& group_of_frame = tiles_.groups().group_of_frame;
+  const std::size_t group = group_of_frame[frames_[begin]];
+  if (tiles_.is_region() && fetch(tiles_.contents_of_group(group), begin, max_memory_bytes_, progress)) {
+    places.resize(tiles_.contents_of_group(group).size());
+    for (std::size_t place = 0; place < places.size(); ++place) places[place] = place;
+    return frames_.size();
+  }
+  const auto share = static_cast<std::uintmax_t>(kPartShare * static_cast<double>(max_memory_bytes_));
+  std::size_t end = begin;
+  for (; end < frames_.size() && group_of_frame[frames_[end]] == group; ++end) {
+    const std::vector<std::size_t> added = tiles_.places_for_frame(frames_[end]);
+    std::vector<std::size_t> wanted;
+    std::ranges::set_union(places, added, std::back_inserter(wanted));
+    const bool is_new = wanted.size() > places.size();
+    if (is_new && !fetch(contents_at(wanted, group), begin, end == begin ? max_memory_bytes_ : share, progress)) break;
+    places = std::move(wanted);
+  }
+  if (end > begin) return end;
+  throw tiles::MemoryLimitExceeded(
+      tiles_.name(), base::formatted("the tiles of frame %zu need more than %.3g GB of memory: request coarser tiles "
+                                     "(--pixel-error, --error), or raise the limit (--memory)",
+                                     frames_[begin], 1e-9 * static_cast<double>(max_memory_bytes_)));
+}
+
+/// Reads those of the contents that are not in memory. Returns false, with some of them read, if a scene of all would
+/// take more than `limit_bytes`. `begin`: the frame from which on contents are needed.
+bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes,
+                       const Progress& progress) {
+  const std::set<std::size_t> kept(contents.begin(), contents.end());
+  while (true) {
+    if (rendered_bytes(contents) > limit_bytes) return false;
+    const std::uintmax_t room = make_room({}, kept, begin, 0);
+    const Contents batch = next_batch(contents, room);
+    if (batch.empty()) return true;
+    const auto missing = std::ranges::count_if(contents, [&](std::size_t i) { return !contents_[i].is_decoded; });
+    report_progress(progress, static_cast<std::int64_t>(contents.size()) - missing,
+                    static_cast<std::int64_t>(contents.size()), "reading tiles");
+    read(batch);
+  }
+}
+
+void PartLoader::prefetch(std::size_t begin) {
+  background_->run([this, begin] { read_ahead(begin); });
+}
+
+void PartLoader::read_ahead(std::size_t begin) {
+  std::set<std::size_t> kept;
+  const std::size_t end = std::min(frames_.size(), begin + kFramesAhead);
+  for (std::size_t i = begin; i < end; ++i) {
+    const Contents wanted = contents_for(frames_[i]);
+    kept.insert(wanted.begin(), wanted.end());
+    while (true) {
+      const std::uintmax_t free_bytes = make_room(part_, kept, begin, mean_bytes());
+      const Contents batch = next_batch(wanted, free_bytes);
+      if (background_->stops || (!batch.empty() && batch.size() * mean_bytes() > free_bytes)) return;
+      if (batch.empty()) break;
+      read(batch);
+    }
+  }
+}
+
+/// Missing ones of the contents, as many as are likely to fit into a part of `room_bytes`, at least one; those of one
+/// file, which is decoded once, together.
+PartLoader::Contents PartLoader::next_batch(const Contents& contents, std::uintmax_t room_bytes) const {
+  constexpr std::uintmax_t kFirst = 16, kMost = 128;
+  Contents batch;
+  for (const std::size_t i : contents) {
+    if (!contents_[i].is_decoded) batch.push_back(i);
+  }
+  std::ranges::stable_sort(batch, {}, [this](std::size_t i) { return file_of_[i]; });
+  const std::uintmax_t mean = mean_bytes();
+  const std::uintmax_t count = mean == 0 ? kFirst : std::clamp<std::uintmax_t>(room_bytes / (8 * mean), 1, kMost);
+  if (batch.size() > count) batch.resize(count);
+  return batch;
+}
+
+void PartLoader::read(const Contents& batch) {
+  std::vector<tiles::LoadedContent> loaded = tiles_.read(batch);
+  for (std::size_t k = 0; k < batch.size(); ++k) {
+    Content& content = contents_[batch[k]];
+    content.meshes = std::move(loaded[k].meshes);
+    content.is_decoded = true;
+    share_textures(file_of_[batch[k]], content.meshes);
+    if (content.memory) continue;
+    content.memory = memory_of(content.meshes);
+    MemorySum sum;
+    sum.add(*content.memory, 0, false);
+    known_bytes_ += sum.bytes();
+    ++known_;
+  }
+}
+
+/// Replaces textures by those of the same file that are in memory already.
+void PartLoader::share_textures(std::size_t file, std::vector<TexturedMesh>& meshes) {
+  const std::vector<const imaging::RgbImage*> own = textures_of(meshes);
+  for (TexturedMesh& mesh : meshes) {
+    if (!mesh.texture) continue;
+    const auto number = static_cast<std::size_t>(std::ranges::find(own, mesh.texture.get()) - own.begin());
+    std::weak_ptr<const imaging::RgbImage>& known = textures_[{file, number}];
+    if (auto texture = known.lock()) {
+      mesh.texture = std::move(texture);
+    } else {
+      known = mesh.texture;
+    }
+  }
+}
+
+/// What a scene of those that are in memory or have been takes.
+std::uintmax_t PartLoader::rendered_bytes(const Contents& contents) const {
+  MemorySum sum;
+  for (const std::size_t i : contents) {
+    if (contents_[i].memory) sum.add(*contents_[i].memory, file_of_[i], true);
+  }
+  return sum.bytes();
+}
+
+/// Releases contents, those that frames from frames()[next] on need last first, until `rendered` (as a scene) and the
+/// rest leave `room_bytes` of the limit; never those that are `kept`. Returns what is left of the limit.
+std::uintmax_t PartLoader::make_room(const Contents& rendered, const std::set<std::size_t>& kept, std::size_t next,
+                                     std::uintmax_t room_bytes) {
+  MemorySum sum;
+  std::set<std::size_t> counted(rendered.begin(), rendered.end());
+  for (const std::size_t i : rendered) sum.add(*contents_[i].memory, file_of_[i], true);
+  Contents others;
+  for (std::size_t i = 0; i < contents_.size(); ++i) {
+    if (!contents_[i].is_decoded || counted.contains(i)) continue;
+    if (kept.contains(i)) {
+      sum.add(*contents_[i].memory, file_of_[i], false);
+    } else {
+      others.push_back(i);
+    }
+  }
+  MemorySum with_all = sum;
+  for (const std::size_t i : others) with_all.add(*contents_[i].memory, file_of_[i], false);
+  if (with_all.bytes() + room_bytes <= max_memory_bytes_) return max_memory_bytes_ - with_all.bytes();
+  for (const std::size_t i : by_next_use(std::move(others), next)) {
+    const ContentMemory& memory = *contents_[i].memory;
+    if (sum.bytes() + sum.bytes_of(memory, file_of_[i], false) + room_bytes <= max_memory_bytes_) {
+      sum.add(memory, file_of_[i], false);
+    } else {
+      contents_[i].meshes = {};
+      contents_[i].is_decoded = false;
+    }
+  }
+  return max_memory_bytes_ - std::min(max_memory_bytes_, sum.bytes());
+}
+
+/// The contents in the order in which frames from frames()[from] on need them; those needed by none of the next frames
+/// last.
+PartLoader::Contents PartLoader::by_next_use(Contents contents, std::size_t from) const {
+  std::map<std::size_t, std::size_t> use;
+  for (const std::size_t i : contents) use[i] = std::numeric_limits<std::size_t>::max();
+  for (std::size_t k = from; k < std::min(frames_.size(), from + kFramesAhead); ++k) {
+    for (const std::size_t i : contents_for(frames_[k])) {
+      if (const auto at = use.find(i); at != use.end()) at->second = std::min(at->second, k);
+    }
+  }
+  std::ranges::stable_sort(contents, {}, [&](std::size_t i) { return use[i]; });
+  return contents;
+}
+
+void PartLoader::take_back(std::vector<TexturedMesh> meshes) {
+  background_->stop();
+  auto next = meshes.begin();
+  for (std::size_t k = 0; k < part_.size(); ++k) {
+    Content& content = contents_[part_[k]];
+    const auto end = next + static_cast<std::ptrdiff_t>(part_meshes_[k]);
+    content.meshes.assign(std::make_move_iterator(next), std::make_move_iterator(end));
+    next = end;
+  }
+  part_.clear();
+}
+
+}  // namespace tileflight::survey

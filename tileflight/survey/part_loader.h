@@ -1,0 +1,110 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tileflight/survey/flight_tiles.h"
+
+namespace tileflight::survey {
+
+/// Memory that a content takes, known once it has been decoded.
+struct ContentMemory {
+  struct Texture {
+    std::size_t number = 0;  ///< in the content's file
+    std::uintmax_t decoded_bytes = 0, rendered_bytes = 0;
+  };
+
+  std::uintmax_t decoded_bytes = 0;   ///< meshes as they are kept, without textures
+  std::uintmax_t rendered_bytes = 0;  ///< the same in a scene that is rendered: with its trees and shading
+  std::vector<Texture> textures;
+};
+
+ContentMemory memory_of(const std::vector<imaging::TexturedMesh>& meshes);
+
+/// Memory of several contents together. A file that several contents refer to has its textures in memory once.
+class MemorySum {
+ public:
+  /// What add() would add. `file`: number of the content's file. Contents that are rendered come before those that are
+  /// only kept.
+  std::uintmax_t bytes_of(const ContentMemory& content, std::size_t file, bool is_rendered) const;
+  void add(const ContentMemory& content, std::size_t file, bool is_rendered);
+  std::uintmax_t bytes() const { return bytes_; }
+
+ private:
+  std::uintmax_t bytes_ = 0;
+  std::set<std::pair<std::size_t, std::size_t>> textures_;  ///< file, and number in it
+};
+
+/// Consecutive frames of one group, with the meshes of all contents that they need, in the order of the group's cut.
+struct FlightPart {
+  std::size_t begin = 0;  ///< index into PartLoader::frames()
+  std::size_t end = 0;    ///< likewise, not included
+  std::vector<imaging::TexturedMesh> meshes;
+};
+
+/// Loads the tiles of a flight part by part, within a memory limit: a part has as many frames as fit. A content that
+/// the next part needs too is kept, not read again, and contents that later frames need are read beside the rendering
+/// of a part. How frames are divided into parts changes no pixel. Not thread safe.
+class PartLoader {
+ public:
+  /// `frames`: those to load tiles for, ascending. `tiles` must outlive it, and nothing else may use it between
+  /// prefetch() and take_back().
+  PartLoader(FlightTiles& tiles, std::vector<std::size_t> frames, std::uintmax_t max_memory_bytes);
+  ~PartLoader();
+  PartLoader(const PartLoader&) = delete;
+  PartLoader& operator=(const PartLoader&) = delete;
+
+  const std::vector<std::size_t>& frames() const { return frames_; }
+
+  /// Loads the part that begins with frame `begin` of frames(). Throws InputError; MemoryLimitExceeded if that frame
+  /// alone does not fit.
+  FlightPart load(std::size_t begin, const Progress& progress = {});
+  /// Begins to read contents for frames from `begin` on, as far as they fit beside the last part, while it is rendered.
+  void prefetch(std::size_t begin);
+  /// Takes the meshes of the last part back, once it is rendered. Throws InputError if a content that was read
+  /// meanwhile is unreadable.
+  void take_back(std::vector<imaging::TexturedMesh> meshes);
+
+ private:
+  struct Background;  ///< runs read_ahead()
+  struct Content {
+    bool is_decoded = false;
+    std::vector<imaging::TexturedMesh> meshes;  ///< empty while the last part has them
+    std::optional<ContentMemory> memory;        ///< known after the first reading
+  };
+  using Contents = std::vector<std::size_t>;
+
+  Contents contents_at(const std::vector<std::size_t>& places, std::size_t group) const;
+  Contents contents_for(std::size_t frame) const;
+  std::size_t choose_frames(std::size_t begin, std::vector<std::size_t>& places, const Progress& progress);
+  bool fetch(const Contents& contents, std::size_t begin, std::uintmax_t limit_bytes, const Progress& progress);
+  void read_ahead(std::size_t begin);
+  void read(const Contents& batch);
+  void share_textures(std::size_t file, std::vector<imaging::TexturedMesh>& meshes);
+  Contents next_batch(const Contents& contents, std::uintmax_t room_bytes) const;
+  std::uintmax_t mean_bytes() const { return known_ == 0 ? 0 : known_bytes_ / known_; }
+  std::uintmax_t rendered_bytes(const Contents& contents) const;
+  std::uintmax_t make_room(const Contents& rendered, const std::set<std::size_t>& kept, std::size_t next,
+                           std::uintmax_t room_bytes);
+  Contents by_next_use(Contents contents, std::size_t from) const;
+
+  FlightTiles& tiles_;
+  std::vector<std::size_t> frames_;
+  std::uintmax_t max_memory_bytes_;
+  std::vector<Content> contents_;
+  std::vector<std::size_t> file_of_;  ///< of each content: number of its file
+  Contents part_;                     ///< contents of the last part
+  std::vector<std::size_t> part_meshes_;
+  std::uintmax_t known_bytes_ = 0, known_ = 0;  ///< of the contents read so far: decoded, and their number
+  std::map<std::pair<std::size_t, std::size_t>, std::weak_ptr<const imaging::RgbImage>> textures_;
+  std::unique_ptr<Background> background_;
+};
+
+}  // namespace tileflight::survey
