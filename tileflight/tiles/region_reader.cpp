@@ -154,7 +154,14 @@ void RegionReader::record(std::size_t content, const LoadedContent& loaded) {
   for (const geometry::PointCloud& cloud : loaded.clouds) record.points += static_cast<std::int64_t>(cloud.size());
   record.copyrights = loaded.copyrights;
   record.warnings = loaded.warnings;
-  bounds_[content] = bounds_of(loaded);
+  record.bounds = bounds_of(loaded);
+  bounds_[content] = record.bounds;
+}
+
+void RegionReader::learn(std::size_t content, const ContentRecord& record) {
+  if (records_[content]) return;
+  records_[content] = record;
+  if (record.failure.empty()) bounds_[content] = record.bounds;
 }
 
 LoadedTiles RegionReader::summary() const {

@@ -26,6 +26,14 @@ class RegionReader {
   RegionReader(const RegionReader&) = delete;
   RegionReader& operator=(const RegionReader&) = delete;
 
+  /// What a content was found to hold.
+  struct ContentRecord {
+    std::int64_t triangles = 0, points = 0;
+    geometry::Box3 bounds;  ///< local frame
+    std::vector<std::string> copyrights, warnings;
+    std::string failure;  ///< why it could not be read; empty: it was
+  };
+
   const Placement& placement() const { return placement_; }
   std::size_t content_count() const { return cut_.contents.size(); }
 
@@ -39,18 +47,21 @@ class RegionReader {
   /// MemoryLimitExceeded, and InputError for the first unreadable content unless options.allow_incomplete.
   std::vector<LoadedContent> read(const std::vector<std::size_t>& contents, const Progress& progress = {});
 
+  /// What a content was found to hold; nullopt: it was not read.
+  const std::optional<ContentRecord>& found(std::size_t content) const { return records_[content]; }
+  /// Takes over what another process, which reads other parts of the region, found in a content and which files it read.
+  void learn(std::size_t content, const ContentRecord& record);
+  void count_file(const transport::CountedFile& file) { counted_.count(file); }
+  /// The files read for the first time since the last call.
+  std::vector<transport::CountedFile> take_new_files() { return counted_.take_new_files(); }
+  /// Name of the cut: equal cuts have equal names.
+  const std::string& cut_hash() const { return whole_cut_hash_; }
+
   /// What load_region() says about its result, without meshes and clouds: of all contents read so far, each counted
   /// once however often it was read.
   LoadedTiles summary() const;
 
  private:
-  /// What a content was found to hold.
-  struct ContentRecord {
-    std::int64_t triangles = 0, points = 0;
-    std::vector<std::string> copyrights, warnings;
-    std::string failure;
-  };
-
   void select();
   void require_contents() const;
   void record(std::size_t content, const LoadedContent& loaded);
