@@ -25,9 +25,11 @@ std::vector<std::string> read_previous_cuts(Ranks& ranks, const FrameStore& kept
 
 }  // namespace
 
-FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames)
+FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames,
+                                 const std::optional<workflow::IndexRange>& part)
     : ranks_(ranks),
       store_(kept),
+      part_(part),
       previous_cuts_(frames),
       is_assigned_(frames, true),
       own_frames_(kept == nullptr ? frames : 0) {
@@ -44,6 +46,7 @@ void FrameAssignment::set_cut(const std::string& cut) {
     // Round-robin, since neighbouring frames take equally long.
     is_assigned_[i] =
         !is_there && static_cast<int>(missing++ % static_cast<std::size_t>(ranks_.count())) == ranks_.rank();
+    if (part_ && !part_->contains(i)) is_assigned_[i] = false;
   }
 }
 
