@@ -6,6 +6,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "tileflight/base/progress.h"
 #include "tileflight/experiment/stage_cache.h"
@@ -18,6 +19,8 @@ struct CommonOptions {
   bool quiet = false;  ///< nothing on stdout, no progress
   bool force = false;  ///< replace existing output
   int threads = 0;     ///< 0: one per core
+  /// The words of the command line after the program's name, for commands that call themselves in tasks.
+  std::vector<std::string> arguments = {};
   /// Listener for the stages of a run; set by main.
   experiment::StageListener stages = {};
 };

@@ -6,9 +6,13 @@
 #include <optional>
 
 #include "command.h"
+#include "mpi_ranks.h"
 #include "number_text.h"
 #include "region_options.h"
 #include "source_options.h"
+#include "task_options.h"
+#include "tileflight/base/number_text.h"
+#include "tileflight/place/truth_blocks.h"
 
 namespace tileflight::app {
 namespace {
@@ -19,6 +23,9 @@ struct ExtractOptions {
   SourceArguments source_arguments;
   double voxel_m = 1.0;
   std::string block;
+  std::string part;
+  bool resume = false;
+  TaskArguments tasks;
   std::string out;
 };
 
@@ -29,7 +36,35 @@ std::string extract_summary(const nlohmann::json& result, const std::string& out
        << ", " << result["voxels_occupied"] << " voxels of " << rounded(result["voxel_size"]) << " m occupied, "
        << result["surface_points"] << " surface points\n";
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
+  if (!result.contains("build")) return text.str();
+  const nlohmann::json& build = result["build"];
+  if (build["blocks_reused"] > 0)
+    text << "note: " << build["blocks_reused"] << " of " << build["blocks"]
+         << " blocks were reused from an earlier extract\n";
+  if (build.contains("note")) text << "note: " << build["note"].get<std::string>() << "\n";
   return text.str();
+}
+
+std::string part_summary(const nlohmann::json& build, const std::string& out) {
+  std::ostringstream text;
+  text << "part " << build["part"][0] << " of " << build["part"][1] << " of " << out << ": " << build["blocks_made"]
+       << " blocks made, " << build["blocks_reused"] << " of all " << build["blocks"] << " were there\n";
+  return text.str();
+}
+
+/// "2/8"; nullopt if the text is no part.
+std::optional<place::JobPart> job_part(const std::string& text) {
+  place::JobPart part;
+  const char* const end = text.data() + text.size();
+  const auto [slash, fault] = std::from_chars(text.data(), end, part.number);
+  if (fault != std::errc() || slash == end || *slash != '/') return std::nullopt;
+  const auto [last, other_fault] = std::from_chars(slash + 1, end, part.count);
+  const bool is_part = other_fault == std::errc() && last == end && part.number >= 1 && part.number <= part.count;
+  return is_part ? std::optional(part) : std::nullopt;
+}
+
+std::string part_fault(const std::string& text) {
+  return job_part(text) ? "" : "must be two numbers from 1, as in 2/8, got " + text;
 }
 
 /// Edge of a block: 0 for `auto`, nullopt if it is neither that nor a length above zero.
@@ -45,6 +80,31 @@ std::string block_fault(const std::string& text) {
   return block_edge_m(text) ? "" : "must be a length above zero, in metres, or auto, got " + text;
 }
 
+/// The blocks in groups, each a task, and a task that joins them.
+nlohmann::json extract_in_tasks(place::ExtractSettings settings, const ExtractOptions& options,
+                                const CommonOptions& common, const Progress& progress) {
+  if (!workflow::has_finished_tasks(options.out, "join"))
+    base::require_writable(place::extract_output(settings, options.out, common.force));
+  settings.processes = options.tasks.on_this_machine();
+  const place::BlockPlan plan = place::plan_truth_blocks(settings, options.out, options.tasks.parts());
+  const std::vector<std::string> edge{"--block", base::fixed_text(plan.edge_m)};
+  workflow::PartedJob job{.output = options.out,
+                          .build_folder = place::block_build_folder(options.out),
+                          .command = "extract",
+                          .parts = {},
+                          .last = {"join", edge},
+                          .inputs_sha256 = plan.inputs_sha256};
+  job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
+  for (int k = 1; k <= plan.parts; ++k) {
+    const std::string of = std::to_string(plan.parts);
+    job.parts.push_back({"blocks-" + std::to_string(k) + "-of-" + of, edge});
+    job.parts.back().words.insert(job.parts.back().words.end(), {"--part", std::to_string(k) + "/" + of});
+  }
+  // The estimate is of a part of the contents, and the program itself takes some.
+  job.memory_mb = static_cast<int>(std::min(1e6, 500.0 + 1.5e-6 * plan.memory_bytes));
+  return run_in_tasks(job, options.tasks, common, {"--block"}, progress);
+}
+
 }  // namespace
 
 void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
@@ -52,7 +112,9 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("extract", "ground truth of a region: mesh, surface points, voxels");
   command->footer(
       "Example:\n  tileflight extract tiles/tileset.json --center 35.310344,-80.740007,215 --size 250,250,60 --out "
-      "truth");
+      "truth\nSeveral processes share the blocks of a large region:\n  mpirun --bind-to none -n 4 tileflight extract "
+      "... "
+      "--block 400\n  tileflight extract ... --block 400 --slurm --jobs 40");
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
   add_region_options(*command, options->region);
   command->add_option("--voxel", options->voxel_m, "edge of a voxel, metres (default 1)")->check(CLI::PositiveNumber);
@@ -61,16 +123,43 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
                    "make the truth in blocks of this edge, metres, or `auto` (by memory): memory then depends on the "
                    "block, not on the region")
       ->check(block_fault, "METRES|auto");
+  CLI::Option* part =
+      command
+          ->add_option("--part", options->part,
+                       "make only the K-th of N parts of the blocks and keep them beside the output, for a job of your "
+                       "own; the same command with --resume instead joins them")
+          ->check(part_fault, "K/N")
+          ->needs("--block");
+  command
+      ->add_flag(
+          "--resume", options->resume,
+          "keep finished blocks beside the output until it is complete, and reuse those of an interrupted extract; "
+          "always on under mpirun and where such blocks exist")
+      ->needs("--block");
+  add_task_options(*command, options->tasks, "the blocks");
+  for (const char* name : {"--jobs", "--slurm"}) command->get_option(name)->needs("--block")->excludes(part);
   command->add_option("--out", options->out, "folder to write")->required();
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
   command->callback([options, &selection] {
+    selection.has_ranks = !options->block.empty() && !options->tasks.wanted();
     selection.run = [options](const CommonOptions& shared, const Progress& progress) -> Output {
       place::ExtractSettings settings{
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
       if (!options->block.empty()) settings.block_m = block_edge_m(options->block);
       settings.load.source = source_options(options->source_arguments);
-      const nlohmann::json result = place::extract(settings, options->out, shared.force, progress);
+      settings.resume = options->resume;
+      settings.part = job_part(options->part);
+      if (options->tasks.wanted()) {
+        const nlohmann::json result = extract_in_tasks(settings, *options, shared, progress);
+        return {result, extract_summary(result, options->out)};
+      }
+      const nlohmann::json result = run_among_ranks([&](workflow::Ranks* ranks) {
+        settings.processes = ranks == nullptr ? 1 : ranks->count();
+        return place::extract(settings, options->out, shared.force, progress, ranks);
+      });
+      if (result.is_null()) return {};  // another process prints
+      if (settings.part) return {result, part_summary(result["build"], options->out)};
       return {result, extract_summary(result, options->out)};
     };
   });

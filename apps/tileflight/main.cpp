@@ -102,6 +102,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", tileflight::app::version_text());
 
   CommonOptions common;
+  common.arguments.assign(argv + 1, argv + argc);
   Selection selection;
   tileflight::app::add_commands(app, common, selection);
   try {

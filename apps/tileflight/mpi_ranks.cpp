@@ -6,9 +6,12 @@
 #include <charconv>
 #include <chrono>
 #include <cstdlib>
+#include <iostream>
+#include <nlohmann/json.hpp>
 #include <string_view>
 #include <thread>
 
+#include "command.h"
 #include "tileflight/base/input_error.h"
 
 #ifdef TILEFLIGHT_MPI
@@ -17,7 +20,6 @@
 #include <signal.h>
 
 #include <atomic>
-#include <iostream>
 #include <mutex>
 #endif
 
@@ -90,7 +92,7 @@ class EndWatch {
   std::thread thread_;
 };
 
-class MpiRanks : public survey::Ranks {
+class MpiRanks : public workflow::Ranks {
  public:
   MpiRanks() {
     int level = 0;
@@ -138,7 +140,7 @@ class MpiRanks : public survey::Ranks {
 
 }  // namespace
 
-std::unique_ptr<survey::Ranks> ranks_of_mpirun() {
+std::unique_ptr<workflow::Ranks> ranks_of_mpirun() {
   if (!is_started_by_mpirun()) return nullptr;
 #ifdef TILEFLIGHT_MPI
   return std::make_unique<MpiRanks>();
@@ -146,6 +148,21 @@ std::unique_ptr<survey::Ranks> ranks_of_mpirun() {
   throw InputError(
       "mpirun", "this tileflight was built without MPI: run a single process, or build with libopenmpi-dev installed");
 #endif
+}
+
+nlohmann::json run_among_ranks(const std::function<nlohmann::json(workflow::Ranks*)>& work) {
+  const std::unique_ptr<workflow::Ranks> ranks = ranks_of_mpirun();
+  if (!ranks) return work(nullptr);
+  try {
+    return work(ranks.get());
+  } catch (const workflow::CollectiveError&) {
+    if (ranks->rank() == 0) throw;
+    throw FailedElsewhere();
+  } catch (const std::exception& fault) {
+    if (ranks->count() == 1) throw;
+    std::cerr << "tileflight: rank " + std::to_string(ranks->rank()) + ": " + fault.what() + "\n";
+    abort_ranks();
+  }
 }
 
 void refuse_ranks() {
@@ -156,8 +173,8 @@ void refuse_ranks() {
     std::_Exit(1);
   }
   throw InputError("mpirun",
-                   "only `render` shares its work among processes; start this command once, without mpirun or with "
-                   "`-n 1` (it uses all cores)");
+                   "only `render` and `extract --block` share their work among processes; start this command once, "
+                   "without mpirun or with `-n 1` (it uses all cores)");
 }
 
 void abort_ranks() {

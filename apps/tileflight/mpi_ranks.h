@@ -1,15 +1,22 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 
-#include "tileflight/survey/ranks.h"
+#include "tileflight/workflow/ranks.h"
 
 namespace tileflight::app {
 
 /// The processes that mpirun started together with this one, or null. MPI is initialized only in the former case, and
 /// finalized by the object's destructor. Throws InputError in a build without MPI.
-std::unique_ptr<survey::Ranks> ranks_of_mpirun();
+std::unique_ptr<workflow::Ranks> ranks_of_mpirun();
+
+/// Runs `work` with the processes of mpirun, or with null where there are none. A failure known to all is thrown by the
+/// first process, by the others as FailedElsewhere; one that only a single process knows of is printed and terminates
+/// all.
+nlohmann::json run_among_ranks(const std::function<nlohmann::json(workflow::Ranks*)>& work);
 
 /// Throws InputError in the first of several processes of mpirun; the others wait for mpirun to end them. For a command
 /// that does not share its work: each process would do all of it, and write to the same files.

@@ -1,5 +1,6 @@
-#include <iostream>
+#include <charconv>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <sstream>
 
@@ -8,8 +9,11 @@
 #include "number_text.h"
 #include "region_options.h"
 #include "source_options.h"
+#include "task_options.h"
 #include "tileflight/base/files.h"
+#include "tileflight/base/number_text.h"
 #include "tileflight/experiment/experiment_file.h"
+#include "tileflight/place/memory_budget.h"
 #include "tileflight/survey/render_stage.h"
 
 namespace tileflight::app {
@@ -18,8 +22,9 @@ namespace {
 /// The options given, and the content of the files they name; without options that do not affect the images and those
 /// that may be secret.
 nlohmann::json asked(const CLI::App& command) {
-  const std::set<std::string> left_out{"out",    "threads", "json",   "quiet",      "force",   "resume",
-                                       "memory", "cache",   "header", "allow-host", "no-cache"};
+  const std::set<std::string> left_out{"out",      "threads", "json",  "quiet",  "force",
+                                       "resume",   "memory",  "cache", "header", "allow-host",
+                                       "no-cache", "frames",  "jobs",  "slurm",  "no-snakemake"};
   nlohmann::json options = nlohmann::json::object();
   for (const CLI::Option* option : command.get_options()) {
     const std::string name = option->get_single_name();
@@ -32,26 +37,59 @@ nlohmann::json asked(const CLI::App& command) {
   return options;
 }
 
-/// A failure known to all is reported by one process; a failure known to only one terminates all.
-nlohmann::json render_among(survey::Ranks& ranks, const survey::RenderSettings& settings, const std::string& out,
-                            bool force, const Progress& progress) {
-  try {
-    return survey::render_dataset(settings, out, force, progress, &ranks);
-  } catch (const survey::CollectiveError&) {
-    if (ranks.rank() == 0) throw;
-    throw FailedElsewhere();
-  } catch (const std::exception& fault) {
-    if (ranks.count() == 1) throw;
-    std::cerr << "tileflight: rank " + std::to_string(ranks.rank()) + ": " + fault.what() + "\n";
-    abort_ranks();
-  }
+/// "100:200"; nullopt if the text is no range.
+std::optional<workflow::IndexRange> frame_range(const std::string& text) {
+  workflow::IndexRange range;
+  const char* const end = text.data() + text.size();
+  const auto [colon, fault] = std::from_chars(text.data(), end, range.begin);
+  if (fault != std::errc() || colon == end || *colon != ':') return std::nullopt;
+  const auto [last, other_fault] = std::from_chars(colon + 1, end, range.end);
+  const bool is_range = other_fault == std::errc() && last == end && range.begin < range.end;
+  return is_range ? std::optional(range) : std::nullopt;
 }
 
-nlohmann::json render(const survey::RenderSettings& settings, const std::string& out, bool force,
-                      const Progress& progress) {
-  const std::unique_ptr<survey::Ranks> ranks = ranks_of_mpirun();
-  if (ranks) return render_among(*ranks, settings, out, force, progress);
-  return survey::render_dataset(settings, out, force, progress);
+std::string frame_range_fault(const std::string& text) {
+  return frame_range(text) ? "" : "must be the first frame and the one after the last, as in 0:100, got " + text;
+}
+
+/// The frames in ranges, each a task, and a task that finishes the dataset.
+nlohmann::json render_in_tasks(const survey::RenderSettings& settings, const std::string& out,
+                               const TaskArguments& tasks, const CommonOptions& common, const Progress& progress) {
+  if (!workflow::has_finished_tasks(out, "finish"))
+    base::require_writable(survey::render_output(settings, out, common.force));
+  const survey::FramePlan plan = survey::plan_frame_parts(settings, tasks.parts(), progress);
+  const double memory_gb = 1e-9 * static_cast<double>(settings.max_memory_bytes.value_or(
+                                      place::default_memory_bytes() / static_cast<unsigned>(tasks.on_this_machine())));
+  const std::vector<std::string> memory{"--memory", base::fixed_text(memory_gb)};
+  workflow::PartedJob job{.output = out,
+                          .build_folder = survey::frame_build_folder(out),
+                          .command = "render",
+                          .parts = {},
+                          .last = {"finish", memory},
+                          .inputs_sha256 = plan.inputs_sha256};
+  job.last.words.insert(job.last.words.end(), {"--resume", "--force"});
+  for (const workflow::IndexRange& part : plan.parts) {
+    const std::string begin = std::to_string(part.begin), end = std::to_string(part.end);
+    job.parts.push_back({"frames-" + begin + "-" + end, memory});
+    job.parts.back().words.insert(job.parts.back().words.end(), {"--frames", begin + ":" + end});
+  }
+  // Besides tiles, the program takes some, for images under way above all.
+  job.memory_mb = static_cast<int>(std::min(1e6, 1000.0 + 1200.0 * memory_gb));
+  return run_in_tasks(job, tasks, common, {"--memory"}, progress);
+}
+
+std::string render_summary(const nlohmann::json& r, const std::string& out) {
+  std::ostringstream text;
+  text << out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3) << " per second\n";
+  for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
+  return text.str();
+}
+
+std::string part_of_frames_summary(const nlohmann::json& r) {
+  std::ostringstream text;
+  text << r["frames_rendered"] << " of these " << r["frames"] << " frames rendered, kept in "
+       << r["build_folder"].get<std::string>() << "\n";
+  return text.str();
 }
 
 }  // namespace
@@ -61,7 +99,8 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     RegionOptions region;
     SourceArguments source_arguments;
     survey::RenderSettings settings;
-    std::string flight, out, outputs, degrade, camera;
+    std::string flight, out, outputs, degrade, camera, frames;
+    TaskArguments tasks;
     std::vector<int> resolution;
     int max_frames = 0;
     bool depth = false;
@@ -73,7 +112,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->footer(
       "Example:\n  tileflight render tiles/tileset.json --flight examples/machangara-flight-simulated.yaml --out "
       "dataset\nSeveral processes share the frames:\n  mpirun --bind-to none -n 4 tileflight render "
-      "...");
+      "...\n  tileflight render ... --slurm --jobs 40");
   command->add_option("SOURCE", options->settings.source, kSourceHelp)->required();
   command->add_option("--flight", options->flight, "flight file (YAML): camera, trajectory or waypoints, fps")
       ->required();
@@ -115,6 +154,14 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_flag("--resume", options->settings.resume,
                     "keep finished frames beside the output until it is complete, and reuse those of an interrupted "
                     "render; always on under mpirun and where such frames exist");
+  CLI::Option* frames =
+      command
+          ->add_option("--frames", options->frames,
+                       "render only the frames from A to before B and keep them beside the output, for a job of your "
+                       "own; the same command with --resume instead finishes the dataset")
+          ->check(frame_range_fault, "A:B");
+  add_task_options(*command, options->tasks, "ranges of frames");
+  for (const char* name : {"--jobs", "--slurm"}) command->get_option(name)->excludes(frames);
   add_region_options(*command, options->region);
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
@@ -128,7 +175,7 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
     if (memory->count() > 0) {
       options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
     }
-    selection.has_ranks = true;
+    selection.has_ranks = !options->tasks.wanted() && options->frames.empty();
     selection.run = [options, command, by_flight](const CommonOptions& shared, const Progress& progress) -> Output {
       options->settings.asked = asked(*command);
       options->settings.load = load_options(options->region);
@@ -146,13 +193,16 @@ void add_render(CLI::App& app, CommonOptions& common, Selection& selection) {
         auto degrade = base::StrictSection::load(options->degrade);
         experiment::read_degrade(degrade, options->settings.flight);
       }
-      const nlohmann::json r = render(options->settings, options->out, shared.force, progress);
+      if (options->tasks.wanted()) {
+        const nlohmann::json r = render_in_tasks(options->settings, options->out, options->tasks, shared, progress);
+        return {r, render_summary(r, options->out)};
+      }
+      options->settings.part = frame_range(options->frames);
+      const nlohmann::json r = run_among_ranks([&](workflow::Ranks* ranks) {
+        return survey::render_dataset(options->settings, options->out, shared.force, progress, ranks);
+      });
       if (r.is_null()) return {};  // another process prints
-      std::ostringstream text;
-      text << options->out << ": " << r["frames"] << " frames, " << rounded(r["frames_per_second"], 3)
-           << " per second\n";
-      for (const auto& warning : r["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
-      return {r, text.str()};
+      return {r, options->settings.part ? part_of_frames_summary(r) : render_summary(r, options->out)};
     };
   });
 }

@@ -59,6 +59,12 @@ transport::SourceOptions source_options(const SourceArguments& arguments) {
   options.terms_accepted = arguments.terms_accepted;
   options.google_key = environment("GOOGLE_MAPS_API_KEY");
   options.ion_token = environment("CESIUM_ION_TOKEN");
+  const std::string region = environment("AWS_REGION");
+  options.s3 = {.endpoint_url = environment("AWS_ENDPOINT_URL"),
+                .region = region.empty() ? environment("AWS_DEFAULT_REGION") : region,
+                .access_key_id = environment("AWS_ACCESS_KEY_ID"),
+                .secret_access_key = environment("AWS_SECRET_ACCESS_KEY"),
+                .session_token = environment("AWS_SESSION_TOKEN")};
   return options;
 }
 

@@ -11,7 +11,7 @@ namespace tileflight::app {
 
 /// Possible values of SOURCE, for the help of each command.
 inline constexpr const char* kSourceHelp =
-    "tileset.json, its folder, a .3tz or a .3dtiles, an http(s) URL, `google`, or `ion:ASSET`";
+    "tileset.json, its folder, a .3tz or a .3dtiles, an http(s) URL, s3://BUCKET/KEY, `google`, or `ion:ASSET`";
 
 /// Command-line options for network sources.
 struct SourceArguments {
@@ -25,8 +25,8 @@ struct SourceArguments {
 
 void add_source_options(CLI::App& command, SourceArguments& arguments);
 
-/// Source options with keys and tokens from the environment (GOOGLE_MAPS_API_KEY, CESIUM_ION_TOKEN), and the cache in
-/// $XDG_CACHE_HOME/tileflight (~/.cache/tileflight) unless another folder is given.
+/// Source options with keys and tokens from the environment (GOOGLE_MAPS_API_KEY, CESIUM_ION_TOKEN, AWS_…), and the
+/// cache in $XDG_CACHE_HOME/tileflight (~/.cache/tileflight) unless another folder is given.
 transport::SourceOptions source_options(const SourceArguments& arguments);
 
 }  // namespace tileflight::app

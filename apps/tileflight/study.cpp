@@ -14,7 +14,7 @@ using nlohmann::json;
 struct StudyCommandOptions {
   std::string study, out;
   std::filesystem::path places;
-  study::StudyRunOptions run;
+  workflow::TaskOptions run;
   bool dry_run = false;
 };
 

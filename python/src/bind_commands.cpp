@@ -63,6 +63,7 @@ py::list list_commands() {
 
 py::object run_command(const std::vector<std::string>& arguments, const py::object& progress) {
   Commands commands;
+  commands.common.arguments = arguments;
   try {
     commands.app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& fault) {

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "tests/run_program.h"
+#include "tests/same_files.h"
 #include "tests/slurm_cluster.h"
 #include "tests/source_folder.h"
 #include "tests/tiny_experiments.h"
@@ -170,6 +171,19 @@ rank_by: ate
   EXPECT_THAT(dead_node, ::testing::AnyOf("n1", "n2")) << "nothing ran when a node was to die";
   const json study = json::parse(file_text(folder_ / "cluster/study.json"));
   EXPECT_EQ(without_times(study), without_times(local));
+
+  // The blocks of a truth, on the node that is left.
+  std::vector<std::string> extract{"extract", (folder_ / "place").string(), "--block", "40", "--threads", "1", "--out"};
+  const auto with = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> words = extract;
+    words.push_back((folder_ / out).string());
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  ASSERT_EQ(run_tileflight(with("alone", {})).exit_code, 0);
+  const ProgramResult blocks = run_tileflight(with("blocks", {"--slurm", "--jobs", "2"}), cluster.environment());
+  ASSERT_EQ(blocks.exit_code, 0) << blocks.err << file_text(folder_ / ".blocks.tasks/logs/snakemake.txt");
+  tests::expect_same_files(folder_ / "alone", folder_ / "blocks", "extract.json");
 }
 
 TEST(OtherSystem, ColmapMapsAFlight) {

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "tileflight/experiment/folder_lock.h"
+#include "tileflight/workflow/folder_lock.h"
 
 namespace tileflight::experiment {
 
@@ -24,7 +24,7 @@ class RunFolder {
 
  private:
   std::filesystem::path path_;
-  std::optional<FolderLock> lock_;
+  std::optional<workflow::FolderLock> lock_;
 };
 
 /// Throws InputError if `folder` exists and holds anything but an earlier run.

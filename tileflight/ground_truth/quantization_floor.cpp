@@ -2,13 +2,60 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <nlohmann/json.hpp>
+
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::ground_truth {
 namespace {
 
 constexpr double kStepsPerVoxel = 1048576.0;
 constexpr std::size_t kSteps = 2 * 1048576;
+
+/// Seven bits a byte, low ones first; the highest bit says that more follow (LEB128).
+void append_number(std::string& bytes, std::uint64_t value) {
+  for (; value >= 0x80U; value >>= 7U) bytes += static_cast<char>(value | 0x80U);
+  bytes += static_cast<char>(value);
+}
+
+void append_length(std::string& bytes, double value) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+/// Reads what the two functions above wrote.
+class CountReader {
+ public:
+  CountReader(std::string_view bytes, const std::string& name) : bytes_(bytes), name_(name) {}
+
+  bool at_end() const { return bytes_.empty(); }
+  std::uint64_t number() {
+    std::uint64_t value = 0;
+    for (unsigned shift = 0; shift < 64; shift += 7) {
+      const auto byte = static_cast<unsigned char>(take(1)[0]);
+      value |= std::uint64_t{byte & 0x7FU} << shift;
+      if (byte < 0x80U) return value;
+    }
+    throw broken();
+  }
+  double length() {
+    double value = 0.0;
+    std::memcpy(&value, take(sizeof value).data(), sizeof value);
+    return value;
+  }
+  InputError broken() const { return {name_, "holds no counts of distances; remove it, and it is made again"}; }
+
+ private:
+  std::string_view take(std::size_t count) {
+    if (bytes_.size() < count) throw broken();
+    const std::string_view taken = bytes_.substr(0, count);
+    bytes_.remove_prefix(count);
+    return taken;
+  }
+
+  std::string_view bytes_;
+  const std::string& name_;
+};
 
 }  // namespace
 
@@ -23,6 +70,34 @@ void QuantizationFloor::add(const std::vector<double>& distances_m) {
     } else {
       far_.push_back(d);
     }
+  }
+}
+
+std::string QuantizationFloor::to_bytes() const {
+  std::string bytes;
+  append_length(bytes, largest_m_);
+  append_number(bytes, far_.size());
+  for (const double d : far_) append_length(bytes, d);
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < counts_.size(); ++i) {
+    if (counts_[i] == 0) continue;
+    append_number(bytes, i - next);
+    append_number(bytes, counts_[i]);
+    next = i + 1;
+  }
+  return bytes;
+}
+
+void QuantizationFloor::add_bytes(std::string_view bytes, const std::string& name) {
+  CountReader reader(bytes, name);
+  largest_m_ = std::max(largest_m_, reader.length());
+  const std::uint64_t far = reader.number();
+  for (std::uint64_t i = 0; i < far; ++i) far_.push_back(reader.length());
+  for (std::uint64_t next = 0; !reader.at_end(); ++next) {
+    const std::uint64_t gap = reader.number();
+    if (gap >= counts_.size() - next) throw reader.broken();
+    next += gap;
+    counts_[next] += reader.number();
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <string_view>
 #include <vector>
 
 namespace tileflight::ground_truth {
@@ -15,6 +17,12 @@ class QuantizationFloor {
 
   /// Adds distances, metres.
   void add(const std::vector<double>& distances_m);
+
+  /// The counts in a compact form, to be kept in a file.
+  std::string to_bytes() const;
+  /// Adds the counts of to_bytes() of another, with voxels of the same size. Throws InputError, naming `name`, if they
+  /// are broken.
+  void add_bytes(std::string_view bytes, const std::string& name);
 
   /// {count, mean, std (divisor n - 1), median, rmse, max}, metres; null without distances.
   nlohmann::json to_json() const;

@@ -6,7 +6,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <string>
 #include <vector>
+
+#include "tileflight/base/input_error.h"
 
 namespace tileflight::ground_truth::quantization_floor_test {
 namespace {
@@ -54,7 +57,23 @@ TEST(QuantizationFloor, IsTheSameInPartsAndInAnyOrder) {
   std::shuffle(distances.begin(), distances.end(), std::mt19937(3));
   for (std::size_t i = 0; i < 4000; i += 1000) parts.add({distances.begin() + i, distances.begin() + i + 1000});
   EXPECT_EQ(whole.to_json(), parts.to_json());
+  QuantizationFloor kept(0.5);
+  for (std::size_t i = 0; i < 4000; i += 2000) {
+    QuantizationFloor half(0.5);
+    half.add({distances.begin() + i, distances.begin() + i + 2000});
+    kept.add_bytes(half.to_bytes(), "half");
+  }
+  EXPECT_EQ(whole.to_json(), kept.to_json());
   EXPECT_TRUE(QuantizationFloor(1.0).to_json().is_null());
+}
+
+TEST(QuantizationFloor, RefusesBrokenBytes) {
+  QuantizationFloor whole(0.5);
+  whole.add(random_distances(400));
+  const std::string bytes = whole.to_bytes();
+  for (const std::size_t kept : {std::size_t{0}, std::size_t{7}, std::size_t{9}, std::size_t{20}})
+    EXPECT_THROW(QuantizationFloor(0.5).add_bytes(bytes.substr(0, kept), "half"), InputError) << kept;
+  EXPECT_THROW(QuantizationFloor(0.5).add_bytes(bytes + std::string(9, '\xFF') + "\x01\x01", "half"), InputError);
 }
 
 }  // namespace

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
@@ -19,22 +21,6 @@ namespace tileflight::place {
 namespace {
 
 using nlohmann::json;
-
-json to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
-/// Rings of the polygons that bound the region, if any, metres in the local frame.
-json region_json(const tiles::Region& region) {
-  json out = {{"center", to_json(region.center)}, {"size", to_json(region.size)}};
-  for (const geometry::Prism& part : region.parts) {
-    json rings = json::array();
-    for (const geometry::Ring& ring : part.base.rings()) {
-      rings.push_back(json::array());
-      for (const Eigen::Vector2d& corner : ring) rings.back().push_back({corner.x(), corner.y()});
-    }
-    out["polygons"].push_back({{"rings", rings}, {"bottom", part.bottom_m}, {"top", part.top_m}});
-  }
-  return out;
-}
 
 std::vector<std::string> collect_warnings(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
                                           const TruthCounts& truth) {
@@ -75,36 +61,90 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
   };
 }
 
-}  // namespace
+/// A source with its region.
+struct OpenRegion {
+  OpenRegion(const ExtractSettings& settings, const Progress& progress)
+      : files(transport::open_source(settings.source, settings.load.source)),
+        reader(*files, transport::redact_source(settings.source), with_use(settings.load), progress) {}
 
-nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+  static tiles::LoadOptions with_use(tiles::LoadOptions load) {
+    load.uses = {transport::Use::kExtract};
+    return load;
+  }
+
+  std::unique_ptr<transport::TileSource> files;
+  tiles::RegionReader reader;
+};
+
+/// Writes extract.json, whose content is returned.
+json write_description(const ExtractSettings& settings, const OpenRegion& region, const TruthCounts& truth,
+                       std::chrono::steady_clock::time_point start, const std::filesystem::path& folder) {
+  json result = describe(settings, region.reader.summary(), truth);
+  // Errors of a perfect map, stored so that no evaluation needs to read the samples again.
+  result["quantization_floor"] = truth.floor.to_json();
+  result["seconds"] = {{"load", truth.load_seconds},
+                       {"truth", base::seconds_since(start) - truth.load_seconds},
+                       {"total", base::seconds_since(start)}};
+  base::write_file(folder / "extract.json", result.dump(2) + "\n");
+  return result;
+}
+
+json extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder& output, workflow::Ranks& ranks,
                        const Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
-  const base::OutputFolder output{
-      .folder = folder,
-      .command = "extract",
-      .replace = replace,
-      .inputs = {transport::local_path_of_source(settings.source)},
-      .legacy = {.key_file = "extract.json",
-                 .key_text = "tiles_wanted",
-                 .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
-  base::require_writable(output);
-  tiles::LoadOptions load = settings.load;
-  load.uses = {transport::Use::kExtract};
-  const auto files = transport::open_source(settings.source, load.source);
-  tiles::RegionReader reader(*files, transport::redact_source(settings.source), load, progress);
+  std::optional<OpenRegion> region;
+  run_collectively(ranks, [&] {
+    if (ranks.rank() == 0 && !settings.part) base::require_writable(output);
+    region.emplace(settings, progress);
+  });
+  TruthBlocks blocks(region->reader, settings, output.folder, ranks, progress);
+  blocks.make();
+  json build = {{"ranks", ranks.count()}, {"blocks", blocks.count()}, {"blocks_reused", blocks.reused()}};
+  if (!blocks.note().empty()) build["note"] = blocks.note();
+  if (settings.part) {
+    build["part"] = {settings.part->number, settings.part->count};
+    build["blocks_made"] = blocks.made();
+    return {{"build", build}};
+  }
+  json result;
+  run_collectively(ranks, [&] {
+    if (ranks.rank() != 0) return;
+    const TruthCounts truth = blocks.join();
+    result = write_description(settings, *region, truth, start, blocks.truth_folder());
+    base::install_folder(blocks.truth_folder(), output);
+    blocks.remove();
+    result["build"] = build;
+  });
+  return result;
+}
 
+}  // namespace
+
+base::OutputFolder extract_output(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace) {
+  return {.folder = folder,
+          .command = "extract",
+          .replace = replace,
+          .inputs = {transport::local_path_of_source(settings.source)},
+          .legacy = {.key_file = "extract.json",
+                     .key_text = "tiles_wanted",
+                     .files = {"mesh.glb", "surface.ply", "voxels.binvox", "voxels.ply", "octree.bt", "extract.json"}}};
+}
+
+nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                       const Progress& progress, workflow::Ranks* given_ranks) {
+  const base::OutputFolder output = extract_output(settings, folder, replace);
+  if (settings.block_m) {
+    workflow::SingleRank alone;
+    workflow::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
+    return extract_in_blocks(settings, output, ranks, ranks.rank() == 0 ? progress : Progress());
+  }
+  const auto start = std::chrono::steady_clock::now();
+  base::require_writable(output);
+  OpenRegion region(settings, progress);
   json result;
   base::write_folder(output, [&](const std::filesystem::path& temporary) {
-    const TruthCounts truth = settings.block_m ? write_truth_in_blocks(reader, settings, temporary, progress)
-                                               : write_whole_truth(reader, settings, temporary, progress);
-    result = describe(settings, reader.summary(), truth);
-    // Errors of a perfect map, stored so that no evaluation needs to read the samples again.
-    result["quantization_floor"] = truth.floor.to_json();
-    result["seconds"] = {{"load", truth.load_seconds},
-                         {"truth", base::seconds_since(start) - truth.load_seconds},
-                         {"total", base::seconds_since(start)}};
-    base::write_file(temporary / "extract.json", result.dump(2) + "\n");
+    const TruthCounts truth = write_whole_truth(region.reader, settings, temporary, progress);
+    result = write_description(settings, region, truth, start, temporary);
   });
   return result;
 }
@@ -115,6 +155,20 @@ nlohmann::json read_extract_json(const std::filesystem::path& folder) {
   if (!result.is_object())
     throw InputError(file.string(), "not a JSON object; make the folder with `tileflight extract`");
   return result;
+}
+
+json region_json(const tiles::Region& region) {
+  const auto corner = [](const geometry::Vec3& v) { return json{v.x(), v.y(), v.z()}; };
+  json out = {{"center", corner(region.center)}, {"size", corner(region.size)}};
+  for (const geometry::Prism& part : region.parts) {
+    json rings = json::array();
+    for (const geometry::Ring& ring : part.base.rings()) {
+      rings.push_back(json::array());
+      for (const Eigen::Vector2d& point : ring) rings.back().push_back({point.x(), point.y()});
+    }
+    out["polygons"].push_back({{"rings", rings}, {"bottom", part.bottom_m}, {"top", part.top_m}});
+  }
+  return out;
 }
 
 json frame_json(const std::optional<geometry::LocalFrame>& frame) {

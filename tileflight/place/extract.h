@@ -6,10 +6,17 @@
 #include <optional>
 #include <string>
 
+#include "tileflight/base/output_folder.h"
 #include "tileflight/base/progress.h"
 #include "tileflight/tiles/load.h"
+#include "tileflight/workflow/ranks.h"
 
 namespace tileflight::place {
+
+/// One of several parts of a job, from 1.
+struct JobPart {
+  int number = 1, count = 1;
+};
 
 /// Input and resolution of `tileflight extract`.
 struct ExtractSettings {
@@ -20,17 +27,32 @@ struct ExtractSettings {
   /// Edge of the blocks in which the truth is made, metres, rounded to whole voxels; 0: chosen by memory; nullopt: the
   /// region is one piece.
   std::optional<double> block_m;
+  /// Of blocks chosen by memory: processes that share this machine's memory.
+  int processes = 1;
+  /// Keep finished blocks beside the output until it is complete, and reuse those of an earlier job (block_store.h).
+  /// Always done with several ranks or parts, and where such blocks are.
+  bool resume = false;
+  std::optional<JobPart> part;  ///< make only this part of the blocks, for a later extract with `resume`
 };
 
 /// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
 /// voxels.ply, octree.bt and extract.json, whose content is returned. With blocks, each block is such a folder (without
 /// extract.json), index.json names them, and memory depends on the block, not on the region; cells, triangles and
 /// samples are together exactly those without blocks. Throws InputError.
+/// `ranks`: processes that share the blocks; all are called with the same arguments, the first returns the result, the
+/// others null. If one fails, all throw (CollectiveError). With blocks, `build` is returned in addition: {ranks,
+/// blocks, blocks_reused, note}. With a part, no output is written and `build` alone returned.
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
-                       const Progress& progress = {});
+                       const Progress& progress = {}, workflow::Ranks* ranks = nullptr);
+
+/// The folder that extract() writes.
+base::OutputFolder extract_output(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace);
 
 /// Reads extract.json of a folder written by extract().
 nlohmann::json read_extract_json(const std::filesystem::path& folder);
+
+/// A region as {center, size} and, if polygons bound it, their rings; metres in the local frame.
+nlohmann::json region_json(const tiles::Region& region);
 
 /// The local frame's origin as {origin_lat, origin_lon (degrees), origin_height (metres above the ellipsoid)}; nulls
 /// without a frame.

@@ -5,23 +5,28 @@
 #include <cmath>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "tileflight/base/elapsed_time.h"
 #include "tileflight/base/files.h"
-#include "tileflight/base/formatted_text.h"
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/number_text.h"
 #include "tileflight/ground_truth/ground_truth.h"
+#include "tileflight/place/block_grid.h"
+#include "tileflight/place/block_store.h"
 #include "tileflight/place/memory_budget.h"
+#include "tileflight/place/version.h"
+#include "tileflight/transport/open_source.h"
+#include "tileflight/workflow/balanced_ranges.h"
 
 namespace tileflight::place {
 namespace {
 
 using geometry::Box3;
 using geometry::Vec3;
-using ground_truth::CellRange;
+using nlohmann::json;
 
 struct Surfaces {
   std::vector<imaging::TexturedMesh> meshes;
@@ -85,16 +90,6 @@ ground_truth::GroundTruthOptions truth_options(const tiles::RegionReader& reader
           .prisms = reader.placement().region.parts};
 }
 
-/// The blocks of a grid, as columns of `edge` cells along x and y.
-std::vector<CellRange> blocks_of(const std::array<std::int32_t, 3>& dims, std::int32_t edge) {
-  std::vector<CellRange> blocks;
-  for (std::int32_t x = 0; x < dims[0]; x += edge) {
-    for (std::int32_t y = 0; y < dims[1]; y += edge)
-      blocks.push_back({{x, y, 0}, {std::min(x + edge, dims[0]) - 1, std::min(y + edge, dims[1]) - 1, dims[2] - 1}});
-  }
-  return blocks;
-}
-
 /// Memory that the truth of a content takes while it is made, as a multiple of memory_bytes: copies of its triangles,
 /// samples, voxels and files.
 constexpr double kTruthMemory = 3.0;
@@ -102,14 +97,13 @@ constexpr double kTruthMemory = 3.0;
 /// Share of the default memory limit that blocks chosen by memory may take on average: some hold more.
 constexpr double kMemoryShare = 0.5;
 
-/// A block's edge, metres, for which the average block takes that share of the memory, estimated from a few contents.
-double edge_by_memory(tiles::RegionReader& reader) {
+/// Memory of a content once it is read, bytes: the mean of a few.
+double mean_content_bytes(tiles::RegionReader& reader) {
   constexpr std::size_t kProbes = 8;
-  const std::size_t contents = reader.content_count();
+  const std::size_t contents = reader.content_count(), probes = std::min(kProbes, contents);
   double bytes = 0.0;
-  std::size_t read = 0;
-  for (std::size_t k = 0; k < std::min(kProbes, contents); ++k) {
-    for (const tiles::LoadedContent& content : reader.read({k * contents / std::min(kProbes, contents)})) {
+  for (std::size_t k = 0; k < probes; ++k) {
+    for (const tiles::LoadedContent& content : reader.read({k * contents / probes})) {
       for (const imaging::TexturedMesh& mesh : content.meshes) {
         bytes += static_cast<double>(tiles::memory_bytes(mesh));
         if (mesh.texture) bytes += static_cast<double>(mesh.texture->pixels.size() * sizeof(imaging::Rgb8));
@@ -117,120 +111,78 @@ double edge_by_memory(tiles::RegionReader& reader) {
       for (const geometry::PointCloud& cloud : content.clouds)
         bytes += static_cast<double>(cloud.size() * sizeof(Vec3));
     }
-    ++read;
   }
+  return bytes / static_cast<double>(std::max<std::size_t>(1, probes));
+}
+
+/// A block's edge, metres, for which the average block takes that share of the memory, estimated from a few contents.
+double edge_by_memory(tiles::RegionReader& reader, int processes) {
   const Vec3 size = reader.placement().region.box().sizes();
-  const double whole = bytes / static_cast<double>(std::max<std::size_t>(1, read)) * static_cast<double>(contents);
-  const double share = kMemoryShare * static_cast<double>(default_memory_bytes()) / (kTruthMemory * whole);
+  const double whole = mean_content_bytes(reader) * static_cast<double>(reader.content_count());
+  const double share = kMemoryShare * static_cast<double>(default_memory_bytes()) / (processes * kTruthMemory * whole);
   return std::min(std::max(size.x(), size.y()), std::sqrt(size.x() * size.y() * share));
 }
 
-std::int32_t edge_in_cells(tiles::RegionReader& reader, const ExtractSettings& settings,
-                           const std::array<std::int32_t, 3>& dims) {
-  const double edge_m = *settings.block_m > 0.0 ? *settings.block_m : edge_by_memory(reader);
-  const double cells = std::clamp(std::round(edge_m / settings.voxel_m), 1.0, static_cast<double>(1 << 24));
-  constexpr double kMostBlocks = 1e6;
-  if (std::ceil(dims[0] / cells) * std::ceil(dims[1] / cells) > kMostBlocks) {
-    throw InputError("--block " + base::trimmed_text(edge_m, 3) + " m",
-                     "would give more than a million blocks: choose a larger edge, in metres");
-  }
-  return static_cast<std::int32_t>(cells);
+/// All that determines the region's cells, triangles and samples; not yet the edge of the blocks.
+json truth_inputs(const tiles::RegionReader& reader, const ExtractSettings& settings) {
+  return {{"program", program_fingerprint()},
+          {"source", transport::redact_source(settings.source)},
+          {"tiles", reader.cut_hash()},
+          {"region", base::sha256_hex(region_json(reader.placement().region).dump())},
+          {"frame", frame_json(reader.placement().local_frame)},
+          {"voxel", settings.voxel_m},
+          {"samples", settings.samples_per_m2},
+          {"textures", settings.load.textures},
+          {"incomplete tiles", settings.load.allow_incomplete}};
 }
 
-/// Bounds of cells in metres, with some slack: tiles that only touch them may decide a voxel.
-Box3 bounds_of(const CellRange& cells, const Vec3& origin, double edge_m, std::int32_t border) {
-  const auto corner = [&](const std::array<std::int32_t, 3>& cell, double shift) {
-    return Vec3(origin + edge_m * (Vec3(cell[0], cell[1], cell[2]) + Vec3::Constant(shift)));
-  };
-  return {corner(cells.low, -border - 0.6), corner(cells.high, border + 1.6)};
+/// The edge asked for, cells. One chosen by memory stays that of blocks which are there from the same inputs.
+std::int32_t choose_edge(tiles::RegionReader& reader, const ExtractSettings& settings, const json& inputs,
+                         const std::filesystem::path& store) {
+  if (*settings.block_m > 0.0) return edge_in_cells(*settings.block_m, settings.voxel_m);
+  json before = workflow::BuildFolder::read_inputs(store);
+  if (before.is_object() && before.contains("block") && before["block"].is_number_integer()) {
+    const auto edge = before["block"].get<std::int32_t>();
+    before.erase("block");
+    if (before == inputs && edge > 0) return edge;
+  }
+  return edge_in_cells(edge_by_memory(reader, settings.processes), settings.voxel_m);
 }
 
-/// Makes the blocks of a region one after the other.
-class BlockWriter {
- public:
-  BlockWriter(tiles::RegionReader& reader, const ExtractSettings& settings, std::filesystem::path folder,
-              const Progress& progress)
-      : reader_(reader),
-        options_(truth_options(reader, settings)),
-        region_(reader.placement().region.box()),
-        dims_(ground_truth::grid_dims(region_, settings.voxel_m)),
-        edge_(edge_in_cells(reader, settings, dims_)),
-        folder_(std::move(folder)),
-        progress_(progress) {}
+/// What it costs to make a block: the contents that it reads.
+std::vector<double> block_costs(const tiles::RegionReader& reader, const BlockGrid& grid) {
+  constexpr double kEmptyBlock = 0.01;
+  std::vector<double> costs;
+  for (std::size_t i = 0; i < grid.size(); ++i)
+    costs.push_back(kEmptyBlock + static_cast<double>(reader.contents_in(grid.reach(i, 1)).size()));
+  return costs;
+}
 
-  /// The contents of all blocks, in counts and in index.json.
-  TruthCounts run() {
-    TruthCounts counts = write_blocks();
-    // A tile may hold more than its bounding volume says; now that all are read, it is known where.
-    if (any_content_missed()) counts = write_blocks();
-    if (counts.triangles == 0 && counts.cloud_points == 0)
-      throw InputError("region", "contains no triangle: check its centre, size and height");
-    base::write_file(folder_ / "index.json",
-                     nlohmann::json{{"block", edge_ * options_.voxel_m}, {"blocks", index_}}.dump(2) + "\n");
-    return counts;
-  }
+std::vector<double> costs_of(const std::vector<std::size_t>& blocks, const std::vector<double>& costs) {
+  std::vector<double> some;
+  for (const std::size_t i : blocks) some.push_back(costs[i]);
+  return some;
+}
 
- private:
-  TruthCounts write_blocks() {
-    TruthCounts counts(options_.voxel_m);
-    index_ = nlohmann::json::array();
-    read_.clear();
-    const std::vector<CellRange> blocks = blocks_of(dims_, edge_);
-    for (std::size_t i = 0; i < blocks.size(); ++i) {
-      report_progress(progress_, static_cast<std::int64_t>(i), static_cast<std::int64_t>(blocks.size()), "blocks");
-      write(blocks[i], counts);
-    }
-    counts.voxel_dims = dims_;
-    return counts;
-  }
+/// `share` of `count` of these blocks, by cost.
+std::vector<std::size_t> share_of(const std::vector<std::size_t>& blocks, const std::vector<double>& costs,
+                                  std::size_t share, std::size_t count) {
+  const workflow::IndexRange own = workflow::balanced_ranges(costs_of(blocks, costs), count)[share];
+  return {blocks.begin() + static_cast<std::ptrdiff_t>(own.begin),
+          blocks.begin() + static_cast<std::ptrdiff_t>(own.end)};
+}
 
-  void write(const CellRange& block, TruthCounts& counts) {
-    const std::string name = base::formatted("blocks/x%05d_y%05d", block.low[0] / edge_, block.low[1] / edge_);
-    const std::filesystem::path folder = folder_ / name;
-    std::filesystem::remove_all(folder);
-    std::filesystem::create_directories(folder);
-    ground_truth::GroundTruthSummary part;
-    for (std::int32_t border = 1;; border *= 2) {
-      const Box3 bounds = bounds_of(block, region_.min(), options_.voxel_m, border);
-      const std::vector<std::size_t> contents = reader_.contents_in(bounds);
-      Surfaces surfaces = read_surfaces(reader_, contents, counts, {});
-      options_.block = {block, border, std::move(surfaces.origins)};
-      part = write_ground_truth(std::move(surfaces.meshes), region_, options_, folder, {}, surfaces.clouds);
-      if (part.border_too_narrow) continue;
-      read_.emplace_back(bounds, contents);
-      break;
-    }
-    add(part, counts);
-    if (std::filesystem::is_empty(folder)) {
-      std::filesystem::remove(folder);
-      return;
-    }
-    const Box3 own = bounds_of(block, region_.min(), options_.voxel_m, 0);
-    const Vec3 slack = Vec3::Constant(0.6 * options_.voxel_m);
-    const Vec3 low = own.min() + slack, high = own.max() - slack;
-    index_.push_back({{"folder", name},
-                      {"min", {low.x(), low.y(), low.z()}},
-                      {"max", {high.x(), high.y(), high.z()}},
-                      {"triangles", part.triangles},
-                      {"voxels_occupied", part.voxels.occupied.size()}});
-  }
+std::string part_text(const JobPart& part) { return std::to_string(part.number) + "-of-" + std::to_string(part.count); }
 
-  bool any_content_missed() const {
-    return std::ranges::any_of(read_,
-                               [&](const auto& block) { return reader_.contents_in(block.first) != block.second; });
-  }
-
-  tiles::RegionReader& reader_;
-  ground_truth::GroundTruthOptions options_;
-  Box3 region_;
-  std::array<std::int32_t, 3> dims_;
-  std::int32_t edge_;  ///< of a block, cells
-  std::filesystem::path folder_;
-  const Progress& progress_;
-  nlohmann::json index_;
-  std::vector<std::pair<Box3, std::vector<std::size_t>>>
-      read_;  ///< of each block: where contents were sought, and found
-};
+/// What `find` returns on the first rank, for all: they may know different contents by now.
+template <class Value, class Find>
+Value found_by_first_rank(workflow::Ranks& ranks, const Find& find) {
+  Value found;
+  run_collectively(ranks, [&] {
+    if (ranks.rank() == 0) found = find();
+  });
+  return json::parse(ranks.all_gather(json(found).dump()).front()).get<Value>();
+}
 
 }  // namespace
 
@@ -244,9 +196,245 @@ TruthCounts write_whole_truth(tiles::RegionReader& reader, const ExtractSettings
   return counts;
 }
 
-TruthCounts write_truth_in_blocks(tiles::RegionReader& reader, const ExtractSettings& settings,
-                                  const std::filesystem::path& folder, const Progress& progress) {
-  return BlockWriter(reader, settings, folder, progress).run();
+struct TruthBlocks::Impl {
+  Impl(tiles::RegionReader& reader, const ExtractSettings& settings, const std::filesystem::path& output,
+       workflow::Ranks& ranks, const Progress& progress)
+      : reader_(reader),
+        settings_(settings),
+        ranks_(ranks),
+        progress_(progress),
+        options_(truth_options(reader, settings)),
+        keeps_(settings.resume || settings.part || ranks.count() > 1 || BlockStore::exists(output)),
+        grid_(prepare(output)) {
+    run_collectively(ranks_, [&] {
+      store_.emplace(output, settings.part ? part_text(*settings.part) : std::to_string(ranks_.rank()), share());
+    });
+    ranks_.set_termination_message([this] { return describe_state(); });
+  }
+  ~Impl() {
+    ranks_.set_termination_message({});
+    if (store_ && !keeps_) store_->remove();
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  workflow::Share share() const { return settings_.part ? workflow::Share::kPart : workflow::Share::kWhole; }
+
+  /// Prepares the store for blocks of one grid, the same for all ranks.
+  BlockGrid prepare(const std::filesystem::path& output) {
+    std::int32_t edge = 0;
+    run_collectively(ranks_, [&] {
+      if (settings_.part && ranks_.count() > 1)
+        throw InputError("--part", "is the share of one process: start it without mpirun");
+      if (ranks_.rank() != 0) return;
+      json inputs = truth_inputs(reader_, settings_);
+      edge = choose_edge(reader_, settings_, inputs, BlockStore::folder_for(output));
+      const BlockGrid refuses_too_many(reader_.placement().region.box(), settings_.voxel_m, edge);
+      inputs["block"] = edge;
+      note_ = BlockStore::prepare(output, inputs, share());
+    });
+    edge = static_cast<std::int32_t>(std::stol(ranks_.all_gather(std::to_string(edge)).front()));
+    return {reader_.placement().region.box(), settings_.voxel_m, edge};
+  }
+
+  void make() {
+    using Indices = std::vector<std::size_t>;
+    const auto missing = found_by_first_rank<Indices>(ranks_, [this] { return find_missing(); });
+    const auto costs = found_by_first_rank<std::vector<double>>(ranks_, [this] { return block_costs(reader_, grid_); });
+    reused_ = grid_.size() - missing.size();
+    run_collectively(ranks_, [&] { make(own_share(missing, costs)); });
+    if (settings_.part) return;
+    // A tile may hold more than its bounding volume says; now that all are read, it is known where.
+    const auto missed = found_by_first_rank<Indices>(ranks_, [this] { return find_missed(); });
+    run_collectively(ranks_, [&] {
+      if (!missed.empty() && ranks_.rank() != 0) learn_all();
+    });
+    run_collectively(ranks_, [&] { make(share_of(missed, costs, rank(), rank_count())); });
+  }
+
+  TruthCounts join() {
+    TruthCounts counts(settings_.voxel_m);
+    json index = json::array();
+    for (std::size_t i = 0; i < grid_.size(); ++i) {
+      const std::string name = grid_.name(i);
+      const std::optional<BlockRecord> block = store_->read(name);
+      if (!block) throw InputError(store_->folder().path().string(), "lacks block " + name + ": run the command again");
+      learn(*block);
+      counts.triangles += block->triangles;
+      counts.surface_points += block->surface_points;
+      counts.cloud_points += block->cloud_points;
+      counts.voxels_occupied += block->voxels_occupied;
+      store_->add_floor(name, counts.floor);
+      if (block->has_files) index.push_back(index_entry(i, *block));
+    }
+    if (counts.triangles == 0 && counts.cloud_points == 0) {
+      store_->remove();
+      throw InputError("region", "contains no triangle: check its centre, size and height");
+    }
+    for (std::size_t i = 0; i < reader_.content_count(); ++i) {
+      if (const auto& content = reader_.found(i); content && !content->bounds.isEmpty())
+        counts.extent.extend(content->bounds);
+    }
+    counts.voxel_dims = grid_.dims();
+    counts.load_seconds = reading_.load_seconds;
+    base::write_file(store_->truth_folder() / "index.json",
+                     json{{"block", grid_.edge_m()}, {"blocks", index}}.dump(2) + "\n");
+    return counts;
+  }
+
+  json index_entry(std::size_t i, const BlockRecord& block) const {
+    const Box3 bounds = grid_.bounds(i);
+    const Vec3 low = bounds.min(), high = bounds.max();
+    return {{"folder", "blocks/" + grid_.name(i)},
+            {"min", {low.x(), low.y(), low.z()}},
+            {"max", {high.x(), high.y(), high.z()}},
+            {"triangles", block.triangles},
+            {"voxels_occupied", block.voxels_occupied}};
+  }
+
+  std::size_t rank() const { return static_cast<std::size_t>(ranks_.rank()); }
+  std::size_t rank_count() const { return static_cast<std::size_t>(ranks_.count()); }
+
+  std::vector<std::size_t> own_share(const std::vector<std::size_t>& missing, const std::vector<double>& costs) const {
+    if (!settings_.part) return share_of(missing, costs, rank(), rank_count());
+    std::vector<std::size_t> all(grid_.size()), own;
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    const std::vector<std::size_t> part = share_of(all, costs, static_cast<std::size_t>(settings_.part->number - 1),
+                                                   static_cast<std::size_t>(settings_.part->count));
+    std::ranges::set_intersection(part, missing, std::back_inserter(own));
+    return own;
+  }
+
+  std::vector<std::size_t> find_missing() const {
+    std::vector<std::size_t> missing;
+    for (std::size_t i = 0; i < grid_.size(); ++i) {
+      if (!store_->read(grid_.name(i))) missing.push_back(i);
+    }
+    return missing;
+  }
+
+  void learn(const BlockRecord& block) {
+    for (const auto& [content, record] : block.contents) {
+      if (content < reader_.content_count()) reader_.learn(content, record);
+    }
+    for (const transport::CountedFile& file : block.files) reader_.count_file(file);
+  }
+
+  /// The records of all blocks, whose contents are then known to this process.
+  std::vector<BlockRecord> learn_all() {
+    std::vector<BlockRecord> blocks;
+    for (std::size_t i = 0; i < grid_.size(); ++i) {
+      blocks.push_back(store_->read(grid_.name(i)).value_or(BlockRecord()));
+      learn(blocks.back());
+    }
+    return blocks;
+  }
+
+  /// The blocks that lack a content which is now known to reach into them.
+  std::vector<std::size_t> find_missed() {
+    const std::vector<BlockRecord> blocks = learn_all();
+    std::vector<std::size_t> missed;
+    for (std::size_t i = 0; i < grid_.size(); ++i) {
+      const std::vector<std::size_t> wanted = reader_.contents_in(grid_.reach(i, blocks[i].border));
+      const bool has_all = std::ranges::all_of(wanted, [&](std::size_t c) { return blocks[i].contents.contains(c); });
+      if (!has_all) missed.push_back(i);
+    }
+    return missed;
+  }
+
+  void make(const std::vector<std::size_t>& blocks) {
+    for (std::size_t k = 0; k < blocks.size(); ++k) {
+      report_progress(progress_, static_cast<std::int64_t>(k), static_cast<std::int64_t>(blocks.size()), "blocks");
+      const auto make_files = [&](const std::filesystem::path& folder) { return write(blocks[k], folder); };
+      store_->add(grid_.name(blocks[k]), make_files);
+      ++made_;
+    }
+  }
+
+  std::pair<BlockRecord, ground_truth::QuantizationFloor> write(std::size_t block,
+                                                                const std::filesystem::path& folder) {
+    // What was read for it before counts as read: another reason may be gone by now.
+    BlockRecord record = store_->read(grid_.name(block)).value_or(BlockRecord());
+    learn(record);
+    ground_truth::GroundTruthSummary part;
+    for (std::int32_t border = 1;; border *= 2) {
+      const std::vector<std::size_t> contents = reader_.contents_in(grid_.reach(block, border));
+      Surfaces surfaces = read_surfaces(reader_, contents, reading_, {});
+      options_.block = {grid_.cells(block), border, std::move(surfaces.origins)};
+      part = write_ground_truth(std::move(surfaces.meshes), reader_.placement().region.box(), options_, folder, {},
+                                surfaces.clouds);
+      for (const std::size_t content : contents) record.contents.try_emplace(content, *reader_.found(content));
+      if (part.border_too_narrow) continue;
+      record.border = border;
+      break;
+    }
+    for (transport::CountedFile& file : reader_.take_new_files()) record.files.push_back(std::move(file));
+    record.triangles = part.triangles;
+    record.surface_points = part.surface_points;
+    record.cloud_points = part.cloud_points;
+    record.voxels_occupied = part.voxels.occupied.size();
+    ground_truth::QuantizationFloor floor(settings_.voxel_m);
+    floor.add(part.quantization_floor_m);
+    return {std::move(record), std::move(floor)};
+  }
+
+  /// For a job that is stopped: which ranks have ended, and what is there.
+  std::string describe_state() const {
+    const std::string ended = store_->folder().describe_ended(ranks_.rank(), ranks_.count());
+    if (ended.empty()) return "";
+    return ended + "; " + std::to_string(grid_.size() - find_missing().size()) + " of " + std::to_string(grid_.size()) +
+           " blocks are kept in " + store_->folder().path().string() +
+           "; run the same command again to make the missing blocks";
+  }
+
+  tiles::RegionReader& reader_;
+  const ExtractSettings& settings_;
+  workflow::Ranks& ranks_;
+  const Progress& progress_;
+  ground_truth::GroundTruthOptions options_;
+  bool keeps_;
+  std::string note_;
+  BlockGrid grid_;
+  std::optional<BlockStore> store_;
+  TruthCounts reading_{1.0};  ///< time spent reading
+  std::size_t reused_ = 0, made_ = 0;
+};
+
+TruthBlocks::TruthBlocks(tiles::RegionReader& reader, const ExtractSettings& settings,
+                         const std::filesystem::path& output, workflow::Ranks& ranks, const Progress& progress)
+    : impl_(std::make_unique<Impl>(reader, settings, output, ranks, progress)) {}
+
+TruthBlocks::~TruthBlocks() = default;
+
+void TruthBlocks::make() { impl_->make(); }
+
+TruthCounts TruthBlocks::join() { return impl_->join(); }
+
+std::filesystem::path TruthBlocks::truth_folder() const { return impl_->store_->truth_folder(); }
+
+void TruthBlocks::remove() { impl_->store_->remove(); }
+
+std::size_t TruthBlocks::count() const { return impl_->grid_.size(); }
+std::size_t TruthBlocks::reused() const { return impl_->reused_; }
+std::size_t TruthBlocks::made() const { return impl_->made_; }
+const std::string& TruthBlocks::note() const { return impl_->note_; }
+
+BlockPlan plan_truth_blocks(const ExtractSettings& settings, const std::filesystem::path& output, int parts) {
+  const auto source = transport::open_source(settings.source, settings.load.source);
+  tiles::LoadOptions load = settings.load;
+  load.uses = {transport::Use::kExtract};
+  tiles::RegionReader reader(*source, transport::redact_source(settings.source), load);
+  json inputs = truth_inputs(reader, settings);
+  const std::int32_t edge = choose_edge(reader, settings, inputs, BlockStore::folder_for(output));
+  inputs["block"] = edge;
+  const BlockGrid grid(reader.placement().region.box(), settings.voxel_m, edge);
+  const std::vector<double> costs = block_costs(reader, grid);
+  return {.edge_m = grid.edge_m(),
+          .parts = static_cast<int>(std::min(grid.size(), static_cast<std::size_t>(std::max(1, parts)))),
+          .memory_bytes = kTruthMemory * mean_content_bytes(reader) * std::ranges::max(costs),
+          .inputs_sha256 = base::sha256_hex(inputs.dump())};
 }
+
+std::filesystem::path block_build_folder(const std::filesystem::path& output) { return BlockStore::folder_for(output); }
 
 }  // namespace tileflight::place

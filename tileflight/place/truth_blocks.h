@@ -3,6 +3,8 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <string>
 
 #include "tileflight/base/progress.h"
 #include "tileflight/ground_truth/quantization_floor.h"
@@ -19,16 +21,60 @@ struct TruthCounts {
   std::array<std::int32_t, 3> voxel_dims{};  ///< of the whole region
   geometry::Box3 extent;                     ///< of the contents read, which may reach beyond the region
   ground_truth::QuantizationFloor floor;
-  double load_seconds = 0.0;  ///< spent reading tiles
+  double load_seconds = 0.0;  ///< spent reading tiles, by this process
 };
 
 /// Writes a region's ground truth into a folder, in one piece. Throws InputError.
 TruthCounts write_whole_truth(tiles::RegionReader& reader, const ExtractSettings& settings,
                               const std::filesystem::path& folder, const Progress& progress);
 
-/// Writes it as blocks of `settings.block_m` (which is set), each in a folder below `folder` that index.json names.
-/// Blocks are columns over the region's height; a block that holds nothing has no folder. Throws InputError.
-TruthCounts write_truth_in_blocks(tiles::RegionReader& reader, const ExtractSettings& settings,
-                                  const std::filesystem::path& folder, const Progress& progress);
+/// Makes a region's ground truth in blocks of `settings.block_m` (which is set) beside the output folder
+/// (block_store.h): this process and others each make some, then one joins them. Blocks are columns over the region's
+/// height; a block that holds nothing has no folder.
+class TruthBlocks {
+ public:
+  /// Prepares and enters the store; called by all ranks, whose `settings` are the same. Blocks of an earlier job with
+  /// the same inputs are kept. References must outlive it. Throws InputError (CollectiveError with several ranks).
+  TruthBlocks(tiles::RegionReader& reader, const ExtractSettings& settings, const std::filesystem::path& output,
+              workflow::Ranks& ranks, const Progress& progress);
+  /// Unless blocks are to be kept for another job (`settings.resume`, a part, several ranks), removes what is
+  /// unfinished.
+  ~TruthBlocks();
+  TruthBlocks(const TruthBlocks&) = delete;
+  TruthBlocks& operator=(const TruthBlocks&) = delete;
+
+  /// Makes this process's share of the blocks that are not there, and with `settings.part` only that part of them.
+  void make();
+  /// Once all are there: writes index.json into truth_folder(). Throws InputError if the region holds nothing.
+  TruthCounts join();
+  /// The folder that becomes the output.
+  std::filesystem::path truth_folder() const;
+  /// Removes the store, whose truth folder is elsewhere by now.
+  void remove();
+
+  std::size_t count() const;   ///< of blocks
+  std::size_t reused() const;  ///< blocks that an earlier job had made
+  std::size_t made() const;    ///< by this process
+  /// Why blocks of an earlier job were not reused; empty: they were, or there were none.
+  const std::string& note() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// What a job in parts would make.
+struct BlockPlan {
+  double edge_m = 0.0;  ///< of a block, whole voxels
+  int parts = 0;
+  double memory_bytes = 0.0;  ///< estimate of what the largest block takes
+  std::string inputs_sha256;  ///< equal inputs give equal blocks
+};
+
+/// Cuts the blocks of `settings` into `parts`, fewer if there are fewer blocks. Throws InputError.
+BlockPlan plan_truth_blocks(const ExtractSettings& settings, const std::filesystem::path& output, int parts);
+
+/// Where the finished blocks of an output are kept until it is complete.
+std::filesystem::path block_build_folder(const std::filesystem::path& output);
 
 }  // namespace tileflight::place

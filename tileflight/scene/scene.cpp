@@ -102,7 +102,7 @@ double plane_distance(const Ray& ray, const std::array<geometry::Vec3, 3>& p, do
 
 struct Scene::Impl {
   std::vector<std::shared_ptr<const ScenePart>> parts;
-  std::shared_ptr<ScenePart> own;  ///< the only part, of a scene that was made of meshes
+  std::shared_ptr<ScenePart> own;                    ///< the only part, of a scene that was made of meshes
   std::vector<const imaging::TexturedMesh*> meshes;  ///< of all parts
   geometry::Box3 bounds;
   geometry::Vec3 anchor;

@@ -6,21 +6,15 @@
 
 #include "tileflight/base/progress.h"
 #include "tileflight/study/study_plan.h"
+#include "tileflight/workflow/task.h"
 
 namespace tileflight::study {
-
-/// Options of run_study().
-struct StudyRunOptions {
-  int jobs = 1;
-  bool slurm = false;         ///< tasks are submitted to Slurm
-  bool use_snakemake = true;  ///< if it is installed
-};
 
 /// Writes the plan into the study's folder as a Snakemake workflow (Snakefile, tasks/, plan.json), starts it, and
 /// returns study.json. What was done before with the same inputs is not done again, also after a crash. Without
 /// Snakemake the tasks run one after the other. Throws InputError if a task failed (naming it and its log), if another
 /// process works in the folder, and if Slurm is wanted without Snakemake.
-nlohmann::json run_study(const StudyPlan& plan, const PlanOptions& folders, const StudyRunOptions& options,
+nlohmann::json run_study(const StudyPlan& plan, const PlanOptions& folders, const workflow::TaskOptions& options,
                          const Progress& progress = {});
 
 }  // namespace tileflight::study

@@ -12,6 +12,7 @@
 #include "tileflight/experiment/experiment_file.h"
 #include "tileflight/experiment/results.h"
 #include "tileflight/place/version.h"
+#include "tileflight/workflow/run_tasks.h"
 
 namespace tileflight::study {
 namespace fs = std::filesystem;
@@ -19,6 +20,8 @@ namespace {
 
 using base::shell_word;
 using nlohmann::json;
+using workflow::marker_of;
+using workflow::Task;
 
 /// Hash of the files below a folder, by name and content.
 std::string folder_hash(const fs::path& folder) {
@@ -72,7 +75,7 @@ class TaskMaker {
     return (options_.places.empty() ? fs::path("places") : fs::absolute(options_.places)).lexically_normal();
   }
 
-  StudyTask place_task(const StudyPlace& place, const StudyCamera& camera, const std::string& folder) const {
+  Task place_task(const StudyPlace& place, const StudyCamera& camera, const std::string& folder) const {
     std::ostringstream script;
     script << "\"$TILEFLIGHT\" run " << shell_word(fs::absolute(place.experiment).lexically_normal())
            << " --until datasets";
@@ -85,9 +88,9 @@ class TaskMaker {
     return finished({.name = place_task_name(folder)}, script.str(), "");
   }
 
-  StudyTask system_task(const StudyFlight& flight, const StudyRun& run, const StudySystem& system) const {
+  Task system_task(const StudyFlight& flight, const StudyRun& run, const StudySystem& system) const {
     const std::string data = dataset(flight.place_folder, flight.flight);
-    StudyTask task{.name = task_name("system", run), .inputs = {marker_of(place_task_name(flight.place_folder))}};
+    Task task{.name = task_name("system", run), .inputs = {marker_of(place_task_name(flight.place_folder))}};
     std::ostringstream script;
     script << "mkdir -p " << shell_word(run.folder) << "\n"
            << "rm -rf " << shell_word(run.folder + "/odometry") << "\n"
@@ -104,10 +107,9 @@ class TaskMaker {
     return finished(task, script.str(), folder_hash(system.adapter.folder));
   }
 
-  StudyTask score_task(const StudyFlight& flight, const StudyRun& run) const {
+  Task score_task(const StudyFlight& flight, const StudyRun& run) const {
     const std::string truth = flight.place_folder + "/truth", data = dataset(flight.place_folder, flight.flight);
-    const StudyTask task{.name = task_name("score", run),
-                         .inputs = {marker_of(task_name("system", run)), "settings.yaml"}};
+    const Task task{.name = task_name("score", run), .inputs = {marker_of(task_name("system", run)), "settings.yaml"}};
     const std::string map = shell_word(run.folder + "/odometry"), to = shell_word(truth), with = shell_word(data);
     const std::string transform = shell_word(run.folder + "/transform.json");
     const std::string metrics = shell_word(run.folder + "/metrics.json"), log = shell_word(run.folder + "/scores.part");
@@ -130,8 +132,8 @@ class TaskMaker {
     return finished(task, script.str(), "");
   }
 
-  StudyTask report_task(const std::vector<StudyRun>& runs) const {
-    StudyTask task{.name = "report", .inputs = {"plan.json"}};
+  Task report_task(const std::vector<StudyRun>& runs) const {
+    Task task{.name = "report", .inputs = {"plan.json"}};
     for (const StudyRun& run : runs) task.inputs.push_back(marker_of(task_name("score", run)));
     return finished(task, "\"$TILEFLIGHT\" report . --quiet\n", "");
   }
@@ -140,7 +142,6 @@ class TaskMaker {
   static std::string place_task_name(const std::string& folder) {
     return "place-" + fs::path(folder).filename().string();
   }
-  static std::string marker_of(const std::string& task) { return "done/" + task; }
   static std::string dataset(const std::string& place_folder, const std::string& flight) {
     return place_folder + "/" + flight + "/dataset";
   }
@@ -153,7 +154,7 @@ class TaskMaker {
 
   /// Adds what all scripts have. A change of the program or of `version` changes the script, so that the task is done
   /// again.
-  StudyTask finished(StudyTask task, const std::string& work, const std::string& version) const {
+  Task finished(Task task, const std::string& work, const std::string& version) const {
     task.threads = threads_;
     task.script = "#!/bin/sh\n# To be run in the study's folder.\n# program " + fingerprint_.substr(0, 16) +
                   (version.empty() ? "" : ", adapter " + version.substr(0, 16)) +

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tileflight/study/study_file.h"
+#include "tileflight/workflow/task.h"
 
 namespace tileflight::study {
 
@@ -25,19 +26,6 @@ struct StudyRun {
   std::string folder;  ///< "runs/stadium/simulated/colmap/1"
 };
 
-/// A step of the study: a shell script that is run in the study's folder when an output is missing or older than an
-/// input.
-struct StudyTask {
-  std::string name;    ///< also of its script: tasks/NAME.sh
-  std::string script;  ///< whole text
-  /// Files, relative to the study's folder. The output is a marker, done/NAME: Snakemake removes the outputs of a task
-  /// before it runs it, and a place's truth may serve another study meanwhile.
-  std::vector<std::string> inputs, outputs;
-  int threads = 1;
-  int memory_mb = 4000;
-  int minutes = 120;
-};
-
 /// Limits of the machine that a plan is made for.
 struct PlanOptions {
   std::filesystem::path out;     ///< the study's folder
@@ -51,7 +39,7 @@ struct StudyPlan {
   StudyFile study;
   std::vector<StudyFlight> flights;
   std::vector<StudyRun> runs;
-  std::vector<StudyTask> tasks;  ///< in an order that respects their inputs
+  std::vector<workflow::Task> tasks;  ///< in an order that respects their inputs
 };
 
 /// Throws InputError for a broken experiment.

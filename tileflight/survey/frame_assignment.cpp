@@ -1,5 +1,6 @@
 #include "tileflight/survey/frame_assignment.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "tileflight/base/input_error.h"
@@ -25,9 +26,11 @@ std::vector<std::string> read_previous_cuts(Ranks& ranks, const FrameStore& kept
 
 }  // namespace
 
-FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames)
+FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames,
+                                 const std::optional<workflow::IndexRange>& part)
     : ranks_(ranks),
       store_(kept),
+      part_(part),
       previous_cuts_(frames),
       is_finished_(frames, false),
       end_(frames),
@@ -37,19 +40,20 @@ FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size
 
 void FrameAssignment::set_cut(const std::string& cut) {
   cut_ = cut;
+  const workflow::IndexRange own = part_.value_or(workflow::IndexRange{0, is_finished_.size()});
   std::vector<std::size_t> missing;
   for (std::size_t i = 0; i < is_finished_.size(); ++i) {
     is_finished_[i] = !cut.empty() && previous_cuts_[i] == cut;
-    if (!is_finished_[i]) missing.push_back(i);
+    if (!is_finished_[i] && own.contains(i)) missing.push_back(i);
   }
-  resumed_ = is_finished_.size() - missing.size();
+  resumed_ = static_cast<std::size_t>(std::ranges::count(is_finished_, true));
   const auto first_of = [&](int rank) {
     const std::size_t k = missing.size() * static_cast<std::size_t>(rank) / static_cast<std::size_t>(ranks_.count());
-    if (rank == 0) return std::size_t{0};
-    return k < missing.size() ? missing[k] : is_finished_.size();
+    if (rank == 0) return own.begin;
+    return k < missing.size() ? missing[k] : own.end;
   };
   begin_ = first_of(ranks_.rank());
-  end_ = ranks_.rank() + 1 == ranks_.count() ? is_finished_.size() : first_of(ranks_.rank() + 1);
+  end_ = ranks_.rank() + 1 == ranks_.count() ? own.end : first_of(ranks_.rank() + 1);
 }
 
 void FrameAssignment::add(const render::FlightFrame& frame) {

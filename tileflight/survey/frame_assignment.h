@@ -2,12 +2,14 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_store.h"
 #include "tileflight/survey/ranks.h"
+#include "tileflight/workflow/balanced_ranges.h"
 
 namespace tileflight::survey {
 
@@ -17,9 +19,12 @@ class FrameAssignment {
  public:
   /// `kept`: store that shares finished frames with other ranks and later runs, the same for all ranks; null: this
   /// process renders all frames and stores none. Waits for the other ranks. Ranks and `kept` must outlive it.
-  FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames);
+  /// `part`: only these frames are assigned, in a job whose other parts are rendered elsewhere.
+  FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames,
+                  const std::optional<workflow::IndexRange>& part = {});
 
-  bool is_first_rank() const { return ranks_.rank() == 0; }
+  /// Whether this process does what is done once for the flight: other sensors, video, lists.
+  bool is_first_rank() const { return ranks_.rank() == 0 && !part_; }
   const FrameStore* store() const { return store_; }
   /// Build folder for DatasetWriter: the store's, or empty.
   std::filesystem::path build_folder() const { return store_ == nullptr ? "" : store_->dataset_folder(); }
@@ -29,15 +34,15 @@ class FrameAssignment {
   }
 
   /// Whether this process renders every frame itself. Valid after set_cut().
-  bool renders_all_frames() const { return ranks_.count() == 1 && resumed_ == 0; }
+  bool renders_all_frames() const { return ranks_.count() == 1 && resumed_ == 0 && !part_; }
 
   /// Sets the tile cut; frames rendered from another cut are rendered again.
   void set_cut(const std::string& cut);
   /// This rank's range of frames, finished ones included. The ranges of all ranks follow each other and cover all
-  /// frames. Valid after set_cut().
+  /// frames, or those of the part. Valid after set_cut().
   std::size_t begin() const { return begin_; }
   std::size_t end() const { return end_; }
-  bool has_all_frames() const { return ranks_.count() == 1; }  ///< whether its range is the whole flight
+  bool has_all_frames() const { return ranks_.count() == 1 && !part_; }  ///< whether its range is the whole flight
   /// Whether this process renders the frame: it is in its range and not finished.
   bool is_assigned(std::size_t index) const { return index >= begin_ && index < end_ && !is_finished_[index]; }
   /// Reports that all files of a frame are written. Thread-safe.
@@ -51,6 +56,7 @@ class FrameAssignment {
  private:
   Ranks& ranks_;
   const FrameStore* store_;
+  std::optional<workflow::IndexRange> part_;
   std::vector<std::string> previous_cuts_;  ///< cut of each frame finished earlier; empty: not finished
   std::string cut_;
   std::vector<bool> is_finished_;  ///< by an earlier run

@@ -1,9 +1,5 @@
 #include "tileflight/survey/frame_store.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -25,47 +21,12 @@ using nlohmann::json;
 
 constexpr std::uintmax_t kMaxRecord_bytes = 1 << 20, kMaxTiles_bytes = std::uintmax_t{1} << 30;
 
-/// Opens a file and locks it while the descriptor is open; -1: another process has the lock, or locking failed.
-int lock_file(const fs::path& file) {
-  const int descriptor = ::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
-  if (descriptor < 0) return -1;
-  if (::flock(descriptor, LOCK_EX | LOCK_NB) == 0) return descriptor;
-  ::close(descriptor);
-  return -1;
-}
-
-bool is_rank_alive(const fs::path& rank_file) {
-  if (!fs::exists(rank_file)) return false;
-  const int descriptor = lock_file(rank_file);
-  if (descriptor < 0) return true;
-  ::close(descriptor);
-  return false;
-}
-
-bool any_rank_alive(const fs::path& ranks_folder) {
-  std::error_code error;
-  for (fs::directory_iterator entry(ranks_folder, error), end; !error && entry != end; entry.increment(error)) {
-    if (is_rank_alive(entry->path())) return true;
-  }
-  return false;
-}
-
 json read_json(const fs::path& file, std::uintmax_t max_bytes = kMaxRecord_bytes) {
   try {
     return json::parse(base::read_text(file, max_bytes));
   } catch (const std::exception&) {
     return nullptr;
   }
-}
-
-/// The names of the keys that differ: "program, settings".
-std::string differences(const json& before, const json& now) {
-  std::string names;
-  for (const auto& [key, value] : now.items()) {
-    if (before.is_object() && before.contains(key) && before[key] == value) continue;
-    names += (names.empty() ? "" : ", ") + key;
-  }
-  return names;
 }
 
 json finite_or_null(double value) { return std::isfinite(value) ? json(value) : json(); }
@@ -138,68 +99,48 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames) {
 }
 
 fs::path FrameStore::folder_for(const fs::path& dataset) {
-  fs::path target = fs::absolute(dataset).lexically_normal();
-  if (!target.has_filename()) target = target.parent_path();
-  return target.parent_path() / ("." + target.filename().string() + ".frames");
+  return workflow::BuildFolder::path_beside(dataset, "frames");
 }
 
 bool FrameStore::exists(const fs::path& dataset) { return fs::is_directory(folder_for(dataset)); }
 
-std::string FrameStore::prepare(const fs::path& dataset, const json& inputs) {
-  const fs::path folder = folder_for(dataset);
-  std::string note;
-  if (fs::exists(folder)) {
-    if (any_rank_alive(folder / "ranks")) throw InputError(dataset.string(), "another process is rendering into it");
-    const json before = read_json(folder / "inputs.json");
-    if (before != inputs || !fs::is_directory(folder / "dataset")) {
-      note = "frames of an earlier render are not reused, because these inputs differ: " + differences(before, inputs);
-      std::error_code error;
-      fs::remove_all(folder, error);
-      if (error) throw InputError(folder.string(), "cannot be removed: " + error.message());
-    }
-    std::error_code ignored;
-    fs::remove_all(folder / "ranks", ignored);
-  }
-  for (const char* part : {"frames", "ranks", "dataset"}) base::make_folder(folder / part);
-  base::write_file(folder / "inputs.json", inputs.dump(1));
-  return note;
+std::string FrameStore::prepare(const fs::path& dataset, const json& inputs, workflow::Share share) {
+  const std::string why = workflow::BuildFolder::prepare(folder_for(dataset), inputs, share, {"frames", "dataset"});
+  return why.empty() ? "" : "frames of an earlier render are not reused, " + why;
 }
 
 FrameStore::FrameStore(const fs::path& dataset, int rank, int ranks)
-    : folder_(folder_for(dataset)),
-      rank_(rank),
-      ranks_(ranks),
-      lock_(lock_file(folder_ / "ranks" / std::to_string(rank))) {
-  if (lock_ < 0) throw InputError(folder_.string(), "cannot be written, or another process is rendering into it");
-}
+    : folder_(folder_for(dataset), std::to_string(rank), workflow::Share::kWhole), rank_(rank), ranks_(ranks) {}
 
-FrameStore::~FrameStore() { ::close(lock_); }
+FrameStore::FrameStore(const fs::path& dataset, const std::string& part)
+    : folder_(folder_for(dataset), part, workflow::Share::kPart) {}
 
 void FrameStore::add(std::size_t index, const FrameRecord& frame) const {
-  base::write_file(folder_ / "frames" / (dataset::frame_id(index) + ".json"), to_json(frame).dump());
+  base::write_file(folder_.path() / "frames" / (dataset::frame_id(index) + ".json"), to_json(frame).dump());
 }
 
 void FrameStore::add_picture(std::size_t index, const imaging::RgbImage& picture) const {
-  base::make_folder(folder_ / "pictures");
+  base::make_folder(folder_.path() / "pictures");
   const std::vector<std::byte> bytes = imaging::encode_png_fast(picture);
-  base::write_file(folder_ / "pictures" / (dataset::frame_id(index) + ".png"),
+  base::write_file(folder_.path() / "pictures" / (dataset::frame_id(index) + ".png"),
                    {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 imaging::RgbImage FrameStore::read_picture(std::size_t index) const {
-  return imaging::read_rgb(folder_ / "pictures" / (dataset::frame_id(index) + ".png"));
+  return imaging::read_rgb(folder_.path() / "pictures" / (dataset::frame_id(index) + ".png"));
 }
 
 void FrameStore::add_tiles(const json& records) const {
-  base::make_folder(folder_ / "tiles");
+  base::make_folder(folder_.path() / "tiles");
   const std::string text = records.dump();
-  base::write_file(folder_ / "tiles" / (base::sha256_hex(text) + ".json"), text);
+  base::write_file(folder_.path() / "tiles" / (base::sha256_hex(text) + ".json"), text);
 }
 
 std::vector<json> FrameStore::read_tiles() const {
   std::vector<json> records;
   std::error_code error;
-  for (fs::directory_iterator entry(folder_ / "tiles", error), end; !error && entry != end; entry.increment(error)) {
+  for (fs::directory_iterator entry(folder_.path() / "tiles", error), end; !error && entry != end;
+       entry.increment(error)) {
     if (entry->path().extension() == ".json") records.push_back(read_json(entry->path(), kMaxTiles_bytes));
   }
   return records;
@@ -208,7 +149,8 @@ std::vector<json> FrameStore::read_tiles() const {
 std::map<std::size_t, FrameRecord> FrameStore::read_frames() const {
   std::map<std::size_t, FrameRecord> frames;
   std::error_code error;
-  for (fs::directory_iterator entry(folder_ / "frames", error), end; !error && entry != end; entry.increment(error)) {
+  for (fs::directory_iterator entry(folder_.path() / "frames", error), end; !error && entry != end;
+       entry.increment(error)) {
     const std::optional<std::size_t> index = index_of(entry->path());
     if (!index) continue;
     if (const auto frame = record_from_json(read_json(entry->path()))) frames[*index] = *frame;
@@ -217,29 +159,19 @@ std::map<std::size_t, FrameRecord> FrameStore::read_frames() const {
 }
 
 std::string FrameStore::describe_state(std::size_t frames) const {
-  std::string ended;
-  for (int r = 0; r < ranks_; ++r) {
-    if (r == rank_) continue;
-    if (!is_rank_alive(folder_ / "ranks" / std::to_string(r))) {
-      ended += (ended.empty() ? "rank " : ", rank ") + std::to_string(r);
-    } else if (r < rank_) {
-      return "";
-    }
-  }
+  const std::string ended = folder_.describe_ended(rank_, ranks_);
+  if (ended.empty()) return "";
   const std::map<std::size_t, FrameRecord> kept = read_frames();
   std::vector<std::size_t> missing;
   for (std::size_t i = 0; i < frames; ++i) {
     if (!kept.contains(i)) missing.push_back(i);
   }
   const std::string of_all = std::to_string(frames - missing.size()) + " of " + std::to_string(frames) + " frames";
-  return (ended.empty() ? "stopped" : ended + " of " + std::to_string(ranks_) + " died") + "; " + of_all +
-         " are kept in " + folder_.string() + (missing.empty() ? "" : ", missing: " + describe_frame_ranges(missing)) +
+  return ended + "; " + of_all + " are kept in " + folder_.path().string() +
+         (missing.empty() ? "" : ", missing: " + describe_frame_ranges(missing)) +
          "; run the same command again to render the missing frames";
 }
 
-void FrameStore::remove() const {
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
-}
+void FrameStore::remove() const { folder_.remove(); }
 
 }  // namespace tileflight::survey

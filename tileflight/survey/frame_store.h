@@ -10,6 +10,7 @@
 
 #include "tileflight/imaging/image.h"
 #include "tileflight/render/render_flight.h"
+#include "tileflight/workflow/build_folder.h"
 
 namespace tileflight::survey {
 
@@ -33,7 +34,7 @@ std::string describe_frame_ranges(const std::vector<std::size_t>& frames);
 ///                    tiles/0123….json     what tiles were found to hold, for the summary; named by its content
 ///                    segmentation.runs/   SegmentationWriter's data of frames
 ///                    dataset/      becomes the dataset
-///                    ranks/0       locked while the process that renders as this rank lives
+///                    members/      locks of the processes that render (workflow/build_folder.h)
 /// Several processes (on machines that share the folder) may add frames. Frames added by a process that died are kept
 /// for the next render from the same inputs; those from other inputs are removed.
 class FrameStore {
@@ -43,17 +44,17 @@ class FrameStore {
   static bool exists(const std::filesystem::path& dataset);
   /// Prepares the folder for frames from `inputs`; called by one process before any opens the store. Keeps existing
   /// frames from the same inputs and removes others. Returns a message about what was removed; empty: nothing. Throws
-  /// InputError if a process is rendering into it.
-  static std::string prepare(const std::filesystem::path& dataset, const nlohmann::json& inputs);
+  /// InputError if another job is rendering into it.
+  static std::string prepare(const std::filesystem::path& dataset, const nlohmann::json& inputs,
+                             workflow::Share share = workflow::Share::kWhole);
 
   /// Opens the store as rank `rank` of `ranks`. Throws InputError.
   FrameStore(const std::filesystem::path& dataset, int rank, int ranks);
-  ~FrameStore();
-  FrameStore(const FrameStore&) = delete;
-  FrameStore& operator=(const FrameStore&) = delete;
+  /// Opens it for a part of the frames, of this name. Throws InputError.
+  FrameStore(const std::filesystem::path& dataset, const std::string& part);
 
-  std::filesystem::path dataset_folder() const { return folder_ / "dataset"; }
-  std::filesystem::path segmentation_runs_folder() const { return folder_ / "segmentation.runs"; }
+  std::filesystem::path dataset_folder() const { return folder_.path() / "dataset"; }
+  std::filesystem::path segmentation_runs_folder() const { return folder_.path() / "segmentation.runs"; }
   void add(std::size_t index, const FrameRecord& frame) const;
   void add_picture(std::size_t index, const imaging::RgbImage& picture) const;
   imaging::RgbImage read_picture(std::size_t index) const;
@@ -69,9 +70,8 @@ class FrameStore {
   void remove() const;
 
  private:
-  std::filesystem::path folder_;
+  workflow::BuildFolder folder_;
   int rank_ = 0, ranks_ = 1;
-  int lock_ = -1;  ///< file descriptor
 };
 
 }  // namespace tileflight::survey

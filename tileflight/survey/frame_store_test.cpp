@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,7 @@
 #include "tests/temporary_folder.h"
 #include "tileflight/base/files.h"
 #include "tileflight/survey/frame_assignment.h"
+#include "tileflight/workflow/test_ranks.h"
 
 namespace tileflight::survey::frame_store_test {
 namespace {
@@ -23,6 +23,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using tests::refusal_of;
 using tests::TemporaryFolder;
+using workflow::test_support::ThreadRanks;
 
 FrameRecord frame_of(double exposure_ms, const std::string& cut) {
   FrameRecord frame{exposure_ms, {}, cut};
@@ -32,60 +33,6 @@ FrameRecord frame_of(double exposure_ms, const std::string& cut) {
   frame.check.path_is_blocked = exposure_ms > 1.0;
   return frame;
 }
-
-/// Ranks of one program, each on a thread of its own.
-class ThreadRanks {
- public:
-  explicit ThreadRanks(int count) : count_(count), given_(static_cast<std::size_t>(count)) {}
-
-  /// Runs `work(ranks)` on each of them.
-  template <class Work>
-  void run(const Work& work) {
-    std::vector<std::thread> threads;
-    for (int r = 0; r < count_; ++r) {
-      threads.emplace_back([&, r] {
-        Rank rank(*this, r);
-        work(rank);
-      });
-    }
-    for (std::thread& thread : threads) thread.join();
-  }
-
- private:
-  class Rank : public Ranks {
-   public:
-    Rank(ThreadRanks& all, int rank) : all_(all), rank_(rank) {}
-    int rank() const override { return rank_; }
-    int count() const override { return all_.count_; }
-    std::vector<std::string> all_gather(const std::string& text) override { return all_.exchange(rank_, text); }
-    void set_termination_message(std::function<std::string()>) override {}
-
-   private:
-    ThreadRanks& all_;
-    int rank_;
-  };
-
-  std::vector<std::string> exchange(int rank, const std::string& text) {
-    std::unique_lock lock(mutex_);
-    given_[static_cast<std::size_t>(rank)] = text;
-    const int round = round_;
-    if (++here_ == count_) {
-      taken_ = given_;
-      here_ = 0;
-      ++round_;
-      changed_.notify_all();
-    } else {
-      changed_.wait(lock, [&] { return round_ != round; });
-    }
-    return taken_;
-  }
-
-  int count_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::vector<std::string> given_, taken_;
-  int here_ = 0, round_ = 0;
-};
 
 TEST(Ranks, GoOnTogetherOrFailTogether) {
   ThreadRanks ranks(3);
@@ -131,8 +78,8 @@ TEST(KeptFrames, ComeBackToThoseWhoMakeTheSame) {
     const FrameStore kept(out, 0, 1);
     kept.add(7, near);
     kept.add(1234567, blocked);
-    EXPECT_THAT(refusal_of([&] { FrameStore::prepare(out, {}); }), HasSubstr("another process is rendering into it"));
-    EXPECT_THAT(refusal_of([&] { FrameStore(out, 0, 1); }), HasSubstr("another process is rendering into it"));
+    EXPECT_THAT(refusal_of([&] { FrameStore::prepare(out, {}); }), HasSubstr("another process is working in it"));
+    EXPECT_THAT(refusal_of([&] { FrameStore(out, 0, 1); }), HasSubstr("another process is working in it"));
   }
   base::write_file(FrameStore::folder_for(out) / "frames/000009.json", "{\"exposure_ms\": 1");
   EXPECT_EQ(FrameStore::prepare(out / "", {{"program", "a"}, {"seed", 1}}), "");

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tileflight/base/files.h"
+#include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
 #include "tileflight/dataset/dataset.h"
 #include "tileflight/place/version.h"
@@ -82,6 +83,24 @@ struct RenderedFrames {
   std::size_t resumed = 0;
 };
 
+/// Renders the frames of a part into the store. Frames that are there from other tiles are rendered again.
+json render_part(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
+                 const Progress& progress) {
+  const std::size_t frames = mission.frames.size();
+  const workflow::IndexRange part{settings.part->begin, std::min(settings.part->end, frames)};
+  if (part.begin >= part.end) throw InputError("--frames", "the flight has frames 0 to " + std::to_string(frames - 1));
+  FrameStore::prepare(out, frame_inputs(mission, settings), workflow::Share::kPart);
+  const FrameStore kept(out, std::to_string(part.begin) + "-" + std::to_string(part.end));
+  SingleRank alone;
+  FrameAssignment share(alone, &kept, frames, part);
+  DatasetRenderer renderer(mission, settings, out, true, share, progress);
+  renderer.render();
+  std::size_t rendered = 0;
+  for (std::size_t i = part.begin; i < part.end; ++i) rendered += share.is_assigned(i) ? 1 : 0;
+  return {
+      {"frames", part.size()}, {"frames_rendered", rendered}, {"build_folder", FrameStore::folder_for(out).string()}};
+}
+
 /// `kept`: null if one process renders everything.
 RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
                                bool replace, const FrameStore* kept, Ranks& ranks, const Progress& progress) {
@@ -100,22 +119,13 @@ RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSetting
   return rendered;
 }
 
-/// The output folder in the form of DatasetWriter.
-base::OutputFolder output_of(const RenderSettings& settings, const fs::path& out, bool replace) {
-  return {.folder = out,
-          .command = "render",
-          .replace = replace,
-          .inputs = render_input_files(settings),
-          .legacy = dataset::unmarked_dataset()};
-}
-
 /// Renders with a frame store: with several ranks, or to be able to resume.
 RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
                                  bool replace, Ranks& ranks, const Progress& progress,
                                  std::vector<std::string>& notes) {
   run_collectively(ranks, [&] {
     if (ranks.rank() != 0) return;
-    base::require_writable(output_of(settings, out, replace));
+    base::require_writable(render_output(settings, out, replace));
     notes.push_back(FrameStore::prepare(out, frame_inputs(mission, settings)));
   });
   std::optional<FrameStore> kept;
@@ -170,6 +180,26 @@ std::vector<fs::path> render_input_files(const RenderSettings& settings) {
   return files;
 }
 
+base::OutputFolder render_output(const RenderSettings& settings, const fs::path& out, bool replace) {
+  return {.folder = out,
+          .command = "render",
+          .replace = replace,
+          .inputs = render_input_files(settings),
+          .legacy = dataset::unmarked_dataset()};
+}
+
+FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress) {
+  constexpr std::size_t kFewFrames = 8;  // less is not worth reading the tiles again
+  const PlannedFlight mission = plan_flight(settings, progress);
+  const std::size_t frames = mission.frames.size();
+  const std::size_t count = std::clamp(static_cast<std::size_t>(std::max(1, parts)), std::size_t{1},
+                                       std::max<std::size_t>(1, frames / kFewFrames));
+  return {.parts = workflow::balanced_ranges(std::vector<double>(frames, 1.0), count),
+          .inputs_sha256 = base::sha256_hex(frame_inputs(mission, settings).dump())};
+}
+
+fs::path frame_build_folder(const fs::path& dataset) { return FrameStore::folder_for(dataset); }
+
 json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress,
                     Ranks* given_ranks) {
   SingleRank alone;
@@ -177,6 +207,7 @@ json render_dataset(const RenderSettings& settings, const fs::path& out, bool re
   const Progress shown = ranks.rank() == 0 ? progress : Progress();
   PlannedFlight mission;
   run_collectively(ranks, [&] { mission = plan_flight(settings, shown); });
+  if (settings.part) return render_part(mission, settings, out, shown);
   std::vector<std::string> notes;
   const bool keeps = settings.resume || ranks.count() > 1 || FrameStore::exists(out);
   const RenderedFrames rendered = keeps ? render_with_store(mission, settings, out, replace, ranks, shown, notes)

@@ -6,10 +6,12 @@
 #include <string>
 #include <vector>
 
+#include "tileflight/base/output_folder.h"
 #include "tileflight/base/progress.h"
 #include "tileflight/survey/flight_settings.h"
 #include "tileflight/survey/ranks.h"
 #include "tileflight/tiles/load.h"
+#include "tileflight/workflow/balanced_ranges.h"
 
 namespace tileflight::survey {
 
@@ -31,6 +33,8 @@ struct RenderSettings {
   /// Store finished frames beside the dataset until it is complete, and reuse those of an earlier interrupted render
   /// (frame_store.h). Always done with several ranks, and if stored frames exist.
   bool resume = false;
+  /// Render only these frames, for a later render with `resume`; no dataset is written.
+  std::optional<workflow::IndexRange> part;
   /// All inputs of the images except flight and tiles, as text: stored frames with other inputs are not reused.
   nlohmann::json asked;
 };
@@ -43,9 +47,25 @@ std::vector<std::filesystem::path> render_input_files(const RenderSettings& sett
 /// groundtruth.txt; simulated receiver positions are gps.csv if the place is georeferenced. Returns a summary (frames,
 /// seconds, frames a second, parts, warnings). Throws InputError. `ranks`: processes that share the frames and produce
 /// the same files as a single one; all are called with the same arguments. The first writes everything except the
-/// frames and returns the summary, the others return null. If one fails, all throw (CollectiveError).
+/// frames and returns the summary, the others return null. If one fails, all throw (CollectiveError). With a part:
+/// {frames, frames_rendered, build_folder}.
 nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
                               const Progress& progress = {}, Ranks* ranks = nullptr);
+
+/// What a render in parts would do.
+struct FramePlan {
+  std::vector<workflow::IndexRange> parts;  ///< of the flight's frames
+  std::string inputs_sha256;                ///< equal inputs give equal frames
+};
+
+/// Cuts a flight's frames into `parts`, fewer if a part would have only a few frames. Throws InputError.
+FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Progress& progress = {});
+
+/// Where the finished frames of a dataset are kept until it is complete.
+std::filesystem::path frame_build_folder(const std::filesystem::path& dataset);
+
+/// The folder that render_dataset() writes. Throws InputError for a flight that cannot be read.
+base::OutputFolder render_output(const RenderSettings& settings, const std::filesystem::path& out, bool replace);
 
 /// Converts a filmed flight to a dataset folder of the same layout, written atomically. Log positions become gps.csv
 /// (ellipsoidal heights). `truth`: a folder written by extract(), from whose surface the height of the take-off point

@@ -15,6 +15,7 @@ namespace tileflight::tiles {
 /// What a content was found to hold: what remains of it once its meshes are released.
 struct ContentRecord {
   std::int64_t triangles = 0, points = 0;
+  geometry::Box3 bounds;  ///< local frame; empty unless whoever keeps the record measured it
   std::vector<std::string> copyrights, warnings;
   std::string failure;  ///< empty: read
 };

@@ -129,7 +129,13 @@ void RegionReader::record(std::size_t content, const LoadedContent& loaded) {
   if (!loaded.failure.empty() && !options_.allow_incomplete) throw incomplete_region(loaded.failure);
   if (records_[content]) return;
   records_[content] = make_record(loaded);
-  if (loaded.failure.empty()) bounds_[content] = bounds_of(loaded);
+  if (loaded.failure.empty()) bounds_[content] = records_[content]->bounds = bounds_of(loaded);
+}
+
+void RegionReader::learn(std::size_t content, const ContentRecord& record) {
+  if (records_[content]) return;
+  records_[content] = record;
+  if (record.failure.empty()) bounds_[content] = record.bounds;
 }
 
 LoadedTiles RegionReader::summary() const {

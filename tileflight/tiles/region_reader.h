@@ -47,6 +47,16 @@ class RegionReader {
   /// MemoryLimitExceeded, and InputError for the first unreadable content unless options.allow_incomplete.
   std::vector<LoadedContent> read(const std::vector<std::size_t>& contents, const Progress& progress = {});
 
+  /// What a content was found to hold; nullopt: it was not read.
+  const std::optional<ContentRecord>& found(std::size_t content) const { return records_[content]; }
+  /// Takes over what another process, which reads other parts of the region, found in a content and which files it read.
+  void learn(std::size_t content, const ContentRecord& record);
+  void count_file(const transport::CountedFile& file) { counted_.count(file); }
+  /// The files read for the first time since the last call.
+  std::vector<transport::CountedFile> take_new_files() { return counted_.take_new_files(); }
+  /// Name of the cut: equal cuts have equal names.
+  const std::string& cut_hash() const { return cut_.hash; }
+
   /// What load_region() says about its result, without meshes and clouds: of all contents read so far, each counted
   /// once however often it was read.
   LoadedTiles summary() const;

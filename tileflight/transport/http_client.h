@@ -14,13 +14,19 @@
 
 namespace tileflight::transport {
 
+/// Keys by which libcurl signs each try of a request with AWS Signature Version 4, for the service s3.
+struct AwsSignature {
+  std::string region, access_key_id, secret_access_key;
+};
+
 struct HttpRequest {
   std::string url;                   ///< http or https
   std::vector<std::string> headers;  ///< "Name: value"
   /// Called before a redirect is followed; returns the headers for the target. Throws InputError if the target is not
   /// allowed. Empty: redirects are not followed.
   std::function<std::vector<std::string>(const std::string& target)> headers_for_redirect;
-  bool urgent = false;  ///< takes precedence over waiting requests
+  std::optional<AwsSignature> signature;  ///< a signed request follows no redirect
+  bool urgent = false;                    ///< takes precedence over waiting requests
 };
 
 struct HttpResponse {

@@ -34,4 +34,14 @@ struct HttpSourceOptions {
   std::uintmax_t max_prefetch_bytes = std::uintmax_t{256} << 20;
 };
 
+/// Where an S3-compatible object store is, and with which keys it is read: what the AWS tools take from the
+/// environment.
+struct S3Options {
+  std::string endpoint_url;       ///< AWS_ENDPOINT_URL; empty: Amazon's of the region
+  std::string region;             ///< AWS_REGION or AWS_DEFAULT_REGION; empty, with an endpoint: us-east-1
+  std::string access_key_id;      ///< AWS_ACCESS_KEY_ID
+  std::string secret_access_key;  ///< AWS_SECRET_ACCESS_KEY
+  std::string session_token;      ///< AWS_SESSION_TOKEN; empty: the keys are not temporary ones
+};
+
 }  // namespace tileflight::transport

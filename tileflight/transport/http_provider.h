@@ -21,6 +21,8 @@ class HttpProvider {
   virtual std::string resolve_root_url(HttpClient& client) = 0;
   /// The request for a URI of the tileset's own origin: URL with credentials, and headers.
   virtual HttpRequest make_request(const std::string& uri) = 0;
+  /// Throws InputError for a URI of the tileset's own origin that is not to be asked for.
+  virtual void require_allowed(const std::string& /*uri*/) const {}
   /// Called with each response, before it is used.
   virtual void observe_response(const std::string& /*uri*/, std::span<const std::byte> /*body*/) {}
   /// Called before waiting for a request: renews credentials that are about to expire. Throws InputError.
@@ -30,6 +32,8 @@ class HttpProvider {
   virtual bool renew_credentials(HttpClient& /*client*/, long /*status*/, int /*generation*/) { return false; }
   /// Number of times credentials were obtained so far.
   virtual int credential_generation() const { return 0; }
+  /// What an error code of the service means for the user; empty: the code says it.
+  virtual std::string explain(const std::string& /*code*/) const { return ""; }
   /// Strings that must appear neither in messages nor on disk.
   virtual std::vector<std::string> secrets() const { return {}; }
   virtual TermsOfUse terms() const = 0;

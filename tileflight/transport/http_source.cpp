@@ -30,6 +30,17 @@ std::string describe_status(long status) {
   }
 }
 
+/// Text of an XML element of an S3 error: <Error><Code>AccessDenied</Code><Message>…</Message>…; empty: there is none.
+std::string xml_text(const HttpResponse& response, const std::string& element) {
+  constexpr std::size_t kLongest = 200;
+  const std::string_view body = base::as_text(response.body);
+  const std::string opening = "<" + element + ">";
+  const std::size_t begin = body.find(opening);
+  if (begin == std::string_view::npos) return "";
+  const std::string_view text = body.substr(begin + opening.size());
+  return std::string(text.substr(0, std::min(text.find('<'), kLongest)));
+}
+
 /// Error text of a JSON response: {"error": {"message"}} (Google) or {"message"} (Cesium ion).
 std::string reason_of(const HttpResponse& response) {
   constexpr std::size_t kLongest = 200;
@@ -73,7 +84,7 @@ HttpSource::~HttpSource() {
 }
 
 std::vector<std::byte> HttpSource::read(const std::string& uri) {
-  policy_->check(uri);
+  require_allowed(uri);
   provider_->refresh_credentials(*client_);
   std::optional<FetchResult> asked = take_prefetched(uri);
   if (!asked && is_fresh_in_cache(uri)) {
@@ -85,6 +96,11 @@ std::vector<std::byte> HttpSource::read(const std::string& uri) {
   if (is_refused && policy_->is_same_origin(uri) && provider_->renew_credentials(*client_, status, asked->generation))
     asked = fetch(uri);
   return process_result(uri, *std::move(asked));
+}
+
+void HttpSource::require_allowed(const std::string& uri) const {
+  policy_->check(uri);
+  if (policy_->is_same_origin(uri)) provider_->require_allowed(uri);
 }
 
 HttpRequest HttpSource::make_request(const std::string& uri, bool conditional) {
@@ -222,6 +238,10 @@ void HttpSource::throw_http_error(const std::string& uri, const HttpResponse& re
   std::string text = "the server answered with status " + std::to_string(response.status);
   if (const std::string meaning = describe_status(response.status); !meaning.empty()) text += " (" + meaning + ")";
   if (const std::string reason = reason_of(response); !reason.empty()) text += ": " + reason;
+  if (const std::string code = xml_text(response, "Code"); !code.empty()) {
+    const std::string message = xml_text(response, "Message"), cure = provider_->explain(code);
+    text += ": " + code + (message.empty() ? "" : ", " + message) + (cure.empty() ? "" : " (" + cure + ")");
+  }
   throw InputError(uri_for_message(uri), mask_secrets(text, provider_->secrets()));
 }
 
@@ -259,7 +279,7 @@ void HttpSource::start_prefetches(std::unique_lock<std::mutex>& lock) {
     prefetch_queue_.pop_front();
     if (prefetches_.contains(uri)) continue;
     try {
-      policy_->check(uri);
+      require_allowed(uri);
     } catch (const InputError&) {
       continue;  // its reader reports the error
     }

@@ -55,6 +55,7 @@ class HttpSource : public TileSource {
     FetchResult result;
   };
 
+  void require_allowed(const std::string& uri) const;
   HttpRequest make_request(const std::string& uri, bool conditional = true);
   FetchResult fetch(const std::string& uri, bool conditional = true);
   /// Takes a prefetched result; nullopt if the URI was not prefetched or its request has not started.

@@ -88,6 +88,11 @@ void HttpTransfer::begin_try(CURL* easy, Clock::time_point now) {
   for (const std::string& header : request_.headers) list = curl_slist_append(list, header.c_str());
   headers_.reset(list);
   set(CURLOPT_HTTPHEADER, headers_.get());
+  if (const auto& signature = request_.signature) {
+    set(CURLOPT_AWS_SIGV4, ("aws:amz:" + signature->region + ":s3").c_str());
+    set(CURLOPT_USERNAME, signature->access_key_id.c_str());
+    set(CURLOPT_PASSWORD, signature->secret_access_key.c_str());
+  }
   set(CURLOPT_ERRORBUFFER, static_cast<char*>(error_text_));
   set(CURLOPT_HEADERFUNCTION, &HttpTransfer::on_header);
   set(CURLOPT_HEADERDATA, this);
@@ -142,6 +147,9 @@ HttpTransfer::NextStep HttpTransfer::follow_redirect(const std::string& target) 
   if (++redirects_ > options_.max_redirects) {
     return give_up("is redirected more than " + std::to_string(options_.max_redirects) + " times");
   }
+  if (request_.signature)
+    return give_up("is redirected to " + uri_for_message(target) +
+                   ", where its signature is not valid: check AWS_REGION and AWS_ENDPOINT_URL");
   if (!request_.headers_for_redirect)
     return give_up("is redirected to " + uri_for_message(target) + ", which is not allowed");
   try {

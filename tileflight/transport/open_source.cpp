@@ -8,6 +8,8 @@
 #include "tileflight/transport/http_source.h"
 #include "tileflight/transport/provider_google.h"
 #include "tileflight/transport/provider_ion.h"
+#include "tileflight/transport/provider_s3.h"
+#include "tileflight/transport/remote_archive.h"
 #include "tileflight/transport/uri.h"
 #include "tileflight/transport/url_secrets.h"
 
@@ -51,14 +53,38 @@ std::unique_ptr<TileSource> open_provider(std::unique_ptr<HttpProvider> provider
   return source;
 }
 
-std::unique_ptr<TileSource> open_url(const std::string& source, const SourceOptions& options) {
+/// Throws InputError for an archive that cannot be read in ranges.
+bool is_remote_archive(const std::string& source) {
   const std::string ending = uri_extension(source);
-  if (ending == "3tz" || ending == "3dtiles") {
-    throw InputError(uri_for_message(source), "archives are not read over HTTP: download it first");
-  }
+  if (ending == "3dtiles")
+    throw InputError(uri_for_message(source), "a .3dtiles is not read over HTTP: download it first");
+  return ending == "3tz";
+}
+
+std::unique_ptr<TileSource> open_archive(std::unique_ptr<HttpProvider> provider, const std::string& name,
+                                         const SourceOptions& options) {
+  if (options.cache_required)
+    throw InputError("--cache",
+                     "ranges of " + redact_source(name) + " are not cached: download it, or leave out --cache");
+  return std::make_unique<RemoteArchiveSource>(std::move(provider), options.http);
+}
+
+bool is_s3(const std::string& source) { return uri_scheme(source) == "s3"; }
+
+std::unique_ptr<TileSource> open_url(const std::string& source, const SourceOptions& options) {
+  if (is_remote_archive(source))
+    return open_archive(std::make_unique<UrlProvider>(source, options.headers), source, options);
   const bool is_folder = source.ends_with('/');
   return open_provider(std::make_unique<UrlProvider>(is_folder ? source + "tileset.json" : source, options.headers),
                        source, options);
+}
+
+std::unique_ptr<TileSource> open_s3(const std::string& source, const SourceOptions& options) {
+  if (!options.headers.empty())
+    throw InputError("--header", "is not sent to " + source + ": its requests are signed with AWS_ACCESS_KEY_ID");
+  auto provider = std::make_unique<S3Provider>(source, options.s3);
+  if (is_remote_archive(source)) return open_archive(std::move(provider), source, options);
+  return open_provider(std::move(provider), source, options);
 }
 
 GoogleOptions google_options(const SourceOptions& options) {
@@ -107,7 +133,7 @@ std::unique_ptr<TileSource> open_file(const std::string& source) {
 }  // namespace
 
 bool is_network_source(const std::string& source) {
-  return is_url(source) || source == "google" || uri_scheme(source) == "ion";
+  return is_url(source) || is_s3(source) || source == "google" || uri_scheme(source) == "ion";
 }
 
 fs::path local_path_of_source(const std::string& source) {
@@ -122,6 +148,7 @@ std::string redact_source(const std::string& source) { return is_url(source) ? r
 
 std::unique_ptr<TileSource> open_source(const std::string& source, const SourceOptions& options) {
   if (is_url(source)) return open_url(source, options);
+  if (is_s3(source)) return open_s3(source, options);
   if (source == "google") {
     return open_provider(std::make_unique<GoogleProvider>(google_options(options)), source, options);
   }

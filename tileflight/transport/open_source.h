@@ -26,15 +26,16 @@ struct SourceOptions {
   std::string google_key;
   std::string google_root_url = "https://tile.googleapis.com/v1/3dtiles/root.json";
   std::string ion_token;
+  S3Options s3;
   std::string ion_api_url = "https://api.cesium.com";
 };
 
 /// Opens the SOURCE given by a user: a tileset.json, its folder, a .3tz or a .3dtiles (recognised by their first
-/// bytes), or an http or https URL of a tileset.json (or of its folder, ending in a slash). Throws InputError if it is
-/// none of them.
+/// bytes), an http or https URL of a tileset.json, of its folder (ending in a slash) or of a .3tz, the same in an
+/// object store as s3://BUCKET/KEY, `google`, or `ion:ASSET`. Throws InputError if it is none of them.
 std::unique_ptr<TileSource> open_source(const std::string& source, const SourceOptions& options = {});
 
-/// Whether SOURCE is fetched over the network: a URL, `google`, `ion:ASSET`.
+/// Whether SOURCE is fetched over the network: a URL, `s3://…`, `google`, `ion:ASSET`.
 bool is_network_source(const std::string& source);
 
 /// Local file or folder of a SOURCE: the archive, or the folder of a tileset.json, which holds all its files. Empty for

@@ -1,11 +1,13 @@
 #include "tileflight/transport/tile_source.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "tileflight/base/decompress.h"
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/transport/uri.h"
+#include "tileflight/transport/url_secrets.h"
 
 namespace tileflight::transport {
 namespace {
@@ -83,14 +85,27 @@ std::optional<std::uintmax_t> FolderSource::size(const std::string& uri) {
 
 std::vector<std::byte> CountingSource::read(const std::string& uri) {
   std::vector<std::byte> bytes = inner_.read(uri);
+  CountedFile file{remove_secrets(uri), static_cast<std::int64_t>(bytes.size())};
   const std::lock_guard lock(mutex_);
-  if (read_.insert(uri).second) bytes_ += static_cast<std::int64_t>(bytes.size());
+  if (!read_.insert(file.uri).second) return bytes;
+  bytes_ += file.bytes;
+  new_files_.push_back(std::move(file));
   return bytes;
 }
 
 std::int64_t CountingSource::bytes() const {
   const std::lock_guard lock(mutex_);
   return bytes_;
+}
+
+std::vector<CountedFile> CountingSource::take_new_files() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(new_files_, {});
+}
+
+void CountingSource::count(const CountedFile& file) {
+  const std::lock_guard lock(mutex_);
+  if (read_.insert(file.uri).second) bytes_ += file.bytes;
 }
 
 std::vector<std::byte> read_uri(TileSource& source, const std::string& uri) {

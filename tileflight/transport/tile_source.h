@@ -64,6 +64,12 @@ class FolderSource : public TileSource {
   FolderSourceOptions options_;
 };
 
+/// A file that was read: its URI without secrets, and its size.
+struct CountedFile {
+  std::string uri;
+  std::int64_t bytes = 0;
+};
+
 /// Forwards to another source and counts the bytes of the files read, each file once however often it is read.
 class CountingSource : public TileSource {
  public:
@@ -79,11 +85,16 @@ class CountingSource : public TileSource {
   std::vector<std::string> warnings() const override { return inner_.warnings(); }
 
   std::int64_t bytes() const;
+  /// The files that were read for the first time since the last call.
+  std::vector<CountedFile> take_new_files();
+  /// Counts a file that another process has read.
+  void count(const CountedFile& file);
 
  private:
   TileSource& inner_;
   mutable std::mutex mutex_;
-  std::unordered_set<std::string> read_;  ///< URIs
+  std::unordered_set<std::string> read_;  ///< URIs without secrets
+  std::vector<CountedFile> new_files_;
   std::int64_t bytes_ = 0;
 };
 

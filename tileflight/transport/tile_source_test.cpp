@@ -73,8 +73,8 @@ TEST_F(FolderSourceTest, OpensFolderOrFile) {
   EXPECT_EQ(open_source((folder_ / "place" / "tileset.json").string())->root_uri(), "tileset.json");
   EXPECT_THAT(base::test_support::error_of([&] { open_source(folder_.string()); }), HasSubstr("no tileset.json"));
   EXPECT_THAT(base::test_support::error_of([&] { open_source((folder_ / "none").string()); }), HasSubstr("no such file"));
-  EXPECT_THAT(base::test_support::error_of([&] { open_source("https://host/place.3tz"); }),
-              HasSubstr("archives are not read over HTTP"));
+  EXPECT_THAT(base::test_support::error_of([&] { open_source("https://host/place.3dtiles"); }),
+              HasSubstr("is not read over HTTP: download it first"));
 }
 
 TEST(ReadUri, DataUrisCarryTheirBytes) {

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-namespace tileflight::experiment {
+namespace tileflight::workflow {
 
 /// A folder that one process uses at a time: its file kFile is locked exclusively for the lifetime of the object, and
 /// holds the process's id. The kernel releases the lock when the process ends, even in a crash. A file system without
@@ -21,4 +21,4 @@ class FolderLock {
   int file_ = -1;  ///< file descriptor; -1: no lock
 };
 
-}  // namespace tileflight::experiment
+}  // namespace tileflight::workflow

@@ -1,4 +1,4 @@
-#include "tileflight/experiment/folder_lock.h"
+#include "tileflight/workflow/folder_lock.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -15,7 +15,7 @@
 #include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
 
-namespace tileflight::experiment {
+namespace tileflight::workflow {
 namespace fs = std::filesystem;
 namespace {
 
@@ -79,4 +79,4 @@ FolderLock::~FolderLock() {
   ::close(file_);
 }
 
-}  // namespace tileflight::experiment
+}  // namespace tileflight::workflow

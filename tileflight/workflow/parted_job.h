@@ -1,0 +1,49 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "tileflight/base/progress.h"
+#include "tileflight/workflow/task.h"
+
+namespace tileflight::workflow {
+
+/// A command of tileflight that is done in tasks: each makes a part of the work in a build folder beside the output
+/// (build_folder.h), and a last one finishes the output from it.
+struct PartedJob {
+  /// A call of the command: its words after the program's name.
+  struct Call {
+    std::string name;  ///< of the task
+    std::vector<std::string> words;
+  };
+
+  std::filesystem::path output;  ///< file or folder
+  std::filesystem::path build_folder;
+  std::string command;        ///< "extract"
+  std::vector<Call> parts;    ///< may run at the same time
+  Call last;                  ///< prints one JSON object, the job's result
+  std::string inputs_sha256;  ///< of what the parts are made from: if it changes, they are made again
+  int threads = 1;            ///< of each task
+  int memory_mb = 4000;
+  int minutes = 120;
+};
+
+/// Runs the job in the working directory of this process through run_tasks() and returns what its last call printed. A
+/// hidden folder DIR/.NAME.tasks holds the workflow until it is done, for the owner alone: the calls may name keys.
+/// What was done before is not done again. Throws InputError, also if another process runs the job.
+nlohmann::json run_parted_job(const PartedJob& job, const TaskOptions& options, const Progress& progress = {});
+
+/// Where the workflow of an output is kept; it exists while a job is unfinished.
+std::filesystem::path tasks_folder_of(const std::filesystem::path& output);
+
+/// Whether a job's last call, of this name, was done and the job was stopped before it returned: run_parted_job() then
+/// only returns its result.
+bool has_finished_tasks(const std::filesystem::path& output, const std::string& last);
+
+/// A command line without some options: `flags` stand alone, `valued` have a value ("--jobs 2", "--jobs=2").
+std::vector<std::string> without_options(const std::vector<std::string>& words, const std::vector<std::string>& flags,
+                                         const std::vector<std::string>& valued);
+
+}  // namespace tileflight::workflow

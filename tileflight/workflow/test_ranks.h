@@ -1,0 +1,68 @@
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tileflight/workflow/ranks.h"
+
+namespace tileflight::workflow::test_support {
+
+/// Ranks of one program, each on a thread of its own.
+class ThreadRanks {
+ public:
+  explicit ThreadRanks(int count) : count_(count), given_(static_cast<std::size_t>(count)) {}
+
+  /// Runs `work(ranks)` on each of them.
+  template <class Work>
+  void run(const Work& work) {
+    std::vector<std::thread> threads;
+    for (int r = 0; r < count_; ++r) {
+      threads.emplace_back([&, r] {
+        Rank rank(*this, r);
+        work(rank);
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+  }
+
+ private:
+  class Rank : public Ranks {
+   public:
+    Rank(ThreadRanks& all, int rank) : all_(all), rank_(rank) {}
+    int rank() const override { return rank_; }
+    int count() const override { return all_.count_; }
+    std::vector<std::string> all_gather(const std::string& text) override { return all_.exchange(rank_, text); }
+    void set_termination_message(std::function<std::string()>) override {}
+
+   private:
+    ThreadRanks& all_;
+    int rank_;
+  };
+
+  std::vector<std::string> exchange(int rank, const std::string& text) {
+    std::unique_lock lock(mutex_);
+    given_[static_cast<std::size_t>(rank)] = text;
+    const int round = round_;
+    if (++here_ == count_) {
+      taken_ = given_;
+      here_ = 0;
+      ++round_;
+      changed_.notify_all();
+    } else {
+      changed_.wait(lock, [&] { return round_ != round; });
+    }
+    return taken_;
+  }
+
+  int count_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<std::string> given_, taken_;
+  int here_ = 0, round_ = 0;
+};
+
+}  // namespace tileflight::workflow::test_support
