@@ -475,8 +475,28 @@ class MapRegistrar {
     return false;
   }
 
+  /// Whether a scale differs from the telemetry's by more than its uncertainty and by more than odometry's drift.
+  bool contradicts_telemetry(double scale) const {
+    const SimilarityEstimate known =
+        estimate_from_telemetry(evidence_.path, evidence_.positions, *result_.telemetry, std::nullopt).estimate;
+    const double information = known.information(6, 6);
+    constexpr double kSigmas = 5.0, kLeastRatio = 1.5;
+    const double sigma = information > 0.0 ? 1.0 / std::sqrt(information) : 1.0;
+    const double log_ratio = std::abs(std::log(scale / result_.telemetry->T_local_map.scale));
+    return !(log_ratio <= std::max(std::log(kLeastRatio), kSigmas * sigma));
+  }
+
+  /// A map that shrank onto a spot of the surface, its cameras with it, agrees with all that it sees there. The
+  /// telemetry's scale tells, so candidates that contradict it come last, unless images confirm them.
+  void put_contradicted_scales_last() {
+    if (!result_.telemetry) return;
+    std::ranges::stable_partition(
+        candidates_, [&](const Candidate& c) { return c.is_recognised() || !contradicts_telemetry(c.T.scale); });
+  }
+
   /// The best candidate; also records the best of the others.
   Candidate chosen() {
+    put_contradicted_scales_last();
     if (candidates_.empty()) {
       throw InputError("alignment",
                        "the map's position is unknown, and no position was found where it resembles the ground truth; "

@@ -215,6 +215,30 @@ TEST(RegisterMap, WhereNothingFitsItIsSaid) {
   EXPECT_FALSE(r.doubts.empty());
 }
 
+/// A map scaled down to a decimetre lies on the ground wherever it is put, and so do its cameras' rays.
+TEST(RegisterMap, AMapThatShrankToASpotIsNotBelievedAgainstTelemetry) {
+  const Flight flight = simulate_map(curved_path(), 150, 0.15);  // odometry that went wrong: nothing fits well
+  RegistrationServices services = rays_only();
+  services.locate_pictures = [](const Sim3&, std::size_t n, PictureDetail) { return LocatedPictures{n, {}}; };
+  services.find_places_by_shape = [&] {
+    std::vector<Sim3> spots;
+    for (const double x : {-50.0, -10.0, 30.0}) {
+      Sim3 spot = T_local_map();
+      spot.scale *= 1e-3;
+      spot.translation.setZero();
+      const Vec3 middle = spot * flight.points.positions[flight.points.size() / 2];
+      spot.translation = Vec3(x, 45.0, surface_m(x, 45.0)) - middle;
+      spots.push_back(spot);
+    }
+    return spots;
+  };
+  const RegistrationResult r =
+      register_map(flight.points, {.path = flight.map, .positions = receiver(flight.local, Vec3::Zero())},
+                   the_place().surface, services, options());
+  EXPECT_NEAR(r.T_local_map.scale, T_local_map().scale, 0.2 * T_local_map().scale);
+  EXPECT_EQ(r.start, "positions");
+}
+
 TEST(RegisterMap, HeightsOfAnotherDatumAreSaid) {
   const Flight flight = simulate_map(curved_path());
   RegistrationServices services = rays_only();
