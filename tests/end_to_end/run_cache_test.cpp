@@ -229,7 +229,7 @@ TEST_F(RunCache, RunsShareATruthByItsContent) {
   const auto extracted = [&](const std::string& out) { return stages_in(run(out, only_truth).err).count("truth"); };
   EXPECT_EQ(extracted("first"), 1U);
   EXPECT_EQ(extracted("second"), 0U);
-  EXPECT_EQ(inodes(folder_ / "first/truth"), inodes(folder_ / "second/truth")) << "hard links";
+  EXPECT_TRUE(fs::equivalent(folder_ / "first/truth/mesh.glb", folder_ / "second/truth/mesh.glb")) << "a hard link";
   // The same tiles elsewhere, in a file written differently.
   fs::copy(folder_ / "place", folder_ / "elsewhere", fs::copy_options::recursive);
   const std::string text = TinyExperiments::kOneFlight;

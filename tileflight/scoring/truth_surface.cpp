@@ -71,6 +71,10 @@ void append(PointCloud part, PointCloud& all) {
     throw InputError("completeness_samples_per_m2",
                      "would give more than 500 million points: choose fewer, or give camera and poses of the flight");
   }
+  if (all.empty()) {
+    all = std::move(part);
+    return;
+  }
   std::ranges::move(part.positions, std::back_inserter(all.positions));
   std::ranges::move(part.normals, std::back_inserter(all.normals));
 }
