@@ -19,6 +19,8 @@ struct ExtractOptions {
   SourceArguments source_arguments;
   double voxel_m = 1.0;
   std::string block;
+  double memory_gb = 0.0;
+  bool dry_run = false;
   std::string out;
 };
 
@@ -30,6 +32,12 @@ std::string extract_summary(const nlohmann::json& result, const std::string& out
        << result["surface_points"] << " surface points\n";
   for (const auto& warning : result["warnings"]) text << "note: " << warning.get<std::string>() << "\n";
   return text.str();
+}
+
+std::string dry_run_summary(const nlohmann::json& result) {
+  return "an estimate, from " + std::to_string(result["tiles_probed"].get<int>()) +
+         " tiles: " + result["text"].get<std::string>() +
+         (result["in_blocks"].get<bool>() ? "; in blocks, memory is less" : "") + "; nothing is written\n";
 }
 
 /// Edge of a block: 0 for `auto`, nullopt if it is neither that nor a length above zero.
@@ -61,6 +69,11 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
                    "make the truth in blocks of this edge, metres, or `auto` (by memory): memory then depends on the "
                    "block, not on the region")
       ->check(block_fault, "METRES|auto");
+  command
+      ->add_option("--memory", options->memory_gb,
+                   "memory that the extraction may take, GB (default: what is available); more is refused at once")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--dry-run", options->dry_run, "print what it would take, and write nothing");
   command->add_option("--out", options->out, "folder to write")->required();
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
@@ -70,6 +83,11 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
       if (!options->block.empty()) settings.block_m = block_edge_m(options->block);
       settings.load.source = source_options(options->source_arguments);
+      if (options->memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
+      if (options->dry_run) {
+        const nlohmann::json cost = place::preview_extract(settings, options->out, shared.force, progress);
+        return {cost, dry_run_summary(cost)};
+      }
       const nlohmann::json result = place::extract(settings, options->out, shared.force, progress);
       return {result, extract_summary(result, options->out)};
     };

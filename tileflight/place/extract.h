@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
@@ -20,14 +21,23 @@ struct ExtractSettings {
   /// Edge of the blocks in which the truth is made, metres, rounded to whole voxels; 0: chosen by memory; nullopt: the
   /// region is one piece.
   std::optional<double> block_m;
+  /// Memory that the extraction may take, bytes; default: what is available (available_memory_bytes).
+  std::optional<std::uintmax_t> max_memory_bytes;
 };
 
 /// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
 /// voxels.ply, octree.bt and extract.json, whose content is returned. With blocks, each block is such a folder (without
 /// extract.json), index.json names them, and memory depends on the block, not on the region; cells, triangles and
-/// samples are together exactly those without blocks. Throws InputError.
+/// samples are together exactly those without blocks. Throws InputError, before most tiles are read if the memory, the
+/// disk or the size of a GLB file certainly does not suffice (extract_cost.h).
 nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
                        const Progress& progress = {});
+
+/// What extract() would take, from the region's cut and a few of its tiles; nothing is written. {dry_run: true,
+/// estimate:
+/// {...}, tiles_probed, spread, memory_limit_bytes}. Throws InputError as extract() would.
+nlohmann::json preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                               const Progress& progress = {});
 
 /// Reads extract.json of a folder written by extract().
 nlohmann::json read_extract_json(const std::filesystem::path& folder);

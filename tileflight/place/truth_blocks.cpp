@@ -80,7 +80,7 @@ constexpr double kTruthMemory = 3.0;
 constexpr double kMemoryShare = 0.5;
 
 /// A block's edge, metres, for which the average block takes that share of the memory, estimated from a few contents.
-double edge_by_memory(tiles::RegionReader& reader) {
+double edge_by_memory(tiles::RegionReader& reader, const ExtractSettings& settings) {
   constexpr std::size_t kProbes = 8;
   const std::size_t contents = reader.content_count();
   double bytes = 0.0;
@@ -98,13 +98,14 @@ double edge_by_memory(tiles::RegionReader& reader) {
   }
   const Vec3 size = reader.placement().region.box().sizes();
   const double whole = bytes / static_cast<double>(std::max<std::size_t>(1, read)) * static_cast<double>(contents);
-  const double share = kMemoryShare * static_cast<double>(default_memory_bytes()) / (kTruthMemory * whole);
+  const double share = kMemoryShare * static_cast<double>(settings.max_memory_bytes.value_or(default_memory_bytes())) /
+                       (kTruthMemory * whole);
   return std::min(std::max(size.x(), size.y()), std::sqrt(size.x() * size.y() * share));
 }
 
 std::int32_t edge_in_cells(tiles::RegionReader& reader, const ExtractSettings& settings,
                            const std::array<std::int32_t, 3>& dims) {
-  const double edge_m = *settings.block_m > 0.0 ? *settings.block_m : edge_by_memory(reader);
+  const double edge_m = *settings.block_m > 0.0 ? *settings.block_m : edge_by_memory(reader, settings);
   const double cells = std::clamp(std::round(edge_m / settings.voxel_m), 1.0, static_cast<double>(1 << 24));
   constexpr double kMostBlocks = 1e6;
   if (std::ceil(dims[0] / cells) * std::ceil(dims[1] / cells) > kMostBlocks) {
