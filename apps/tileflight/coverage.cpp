@@ -37,6 +37,7 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
     SourceArguments source_arguments;
     survey::CoverageSettings settings;
     std::string flight, out;
+    double memory_gb = 0.0;
   };
   auto options = std::make_shared<Options>();
   survey::CoverageSettings& settings = options->settings;
@@ -56,6 +57,8 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
   command->add_option("--width", settings.width, "width of the images whose pixels are counted, pixels")
       ->capture_default_str();
   command->add_option("--voxel", settings.voxel_m, "edge of the region's voxels, metres")->capture_default_str();
+  command->add_option("--memory", options->memory_gb, "memory limit for tiles, GB (default: half of the machine's)")
+      ->check(CLI::PositiveNumber);
   command
       ->add_option("--follow-height", settings.follow_height_m,
                    "height of the view-follow camera above the drone, metres")
@@ -73,6 +76,8 @@ void add_coverage(CLI::App& app, CommonOptions& common, Selection& selection) {
       options->settings.load = load_options(options->region);
       options->settings.load.source = source_options(options->source_arguments);
       options->settings.flight = options->flight;
+      if (options->memory_gb > 0.0)
+        options->settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
       const nlohmann::json result = survey::coverage(options->settings, options->out, shared.force, progress);
       return {result, table(result, options->out)};
     };

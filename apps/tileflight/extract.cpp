@@ -26,6 +26,8 @@ struct ExtractOptions {
   std::string part;
   bool resume = false;
   TaskArguments tasks;
+  double memory_gb = 0.0;
+  bool dry_run = false;
   std::string out;
 };
 
@@ -65,6 +67,12 @@ std::optional<place::JobPart> job_part(const std::string& text) {
 
 std::string part_fault(const std::string& text) {
   return job_part(text) ? "" : "must be two numbers from 1, as in 2/8, got " + text;
+}
+
+std::string dry_run_summary(const nlohmann::json& result) {
+  return "an estimate, from " + std::to_string(result["tiles_probed"].get<int>()) +
+         " tiles: " + result["text"].get<std::string>() +
+         (result["in_blocks"].get<bool>() ? "; in blocks, memory is less" : "") + "; nothing is written\n";
 }
 
 /// Edge of a block: 0 for `auto`, nullopt if it is neither that nor a length above zero.
@@ -138,6 +146,11 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
       ->needs("--block");
   add_task_options(*command, options->tasks, "the blocks");
   for (const char* name : {"--jobs", "--slurm"}) command->get_option(name)->needs("--block")->excludes(part);
+  command
+      ->add_option("--memory", options->memory_gb,
+                   "memory that the extraction may take, GB (default: what is available); more is refused at once")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--dry-run", options->dry_run, "print what it would take, and write nothing");
   command->add_option("--out", options->out, "folder to write")->required();
   add_source_options(*command, options->source_arguments);
   add_common_options(*command, common);
@@ -148,6 +161,11 @@ void add_extract(CLI::App& app, CommonOptions& common, Selection& selection) {
           .source = options->source, .load = load_options(options->region), .voxel_m = options->voxel_m};
       if (!options->block.empty()) settings.block_m = block_edge_m(options->block);
       settings.load.source = source_options(options->source_arguments);
+      if (options->memory_gb > 0.0) settings.max_memory_bytes = static_cast<std::uintmax_t>(options->memory_gb * 1e9);
+      if (options->dry_run) {
+        const nlohmann::json cost = place::preview_extract(settings, options->out, shared.force, progress);
+        return {cost, dry_run_summary(cost)};
+      }
       settings.resume = options->resume;
       settings.part = job_part(options->part);
       if (options->tasks.wanted()) {

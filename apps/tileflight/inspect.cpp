@@ -1,13 +1,16 @@
 #include "tileflight/tiles/inspect.h"
 
-#include <nlohmann/json.hpp>
-
+#include <cmath>
 #include <iomanip>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "command.h"
 #include "inspect_place.h"
 #include "source_options.h"
+#include "tileflight/base/formatted_text.h"
+#include "tileflight/place/extract.h"
+#include "tileflight/place/extract_cost.h"
 
 namespace tileflight::app {
 namespace {
@@ -29,12 +32,10 @@ json center_json(const tiles::TilesetSummary& s) {
   return {{"lat", s.center->latitude_deg}, {"lon", s.center->longitude_deg}, {"height", s.center->height.m}};
 }
 
-json to_json(const tiles::TilesetSummary& s) {
-  const auto corner = [](const geometry::Vec3& v) { return json{v.x(), v.y(), v.z()}; };
+/// Numbers that need the whole tree.
+json counts_json(const tiles::TilesetSummary& s) {
   const auto known = [&](std::int64_t number) { return s.content_sizes_known ? json(number) : json(nullptr); };
-  return {{"version", s.version},
-          {"generator", s.generator},
-          {"tiles", s.tiles},
+  return {{"tiles", s.tiles},
           {"tiles_with_content", s.tiles_with_content},
           {"leaves", s.leaves},
           {"depth", s.depth()},
@@ -46,18 +47,63 @@ json to_json(const tiles::TilesetSummary& s) {
           {"content_bytes", known(s.content_bytes)},
           {"external_tilesets", s.external_tilesets},
           {"subtrees", s.subtrees},
-          {"levels", levels_json(s)},
-          {"geometric_error", s.geometric_error_m ? json(*s.geometric_error_m) : json(nullptr)},
-          {"extensions_used", s.extensions_used},
-          {"extensions_required", s.extensions_required},
-          {"extensions_unsupported", s.extensions_unsupported},
-          {"georeferenced", s.georeferenced},
-          {"center", center_json(s)},
-          {"bounds", {{"min", corner(s.bounds_local.min())}, {"max", corner(s.bounds_local.max())}}},
-          {"attribution", s.attribution},
-          {"attribution_of_contents", s.contents_read},
-          {"failures", s.failures},
-          {"warnings", s.warnings}};
+          {"levels", levels_json(s)}};
+}
+
+/// What an extraction takes, of the whole place and of a square kilometre.
+struct ExtractEstimate {
+  place::ExtractCost whole;
+  double area_km2 = 0.0;  ///< of the place's bounds
+};
+
+ExtractEstimate estimate_extract(const tiles::TilesetSummary& s) {
+  const geometry::Vec3 size = s.bounds_local.sizes();
+  ExtractEstimate estimate{
+      place::estimate_extract_cost(s.probes, static_cast<double>(s.finest_contents),
+                                   s.content_sizes_known ? static_cast<double>(s.finest_bytes) : -1.0,
+                                   place::ExtractSettings().samples_per_m2),
+      1e-6 * size.x() * size.y()};
+  estimate.whole.spread = std::hypot(estimate.whole.spread, s.count_spread);
+  return estimate;
+}
+
+json estimate_json(const tiles::TilesetSummary& s) {
+  const ExtractEstimate estimate = estimate_extract(s);
+  json out{{"nested_files", s.nested_files},
+           {"nested_files_not_opened", s.nested_files - s.nested_files_opened},
+           {"tiles_probed", s.probes.size()},
+           {"spread", std::isfinite(estimate.whole.spread) ? json(estimate.whole.spread) : json()},
+           {"area_km2", estimate.area_km2},
+           {"extract", nullptr},
+           {"extract_per_km2", nullptr}};
+  if (!s.probes.empty()) {
+    out["extract"] = to_json(estimate.whole);
+    if (estimate.area_km2 > 0.0) out["extract_per_km2"] = to_json(estimate.whole.scaled(1.0 / estimate.area_km2));
+  }
+  if (s.is_estimate) out["counts"] = counts_json(s);
+  return out;
+}
+
+json to_json(const tiles::TilesetSummary& s) {
+  const auto corner = [](const geometry::Vec3& v) { return json{v.x(), v.y(), v.z()}; };
+  json out{{"version", s.version},
+           {"generator", s.generator},
+           {"geometric_error", s.geometric_error_m ? json(*s.geometric_error_m) : json(nullptr)},
+           {"extensions_used", s.extensions_used},
+           {"extensions_required", s.extensions_required},
+           {"extensions_unsupported", s.extensions_unsupported},
+           {"georeferenced", s.georeferenced},
+           {"center", center_json(s)},
+           {"bounds", {{"min", corner(s.bounds_local.min())}, {"max", corner(s.bounds_local.max())}}},
+           {"attribution", s.attribution},
+           {"attribution_of_contents", s.contents_read},
+           {"failures", s.failures},
+           {"warnings", s.warnings},
+           {"estimate", estimate_json(s)}};
+  // An estimate is not passed as a count.
+  const json counts = counts_json(s);
+  for (const auto& [key, value] : counts.items()) out[key] = s.is_estimate ? json() : value;
+  return out;
 }
 
 std::string list(const std::vector<std::string>& words) {
@@ -66,12 +112,36 @@ std::string list(const std::vector<std::string>& words) {
   return text.empty() ? "none" : text;
 }
 
+std::string spread_text(double spread) {
+  return std::isfinite(spread) ? base::formatted("± %.0f %%", 100.0 * spread) : "from one of them: a guess";
+}
+
+/// What was not opened; empty: everything was.
+std::string sample_text(const tiles::TilesetSummary& s) {
+  if (!s.is_estimate) return "";
+  return std::to_string(s.nested_files - s.nested_files_opened) + " of " + std::to_string(s.nested_files) +
+         " external tilesets and subtrees were not opened: numbers of tiles, contents and files are estimates (" +
+         spread_text(s.count_spread) + "); --all opens them\n";
+}
+
+std::string estimate_text(const tiles::TilesetSummary& s) {
+  if (s.probes.empty()) return "";
+  const ExtractEstimate estimate = estimate_extract(s);
+  std::string text = "estimate of `extract` of everything, from " + std::to_string(s.probes.size()) +
+                     " tiles: " + cost_text(estimate.whole) + "\n";
+  if (estimate.area_km2 > 0.0)
+    text += "  of 1 km² (of " + base::formatted("%.3g", estimate.area_km2) +
+            "): " + cost_text(estimate.whole.scaled(1.0 / estimate.area_km2)) + "\n";
+  return text;
+}
+
 std::string inspect_summary(const tiles::TilesetSummary& s) {
   std::ostringstream text;
   text << std::fixed << std::setprecision(1);
+  const char* about = s.is_estimate ? "about " : "";
   text << "3D Tiles " << s.version << (s.generator.empty() ? "" : ", made by " + s.generator) << "\n"
-       << s.tiles << " tiles, " << s.leaves << " of them leaves, " << s.depth() << " levels; refine: REPLACE "
-       << s.tiles_replace << ", ADD " << s.tiles_add << "\ncontents:";
+       << sample_text(s) << about << s.tiles << " tiles, " << s.leaves << " of them leaves, " << s.depth()
+       << " levels; refine: REPLACE " << s.tiles_replace << ", ADD " << s.tiles_add << "\ncontents:";
   for (const auto& [kind, count] : s.contents) text << " " << count << " " << kind;
   text << " (" << s.content_files << " files";
   if (s.content_sizes_known) {
@@ -95,6 +165,7 @@ std::string inspect_summary(const tiles::TilesetSummary& s) {
   text << "extensions required: " << list(s.extensions_required)
        << "; not supported: " << list(s.extensions_unsupported) << "\nattribution: " << list(s.attribution) << " ("
        << s.contents_read << " of " << s.content_files << " tile files read)\n";
+  text << estimate_text(s);
   for (const std::string& failure : s.failures) text << "broken: " << failure << "\n";
   for (const std::string& warning : s.warnings) text << "note: " << warning << "\n";
   return text.str();
@@ -107,11 +178,13 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
     std::string source;
     SourceArguments arguments;
     InspectPlaceOptions place;
+    bool all = false;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "inspect",
-      "contents of a tileset: depth, tiles, formats, extent, errors, attribution; map from above; ground heights");
+      "contents of a tileset: depth, tiles, formats, extent, errors, attribution; what an extraction takes; map from "
+      "above; ground heights");
   command->footer(
       "Examples:\n  tileflight inspect tiles/tileset.json\n"
       "The place from above with its grid and heights, and a proposed region and voxel size:\n"
@@ -119,6 +192,9 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
       "Ground heights at two points:\n"
       "  tileflight inspect tiles/ --at 35.310344,-80.740007 --at 35.310544,-80.740207");
   command->add_option("SOURCE", options->source, kSourceHelp)->required();
+  command->add_flag("--all", options->all,
+                    "open every external tileset and subtree (default: of very many, some that are spread evenly, and "
+                    "numbers are estimates)");
   add_inspect_place_options(*command, options->place);
   add_source_options(*command, options->arguments);
   add_common_options(*command, common);
@@ -128,7 +204,8 @@ void add_inspect(CLI::App& app, CommonOptions& common, Selection& selection) {
       check_inspect_place(*command, options->place);
       Output output{nlohmann::json::object(), ""};
       if (tells_whole_tileset(options->place, options->source)) {
-        const tiles::TilesetSummary s = tiles::inspect_tileset(options->source, source, progress);
+        const tiles::TilesetSummary s =
+            tiles::inspect_tileset(options->source, source, {.all = options->all}, progress);
         output = {to_json(s), inspect_summary(s)};
       }
       inspect_place(options->source, source, *command, options->place, output, progress);

@@ -100,6 +100,20 @@ TEST_F(Coverage, ThreadsChangeNothing) {
     EXPECT_EQ(file_text(folder_ / "one" / file), file_text(folder_ / "two" / file)) << file;
 }
 
+// A quarter of the place takes some 0.37 MB: with 1.6 MB, two are kept and each is a scene of its own.
+TEST_F(Coverage, InLittleMemoryTheSame) {
+  ASSERT_EQ(run("whole").exit_code, 0);
+  const ProgramResult parts = run("parts", {"--memory", "0.0016"});
+  ASSERT_EQ(parts.exit_code, 0) << parts.err;
+  for (const char* file : {"coverage.json", "frames.csv", "figure.png", "region.png"})
+    EXPECT_EQ(file_text(folder_ / "whole" / file), file_text(folder_ / "parts" / file)) << file;
+  const ProgramResult none = run("none", {"--memory", "0.0001"});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_THAT(none.err,
+              ::testing::HasSubstr("this tile needs more than half of the memory limit: raise it (--memory)"));
+  EXPECT_FALSE(fs::exists(folder_ / "none"));
+}
+
 TEST_F(Coverage, AFlightIsRenderedFromItsOwnCut) {
   const auto render = [&](const std::string& out, const std::vector<std::string>& more) {
     std::vector<std::string> call{

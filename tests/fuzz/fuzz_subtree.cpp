@@ -25,8 +25,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   tiling->schema = std::make_shared<const tile_contents::MetadataSchema>(
       tile_contents::MetadataSchema{{"tile", {{box, error}}}, {"content", {{uri}}}});
   try {
-    tiles::parse_subtree(bytes, {tiling, {}}, "input",
-                         [&](const std::string&) { return std::vector<std::byte>(bytes.begin(), bytes.end()); });
+    const std::vector<std::byte> file(bytes.begin(), bytes.end());
+    const tiles::Subtree subtree =
+        tiles::parse_subtree(file, {tiling, {}}, "input", [&](const std::string&) { return file; });
+    std::vector<std::uint32_t> pending{0};
+    while (!pending.empty()) {
+      const std::uint32_t tile = pending.back();
+      pending.pop_back();
+      if (subtree.is_child_subtree(tile)) continue;
+      subtree.tile(tile);
+      for (const std::uint32_t child : subtree.children(tile)) pending.push_back(child);
+    }
   } catch (const InputError&) {
     // one clear line is what broken input is worth
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -12,6 +13,8 @@
 #include "tileflight/base/number_text.h"
 #include "tileflight/base/output_folder.h"
 #include "tileflight/ground_truth/suggested_voxel.h"
+#include "tileflight/place/extract_cost.h"
+#include "tileflight/place/memory_budget.h"
 #include "tileflight/place/truth_blocks.h"
 #include "tileflight/place/version.h"
 #include "tileflight/tiles/region_reader.h"
@@ -61,6 +64,51 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
   };
 }
 
+/// Contents of the region that are decoded for an estimate.
+constexpr std::size_t kCostProbes = 12;
+
+/// Bytes of the files of the region's contents; below 0: the source does not know them.
+double bytes_to_read(const tiles::RegionReader& reader) {
+  const std::optional<std::uintmax_t> bytes = reader.file_bytes();
+  return bytes ? static_cast<double>(*bytes) : -1.0;
+}
+
+ExtractCost estimate_cost(tiles::RegionReader& reader, const ExtractSettings& settings) {
+  const std::vector<std::size_t> contents = tiles::spread_sample(reader.content_count(), kCostProbes);
+  std::vector<tiles::ContentMeasures> probes;
+  for (const std::size_t content : contents) {
+    for (const tiles::LoadedContent& loaded : reader.read({content})) {
+      probes.push_back(tiles::measure_content(loaded.meshes, loaded.clouds, reader.placement().region.box()));
+      probes.back().file_bytes = static_cast<double>(loaded.bytes);
+    }
+  }
+  return estimate_extract_cost(probes, static_cast<double>(reader.content_count()), bytes_to_read(reader),
+                               settings.samples_per_m2);
+}
+
+std::uintmax_t memory_limit(const ExtractSettings& settings) {
+  return settings.max_memory_bytes.value_or(available_memory_bytes());
+}
+
+void require_affordable(const ExtractCost& cost, const ExtractSettings& settings, const std::filesystem::path& folder) {
+  if (settings.block_m) return require_disk_space(cost, folder);
+  require_affordable(cost, memory_limit(settings), folder);
+}
+
+/// Whether the files are so small that memory suffices whatever they hold: then nothing needs to be probed.
+bool is_surely_affordable(const tiles::RegionReader& reader, const ExtractSettings& settings) {
+  constexpr double kLargestRatio = 1000.0;  // of memory to file size
+  const double bytes = bytes_to_read(reader);
+  constexpr double kSmall_bytes = 4e6;  // mesh.glb and the disk suffice, too
+  return bytes >= 0.0 && bytes < kSmall_bytes && kLargestRatio * bytes < static_cast<double>(memory_limit(settings));
+}
+
+/// Throws InputError if memory, disk or the largest size of a GLB certainly do not suffice.
+void require_affordable(tiles::RegionReader& reader, const ExtractSettings& settings,
+                        const std::filesystem::path& folder) {
+  if (!is_surely_affordable(reader, settings)) require_affordable(estimate_cost(reader, settings), settings, folder);
+}
+
 /// A source with its region.
 struct OpenRegion {
   OpenRegion(const ExtractSettings& settings, const Progress& progress)
@@ -96,6 +144,7 @@ json extract_in_blocks(const ExtractSettings& settings, const base::OutputFolder
   run_collectively(ranks, [&] {
     if (ranks.rank() == 0 && !settings.part) base::require_writable(output);
     region.emplace(settings, progress);
+    if (ranks.rank() == 0 && !settings.part) require_affordable(region->reader, settings, output.folder);
   });
   TruthBlocks blocks(region->reader, settings, output.folder, ranks, progress);
   blocks.make();
@@ -141,12 +190,29 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
   const auto start = std::chrono::steady_clock::now();
   base::require_writable(output);
   OpenRegion region(settings, progress);
+  require_affordable(region.reader, settings, folder);
   json result;
   base::write_folder(output, [&](const std::filesystem::path& temporary) {
     const TruthCounts truth = write_whole_truth(region.reader, settings, temporary, progress);
     result = write_description(settings, region, truth, start, temporary);
   });
   return result;
+}
+
+nlohmann::json preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                               const Progress& progress) {
+  base::require_writable(extract_output(settings, folder, replace));
+  OpenRegion region(settings, progress);
+  const ExtractCost cost = estimate_cost(region.reader, settings);
+  require_affordable(cost, settings, folder);
+  return {{"dry_run", true},
+          {"source", transport::redact_source(settings.source)},
+          {"estimate", to_json(cost)},
+          {"tiles_probed", cost.tiles_probed},
+          {"spread", std::isfinite(cost.spread) ? json(cost.spread) : json()},
+          {"in_blocks", settings.block_m.has_value()},
+          {"memory_limit_bytes", memory_limit(settings)},
+          {"text", cost_text(cost)}};
 }
 
 nlohmann::json read_extract_json(const std::filesystem::path& folder) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json_fwd.hpp>
@@ -33,12 +34,15 @@ struct ExtractSettings {
   /// Always done with several ranks or parts, and where such blocks are.
   bool resume = false;
   std::optional<JobPart> part;  ///< make only this part of the blocks, for a later extract with `resume`
+  /// Memory that the extraction may take, bytes; default: what is available (available_memory_bytes).
+  std::optional<std::uintmax_t> max_memory_bytes;
 };
 
 /// Reads the region's tiles and writes its ground truth atomically as a folder: mesh.glb, surface.ply, voxels.binvox,
 /// voxels.ply, octree.bt and extract.json, whose content is returned. With blocks, each block is such a folder (without
 /// extract.json), index.json names them, and memory depends on the block, not on the region; cells, triangles and
-/// samples are together exactly those without blocks. Throws InputError.
+/// samples are together exactly those without blocks. Throws InputError, before most tiles are read if the memory, the
+/// disk or the size of a GLB file certainly does not suffice (extract_cost.h).
 /// `ranks`: processes that share the blocks; all are called with the same arguments, the first returns the result, the
 /// others null. If one fails, all throw (CollectiveError). With blocks, `build` is returned in addition: {ranks,
 /// blocks, blocks_reused, note}. With a part, no output is written and `build` alone returned.
@@ -47,6 +51,11 @@ nlohmann::json extract(const ExtractSettings& settings, const std::filesystem::p
 
 /// The folder that extract() writes.
 base::OutputFolder extract_output(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace);
+
+/// What extract() would take, from the region's cut and a few of its tiles; nothing is written.
+/// {dry_run: true, estimate: {...}, tiles_probed, spread, memory_limit_bytes}. Throws InputError as extract() would.
+nlohmann::json preview_extract(const ExtractSettings& settings, const std::filesystem::path& folder, bool replace,
+                               const Progress& progress = {});
 
 /// Reads extract.json of a folder written by extract().
 nlohmann::json read_extract_json(const std::filesystem::path& folder);

@@ -116,10 +116,11 @@ double mean_content_bytes(tiles::RegionReader& reader) {
 }
 
 /// A block's edge, metres, for which the average block takes that share of the memory, estimated from a few contents.
-double edge_by_memory(tiles::RegionReader& reader, int processes) {
+double edge_by_memory(tiles::RegionReader& reader, const ExtractSettings& settings) {
   const Vec3 size = reader.placement().region.box().sizes();
   const double whole = mean_content_bytes(reader) * static_cast<double>(reader.content_count());
-  const double share = kMemoryShare * static_cast<double>(default_memory_bytes()) / (processes * kTruthMemory * whole);
+  const double share = kMemoryShare * static_cast<double>(settings.max_memory_bytes.value_or(default_memory_bytes())) /
+                       (settings.processes * kTruthMemory * whole);
   return std::min(std::max(size.x(), size.y()), std::sqrt(size.x() * size.y() * share));
 }
 
@@ -146,7 +147,7 @@ std::int32_t choose_edge(tiles::RegionReader& reader, const ExtractSettings& set
     before.erase("block");
     if (before == inputs && edge > 0) return edge;
   }
-  return edge_in_cells(edge_by_memory(reader, settings.processes), settings.voxel_m);
+  return edge_in_cells(edge_by_memory(reader, settings), settings.voxel_m);
 }
 
 /// What it costs to make a block: the contents that it reads.

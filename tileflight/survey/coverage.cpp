@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <sstream>
 
@@ -12,12 +13,14 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/ground_truth/voxelize.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/place/memory_budget.h"
 #include "tileflight/place/require_surface.h"
 #include "tileflight/place/version.h"
 #include "tileflight/render/camera_renderer.h"
+#include "tileflight/survey/coverage_contents.h"
 #include "tileflight/survey/tile_coverage.h"
 #include "tileflight/survey/tile_strategies.h"
-#include "tileflight/tiles/cut_reader.h"
+#include "tileflight/tiles/view_cone_tree.h"
 #include "tileflight/transport/open_source.h"
 #include "tileflight/vehicle/flight_plan.h"
 
@@ -26,9 +29,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using nlohmann::json;
-using tiles::CutContent;
-using tiles::TileCut;
-using ContentIds = std::vector<std::uint32_t>;  ///< content indices, ascending
 
 /// The flight's lens and the sampled poses.
 struct FrameSampling {
@@ -56,70 +56,6 @@ imaging::Camera scale_to_width(const imaging::Camera& camera, int width) {
   return camera.scaled_to(width, std::max(1, static_cast<int>(std::lround(scale * camera.height()))));
 }
 
-/// The contents that occur in any cut, once each, and the data read for them.
-class ContentPool {
- public:
-  ContentIds add(const TileCut& cut) {
-    ContentIds ids;
-    for (const CutContent& content : cut.contents) {
-      const auto [found, is_new] =
-          id_of_.try_emplace({content.node, content.content}, static_cast<std::uint32_t>(all_.contents.size()));
-      if (is_new) all_.contents.push_back(content);
-      ids.push_back(found->second);
-    }
-    std::sort(ids.begin(), ids.end());
-    return ids;
-  }
-
-  void read(transport::TileSource& source, const tiles::TilesetTree& tree, const geometry::SE3& T_local_tileset,
-            bool allow_incomplete, const Progress& progress) {
-    loaded_ = tiles::read_cut(source, tree, all_, T_local_tileset, true, progress);
-    for (const tiles::LoadedContent& content : loaded_) {
-      if (!content.failure.empty() && !allow_incomplete)
-        throw InputError(content.failure, "this tile is needed (--allow-incomplete continues without it)");
-    }
-  }
-
-  std::size_t size() const { return all_.contents.size(); }
-  const CutContent& operator[](std::size_t id) const { return all_.contents[id]; }
-  const tiles::LoadedContent& content(std::size_t id) const { return loaded_[id]; }
-
-  bool has_points(const ContentIds& ids) const {
-    return std::ranges::any_of(ids, [&](std::uint32_t id) { return !loaded_[id].clouds.empty(); });
-  }
-
-  /// The meshes of some contents, and for each mesh its content.
-  std::vector<imaging::TexturedMesh> meshes(const ContentIds& ids, std::vector<std::uint32_t>* owner = nullptr) const {
-    std::vector<imaging::TexturedMesh> out;
-    for (const std::uint32_t id : ids) {
-      for (const imaging::TexturedMesh& mesh : loaded_[id].meshes) {
-        if (mesh.mesh.triangles.empty()) continue;
-        out.push_back(mesh);
-        if (owner != nullptr) owner->push_back(id);
-      }
-    }
-    return out;
-  }
-
- private:
-  std::map<std::pair<tiles::NodeId, std::size_t>, std::uint32_t> id_of_;
-  TileCut all_;
-  std::vector<tiles::LoadedContent> loaded_;
-};
-
-/// Memory of a decoded content: positions, texture coordinates, triangles, texels.
-std::int64_t decoded_bytes(const tiles::LoadedContent& content) {
-  std::size_t bytes = 0;
-  std::set<const void*> textures;
-  for (const imaging::TexturedMesh& mesh : content.meshes) {
-    bytes += mesh.mesh.vertices.size() * sizeof(mesh.mesh.vertices[0]) + mesh.colors.size() * sizeof(mesh.colors[0]);
-    bytes += mesh.mesh.triangles.size() * sizeof(mesh.mesh.triangles[0]) + mesh.uv.size() * sizeof(mesh.uv[0]);
-    if (mesh.texture && textures.insert(mesh.texture.get()).second)
-      bytes += mesh.texture->pixels.size() * sizeof(mesh.texture->pixels[0]);
-  }
-  return static_cast<std::int64_t>(bytes);
-}
-
 /// The tiles of a strategy and the resulting counts.
 struct StrategyResult {
   TileStrategy strategy;
@@ -133,27 +69,36 @@ struct StrategyResult {
 /// The region's occupied cells that each content touches.
 class CellCoverage {
  public:
-  CellCoverage(const ContentPool& contents, const ContentIds& region_cut, const tiles::Region& region, double edge_m)
-      : cells_of_(contents.size()) {
-    const auto cells = [&](std::uint32_t id) {
-      const geometry::TriangleMesh mesh = scene::merge_meshes(contents.content(id).meshes);
-      if (mesh.triangles.empty()) return std::vector<geometry::Cell>{};
-      geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region.box(), edge_m);
-      std::erase_if(grid.occupied, [&](const geometry::Cell& cell) { return is_outside(region, grid.center(cell)); });
-      return std::move(grid.occupied);
-    };
-    for (const std::uint32_t id : region_cut) {
-      const std::vector<geometry::Cell> found = cells(id);
-      occupied_cells_.insert(occupied_cells_.end(), found.begin(), found.end());
+  CellCoverage(const tiles::Region& region, double edge_m, std::size_t contents)
+      : region_(region), edge_m_(edge_m), cells_of_(contents) {}
+
+  void add(std::uint32_t id, const tiles::LoadedContent& content) {
+    const geometry::TriangleMesh mesh = scene::merge_meshes(content.meshes);
+    if (mesh.triangles.empty()) return;
+    const geometry::VoxelGrid grid = ground_truth::voxelize(mesh, region_.box(), edge_m_);
+    const auto wide = [](std::int32_t number) { return static_cast<std::uint64_t>(number); };
+    for (const geometry::Cell& cell : grid.occupied) {
+      if (is_outside(grid.center(cell))) continue;
+      cells_of_[id].push_back((wide(cell.x) * wide(grid.dims[1]) + wide(cell.y)) * wide(grid.dims[2]) + wide(cell.z));
     }
+    cells_of_[id].shrink_to_fit();
+  }
+
+  /// Once all contents are added: the occupied cells are those of the region's cut.
+  void finish(const ContentIds& region_cut) {
+    for (const std::uint32_t id : region_cut)
+      occupied_cells_.insert(occupied_cells_.end(), cells_of_[id].begin(), cells_of_[id].end());
     std::sort(occupied_cells_.begin(), occupied_cells_.end());
     occupied_cells_.erase(std::unique(occupied_cells_.begin(), occupied_cells_.end()), occupied_cells_.end());
-    for (std::uint32_t id = 0; id < contents.size(); ++id) {
-      for (const geometry::Cell& cell : cells(id)) {
+    for (std::vector<std::uint64_t>& cells : cells_of_) {
+      std::vector<std::uint32_t> places;
+      for (const std::uint64_t cell : cells) {
         const auto at = std::lower_bound(occupied_cells_.begin(), occupied_cells_.end(), cell);
         if (at != occupied_cells_.end() && *at == cell)
-          cells_of_[id].push_back(static_cast<std::uint32_t>(at - occupied_cells_.begin()));
+          places.push_back(static_cast<std::uint32_t>(at - occupied_cells_.begin()));
       }
+      places_of_.push_back(std::move(places));
+      cells = {};
     }
   }
 
@@ -162,24 +107,27 @@ class CellCoverage {
   double share(const ContentIds& ids) const {
     std::vector<bool> found(occupied_cells_.size());
     for (const std::uint32_t id : ids) {
-      for (const std::uint32_t cell : cells_of_[id]) found[cell] = true;
+      for (const std::uint32_t cell : places_of_[id]) found[cell] = true;
     }
     const auto count = std::count(found.begin(), found.end(), true);
     return occupied_cells_.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(occupied_cells_.size());
   }
 
  private:
-  static bool is_outside(const tiles::Region& region, const geometry::Vec3& center) {
-    return !region.parts.empty() &&
-           std::ranges::none_of(region.parts, [&](const auto& part) { return contains(part, center); });
+  bool is_outside(const geometry::Vec3& center) const {
+    return !region_.parts.empty() &&
+           std::ranges::none_of(region_.parts, [&](const auto& part) { return contains(part, center); });
   }
 
-  std::vector<geometry::Cell> occupied_cells_;
-  std::vector<std::vector<std::uint32_t>> cells_of_;
+  tiles::Region region_;
+  double edge_m_;
+  std::vector<std::vector<std::uint64_t>> cells_of_;   ///< of each content, numbers of cells of the region's grid
+  std::vector<std::uint64_t> occupied_cells_;          ///< sorted
+  std::vector<std::vector<std::uint32_t>> places_of_;  ///< of each content, indices into the occupied cells
 };
 
 std::vector<StrategyResult> select_tiles(const std::vector<TileStrategy>& strategies, const FrameSampling& watch,
-                                         tiles::TilesetTree& tree, ContentPool& contents) {
+                                         tiles::TilesetTree& tree, CoverageContents& contents) {
   std::vector<StrategyResult> all;
   for (const TileStrategy& strategy : strategies) {
     StrategyResult result{.strategy = strategy};
@@ -191,50 +139,132 @@ std::vector<StrategyResult> select_tiles(const std::vector<TileStrategy>& strate
   return all;
 }
 
-std::vector<bool> nodes_in_memory(const ContentIds& ids, const ContentPool& contents, std::size_t nodes) {
+std::vector<bool> nodes_in_memory(const ContentIds& ids, const CoverageContents& contents, std::size_t nodes) {
   std::vector<bool> in_memory(nodes);
   for (const std::uint32_t id : ids) in_memory[contents[id].node] = true;
   return in_memory;
 }
 
-/// Counts the pixels of each frame for each strategy.
-void count_frame_pixels(std::vector<StrategyResult>& all, const FrameSampling& watch, const ContentPool& contents,
-                        const ContentIds& truth, const tiles::TilesetTree& tree, const CoverageSettings& settings,
-                        const Progress& progress) {
-  std::vector<std::uint32_t> owner;
-  const scene::Scene scene(contents.meshes(truth, &owner));
-  std::vector<std::vector<Substitute>> substitutes(contents.size());
-  for (const std::uint32_t id : truth) substitutes[id] = find_substitutes(tree, contents[id]);
-  const double pixels_per_rad = tiles::view_cone_of(watch.camera).pixels_per_rad;
-  const imaging::Camera camera = scale_to_width(watch.camera, settings.width);
-  for (std::size_t i = 0; i < watch.frames.size(); ++i) {
-    const std::vector<PixelHit> frame = trace_pixels(scene, owner, camera, watch.pose(i));
-    for (StrategyResult& result : all) {
-      const std::vector<bool> in_memory = nodes_in_memory(result.tiles_at(i), contents, tree.node_count());
-      result.shares.push_back(count_pixels(frame, substitutes, in_memory, pixels_per_rad, settings.error_px));
-    }
-    report_progress(progress, static_cast<std::int64_t>(i + 1), static_cast<std::int64_t>(watch.frames.size()),
-                    "checking frames");
+/// Counts the pixels of each frame for each strategy. The scene is traced in parts that fit into memory, for as many
+/// frames at once as do.
+class FramePixelCounter {
+ public:
+  FramePixelCounter(const FrameSampling& watch, CoverageContents& contents, const ContentIds& truth,
+                    const tiles::TilesetTree& tree, const CoverageSettings& settings, const Progress& progress)
+      : watch_(watch),
+        contents_(contents),
+        tree_(tree),
+        settings_(settings),
+        progress_(progress),
+        rays_(pixel_rays(scale_to_width(watch.camera, settings.width))),
+        parts_(contents.scene_groups(truth)),
+        anchor_(contents.bounds(truth).center()),
+        substitutes_(contents.size()) {
+    for (const std::uint32_t id : truth) substitutes_[id] = find_substitutes(tree, contents[id]);
   }
-}
+
+  void count(std::vector<StrategyResult>& all) {
+    constexpr std::uintmax_t kPixelsDivisor = 16;  // share of the memory limit for the frames' pixels
+    const std::size_t frames = watch_.frames.size();
+    const std::size_t at_once = static_cast<std::size_t>(std::clamp<std::uintmax_t>(
+        contents_.max_memory_bytes() / kPixelsDivisor / (rays_.size() * sizeof(PixelHit)), 1, frames));
+    for (std::size_t begin = 0; begin < frames; begin += at_once) {
+      const std::size_t end = std::min(frames, begin + at_once);
+      const std::vector<std::vector<PixelHit>> hits = trace(begin, end);
+      for (std::size_t i = begin; i < end; ++i) count_frame(i, hits[i - begin], all);
+    }
+  }
+
+ private:
+  std::vector<std::vector<PixelHit>> trace(std::size_t begin, std::size_t end) {
+    std::vector<std::vector<PixelHit>> hits(end - begin, std::vector<PixelHit>(rays_.size()));
+    const tiles::ViewCone lens = tiles::view_cone_of(watch_.camera);
+    for (std::size_t k = 0; k < parts_.size(); ++k) {
+      CoverageContents::OwnedMeshes meshes = contents_.meshes(parts_[k], false);
+      const scene::Scene part(std::move(meshes.meshes), anchor_);
+      const geometry::Box3& bounds = part.bounds();
+      for (std::size_t i = begin; i < end; ++i) {
+        tiles::ViewCone view = lens;
+        view.position = watch_.pose(i).translation;
+        view.axis = watch_.pose(i).rotation * geometry::Vec3::UnitZ();
+        if (!tiles::intersects_cone(view, {bounds.center(), bounds.sizes().norm() / 2})) continue;
+        trace_pixels(part, meshes.content_of_mesh, rays_, watch_.pose(i), hits[i - begin]);
+      }
+      // Of all groups of frames: one more part of one group is done.
+      const double done = static_cast<double>(begin) * static_cast<double>(parts_.size()) +
+                          static_cast<double>((end - begin) * (k + 1));
+      report_progress(progress_, std::llround(done / static_cast<double>(parts_.size())),
+                      static_cast<std::int64_t>(watch_.frames.size()), "checking frames");
+    }
+    return hits;
+  }
+
+  void count_frame(std::size_t i, const std::vector<PixelHit>& frame, std::vector<StrategyResult>& all) const {
+    const double pixels_per_rad = tiles::view_cone_of(watch_.camera).pixels_per_rad;
+    for (StrategyResult& result : all) {
+      const std::vector<bool> in_memory = nodes_in_memory(result.tiles_at(i), contents_, tree_.node_count());
+      result.shares.push_back(count_pixels(frame, substitutes_, in_memory, pixels_per_rad, settings_.error_px));
+    }
+  }
+
+  const FrameSampling& watch_;
+  CoverageContents& contents_;
+  const tiles::TilesetTree& tree_;
+  const CoverageSettings& settings_;
+  const Progress& progress_;
+  std::vector<std::optional<geometry::Vec3>> rays_;
+  std::vector<ContentIds> parts_;
+  geometry::Vec3 anchor_;
+  std::vector<std::vector<Substitute>> substitutes_;
+};
 
 std::size_t worst_frame(const StrategyResult& result) {
   const auto missing = [](const PixelCounts& s) { return s.share(s.missing); };
   return static_cast<std::size_t>(std::ranges::max_element(result.shares, {}, missing) - result.shares.begin());
 }
 
+/// Takes the pixels of `part` that are nearer than those of `whole`: along the same ray, with the smaller depth.
+void merge_nearer(const render::RenderedFrame& part, render::RenderedFrame& whole) {
+  for (std::size_t i = 0; i < whole.rgb.pixels.size(); ++i) {
+    if (!(std::abs(part.depth_m.pixels[i]) < std::abs(whole.depth_m.pixels[i]))) continue;
+    whole.rgb.pixels[i] = part.rgb.pixels[i];
+    whole.depth_m.pixels[i] = part.depth_m.pixels[i];
+  }
+}
+
+/// Renders a frame from some contents, in parts that fit into memory; nullopt: they have no surface in view.
+std::optional<render::RenderedFrame> render_contents(CoverageContents& contents, const ContentIds& ids,
+                                                     const imaging::Camera& camera, const geometry::SE3& pose) {
+  const geometry::Vec3 anchor = contents.bounds(ids).center();
+  const tiles::ViewCone view = tiles::view_cones_along(camera, {pose}).front();
+  ContentIds visible;
+  for (const std::uint32_t id : ids) {
+    const geometry::Box3& bounds = contents.facts(id).bounds;
+    if (!bounds.isEmpty() && tiles::intersects_cone(view, {bounds.center(), bounds.sizes().norm() / 2}))
+      visible.push_back(id);
+  }
+  std::optional<render::RenderedFrame> whole;
+  for (const ContentIds& group : contents.scene_groups(visible)) {
+    const scene::Scene scene(contents.meshes(group, true).meshes, anchor);
+    render::RenderedFrame part = render::CameraRenderer(scene, camera, {}).render(pose);
+    if (whole) {
+      merge_nearer(part, *whole);
+    } else {
+      whole = std::move(part);
+    }
+  }
+  return whole;
+}
+
 /// Renders a frame from a strategy's tiles; black where tiles are missing.
-imaging::RgbImage render_strategy_picture(const ContentPool& contents, const ContentIds& ids,
+imaging::RgbImage render_strategy_picture(CoverageContents& contents, const ContentIds& ids,
                                           const imaging::Camera& camera, const geometry::SE3& pose,
                                           const imaging::FloatImage& true_depth_m) {
-  std::vector<imaging::TexturedMesh> meshes = contents.meshes(ids);
   imaging::RgbImage image(camera.width(), camera.height(), {135, 180, 225});
   imaging::FloatImage depth_m(camera.width(), camera.height(), INFINITY);
-  if (!meshes.empty()) {
-    const scene::Scene scene(std::move(meshes));
-    render::RenderedFrame frame = render::CameraRenderer(scene, camera, {}).render(pose);
-    image = std::move(frame.rgb);
-    depth_m = std::move(frame.depth_m);
+  if (std::optional<render::RenderedFrame> frame = render_contents(contents, ids, camera, pose)) {
+    image = std::move(frame->rgb);
+    depth_m = std::move(frame->depth_m);
   }
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     if (std::isfinite(true_depth_m.pixels[i]) && !std::isfinite(depth_m.pixels[i])) image.pixels[i] = {0, 0, 0};
@@ -253,11 +283,11 @@ imaging::RgbImage side_by_side(const imaging::RgbImage& left, const imaging::Rgb
 }
 
 void write_pictures(const fs::path& folder, const std::vector<StrategyResult>& all, std::size_t frame,
-                    const FrameSampling& watch, const ContentPool& contents, const ContentIds& truth,
+                    const FrameSampling& watch, CoverageContents& contents, const ContentIds& truth,
                     const CoverageSettings& settings) {
   const imaging::Camera camera = scale_to_width(watch.camera, settings.picture_width);
-  const scene::Scene whole(contents.meshes(truth));
-  const imaging::FloatImage depth_m = render::CameraRenderer(whole, camera, {}).render(watch.pose(frame)).depth_m;
+  imaging::FloatImage depth_m(camera.width(), camera.height(), INFINITY);
+  if (auto whole = render_contents(contents, truth, camera, watch.pose(frame))) depth_m = std::move(whole->depth_m);
   std::map<std::string, imaging::RgbImage> pictures;
   for (const StrategyResult& strategy_result : all) {
     const std::string& name = strategy_result.strategy.name;
@@ -274,18 +304,18 @@ double mean_share(const StrategyResult& strategy_result, std::int64_t PixelCount
   return sum / static_cast<double>(strategy_result.shares.size());
 }
 
-json describe(const StrategyResult& strategy_result, const FrameSampling& watch, const ContentPool& contents) {
+json describe(const StrategyResult& strategy_result, const FrameSampling& watch, const CoverageContents& contents) {
   std::set<std::uint32_t> distinct;
   std::size_t most = 0;
   std::int64_t memory = 0, bytes = 0;
   for (const ContentIds& ids : strategy_result.tiles) {
     std::int64_t at_once = 0;
-    for (const std::uint32_t id : ids) at_once += decoded_bytes(contents.content(id));
+    for (const std::uint32_t id : ids) at_once += contents.facts(id).decoded_bytes;
     memory = std::max(memory, at_once);
     most = std::max(most, ids.size());
     distinct.insert(ids.begin(), ids.end());
   }
-  for (const std::uint32_t id : distinct) bytes += contents.content(id).bytes;
+  for (const std::uint32_t id : distinct) bytes += contents.facts(id).bytes;
   const std::size_t worst = worst_frame(strategy_result);
   const PixelCounts& at_worst = strategy_result.shares[worst];
   return {{"about", strategy_result.strategy.description},
@@ -316,12 +346,13 @@ std::string frames_csv(const std::vector<StrategyResult>& all, const FrameSampli
 }
 
 /// Size of the contents above a cut that a client would also have read while descending from the root.
-std::int64_t ancestor_bytes(const ContentIds& cut, const ContentPool& contents, transport::TileSource& source,
+std::int64_t ancestor_bytes(const ContentIds& cut, const CoverageContents& contents, transport::TileSource& source,
                             tiles::TilesetTree& tree) {
   std::set<std::string> uris;
   for (const std::uint32_t id : cut) {
     for (auto above = tree.node(contents[id].node).parent; above; above = tree.node(*above).parent) {
-      for (std::size_t c = 0; c < tree.tile(*above).contents.size(); ++c) {
+      const std::size_t above_contents = tree.tile(*above)->contents.size();
+      for (std::size_t c = 0; c < above_contents; ++c) {
         if (!tree.is_external_tileset(*above, c)) uris.insert(tree.content_uri(*above, c));
       }
     }
@@ -349,7 +380,7 @@ StrategySettings strategy_settings(const CoverageSettings& settings, const Frame
 }
 
 json result_json(const CoverageSettings& settings, const FrameSampling& watch, const std::vector<StrategyResult>& all,
-                 const ContentPool& contents, const ContentIds& truth, const CellCoverage& cells) {
+                 const CoverageContents& contents, const ContentIds& truth, const CellCoverage& cells) {
   json result{{"source", transport::redact_source(settings.source)},
               {"flight", settings.flight.string()},
               {"frames", watch.trajectory.size()},
@@ -363,6 +394,12 @@ json result_json(const CoverageSettings& settings, const FrameSampling& watch, c
   for (const StrategyResult& strategy_result : all)
     result["strategies"][strategy_result.strategy.name] = describe(strategy_result, watch, contents);
   return result;
+}
+
+void require_surface(const CoverageContents& contents, const ContentIds& truth, const std::string& name) {
+  const bool has_surface = !contents.bounds(truth).isEmpty();
+  const bool has_points = std::ranges::any_of(truth, [&](std::uint32_t id) { return contents.facts(id).has_points; });
+  if (!has_surface) place::require_surface({}, has_points, name);
 }
 
 void check(const CoverageSettings& settings) {
@@ -401,14 +438,18 @@ nlohmann::json coverage(const CoverageSettings& settings, const fs::path& out, b
   const tiles::Placement placement = tiles::resolve_placement(tree, settings.load, name);
   const StrategySettings strategy = strategy_settings(settings, watch, placement);
 
-  ContentPool contents;
+  CoverageContents contents(*source, tree, placement.T_local_tileset,
+                            settings.max_memory_bytes.value_or(place::default_memory_bytes()));
   std::vector<StrategyResult> all = select_tiles(make_tile_strategies(strategy), watch, tree, contents);
   const ContentIds truth = contents.add(tiles::select_cut(tree, full_detail_criterion(strategy)));
   if (truth.empty()) throw InputError(settings.flight.string(), "sees no tile of " + name);
-  contents.read(*source, tree, placement.T_local_tileset, settings.load.allow_incomplete, progress);
-  place::require_surface(contents.meshes(truth), contents.has_points(truth), name);
-  count_frame_pixels(all, watch, contents, truth, tree, settings, progress);
-  const CellCoverage cells(contents, all.back().tiles.front(), placement.region, settings.voxel_m);
+  CellCoverage cells(placement.region, settings.voxel_m, contents.size());
+  contents.read_all(
+      settings.load.allow_incomplete,
+      [&](std::uint32_t id, const tiles::LoadedContent& content) { cells.add(id, content); }, progress);
+  require_surface(contents, truth, name);
+  FramePixelCounter(watch, contents, truth, tree, settings, progress).count(all);
+  cells.finish(all.back().tiles.front());
   for (StrategyResult& strategy_result : all) {
     for (const ContentIds& ids : strategy_result.tiles)
       strategy_result.cells_share = std::max(strategy_result.cells_share, cells.share(ids));

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 
 #include "tileflight/base/progress.h"
@@ -20,6 +21,8 @@ struct CoverageSettings {
   int width = 320;               ///< width of the images whose pixels are counted
   int picture_width = 1008;      ///< width of the written images
   double voxel_m = 1.0;
+  /// Memory limit for tiles; default: place::default_memory_bytes(). The result does not depend on it.
+  std::optional<std::uintmax_t> max_memory_bytes = {};
   double follow_height_m = 50.0;      ///< height of view-follow's camera above the drone
   double viewer_fov_deg = 90.0;       ///< horizontal field of view of the two viewers (Unreal's default)
   double viewer_max_error_px = 16.0;  ///< Cesium's default screen-space error

@@ -2,7 +2,7 @@
 
 #include <tbb/parallel_for.h>
 
-#include <optional>
+#include <tuple>
 
 namespace tileflight::survey {
 namespace {
@@ -22,19 +22,31 @@ PixelQuality classify_pixel(const PixelHit& pixel, const std::vector<Substitute>
 
 }  // namespace
 
-std::vector<PixelHit> trace_pixels(const scene::Scene& scene, const std::vector<std::uint32_t>& content_of_mesh,
-                                   const imaging::Camera& camera, const geometry::SE3& T_local_camera) {
-  const auto width = static_cast<std::size_t>(camera.width());
-  std::vector<PixelHit> pixels(width * static_cast<std::size_t>(camera.height()));
-  tbb::parallel_for(0, camera.height(), [&](int y) {
-    for (std::size_t x = 0; x < width; ++x) {
-      const std::optional<geometry::Vec3> ray = camera.unproject({static_cast<double>(x), static_cast<double>(y)});
-      if (!ray) continue;
-      const auto hit = scene.intersect({T_local_camera.translation, T_local_camera.rotation * *ray});
-      if (hit) pixels[static_cast<std::size_t>(y) * width + x] = {content_of_mesh[hit->mesh], hit->distance_m};
-    }
+std::vector<std::optional<geometry::Vec3>> pixel_rays(const imaging::Camera& camera) {
+  std::vector<std::optional<geometry::Vec3>> rays;
+  for (int y = 0; y < camera.height(); ++y) {
+    for (int x = 0; x < camera.width(); ++x)
+      rays.push_back(camera.unproject({static_cast<double>(x), static_cast<double>(y)}));
+  }
+  return rays;
+}
+
+void trace_pixels(const scene::Scene& part, const std::vector<std::uint32_t>& content_of_mesh,
+                  const std::vector<std::optional<geometry::Vec3>>& rays, const geometry::SE3& T_local_camera,
+                  std::vector<PixelHit>& nearest) {
+  constexpr double kNowhere_m = 1e9;
+  nearest.resize(rays.size());
+  tbb::parallel_for(std::size_t{0}, rays.size(), [&](std::size_t i) {
+    if (!rays[i]) return;
+    PixelHit& known = nearest[i];
+    const bool is_hit = known.content != PixelHit::kNoContent;
+    // The tree's distances are floats: a surface as far away as the known one must still be found.
+    const double farthest_m = is_hit ? known.distance_m * (1.0 + 1e-5) + 1e-3 : kNowhere_m;
+    const auto hit = part.intersect({T_local_camera.translation, T_local_camera.rotation * *rays[i]}, farthest_m);
+    if (!hit) return;
+    const PixelHit found{content_of_mesh[hit->mesh], hit->distance_m};
+    if (!is_hit || std::tie(found.distance_m, found.content) < std::tie(known.distance_m, known.content)) known = found;
   });
-  return pixels;
 }
 
 std::vector<Substitute> find_substitutes(const tiles::TilesetTree& tree, const tiles::CutContent& content) {

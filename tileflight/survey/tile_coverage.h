@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "tileflight/imaging/camera.h"
@@ -17,9 +18,14 @@ struct PixelHit {
   double distance_m = 0.0;
 };
 
-/// Traces a frame's pixels, row by row. `content_of_mesh`: the content index of each of the scene's meshes.
-std::vector<PixelHit> trace_pixels(const scene::Scene& scene, const std::vector<std::uint32_t>& content_of_mesh,
-                                   const imaging::Camera& camera, const geometry::SE3& T_local_camera);
+/// The directions of a lens's pixels in the camera's frame, unit, row by row; nullopt outside its valid cone.
+std::vector<std::optional<geometry::Vec3>> pixel_rays(const imaging::Camera& camera);
+
+/// Traces a frame's pixels through one part of a scene: `nearest` has the nearest hits of the parts traced before (all
+/// parts have the same anchor), none at first. `content_of_mesh`: the content index of each of the part's meshes.
+void trace_pixels(const scene::Scene& part, const std::vector<std::uint32_t>& content_of_mesh,
+                  const std::vector<std::optional<geometry::Vec3>>& rays, const geometry::SE3& T_local_camera,
+                  std::vector<PixelHit>& nearest);
 
 /// A tile that may replace a content's surface: the content's own tile, or an ancestor up to the first one that is not
 /// replaced by its children (an ADD tile's content is shown beside its children's and does not replace them).

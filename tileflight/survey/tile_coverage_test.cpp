@@ -1,7 +1,10 @@
 #include "tileflight/survey/tile_coverage.h"
 
 #include <gmock/gmock.h>
+
+#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <random>
 
 #include "tileflight/transport/test_tilesets.h"
 
@@ -53,6 +56,64 @@ TEST(CountPixels, ByTheNearestStandInMemory) {
   EXPECT_THAT(counted({true, true, false}), ElementsAre(1, 1, 0));
   EXPECT_THAT(counted({true, false, false}), ElementsAre(0, 2, 0));
   EXPECT_THAT(counted({false, false, false}), ElementsAre(0, 0, 2));
+}
+
+/// Many triangles in 12 contents, some of them twice in two of them.
+std::vector<imaging::TexturedMesh> random_contents() {
+  std::mt19937 random(3);
+  const auto within = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  std::vector<imaging::TexturedMesh> meshes(12);
+  for (imaging::TexturedMesh& mesh : meshes) {
+    for (std::uint32_t i = 0; i < 60; ++i) {
+      const geometry::Vec3 center(within(-40, 40), within(-40, 40), within(-5, 5));
+      for (int corner = 0; corner < 3; ++corner)
+        mesh.mesh.vertices.push_back(center + geometry::Vec3(within(-6, 6), within(-6, 6), within(-2, 2)));
+      mesh.mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+    }
+  }
+  meshes[7].mesh.vertices = meshes[2].mesh.vertices;
+  return meshes;
+}
+
+TEST(TracePixels, ThroughPartsOfASceneAsThroughTheWhole) {
+  const std::vector<imaging::TexturedMesh> meshes = random_contents();
+  const auto rays = pixel_rays(imaging::make_fisheye(96, 64, 150.0));
+  geometry::Mat3 down;
+  down << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+  const geometry::SE3 pose(down, geometry::Vec3(3, -2, 20));
+  const geometry::Vec3 anchor(1, 2, 3);
+  const auto trace = [&](std::size_t per_part, bool backwards) {
+    std::vector<std::vector<std::uint32_t>> parts;
+    for (std::uint32_t id = 0; id < meshes.size(); ++id) {
+      if (id % per_part == 0) parts.emplace_back();
+      parts.back().push_back(id);
+    }
+    if (backwards) std::ranges::reverse(parts);
+    std::vector<PixelHit> nearest;
+    for (const std::vector<std::uint32_t>& ids : parts) {
+      std::vector<imaging::TexturedMesh> part;
+      for (const std::uint32_t id : ids) part.push_back(meshes[id]);
+      trace_pixels(scene::Scene(std::move(part), anchor), ids, rays, pose, nearest);
+    }
+    return nearest;
+  };
+  const std::vector<PixelHit> whole = trace(meshes.size(), false);
+  EXPECT_GT(std::ranges::count_if(whole, [](const PixelHit& hit) { return hit.content != PixelHit::kNoContent; }),
+            1000);
+  for (const bool backwards : {false, true}) {
+    for (const std::size_t per_part : {std::size_t{1}, std::size_t{5}}) {
+      const std::vector<PixelHit> parts = trace(per_part, backwards);
+      ASSERT_EQ(parts.size(), whole.size());
+      for (std::size_t i = 0; i < whole.size(); ++i) {
+        EXPECT_EQ(parts[i].distance_m, whole[i].distance_m);
+        const auto same = [](std::uint32_t content) { return content == 7 ? 2U : content; };
+        EXPECT_EQ(same(parts[i].content), same(whole[i].content));
+        EXPECT_NE(parts[i].content, 7U) << "of two surfaces in one place the first content's is seen";
+      }
+    }
+  }
 }
 
 }  // namespace

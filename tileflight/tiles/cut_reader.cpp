@@ -23,7 +23,6 @@ using imaging::TexturedMesh;
 /// A file that the cut needs, and all contents that refer to it: it is read and decoded once.
 struct ContentFile {
   std::string uri;
-  std::string name;  ///< of the first tile that refers to it, for messages
   tile_contents::UpAxis up_axis = tile_contents::UpAxis::kY;
   std::vector<std::size_t> cut_indices;  ///< indices into the cut
 };
@@ -35,7 +34,7 @@ std::vector<ContentFile> distinct_files(const TilesetTree& tree, const TileCut& 
     const CutContent& content = cut.contents[i];
     const tile_contents::UpAxis up_axis = tree.tileset(content.node).gltf_up_axis;
     const auto [it, is_new] = known.try_emplace({content.uri, up_axis}, files.size());
-    if (is_new) files.push_back({content.uri, content.name, up_axis, {}});
+    if (is_new) files.push_back({content.uri, up_axis, {}});
     files[it->second].cut_indices.push_back(i);
   }
   return files;
@@ -88,7 +87,7 @@ class CutReader {
         content.clouds = last ? std::move(decoded.clouds) : decoded.clouds;
         content.copyrights = decoded.copyrights;
         content.warnings = decoded.warnings;
-        const Mat4 T_local_tile = T_local_tileset_ * tree_.node(cut_.contents[file.cut_indices[i]].node).T_tileset_tile;
+        const Mat4 T_local_tile = T_local_tileset_ * tree_.T_tileset_tile(cut_.contents[file.cut_indices[i]].node);
         count(content);
         for (TexturedMesh& mesh : content.meshes) tile_contents::transform_mesh(T_local_tile, mesh);
         for (geometry::PointCloud& cloud : content.clouds) tile_contents::transform_cloud(T_local_tile, cloud);

@@ -1,9 +1,11 @@
 #include "tileflight/tiles/implicit_tiling.h"
 
 #include <gmock/gmock.h>
-#include <nlohmann/json.hpp>
 
 #include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <random>
 
 #include "tests/test_data.h"
 #include "tileflight/tiles/inspect.h"
@@ -20,6 +22,7 @@ using base::test_support::to_bytes;
 using geometry::Vec3;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using transport::test_support::Bytes;
 using transport::test_support::Json;
 using transport::test_support::MemorySource;
 
@@ -39,6 +42,31 @@ ImplicitTiling box_tiling(bool octree, std::uint32_t subtree_levels = 2, std::ui
 
 ImplicitSubtree place_of(const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
   return {std::make_shared<const ImplicitTiling>(tiling), root};
+}
+
+/// All tiles of a subtree, breadth first.
+struct ExpandedTile : SubtreeTile {
+  std::vector<std::uint32_t> children;    ///< places in the list
+  std::vector<TileCoordinates> subtrees;  ///< roots of child subtrees
+};
+
+std::vector<ExpandedTile> expand(const Subtree& subtree) {
+  std::vector<std::uint32_t> indices{0};
+  std::vector<ExpandedTile> tiles;
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    ExpandedTile tile{subtree.tile(indices[i]), {}, {}};
+    for (const std::uint32_t child : subtree.children(indices[i])) {
+      if (subtree.is_child_subtree(child)) {
+        tile.subtrees.push_back(subtree.coordinates(child));
+      } else {
+        tile.children.push_back(static_cast<std::uint32_t>(indices.size()));
+        indices.push_back(child);
+      }
+    }
+    tiles.push_back(std::move(tile));
+  }
+  EXPECT_EQ(tiles.size(), subtree.tile_count());
+  return tiles;
 }
 
 Subtree parse(const std::string& bytes, const ImplicitTiling& tiling, const TileCoordinates& root = {}) {
@@ -103,18 +131,19 @@ std::string two_levels_binary() {
   return binary;
 }
 
-void expect_two_levels(const Subtree& subtree) {
-  ASSERT_EQ(subtree.tiles.size(), 3U);
-  EXPECT_THAT(subtree.tiles[0].children, ElementsAre(1U, 2U));
-  EXPECT_THAT(subtree.tiles[1].coordinates.xyz, ElementsAre(1, 0, 0));
-  EXPECT_THAT(subtree.tiles[2].coordinates.xyz, ElementsAre(0, 1, 0));
-  ASSERT_EQ(subtree.tiles[1].subtrees.size(), 1U);
-  EXPECT_EQ(subtree.tiles[1].subtrees[0].level, 2U);
-  EXPECT_THAT(subtree.tiles[1].subtrees[0].xyz, ElementsAre(3, 1, 0));
-  ASSERT_EQ(subtree.tiles[2].subtrees.size(), 1U);
-  EXPECT_THAT(subtree.tiles[2].subtrees[0].xyz, ElementsAre(1, 2, 0));
-  EXPECT_EQ(subtree.tiles[0].contents.size(), 1U);
-  EXPECT_DOUBLE_EQ(subtree.tiles[2].geometric_error_m, 8.0);
+void expect_two_levels(const Subtree& parsed) {
+  const std::vector<ExpandedTile> tiles = expand(parsed);
+  ASSERT_EQ(tiles.size(), 3U);
+  EXPECT_THAT(tiles[0].children, ElementsAre(1U, 2U));
+  EXPECT_THAT(tiles[1].coordinates.xyz, ElementsAre(1, 0, 0));
+  EXPECT_THAT(tiles[2].coordinates.xyz, ElementsAre(0, 1, 0));
+  ASSERT_EQ(tiles[1].subtrees.size(), 1U);
+  EXPECT_EQ(tiles[1].subtrees[0].level, 2U);
+  EXPECT_THAT(tiles[1].subtrees[0].xyz, ElementsAre(3, 1, 0));
+  ASSERT_EQ(tiles[2].subtrees.size(), 1U);
+  EXPECT_THAT(tiles[2].subtrees[0].xyz, ElementsAre(1, 2, 0));
+  EXPECT_EQ(tiles[0].contents.size(), 1U);
+  EXPECT_DOUBLE_EQ(tiles[2].geometric_error_m, 8.0);
 }
 
 TEST(Subtree, BitsAreInMortonOrder) {
@@ -144,10 +173,10 @@ TEST(Subtree, AsBefore11) {
 TEST(Subtree, EndsWhereTheTreeEnds) {
   const ImplicitTiling shallow = box_tiling(false, 2, 1);
   Json json = {{"tileAvailability", {{"constant", 1}}}, {"childSubtreeAvailability", {{"constant", 1}}}};
-  EXPECT_EQ(parse(json.dump(), shallow).tiles.size(), 1U);
-  EXPECT_TRUE(parse(json.dump(), shallow).tiles[0].subtrees.empty());
-  EXPECT_EQ(parse(json.dump(), box_tiling(true)).tiles.size(), 9U);
-  EXPECT_EQ(parse(json.dump(), box_tiling(true)).tiles[8].subtrees.size(), 8U);
+  EXPECT_EQ(expand(parse(json.dump(), shallow)).size(), 1U);
+  EXPECT_TRUE(expand(parse(json.dump(), shallow))[0].subtrees.empty());
+  EXPECT_EQ(expand(parse(json.dump(), box_tiling(true))).size(), 9U);
+  EXPECT_EQ(expand(parse(json.dump(), box_tiling(true)))[8].subtrees.size(), 8U);
 }
 
 TEST(Subtree, SeveralContents) {
@@ -155,9 +184,10 @@ TEST(Subtree, SeveralContents) {
   tiling.content_templates.push_back("b/{level}.{x}.{y}.glb");
   Json json = two_levels();
   json["contentAvailability"] = {{{"constant", 0}}, {{"bitstream", 0}}};
-  const Subtree read = parse(transport::test_support::subtree(json, two_levels_binary()), tiling);
-  ASSERT_EQ(read.tiles.size(), 3U);
-  for (const SubtreeTile& tile : read.tiles) {
+  const std::vector<ExpandedTile> read =
+      expand(parse(transport::test_support::subtree(json, two_levels_binary()), tiling));
+  ASSERT_EQ(read.size(), 3U);
+  for (const SubtreeTile& tile : read) {
     ASSERT_EQ(tile.contents.size(), 1U);
     EXPECT_EQ(tile.contents[0].template_index, 1U);
   }
@@ -205,16 +235,114 @@ TEST(Subtree, MetadataGiveVolumesAndErrors) {
        {"properties", {{"box", {{"values", 2}}}, {"error", {{"values", errors}}}, {"refine", {{"values", refine}}}}}},
       {{"class", "content"}, {"count", 3}, {"properties", {{"uri", {{"values", uris}, {"stringOffsets", ends}}}}}}};
   json["buffers"][0]["byteLength"] = binary.size();
-  const Subtree read = parse(transport::test_support::subtree(json, binary), tiling);
-  ASSERT_EQ(read.tiles.size(), 3U);
-  const auto box = std::get<OrientedBox>(read.tiles[2].bounding_volume);
+  const std::vector<ExpandedTile> read = expand(parse(transport::test_support::subtree(json, binary), tiling));
+  ASSERT_EQ(read.size(), 3U);
+  const auto box = std::get<OrientedBox>(read[2].bounding_volume);
   EXPECT_LT((box.center - Vec3(-4, 0, 1)).norm(), 1e-12);
   EXPECT_LT((box.half_axes.diagonal() - Vec3(1, 2, 3)).norm(), 1e-12);
-  EXPECT_DOUBLE_EQ(read.tiles[0].geometric_error_m, 10);
-  EXPECT_DOUBLE_EQ(read.tiles[2].geometric_error_m, 4);
-  EXPECT_EQ(read.tiles[0].refine, Refine::kAdd);
-  EXPECT_EQ(read.tiles[1].refine, Refine::kReplace);
-  EXPECT_EQ(read.tiles[1].contents[0].uri, "x1.glb");
+  EXPECT_DOUBLE_EQ(read[0].geometric_error_m, 10);
+  EXPECT_DOUBLE_EQ(read[2].geometric_error_m, 4);
+  EXPECT_EQ(read[0].refine, Refine::kAdd);
+  EXPECT_EQ(read[1].refine, Refine::kReplace);
+  EXPECT_EQ(read[1].contents[0].uri, "x1.glb");
+}
+
+/// A subtree of random bits, against its definition: children have the indices after their siblings', and their
+/// coordinates follow from the parents'.
+TEST(Subtree, TilesMadeOneByOneAreThoseOfTheDefinition) {
+  for (const bool octree : {false, true}) {
+    const std::uint32_t levels = octree ? 4 : 5, children = octree ? 8 : 4;
+    const ImplicitTiling tiling = box_tiling(octree, levels, 12);
+    std::vector<std::size_t> start{0};
+    for (std::uint32_t level = 0; level < levels; ++level)
+      start.push_back(start.back() + (std::size_t{1} << (level * (octree ? 3 : 2))));
+    std::mt19937 random(5);
+    const auto bits = [&](std::size_t count) {
+      std::string bytes((count + 7) / 8, '\0');
+      for (char& byte : bytes) byte = static_cast<char>(random() | random());
+      bytes[0] = static_cast<char>(bytes[0] | 1);
+      return bytes;
+    };
+    const std::string available = bits(start.back()), contents = bits(start.back()),
+                      below = bits(start.back() * children);
+    const auto bit = [](const std::string& bytes, std::size_t i) {
+      return (static_cast<unsigned char>(bytes[i / 8]) >> (i % 8) & 1U) != 0;
+    };
+    Json json;
+    std::string binary;
+    for (const std::string& part : {available, contents, below}) {
+      json["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", binary.size()}, {"byteLength", part.size()}});
+      binary += part;
+    }
+    json["buffers"] = {{{"byteLength", binary.size()}}};
+    json["tileAvailability"] = {{"bitstream", 0}};
+    json["contentAvailability"] = {{{"bitstream", 1}}};
+    json["childSubtreeAvailability"] = {{"bitstream", 2}};
+    const TileCoordinates root{3, {5, 2, octree ? 7U : 0U}};
+    const Subtree read = parse(transport::test_support::subtree(json, binary), tiling, root);
+
+    std::size_t tiles = 0, subtrees = 0;
+    const std::function<void(std::size_t, std::uint32_t, const TileCoordinates&)> visit =
+        [&](std::size_t in_level, std::uint32_t level, const TileCoordinates& at) {
+          const auto index = static_cast<std::uint32_t>(start[level] + in_level);
+          ++(level == levels ? subtrees : tiles);
+          EXPECT_EQ(read.is_child_subtree(index), level == levels);
+          EXPECT_EQ(read.coordinates(index).level, at.level);
+          EXPECT_EQ(read.coordinates(index).xyz, at.xyz);
+          if (level == levels) return;
+          EXPECT_EQ(read.tile(index).contents.size(), bit(contents, index) ? 1U : 0U);
+          std::vector<std::uint32_t> found = read.children(index), wanted;
+          for (std::uint32_t child = 0; child < children; ++child) {
+            const std::size_t place = in_level * children + child;
+            if (!(level + 1 == levels ? bit(below, place) : bit(available, start[level + 1] + place))) continue;
+            wanted.push_back(static_cast<std::uint32_t>(start[level + 1] + place));
+            visit(place, level + 1, child_coordinates(at, child));
+          }
+          EXPECT_EQ(found, wanted);
+        };
+    visit(0, 0, root);
+    EXPECT_EQ(tiles, read.tile_count());
+    EXPECT_GT(tiles, 100U);
+    EXPECT_GT(subtrees, 100U);
+  }
+}
+
+/// Of 341 tiles some are not there; each one's error is its row's.
+TEST(Subtree, RowsOfMetadataCountTheTilesThatAreThere) {
+  ImplicitTiling tiling = box_tiling(false, 5, 5);
+  tiling.schema = std::make_shared<const tile_contents::MetadataSchema>(tile_contents::parse_metadata_schema(
+      {{"classes",
+        {{"tile",
+          {{"properties",
+            {{"error", {{"type", "SCALAR"}, {"componentType", "UINT16"}, {"semantic", "TILE_GEOMETRIC_ERROR"}}}}}}}}}},
+      "schema"));
+  std::string binary(43, '\xff');
+  for (std::size_t byte = 1; byte < binary.size(); byte += 3) binary[byte] = '\x5b';
+  std::vector<std::uint16_t> rows;
+  for (std::size_t i = 0; i < 344; ++i) {
+    if ((static_cast<unsigned char>(binary[i / 8]) >> (i % 8) & 1U) != 0)
+      rows.push_back(static_cast<std::uint16_t>(rows.size()));
+  }
+  binary += std::string(5, '\0') + base::test_support::to_raw_bytes(rows);
+  const Json json = {
+      {"buffers", {{{"byteLength", binary.size()}}}},
+      {"bufferViews",
+       {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 43}},
+        {{"buffer", 0}, {"byteOffset", 48}, {"byteLength", rows.size() * 2}}}},
+      {"tileAvailability", {{"bitstream", 0}}},
+      {"childSubtreeAvailability", {{"constant", 0}}},
+      {"tileMetadata", 0},
+      {"propertyTables", {{{"class", "tile"}, {"count", rows.size()}, {"properties", {{"error", {{"values", 1}}}}}}}}};
+  const Subtree read = parse(transport::test_support::subtree(json, binary), tiling);
+  std::vector<std::uint32_t> pending{0};
+  while (!pending.empty()) {
+    const std::uint32_t index = pending.back();
+    pending.pop_back();
+    std::size_t before = 0;
+    for (std::size_t i = 0; i < index; ++i) before += static_cast<unsigned char>(binary[i / 8]) >> (i % 8) & 1U;
+    EXPECT_EQ(read.tile(index).geometric_error_m, static_cast<double>(before)) << index;
+    for (const std::uint32_t child : read.children(index)) pending.push_back(child);
+  }
 }
 
 TEST(Subtree, FaultsAreNamed) {
@@ -404,6 +532,74 @@ TEST(Selection, AViewerOutsideOfTheRequestVolumeSeesNothing) {
   };
   EXPECT_EQ(viewer_at(10), 1U);
   EXPECT_EQ(viewer_at(30), 0U);
+}
+
+/// A full tree of millions of tiles: every subtree file is the same.
+class FullTree : public MemorySource {
+ public:
+  FullTree(bool octree, int levels, int subtree_levels) : MemorySource(tileset_of(octree, levels, subtree_levels)) {}
+
+  Bytes read(const std::string& uri) override {
+    if (!uri.ends_with(".subtree")) return MemorySource::read(uri);
+    ++subtrees_read;
+    return base::test_support::to_bytes(
+        R"({"tileAvailability":{"constant":1},"contentAvailability":[{"constant":1}],"childSubtreeAvailability":{"constant":1}})");
+  }
+
+  std::size_t subtrees_read = 0;
+
+ private:
+  static Json tileset_of(bool octree, int levels, int subtree_levels) {
+    const std::string place = octree ? "{level}.{x}.{y}.{z}" : "{level}.{x}.{y}";
+    Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 2048, 2048, 2048), 2048,
+                                              "a/" + place + ".glb");
+    root["refine"] = "REPLACE";
+    root["implicitTiling"] = {{"subdivisionScheme", octree ? "OCTREE" : "QUADTREE"},
+                              {"subtreeLevels", subtree_levels},
+                              {"availableLevels", levels},
+                              {"subtrees", {{"uri", "s/" + place + ".subtree"}}}};
+    return transport::test_support::tileset(root);
+  }
+};
+
+/// Of 5.6 million tiles (quadtree) and 2.4 million (octree), those of a few metres. Leaves are 2 m and 32 m wide.
+TEST(Selection, OfARegionVisitsOnlyItsPartOfATreeOfMillions) {
+  FullTree quadtree(false, 12, 4);
+  TilesetTree tree(quadtree);
+  const Region region{Vec3(100.5, -99.5, 0), Vec3(10, 10, 10)};
+  const TileCut cut = select_cut(tree, region_criterion(region, geometry::SE3(), 0.0));
+  EXPECT_EQ(cut.contents.size(), 36U) << "from 94 to 106, and from -106 to -94, in steps of 2 m";
+  EXPECT_THAT(cut.failures, ::testing::IsEmpty());
+  EXPECT_EQ(quadtree.subtrees_read, 1U + 1U + 4U);
+  EXPECT_LT(tree.node_count(), 250U);
+
+  FullTree octree(true, 8, 4);
+  TilesetTree cubes(octree);
+  EXPECT_EQ(select_cut(cubes, region_criterion(region, geometry::SE3(), 0.0)).contents.size(), 2U * 2U * 2U);
+  EXPECT_EQ(octree.subtrees_read, 1U + 2U);
+  EXPECT_LT(cubes.node_count(), 250U);
+}
+
+/// Ten levels in a single file: 350 000 tiles in a few hundred bytes.
+TEST(Selection, ASubtreeFileIsNotExpandedWhole) {
+  FullTree source(false, 10, 10);
+  TilesetTree tree(source);
+  const Region region{Vec3(101, -101, 0), Vec3(2, 2, 2)};
+  EXPECT_EQ(select_cut(tree, region_criterion(region, geometry::SE3(), 0.0)).contents.size(), 1U);
+  EXPECT_EQ(source.subtrees_read, 1U);
+  EXPECT_LT(tree.node_count(), 60U);
+}
+
+TEST(Selection, OfMoreThanTheLimitsIsRefusedInOneLine) {
+  const RefinementCriterion all = region_criterion({Vec3::Zero(), Vec3::Constant(5000)}, geometry::SE3(), 0.0);
+  FullTree source(true, 32, 1);
+  TilesetTree few_tiles(source, {.max_nodes = 1000});
+  EXPECT_THAT(base::test_support::error_of([&] { select_cut(few_tiles, all); }),
+              HasSubstr("has more than 1000 tiles in what was asked for; ask for a smaller region"));
+  EXPECT_LE(few_tiles.node_count(), 1000U);
+  TilesetTree few_files(source, {.max_files = 50});
+  EXPECT_THAT(base::test_support::error_of([&] { select_cut(few_files, all); }),
+              HasSubstr("more than 50 external tilesets and subtrees"));
 }
 
 LoadedTiles load(const std::filesystem::path& file) { return load_region(file.string(), {}); }

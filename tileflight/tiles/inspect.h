@@ -9,6 +9,7 @@
 #include "tileflight/base/progress.h"
 #include "tileflight/geometry/geodesy.h"
 #include "tileflight/geometry/mesh.h"
+#include "tileflight/tiles/content_sample.h"
 #include "tileflight/transport/open_source.h"
 
 namespace tileflight::tiles {
@@ -21,7 +22,7 @@ struct LevelSummary {
 };
 
 /// Summary of a tileset from its JSON; external tilesets and subtrees are followed. A few contents are read for
-/// attributions.
+/// attributions and for what they hold.
 struct TilesetSummary {
   std::string version;
   std::string generator;
@@ -49,15 +50,34 @@ struct TilesetSummary {
   std::vector<std::string> attribution;  ///< from the tileset files and the contents read, most frequent first
   std::int64_t contents_read = 0;        ///< the first in the tree, and others spread evenly over it
   std::vector<std::string> failures;     ///< external tilesets that could not be read, one line each
+
+  /// Whether some external tilesets or subtrees were not opened. Then all numbers of tiles, contents, files and bytes
+  /// above are estimates from those that were, except `external_tilesets` and `subtrees`: those opened.
+  bool is_estimate = false;
+  std::int64_t nested_files = 0;         ///< references to external tilesets and subtrees, in all files opened
+  std::int64_t nested_files_opened = 0;  ///< among these
+  double count_spread = 0.0;             ///< of estimated numbers: two standard errors, relative; infinite: unknown
+
+  std::int64_t finest_contents = 0;     ///< references in the finest cut: what an extraction of everything reads
+  std::int64_t finest_bytes = 0;        ///< of their distinct files, if the source knows sizes
+  std::vector<ContentMeasures> probes;  ///< some of them, decoded
   std::vector<std::string> warnings;
 
   int depth() const { return static_cast<int>(levels.size()); }
 };
 
+/// How much of a tree is visited.
+struct InspectLimits {
+  bool all = false;                     ///< everything; else, beyond these numbers, a part that is spread evenly
+  std::size_t max_nested_files = 1024;  ///< external tilesets and subtrees opened
+  std::size_t max_tiles = std::size_t{500} << 10;
+};
+
 /// Throws InputError if the root cannot be read; faults further down are listed in `failures`.
-TilesetSummary inspect_tileset(transport::TileSource& source, const Progress& progress = {});
+TilesetSummary inspect_tileset(transport::TileSource& source, const InspectLimits& limits = {},
+                               const Progress& progress = {});
 /// `source`: as in load_region.
 TilesetSummary inspect_tileset(const std::string& source, const transport::SourceOptions& options = {},
-                               const Progress& progress = {});
+                               const InspectLimits& limits = {}, const Progress& progress = {});
 
 }  // namespace tileflight::tiles

@@ -1,6 +1,9 @@
 #include "tileflight/tiles/inspect.h"
 
 #include <gmock/gmock.h>
+
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "tests/test_data.h"
@@ -144,6 +147,101 @@ TEST(InspectTileset, ExternalTilesetsOfALevelAreAskedForTogether) {
   ASSERT_EQ(source.announced.size(), 2U);
   EXPECT_THAT(source.announced[0], UnorderedElementsAre("a.json", "gone.json", "b.json"));
   EXPECT_THAT(source.announced[1], UnorderedElementsAre("c.json", "d.json"));
+}
+
+/// A place of `count` external tilesets, each named by its number; each has one to five leaves below its root.
+class ManyTilesets : public MemorySource {
+ public:
+  explicit ManyTilesets(int count, bool same_file = false) {
+    const Json volume = transport::test_support::box_volume(0, 0, 0, 1, 1, 1);
+    Json root = transport::test_support::tile(volume, 8);
+    root["children"] = Json::array();
+    for (int i = 0; i < count; ++i) {
+      const int number = same_file ? 5 : i;
+      const std::string name = std::to_string(number);
+      root["children"].push_back(transport::test_support::tile(volume, 4, name + ".json"));
+      Json top = transport::test_support::tile(volume, 2, name + ".glb");
+      top["refine"] = "REPLACE";
+      for (int leaf = 0; leaf <= (number * 7919 >> 7) % 5; ++leaf) {
+        const std::string uri = name + "-" + std::to_string(leaf) + ".glb";
+        top["children"].push_back(transport::test_support::tile(volume, 0, uri));
+        add(uri, transport::test_support::triangle_glb());
+      }
+      add(name + ".glb", transport::test_support::triangle_glb());
+      add(name + ".json", transport::test_support::tileset(top).dump());
+    }
+    add("tileset.json", transport::test_support::tileset(root).dump());
+  }
+
+  std::int64_t tilesets_read() const {
+    return std::ranges::count_if(reads(), [](const auto& file) { return file.first.ends_with(".json"); }) - 1;
+  }
+};
+
+TEST(InspectTileset, OfManyTilesetsSomeStandForAllAndItSaysSo) {
+  ManyTilesets source(500);
+  const TilesetSummary all = inspect_tileset(source, {.all = true, .max_nested_files = 40});
+  EXPECT_FALSE(all.is_estimate);
+  EXPECT_EQ(all.tiles, 1 + 500 + 500 + 1503);
+  EXPECT_EQ(all.finest_contents, 1503);
+  EXPECT_EQ(all.nested_files_opened, 500);
+  EXPECT_EQ(all.count_spread, 0.0);
+
+  ManyTilesets again(500);
+  const TilesetSummary some = inspect_tileset(again, {.max_nested_files = 40});
+  EXPECT_TRUE(some.is_estimate);
+  EXPECT_EQ(some.nested_files, 500);
+  EXPECT_EQ(some.nested_files_opened, 40);
+  EXPECT_EQ(again.tilesets_read(), 40);
+  EXPECT_EQ(some.external_tilesets, 40) << "those opened";
+  EXPECT_GT(some.count_spread, 0.0);
+  EXPECT_LT(some.count_spread, 0.5);
+  const auto near = [&](std::int64_t number, double truth) {
+    return std::abs(static_cast<double>(number) - truth) <= some.count_spread * truth;
+  };
+  EXPECT_TRUE(near(some.finest_contents, 1503)) << some.finest_contents;
+  EXPECT_TRUE(near(some.tiles, 2504)) << some.tiles;
+  EXPECT_TRUE(near(some.content_files, 2003)) << some.content_files;
+  EXPECT_TRUE(near(some.content_bytes, static_cast<double>(all.content_bytes))) << some.content_bytes;
+  EXPECT_EQ(some.levels[1].tiles, 500) << "of the file that was read";
+  EXPECT_EQ(some.levels[2].tiles, 500) << "each tileset has one root";
+  EXPECT_EQ(some.probes.size(), 12U);
+}
+
+TEST(InspectTileset, OneTilesetNamedOftenIsOneFile) {
+  ManyTilesets source(500, true);
+  const TilesetSummary some = inspect_tileset(source, {.max_nested_files = 20});
+  EXPECT_TRUE(some.is_estimate);
+  EXPECT_EQ(some.tiles, 1 + 500 + 500 + 2500);
+  EXPECT_EQ(some.content_files, 6);
+  EXPECT_EQ(some.finest_contents, 2500);
+  EXPECT_NEAR(some.count_spread, 0.0, 1e-12);
+}
+
+/// 64 x 64 subtrees of 85 tiles below a root subtree, of which a few are opened.
+TEST(InspectTileset, OfManySubtreesSomeStandForAll) {
+  MemorySource source;
+  Json root = transport::test_support::tile(transport::test_support::box_volume(0, 0, 0, 64, 64, 64), 64,
+                                            "{level}.{x}.{y}.glb");
+  root["refine"] = "REPLACE";
+  root["implicitTiling"] = {{"subdivisionScheme", "QUADTREE"},
+                            {"subtreeLevels", 6},
+                            {"availableLevels", 10},
+                            {"subtrees", {{"uri", "{level}.{x}.{y}.subtree"}}}};
+  source.add("tileset.json", transport::test_support::tileset(root).dump());
+  const std::string full =
+      R"({"tileAvailability":{"constant":1},"contentAvailability":[{"constant":1}],"childSubtreeAvailability":{"constant":1}})";
+  source.add("0.0.0.subtree", full);
+  for (int x = 0; x < 64; ++x) {
+    for (int y = 0; y < 64; ++y) source.add("6." + std::to_string(x) + "." + std::to_string(y) + ".subtree", full);
+  }
+  const TilesetSummary s = inspect_tileset(source, {.max_nested_files = 50});
+  EXPECT_TRUE(s.is_estimate);
+  EXPECT_EQ(s.nested_files, 1 + 4096);
+  EXPECT_EQ(s.nested_files_opened, 1 + 49);
+  EXPECT_EQ(s.tiles, (1 << 20) / 3) << "(4^10 - 1) / 3";
+  EXPECT_EQ(s.finest_contents, 1 << 18);
+  EXPECT_NEAR(s.count_spread, 0.0, 1e-12);
 }
 
 TEST(InspectTileset, Machangara) {

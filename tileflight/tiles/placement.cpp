@@ -171,10 +171,11 @@ bool is_georeferenced(const TilesetTree& tree) {
 
 SE3 T_own_tileset(const TilesetTree& tree) {
   const Tileset& tileset = tree.tileset(tree.root());
-  const Tile& root = tree.tile(tree.root());
+  const std::shared_ptr<const Tile> root = tree.tile(tree.root());
   if (tileset.georeferenced.value_or(true) || !tileset.movable) return {};
-  if (!root.contents.empty() || root.children.size() != 1) return {};
-  const geometry::Mat4& T_tileset_model = tree.node(tree.children(tree.root())[0]).T_tileset_tile;
+  if (!root->contents.empty() || root->children.size() != 1) return {};
+  const geometry::Mat4 T_tileset_model =
+      tree.T_tileset_tile(tree.root()) * tileset.tiles[root->children[0]].T_parent_tile;
   const geometry::Mat3 linear = T_tileset_model.topLeftCorner<3, 3>();
   if (!(linear * linear.transpose()).isIdentity(1e-9) || linear.determinant() < 0) return {};
   return SE3(linear, T_tileset_model.topRightCorner<3, 1>()).inverse();

@@ -4,11 +4,14 @@
 #include <iomanip>
 #include <numeric>
 #include <sstream>
+#include <string_view>
+#include <unordered_set>
 #include <utility>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/string_lists.h"
 #include "tileflight/tiles/bounding_volume.h"
+#include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
 namespace {
@@ -21,7 +24,7 @@ std::string gigabytes(std::uintmax_t bytes) {
 
 /// Whether no file read from the tree refers to any content.
 bool holds_nothing(const TilesetTree& tree) {
-  const auto files = tree.files_read();
+  const auto& files = tree.files_read();
   return std::all_of(files.begin(), files.end(), [](const auto& file) {
     const std::vector<Tile>& tiles = file.second->tiles;
     return std::all_of(tiles.begin(), tiles.end(),
@@ -108,6 +111,17 @@ std::vector<std::size_t> RegionReader::all_contents() const {
   std::vector<std::size_t> all(cut_.contents.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
   return all;
+}
+
+std::optional<std::uintmax_t> RegionReader::file_bytes() const {
+  if (!source_.knows_sizes()) return std::nullopt;
+  std::unordered_set<std::string_view> uris;
+  std::uintmax_t bytes = 0;
+  for (const CutContent& content : cut_.contents) {
+    if (!uris.insert(content.uri).second) continue;
+    bytes += transport::is_data_uri(content.uri) ? content.uri.size() : source_.size(content.uri).value_or(0);
+  }
+  return bytes;
 }
 
 std::vector<LoadedContent> RegionReader::read(const std::vector<std::size_t>& contents, const Progress& progress) {

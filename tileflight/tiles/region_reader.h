@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,6 +43,8 @@ class RegionReader {
   std::vector<std::size_t> contents_in(const geometry::Box3& box) const;
   /// All contents of the cut.
   std::vector<std::size_t> all_contents() const;
+  /// Size of the cut's distinct files; nullopt if the source does not know it.
+  std::optional<std::uintmax_t> file_bytes() const;
 
   /// Reads these contents, in this order; unreadable ones are left out. A content may be read again. Throws
   /// MemoryLimitExceeded, and InputError for the first unreadable content unless options.allow_incomplete.

@@ -6,8 +6,8 @@
 #include <set>
 #include <utility>
 
-#include "tileflight/base/files.h"
 #include "tileflight/base/input_error.h"
+#include "tileflight/base/sha256.h"
 #include "tileflight/transport/uri.h"
 #include "tileflight/transport/url_secrets.h"
 
@@ -25,9 +25,9 @@ class CutSelector {
   TileCut run() {
     if (tree_.is_high_latency()) read_ahead();
     visit(tree_.root());
-    std::string identities;
-    for (const CutContent& content : cut_.contents) identities += content.identity + "\n";
-    cut_.hash = base::sha256_hex(identities);
+    base::Sha256 identities;
+    for (const CutContent& content : cut_.contents) identities.add(content.identity + "\n");
+    cut_.hash = identities.hex();
     return std::move(cut_);
   }
 
@@ -55,21 +55,37 @@ class CutSelector {
   }
 
   void visit(NodeId id) {
+    const std::shared_ptr<const Tile> tile = read_tile(id);
+    if (tile == nullptr) return;
     const BoundingVolume volume = tree_.volume(id);
     if (!criterion_.intersects(volume)) return;
-    if (const std::string& lacking = tree_.tile(id).unsupported; !lacking.empty()) {
-      cut_.failures.push_back(tree_.name(id) + ": " + lacking + " is not supported");
+    if (!tile->unsupported.empty()) {
+      cut_.failures.push_back(tree_.name(id) + ": " + tile->unsupported + " is not supported");
       return;
     }
     if (hidden_from_viewer(id)) return;
-    if (tree_.tile(id).implicit_subtree) return visit_subtree(id);
-    const bool has_content = !tree_.tile(id).contents.empty();
-    const bool has_children = !tree_.tile(id).children.empty();
+    if (tile->implicit_subtree) return visit_subtree(id);
+    const bool has_content = !tile->contents.empty();
     const bool fine_enough = criterion_.is_fine_enough(volume, tree_.geometric_error_m(id));
-    const bool refined = has_children && (!fine_enough || !has_content);
+    const bool refined = !tile->children.empty() && (!fine_enough || !has_content);
     if (has_content && (!refined || tree_.node(id).refine == Refine::kAdd)) add_contents(id, !refined);
     if (!refined) return;
     for (const NodeId child : tree_.children(id)) visit(child);
+  }
+
+  /// Null, and a failure, if the tile's metadata are broken.
+  std::shared_ptr<const Tile> read_tile(NodeId id) {
+    try {
+      return tree_.tile(id);
+    } catch (const InputError& error) {
+      fail(id, error);
+      return nullptr;
+    }
+  }
+
+  void fail(NodeId id, const InputError& error) {
+    if (dynamic_cast<const TreeTooLarge*>(&error) != nullptr) throw;
+    cut_.failures.push_back(tree_.name(id) + ": " + error.what());
   }
 
   bool hidden_from_viewer(NodeId id) const {
@@ -83,12 +99,13 @@ class CutSelector {
     try {
       visit(tree_.implicit_root(id));
     } catch (const InputError& error) {
-      cut_.failures.push_back(tree_.name(id) + ": " + error.what());
+      fail(id, error);
     }
   }
 
   void add_contents(NodeId id, bool finest_here) {
-    for (std::size_t content = 0; content < tree_.tile(id).contents.size(); ++content) {
+    const std::size_t contents = tree_.tile(id)->contents.size();
+    for (std::size_t content = 0; content < contents; ++content) {
       const std::optional<BoundingVolume> volume = tree_.content_volume(id, content);
       if (volume && !criterion_.intersects(*volume)) continue;
       try {
@@ -99,7 +116,7 @@ class CutSelector {
           add_to_cut(id, content, finest_here);
         }
       } catch (const InputError& error) {
-        cut_.failures.push_back(tree_.name(id) + ": " + error.what());
+        fail(id, error);
       }
     }
   }
@@ -116,7 +133,6 @@ class CutSelector {
     taken.content = content;
     taken.uri = tree_.content_uri(id, content);
     taken.geometric_error_m = tree_.geometric_error_m(id);
-    taken.name = tree_.name(id) + ": " + transport::uri_for_message(taken.uri);
     taken.identity = relative_to_root(tree_.name(id)) + " " + relative_to_root(transport::remove_secrets(taken.uri));
     if (finest_here) cut_.geometric_error_max_m = std::max(cut_.geometric_error_max_m, taken.geometric_error_m);
     cut_.contents.push_back(std::move(taken));

@@ -31,7 +31,6 @@ struct CutContent {
   NodeId node = 0;
   std::size_t content = 0;  ///< index into the tile's contents
   std::string uri;          ///< resolved
-  std::string name;         ///< for messages: the tile and its URI
   std::string identity;     ///< file, tile path and URI, from the root on: input of the cut's hash
   double geometric_error_m = 0.0;
 };
@@ -60,6 +59,8 @@ struct TileCut {
 /// - A content whose own bounding volume does not intersect the request is skipped.
 /// - A tile of an implicit tree whose subtree file is not yet read stands for that subtree's root.
 /// - If there is a viewer, a tile whose `viewerRequestVolume` does not contain it is skipped with its descendants.
+/// - A tile of a subtree whose metadata are broken is a failure, skipped with its descendants.
+/// Throws TreeTooLarge if what is asked for exceeds the tree's limits.
 TileCut select_cut(TilesetTree& tree, const RefinementCriterion& wanted);
 
 }  // namespace tileflight::tiles

@@ -1,6 +1,7 @@
 #include "tileflight/tiles/subtree.h"
 
 #include <algorithm>
+#include <bit>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -8,6 +9,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/raw_bytes.h"
 #include "tileflight/tile_contents/json_reader.h"
+#include "tileflight/tile_contents/property_table.h"
 #include "tileflight/tiles/tile_semantics.h"
 
 namespace tileflight::tiles {
@@ -41,9 +43,11 @@ SubtreeParts parts_of(Bytes bytes, const std::string& name) {
 /// The buffers of a subtree and the views into them.
 class SubtreeBuffers {
  public:
+  /// `outside`: takes the files that buffers refer to, which the views need.
   SubtreeBuffers(const tile_contents::Json& json, Bytes binary, const std::string& name,
-                 const std::function<std::vector<std::byte>(const std::string&)>& read_resource)
-      : json_(json), binary_(binary), name_(name), read_resource_(read_resource) {}
+                 const std::function<std::vector<std::byte>(const std::string&)>& read_resource,
+                 std::map<std::size_t, std::vector<std::byte>>& outside)
+      : json_(json), binary_(binary), name_(name), read_resource_(read_resource), outside_(outside) {}
 
   Bytes view(std::size_t index) {
     const std::string where = name_ + ": bufferViews[" + std::to_string(index) + "]";
@@ -86,8 +90,10 @@ class SubtreeBuffers {
   Bytes binary_;
   std::string name_;
   const std::function<std::vector<std::byte>(const std::string&)>& read_resource_;
-  std::map<std::size_t, std::vector<std::byte>> outside_;
+  std::map<std::size_t, std::vector<std::byte>>& outside_;
 };
+
+}  // namespace
 
 /// One bit for each possible tile, or one for all of them (section "Availability").
 class Availability {
@@ -118,49 +124,116 @@ class Availability {
   std::size_t count(std::size_t bits) const {
     if (stream_.empty()) return constant_ ? bits : 0;
     std::size_t set = 0;
-    for (std::size_t i = 0; i < bits; ++i) set += at(i) ? 1 : 0;
+    for (std::size_t i = 0; i < bits / 8; ++i) set += count_bits(stream_[i]);
+    for (std::size_t i = bits / 8 * 8; i < bits; ++i) set += at(i) ? 1 : 0;
     return set;
   }
   std::size_t count() const { return count(bits_); }
+  /// Number of set bits from one index up to, not including, another.
+  std::size_t count(std::size_t from, std::size_t to) const {
+    std::size_t set = 0;
+    for (std::size_t i = from; i < to; ++i) set += at(i) ? 1 : 0;
+    return set;
+  }
 
  private:
+  static std::size_t count_bits(std::byte byte) {
+    return static_cast<std::size_t>(std::popcount(std::to_integer<unsigned>(byte)));
+  }
+
   std::size_t bits_ = 0;
   bool constant_ = false;
   Bytes stream_;
 };
 
-/// Row of an available entry in its metadata: the number of available entries before it. Queried in increasing order.
+/// Row of an available entry in its metadata: the number of available entries before it.
 class Rank {
  public:
-  std::size_t of(const Availability& availability, std::size_t index) {
-    for (; next_ < index; ++next_) rank_ += availability.at(next_) ? 1 : 0;
-    return rank_;
+  Rank() = default;
+  explicit Rank(const Availability& availability, std::size_t bits) {
+    before_.reserve(bits / kBlock + 1);
+    std::size_t set = 0;
+    for (std::size_t from = 0; from <= bits; from += kBlock) {
+      before_.push_back(static_cast<std::uint32_t>(set));
+      set += availability.count(from, std::min(from + kBlock, bits));
+    }
+  }
+  std::size_t of(const Availability& availability, std::size_t index) const {
+    return before_[index / kBlock] + availability.count(index / kBlock * kBlock, index);
   }
 
  private:
-  std::size_t next_ = 0;
-  std::size_t rank_ = 0;
+  static constexpr std::size_t kBlock = 128;
+  std::vector<std::uint32_t> before_;  ///< available entries before each block
 };
+
+namespace {
+
+TileSemantics semantics_of(const tile_contents::PropertyTable& table, std::size_t row, const std::string& prefix,
+                           const std::string& where) {
+  const auto find = [&](const std::string& semantic) -> std::optional<std::size_t> {
+    for (std::size_t i = 0; i < table.columns().size(); ++i) {
+      if (table.columns()[i].semantic == semantic) return row < table.rows() ? std::optional(i) : std::nullopt;
+    }
+    return std::nullopt;
+  };
+  SemanticValues values;
+  values.numbers = [&](const std::string& semantic) {
+    const auto column = find(semantic);
+    return column ? table.numbers(*column, row) : std::nullopt;
+  };
+  values.text = [&](const std::string& semantic) {
+    const auto column = find(semantic);
+    return column ? std::optional(table.text(*column, row)) : std::nullopt;
+  };
+  return read_semantics(prefix, values, where);
+}
+
+}  // namespace
+
+/// What a file holds. Availabilities and tables are views into its bytes.
+struct Subtree::Parts {
+  std::shared_ptr<const ImplicitTiling> tiling;
+  TileCoordinates root;
+  std::string name;
+  std::vector<std::byte> bytes;
+  std::map<std::size_t, std::vector<std::byte>> outside;  ///< files that buffers refer to
+  std::uint32_t levels = 0;                               ///< levels of this subtree that lie inside the tree
+  std::vector<std::size_t> level_start;  ///< index of each level's first tile; then that of the child subtrees
+  Availability tiles, subtrees;
+  std::vector<Availability> contents;
+  std::optional<tile_contents::PropertyTable> tile_metadata;
+  std::vector<tile_contents::PropertyTable> content_metadata;
+  Rank tile_rank;
+  std::vector<Rank> content_ranks;
+  std::size_t tile_count = 0;
+  std::vector<std::string> warnings;
+
+  std::size_t bits() const { return level_start.back(); }
+  /// Level within the subtree.
+  std::size_t level_of(std::size_t index) const {
+    return static_cast<std::size_t>(std::upper_bound(level_start.begin(), level_start.end(), index) -
+                                    level_start.begin()) -
+           1;
+  }
+};
+
+namespace {
 
 /// Reads one file; one object per file.
 class SubtreeParser {
  public:
-  SubtreeParser(const tile_contents::Json& json, SubtreeBuffers& buffers, const ImplicitSubtree& place,
-                const std::string& name)
-      : json_(json), buffers_(buffers), tiling_(*place.tiling), root_(place.root), name_(name) {}
+  SubtreeParser(const tile_contents::Json& json, SubtreeBuffers& buffers, Subtree::Parts& out)
+      : json_(json), buffers_(buffers), tiling_(*out.tiling), name_(out.name), out_(out) {}
 
-  Subtree parse() {
+  void parse() {
     read_availability();
     read_metadata();
-    if (!tiles_.at(0))
+    if (!out_.tiles.at(0))
       throw InputError(name_, "its root tile is marked as unavailable, but its parent lists the subtree as available");
-    std::vector<std::size_t> row = {0};  // indices within a level, ascending
-    add_tile(root_, 0, 0);
-    for (std::uint32_t level = 0; level + 1 < levels_ && !row.empty(); ++level) row = add_level(level, row);
-    if (levels_ == tiling_.subtree_levels) add_child_subtrees(row);
-    if (reached_ < tiles_.count(level_start_[levels_]))
+    out_.tile_count = count_reached();
+    if (out_.tile_count < out_.tiles.count(out_.level_start[out_.levels]))
       warn("a subtree has tiles whose parents are not there; they are left out");
-    return std::move(out_);
   }
 
  private:
@@ -170,24 +243,24 @@ class SubtreeParser {
   }
 
   void read_availability() {
-    levels_ = std::min(tiling_.subtree_levels, tiling_.available_levels - root_.level);
-    std::size_t in_level = 1;
+    out_.levels = std::min(tiling_.subtree_levels, tiling_.available_levels - out_.root.level);
+    std::size_t in_level = 1, bits = 0;
     for (std::uint32_t level = 0; level < tiling_.subtree_levels; ++level) {
-      level_start_.push_back(bits_);
-      bits_ += in_level;
+      out_.level_start.push_back(bits);
+      bits += in_level;
       in_level *= tiling_.children_per_tile();
     }
-    level_start_.push_back(bits_);
-    const auto read = [&](const char* key, std::size_t bits) {
+    out_.level_start.push_back(bits);
+    const auto read = [&](const char* key, std::size_t size) {
       const tile_contents::Json* json = tile_contents::find_object(json_, key, name_);
       if (json == nullptr) throw InputError(name_, std::string(key) + " is missing");
-      return availability(*json, bits, name_ + ": " + key);
+      return availability(*json, size, name_ + ": " + key);
     };
-    tiles_ = read("tileAvailability", bits_);
-    if (tiles_.count(level_start_[levels_]) > kMaxTiles) {
+    out_.tiles = read("tileAvailability", bits);
+    if (out_.tiles.count(out_.level_start[out_.levels]) > kMaxTiles) {
       throw InputError(name_, "the subtree has more than " + std::to_string(kMaxTiles) + " tiles");
     }
-    subtrees_ = read("childSubtreeAvailability", in_level);
+    out_.subtrees = read("childSubtreeAvailability", in_level);
     read_content_availability();
   }
 
@@ -209,12 +282,14 @@ class SubtreeParser {
     if (contents == nullptr) return;
     const std::string where = name_ + ": contentAvailability";
     if (!contents->is_array()) {
-      contents_.push_back(availability(*contents, bits_, where));
+      out_.contents.push_back(availability(*contents, out_.bits(), where));
       return;
     }
-    for (const tile_contents::Json& content : *contents) contents_.push_back(availability(content, bits_, where));
-    if (contents_.size() > tiling_.content_templates.size()) {
-      throw InputError(where, "has " + std::to_string(contents_.size()) + " contents per tile, but the tileset has " +
+    for (const tile_contents::Json& content : *contents)
+      out_.contents.push_back(availability(content, out_.bits(), where));
+    if (out_.contents.size() > tiling_.content_templates.size()) {
+      throw InputError(where, "has " + std::to_string(out_.contents.size()) +
+                                  " contents per tile, but the tileset has " +
                                   std::to_string(tiling_.content_templates.size()));
     }
   }
@@ -228,127 +303,142 @@ class SubtreeParser {
       return tile_contents::PropertyTable((*tables)[index], *tiling_.schema,
                                           [&](std::size_t view) { return buffers_.view(view); }, where);
     };
-    if (const auto index = tile_contents::find_index(json_, "tileMetadata", name_)) tile_metadata_ = table(*index);
+    if (const auto index = tile_contents::find_index(json_, "tileMetadata", name_)) {
+      out_.tile_metadata = table(*index);
+      out_.tile_rank = Rank(out_.tiles, out_.bits());
+      if (semantics_of(*out_.tile_metadata, 0, "TILE", name_ + ": tileMetadata").has_transform) warn(kTransformWarning);
+    }
     if (const auto indices = tile_contents::find_numbers(json_, "contentMetadata", 0, name_)) {
       for (const double index : *indices) {
         if (!(index >= 0 && index < 1e6))
           throw InputError(name_, "contentMetadata refers to a table that does not exist");
-        content_metadata_.push_back(table(static_cast<std::size_t>(index)));
+        out_.content_metadata.push_back(table(static_cast<std::size_t>(index)));
       }
-    }
-    content_ranks_.resize(contents_.size());
-  }
-
-  static TileSemantics semantics(const tile_contents::PropertyTable& table, std::size_t row, const std::string& prefix,
-                                 const std::string& where) {
-    const auto find = [&](const std::string& semantic) -> std::optional<std::size_t> {
-      for (std::size_t i = 0; i < table.columns().size(); ++i) {
-        if (table.columns()[i].semantic == semantic) return row < table.rows() ? std::optional(i) : std::nullopt;
-      }
-      return std::nullopt;
-    };
-    SemanticValues values;
-    values.numbers = [&](const std::string& semantic) {
-      const auto column = find(semantic);
-      return column ? table.numbers(*column, row) : std::nullopt;
-    };
-    values.text = [&](const std::string& semantic) {
-      const auto column = find(semantic);
-      return column ? std::optional(table.text(*column, row)) : std::nullopt;
-    };
-    return read_semantics(prefix, values, where);
-  }
-
-  /// Adds the available children of a level's tiles, in order; returns their indices within their level.
-  std::vector<std::size_t> add_level(std::uint32_t level, const std::vector<std::size_t>& parents) {
-    std::vector<std::size_t> row;
-    const std::size_t first_parent = out_.tiles.size() - parents.size();
-    for (std::size_t i = 0; i < parents.size(); ++i) {
-      for (std::uint32_t child = 0; child < tiling_.children_per_tile(); ++child) {
-        const std::size_t index = parents[i] * tiling_.children_per_tile() + child;
-        if (!tiles_.at(level_start_[level + 1] + index)) continue;
-        out_.tiles[first_parent + i].children.push_back(static_cast<std::uint32_t>(out_.tiles.size()));
-        add_tile(child_coordinates(out_.tiles[first_parent + i].coordinates, child), level + 1, index);
-        row.push_back(index);
-      }
-    }
-    return row;
-  }
-
-  void add_child_subtrees(const std::vector<std::size_t>& parents) {
-    if (root_.level + levels_ >= tiling_.available_levels) return;
-    const std::size_t first_parent = out_.tiles.size() - parents.size();
-    for (std::size_t i = 0; i < parents.size(); ++i) {
-      SubtreeTile& tile = out_.tiles[first_parent + i];
-      for (std::uint32_t child = 0; child < tiling_.children_per_tile(); ++child) {
-        if (!subtrees_.at(parents[i] * tiling_.children_per_tile() + child)) continue;
-        tile.subtrees.push_back(child_coordinates(tile.coordinates, child));
-      }
+      for (const Availability& contents : out_.contents) out_.content_ranks.emplace_back(contents, out_.bits());
     }
   }
 
-  void add_tile(const TileCoordinates& coordinates, std::uint32_t level, std::size_t index_in_level) {
-    ++reached_;
-    const std::size_t index = level_start_[level] + index_in_level;
-    SubtreeTile tile;
-    tile.coordinates = coordinates;
-    tile.bounding_volume = implicit_volume(tiling_, coordinates);
-    tile.geometric_error_m = implicit_geometric_error_m(tiling_, coordinates);
-    const std::string where = name_ + ": tile " + coordinates_text(coordinates, tiling_.octree);
-    if (tile_metadata_) {
-      const TileSemantics own = semantics(*tile_metadata_, tile_rank_.of(tiles_, index), "TILE", where);
-      if (own.has_transform) warn(kTransformWarning);
-      tile.bounding_volume = apply_semantics(tile.bounding_volume, own);
-      tile.geometric_error_m = own.geometric_error_m.value_or(tile.geometric_error_m);
-      tile.refine = own.refine;
-    }
-    add_contents(tile, index, where);
-    out_.tiles.push_back(std::move(tile));
-  }
-
-  void add_contents(SubtreeTile& tile, std::size_t index, const std::string& where) {
-    for (std::size_t i = 0; i < contents_.size(); ++i) {
-      if (!contents_[i].at(index)) continue;
-      SubtreeContent content{i, std::nullopt, std::nullopt};
-      if (i < content_metadata_.size()) {
-        const std::size_t row = content_ranks_[i].of(contents_[i], index);
-        const TileSemantics own = semantics(content_metadata_[i], row, "CONTENT", where);
-        content.uri = own.uri;
-        if (own.bounding_volume || own.s2_cell || own.min_height_m || own.max_height_m) {
-          content.bounding_volume = apply_semantics(tile.bounding_volume, own);
+  /// Number of tiles that can be reached from the root.
+  std::size_t count_reached() const {
+    std::size_t count = 1;
+    std::vector<std::size_t> row = {0};  // indices within a level, ascending
+    for (std::uint32_t level = 0; level + 1 < out_.levels && !row.empty(); ++level) {
+      std::vector<std::size_t> below;
+      for (const std::size_t parent : row) {
+        for (std::uint32_t child = 0; child < tiling_.children_per_tile(); ++child) {
+          const std::size_t index = parent * tiling_.children_per_tile() + child;
+          if (out_.tiles.at(out_.level_start[level + 1] + index)) below.push_back(index);
         }
       }
-      tile.contents.push_back(std::move(content));
+      count += below.size();
+      row = std::move(below);
     }
+    return count;
   }
 
   const tile_contents::Json& json_;
   SubtreeBuffers& buffers_;
   const ImplicitTiling& tiling_;
-  TileCoordinates root_;
-  std::string name_;
-  Subtree out_;
-  std::uint32_t levels_ = 0;  ///< levels of this subtree that lie inside the tree
-  std::size_t bits_ = 0;
-  std::vector<std::size_t> level_start_;
-  Availability tiles_, subtrees_;
-  std::vector<Availability> contents_;
-  std::optional<tile_contents::PropertyTable> tile_metadata_;
-  std::vector<tile_contents::PropertyTable> content_metadata_;
-  Rank tile_rank_;
-  std::vector<Rank> content_ranks_;
-  std::size_t reached_ = 0;
+  const std::string& name_;
+  Subtree::Parts& out_;
 };
+
+void add_contents(const Subtree::Parts& parts, std::size_t index, const std::string& where, SubtreeTile& tile) {
+  for (std::size_t i = 0; i < parts.contents.size(); ++i) {
+    if (!parts.contents[i].at(index)) continue;
+    SubtreeContent content{i, std::nullopt, std::nullopt};
+    if (i < parts.content_metadata.size()) {
+      const std::size_t row = parts.content_ranks[i].of(parts.contents[i], index);
+      const TileSemantics own = semantics_of(parts.content_metadata[i], row, "CONTENT", where);
+      content.uri = own.uri;
+      if (own.bounding_volume || own.s2_cell || own.min_height_m || own.max_height_m) {
+        content.bounding_volume = apply_semantics(tile.bounding_volume, own);
+      }
+    }
+    tile.contents.push_back(std::move(content));
+  }
+}
 
 }  // namespace
 
-Subtree parse_subtree(Bytes bytes, const ImplicitSubtree& place, const std::string& name,
+const std::shared_ptr<const ImplicitTiling>& Subtree::shared_tiling() const { return parts_->tiling; }
+std::size_t Subtree::tile_count() const { return parts_->tile_count; }
+const std::vector<std::string>& Subtree::warnings() const { return parts_->warnings; }
+bool Subtree::is_child_subtree(std::uint32_t tile) const { return tile >= parts_->bits(); }
+
+std::vector<std::uint32_t> Subtree::children(std::uint32_t tile) const {
+  const std::size_t level = parts_->level_of(tile), below = level + 1;
+  const bool is_last = below == parts_->tiling->subtree_levels;
+  if (is_child_subtree(tile) ||
+      (is_last ? parts_->root.level + below >= parts_->tiling->available_levels : below >= parts_->levels)) {
+    return {};
+  }
+  std::vector<std::uint32_t> found;
+  for (std::uint32_t child = 0; child < parts_->tiling->children_per_tile(); ++child) {
+    const std::size_t in_level = (tile - parts_->level_start[level]) * parts_->tiling->children_per_tile() + child;
+    const std::size_t index = parts_->level_start[below] + in_level;
+    if (is_last ? parts_->subtrees.at(in_level) : parts_->tiles.at(index))
+      found.push_back(static_cast<std::uint32_t>(index));
+  }
+  return found;
+}
+
+TileCoordinates Subtree::coordinates(std::uint32_t tile) const {
+  const std::size_t level = parts_->level_of(tile), axes = parts_->tiling->octree ? 3 : 2;
+  const std::size_t morton = tile - parts_->level_start[level];
+  TileCoordinates out{parts_->root.level + static_cast<std::uint32_t>(level), {}};
+  for (std::size_t axis = 0; axis < axes; ++axis) {
+    out.xyz[axis] = parts_->root.xyz[axis] << level;
+    for (std::size_t bit = 0; bit < level; ++bit)
+      out.xyz[axis] |= static_cast<std::uint32_t>(morton >> (bit * axes + axis) & 1U) << bit;
+  }
+  return out;
+}
+
+std::optional<Refine> Subtree::refine(std::uint32_t index) const {
+  if (!parts_->tile_metadata || is_child_subtree(index)) return std::nullopt;
+  try {
+    return tile(index).refine;
+  } catch (const InputError&) {
+    return std::nullopt;  // said when the tile is visited
+  }
+}
+
+SubtreeTile Subtree::tile(std::uint32_t index) const {
+  const ImplicitTiling& tiling = *parts_->tiling;
+  SubtreeTile tile;
+  tile.coordinates = coordinates(index);
+  tile.bounding_volume = implicit_volume(tiling, tile.coordinates);
+  tile.geometric_error_m = implicit_geometric_error_m(tiling, tile.coordinates);
+  std::string where;
+  if (parts_->tile_metadata || !parts_->content_metadata.empty())
+    where = parts_->name + ": tile " + coordinates_text(tile.coordinates, tiling.octree);
+  if (parts_->tile_metadata) {
+    const TileSemantics own =
+        semantics_of(*parts_->tile_metadata, parts_->tile_rank.of(parts_->tiles, index), "TILE", where);
+    tile.bounding_volume = apply_semantics(tile.bounding_volume, own);
+    tile.geometric_error_m = own.geometric_error_m.value_or(tile.geometric_error_m);
+    tile.refine = own.refine;
+  }
+  add_contents(*parts_, index, where, tile);
+  return tile;
+}
+
+Subtree parse_subtree(std::vector<std::byte> bytes, const ImplicitSubtree& place, const std::string& name,
                       const std::function<std::vector<std::byte>(const std::string&)>& read_resource) {
-  const SubtreeParts parts = parts_of(bytes, name);
-  const tile_contents::Json json = tile_contents::parse_json(parts.json, name, {.max_depth = 64});
+  const auto parts = std::make_shared<Subtree::Parts>();
+  parts->tiling = place.tiling;
+  parts->root = place.root;
+  parts->name = name;
+  parts->bytes = std::move(bytes);
+  const SubtreeParts file = parts_of(parts->bytes, name);
+  const tile_contents::Json json = tile_contents::parse_json(file.json, name, {.max_depth = 64});
   if (!json.is_object()) throw InputError(name, "is not a subtree: expected a JSON object");
-  SubtreeBuffers buffers(json, parts.binary, name, read_resource);
-  return SubtreeParser(json, buffers, place, name).parse();
+  SubtreeBuffers buffers(json, file.binary, name, read_resource, parts->outside);
+  SubtreeParser(json, buffers, *parts).parse();
+  Subtree subtree(parts);
+  subtree.tile(0);  // what is wrong with all tiles is said here
+  return subtree;
 }
 
 }  // namespace tileflight::tiles

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <string_view>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/raw_bytes.h"
-#include "tileflight/tiles/subtree.h"
+#include "tileflight/base/string_lists.h"
 #include "tileflight/transport/uri.h"
 
 namespace tileflight::tiles {
@@ -15,71 +16,53 @@ namespace {
 constexpr std::array<std::string_view, 12> kTileEndings = {"b3dm", "i3dm", "pnts",    "cmpt",    "glb",     "gltf",
                                                            "vctr", "geom", "terrain", "subtree", "geojson", "bin"};
 
+TreeTooLarge too_large(const std::string& uri, std::size_t limit, const std::string& what) {
+  return {transport::uri_for_message(uri), "the tree with its external tilesets has more than " +
+                                               std::to_string(limit) + " " + what +
+                                               " in what was asked for; ask for a smaller region or coarser tiles"};
+}
+
 /// Whether it is JSON with a member "root", which glTF lacks: distinguishes the two without parsing.
 bool looks_like_tileset(std::string_view text) {
   const std::size_t start = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   return start != std::string_view::npos && text[start] == '{' && text.find("\"root\"") != std::string_view::npos;
 }
 
-/// Converts a tile of a subtree to the form of a tileset.json. Child subtrees become tiles that wait for their files.
-class SubtreeConverter {
- public:
-  SubtreeConverter(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where)
-      : subtree_(subtree), tiling_(stands_at.implicit_subtree->tiling), anchor_(stands_at), where_(where) {
-    out_.version = named_by.version;
-    out_.gltf_up_axis = named_by.gltf_up_axis;
-    out_.is_subtree = true;
-    out_.warnings = subtree.warnings;
-  }
-
-  Tileset convert() {
-    out_.tiles.resize(subtree_.tiles.size());
-    for (std::size_t i = 0; i < subtree_.tiles.size(); ++i) fill(i);
-    return std::move(out_);
-  }
-
- private:
-  void fill(std::size_t index) {
-    const SubtreeTile& from = subtree_.tiles[index];
-    Tile tile = tile_at(from.coordinates);
-    tile.bounding_volume = from.bounding_volume;
-    tile.geometric_error_m = from.geometric_error_m;
-    tile.refine = from.refine;
-    tile.children = from.children;
-    for (const SubtreeContent& content : from.contents) tile.contents.push_back(content_of(content, from.coordinates));
-    for (const TileCoordinates& root : from.subtrees) {
-      tile.children.push_back(static_cast<std::uint32_t>(out_.tiles.size()));
-      out_.tiles.push_back(tile_at(root));
-      out_.tiles.back().implicit_subtree = ImplicitSubtree{tiling_, root};
-    }
-    out_.tiles[index] = std::move(tile);
-  }
-
-  Tile tile_at(const TileCoordinates& coordinates) const {
-    Tile tile;
-    tile.bounding_volume = implicit_volume(*tiling_, coordinates);
-    tile.geometric_error_m = implicit_geometric_error_m(*tiling_, coordinates);
-    tile.path = anchor_.path.substr(0, anchor_.path.find(':')) + ": " + coordinates_text(coordinates, tiling_->octree);
-    tile.level = static_cast<int>(coordinates.level);
-    return tile;
-  }
-
-  Content content_of(const SubtreeContent& content, const TileCoordinates& at) const {
-    if (content.uri) return {*content.uri, content.bounding_volume};
-    return {expand_template(tiling_->content_templates[content.template_index], *tiling_, at, where_),
-            content.bounding_volume};
-  }
-
-  const Subtree& subtree_;
-  std::shared_ptr<const ImplicitTiling> tiling_;
-  const Tile& anchor_;
-  std::string where_;
-  Tileset out_;
-};
-
-Tileset to_tileset(const Subtree& subtree, const Tile& stands_at, const Tileset& named_by, const std::string& where) {
-  return SubtreeConverter(subtree, stands_at, named_by, where).convert();
+/// The path of a tile of an implicit tree: that of the tree's root, and the tile's coordinates.
+std::string implicit_path(const std::string& root, const Subtree& subtree, std::uint32_t tile) {
+  return root + ": " + coordinates_text(subtree.coordinates(tile), subtree.tiling().octree);
 }
+
+/// A tile of a subtree in the form of a tileset.json's. Child subtrees are tiles that wait for their files.
+Tile tile_of_subtree(const Subtree& subtree, std::uint32_t index, const std::string& path, const std::string& where) {
+  const ImplicitTiling& tiling = subtree.tiling();
+  Tile out;
+  out.path = path;
+  if (subtree.is_child_subtree(index)) {
+    const TileCoordinates coordinates = subtree.coordinates(index);
+    out.bounding_volume = implicit_volume(tiling, coordinates);
+    out.geometric_error_m = implicit_geometric_error_m(tiling, coordinates);
+    out.level = static_cast<int>(coordinates.level);
+    out.implicit_subtree = ImplicitSubtree{subtree.shared_tiling(), coordinates};
+    return out;
+  }
+  SubtreeTile from = subtree.tile(index);
+  out.bounding_volume = from.bounding_volume;
+  out.geometric_error_m = from.geometric_error_m;
+  out.level = static_cast<int>(from.coordinates.level);
+  out.refine = from.refine;
+  out.children = subtree.children(index);
+  for (SubtreeContent& content : from.contents) {
+    std::string uri = content.uri ? *std::move(content.uri)
+                                  : expand_template(tiling.content_templates[content.template_index], tiling,
+                                                    from.coordinates, where);
+    out.contents.push_back({std::move(uri), std::move(content.bounding_volume)});
+  }
+  return out;
+}
+
+/// Whether the transform is exactly the identity, so that applying it changes no digit.
+bool is_identity(const geometry::Mat4& transform) { return transform == geometry::Mat4::Identity(); }
 
 }  // namespace
 
@@ -92,43 +75,66 @@ void require_supported_extensions(const Tileset& tileset, const std::string& nam
 }
 
 TilesetTree::TilesetTree(transport::TileSource& source, const TreeLimits& limits) : source_(source), limits_(limits) {
-  add_file(source.root_uri(), read_tileset(source.root_uri()), std::nullopt);
+  transforms_.push_back(geometry::Mat4::Identity());
+  add_file({source.root_uri(), read_tileset(source.root_uri()), std::nullopt, "", std::nullopt});
 }
 
-std::vector<NodeId> TilesetTree::children(NodeId id) const {
-  const NodeId first = files_[nodes_[id].file].first_node;
-  const std::vector<std::uint32_t>& tiles = tile(id).children;
+std::shared_ptr<const Tile> TilesetTree::tile(NodeId id) const {
+  const File& file = files_[node(id).file];
+  const std::uint32_t index = node(id).tile;
+  if (!file.subtree) return {file.tileset, &file.tileset->tiles[index]};
+  if (latest_.second == nullptr || latest_.first != id) {
+    latest_ = {id, std::make_shared<const Tile>(tile_of_subtree(
+                       *file.subtree, index, implicit_path(file.path, *file.subtree, index), name(id)))};
+  }
+  return latest_.second;
+}
+
+std::vector<std::uint32_t> TilesetTree::tiles_below(NodeId id) const {
+  const File& file = files_[node(id).file];
+  return file.subtree ? file.subtree->children(node(id).tile) : file.tileset->tiles[node(id).tile].children;
+}
+
+std::vector<NodeId> TilesetTree::children(NodeId id) {
+  const std::vector<std::uint32_t> tiles = tiles_below(id);
+  if (tiles.empty()) return {};
+  if (nodes_[id].first_child == 0) nodes_[id].first_child = add_nodes(node(id).file, tiles, id);
   std::vector<NodeId> ids(tiles.size());
-  std::transform(tiles.begin(), tiles.end(), ids.begin(), [&](std::uint32_t index) { return first + index; });
+  std::iota(ids.begin(), ids.end(), nodes_[id].first_child);
   return ids;
 }
 
 BoundingVolume TilesetTree::volume(NodeId id) const {
-  return transformed(nodes_[id].T_tileset_tile, tile(id).bounding_volume);
+  return transformed(T_tileset_tile(id), tile(id)->bounding_volume);
 }
 
 double TilesetTree::geometric_error_m(NodeId id) const {
-  const double error_m = tile(id).geometric_error_m;
+  const double error_m = tile(id)->geometric_error_m;
   if (tileset(id).version == "1.0") return error_m;
-  return error_m * nodes_[id].T_tileset_tile.topLeftCorner<3, 3>().colwise().norm().maxCoeff();
+  return error_m * T_tileset_tile(id).topLeftCorner<3, 3>().colwise().norm().maxCoeff();
 }
 
 std::optional<BoundingVolume> TilesetTree::content_volume(NodeId id, std::size_t content) const {
-  const std::optional<BoundingVolume>& own = tile(id).contents[content].bounding_volume;
-  return own ? std::optional(transformed(nodes_[id].T_tileset_tile, *own)) : std::nullopt;
+  const std::shared_ptr<const Tile> tile = this->tile(id);
+  const std::optional<BoundingVolume>& own = tile->contents[content].bounding_volume;
+  return own ? std::optional(transformed(T_tileset_tile(id), *own)) : std::nullopt;
 }
 
 std::optional<BoundingVolume> TilesetTree::viewer_request_volume(NodeId id) const {
-  const std::optional<BoundingVolume>& own = tile(id).viewer_request_volume;
-  return own ? std::optional(transformed(nodes_[id].T_tileset_tile, *own)) : std::nullopt;
+  const std::shared_ptr<const Tile> tile = this->tile(id);
+  return tile->viewer_request_volume ? std::optional(transformed(T_tileset_tile(id), *tile->viewer_request_volume))
+                                     : std::nullopt;
 }
 
 std::string TilesetTree::content_uri(NodeId id, std::size_t content) const {
-  return transport::resolve_uri(files_[nodes_[id].file].uri, tile(id).contents[content].uri);
+  return transport::resolve_uri(files_[node(id).file].uri, tile(id)->contents[content].uri);
 }
 
 std::string TilesetTree::name(NodeId id) const {
-  return transport::uri_for_message(files_[nodes_[id].file].uri) + ": tile " + tile(id).path;
+  const File& file = files_[node(id).file];
+  return transport::uri_for_message(file.uri) + ": tile " +
+         (file.subtree ? implicit_path(file.path, *file.subtree, node(id).tile)
+                       : file.tileset->tiles[node(id).tile].path);
 }
 
 bool TilesetTree::is_external_tileset(NodeId id, std::size_t content) {
@@ -146,7 +152,7 @@ NodeId TilesetTree::external_root(NodeId id, std::size_t content) {
   if (known != external_roots_.end()) return known->second;
   const std::string uri = content_uri(id, content);
   check_chain(uri, id);
-  const NodeId root = add_file(uri, read_tileset(uri), id);
+  const NodeId root = add_file({uri, read_tileset(uri), std::nullopt, "", id});
   external_roots_[{id, content}] = root;
   return root;
 }
@@ -154,8 +160,9 @@ NodeId TilesetTree::external_root(NodeId id, std::size_t content) {
 NodeId TilesetTree::implicit_root(NodeId id) {
   const auto known = implicit_roots_.find(id);
   if (known != implicit_roots_.end()) return known->second;
-  const std::string uri = files_[nodes_[id].file].uri;
-  const NodeId root = add_file(uri, read_subtree(id), id);
+  const File& named_by = files_[node(id).file];
+  const std::string path = named_by.subtree ? named_by.path : named_by.tileset->tiles[node(id).tile].path;
+  const NodeId root = add_file({named_by.uri, named_by.tileset, read_subtree(id), path, id});
   implicit_roots_[id] = root;
   return root;
 }
@@ -188,39 +195,27 @@ void TilesetTree::read_nested_files(const std::vector<NestedFile>& branches) {
   }
 }
 
-std::vector<std::pair<std::string, std::shared_ptr<const Tileset>>> TilesetTree::files_read() const {
-  return files_read_;
-}
-
-std::vector<std::string> TilesetTree::warnings() const {
-  std::vector<std::string> out;
-  for (const File& file : files_) {
-    for (const std::string& warning : file.tileset->warnings) {
-      if (std::find(out.begin(), out.end(), warning) == out.end()) out.push_back(warning);
-    }
-  }
-  return out;
-}
-
 std::shared_ptr<const Tileset> TilesetTree::read_tileset(const std::string& uri) {
-  for (const auto& [read_uri_, tileset] : files_read_) {
-    if (read_uri_ == uri) return tileset;
-  }
+  if (const auto known = file_of_uri_.find(uri); known != file_of_uri_.end()) return files_read_[known->second].second;
   const std::vector<std::byte> bytes = transport::read_uri(source_, uri);
   const TextReader read_text = [&](const std::string& reference) {
     return std::string(base::as_text(transport::read_uri(source_, transport::resolve_uri(uri, reference))));
   };
   auto tileset = std::make_shared<const Tileset>(
       parse_tileset_json(base::as_text(bytes), transport::uri_for_message(uri), limits_.file, read_text));
+  tiles_read_ += tileset->tiles.size();
+  if (tiles_read_ > limits_.max_nodes) throw too_large(uri, limits_.max_nodes, "tiles");
+  add_warnings(tileset->warnings);
+  file_of_uri_.emplace(uri, files_read_.size());
   files_read_.emplace_back(uri, tileset);
   return tileset;
 }
 
 void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
   std::vector<std::string> chain = {uri};
-  for (std::optional<NodeId> id = named_by; id; id = files_[nodes_[*id].file].referenced_by) {
-    if (tileset(*id).is_subtree) continue;
-    const std::string& outer = files_[nodes_[*id].file].uri;
+  for (std::optional<NodeId> id = named_by; id; id = files_[node(*id).file].referenced_by) {
+    if (files_[node(*id).file].subtree) continue;
+    const std::string& outer = files_[node(*id).file].uri;
     chain.push_back(outer);
     if (outer != uri) continue;
     std::string way = transport::uri_for_message(chain.back());
@@ -234,46 +229,58 @@ void TilesetTree::check_chain(const std::string& uri, NodeId named_by) const {
 }
 
 std::string TilesetTree::subtree_uri(NodeId id) const {
-  const ImplicitSubtree& place = *tile(id).implicit_subtree;
-  return transport::resolve_uri(files_[nodes_[id].file].uri,
+  const std::shared_ptr<const Tile> tile = this->tile(id);
+  const ImplicitSubtree& place = *tile->implicit_subtree;
+  return transport::resolve_uri(files_[node(id).file].uri,
                                 expand_template(place.tiling->subtree_template, *place.tiling, place.root, name(id)));
 }
 
-std::shared_ptr<const Tileset> TilesetTree::read_subtree(NodeId id) {
-  const Tile& stands_at = tile(id);
-  const ImplicitSubtree& place = *stands_at.implicit_subtree;
+Subtree TilesetTree::read_subtree(NodeId id) {
   const std::string uri = subtree_uri(id);
-  const Subtree subtree =
-      parse_subtree(transport::read_uri(source_, uri), place, transport::uri_for_message(uri),
-                    [&](const std::string& r) { return transport::read_uri(source_, transport::resolve_uri(uri, r)); });
-  return std::make_shared<const Tileset>(to_tileset(subtree, stands_at, tileset(id), name(id)));
+  return parse_subtree(
+      transport::read_uri(source_, uri), *tile(id)->implicit_subtree, transport::uri_for_message(uri),
+      [&](const std::string& r) { return transport::read_uri(source_, transport::resolve_uri(uri, r)); });
 }
 
-NodeId TilesetTree::add_file(const std::string& uri, std::shared_ptr<const Tileset> added,
-                             std::optional<NodeId> named_by) {
-  const std::shared_ptr<const Tileset> tileset = std::move(added);
-  if (nodes_.size() + tileset->tiles.size() > limits_.max_nodes) {
-    throw InputError(transport::uri_for_message(uri), "the tree with its external tilesets has more than " +
-                                                          std::to_string(limits_.max_nodes) + " tiles");
-  }
-  const auto file = static_cast<std::uint32_t>(files_.size());
+NodeId TilesetTree::add_file(File file) {
+  if (files_.size() >= limits_.max_files)
+    throw too_large(file.uri, limits_.max_files, "external tilesets and subtrees");
+  if (file.subtree) add_warnings(file.subtree->warnings());
+  const std::optional<NodeId> named_by = file.referenced_by;
+  files_.push_back(std::move(file));
+  return add_nodes(static_cast<std::uint32_t>(files_.size() - 1), {0}, named_by);
+}
+
+NodeId TilesetTree::add_nodes(std::uint32_t file, const std::vector<std::uint32_t>& tiles,
+                              std::optional<NodeId> parent) {
+  if (nodes_.size() + tiles.size() > limits_.max_nodes) throw too_large(files_[file].uri, limits_.max_nodes, "tiles");
   const auto first = static_cast<NodeId>(nodes_.size());
-  files_.push_back({uri, tileset, first, named_by});
-  nodes_.resize(nodes_.size() + tileset->tiles.size());
-  nodes_[first].parent = named_by;
-  for (std::uint32_t i = 0; i < tileset->tiles.size(); ++i) {  // parents precede children
-    const Tile& tile = tileset->tiles[i];
-    TreeNode& node = nodes_[first + i];
-    node.file = file;
-    node.tile = i;
-    if (node.parent)
-      node.T_tileset_tile = nodes_[*node.parent].T_tileset_tile * tile.T_parent_tile;
-    else
-      node.T_tileset_tile = tile.T_parent_tile;
-    node.refine = tile.refine.value_or(node.parent ? nodes_[*node.parent].refine : Refine::kReplace);
-    for (const std::uint32_t child : tile.children) nodes_[first + child].parent = first + i;
-  }
+  for (const std::uint32_t tile : tiles) nodes_.push_back(make_node(file, tile, parent));
   return first;
 }
+
+TilesetTree::StoredNode TilesetTree::make_node(std::uint32_t file, std::uint32_t tile, std::optional<NodeId> parent) {
+  StoredNode made;
+  made.node.file = file;
+  made.node.tile = tile;
+  made.node.parent = parent;
+  if (parent) {
+    made.transform = nodes_[*parent].transform;
+    made.node.refine = node(*parent).refine;
+  }
+  if (files_[file].subtree) {
+    made.node.refine = files_[file].subtree->refine(tile).value_or(made.node.refine);
+    return made;
+  }
+  const Tile& own = files_[file].tileset->tiles[tile];
+  made.node.refine = own.refine.value_or(made.node.refine);
+  if (is_identity(own.T_parent_tile)) return made;
+  const geometry::Mat4 T_tileset_tile = transforms_[made.transform] * own.T_parent_tile;
+  transforms_.push_back(parent ? T_tileset_tile : own.T_parent_tile);
+  made.transform = static_cast<std::uint32_t>(transforms_.size() - 1);
+  return made;
+}
+
+void TilesetTree::add_warnings(const std::vector<std::string>& warnings) { base::add_distinct(warnings, warnings_); }
 
 }  // namespace tileflight::tiles

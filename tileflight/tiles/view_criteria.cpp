@@ -6,6 +6,8 @@
 #include <cmath>
 #include <optional>
 
+#include "tileflight/tiles/view_cone_tree.h"
+
 namespace tileflight::tiles {
 namespace {
 
@@ -17,8 +19,6 @@ using geometry::Vec3;
 
 /// Cesium's minimum distance, so that a camera inside a volume has a finite error.
 constexpr double kMinDistance_m = 1e-7;
-/// Tolerance for rounding of angles, and of earth-centred coordinates relative to the distance.
-constexpr double kSlack_rad = 1e-9;
 
 /// A volume in the local frame: box or sphere; a geographic region's axis-aligned bounding box.
 using LocalVolume = std::variant<OrientedBox, BoundingSphere>;
@@ -69,15 +69,6 @@ double distance_local_m(const LocalVolume& volume, const Vec3& point) {
   if (const auto* box = std::get_if<OrientedBox>(&volume); box != nullptr && is_right_angled(box->half_axes))
     return distance_to_box_m(*box, point);
   return distance_to_sphere_m(sphere_around(volume), point);
-}
-
-/// Whether the sphere may intersect the cone; never falsely negative.
-bool intersects_cone(const ViewCone& eye, const BoundingSphere& sphere) {
-  const Vec3 offset = sphere.center - eye.position;
-  const double distance_m = offset.norm();
-  if (distance_m <= sphere.radius_m || eye.half_angle_rad >= std::numbers::pi) return true;
-  const double off_axis_rad = std::acos(std::clamp(offset.dot(eye.axis) / distance_m, -1.0, 1.0));
-  return off_axis_rad <= eye.half_angle_rad + std::asin(sphere.radius_m / distance_m) + kSlack_rad;
 }
 
 double angle_between_rad(const Vec3& a, const Vec3& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
@@ -150,23 +141,30 @@ std::vector<ViewCone> widen_to_all_directions(std::vector<ViewCone> eyes) {
 
 RefinementCriterion flight_criterion(std::vector<ViewCone> eyes, const SE3& T_local_tileset, double error_px,
                                      const ViewConeRange& part) {
-  const auto shared = std::make_shared<const std::vector<ViewCone>>(std::move(eyes));
+  const auto shared = std::make_shared<const ViewConeTree>(std::move(eyes));
   return {.intersects =
               [shared, T_local_tileset, part](const BoundingVolume& volume) {
                 const BoundingSphere sphere = sphere_around(in_local(volume, T_local_tileset));
-                const std::size_t end = std::min(part.end, shared->size());
-                return std::any_of(shared->begin() + static_cast<std::ptrdiff_t>(std::min(part.begin, end)),
-                                   shared->begin() + static_cast<std::ptrdiff_t>(end),
-                                   [&](const ViewCone& eye) { return intersects_cone(eye, sphere); });
+                return shared->any_of(
+                    part, [&](const ViewConeTree::Group& group) { return may_intersect(group, sphere); },
+                    [&](const ViewCone& eye) { return intersects_cone(eye, sphere); });
               },
           .is_fine_enough =
               [shared, T_local_tileset, error_px](const BoundingVolume& volume, double geometric_error_m) {
                 const LocalVolume local = in_local(volume, T_local_tileset);
                 const BoundingSphere sphere = sphere_around(local);
-                return std::ranges::all_of(*shared, [&](const ViewCone& eye) {
-                  return geometric_error_m * eye.pixels_per_rad <= error_px * distance_local_m(local, eye.position) ||
-                         !intersects_cone(eye, sphere);
-                });
+                const auto is_fine = [&](const ViewCone& eye, double distance_m) {
+                  return geometric_error_m * eye.pixels_per_rad <= error_px * distance_m;
+                };
+                return !shared->any_of(
+                    {},
+                    [&](const ViewConeTree::Group& group) {
+                      const double away_m = distance_local_m(local, group.around.position);
+                      return !is_fine(group.around, least_distance_m(group, away_m)) && may_intersect(group, sphere);
+                    },
+                    [&](const ViewCone& eye) {
+                      return !is_fine(eye, distance_local_m(local, eye.position)) && intersects_cone(eye, sphere);
+                    });
               }};
 }
 
