@@ -65,7 +65,7 @@ json describe(const ExtractSettings& settings, const tiles::LoadedTiles& loaded,
 }
 
 /// Contents of the region that are decoded for an estimate.
-constexpr std::size_t kCostProbes = 12;
+constexpr std::size_t kCostProbes = 40;
 
 /// Bytes of the files of the region's contents; below 0: the source does not know them.
 double bytes_to_read(const tiles::RegionReader& reader) {
@@ -95,12 +95,14 @@ void require_affordable(const ExtractCost& cost, const ExtractSettings& settings
   require_affordable(cost, memory_limit(settings), folder);
 }
 
-/// Whether the files are so small that memory suffices whatever they hold: then nothing needs to be probed.
+/// Whether the files are so small that memory suffices whatever they hold, or so few from a server that they are not
+/// worth fetching twice: then nothing is probed.
 bool is_surely_affordable(const tiles::RegionReader& reader, const ExtractSettings& settings) {
   constexpr double kLargestRatio = 1000.0;  // of memory to file size
+  constexpr double kSmall_bytes = 4e6;      // mesh.glb and the disk suffice, too
   const double bytes = bytes_to_read(reader);
-  constexpr double kSmall_bytes = 4e6;  // mesh.glb and the disk suffice, too
-  return bytes >= 0.0 && bytes < kSmall_bytes && kLargestRatio * bytes < static_cast<double>(memory_limit(settings));
+  if (bytes < 0.0) return reader.content_count() < 10 * kCostProbes;
+  return bytes < kSmall_bytes && kLargestRatio * bytes < static_cast<double>(memory_limit(settings));
 }
 
 /// Throws InputError if memory, disk or the largest size of a GLB certainly do not suffice.

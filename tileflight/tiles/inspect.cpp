@@ -336,7 +336,7 @@ class TilesetInspector {
 
   /// Decodes some contents of the finest cut of a local source.
   void probe_contents() {
-    constexpr std::size_t kProbes = 12;
+    constexpr std::size_t kProbes = 40;
     constexpr std::uintmax_t kLargest_bytes = 64 << 20;
     if (!source_.knows_sizes()) return;
     for (const std::size_t index : spread_sample(finest_in_order_.size(), kProbes)) {

@@ -205,7 +205,7 @@ TEST(InspectTileset, OfManyTilesetsSomeStandForAllAndItSaysSo) {
   EXPECT_TRUE(near(some.content_bytes, static_cast<double>(all.content_bytes))) << some.content_bytes;
   EXPECT_EQ(some.levels[1].tiles, 500) << "of the file that was read";
   EXPECT_EQ(some.levels[2].tiles, 500) << "each tileset has one root";
-  EXPECT_EQ(some.probes.size(), 12U);
+  EXPECT_EQ(some.probes.size(), 40U);
 }
 
 TEST(InspectTileset, OneTilesetNamedOftenIsOneFile) {
