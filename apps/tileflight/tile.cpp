@@ -1,22 +1,28 @@
-#include <nlohmann/json.hpp>
-
+#include <algorithm>
+#include <filesystem>
+#include <functional>
 #include <iomanip>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "command.h"
 #include "number_text.h"
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/output_folder.h"
+#include "tileflight/place/memory_budget.h"
 #include "tileflight/tiling/georeference.h"
+#include "tileflight/tiling/large_mesh_tileset.h"
 #include "tileflight/tiling/mesh_source.h"
 #include "tileflight/tiling/mesh_tileset.h"
 
 namespace tileflight::app {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct TileOptions {
-  std::string mesh;
+  std::vector<std::string> meshes;  ///< files or folders
   std::string out;
   std::vector<double> georeference;  // latitude, longitude, height
   std::string crs;
@@ -26,6 +32,8 @@ struct TileOptions {
   bool no_textures = false;
   double scale = 1.0;
   int levels = 0;
+  double memory_gb = 0.0;  ///< 0: half of the machine's
+  std::string texture_format = "jpeg", compression = "none";
   tiling::MeshTilesetOptions tileset;
 };
 
@@ -39,50 +47,71 @@ tiling::MeshSourceOptions source_of(const TileOptions& options) {
   return out;
 }
 
-/// Georeference of the mesh, from the options or else from a file beside it. Moves a mesh that is in map coordinates.
-std::optional<geometry::LocalFrame> place_on_earth(const TileOptions& options, tiling::MeshSource& source,
-                                                   std::string& stated_by) {
-  if (options.no_georeference) return std::nullopt;
-  if (!options.georeference.empty()) {
-    stated_by = "--georeference";
-    return geometry::LocalFrame(
-        {options.georeference[0], options.georeference[1], geometry::EllipsoidalHeight{options.georeference[2]}});
-  }
-  std::optional<tiling::Georeference> place;
+/// The frame of a mesh, and what says so.
+struct MeshFrame {
+  std::optional<geometry::LocalFrame> frame;
+  std::string stated_by;
+};
+
+/// Of a mesh in map coordinates: from the options or else from a file beside it or in its folder.
+std::optional<tiling::Georeference> map_of(const TileOptions& options, const fs::path& first_file) {
   if (!options.crs.empty()) {
-    place = tiling::Georeference{options.crs, geometry::Vec3::Zero(), "--crs"};
-    if (!options.offset.empty()) place->offset = geometry::Vec3(options.offset.data());
-  } else {
-    place = tiling::find_georeference(options.mesh);
+    tiling::Georeference place{options.crs, geometry::Vec3::Zero(), "--crs"};
+    if (!options.offset.empty()) place.offset = geometry::Vec3(options.offset.data());
+    return place;
   }
-  if (!place) return std::nullopt;
-  stated_by = place->stated_by;
-  return tiling::reproject_to_local(*place, source.meshes);
+  std::optional<tiling::Georeference> place = tiling::find_georeference(first_file);
+  std::error_code ignored;
+  for (const std::string& mesh : options.meshes)
+    if (!place && fs::is_directory(mesh, ignored)) place = tiling::find_georeference(fs::path(mesh) / "mesh");
+  return place;
 }
 
-nlohmann::json frame_json(const std::optional<geometry::LocalFrame>& frame, const std::string& stated_by) {
-  if (!frame) return nullptr;
-  const geometry::Geodetic& origin = frame->origin();
+/// `move`: moves a mesh that is in map coordinates into a local frame, and returns that frame.
+MeshFrame place_on_earth(const TileOptions& options, const fs::path& first_file,
+                         const std::function<geometry::LocalFrame(const tiling::Georeference&)>& move) {
+  if (options.no_georeference) return {};
+  if (!options.georeference.empty())
+    return {geometry::LocalFrame({options.georeference[0], options.georeference[1],
+                                  geometry::EllipsoidalHeight{options.georeference[2]}}),
+            "--georeference"};
+  const std::optional<tiling::Georeference> place = map_of(options, first_file);
+  if (!place) return {};
+  return {move(*place), place->stated_by};
+}
+
+nlohmann::json frame_json(const MeshFrame& place) {
+  if (!place.frame) return nullptr;
+  const geometry::Geodetic& origin = place.frame->origin();
   return {{"origin_lat", origin.latitude_deg},
           {"origin_lon", origin.longitude_deg},
           {"origin_height", origin.height.m},
-          {"stated_by", stated_by}};
+          {"stated_by", place.stated_by}};
 }
 
-nlohmann::json result_of(const TileOptions& options, const tiling::MeshTilesetSummary& summary,
-                         const std::vector<std::string>& warnings) {
+/// A tileset that has been written, with what there is to say.
+struct TiledMesh {
+  tiling::MeshTilesetSummary summary;
+  MeshFrame place;
+  std::vector<std::string> warnings;
+  bool out_of_core = false;
+};
+
+nlohmann::json result_of(const TileOptions& options, const TiledMesh& tiled) {
   nlohmann::json levels = nlohmann::json::array();
-  for (const tiling::TilesetLevel& level : summary.levels)
+  for (const tiling::TilesetLevel& level : tiled.summary.levels)
     levels.push_back({{"tiles", level.tiles},
                       {"triangles", level.triangles},
                       {"texels", level.texels},
                       {"texel_m", level.texel_m},
                       {"geometric_error", level.geometric_error_m}});
-  return {{"tileset", (std::filesystem::path(options.out) / "tileset.json").string()},
-          {"bytes", summary.bytes},
+  return {{"tileset", (fs::path(options.out) / "tileset.json").string()},
+          {"bytes", tiled.summary.bytes},
           {"levels", levels},
-          {"texture_scale", summary.texture_scale},
-          {"warnings", warnings}};
+          {"texture_scale", tiled.summary.texture_scale},
+          {"out_of_core", tiled.out_of_core},
+          {"frame", frame_json(tiled.place)},
+          {"warnings", tiled.warnings}};
 }
 
 std::string text_of(const nlohmann::json& result) {
@@ -104,35 +133,101 @@ std::string text_of(const nlohmann::json& result) {
   return text.str();
 }
 
+tiling::MeshTilesetOptions settings_of(const TileOptions& options, const MeshFrame& place,
+                                       const std::vector<std::string>& copyrights) {
+  tiling::MeshTilesetOptions settings = options.tileset;
+  if (options.levels > 0) settings.levels = options.levels;
+  if (place.frame) settings.T_ecef_local = place.frame->T_ecef_local();
+  if (settings.copyright.empty() && !copyrights.empty()) settings.copyright = copyrights.front();
+  settings.meshopt = options.compression == "meshopt";
+  return settings;
+}
+
+TiledMesh tile_in_memory(const fs::path& folder, const std::vector<fs::path>& files, const TileOptions& options,
+                         const Progress& progress) {
+  report_progress(progress, 0, 0, "reading the mesh");
+  tiling::MeshSource source = tiling::read_mesh_source(files, source_of(options));
+  TiledMesh out;
+  out.place = place_on_earth(options, files.front(), [&](const tiling::Georeference& place) {
+    return tiling::reproject_to_local(place, source.meshes);
+  });
+  out.summary =
+      tiling::write_mesh_tileset(folder, source.meshes, settings_of(options, out.place, source.copyrights), progress);
+  out.warnings = std::move(source.warnings);
+  return out;
+}
+
+/// Moves a spilled mesh from map coordinates.
+geometry::LocalFrame move_to_local(const tiling::Georeference& place, tiling::MeshSpill& mesh) {
+  geometry::Box3 extent;
+  mesh.for_each_triangle([&](const tiling::SourceTriangle& t) {
+    for (std::size_t k = 0; k < 3; ++k) extent.extend(t.corner(k));
+  });
+  const tiling::LocalPlacement placement = tiling::place_locally(place, extent);
+  mesh.vertices.change(0, [&](tiling::SpilledVertex& vertex) {
+    Eigen::Map<geometry::Vec3> position(vertex.position.data());
+    position = placement.local_from_map(position);
+  });
+  return placement.frame;
+}
+
+TiledMesh tile_out_of_core(const fs::path& folder, const std::vector<fs::path>& files, const TileOptions& options,
+                           std::uintmax_t memory_bytes, const Progress& progress) {
+  // A triangle takes less space than in text; JPEG takes up to an eighth of the space of its pixels.
+  const tiling::MeshFileSizes sizes = tiling::mesh_file_sizes(files, !options.no_textures);
+  tiling::require_free_space(folder, 3 * sizes.meshes + 24 * sizes.images, "tiling a mesh of this size");
+  TiledMesh out;
+  out.out_of_core = true;
+  fs::create_directories(folder);
+  tiling::MeshSpill mesh(folder / "work");
+  tiling::spill_mesh_source(files, source_of(options), mesh, progress);
+  out.place = place_on_earth(options, files.front(),
+                             [&](const tiling::Georeference& place) { return move_to_local(place, mesh); });
+  constexpr std::uintmax_t kApartFromThreads = 1'200'000'000, kPerThread = 150'000'000;
+  tiling::LargeMeshLimits limits;
+  limits.threads = static_cast<int>(
+      std::clamp<std::uintmax_t>((std::max(memory_bytes, kApartFromThreads) - kApartFromThreads) / kPerThread, 2, 256));
+  out.summary = tiling::write_large_mesh_tileset(folder, mesh, settings_of(options, out.place, mesh.copyrights), limits,
+                                                 progress);
+  out.warnings = mesh.warnings;
+  return out;
+}
+
+TiledMesh tile_files(const fs::path& folder, const TileOptions& options, const Progress& progress) {
+  const std::vector<fs::path> files = tiling::list_mesh_files({options.meshes.begin(), options.meshes.end()});
+  const std::uintmax_t memory_bytes =
+      options.memory_gb > 0 ? static_cast<std::uintmax_t>(1e9 * options.memory_gb) : place::default_memory_bytes();
+  const bool fits = tiling::estimated_memory_bytes(files, !options.no_textures) <= memory_bytes;
+  TiledMesh out = fits ? tile_in_memory(folder, files, options, progress)
+                       : tile_out_of_core(folder, files, options, memory_bytes, progress);
+  if (out.summary.texture_scale < 1.0)
+    out.warnings.push_back("textures that did not fit into a tile's texture were scaled down, to " +
+                           rounded(out.summary.texture_scale, 3) +
+                           " of their size at the smallest; increase --texture-size to keep them");
+  return out;
+}
+
 Output tile(const TileOptions& options, const CommonOptions& shared, const Progress& progress) {
+  if (options.texture_format == "ktx2")
+    throw InputError("--texture-format", "ktx2 cannot be written: no encoder for it is in Debian 12; use jpeg");
   nlohmann::json result;
   const base::OutputFolder output{.folder = options.out,
                                   .command = "tile",
                                   .replace = shared.force,
-                                  .inputs = {options.mesh},
+                                  .inputs = {options.meshes.begin(), options.meshes.end()},
                                   .legacy = tiling::legacy_tileset_folder()};
-  base::write_folder(output, [&](const std::filesystem::path& temporary) {
-    report_progress(progress, 0, 0, "reading the mesh");
-    tiling::MeshSource source = tiling::read_mesh_source(options.mesh, source_of(options));
-    std::string stated_by;
-    const std::optional<geometry::LocalFrame> frame = place_on_earth(options, source, stated_by);
-    tiling::MeshTilesetOptions settings = options.tileset;
-    if (options.levels > 0) settings.levels = options.levels;
-    if (frame) settings.T_ecef_local = frame->T_ecef_local();
-    if (settings.copyright.empty() && !source.copyrights.empty()) settings.copyright = source.copyrights.front();
-    const tiling::MeshTilesetSummary summary = tiling::write_mesh_tileset(temporary, source.meshes, settings, progress);
-    if (summary.texture_scale < 1.0)
-      source.warnings.push_back("textures that did not fit into a tile's texture were scaled down, to " +
-                                rounded(summary.texture_scale, 3) +
-                                " of their size at the smallest; increase --texture-size to keep them");
-    result = result_of(options, summary, source.warnings);
-    result["frame"] = frame_json(frame, stated_by);
+  base::write_folder(output, [&](const fs::path& temporary) {
+    result = result_of(options, tile_files(temporary, options, progress));
   });
   return {result, text_of(result)};
 }
 
 void add_options(CLI::App& command, TileOptions& options) {
-  command.add_option("MESH", options.mesh, "mesh: .obj (with .mtl and textures), .glb, .gltf or .ply")->required();
+  command
+      .add_option("MESH", options.meshes,
+                  "mesh: .obj (with .mtl and textures), .glb, .gltf or .ply; several files, or folders of them, are "
+                  "tiled as one mesh")
+      ->required();
   command.add_option("--out", options.out, "folder to write")->required();
   auto* georeference = command
                            .add_option("--georeference", options.georeference,
@@ -171,6 +266,21 @@ void add_options(CLI::App& command, TileOptions& options) {
       ->check(CLI::Range(1, 100));
   command.add_option("--copyright", options.tileset.copyright, "attribution, written into every tile");
   command.add_flag("--no-textures", options.no_textures, "write no textures");
+  command
+      .add_option("--memory", options.memory_gb,
+                  "memory limit, GB (default: half of the machine's); a mesh that needs more is tiled out of core, in "
+                  "about 2 GB whatever its size, with temporary files beside the output")
+      ->check(CLI::PositiveNumber);
+  command.add_flag("--implicit", options.tileset.implicit,
+                   "implicit tiling: subtree files instead of a list of all tiles in tileset.json");
+  command
+      .add_option("--compression", options.compression,
+                  "compression of geometry: none or meshopt (EXT_meshopt_compression, lossless; default: none)")
+      ->check(CLI::IsMember({"none", "meshopt"}));
+  command
+      .add_option("--texture-format", options.texture_format,
+                  "format of textures: jpeg (ktx2 cannot be written; default: jpeg)")
+      ->check(CLI::IsMember({"jpeg", "ktx2"}));
 }
 
 }  // namespace
@@ -180,7 +290,8 @@ void add_tile(CLI::App& app, CommonOptions& common, Selection& selection) {
   CLI::App* command = app.add_subcommand("tile", "convert a mesh to 3D Tiles with levels of detail");
   command->footer(
       "Example:\n  tileflight tile odm_textured_model_geo.obj --out tiles\n"
-      "  tileflight tile scan.glb --georeference 50.8231,14.2210,312.5 --out tiles");
+      "  tileflight tile scan.glb --georeference 50.8231,14.2210,312.5 --out tiles\n"
+      "  tileflight tile city/ --out tiles --memory 2 --implicit --compression meshopt");
   add_options(*command, *options);
   add_common_options(*command, common);
   command->callback([options, &selection] {

@@ -2,13 +2,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <thread>
 
+#include "tests/background_program.h"
 #include "tests/run_program.h"
 #include "tests/test_data.h"
 #include "tests/tiny_place.h"
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/imaging/image_files.h"
 
 namespace tileflight::tile_command_test {
 namespace {
@@ -58,6 +64,114 @@ TEST(TileCommand, VoxelsOfATiledSurveyAreThoseOfTheSurvey) {
   expect_same_voxels(folder.path(), tileset.string(), {"--center-local", "347.8,-131.4,2891.6", "--size", "60,60,100"});
 }
 
+/// Hills of 2 cells^2 triangles in four OBJ files with an image each, in folders of their own; their shared border is
+/// the same in each. Returns the folder.
+fs::path write_hills(const fs::path& folder, int cells) {
+  for (int part = 0; part < 4; ++part) {
+    const fs::path own = folder / ("part" + std::to_string(part));
+    fs::create_directories(own);
+    std::ofstream(own / "m.mtl") << "newmtl m\nmap_Kd m.png\n";
+    imaging::write_rgb(own / "m.png", imaging::RgbImage(256, 256, {static_cast<std::uint8_t>(60 * part), 120, 90}));
+    std::ofstream obj(own / "m.obj");
+    obj << "mtllib m.mtl\nusemtl m\n";
+    const int half = cells / 2, x0 = part % 2 * half, y0 = part / 2 * half;
+    for (int y = y0; y <= y0 + half; ++y)
+      for (int x = x0; x <= x0 + half; ++x)
+        obj << "v " << x << ' ' << y << ' ' << std::round(128 * (4 * std::sin(0.1 * x) + std::cos(0.3 * y))) / 128
+            << "\nvt " << static_cast<double>(x - x0) / half << ' ' << static_cast<double>(y - y0) / half << '\n';
+    for (int y = 0; y < half; ++y)
+      for (int x = 0; x < half; ++x) {
+        const int at = 1 + y * (half + 1) + x;
+        const auto face = [&](int a, int b, int c) {
+          obj << "f " << a << '/' << a << ' ' << b << '/' << b << ' ' << c << '/' << c << '\n';
+        };
+        face(at, at + 1, at + half + 2);
+        face(at, at + half + 2, at + half + 1);
+      }
+  }
+  return folder;
+}
+
+TEST(TileCommand, AFolderOfMeshesIsOneTilesetInMemoryAndOutOfCore) {
+  const tests::TemporaryFolder folder;
+  const std::string meshes = write_hills(folder / "meshes", 40).string();
+  const auto tile = [&](const std::string& out, std::vector<std::string> more) {
+    more.insert(more.begin(), {"tile", meshes, "--out", (folder / out).string(), "--tile-triangles", "100"});
+    return run_to_json(more);
+  };
+  const json whole = tile("whole", {}), large = tile("large", {"--memory", "0.0001"});
+  const json packed = tile("packed", {"--memory", "0.0001", "--implicit", "--compression", "meshopt"});
+  EXPECT_FALSE(whole["out_of_core"].get<bool>());
+  for (const json& result : {large, packed}) {
+    EXPECT_TRUE(result["out_of_core"].get<bool>());
+    EXPECT_EQ(result["levels"].back()["triangles"], 3200);
+    EXPECT_EQ(result["levels"].size(), whole["levels"].size());
+  }
+  for (const char* out : {"whole", "large", "packed"}) {
+    const json inspected = run_to_json({"inspect", (folder / out).string()});
+    EXPECT_EQ(inspected["tiles"], run_to_json({"inspect", (folder / "whole").string()})["tiles"]);
+    const json extract =
+        run_to_json({"extract", (folder / out).string(), "--out", (folder / (std::string(out) + "-truth")).string(),
+                     "--center-local", "20,20,0", "--size", "100,100,40"});
+    EXPECT_EQ(extract["triangles"], 3200) << out;
+    EXPECT_TRUE(extract["complete"].get<bool>());
+  }
+  const fs::path truth = folder / "whole-truth/voxels.binvox";
+  EXPECT_TRUE(tests::file_text(truth) == tests::file_text(folder / "large-truth/voxels.binvox"));
+  EXPECT_TRUE(tests::file_text(truth) == tests::file_text(folder / "packed-truth/voxels.binvox"));
+}
+
+/// Files beside the meshes, of finished and unfinished work.
+std::vector<std::string> names_in(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+TEST(TileCommand, AKilledRunLeavesNothingHalfAndIsDoneAgain) {
+  const tests::TemporaryFolder folder, others;
+  const std::vector<std::string> call{"tile",
+                                      write_hills(folder / "meshes", 200).string(),
+                                      "--out",
+                                      (folder / "out").string(),
+                                      "--memory",
+                                      "0.0001",
+                                      "--tile-triangles",
+                                      "500"};
+  bool was_at_work = false;
+  {
+    tests::BackgroundProgram program(call, others / "killed");
+    while (program.runs() && !was_at_work) {
+      for (const std::string& name : names_in(folder.path()))
+        was_at_work |= fs::exists(folder / name / "tiles") && name != "out";
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    program.kill();
+  }
+  EXPECT_TRUE(was_at_work);
+  EXPECT_FALSE(fs::exists(folder / "out"));
+  const ProgramResult again = run_tileflight(call);
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(names_in(folder.path()), (std::vector<std::string>{"meshes", "out"}));
+  EXPECT_FALSE(fs::exists(folder / "out/work"));
+}
+
+/// A limit on the size of files is met as a full disk is: by a write that fails.
+TEST(TileCommand, AFullDiskIsOneLineAndLeavesNothing) {
+  const tests::TemporaryFolder folder;
+  const std::string meshes = write_hills(folder / "meshes", 100).string();
+  for (const char* kilobytes : {"1", "100", "1000"}) {
+    const std::string command = "trap '' XFSZ; ulimit -f " + std::string(kilobytes) + "; exec " + TILEFLIGHT_BINARY +
+                                " tile " + meshes + " --out " + (folder / "out").string() + " --memory 0.0001";
+    const ProgramResult result = tests::run_command({"bash", "-c", command});
+    EXPECT_EQ(result.exit_code, 1) << kilobytes;
+    EXPECT_EQ(tests::line_count(result.err), 1) << result.err;
+    EXPECT_THAT(result.err, HasSubstr("cannot be written: File too large"));
+    EXPECT_EQ(names_in(folder.path()), std::vector<std::string>{"meshes"});
+  }
+}
+
 class TileFiles : public ::testing::Test {
  protected:
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
@@ -104,6 +218,12 @@ TEST_F(TileFiles, BadMeshesAreOneLine) {
   write("good.obj", std::string(kTriangle) + "f 1 2 3\n");
   expect_fails("good.obj", HasSubstr("EPSG:1"), {"--crs", "EPSG:1"});
   expect_fails("good.obj", HasSubstr("latitude"), {"--georeference", "95,0,0"});
+  expect_fails("good.obj", AllOf(HasSubstr("ktx2"), HasSubstr("jpeg")), {"--texture-format", "ktx2"});
+  expect_fails("index.obj", AllOf(HasSubstr("index.obj, line 4"), HasSubstr("vertex 7")), {"--memory", "1e-6"});
+  expect_fails("flat.obj", HasSubstr("area"), {"--memory", "1e-6"});
+  expect_fails("texture.obj", AllOf(HasSubstr("gone.jpg"), HasSubstr("--no-textures")), {"--memory", "1e-6"});
+  fs::create_directory(folder_ / "empty");
+  expect_fails("empty", HasSubstr("contains no mesh file"));
 }
 
 TEST_F(TileFiles, AMeshIsPutOnEarth) {
@@ -120,6 +240,9 @@ TEST_F(TileFiles, AMeshIsPutOnEarth) {
   EXPECT_TRUE(run_to_json({"tile", mesh, "--out", out, "--force"})["frame"].is_null());
   write("odm_georeferencing_model_geo.txt", "WGS84 UTM 33N\n500000 5594000\n");
   const json found = run_to_json({"tile", mesh, "--out", out, "--force"});
+  const json large = run_to_json({"tile", mesh, "--out", out, "--force", "--memory", "1e-6"});
+  EXPECT_TRUE(large["out_of_core"].get<bool>());
+  EXPECT_EQ(large["frame"], found["frame"]);
   EXPECT_NEAR(found["frame"]["origin_lon"].get<double>(), 15.0, 1e-3);
   EXPECT_NEAR(found["frame"]["origin_lat"].get<double>(), 50.5, 0.02);
   EXPECT_THAT(found["frame"]["stated_by"].get<std::string>(), HasSubstr("odm_georeferencing_model_geo.txt"));

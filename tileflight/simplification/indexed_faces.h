@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,19 @@ struct IndexedFaces {
   std::vector<std::array<float, 3>> colors;  ///< one a position, sRGB, 0..1; or empty
   std::vector<Eigen::Vector2f> uv;           ///< finite; v points up
   std::vector<FaceGroup> groups;             ///< in order of first use
+};
+
+/// Takes the faces of an OBJ or PLY file in its order, so that a reader need not hold them.
+class FaceReceiver {
+ public:
+  virtual ~FaceReceiver() = default;
+  /// A finite position and its colour (as in the file: in OBJ files possibly out of 255).
+  virtual void add_position(const geometry::Vec3& position, const std::optional<std::array<float, 3>>& color) = 0;
+  virtual void add_uv(const Eigen::Vector2f& uv) = 0;
+  /// The faces that follow have this material.
+  virtual void use_material(const std::string& material) = 0;
+  /// A face of at least three corners, whose indices are valid.
+  virtual void add_face(const std::vector<FaceCorner>& corners) = 0;
 };
 
 /// Merges positions and texture coordinates into vertices: each distinct pair in a group becomes one vertex, in order

@@ -5,13 +5,16 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <map>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <unordered_map>
 
+#include "tileflight/base/random_numbers.h"
 #include "tileflight/simplification/simplify.h"
 
 namespace tileflight::simplification {
@@ -69,54 +72,101 @@ std::vector<bool> on_border(const TriangleMesh& mesh) {
 }
 
 /// Grid of points with cells as wide as the query radius.
-class VertexGrid {
+class PointGrid {
  public:
-  explicit VertexGrid(const TriangleMesh& mesh, double radius_m) : mesh_(mesh), radius_m_(radius_m) {}
+  PointGrid(const std::vector<Vec3>& points, double radius_m) : points_(points), radius_m_(radius_m) {}
 
-  /// The nearest vertex in the grid within the radius.
-  std::optional<std::uint32_t> nearest(std::uint32_t vertex) const {
+  /// The nearest point in the grid within the radius of a place.
+  std::optional<std::uint32_t> nearest(const Vec3& place) const {
     std::optional<std::uint32_t> best;
     double best_m = radius_m_;
-    const Cell middle = cell_of(vertex);
-    for (int i = 0; i < 27; ++i) {
-      const auto found = cells_.find({middle[0] + i / 9 - 1, middle[1] + i / 3 % 3 - 1, middle[2] + i % 3 - 1});
-      if (found == cells_.end()) continue;
-      for (const std::uint32_t other : found->second) {
-        const double distance_m = (mesh_.vertices[other] - mesh_.vertices[vertex]).norm();
-        if (distance_m > best_m) continue;
-        best = other;
-        best_m = distance_m;
-      }
-    }
+    visit(place, [&](std::uint32_t point, double distance_m) {
+      if (distance_m > best_m) return;
+      best = point;
+      best_m = distance_m;
+    });
     return best;
   }
 
-  void add(std::uint32_t vertex) { cells_[cell_of(vertex)].push_back(vertex); }
+  /// Calls `found(point, distance_m)` for points in the cells around a place.
+  template <class Found>
+  void visit(const Vec3& place, const Found& found) const {
+    const Cell middle = cell_of(place);
+    for (int i = 0; i < 27; ++i) {
+      const auto cell = cells_.find({middle[0] + i / 9 - 1, middle[1] + i / 3 % 3 - 1, middle[2] + i % 3 - 1});
+      if (cell == cells_.end()) continue;
+      for (const std::uint32_t point : cell->second) found(point, (points_[point] - place).norm());
+    }
+  }
+
+  void add(std::uint32_t point) { cells_[cell_of(points_[point])].push_back(point); }
 
  private:
   using Cell = std::array<std::int64_t, 3>;
 
-  Cell cell_of(std::uint32_t vertex) const {
+  Cell cell_of(const Vec3& place) const {
     Cell out{};
     for (int axis = 0; axis < 3; ++axis)
-      out[static_cast<std::size_t>(axis)] =
-          static_cast<std::int64_t>(std::floor(mesh_.vertices[vertex][axis] / radius_m_));
+      out[static_cast<std::size_t>(axis)] = static_cast<std::int64_t>(std::floor(place[axis] / radius_m_));
     return out;
   }
 
-  const TriangleMesh& mesh_;
+  const std::vector<Vec3>& points_;
   double radius_m_;
   std::map<Cell, std::vector<std::uint32_t>> cells_;
 };
 
 }  // namespace
 
-TriangleMesh join_borders(const TriangleMesh& surface, double within_m) {
+std::size_t FixedVertices::Hash::operator()(const Key& key) const {
+  return static_cast<std::size_t>(
+      base::splitmix64_hash(key[0] ^ base::splitmix64_hash(key[1] ^ base::splitmix64_hash(key[2]))));
+}
+
+FixedVertices::Key FixedVertices::key(const Vec3& position) {
+  const Vec3 p = position + Vec3::Zero();  // -0 + 0 is 0
+  return {std::bit_cast<std::uint64_t>(p.x()), std::bit_cast<std::uint64_t>(p.y()),
+          std::bit_cast<std::uint64_t>(p.z())};
+}
+
+std::vector<Vec3> border_positions(const TriangleMesh& surface) {
   const std::vector<bool> is_border = on_border(surface);
-  VertexGrid places(surface, std::max(within_m, 1e-9));
+  std::vector<Vec3> out;
+  for (std::size_t i = 0; i < is_border.size(); ++i)
+    if (is_border[i]) out.push_back(surface.vertices[i]);
+  return out;
+}
+
+FixedVertices near_positions(const std::vector<Vec3>& positions, double within_m,
+                             const std::function<void(const std::function<void(const Vec3&)>&)>& visit_others) {
+  const double radius_m = std::max(within_m, 1e-9);
+  PointGrid places(positions, radius_m);
+  for (std::uint32_t i = 0; i < positions.size(); ++i) places.add(i);
+  std::vector<bool> is_near(positions.size());
+  visit_others([&](const Vec3& other) {
+    places.visit(other, [&](std::uint32_t point, double distance_m) {
+      if (distance_m <= radius_m) is_near[point] = true;
+    });
+  });
+  FixedVertices out;
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    if (is_near[i]) out.add(positions[i]);
+  return out;
+}
+
+TriangleMesh join_borders(const TriangleMesh& surface, double within_m, const FixedVertices& fixed) {
+  const std::vector<bool> is_border = on_border(surface);
+  PointGrid places(surface.vertices, std::max(within_m, 1e-9));
   std::vector<std::uint32_t> goes_to(surface.vertices.size());
+  std::vector<bool> is_fixed(fixed.empty() ? 0 : surface.vertices.size());
+  for (std::uint32_t i = 0; i < is_fixed.size(); ++i) {
+    is_fixed[i] = is_border[i] && fixed.contains(surface.vertices[i]);
+    if (is_fixed[i]) places.add(i);
+  }
   for (std::uint32_t i = 0; i < goes_to.size(); ++i) {
-    const std::optional<std::uint32_t> near = is_border[i] ? places.nearest(i) : std::nullopt;
+    goes_to[i] = i;
+    if (!is_fixed.empty() && is_fixed[i]) continue;
+    const std::optional<std::uint32_t> near = is_border[i] ? places.nearest(surface.vertices[i]) : std::nullopt;
     goes_to[i] = near.value_or(i);
     if (is_border[i] && !near) places.add(i);
   }
@@ -161,22 +211,85 @@ TriangleMesh weld_vertices(const std::vector<imaging::TexturedMesh>& meshes) {
   return with_corners(all, indices);
 }
 
-TriangleMesh simplify_to_count(const TriangleMesh& surface, std::size_t triangles) {
+namespace {
+
+/// Corners of all triangles, then a triangle without extent at each fixed vertex: the simplifier takes the edge from a
+/// vertex to itself for a second open edge there, and leaves such vertices where they are (meshoptimizer 0.18,
+/// classifyVertices). Triangles without extent are not in its result.
+std::vector<unsigned int> corners_with_locks(const TriangleMesh& surface, const FixedVertices& fixed) {
+  std::vector<unsigned int> corners;
+  for (const Triangle& t : surface.triangles) corners.insert(corners.end(), t.begin(), t.end());
+  for (std::uint32_t i = 0; !fixed.empty() && i < surface.vertices.size(); ++i)
+    if (fixed.contains(surface.vertices[i])) corners.insert(corners.end(), 3, i);
+  return corners;
+}
+
+/// Vertex clustering (Rossignac, Borrel 1993): the vertices in a cell of a grid become the first of them, but fixed
+/// ones remain.
+class VertexClustering {
+ public:
+  VertexClustering(const TriangleMesh& surface, const FixedVertices& fixed)
+      : surface_(surface), box_(geometry::bounds(surface)) {
+    for (const Vec3& v : surface.vertices) is_fixed_.push_back(fixed.contains(v));
+  }
+
+  /// The finest of a series of grids that leaves no more than `triangles`, or else the coarsest.
+  TriangleMesh to_count(std::size_t triangles) const {
+    std::size_t low = 1, high = std::size_t{1} << 20;  // cells along the longest side
+    while (high - low > std::max<std::size_t>(1, low / 64)) {
+      const std::size_t middle = (low + high) / 2;
+      (clustered(middle).triangles.size() <= triangles ? low : high) = middle;
+    }
+    return clustered(low);
+  }
+
+ private:
+  TriangleMesh clustered(std::size_t cells) const {
+    const double edge_m = std::max(box_.sizes().maxCoeff(), 1e-9) / static_cast<double>(cells);
+    std::map<std::array<std::int64_t, 3>, std::uint32_t> first;
+    std::vector<std::uint32_t> goes_to(surface_.vertices.size());
+    for (std::uint32_t i = 0; i < goes_to.size(); ++i) {
+      const Vec3 at = (surface_.vertices[i] - box_.min()) / edge_m;
+      const auto cell = [&](int axis) { return static_cast<std::int64_t>(std::floor(at[axis])); };
+      goes_to[i] = is_fixed_[i] ? i : first.try_emplace({cell(0), cell(1), cell(2)}, i).first->second;
+    }
+    std::vector<unsigned int> corners;
+    std::set<Triangle> seen;
+    for (const Triangle& t : surface_.triangles) {
+      Triangle moved{goes_to[t[0]], goes_to[t[1]], goes_to[t[2]]};
+      std::rotate(moved.begin(), std::min_element(moved.begin(), moved.end()), moved.end());
+      if (moved[0] == moved[1] || moved[1] == moved[2] || moved[0] == moved[2] || !seen.insert(moved).second) continue;
+      corners.insert(corners.end(), moved.begin(), moved.end());
+    }
+    return with_corners(surface_, corners);
+  }
+
+  const TriangleMesh& surface_;
+  geometry::Box3 box_;
+  std::vector<bool> is_fixed_;
+};
+
+}  // namespace
+
+TriangleMesh simplify_to_count(const TriangleMesh& surface, std::size_t triangles, const FixedVertices& fixed) {
   const std::vector<float> positions = float_positions(surface);
   const std::size_t vertices = surface.vertices.size(), stride = 3 * sizeof(float);
-  std::vector<unsigned int> indices;
-  for (const Triangle& t : surface.triangles) indices.insert(indices.end(), t.begin(), t.end());
+  const std::vector<unsigned int> indices = corners_with_locks(surface, fixed);
   std::vector<unsigned int> result(indices.size());
   constexpr float kAnyError = 1.0F;  // the whole extent: only the number of triangles limits the simplification
   result.resize(meshopt_simplify(result.data(), indices.data(), indices.size(), positions.data(), vertices, stride,
                                  3 * triangles, kAnyError, 0, nullptr));
-  if (result.size() > 3 * 2 * triangles) {
+  if (result.size() > 3 * 2 * triangles && fixed.empty()) {
     std::vector<unsigned int> sloppy(indices.size());
     sloppy.resize(meshopt_simplifySloppy(sloppy.data(), indices.data(), indices.size(), positions.data(), vertices,
                                          stride, 3 * triangles, kAnyError, nullptr));
     if (!with_corners(surface, sloppy).triangles.empty()) result = std::move(sloppy);
   }
   TriangleMesh out = with_corners(surface, result);
+  if (!fixed.empty() && out.triangles.size() > 2 * triangles) {
+    TriangleMesh clustered = VertexClustering(surface, fixed).to_count(triangles);
+    if (!clustered.triangles.empty() && clustered.triangles.size() < out.triangles.size()) out = std::move(clustered);
+  }
   return out.triangles.empty() ? surface : out;
 }
 

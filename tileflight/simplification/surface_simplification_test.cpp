@@ -89,5 +89,92 @@ TEST(CoarserSurface, ASoupOfTrianglesIsGatheredAndNeverEmpty) {
   EXPECT_EQ(simplify_to_count(weld_vertices({soup}), 1).triangles.size(), 1U);
 }
 
+/// Whether the surface has a vertex at each fixed place.
+bool has_all(const TriangleMesh& surface, const FixedVertices& fixed, std::size_t count) {
+  std::size_t found = 0;
+  for (const Vec3& v : surface.vertices) found += fixed.contains(v) ? 1 : 0;
+  return found == count;
+}
+
+TEST(FixedBorders, PartsThatAreSimplifiedByThemselvesStillMeet) {
+  const TriangleMesh left = weld_vertices({sheet(0, 0, 1)}), right = weld_vertices({sheet(10, 0, 1)});
+  const std::vector<Vec3> border = border_positions(left);
+  EXPECT_EQ(border.size(), 80U);
+  const FixedVertices fixed = near_positions(border, 1e-6, [&](const auto& visit) {
+    for (const Vec3& v : border_positions(right)) visit(v);
+  });
+  ASSERT_TRUE(has_all(left, fixed, 21));
+  TriangleMesh a = left, b = right;
+  for (const std::size_t count : {200U, 60U}) {
+    a = simplify_to_count(a, count, fixed);
+    b = simplify_to_count(b, count, fixed);
+    EXPECT_TRUE(has_all(a, fixed, 21) && has_all(b, fixed, 21));
+    EXPECT_LT(a.triangles.size(), 1.3 * static_cast<double>(count));
+    imaging::TexturedMesh both_a, both_b;
+    both_a.mesh = a;
+    both_b.mesh = b;
+    const TriangleMesh together = weld_vertices({both_a, both_b});
+    EXPECT_EQ(together.triangles.size(), a.triangles.size() + b.triangles.size());
+    int seam = 0;  // edges of one triangle with both ends on the seam
+    std::map<std::array<std::uint32_t, 2>, int> uses;
+    for (const Triangle& t : together.triangles)
+      for (std::size_t k = 0; k < 3; ++k) ++uses[{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}];
+    for (const auto& [edge, n] : uses)
+      seam += n == 1 && fixed.contains(together.vertices[edge[0]]) && fixed.contains(together.vertices[edge[1]]);
+    EXPECT_EQ(seam, 0);
+  }
+  EXPECT_FALSE(has_all(simplify_to_count(left, 60), fixed, 21)) << "without being told, it does not keep them";
+}
+
+TEST(FixedBorders, NearPlacesAreThoseWithinTheDistance) {
+  base::HashRandom random(5);
+  std::vector<Vec3> own, others;
+  for (int i = 0; i < 300; ++i) {
+    own.emplace_back(random.uniform(0, 3), random.uniform(0, 3), random.uniform(0, 0.3));
+    others.emplace_back(random.uniform(0, 3), random.uniform(0, 3), random.uniform(0, 0.3));
+  }
+  const FixedVertices near = near_positions(own, 0.15, [&](const auto& visit) {
+    for (const Vec3& v : others) visit(v);
+  });
+  int count = 0;
+  for (const Vec3& v : own) {
+    bool is_near = false;
+    for (const Vec3& other : others) is_near |= (v - other).norm() <= 0.15;
+    EXPECT_EQ(near.contains(v), is_near);
+    count += is_near ? 1 : 0;
+  }
+  EXPECT_GT(count, 50);
+  EXPECT_LT(count, 250);
+}
+
+TEST(FixedBorders, JoiningMovesOthersToThem) {
+  const TriangleMesh apart = weld_vertices({sheet(0, 0.01, 1), sheet(10, 0.01, 9)});
+  FixedVertices fixed;  // the border of the right sheet, which comes second
+  std::size_t count = 0;
+  for (const Vec3& v : border_positions(weld_vertices({sheet(10, 0.01, 9)})))
+    if (v.x() < 10.1) fixed.add(v), ++count;
+  ASSERT_EQ(count, 21U);
+  EXPECT_FALSE(has_all(join_borders(apart, 0.06), fixed, 21));
+  const TriangleMesh joined = join_borders(apart, 0.06, fixed);
+  EXPECT_TRUE(has_all(joined, fixed, 21));
+  EXPECT_EQ(joined.vertices.size(), 41U * 21);
+}
+
+TEST(FixedBorders, ASoupIsGatheredAroundThem) {
+  imaging::TexturedMesh soup;
+  FixedVertices fixed;
+  for (std::uint32_t i = 0; i < 2000; ++i) {
+    const Vec3 at(base::value_noise(0.31 * i, 0, 1) * 20, base::value_noise(0.37 * i, 0, 2) * 20,
+                  base::value_noise(0.41 * i, 0, 3) * 2);
+    soup.mesh.vertices.insert(soup.mesh.vertices.end(), {at, at + Vec3(0.3, 0, 0), at + Vec3(0, 0.3, 0.1)});
+    soup.mesh.triangles.push_back({3 * i, 3 * i + 1, 3 * i + 2});
+    if (i % 50 == 0)
+      for (std::size_t k = 1; k <= 3; ++k) fixed.add(soup.mesh.vertices[soup.mesh.vertices.size() - k]);
+  }
+  const TriangleMesh coarse = simplify_to_count(weld_vertices({soup}), 300, fixed);
+  EXPECT_TRUE(has_all(coarse, fixed, 120));
+  EXPECT_LE(coarse.triangles.size(), 600U);
+}
+
 }  // namespace
 }  // namespace tileflight::simplification::surface_simplification_test

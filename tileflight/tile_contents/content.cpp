@@ -19,7 +19,7 @@ using Bytes = std::span<const std::byte>;
 
 /// GLB (glTF 2.0, section 4.4): header, a JSON chunk, an optional binary chunk.
 void append_glb(Bytes bytes, const GltfContainerInfo& around, const std::string& name, const ContentOptions& options,
-                DecodedContent& out) {
+                DecodedContent& out, const GltfReceiver& receiver = {}) {
   constexpr std::size_t kHeader = 12;
   constexpr std::size_t kChunkHeader = 8;
   constexpr std::uint32_t kJson = 0x4E4F534A;
@@ -41,7 +41,7 @@ void append_glb(Bytes bytes, const GltfContainerInfo& around, const std::string&
   const Bytes json = next_chunk(kJson);
   if (json.empty()) throw InputError(name, "the GLB does not begin with a JSON chunk");
   const Bytes binary = rest.size() < kChunkHeader ? Bytes() : next_chunk(kBinary);
-  append_gltf(base::as_text(json), binary, around, name, options, out);
+  append_gltf(base::as_text(json), binary, around, name, options, out, receiver);
 }
 
 /// Handles two older header forms: 20 bytes (batch length, batch table length) and 24 (batch table JSON and binary
@@ -145,6 +145,19 @@ std::string detect_content_format(Bytes bytes) {
 DecodedContent decode_content(Bytes bytes, const std::string& name, const ContentOptions& options) {
   DecodedContent out;
   append_content(bytes, name, options, 0, out);
+  return out;
+}
+
+DecodedContent decode_gltf(Bytes bytes, const std::string& name, const ContentOptions& options,
+                           const GltfReceiver& receiver) {
+  const std::string kind = detect_content_format(bytes);
+  if (kind != "glb" && kind != "JSON") throw InputError(name, "is not a glTF file, judging by its first bytes");
+  DecodedContent out;
+  if (kind == "glb") {
+    append_glb(bytes, {}, name, options, out, receiver);
+  } else {
+    append_gltf(base::as_text(bytes), {}, {}, name, options, out, receiver);
+  }
   return out;
 }
 

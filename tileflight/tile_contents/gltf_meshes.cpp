@@ -75,11 +75,13 @@ std::vector<std::array<std::uint8_t, 4>> to_bytes(const std::vector<float>& colo
 class MeshBuilder {
  public:
   MeshBuilder(const gltf::Document& document, std::span<const std::byte> binary_chunk, const std::string& name,
-              const ContentOptions& options, const GltfContainerInfo& around, DecodedContent& out)
+              const ContentOptions& options, const GltfContainerInfo& around, const GltfReceiver& receiver,
+              DecodedContent& out)
       : document_(document),
         name_(name),
         options_(options),
         container_(around),
+        receiver_(receiver),
         out_(out),
         buffers_(document, binary_chunk, options, name),
         property_tables_(document, buffers_, options, name) {}
@@ -211,9 +213,13 @@ class MeshBuilder {
       spend(geometry, where);
       out_.meshes.push_back(appearance);
       place(geometry, places.T_tile_mesh[i], where, out_.meshes.back().mesh);
-      if (places.feature_ids.empty()) continue;
-      out_.meshes.back().feature_ids.assign(geometry.vertex_count(), places.feature_ids[i]);
-      out_.meshes.back().features = places.features;
+      if (!places.feature_ids.empty()) {
+        out_.meshes.back().feature_ids.assign(geometry.vertex_count(), places.feature_ids[i]);
+        out_.meshes.back().features = places.features;
+      }
+      if (!receiver_.take_mesh) continue;
+      receiver_.take_mesh(out_.meshes.back());
+      out_.meshes.pop_back();
     }
   }
 
@@ -326,6 +332,7 @@ class MeshBuilder {
   std::shared_ptr<const imaging::RgbImage> read_image(const gltf::Image& image, std::size_t index) {
     const std::string where = name_ + ": images[" + std::to_string(index) + "]";
     const auto decode = [&](std::span<const std::byte> bytes) {
+      if (receiver_.decode_image) return receiver_.decode_image(bytes, where);
       return std::make_shared<const imaging::RgbImage>(
           imaging::decode_texture(bytes, where, options_.limits.max_texture_pixels));
     };
@@ -366,6 +373,7 @@ class MeshBuilder {
   const std::string& name_;
   const ContentOptions& options_;
   const GltfContainerInfo& container_;
+  const GltfReceiver& receiver_;
   DecodedContent& out_;
   gltf::Buffers buffers_;
   gltf::PropertyTables property_tables_;
@@ -385,13 +393,14 @@ Mat3 R_tile_gltf(UpAxis up_axis) {
 }
 
 void append_gltf(std::string_view json, std::span<const std::byte> binary_chunk, const GltfContainerInfo& around,
-                 const std::string& name, const ContentOptions& options, DecodedContent& out) {
+                 const std::string& name, const ContentOptions& options, DecodedContent& out,
+                 const GltfReceiver& receiver) {
   const gltf::Document document = gltf::parse_document(json, name);
   require_supported(document, name, options.textures);
   Mat4 T_tile_gltf = Mat4::Identity();
   T_tile_gltf.topLeftCorner<3, 3>() = R_tile_gltf(options.up_axis);
   T_tile_gltf.topRightCorner<3, 1>() = around.rtc_center + document.rtc_center;
-  MeshBuilder(document, binary_chunk, name, options, around, out).build(T_tile_gltf);
+  MeshBuilder(document, binary_chunk, name, options, around, receiver, out).build(T_tile_gltf);
   if (!document.copyright.empty()) out.copyrights.push_back(document.copyright);
 }
 

@@ -37,6 +37,38 @@ TEST(CellTree, SharesWeightOutEvenlyAndFindsEachItemAgain) {
   EXPECT_EQ(uses, std::vector<int>(places.size(), 1));
 }
 
+TEST(CellTree, CellsSplitOneByOneAreThoseOfTheWhole) {
+  std::vector<Vec3> places;
+  std::vector<float> weights;
+  for (int i = 0; i < 2000; ++i) {
+    places.emplace_back(100 * base::value_noise(0.37 * i, 1.0, 1), 30 * base::value_noise(0.53 * i, 2.0, 2), 0.1 * i);
+    weights.push_back(i % 3 == 0 ? 5.0F : 1.0F);
+  }
+  const CellTree whole(places, weights, 3);
+  CellTree parts(3);
+  const auto quarters = parts.split(0, 0, 1, places, weights);
+  for (std::uint32_t cell = 0; cell < 4; ++cell) {
+    std::vector<Vec3> own;
+    std::vector<float> own_weights;
+    for (const std::uint32_t item : quarters[cell]) {
+      EXPECT_EQ(parts.cell_of(places[item], 1), cell);
+      own.push_back(places[item]);
+      own_weights.push_back(weights[item]);
+    }
+    const auto leaves = parts.split(cell, 1, 3, own, own_weights);
+    ASSERT_EQ(leaves.size(), 16U);
+    for (std::uint32_t i = 0; i < 16; ++i) {
+      std::vector<std::uint32_t> items;
+      for (const std::uint32_t item : leaves[i]) items.push_back(quarters[cell][item]);
+      EXPECT_EQ(items, whole.leaves()[16 * cell + i]);
+    }
+  }
+  for (const Vec3& place : places) {
+    EXPECT_EQ(parts.cell_of(place, 3), whole.cell_of(place, 3));
+    EXPECT_EQ(parts.cell_of(place, 3, 2, 1) / 16, 2U) << "among the descendants of cell 2, wherever the point is";
+  }
+}
+
 TEST(CellTree, ManyItemsAtOnePlaceAreStillSharedOut) {
   const CellTree tree(std::vector<Vec3>(100, Vec3::Ones()), std::vector<float>(100, 1.0F), 1);
   ASSERT_EQ(tree.leaves().size(), 4U);

@@ -120,11 +120,9 @@ geometry::Box3 box_of(const std::vector<TexturedMesh>& meshes) {
 }
 
 /// "ENU:LAT,LON": the mesh is already in an east-north-up frame.
-geometry::LocalFrame move_from_enu(const Georeference& place, std::vector<TexturedMesh>& meshes) {
+geometry::LocalFrame frame_of_enu(const Georeference& place) {
   const std::vector<double> at = numbers_in(std::string_view(place.crs).substr(4));
   if (at.size() < 2) throw InputError(place.stated_by, "'" + place.crs + "' is not of the form ENU:LAT,LON");
-  for (TexturedMesh& m : meshes)
-    for (Vec3& v : m.mesh.vertices) v += place.offset;
   return geometry::LocalFrame({at[0], at[1], {at.size() > 2 ? at[2] : 0.0}});
 }
 
@@ -141,8 +139,21 @@ std::optional<Georeference> find_georeference(const fs::path& mesh_file) {
   return std::nullopt;
 }
 
+LocalPlacement place_locally(const Georeference& place, const geometry::Box3& extent) {
+  if (place.crs.starts_with("ENU:"))
+    return {frame_of_enu(place), [offset = place.offset](const Vec3& p) { return Vec3(p + offset); }};
+  const auto stays = std::make_shared<const Georeference>(place);  // the converter refers to it
+  const auto to_geodetic = std::make_shared<const GeodeticConverter>(*stays);
+  const geometry::LocalFrame frame((*to_geodetic)(extent.center()));
+  return {frame, [stays, to_geodetic, frame](const Vec3& p) { return frame.local_from_geodetic((*to_geodetic)(p)); }};
+}
+
 geometry::LocalFrame reproject_to_local(const Georeference& place, std::vector<TexturedMesh>& meshes) {
-  if (place.crs.starts_with("ENU:")) return move_from_enu(place, meshes);
+  if (place.crs.starts_with("ENU:")) {
+    for (TexturedMesh& m : meshes)
+      for (Vec3& v : m.mesh.vertices) v += place.offset;
+    return frame_of_enu(place);
+  }
   const geometry::LocalFrame frame(GeodeticConverter(place)(box_of(meshes).center()));
   for (TexturedMesh& m : meshes) {
     std::vector<Vec3>& vertices = m.mesh.vertices;

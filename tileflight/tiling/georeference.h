@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,16 @@ struct Georeference {
 /// ../odm_georeferencing), or metadata.xml (SRS and SRSOrigin, written by ContextCapture, Metashape, Pix4D and DJI
 /// Terra). nullopt if there is none. Throws InputError if one cannot be parsed.
 std::optional<Georeference> find_georeference(const std::filesystem::path& mesh_file);
+
+/// A mesh's place on Earth.
+struct LocalPlacement {
+  geometry::LocalFrame frame;                                           ///< at the centre of its extent
+  std::function<geometry::Vec3(const geometry::Vec3&)> local_from_map;  ///< of its coordinates; for one thread
+};
+
+/// The frame of a mesh of this extent (map coordinates), and the way of its vertices there. Throws as
+/// reproject_to_local().
+LocalPlacement place_locally(const Georeference& place, const geometry::Box3& extent);
 
 /// Transforms the meshes from map coordinates to an east-north-up frame at the centre of their extent, vertex by
 /// vertex, which corrects for the map's scale, grid convergence and the earth's curvature (PROJ). Heights of a system

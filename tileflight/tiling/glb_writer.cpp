@@ -1,5 +1,7 @@
 #include "tileflight/tiling/glb_writer.h"
 
+#include <meshoptimizer.h>
+
 #include <array>
 #include <cassert>
 #include <cmath>
@@ -41,6 +43,9 @@ class Document {
     json_["asset"] = {{"version", "2.0"}, {"generator", "tileflight"}};
     if (!options.copyright.empty()) json_["asset"]["copyright"] = options.copyright;
     json_["extensionsUsed"] = {"KHR_materials_unlit"};
+    if (!options.meshopt) return;
+    json_["extensionsUsed"].push_back("EXT_meshopt_compression");
+    json_["extensionsRequired"] = {"EXT_meshopt_compression"};
   }
 
   void add_mesh(const TexturedMesh& mesh, const Vec3& node) {
@@ -62,6 +67,9 @@ class Document {
     json_["scene"] = 0;
     pad(binary_, '\0');
     json_["buffers"] = json::array({{{"byteLength", binary_.size()}}});
+    if (options_.meshopt)
+      json_["buffers"].push_back(
+          {{"byteLength", unpacked_bytes_}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}});
     std::string text = json_.dump();
     pad(text, ' ');
     std::string glb("glTF");
@@ -91,6 +99,31 @@ class Document {
     return add("bufferViews", std::move(view));
   }
 
+  /// Vertex attributes of one type. Packed, the view has the place that its bytes would have in a second buffer, which
+  /// is not there (EXT_meshopt_compression, "Fallback buffers").
+  template <class T>
+  std::size_t add_attributes(const std::vector<T>& values, std::size_t count) {
+    const std::size_t stride = values.size() * sizeof(T) / count;
+    if (!options_.meshopt) return add_view(values, kArrayBuffer);
+    std::vector<unsigned char> packed(meshopt_encodeVertexBufferBound(count, stride));
+    packed.resize(meshopt_encodeVertexBuffer(packed.data(), packed.size(), values.data(), count, stride));
+    return add_packed(packed, count, stride, "ATTRIBUTES", kArrayBuffer);
+  }
+
+  std::size_t add_packed(const std::vector<unsigned char>& packed, std::size_t count, std::size_t stride,
+                         const char* mode, int target) {
+    pad(binary_, '\0');
+    const std::size_t offset = binary_.size();
+    binary_.append(reinterpret_cast<const char*>(packed.data()), packed.size());
+    json view{{"buffer", 1}, {"byteOffset", unpacked_bytes_}, {"byteLength", count * stride}, {"target", target}};
+    if (target == kArrayBuffer) view["byteStride"] = stride;
+    view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},    {"byteOffset", offset},
+                                                     {"count", count}, {"byteLength", packed.size()},
+                                                     {"mode", mode},   {"byteStride", stride}};
+    unpacked_bytes_ += (count * stride + 3) / 4 * 4;
+    return add("bufferViews", std::move(view));
+  }
+
   std::size_t add(const char* list, json item) {
     json& array = json_[list];
     array.push_back(std::move(item));
@@ -110,7 +143,7 @@ class Document {
         values.push_back(value);
       }
     }
-    return add("accessors", {{"bufferView", add_view(values, kArrayBuffer)},
+    return add("accessors", {{"bufferView", add_attributes(values, vertices.size())},
                              {"componentType", kFloat},
                              {"type", "VEC3"},
                              {"count", vertices.size()},
@@ -125,7 +158,7 @@ class Document {
       values.push_back(static_cast<std::uint16_t>(at.x() * 65535.0F + 0.5F));
       values.push_back(static_cast<std::uint16_t>(at.y() * 65535.0F + 0.5F));
     }
-    return add("accessors", {{"bufferView", add_view(values, kArrayBuffer)},
+    return add("accessors", {{"bufferView", add_attributes(values, uv.size())},
                              {"componentType", kUnsignedShort},
                              {"normalized", true},
                              {"type", "VEC2"},
@@ -133,7 +166,7 @@ class Document {
   }
 
   std::size_t add_colors(const std::vector<std::array<std::uint8_t, 4>>& colors) {
-    return add("accessors", {{"bufferView", add_view(colors, kArrayBuffer)},
+    return add("accessors", {{"bufferView", add_attributes(colors, colors.size())},
                              {"componentType", kUnsignedByte},
                              {"normalized", true},
                              {"type", "VEC4"},
@@ -147,11 +180,21 @@ class Document {
     for (const geometry::Triangle& t : mesh.triangles)
       for (const std::uint32_t corner : t)
         is_short ? shorts.push_back(static_cast<std::uint16_t>(corner)) : longs.push_back(corner);
-    const std::size_t view = is_short ? add_view(shorts, kElementArrayBuffer) : add_view(longs, kElementArrayBuffer);
+    const std::size_t view = options_.meshopt ? add_packed_indices(mesh, is_short)
+                             : is_short       ? add_view(shorts, kElementArrayBuffer)
+                                              : add_view(longs, kElementArrayBuffer);
     return add("accessors", {{"bufferView", view},
                              {"componentType", is_short ? kUnsignedShort : kUnsignedInt},
                              {"type", "SCALAR"},
                              {"count", 3 * mesh.triangles.size()}});
+  }
+
+  std::size_t add_packed_indices(const geometry::TriangleMesh& mesh, bool is_short) {
+    std::vector<unsigned int> corners;
+    for (const geometry::Triangle& t : mesh.triangles) corners.insert(corners.end(), t.begin(), t.end());
+    std::vector<unsigned char> packed(meshopt_encodeIndexBufferBound(corners.size(), mesh.vertices.size()));
+    packed.resize(meshopt_encodeIndexBuffer(packed.data(), packed.size(), corners.data(), corners.size()));
+    return add_packed(packed, corners.size(), is_short ? 2 : 4, "TRIANGLES", kElementArrayBuffer);
   }
 
   std::size_t add_material(const TexturedMesh& mesh) {
@@ -189,6 +232,7 @@ class Document {
   json json_;
   json primitives_ = json::array();
   std::string binary_;
+  std::size_t unpacked_bytes_ = 0;  ///< of packed views
   std::map<const imaging::RgbImage*, std::size_t> image_of_;
 };
 
@@ -199,6 +243,27 @@ Vec3 node_of(const std::vector<TexturedMesh>& meshes) {
   return box.isEmpty() ? Vec3(Vec3::Zero()) : Vec3(box.center().array().round());
 }
 
+/// Triangles in an order that reuses vertices, and vertices in the order in which triangles use them: both pack well.
+TexturedMesh ordered_for_packing(const TexturedMesh& mesh) {
+  std::vector<unsigned int> corners;
+  for (const geometry::Triangle& t : mesh.mesh.triangles) corners.insert(corners.end(), t.begin(), t.end());
+  const std::size_t vertices = mesh.mesh.vertices.size();
+  meshopt_optimizeVertexCache(corners.data(), corners.data(), corners.size(), vertices);
+  std::vector<unsigned int> place_of(vertices);
+  const std::size_t used = meshopt_optimizeVertexFetchRemap(place_of.data(), corners.data(), corners.size(), vertices);
+  TexturedMesh out = mesh;
+  const auto reorder = [&](const auto& from, auto& to) {
+    to.resize(std::min(from.size(), used));
+    for (std::size_t i = 0; i < from.size(); ++i)
+      if (place_of[i] < used) to[place_of[i]] = from[i];
+  };
+  reorder(mesh.mesh.vertices, out.mesh.vertices);
+  reorder(mesh.uv, out.uv);
+  reorder(mesh.colors, out.colors);
+  for (std::size_t i = 0; i < corners.size(); ++i) out.mesh.triangles[i / 3][i % 3] = place_of[corners[i]];
+  return out;
+}
+
 }  // namespace
 
 std::string write_glb(const std::vector<TexturedMesh>& meshes, const GlbOptions& options) {
@@ -206,7 +271,8 @@ std::string write_glb(const std::vector<TexturedMesh>& meshes, const GlbOptions&
   const Vec3 node = node_of(meshes);
   for (const TexturedMesh& mesh : meshes) {
     assert(mesh.colors.empty() || mesh.colors.size() == mesh.mesh.vertices.size());
-    if (!mesh.mesh.triangles.empty()) document.add_mesh(mesh, node);
+    if (mesh.mesh.triangles.empty()) continue;
+    document.add_mesh(options.meshopt ? ordered_for_packing(mesh) : mesh, node);
   }
   return document.finish(node);
 }

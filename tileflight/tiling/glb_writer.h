@@ -10,6 +10,9 @@ namespace tileflight::tiling {
 struct GlbOptions {
   int jpeg_quality = 85;
   std::string copyright;  ///< glTF asset.copyright: the attribution shown by viewers
+  /// Geometry by EXT_meshopt_compression, without loss; vertices and triangles are put in an order that suits it, and a
+  /// triangle may start at another of its corners.
+  bool meshopt = false;
 };
 
 /// A binary glTF 2.0 of textured meshes, one primitive each, unlit (KHR_materials_unlit), textures as JPEG. Input

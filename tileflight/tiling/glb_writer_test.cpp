@@ -10,6 +10,7 @@
 
 #include "tileflight/base/noise.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/tile_contents/content.h"
 
 namespace tileflight::tiling::glb_writer_test {
 namespace {
@@ -129,6 +130,44 @@ TEST(GlbWriter, LengthsInTheContainerAreWhole) {
   EXPECT_EQ(total, glb.size());
   EXPECT_EQ(json % 4, 0U);
   EXPECT_EQ(glb.substr(20 + json + 4, 4), std::string("BIN\0", 4));
+}
+
+/// Corners with all that belongs to them, triangle by triangle, each from its smallest corner on.
+std::vector<std::array<std::array<double, 6>, 3>> corners_of(const TexturedMesh& mesh) {
+  std::vector<std::array<std::array<double, 6>, 3>> out;
+  for (const geometry::Triangle& t : mesh.mesh.triangles) {
+    std::array<std::array<double, 6>, 3> corners{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3& v = mesh.mesh.vertices[t[k]];
+      corners[k] = {v.x(), v.y(), v.z(), 0, 0, 0};
+      if (!mesh.uv.empty()) corners[k][3] = double{mesh.uv[t[k]].x()}, corners[k][4] = double{mesh.uv[t[k]].y()};
+      if (!mesh.colors.empty()) corners[k][5] = 256.0 * mesh.colors[t[k]][0] + mesh.colors[t[k]][2];
+    }
+    std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+    out.push_back(corners);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+TEST(WriteGlb, PackedGeometryIsReadBackTheSame) {
+  const auto texture = std::make_shared<imaging::RgbImage>(8, 8, imaging::Rgb8{10, 200, 90});
+  TexturedMesh textured = random_mesh({1000.25, -2000, 30}, 700, texture, 3),
+               colored = random_mesh({0, 0, 0}, 30000, nullptr, 4);
+  colored.uv.clear();
+  for (std::size_t i = 0; i < colored.mesh.vertices.size(); ++i)
+    colored.colors.push_back({static_cast<std::uint8_t>(i), 7, static_cast<std::uint8_t>(i / 256), 255});
+  const auto decoded = [&](bool meshopt) {
+    const std::string glb = write_glb({textured, colored}, {.meshopt = meshopt});
+    return tile_contents::decode_content(std::as_bytes(std::span(glb)), "a.glb").meshes;
+  };
+  const std::vector<TexturedMesh> plain = decoded(false), packed = decoded(true);
+  ASSERT_EQ(packed.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(corners_of(packed[i]), corners_of(plain[i]));
+    EXPECT_EQ(packed[i].base_color, plain[i].base_color);
+  }
+  EXPECT_TRUE(packed[0].texture->pixels == plain[0].texture->pixels);
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <unordered_map>
 
 #include "tileflight/tiling/rectangle_packing.h"
-#include "tileflight/tiling/texel_window.h"
 
 namespace tileflight::tiling {
 namespace {
@@ -17,6 +16,14 @@ using imaging::TexturedMesh;
 
 /// Margin around a window for filtering, texels.
 constexpr int kMargin_px = 1;
+
+/// Fill factor of atlases, with windows and the gaps between them.
+constexpr double kAtlasFill = 0.6;
+
+/// Texels that a triangle with vertex colours or a plain colour counts for.
+constexpr double kTexelsOfColors = 2.0;
+
+constexpr int kMaxDepth = 9;
 
 /// A mesh with a subset of its triangles and the vertices they use.
 TexturedMesh part_of(const TexturedMesh& mesh, const std::vector<std::size_t>& triangles) {
@@ -147,7 +154,7 @@ void move_uv(const PartWindows& windows, const AtlasPlan& plan, std::size_t firs
 }
 
 /// One texture for all textured parts.
-double pack_into_atlas(std::vector<TexturedMesh>& parts, int max_atlas_px) {
+double pack_into_atlas(std::vector<TexturedMesh>& parts, int max_atlas_px, const TexelFetcher& fetch) {
   std::vector<PartWindows> windows(parts.size());
   std::vector<TexelWindow> all;
   for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -161,7 +168,8 @@ double pack_into_atlas(std::vector<TexturedMesh>& parts, int max_atlas_px) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (!parts[i].texture) continue;
     for (std::size_t w = 0; w < windows[i].windows.size(); ++w)
-      draw_window(parts[i], windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w], *atlas);
+      draw_window(parts[i], fetch, windows[i].windows[w], plan.packing.positions[first + w], plan.sizes[first + w],
+                  *atlas);
     move_uv(windows[i], plan, first, parts[i]);
     parts[i].texture = atlas;
     parts[i].wrap_u = parts[i].wrap_v = imaging::Wrap::kClampToEdge;
@@ -210,8 +218,37 @@ TriangleNumbering::TriangleRef TriangleNumbering::operator()(std::uint32_t numbe
   return {mesh, number - first_[mesh]};
 }
 
+LeafMeasures::LeafMeasures(int tile_triangles, int max_atlas_px)
+    : tile_triangles_(tile_triangles), atlas_texels_(kAtlasFill * max_atlas_px * max_atlas_px) {}
+
+float LeafMeasures::add(double area_m2, const std::optional<double>& texels) {
+  const double atlas_share = texels ? std::min(*texels, atlas_texels_) / atlas_texels_ : 0.0;
+  const auto weight = static_cast<float>(1.0 / tile_triangles_ + atlas_share);
+  ++triangles_;
+  weight_ += static_cast<double>(weight);
+  area_m2_ += area_m2;
+  texels_ += texels.value_or(kTexelsOfColors);
+  return weight;
+}
+
+double LeafMeasures::texel_m() const { return std::sqrt(area_m2_ / std::max(texels_, 1.0)); }
+
+int LeafMeasures::depth(const std::optional<int>& levels) const {
+  if (levels) return std::clamp(*levels - 1, 0, kMaxDepth);
+  int depth = 0;
+  while (depth < kMaxDepth && weight_ > std::pow(4.0, depth)) ++depth;
+  return depth;
+}
+
+double texels_between(const std::array<Eigen::Vector2f, 3>& uv, int width_px, int height_px) {
+  const Eigen::Vector2d a = (uv[1] - uv[0]).cast<double>(), b = (uv[2] - uv[0]).cast<double>();
+  const double area = std::abs(a.x() * b.y() - a.y() * b.x()) / 2 * width_px * height_px;
+  return area < 1e9 ? area : 1e9;
+}
+
 LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes, const TriangleNumbering& numbers,
-                               const std::vector<std::uint32_t>& triangles, int max_atlas_px) {
+                               const std::vector<std::uint32_t>& triangles, int max_atlas_px,
+                               const TexelFetcher& fetch) {
   std::vector<TexturedMesh> parts;
   for (std::size_t i = 0; i < triangles.size();) {
     const std::size_t mesh = numbers(triangles[i]).mesh;
@@ -220,7 +257,7 @@ LeafContent build_leaf_content(const std::vector<TexturedMesh>& meshes, const Tr
       own.push_back(numbers(triangles[i]).triangle);
     parts.push_back(part_of(meshes[mesh], own));
   }
-  const double scale = pack_into_atlas(parts, max_atlas_px);
+  const double scale = pack_into_atlas(parts, max_atlas_px, fetch);
   return {merged(std::move(parts)), scale};
 }
 

@@ -17,6 +17,8 @@ struct MeshTilesetOptions {
   std::optional<int> levels;   ///< of the tree including the root, 1 to 10; default: as many as the leaves require
   int jpeg_quality = 90;
   std::string copyright;                      ///< attribution, in every glb
+  bool implicit = false;                      ///< an implicit quadtree with subtree files instead of an explicit tree
+  bool meshopt = false;                       ///< geometry by EXT_meshopt_compression
   std::optional<geometry::SE3> T_ecef_local;  ///< frame of the meshes; nullopt: the tileset is not georeferenced
 };
 

@@ -17,15 +17,22 @@ using geometry::Vec3;
 
 constexpr std::string_view kBlanks = " \t";
 
+/// Lines between two calls of `between`.
+constexpr std::int64_t kLinesAtOnce = 65536;
+
 /// One object per file.
 class ObjParser {
  public:
-  ObjParser(std::string_view text, const std::string& name) : text_(text), name_(name) {}
+  ObjParser(std::string_view text, const std::string& name, simplification::FaceReceiver& faces,
+            const std::function<void()>& between)
+      : text_(text), name_(name), faces_(faces), between_(between) {}
 
-  ObjFile parse() {
+  ObjNotes parse() {
     if (text_.starts_with("\xEF\xBB\xBF")) text_.remove_prefix(3);  // a byte order mark
-    while (const auto line = next_line()) read_line(*line);
-    if (!faces_.colors.empty()) finish_colors();
+    while (const auto line = next_line()) {
+      read_line(*line);
+      if (between_ && line_number_ % kLinesAtOnce == 0) between_();
+    }
     return std::move(out_);
   }
 
@@ -66,7 +73,7 @@ class ObjParser {
 
   /// `v x y z`, `v x y z w` (w, the weight of rational curves, is ignored), `v x y z r g b`, with or without alpha.
   void read_position(std::string_view line) {
-    if (faces_.positions.size() >= simplification::kInvalidIndex) fail("too many vertices");
+    if (positions_ >= simplification::kInvalidIndex) fail("too many vertices");
     std::array<double, 7> values{};
     std::size_t count = 0;
     while (count < values.size()) {
@@ -77,24 +84,14 @@ class ObjParser {
     if (count < 3) fail("a vertex needs three coordinates");
     const Vec3 position(values[0], values[1], values[2]);
     if (!position.allFinite()) fail("a coordinate is not finite");
-    faces_.positions.push_back(position);
-    if (count < 6) return;
-    faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
-    for (std::size_t c = 0; c < 3; ++c) faces_.colors.back()[c] = static_cast<float>(values[3 + c]);
-  }
-
-  /// If a colour exceeds 1, colours are in 0..255.
-  void finish_colors() {
-    faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
-    float highest = 0;
-    for (const auto& color : faces_.colors) highest = std::max({highest, color[0], color[1], color[2]});
-    const float scale = highest > 1.0F ? 1.0F / 255.0F : 1.0F;
-    for (auto& color : faces_.colors)
-      for (float& value : color) value = value * scale > 0 ? std::min(value * scale, 1.0F) : 0.0F;
+    ++positions_;
+    if (count < 6) return faces_.add_position(position, std::nullopt);
+    faces_.add_position(position, std::array{static_cast<float>(values[3]), static_cast<float>(values[4]),
+                                             static_cast<float>(values[5])});
   }
 
   void read_uv(std::string_view line) {
-    if (faces_.uv.size() >= simplification::kInvalidIndex) fail("too many texture coordinates");
+    if (uvs_ >= simplification::kInvalidIndex) fail("too many texture coordinates");
     const std::string_view u = base::take_field(line), v = base::take_field(line);
     if (u.empty()) fail("a texture coordinate needs a number");
     Eigen::Vector2f uv(static_cast<float>(number(u)), v.empty() ? 0.0F : static_cast<float>(number(v)));
@@ -102,7 +99,8 @@ class ObjParser {
       ++out_.uv_not_finite;
       uv.setZero();
     }
-    faces_.uv.push_back(uv);
+    ++uvs_;
+    faces_.add_uv(uv);
   }
 
   /// Converts an index as written: from 1, or backwards from the last one if negative.
@@ -120,12 +118,11 @@ class ObjParser {
   /// `v`, `v/vt`, `v/vt/vn` or `v//vn`.
   simplification::FaceCorner corner(std::string_view field) const {
     const std::size_t slash = field.find('/');
-    simplification::FaceCorner out{index(field.substr(0, slash), faces_.positions.size(), "vertex"),
-                                   simplification::kInvalidIndex};
+    simplification::FaceCorner out{index(field.substr(0, slash), positions_, "vertex"), simplification::kInvalidIndex};
     if (slash == std::string_view::npos) return out;
     field.remove_prefix(slash + 1);
     field = field.substr(0, field.find('/'));
-    if (!field.empty()) out.uv = index(field, faces_.uv.size(), "texture coordinate");
+    if (!field.empty()) out.uv = index(field, uvs_, "texture coordinate");
     return out;
   }
 
@@ -138,31 +135,79 @@ class ObjParser {
       ++out_.faces_left_out;
       return;
     }
-    if (group_ == kNoGroup) use_material("");
-    simplification::add_face(corners_, faces_.positions, faces_.groups[group_]);
+    if (!has_material_) use_material("");
+    faces_.add_face(corners_);
   }
 
   void use_material(const std::string& material) {
-    const auto [at, is_new] = group_of_.try_emplace(material, faces_.groups.size());
-    if (is_new) faces_.groups.push_back({material, {}});
-    group_ = at->second;
+    has_material_ = true;
+    faces_.use_material(material);
   }
-
-  static constexpr std::size_t kNoGroup = std::numeric_limits<std::size_t>::max();
 
   std::string_view text_;
   const std::string& name_;
   std::int64_t line_number_ = 0;
   std::string joined_;
   std::vector<simplification::FaceCorner> corners_;
+  bool has_material_ = false;
+  std::size_t positions_ = 0, uvs_ = 0;
+  ObjNotes out_;
+  simplification::FaceReceiver& faces_;
+  const std::function<void()>& between_;
+};
+
+/// Keeps a file's surface.
+class KeptFaces : public simplification::FaceReceiver {
+ public:
+  void add_position(const Vec3& position, const std::optional<std::array<float, 3>>& color) override {
+    faces_.positions.push_back(position);
+    if (!color) return;
+    faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
+    faces_.colors.back() = *color;
+  }
+  void add_uv(const Eigen::Vector2f& uv) override { faces_.uv.push_back(uv); }
+  void use_material(const std::string& material) override {
+    const auto [at, is_new] = group_of_.try_emplace(material, faces_.groups.size());
+    if (is_new) faces_.groups.push_back({material, {}});
+    group_ = at->second;
+  }
+  void add_face(const std::vector<simplification::FaceCorner>& corners) override {
+    simplification::add_face(corners, faces_.positions, faces_.groups[group_]);
+  }
+
+  simplification::IndexedFaces take() {
+    if (!faces_.colors.empty()) finish_colors();
+    return std::move(faces_);
+  }
+
+ private:
+  void finish_colors() {
+    faces_.colors.resize(faces_.positions.size(), {1.0F, 1.0F, 1.0F});
+    float highest = 0;
+    for (const auto& color : faces_.colors) highest = std::max({highest, color[0], color[1], color[2]});
+    const float scale = obj_color_scale(highest);
+    for (auto& color : faces_.colors)
+      for (float& value : color) value = value * scale > 0 ? std::min(value * scale, 1.0F) : 0.0F;
+  }
+
+  simplification::IndexedFaces faces_;
   std::map<std::string, std::size_t> group_of_;
-  std::size_t group_ = kNoGroup;
-  ObjFile out_;
-  simplification::IndexedFaces& faces_ = out_.faces;
+  std::size_t group_ = 0;
 };
 
 }  // namespace
 
-ObjFile parse_obj(std::string_view text, const std::string& name) { return ObjParser(text, name).parse(); }
+float obj_color_scale(float highest) { return highest > 1.0F ? 1.0F / 255.0F : 1.0F; }
+
+ObjNotes visit_obj(std::string_view text, const std::string& name, simplification::FaceReceiver& faces,
+                   const std::function<void()>& between) {
+  return ObjParser(text, name, faces, between).parse();
+}
+
+ObjFile parse_obj(std::string_view text, const std::string& name) {
+  KeptFaces faces;
+  ObjNotes notes = visit_obj(text, name, faces);
+  return {faces.take(), std::move(notes)};
+}
 
 }  // namespace tileflight::tiling

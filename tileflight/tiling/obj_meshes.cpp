@@ -1,6 +1,7 @@
 #include "tileflight/tiling/obj_meshes.h"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <memory>
 #include <set>
@@ -10,6 +11,7 @@
 #include "tileflight/base/srgb.h"
 #include "tileflight/base/text_fields.h"
 #include "tileflight/imaging/image_files.h"
+#include "tileflight/tiling/mapped_file.h"
 #include "tileflight/tiling/mtl_file.h"
 #include "tileflight/tiling/obj_file.h"
 
@@ -75,97 +77,140 @@ class Materials {
   std::map<std::string, Entry> entries_;
 };
 
+/// Reads an image file, or finds it read.
+using ImageReader = std::function<std::shared_ptr<const imaging::RgbImage>(const fs::path&)>;
+
 /// Decodes each image once.
-class TextureCache {
+class ImagesInMemory {
  public:
-  std::shared_ptr<const imaging::RgbImage> read(const Materials::Entry& entry, const std::string& material) {
-    const fs::path file = named_file(entry.library, entry.material.texture);
+  std::shared_ptr<const imaging::RgbImage> read(const fs::path& file) {
     auto& picture = pictures_[file];
-    if (picture) return picture;
-    std::error_code ignored;
-    if (!fs::exists(file, ignored))
-      throw InputError(entry.library.string(), "the texture '" + entry.material.texture + "' of the material '" +
-                                                   material + "' does not exist (" + file.string() +
-                                                   "); put it there, or give --no-textures");
-    return picture = std::make_shared<const imaging::RgbImage>(imaging::read_rgb(file));
+    if (!picture) picture = std::make_shared<const imaging::RgbImage>(imaging::read_rgb(file));
+    return picture;
   }
 
  private:
   std::map<fs::path, std::shared_ptr<const imaging::RgbImage>> pictures_;
 };
 
-/// Texture coordinates in glTF's convention: v down.
-void add_texture(const MtlMaterial& material, std::shared_ptr<const imaging::RgbImage> picture, TexturedMesh& mesh) {
-  mesh.texture = std::move(picture);
-  mesh.wrap_u = mesh.wrap_v = material.clamp ? imaging::Wrap::kClampToEdge : imaging::Wrap::kRepeat;
-  for (Eigen::Vector2f& uv : mesh.uv)
-    uv = {material.offset[0] + material.scale[0] * uv.x(), 1.0F - (material.offset[1] + material.scale[1] * uv.y())};
-}
-
-void apply_material_color(const MtlMaterial& material, TexturedMesh& mesh) {
-  mesh.uv.clear();
-  if (!mesh.colors.empty()) return;
-  for (std::size_t c = 0; c < 3; ++c) mesh.base_color[c] = base::linear_from_srgb(material.color[c]);
-}
-
-/// One object per file.
-class ObjMeshes {
+/// How the materials of a file look, and what is to be warned of.
+class ObjLooks {
  public:
-  ObjMeshes(const fs::path& file, bool textures)
+  ObjLooks(const fs::path& file, const ObjNotes& notes, bool textures, ImageReader read_image)
       : textures_(textures),
-        obj_(parse_obj(base::read_text(file, kMaxObjBytes), file.string())),
-        materials_(file, textures ? obj_.libraries : std::vector<std::string>{}) {}
-
-  MeshSource take() {
-    simplification::VertexDeduplicator joiner(obj_.faces);
-    for (const simplification::FaceGroup& group : obj_.faces.groups) {
-      const Materials::Entry* entry = entry_of(group.material);
-      add(joiner.build_mesh(group, true), entry, group.material);
-      add(joiner.build_mesh(group, false), entry, group.material);
-    }
-    warn_of_counts();
-    return {std::move(meshes_), {}, {warnings_.begin(), warnings_.end()}};
+        materials_(file, textures ? notes.libraries : std::vector<std::string>{}),
+        read_image_(std::move(read_image)) {
+    if (notes.faces_left_out > 0)
+      warnings_.insert(std::to_string(notes.faces_left_out) + " faces with fewer than three corners are left out");
+    if (notes.uv_not_finite > 0) warnings_.insert("texture coordinates that are not finite are read as 0");
   }
+
+  /// Of the triangles of a material with texture coordinates, or of those without.
+  SurfaceAppearance look(const std::string& name, bool with_uv, bool has_colors) {
+    const Materials::Entry* entry = materials_.find(name);
+    if (entry == nullptr && textures_ && !name.empty())
+      warnings_.insert("the material '" + name + "' is in no material library; its surfaces are white");
+    const MtlMaterial material = entry != nullptr ? entry->material : MtlMaterial{};
+    SurfaceAppearance out;
+    out.has_colors = has_colors;
+    out.v_up = true;
+    if (!material.texture.empty() && with_uv) {
+      out.texture = texture(*entry, name);
+      out.wrap_u = out.wrap_v = material.clamp ? imaging::Wrap::kClampToEdge : imaging::Wrap::kRepeat;
+      out.uv_scale = material.scale;
+      out.uv_offset = material.offset;
+      return out;
+    }
+    if (!material.texture.empty())
+      warnings_.insert("faces of the textured material '" + name +
+                       "' have no texture coordinates; they are shown in its colour");
+    for (std::size_t c = 0; c < 3 && !has_colors; ++c) out.base_color[c] = base::linear_from_srgb(material.color[c]);
+    return out;
+  }
+
+  const std::set<std::string>& warnings() const { return warnings_; }
 
  private:
-  const Materials::Entry* entry_of(const std::string& material) {
-    const Materials::Entry* entry = materials_.find(material);
-    if (entry == nullptr && textures_ && !material.empty())
-      warnings_.insert("the material '" + material + "' is in no material library; its surfaces are white");
-    return entry;
-  }
-
-  void add(TexturedMesh mesh, const Materials::Entry* entry, const std::string& name) {
-    if (mesh.mesh.triangles.empty()) return;
-    mesh.name = name;
-    const bool has_picture = entry != nullptr && !entry->material.texture.empty();
-    if (has_picture && !mesh.uv.empty()) {
-      add_texture(entry->material, pictures_.read(*entry, name), mesh);
-    } else {
-      if (has_picture)
-        warnings_.insert("faces of the textured material '" + name +
-                         "' have no texture coordinates; they are shown in its colour");
-      apply_material_color(entry != nullptr ? entry->material : MtlMaterial{}, mesh);
-    }
-    meshes_.push_back(std::move(mesh));
-  }
-
-  void warn_of_counts() {
-    if (obj_.faces_left_out > 0)
-      warnings_.insert(std::to_string(obj_.faces_left_out) + " faces with fewer than three corners are left out");
-    if (obj_.uv_not_finite > 0) warnings_.insert("texture coordinates that are not finite are read as 0");
+  std::shared_ptr<const imaging::RgbImage> texture(const Materials::Entry& entry, const std::string& name) const {
+    const fs::path file = named_file(entry.library, entry.material.texture);
+    std::error_code ignored;
+    if (!fs::exists(file, ignored))
+      throw InputError(entry.library.string(), "the texture '" + entry.material.texture + "' of the material '" + name +
+                                                   "' does not exist (" + file.string() +
+                                                   "); put it there, or give --no-textures");
+    return read_image_(file);
   }
 
   bool textures_;
-  ObjFile obj_;
   Materials materials_;
-  TextureCache pictures_;
-  std::vector<TexturedMesh> meshes_;
+  ImageReader read_image_;
   std::set<std::string> warnings_;
 };
 
+/// Gives a mesh, whose texture coordinates are the file's, its appearance.
+void apply(const SurfaceAppearance& look, TexturedMesh& mesh) {
+  mesh.texture = look.texture;
+  mesh.wrap_u = look.wrap_u;
+  mesh.wrap_v = look.wrap_v;
+  mesh.base_color = look.base_color;
+  if (!look.texture) mesh.uv.clear();
+  for (Eigen::Vector2f& uv : mesh.uv) uv = look.uv(uv);
+}
+
+/// Adds the images that a library refers to, as far as both exist.
+void add_images_of(const fs::path& library, std::set<fs::path>& images) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(library, ignored)) return;
+  for (const auto& [name, material] : parse_mtl(base::read_text(library), library.string()))
+    if (const fs::path image = named_file(library, material.texture); fs::is_regular_file(image, ignored))
+      images.insert(image);
+}
+
 }  // namespace
 
-MeshSource read_obj_meshes(const fs::path& file, bool textures) { return ObjMeshes(file, textures).take(); }
+MeshSource read_obj_meshes(const fs::path& file, bool textures) {
+  const ObjFile obj = parse_obj(base::read_text(file, kMaxObjBytes), file.string());
+  ImagesInMemory images;
+  ObjLooks looks(file, obj.notes, textures, [&](const fs::path& image) { return images.read(image); });
+  simplification::VertexDeduplicator joiner(obj.faces);
+  MeshSource out;
+  for (const simplification::FaceGroup& group : obj.faces.groups)
+    for (const bool with_uv : {true, false}) {
+      TexturedMesh mesh = joiner.build_mesh(group, with_uv);
+      if (mesh.mesh.triangles.empty()) continue;
+      mesh.name = group.material;
+      apply(looks.look(group.material, with_uv, !obj.faces.colors.empty()), mesh);
+      out.meshes.push_back(std::move(mesh));
+    }
+  out.warnings.assign(looks.warnings().begin(), looks.warnings().end());
+  return out;
+}
+
+void spill_obj_meshes(const fs::path& file, bool textures, MeshSpill& spill) {
+  const MappedFile mapped(file, kMaxObjBytes);
+  SpillReceiver faces(spill, file.string());
+  const ObjNotes notes = visit_obj(mapped.text(), file.string(), faces, [&] { mapped.release(); });
+  ObjLooks looks(file, notes, textures, [&](const fs::path& image) { return spill.image(image); });
+  faces.finish(obj_color_scale, [&](const std::string& material, bool with_uv) {
+    return looks.look(material, with_uv, faces.has_colors());
+  });
+  for (const std::string& warning : looks.warnings()) spill.warn(warning);
+}
+
+std::vector<fs::path> obj_image_files(const fs::path& file) {
+  constexpr std::string_view kLibrary = "mtllib";
+  constexpr std::size_t kPart = std::size_t{16} << 20, kLongestLine = std::size_t{1} << 16;
+  const MappedFile mapped(file, kMaxObjBytes);
+  std::set<fs::path> images;
+  for (std::size_t begin = 0; begin < mapped.text().size(); begin += kPart) {
+    const std::string_view part = mapped.text().substr(begin, kPart + kLongestLine);
+    for (std::size_t at = part.find(kLibrary); at < kPart; at = part.find(kLibrary, at + 1)) {
+      std::string_view rest = part.substr(at + kLibrary.size());
+      add_images_of(named_file(file, std::string(base::trim(base::take_line(rest).value_or("")))), images);
+    }
+    mapped.release();
+  }
+  return {images.begin(), images.end()};
+}
 
 }  // namespace tileflight::tiling

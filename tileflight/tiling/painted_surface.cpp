@@ -25,6 +25,9 @@ using imaging::TexturedMesh;
 
 constexpr int kPaintGutter_px = 2;
 
+/// Pixels of a slot that are painted together: what is kept of each takes 40 bytes.
+constexpr std::int64_t kBandPixels = std::int64_t{1} << 20;
+
 enum class Facing : std::uint8_t { kUp, kDown, kEast, kWest, kNorth, kSouth };
 constexpr std::size_t kFacings = 6;
 
@@ -107,7 +110,8 @@ struct ChartLayout {
   /// Atlas pixel of a point on a chart, where pixel i covers i to i + 1.
   Vec2 pixel(const FlatChart& chart, std::size_t number, const Vec3& p) const {
     const PixelPosition at = packing.positions[number];
-    return (flat(chart.facing, p) - chart.box.min()) / texel_m + Vec2(at.x + kPaintGutter_px + 0.5, at.y + kPaintGutter_px + 0.5);
+    return (flat(chart.facing, p) - chart.box.min()) / texel_m +
+           Vec2(at.x + kPaintGutter_px + 0.5, at.y + kPaintGutter_px + 0.5);
   }
 };
 
@@ -141,17 +145,22 @@ struct TexelOwner {
 class SlotPainter {
  public:
   SlotPainter(const TriangleMesh& mesh, const ChartLayout& plan, const FlatChart& chart, std::size_t number)
-      : mesh_(mesh),
-        plan_(plan),
-        chart_(chart),
-        number_(number),
-        owners_(static_cast<std::size_t>(size().width) * static_cast<std::size_t>(size().height)) {
-    for (const std::uint32_t triangle : chart.triangles) claim(mesh.triangles[triangle]);
+      : mesh_(mesh), plan_(plan), chart_(chart), number_(number) {}
+
+  void paint(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted) {
+    const int rows = static_cast<int>(std::max<std::int64_t>(1, kBandPixels / size().width));
+    for (first_row_ = 0; first_row_ < size().height; first_row_ = end_row_) {
+      end_row_ = std::min(size().height, first_row_ + rows);
+      owners_.assign(static_cast<std::size_t>(size().width) * static_cast<std::size_t>(end_row_ - first_row_), {});
+      for (const std::uint32_t triangle : chart_.triangles) claim(mesh_.triangles[triangle]);
+      paint_band(colors, sheet, is_painted);
+    }
   }
 
-  void paint(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted) const {
+ private:
+  void paint_band(const SurfaceColors& colors, imaging::RgbImage& sheet, imaging::GrayImage& is_painted) const {
     const PixelPosition at = plan_.packing.positions[number_];
-    tbb::parallel_for(0, size().height, [&](int y) {
+    tbb::parallel_for(first_row_, end_row_, [&](int y) {
       SurfaceColors::CoherentSampler walk(colors);
       for (int x = 0; x < size().width; ++x) {
         const TexelOwner& owner = owners_[index(x, y)];
@@ -162,10 +171,10 @@ class SlotPainter {
     });
   }
 
- private:
   PixelSize size() const { return plan_.slots[number_]; }
   std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(size().width) + static_cast<std::size_t>(x);
+    return static_cast<std::size_t>(y - first_row_) * static_cast<std::size_t>(size().width) +
+           static_cast<std::size_t>(x);
   }
 
   /// Offers the triangle to all pixels within a gutter's width of it.
@@ -179,8 +188,11 @@ class SlotPainter {
       box.extend(p);
     }
     const auto low = [](double v) { return std::max(0, static_cast<int>(v - 0.5) - kPaintGutter_px); };
-    const auto high = [](double v, int size) { return std::min(size - 1, static_cast<int>(v - 0.5) + 1 + kPaintGutter_px); };
-    for (int y = low(box.min().y()); y <= high(box.max().y(), size().height); ++y)
+    const auto high = [](double v, int size) {
+      return std::min(size - 1, static_cast<int>(v - 0.5) + 1 + kPaintGutter_px);
+    };
+    const int first = std::max(first_row_, low(box.min().y())), last = high(box.max().y(), end_row_);
+    for (int y = first; y <= last; ++y)
       for (int x = low(box.min().x()); x <= high(box.max().x(), size().width); ++x)
         offer(Vec3(x + 0.5, y + 0.5, 0), t, corners, owners_[index(x, y)]);
   }
@@ -203,7 +215,8 @@ class SlotPainter {
   const ChartLayout& plan_;
   const FlatChart& chart_;
   std::size_t number_;
-  std::vector<TexelOwner> owners_;
+  int first_row_ = 0, end_row_ = 0;  ///< of the band
+  std::vector<TexelOwner> owners_;   ///< of its pixels
 };
 
 void add_chart(const TriangleMesh& mesh, const ChartLayout& plan, const FlatChart& chart, std::size_t number,

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "tileflight/tiling/mesh_source.h"
+#include "tileflight/tiling/mesh_spill.h"
 
 namespace tileflight::tiling {
 
@@ -11,5 +12,11 @@ namespace tileflight::tiling {
 /// (texcoord, as written by MeshLab, with texnumber), for the images named by "comment TextureFile". Throws InputError,
 /// also for points without faces.
 MeshSource read_ply_meshes(const std::filesystem::path& file, bool textures);
+
+/// The same for a mesh that does not fit into memory: surfaces and textures go into `spill`.
+void spill_ply_meshes(const std::filesystem::path& file, bool textures, MeshSpill& spill);
+
+/// The image files that a PLY refers to, as far as they exist.
+std::vector<std::filesystem::path> ply_image_files(const std::filesystem::path& file);
 
 }  // namespace tileflight::tiling

@@ -32,12 +32,19 @@ Samples samples_of(std::int64_t i, std::int64_t to, std::int64_t from) {
   return out;
 }
 
-imaging::Rgb8 mean(const imaging::TexturedMesh& mesh, const TexelWindow& window, const Samples& across,
-                   const Samples& down) {
+imaging::Rgb8 fetch_wrapped(const imaging::TexturedMesh& mesh, const TexelFetcher& fetch, std::int64_t x,
+                            std::int64_t y) {
+  const imaging::RgbImage& image = *mesh.texture;
+  return fetch(image, static_cast<int>(wrapped(x, image.width, mesh.wrap_u)),
+               static_cast<int>(wrapped(y, image.height, mesh.wrap_v)));
+}
+
+imaging::Rgb8 mean(const imaging::TexturedMesh& mesh, const TexelFetcher& fetch, const TexelWindow& window,
+                   const Samples& across, const Samples& down) {
   std::array<int, 3> sum{};
   for (int j = 0; j < down.count; ++j)
     for (int i = 0; i < across.count; ++i) {
-      const imaging::Rgb8 texel = wrapped_texel(mesh, window.x + across.at[static_cast<std::size_t>(i)],
+      const imaging::Rgb8 texel = fetch_wrapped(mesh, fetch, window.x + across.at[static_cast<std::size_t>(i)],
                                                 window.y + down.at[static_cast<std::size_t>(j)]);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += texel[c];
     }
@@ -89,15 +96,19 @@ imaging::Rgb8 wrapped_texel(const imaging::TexturedMesh& mesh, std::int64_t x, s
                static_cast<int>(wrapped(y, image.height, mesh.wrap_v)));
 }
 
-void draw_window(const imaging::TexturedMesh& mesh, const TexelWindow& window, PixelPosition at, PixelSize size,
-                 imaging::RgbImage& sheet) {
+TexelFetcher fetch_from_memory() {
+  return [](const imaging::RgbImage& image, int x, int y) { return image(x, y); };
+}
+
+void draw_window(const imaging::TexturedMesh& mesh, const TexelFetcher& fetch, const TexelWindow& window,
+                 PixelPosition at, PixelSize size, imaging::RgbImage& sheet) {
   const bool as_it_is = size.width == window.width && size.height == window.height;
   for (int y = 0; y < size.height; ++y) {
     imaging::Rgb8* row = sheet.row(at.y + y) + at.x;
     const Samples down = samples_of(y, size.height, window.height);
     for (int x = 0; x < size.width; ++x)
-      row[x] = as_it_is ? wrapped_texel(mesh, window.x + x, window.y + y)
-                        : mean(mesh, window, samples_of(x, size.width, window.width), down);
+      row[x] = as_it_is ? fetch_wrapped(mesh, fetch, window.x + x, window.y + y)
+                        : mean(mesh, fetch, window, samples_of(x, size.width, window.width), down);
   }
 }
 

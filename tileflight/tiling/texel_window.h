@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "tileflight/imaging/textured_mesh.h"
@@ -30,8 +31,14 @@ MergedWindows merge_overlapping(const std::vector<TexelWindow>& windows);
 /// The texel at (x, y) of the mesh's texture; beyond the edges, by its wrap modes.
 imaging::Rgb8 wrapped_texel(const imaging::TexturedMesh& mesh, std::int64_t x, std::int64_t y);
 
+/// Texel (x, y) of an image. The image may be a stand-in whose size alone is known, with its pixels elsewhere.
+using TexelFetcher = std::function<imaging::Rgb8(const imaging::RgbImage& image, int x, int y)>;
+
+/// Texels of images in memory.
+TexelFetcher fetch_from_memory();
+
 /// Draws a window of a mesh's texture into an atlas: a copy if `size` is the window's, otherwise area-averaged.
-void draw_window(const imaging::TexturedMesh& mesh, const TexelWindow& window, PixelPosition at, PixelSize size,
-                 imaging::RgbImage& sheet);
+void draw_window(const imaging::TexturedMesh& mesh, const TexelFetcher& fetch, const TexelWindow& window,
+                 PixelPosition at, PixelSize size, imaging::RgbImage& sheet);
 
 }  // namespace tileflight::tiling

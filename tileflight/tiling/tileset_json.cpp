@@ -9,7 +9,6 @@ namespace {
 using geometry::Vec3;
 using nlohmann::json;
 
-/// A box of 3D Tiles 1.1, section 6.6.1: centre and three half axes.
 json box_json(const geometry::Box3& box) {
   const Vec3 c = box.center(), h = box.sizes() / 2 + Vec3::Constant(1e-3);
   return {{"box", {c.x(), c.y(), c.z(), h.x(), 0, 0, 0, h.y(), 0, 0, 0, h.z()}}};
@@ -23,6 +22,11 @@ json tile_json(const TileEntry& tile) {
 }
 
 }  // namespace
+
+std::array<double, 12> box_numbers(const geometry::Box3& bounds) {
+  const Vec3 c = bounds.center(), h = bounds.sizes() / 2 + Vec3::Constant(1e-3);
+  return {c.x(), c.y(), c.z(), h.x(), 0, 0, 0, h.y(), 0, 0, 0, h.z()};
+}
 
 void compute_bounds(TileEntry& tile) {
   tile.bounds = tile.content;
