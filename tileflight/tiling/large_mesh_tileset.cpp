@@ -396,7 +396,8 @@ MeshTilesetSummary write_large_mesh_tileset(const fs::path& folder, MeshSpill& m
                                             const LargeMeshLimits& limits, const Progress& progress) {
   if (mesh.faces.size() == 0) throw InputError(folder.string(), "there is no triangle to write");
   MeshTilesetSummary out;
-  tbb::task_arena arena(limits.threads > 0 ? limits.threads : tbb::task_arena::automatic);
+  const int most = tbb::this_task_arena::max_concurrency();
+  tbb::task_arena arena(limits.threads > 0 ? std::min(limits.threads, most) : most);
   arena.execute([&] { out = LargeMeshTiler(folder, mesh, options, limits, progress).write(); });
   return out;
 }
