@@ -1,5 +1,6 @@
 #include "tileflight/survey/part_loader.h"
 
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
@@ -166,6 +167,8 @@ bool PartLoader::fetch(const Contents& contents, std::size_t begin, std::uintmax
 }
 
 void PartLoader::prefetch(std::size_t begin) {
+  const std::size_t threads = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+  if (begin == frames_.size() || threads < 2) return;
   background_->run([this, begin] { read_ahead(begin); });
 }
 
