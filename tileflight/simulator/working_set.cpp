@@ -29,9 +29,10 @@ constexpr std::size_t kMaxPinned = 32;
 constexpr double kMaxOriginDistance_m = 20e3;
 constexpr double kMaxAnchoredExtent_m = 1e5;  ///< above it, sensors may be far from the centre of the place
 constexpr double kMaxHeight_m = 2e4;          ///< vertical search range for surfaces
-/// Scenes that are made ahead, and those kept beside the present one: two for each cell on a way (sensors cross a
-/// border one after the other), ahead and behind.
-constexpr std::size_t kScenesAhead = 3, kScenesKept = 6;
+/// Scenes that are made ahead (sensors cross a border one after the other, so there are two for each cell on a way),
+/// and those kept beside the present one. They share most of their tiles, and memory limits them, too; so many are kept
+/// that a vehicle that circles makes none twice.
+constexpr std::size_t kScenesAhead = 3, kScenesKept = 32;
 /// Files that are read at once, and those after which reading ahead lets others in: a tenth of a second's.
 constexpr std::size_t kFilesNow = 64, kFilesAhead = 2, kDistantFilesAhead = 16;
 constexpr std::chrono::milliseconds kWaitForOthers{1};
@@ -207,7 +208,7 @@ bool WorkingSet::load_whole_region(const Progress& progress) {
   Lock lock(loading_mutex_);
   Attempt attempt({}, wanted_detail(), wanted_detail());
   // An estimate is wrong by much less than this, so a place that fits is not refused.
-  const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion({}, attempt.detail, nullptr));
+  const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion({}, attempt.detail));
   if (cut.contents.size() > kSampledContents && estimate_bytes(cut, progress) > 3 * scene_limit_bytes()) return false;
   if (make(attempt, lock, progress) != Outcome::kMade) return false;
   enter(std::move(attempt).prepared());
@@ -219,21 +220,34 @@ std::shared_ptr<const ResidentScene> WorkingSet::current() const {
   return present_ ? present_->scene : nullptr;
 }
 
-tiles::RefinementCriterion WorkingSet::refinement_criterion(const SensorCells& cells, const DetailLimit& detail,
-                                                            double* worst_px) const {
+SensorCriterion WorkingSet::sensor_criterion(const DetailLimit& detail) const {
+  SensorCriterion wanted{placement_.T_local_tileset, detail, options_.load.error_m, options_.max_distance_m, {}};
+  if (placement_.local_frame && tiles::is_georeferenced(*tree_)) wanted.horizon.emplace(*placement_.local_frame);
+  return wanted;
+}
+
+tiles::RefinementCriterion WorkingSet::refinement_criterion(const SensorCells& cells, const DetailLimit& detail) const {
   const geometry::SE3 T_local_tileset = placement_.T_local_tileset;
-  tiles::RefinementCriterion all;
-  if (follows_sensors_) {
-    SensorCriterion wanted{T_local_tileset, detail, options_.load.error_m, options_.max_distance_m, {}};
-    if (placement_.local_frame && tiles::is_georeferenced(*tree_)) wanted.horizon.emplace(*placement_.local_frame);
-    all = wanted.for_cells(cells, worst_px);
-  } else {
-    all = tiles::region_criterion(placement_.region, T_local_tileset, options_.load.error_m);
-  }
+  tiles::RefinementCriterion all =
+      follows_sensors_ ? sensor_criterion(detail).for_cells(cells)
+                       : tiles::region_criterion(placement_.region, T_local_tileset, options_.load.error_m);
   for (const PinnedRegion& pinned : pinned_)
     all =
         tiles::union_criterion(std::move(all), tiles::region_criterion(pinned.region, T_local_tileset, pinned.error_m));
   return all;
+}
+
+/// The largest error of the cut's tiles that could have been refined, pixels. Tiles without content, whose children are
+/// shown whatever their error, do not count.
+double WorkingSet::largest_error_px(const tiles::TileCut& cut, const SensorCells& cells) const {
+  double worst_px = 0.0;
+  const DetailLimit any{std::numeric_limits<double>::infinity()};
+  const tiles::RefinementCriterion criterion = sensor_criterion(any).for_cells(cells, &worst_px);
+  for (const tiles::CutContent& content : cut.contents) {
+    if (tree_->tile(content.node).children.empty()) continue;
+    criterion.is_fine_enough(tree_->volume(content.node), content.geometric_error_m);
+  }
+  return worst_px;
 }
 
 std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const SensorViewpoint> viewpoints) {
@@ -346,7 +360,8 @@ WorkingSet::Outcome WorkingSet::make(Attempt& attempt, Lock& lock, const Progres
     const std::lock_guard scenes(scenes_mutex_);
     attempt.pins = pins_;
   }
-  attempt.cut = tiles::select_cut(*tree_, refinement_criterion(attempt.cells, attempt.detail, &attempt.worst_px));
+  attempt.cut = tiles::select_cut(*tree_, refinement_criterion(attempt.cells, attempt.detail));
+  if (follows_sensors_) attempt.worst_px = largest_error_px(attempt.cut, attempt.cells);
   attempt.scene = find_same(attempt.cut);
   if (attempt.scene) return Outcome::kMade;
   if (!take_known_tiles(attempt)) return Outcome::kTooLarge;
@@ -513,7 +528,7 @@ std::uintmax_t WorkingSet::estimate_bytes(const tiles::TileCut& cut, const Progr
 DetailLimit WorkingSet::first_detail(const SensorCells& cells, const Progress& progress) {
   DetailLimit detail = detail_;
   while (true) {
-    const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion(cells, detail, nullptr));
+    const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion(cells, detail));
     if (cut.contents.size() <= kSampledContents || estimate_bytes(cut, progress) <= scene_limit_bytes() * 3 / 2)
       return detail;
     const std::optional<DetailLimit> coarser = detail.coarser();

@@ -111,8 +111,9 @@ class WorkingSet {
   void choose_residency(const Progress& progress);
   bool load_whole_region(const Progress& progress);
   bool is_default_origin_elsewhere(const std::string& name) const;
-  tiles::RefinementCriterion refinement_criterion(const SensorCells& cells, const DetailLimit& detail,
-                                                  double* worst_px) const;
+  SensorCriterion sensor_criterion(const DetailLimit& detail) const;
+  tiles::RefinementCriterion refinement_criterion(const SensorCells& cells, const DetailLimit& detail) const;
+  double largest_error_px(const tiles::TileCut& cut, const SensorCells& cells) const;
 
   // Making scenes. `lock` holds loading_mutex_; a scene that is made ahead gives it up in between.
   Prepared load(const SensorCells& cells, Lock& lock, const Progress& progress);
