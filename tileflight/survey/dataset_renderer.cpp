@@ -357,7 +357,7 @@ struct DatasetRenderer::Impl {
   }
 
   /// Renders this process's frames.
-  void render(Ranks& ranks) {
+  void render(workflow::Ranks& ranks) {
     run_collectively(ranks, [&] { part_renderer_.select(share_); });
     std::string light;
     run_collectively(ranks, [&] { light = part_renderer_.meter(share_); });
@@ -426,7 +426,7 @@ DatasetRenderer::DatasetRenderer(const PlannedFlight& mission, const RenderSetti
 
 DatasetRenderer::~DatasetRenderer() = default;
 
-void DatasetRenderer::render(Ranks& ranks) { impl_->render(ranks); }
+void DatasetRenderer::render(workflow::Ranks& ranks) { impl_->render(ranks); }
 
 std::vector<FrameRecord> DatasetRenderer::finish() { return impl_->finish(); }
 

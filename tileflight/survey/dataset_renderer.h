@@ -9,9 +9,9 @@
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_assignment.h"
 #include "tileflight/survey/planned_flight.h"
-#include "tileflight/survey/ranks.h"
 #include "tileflight/survey/render_stage.h"
 #include "tileflight/tiles/load.h"
+#include "tileflight/workflow/ranks.h"
 
 namespace tileflight::survey {
 
@@ -35,7 +35,7 @@ class DatasetRenderer {
 
   /// Loads tiles and renders the frames assigned to this process, in as many parts as memory requires. Called by all
   /// ranks; throws on all if one fails (run_collectively).
-  void render(Ranks& ranks);
+  void render(workflow::Ranks& ranks);
   /// Completes the dataset and moves it to its final name, after every process has rendered its frames; called by the
   /// first rank. Returns the record of each frame. Throws InputError.
   std::vector<FrameRecord> finish();

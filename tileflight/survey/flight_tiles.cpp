@@ -21,7 +21,7 @@ using tiles::BoundingSphere;
 tiles::LoadOptions load_options_of(const PlannedFlight& mission, const RenderSettings& settings) {
   tiles::LoadOptions load = settings.load;
   load.uses = {transport::Use::kAnalyse};
-  if (settings.error_px) load.flight = {flight_view_cones(mission), *settings.error_px, {}};
+  if (settings.error_px) load.flight = {flight_view_cones(mission), *settings.error_px};
   return load;
 }
 

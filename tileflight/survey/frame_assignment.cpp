@@ -14,7 +14,7 @@ FrameRecord make_record(const render::FlightFrame& frame, const std::string& cut
 
 /// The tile cuts of existing frames, as read by the first rank before any renders, so that all ranks distribute the
 /// same frames.
-std::vector<std::string> read_previous_cuts(Ranks& ranks, const FrameStore& kept, std::size_t frames) {
+std::vector<std::string> read_previous_cuts(workflow::Ranks& ranks, const FrameStore& kept, std::size_t frames) {
   std::vector<std::string> cuts(frames);
   if (ranks.rank() == 0) {
     for (const auto& [index, frame] : kept.read_frames()) {
@@ -26,7 +26,7 @@ std::vector<std::string> read_previous_cuts(Ranks& ranks, const FrameStore& kept
 
 }  // namespace
 
-FrameAssignment::FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames,
+FrameAssignment::FrameAssignment(workflow::Ranks& ranks, const FrameStore* kept, std::size_t frames,
                                  const std::optional<workflow::IndexRange>& part)
     : ranks_(ranks),
       store_(kept),

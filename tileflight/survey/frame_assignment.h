@@ -8,8 +8,8 @@
 
 #include "tileflight/render/render_flight.h"
 #include "tileflight/survey/frame_store.h"
-#include "tileflight/survey/ranks.h"
 #include "tileflight/workflow/balanced_ranges.h"
+#include "tileflight/workflow/ranks.h"
 
 namespace tileflight::survey {
 
@@ -20,7 +20,7 @@ class FrameAssignment {
   /// `kept`: store that shares finished frames with other ranks and later runs, the same for all ranks; null: this
   /// process renders all frames and stores none. Waits for the other ranks. Ranks and `kept` must outlive it.
   /// `part`: only these frames are assigned, in a job whose other parts are rendered elsewhere.
-  FrameAssignment(Ranks& ranks, const FrameStore* kept, std::size_t frames,
+  FrameAssignment(workflow::Ranks& ranks, const FrameStore* kept, std::size_t frames,
                   const std::optional<workflow::IndexRange>& part = {});
 
   /// Whether this process does what is done once for the flight: other sensors, video, lists.
@@ -54,7 +54,7 @@ class FrameAssignment {
   std::vector<FrameRecord> collect_frames() const;
 
  private:
-  Ranks& ranks_;
+  workflow::Ranks& ranks_;
   const FrameStore* store_;
   std::optional<workflow::IndexRange> part_;
   std::vector<std::string> previous_cuts_;  ///< cut of each frame finished earlier; empty: not finished

@@ -38,12 +38,12 @@ TEST(Ranks, GoOnTogetherOrFailTogether) {
   ThreadRanks ranks(3);
   std::vector<std::string> said(3);
   const auto outcome_of = [&](const std::function<void(int)>& work) {
-    ranks.run([&](Ranks& rank) {
+    ranks.run([&](workflow::Ranks& rank) {
       std::string& text = said[static_cast<std::size_t>(rank.rank())];
       text = "fine";
       try {
         run_collectively(rank, [&] { work(rank.rank()); });
-      } catch (const CollectiveError& fault) {
+      } catch (const workflow::CollectiveError& fault) {
         text = fault.what();
       }
     });
@@ -132,7 +132,7 @@ TEST(FrameShare, IsEachFrameOnceWithoutThoseThatAreThere) {
   std::vector<int> rank_of(10, -1);
   std::mutex mutex;
   ThreadRanks ranks(3);
-  ranks.run([&](Ranks& rank) {
+  ranks.run([&](workflow::Ranks& rank) {
     const FrameStore kept(out, rank.rank(), 3);
     FrameAssignment share(rank, &kept, rank_of.size());
     share.set_cut("cut");
@@ -174,7 +174,7 @@ TEST(FrameShare, RangesFollowEachOtherAndCoverTheFlight) {
     }
     std::vector<std::pair<std::size_t, std::size_t>> ranges(static_cast<std::size_t>(count));
     ThreadRanks ranks(count);
-    ranks.run([&](Ranks& rank) {
+    ranks.run([&](workflow::Ranks& rank) {
       const FrameStore kept(out, rank.rank(), count);
       FrameAssignment share(rank, &kept, 6);
       share.set_cut("cut");

@@ -66,7 +66,7 @@ json frame_inputs(const PlannedFlight& mission, const RenderSettings& settings) 
 /// While alive, prints which frames are kept if this process is terminated.
 class TerminationMessageScope {
  public:
-  TerminationMessageScope(Ranks& ranks, const FrameStore& kept, std::size_t frames) : ranks_(ranks) {
+  TerminationMessageScope(workflow::Ranks& ranks, const FrameStore& kept, std::size_t frames) : ranks_(ranks) {
     ranks.set_termination_message([&kept, frames] { return kept.describe_state(frames); });
   }
   ~TerminationMessageScope() { ranks_.set_termination_message({}); }
@@ -74,7 +74,7 @@ class TerminationMessageScope {
   TerminationMessageScope& operator=(const TerminationMessageScope&) = delete;
 
  private:
-  Ranks& ranks_;
+  workflow::Ranks& ranks_;
 };
 
 struct RenderedFrames {
@@ -91,7 +91,7 @@ json render_part(const PlannedFlight& mission, const RenderSettings& settings, c
   if (part.begin >= part.end) throw InputError("--frames", "the flight has frames 0 to " + std::to_string(frames - 1));
   FrameStore::prepare(out, frame_inputs(mission, settings), workflow::Share::kPart);
   const FrameStore kept(out, std::to_string(part.begin) + "-" + std::to_string(part.end));
-  SingleRank alone;
+  workflow::SingleRank alone;
   FrameAssignment share(alone, &kept, frames, part);
   DatasetRenderer renderer(mission, settings, out, true, share, progress);
   renderer.render();
@@ -103,12 +103,11 @@ json render_part(const PlannedFlight& mission, const RenderSettings& settings, c
 
 /// `kept`: null if one process renders everything.
 RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
-                               bool replace, const FrameStore* kept, Ranks& ranks, const Progress& progress) {
+                               bool replace, const FrameStore* kept, workflow::Ranks& ranks, const Progress& progress) {
   FrameAssignment share(ranks, kept, mission.frames.size());
   std::unique_ptr<DatasetRenderer> renderer;
-  run_collectively(ranks, [&] {
-    renderer = std::make_unique<DatasetRenderer>(mission, settings, out, replace, share, progress);
-  });
+  run_collectively(
+      ranks, [&] { renderer = std::make_unique<DatasetRenderer>(mission, settings, out, replace, share, progress); });
   renderer->render(ranks);
   RenderedFrames rendered;
   run_collectively(ranks, [&] {
@@ -121,7 +120,7 @@ RenderedFrames render_assigned(const PlannedFlight& mission, const RenderSetting
 
 /// Renders with a frame store: with several ranks, or to be able to resume.
 RenderedFrames render_with_store(const PlannedFlight& mission, const RenderSettings& settings, const fs::path& out,
-                                 bool replace, Ranks& ranks, const Progress& progress,
+                                 bool replace, workflow::Ranks& ranks, const Progress& progress,
                                  std::vector<std::string>& notes) {
   run_collectively(ranks, [&] {
     if (ranks.rank() != 0) return;
@@ -201,9 +200,9 @@ FramePlan plan_frame_parts(const RenderSettings& settings, int parts, const Prog
 fs::path frame_build_folder(const fs::path& dataset) { return FrameStore::folder_for(dataset); }
 
 json render_dataset(const RenderSettings& settings, const fs::path& out, bool replace, const Progress& progress,
-                    Ranks* given_ranks) {
-  SingleRank alone;
-  Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
+                    workflow::Ranks* given_ranks) {
+  workflow::SingleRank alone;
+  workflow::Ranks& ranks = given_ranks == nullptr ? alone : *given_ranks;
   const Progress shown = ranks.rank() == 0 ? progress : Progress();
   PlannedFlight mission;
   run_collectively(ranks, [&] { mission = plan_flight(settings, shown); });

@@ -9,9 +9,9 @@
 #include "tileflight/base/output_folder.h"
 #include "tileflight/base/progress.h"
 #include "tileflight/survey/flight_settings.h"
-#include "tileflight/survey/ranks.h"
 #include "tileflight/tiles/load.h"
 #include "tileflight/workflow/balanced_ranges.h"
+#include "tileflight/workflow/ranks.h"
 
 namespace tileflight::survey {
 
@@ -50,7 +50,7 @@ std::vector<std::filesystem::path> render_input_files(const RenderSettings& sett
 /// frames and returns the summary, the others return null. If one fails, all throw (CollectiveError). With a part:
 /// {frames, frames_rendered, build_folder}.
 nlohmann::json render_dataset(const RenderSettings& settings, const std::filesystem::path& out, bool replace,
-                              const Progress& progress = {}, Ranks* ranks = nullptr);
+                              const Progress& progress = {}, workflow::Ranks* ranks = nullptr);
 
 /// What a render in parts would do.
 struct FramePlan {

@@ -23,7 +23,6 @@ namespace tileflight::tiles {
 struct FlightSelection {
   std::vector<ViewCone> view_cones;  ///< local frame; one per image
   double error_px = 1.0;             ///< allowed error of a tile, pixels, where the flight is nearest to it
-  ViewConeRange part;                ///< loads only the tiles of the common cut that these view cones see
 };
 
 /// The selected contents do not fit into LoadOptions::max_memory_bytes.
