@@ -10,7 +10,7 @@ namespace {
 using geometry::Cell;
 using geometry::Vec3;
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotYet = std::numeric_limits<double>::quiet_NaN();
 /// In cells: larger than rounding errors.
 constexpr double kSlack = 1e-6;
 /// Layers along an axis for which coordinates are kept.
@@ -35,7 +35,7 @@ bool CenterIndex::add(const Vec3& center) {
     cell[axis] = static_cast<std::int32_t>(layer);
     std::vector<double>& known = coordinates_[axis];
     if (known.size() <= static_cast<std::size_t>(cell[axis]))
-      known.resize(static_cast<std::size_t>(cell[axis]) + 1, kUnknown);
+      known.resize(static_cast<std::size_t>(cell[axis]) + 1, kNotYet);
     double& coordinate = known[static_cast<std::size_t>(cell[axis])];
     if (std::isnan(coordinate)) coordinate = center[a];
     if (coordinate != center[a]) return false;
