@@ -244,7 +244,7 @@ double WorkingSet::largest_error_px(const tiles::TileCut& cut, const SensorCells
   const DetailLimit any{std::numeric_limits<double>::infinity()};
   const tiles::RefinementCriterion criterion = sensor_criterion(any).for_cells(cells, &worst_px);
   for (const tiles::CutContent& content : cut.contents) {
-    if (tree_->tile(content.node).children.empty()) continue;
+    if (tree_->children(content.node).empty()) continue;
     criterion.is_fine_enough(tree_->volume(content.node), content.geometric_error_m);
   }
   return worst_px;

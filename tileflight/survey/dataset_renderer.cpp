@@ -127,11 +127,12 @@ class PartRenderer {
     require_frames_fit(*tiles_, frames_to_load(share), max_memory_bytes_, progress_);
   }
 
-  /// Light of the frames in this rank's range, for set_light(); empty if the rank needs none of other ranks' frames.
+  /// Light of the frames in this rank's range (of a part: also of all before it, which no other process meters), for
+  /// set_light(); empty if the rank needs none of other ranks' frames.
   std::string meter(const FrameAssignment& share) {
     if (!has_auto_exposure() || share.has_all_frames()) return "";
     nlohmann::json light = nlohmann::json::array();
-    PartLoader& loader = loader_for(frames_in_range(share));
+    PartLoader& loader = loader_for(frames_between(share.metered_begin(), share.end()));
     for (std::size_t next = 0; next < loader.frames().size();) {
       LoadedPart part = load(loader, next, share);
       for (const double mean : meter_flight(part.scene, mission_.calibration.camera, mission_.frames, part.options))
@@ -148,7 +149,7 @@ class PartRenderer {
       if (part.empty()) return;
       for (const nlohmann::json& mean : nlohmann::json::parse(part)) light.push_back(mean.get<double>());
     }
-    for (const geometry::StampedPose& pose : mission_.frames.poses) times_s.push_back(pose.time_s);
+    for (std::size_t i = 0; i < light.size(); ++i) times_s.push_back(mission_.frames.poses[i].time_s);
     std::optional<render::AutoExposureState> settled;
     gains_ = render::exposure_gains(mission_.options.formation.auto_exposure, times_s, light, settled);
   }
@@ -203,15 +204,15 @@ class PartRenderer {
 
   bool has_auto_exposure() const { return mission_.options.formation.auto_exposure.target > 0.0; }
 
-  static std::vector<std::size_t> frames_in_range(const FrameAssignment& share) {
-    std::vector<std::size_t> frames(share.end() - share.begin());
-    std::iota(frames.begin(), frames.end(), share.begin());
+  static std::vector<std::size_t> frames_between(std::size_t begin, std::size_t end) {
+    std::vector<std::size_t> frames(end - begin);
+    std::iota(frames.begin(), frames.end(), begin);
     return frames;
   }
 
   /// The frames to render; all of the range if they are also metered, or other sensors look at the scene.
   std::vector<std::size_t> frames_to_load(const FrameAssignment& share) const {
-    std::vector<std::size_t> frames = frames_in_range(share);
+    std::vector<std::size_t> frames = frames_between(share.begin(), share.end());
     const bool is_metered = has_auto_exposure() && gains_.empty();
     if (!is_metered && !mission_.sensor_recorder->suite().needs_scene())
       std::erase_if(frames, [&](std::size_t frame) { return !share.is_assigned(frame); });
@@ -270,7 +271,8 @@ class PartRenderer {
   std::uintmax_t max_memory_bytes_;
   std::optional<FlightTiles> tiles_;
   std::optional<PartLoader> loader_;
-  std::vector<double> gains_;  ///< of the automatic exposure, for all frames; empty: not known yet, or none
+  std::vector<double>
+      gains_;  ///< of the automatic exposure, for all frames up to this process's last; empty: not known yet, or none
 };
 
 /// Writes the inverse of the camera's response, and its vignetting.

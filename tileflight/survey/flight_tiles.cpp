@@ -47,9 +47,12 @@ json content_record_to_json(const tiles::ContentRecord& record) {
 }
 
 tiles::ContentRecord content_record_from_json(const json& note) {
-  return {note.at("triangles").get<std::int64_t>(), note.at("points").get<std::int64_t>(),
-          note.at("copyrights").get<std::vector<std::string>>(), note.at("warnings").get<std::vector<std::string>>(),
-          note.at("failure").get<std::string>()};
+  return {.triangles = note.at("triangles").get<std::int64_t>(),
+          .points = note.at("points").get<std::int64_t>(),
+          .bounds = {},
+          .copyrights = note.at("copyrights").get<std::vector<std::string>>(),
+          .warnings = note.at("warnings").get<std::vector<std::string>>(),
+          .failure = note.at("failure").get<std::string>()};
 }
 
 }  // namespace

@@ -42,6 +42,8 @@ class FrameAssignment {
   /// frames, or those of the part. Valid after set_cut().
   std::size_t begin() const { return begin_; }
   std::size_t end() const { return end_; }
+  /// The first frame whose light this process meters for an automatic exposure.
+  std::size_t metered_begin() const { return part_ ? 0 : begin_; }
   bool has_all_frames() const { return ranks_.count() == 1 && !part_; }  ///< whether its range is the whole flight
   /// Whether this process renders the frame: it is in its range and not finished.
   bool is_assigned(std::size_t index) const { return index >= begin_ && index < end_ && !is_finished_[index]; }

@@ -94,7 +94,7 @@ json render_part(const PlannedFlight& mission, const RenderSettings& settings, c
   workflow::SingleRank alone;
   FrameAssignment share(alone, &kept, frames, part);
   DatasetRenderer renderer(mission, settings, out, true, share, progress);
-  renderer.render();
+  renderer.render(alone);
   std::size_t rendered = 0;
   for (std::size_t i = part.begin; i < part.end; ++i) rendered += share.is_assigned(i) ? 1 : 0;
   return {
