@@ -178,7 +178,8 @@ TEST_F(Ranks, AreRefusedByACommandThatDoesNotShareItsWork) {
                               tests::shell_quoted((folder_ / "stderr").string()) + " < /dev/null";
   const ProgramResult result = finished(std::system(command.c_str()));
   EXPECT_NE(result.exit_code, 0);
-  EXPECT_THAT(result.err, testing::HasSubstr("tileflight: mpirun: only `render` and `extract --block` share their work"));
+  EXPECT_THAT(result.err,
+              testing::HasSubstr("tileflight: mpirun: only `render` and `extract --block` share their work"));
   EXPECT_THAT(result.err, testing::Not(testing::HasSubstr("place")));  // nobody looked
 }
 

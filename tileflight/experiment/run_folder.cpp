@@ -39,8 +39,9 @@ bool is_run(const fs::path& folder) {
 }
 
 bool is_unused(const fs::path& folder) {
-  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(),
-                     [](const fs::directory_entry& entry) { return entry.path().filename() == workflow::FolderLock::kFile; });
+  return std::all_of(fs::directory_iterator(folder), fs::directory_iterator(), [](const fs::directory_entry& entry) {
+    return entry.path().filename() == workflow::FolderLock::kFile;
+  });
 }
 
 /// Marks the folder as a run's. It lists no files: stages come and go, each with its own marker.

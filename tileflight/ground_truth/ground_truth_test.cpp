@@ -1,5 +1,4 @@
 #include "tileflight/ground_truth/ground_truth.h"
-#include "tileflight/ground_truth/truth_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -22,6 +21,7 @@
 #include "tileflight/ground_truth/mesh_glb.h"
 #include "tileflight/ground_truth/octree.h"
 #include "tileflight/ground_truth/quantization_floor.h"
+#include "tileflight/ground_truth/truth_folder.h"
 #include "tileflight/imaging/image_files.h"
 
 namespace tileflight::ground_truth::ground_truth_test {

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -129,8 +130,10 @@ TEST_F(FlightTilesTest, RecordsOfSeveralProcessesGiveTheSummaryOfOne) {
 }
 
 TEST_F(FlightTilesTest, PartsCoverTheFlightWithinMemory) {
-  std::size_t whole_parts = 0;
-  for (const std::uintmax_t limit : {kPlenty, 47 * tile_bytes(), 40 * tile_bytes()}) {  // a frame needs up to 39 tiles
+  std::size_t whole_parts = 0, most_tiles = 0;
+  const FlightTiles all = open();
+  for (const std::size_t frame : all_frames()) most_tiles = std::max(most_tiles, all.places_for_frame(frame).size());
+  for (const std::uintmax_t limit : {kPlenty, (most_tiles + 8) * tile_bytes(), (most_tiles + 1) * tile_bytes()}) {
     FlightTiles tiles = open();
     PartLoader loader(tiles, all_frames(), limit);
     std::size_t next = 0, parts = 0;

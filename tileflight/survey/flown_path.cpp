@@ -1,9 +1,8 @@
 #include "tileflight/survey/flown_path.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/scene/scene.h"
@@ -60,8 +59,7 @@ std::shared_ptr<const scene::Scene> load_obstacle_scene(const vehicle::FlightPla
   load.uses = {transport::Use::kAnalyse};
   load.textures = false;
   if (settings.max_memory_bytes) load.max_memory_bytes = *settings.max_memory_bytes;
-  if (settings.error_px)
-    load.flight = {surrounding_view_cones(vehicle::build_path(plan), camera), *settings.error_px};
+  if (settings.error_px) load.flight = {surrounding_view_cones(vehicle::build_path(plan), camera), *settings.error_px};
   const auto source = transport::open_source(settings.source, settings.load.source);
   tiles::LoadedTiles tiles = tiles::load_region(*source, transport::redact_source(settings.source), load, progress);
   if (tiles.meshes.empty()) return nullptr;

@@ -330,7 +330,7 @@ class TilesetInspector {
       for (const std::string& copyright : tile_contents::find_copyrights(bytes)) attribution.add(copyright);
       ++out_.contents_read;
       if (!source_.knows_sizes()) probe(uri, bytes);  // not to be fetched again
-    } catch (const InputError&) {  // reported to the caller that loads the tile
+    } catch (const InputError&) {                     // reported to the caller that loads the tile
     }
   }
 

@@ -127,9 +127,10 @@ TEST_F(PartedJobs, AreTheSameThroughSnakemake) {
 }
 
 TEST(WithoutOptions, LeavesOutFlagsAndOptionsWithTheirValues) {
-  EXPECT_THAT(without_options({"extract", "place", "--jobs", "2", "--block=30", "--json", "--out", "--jobs2", "--blocks"},
-                              {"--json"}, {"--jobs", "--block"}),
-              ElementsAre("extract", "place", "--out", "--jobs2", "--blocks"));
+  EXPECT_THAT(
+      without_options({"extract", "place", "--jobs", "2", "--block=30", "--json", "--out", "--jobs2", "--blocks"},
+                      {"--json"}, {"--jobs", "--block"}),
+      ElementsAre("extract", "place", "--out", "--jobs2", "--blocks"));
 }
 
 }  // namespace
