@@ -490,8 +490,9 @@ class MapRegistrar {
   /// telemetry's scale tells, so candidates that contradict it come last, unless images confirm them.
   void put_contradicted_scales_last() {
     if (!result_.telemetry) return;
-    std::ranges::stable_partition(
-        candidates_, [&](const Candidate& c) { return c.is_recognised() || !contradicts_telemetry(c.T.scale); });
+    std::stable_partition(candidates_.begin(), candidates_.end(), [&](const Candidate& c) {
+      return c.is_recognised() || !contradicts_telemetry(c.T.scale);
+    });
   }
 
   /// The best candidate; also records the best of the others.

@@ -60,6 +60,9 @@ struct ScenePart::Impl {
   std::size_t triangle_count = 0;
   LazyTree<EmbreeTree> ray_tree;
   LazyTree<BeamTree> beam_tree;
+
+  Impl(std::vector<imaging::TexturedMesh> own_meshes, const SceneFrame& own_frame)
+      : meshes(std::move(own_meshes)), frame(own_frame) {}
 };
 
 ScenePart::ScenePart(std::vector<imaging::TexturedMesh> meshes, const SceneFrame& frame)

@@ -90,9 +90,10 @@ std::size_t ViewConeTree::divide(std::size_t begin, std::size_t end) {
   };
   const Vec3 one = farthest_from(cones_[members.front()].axis), other = farthest_from(one);
   if (!(one.dot(other) < kAlike)) return begin + (end - begin) / 2;
-  const auto second = std::ranges::stable_partition(
-      members, [&](std::size_t i) { return one.dot(cones_[i].axis) >= other.dot(cones_[i].axis); });
-  const auto middle = static_cast<std::size_t>(second.begin() - members.begin());
+  const auto second = std::stable_partition(members.begin(), members.end(), [&](std::size_t i) {
+    return one.dot(cones_[i].axis) >= other.dot(cones_[i].axis);
+  });
+  const auto middle = static_cast<std::size_t>(second - members.begin());
   // Axes that are no numbers are nowhere.
   return middle == 0 || middle == members.size() ? begin + (end - begin) / 2 : begin + middle;
 }
