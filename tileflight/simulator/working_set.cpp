@@ -129,7 +129,7 @@ WorkingSet::WorkingSet(const SimulatorOptions& options, std::vector<imaging::Tex
   frame_.emplace(box.center());
   std::vector<ResidentTile> tiles{{{}, 0.0, meshes.size(), nullptr}};
   auto whole = std::make_shared<const ResidentPart>(place::with_placeholder(std::move(meshes)), *frame_);
-  present_.emplace();
+  present_ = Prepared{};
   present_->scene = std::make_shared<const ResidentScene>(std::move(tiles), std::move(whole), std::move(loaded));
 }
 

@@ -46,9 +46,8 @@ bool is_excluded(const StudyFile& study, const StudyFlight& flight, const std::s
 /// Makes the tasks of a plan.
 class TaskMaker {
  public:
-  TaskMaker(const StudyFile& study, const PlanOptions& options)
-      : study_(study),
-        options_(options),
+  explicit TaskMaker(const PlanOptions& options)
+      : options_(options),
         threads_(std::max(1, options.cores / std::max(1, options.jobs))),
         program_(base::program_path()),
         fingerprint_(place::program_fingerprint()) {}
@@ -165,7 +164,6 @@ class TaskMaker {
     return task;
   }
 
-  const StudyFile& study_;
   const PlanOptions& options_;
   int threads_;
   fs::path program_;
@@ -195,7 +193,7 @@ std::string StudyFlight::id() const { return place + (camera.empty() ? "" : "-" 
 
 StudyPlan make_plan(const StudyFile& study, const PlanOptions& options) {
   StudyPlan plan{.study = study, .flights = {}, .runs = {}, .tasks = {}};
-  const TaskMaker make(study, options);
+  const TaskMaker make(options);
   for (const StudyPlace& place : study.places) {
     for (const StudyCamera& camera : study.cameras) {
       const std::string folder = make.place_folder(place, camera);
