@@ -242,7 +242,7 @@ TEST(PartsAtEdges, OfEqualSurfacesTheFirstIsMet) {
 }
 
 TEST(PartsOfAScene, AreSharedAndMayOutliveIt) {
-  const SceneFrame frame(Vec3(Vec3::Zero()));
+  const SceneFrame frame{Vec3(Vec3::Zero())};
   const TexturedMesh field = test_shapes::height_field(4, 20.0, Vec3::Zero(), [](double, double) { return 0.0; });
   const auto part = std::make_shared<const ScenePart>(std::vector{field}, frame);
   const BeamTree* tree = nullptr;

@@ -131,7 +131,8 @@ int cracks(const std::vector<TexturedMesh>& meshes, const TilesetLevel& level) {
     if (uses == 1 && (is_inside(edge[0], edge[1]) || is_inside(edge[3], edge[4])))
       open.push_back({Vec3(edge[0], edge[1], edge[2]), Vec3(edge[3], edge[4], edge[5])});
   int count = 0;
-  for (const auto& [a, b] : open) {
+  for (const auto& ends : open) {
+    const Vec3 &a = ends[0], &b = ends[1];
     const auto continues = [&](const std::array<Vec3, 2>& other) {
       const bool meets = (other[0] == a || other[0] == b) != (other[1] == a || other[1] == b);
       return meets && (other[1] - other[0]).cross(b - a).norm() < 1e-9;
