@@ -80,7 +80,7 @@ TruthConfig read_truth(StrictSection section) {
   TruthConfig truth;
   truth.voxel_m = section.positive_number("voxel").value_or(truth.voxel_m);
   truth.samples_per_m2 = section.positive_number("samples_per_m2").value_or(truth.samples_per_m2);
-  if (section.has("block")) truth.block_m = read_block(section);
+  truth.block_m = read_block(section);
   section.require_all_keys_used();
   return truth;
 }
