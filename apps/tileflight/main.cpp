@@ -68,8 +68,9 @@ int run_selected(CommonOptions& common, const Selection& selection) {
   try {
     if (!selection.has_ranks) tileflight::app::refuse_ranks();
     const Output output = selection.run(common, progress);
+    terminal.clear();
+    print_output(common, output);  // may fail, and then only the error is printed
     terminal.finish();
-    print_output(common, output);
     return 0;
   } catch (const tileflight::app::FailedElsewhere&) {
     terminal.clear();
