@@ -240,7 +240,7 @@ TEST_F(TileFiles, AMeshIsPutOnEarth) {
   EXPECT_TRUE(run_to_json({"tile", mesh, "--out", out, "--force"})["frame"].is_null());
   write("odm_georeferencing_model_geo.txt", "WGS84 UTM 33N\n500000 5594000\n");
   const json found = run_to_json({"tile", mesh, "--out", out, "--force"});
-  const json large = run_to_json({"tile", mesh, "--out", out, "--force", "--memory", "1e-6"});
+  const json large = run_to_json({"tile", mesh, "--out", out, "--force", "--memory", "1e-8"});
   EXPECT_TRUE(large["out_of_core"].get<bool>());
   EXPECT_EQ(large["frame"], found["frame"]);
   EXPECT_NEAR(found["frame"]["origin_lon"].get<double>(), 15.0, 1e-3);

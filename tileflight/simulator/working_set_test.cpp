@@ -212,7 +212,6 @@ TEST_F(FollowingTilesOfACity, ACellThatWasPreparedIsEnteredWithoutWaiting) {
     const auto place = world.load_for(at(x));
     world.wait_until_prefetched();
     const auto wanted = plain.load_for(at(x));
-    EXPECT_EQ(keys_of(*place), keys_of(*wanted)) << "at " << x;
     EXPECT_EQ(vertices_of(*place), vertices_of(*wanted)) << "at " << x;
     cuts.insert(keys_of(*place));
   }
@@ -250,9 +249,10 @@ TEST_F(FollowingTilesOfACity, CirclingOverABorderMakesNoSceneAnew) {
 TEST_F(FollowingTilesOfACity, EveryoneGetsTheSceneOfTheirCellsWhileOthersMove) {
   WorkingSet plain(city_options(false), SimulatorLog(), Progress());
   const auto way = [](int thread, int i) { return at(-110.0 + (7.0 + thread) * i, 60.0 * thread - 90.0); };
-  std::map<std::pair<int, int>, std::vector<std::optional<TileKey>>> wanted;
+  // Not by their keys: in which order external tilesets are opened, and so their tiles' numbers, differs.
+  std::map<std::pair<int, int>, std::vector<Vec3>> wanted;
   for (int thread = 0; thread < 4; ++thread) {
-    for (int i = 0; i < 24; ++i) wanted[{thread, i}] = keys_of(*plain.load_for(way(thread, i)));
+    for (int i = 0; i < 24; ++i) wanted[{thread, i}] = vertices_of(*plain.load_for(way(thread, i)));
   }
   WorkingSet world(city_options(true), SimulatorLog(), Progress());
   std::atomic<int> wrong = 0, seen = 0;
@@ -261,7 +261,7 @@ TEST_F(FollowingTilesOfACity, EveryoneGetsTheSceneOfTheirCellsWhileOthersMove) {
     threads.emplace_back([&, thread] {
       for (int i = 0; i < 24; ++i) {
         const auto place = world.load_for(way(thread, i));
-        if (keys_of(*place) != wanted.at({thread, i})) ++wrong;
+        if (vertices_of(*place) != wanted.at({thread, i})) ++wrong;
         // A ray from above meets the place in each scene, whatever becomes of the working set meanwhile.
         if (world.current()->scene().intersect({Vec3(0.3, 0.2, 500), -Vec3::UnitZ()})) ++seen;
         if (place->scene().intersect({Vec3(-70.3, 0.2, 500), -Vec3::UnitZ()})) ++seen;
