@@ -5,11 +5,12 @@
 
 #include <chrono>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <thread>
 
 #include "tests/background_program.h"
+#include "tests/mpirun.h"
 #include "tests/run_program.h"
+#include "tests/same_files.h"
 #include "tests/tiny_city.h"
 
 namespace tileflight::city_flight_test {
@@ -18,7 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::HasSubstr;
-using tests::file_text;
 using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyCity;
@@ -46,22 +46,6 @@ constexpr const char* kDegrade = R"(exposure_time: 0.002
 exposure_samples: 3
 auto_exposure: {target: 0.25, time_constant: 3}
 )";
-
-std::set<std::string> files_of(const fs::path& folder) {
-  std::set<std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file()) files.insert(fs::relative(entry.path(), folder).string());
-  }
-  return files;
-}
-
-void expect_equal_folders(const fs::path& one, const fs::path& other) {
-  ASSERT_FALSE(files_of(one).empty());
-  EXPECT_EQ(files_of(one), files_of(other));
-  for (const std::string& file : files_of(one)) {
-    EXPECT_TRUE(file_text(one / file) == file_text(other / file)) << other << " " << file;
-  }
-}
 
 class CityFlight : public testing::Test {
  protected:
@@ -101,14 +85,14 @@ TEST_F(CityFlight, MemoryChangesNoByte) {
   EXPECT_GE(whole["parts"], 7);
   EXPECT_GT(parts["parts"], whole["parts"]);
   for (const char* key : {"frames", "tiles", "complete", "warnings"}) EXPECT_EQ(parts[key], whole[key]) << key;
-  expect_equal_folders(folder_ / "whole", folder_ / "parts");
+  tests::expect_same_files(folder_ / "whole", folder_ / "parts");
 }
 
 TEST_F(CityFlight, ThreadsAndOtherSensorsChangeNothingInParts) {
   TinyPlace::write_file(folder_ / "flight.yaml", std::string(kFlight) + kSensors);
   render("whole", {"--memory", "1", "--threads", "1"});
   render("parts", {"--memory", "0.0095", "--threads", "2"});
-  expect_equal_folders(folder_ / "whole", folder_ / "parts");
+  tests::expect_same_files(folder_ / "whole", folder_ / "parts");
 }
 
 TEST_F(CityFlight, FarTilesAreCoarseInEachGroup) {
@@ -168,7 +152,7 @@ TEST_F(CityFlight, WhatAKilledRenderLeftIsTakenUp) {
   ASSERT_GE(finished(), 5U);
   ASSERT_FALSE(fs::exists(folder_ / "killed"));
   EXPECT_GE(render("killed", resumed)["frames_taken_up"], 5);
-  expect_equal_folders(folder_ / "whole", folder_ / "killed");
+  tests::expect_same_files(folder_ / "whole", folder_ / "killed");
 }
 
 #ifdef TILEFLIGHT_MPIRUN
@@ -179,14 +163,9 @@ TEST_F(CityFlight, ProcessesChangeNoByte) {
   render("alone", more);
   for (const int count : {2, 3, 4}) {
     const std::string out = "by" + std::to_string(count);
-    std::string command =
-        "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl_vader_single_copy_mechanism=none "
-        "exec " TILEFLIGHT_MPIRUN " --oversubscribe --bind-to none -n " +
-        std::to_string(count) + " " + tests::shell_quoted(TILEFLIGHT_BINARY);
-    for (const std::string& word : arguments(out, more)) command += " " + tests::shell_quoted(word);
-    command += " > /dev/null 2> " + tests::shell_quoted((folder_ / "stderr").string()) + " < /dev/null";
-    ASSERT_EQ(std::system(command.c_str()), 0) << file_text(folder_ / "stderr");
-    expect_equal_folders(folder_ / "alone", folder_ / out);
+    const ProgramResult result = tests::run_by_mpirun(count, arguments(out, more));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    tests::expect_same_files(folder_ / "alone", folder_ / out);
   }
 }
 #endif

@@ -6,11 +6,11 @@
 #include <chrono>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <set>
 #include <thread>
 
+#include "tests/mpirun.h"
 #include "tests/run_program.h"
+#include "tests/same_files.h"
 #include "tests/tiny_place.h"
 
 namespace tileflight::ranks_test {
@@ -19,16 +19,14 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::HasSubstr;
-using tests::file_text;
+using tests::expect_same_files;
 using tests::ProgramResult;
 using tests::run_tileflight;
 using tests::TinyPlace;
 
 #ifdef TILEFLIGHT_MPIRUN
-// As root in a container with fewer cores than processes, which may not read each other's memory.
-constexpr const char* kMpirun =
-    "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_btl_vader_single_copy_mechanism=none "
-    "exec " TILEFLIGHT_MPIRUN " --oversubscribe --bind-to none";
+using tests::process_of_rank;
+using tests::run_by_mpirun;
 
 constexpr const char* kFlight = R"(camera: camera.yaml
 fps: 8
@@ -51,22 +49,6 @@ auto_exposure: {target: 0.25, time_constant: 0.2}
 white_electrons: 5000
 read_noise_electrons: 4
 )";
-
-std::set<std::string> files_of(const fs::path& folder) {
-  std::set<std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    if (entry.is_regular_file()) files.insert(fs::relative(entry.path(), folder).string());
-  }
-  return files;
-}
-
-void expect_same(const fs::path& one, const fs::path& other) {
-  ASSERT_FALSE(files_of(one).empty());
-  EXPECT_EQ(files_of(one), files_of(other));
-  for (const std::string& file : files_of(one)) {
-    EXPECT_TRUE(file_text(one / file) == file_text(other / file)) << other << " " << file;
-  }
-}
 
 class Ranks : public ::testing::Test {
  protected:
@@ -92,18 +74,8 @@ class Ranks : public ::testing::Test {
   ProgramResult render(const std::string& out, const std::vector<std::string>& more) const {
     return run_tileflight(call(out, more));
   }
-  std::string mpirun_command(int processes, const std::string& out, const std::vector<std::string>& more) const {
-    std::string command =
-        std::string(kMpirun) + " -n " + std::to_string(processes) + " " + tests::shell_quoted(TILEFLIGHT_BINARY);
-    for (const std::string& word : call(out, more)) command += " " + tests::shell_quoted(word);
-    return command + " > " + tests::shell_quoted((folder_ / "stdout").string()) + " 2> " +
-           tests::shell_quoted((folder_ / "stderr").string()) + " < /dev/null";
-  }
-  ProgramResult finished(int status) const {
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, file_text(folder_ / "stdout"), file_text(folder_ / "stderr")};
-  }
   ProgramResult mpirun(int processes, const std::string& out, const std::vector<std::string>& more) const {
-    return finished(std::system(mpirun_command(processes, out, more).c_str()));
+    return run_by_mpirun(processes, call(out, more));
   }
   fs::path kept(const std::string& out) const { return folder_ / ("." + out + ".frames"); }
 
@@ -123,7 +95,7 @@ TEST_F(Ranks, GiveTheSameFilesAsOneProcess) {
     EXPECT_EQ(summary["ranks"], count);
     EXPECT_EQ(summary["frames"], 11);
     EXPECT_EQ(summary["warnings"], json::parse(alone.out)["warnings"]);
-    expect_same(folder_ / "alone", folder_ / out);
+    expect_same_files(folder_ / "alone", folder_ / out);
     EXPECT_FALSE(fs::exists(kept(out)));
   }
 }
@@ -135,7 +107,7 @@ TEST_F(Ranks, GiveTheSameFilesThroughAVideo) {
   const ProgramResult result = mpirun(2, "two", more);
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(fs::exists(folder_ / "two/video.mp4"));
-  expect_same(folder_ / "alone", folder_ / "two");
+  expect_same_files(folder_ / "alone", folder_ / "two");
 }
 
 // As coverage_test has it: what all pictures look at does not fit, what each of them looks at does.
@@ -158,7 +130,7 @@ waypoints:
   const ProgramResult result = mpirun(2, "parts", more);
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_GE(json::parse(result.out)["parts"], 2);
-  expect_same(folder_ / "whole", folder_ / "parts");
+  expect_same_files(folder_ / "whole", folder_ / "parts");
 }
 
 TEST_F(Ranks, FailWithOneLine) {
@@ -172,29 +144,11 @@ TEST_F(Ranks, FailWithOneLine) {
 }
 
 TEST_F(Ranks, AreRefusedByACommandThatDoesNotShareItsWork) {
-  const std::string out = (folder_ / "place").string();
-  const std::string command = std::string(kMpirun) + " -n 3 " + tests::shell_quoted(TILEFLIGHT_BINARY) + " inspect " +
-                              tests::shell_quoted(out) + " > /dev/null 2> " +
-                              tests::shell_quoted((folder_ / "stderr").string()) + " < /dev/null";
-  const ProgramResult result = finished(std::system(command.c_str()));
+  const ProgramResult result = run_by_mpirun(3, {"inspect", (folder_ / "place").string()});
   EXPECT_NE(result.exit_code, 0);
   EXPECT_THAT(result.err,
               testing::HasSubstr("tileflight: mpirun: only `render` and `extract --block` share their work"));
   EXPECT_THAT(result.err, testing::Not(testing::HasSubstr("place")));  // nobody looked
-}
-
-/// The process that renders as this rank into `out`.
-std::optional<pid_t> process_of(int rank, const std::string& out) {
-  for (const auto& entry : fs::directory_iterator("/proc")) {
-    const std::string name = entry.path().filename().string();
-    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    const std::string environment = '\0' + file_text(entry.path() / "environ");
-    const std::string variable = std::string(1, '\0') + "OMPI_COMM_WORLD_RANK=" + std::to_string(rank) + '\0';
-    if (environment.find(variable) != std::string::npos &&
-        file_text(entry.path() / "cmdline").find(out) != std::string::npos)
-      return std::stoi(name);
-  }
-  return std::nullopt;
 }
 
 std::size_t frames_in(const fs::path& folder) {
@@ -216,7 +170,7 @@ TEST_F(Ranks, OneThatDiesIsNamedAndWhatIsThereIsTakenUp) {
     std::thread run([&] { result = mpirun(2, out, more); });
     while (frames_in(kept(out)) < 4 && !fs::exists(folder_ / out))
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    const auto victim = process_of(1, (folder_ / out).string());
+    const auto victim = process_of_rank(1, (folder_ / out).string());
     EXPECT_TRUE(victim.has_value());
     if (victim) ::kill(*victim, SIGKILL);
     run.join();
@@ -236,7 +190,7 @@ TEST_F(Ranks, OneThatDiesIsNamedAndWhatIsThereIsTakenUp) {
   EXPECT_THAT(rest.out, HasSubstr(std::to_string(there) + " of 30 frames were reused from an earlier render"));
   EXPECT_FALSE(fs::exists(kept("data")));
   const ProgramResult other = render("other", more);
-  expect_same(folder_ / "other", folder_ / "data");
+  expect_same_files(folder_ / "other", folder_ / "data");
   EXPECT_EQ(json::parse(other.out)["frames_taken_up"], 0);
 }
 
@@ -252,9 +206,9 @@ TEST_F(Ranks, FramesOfOtherSettingsAreNotTakenUp) {
               HasSubstr("frames of an earlier render are not reused, because these inputs differ: path and camera, "
                         "program, seed, settings, source"));
   ASSERT_EQ(render("new", {}).exit_code, 0);
-  expect_same(folder_ / "new", folder_ / "data");
+  expect_same_files(folder_ / "new", folder_ / "data");
   ASSERT_EQ(render("kept", {"--resume"}).exit_code, 0);
-  expect_same(folder_ / "new", folder_ / "kept");
+  expect_same_files(folder_ / "new", folder_ / "kept");
   EXPECT_FALSE(fs::exists(kept("kept")));
 }
 #else

@@ -17,6 +17,7 @@ namespace {
 
 using geometry::Vec3;
 using imaging::TexturedMesh;
+using test_shapes::soup;
 using test_shapes::uniform;
 using test_shapes::uniform_vector;
 
@@ -61,19 +62,6 @@ struct Beam {
   const RayPacket8& packet(int ray) const { return packets[packet_of(ray % 8, ray / 8)]; }
   static int lane(int ray) { return lane_of(ray % 8, ray / 8); }
 };
-
-/// Triangles of all sizes, from tiny ones to some that extend past the camera on all sides.
-TexturedMesh soup(std::mt19937_64& random, int count, const Vec3& center, double half_m) {
-  TexturedMesh mesh;
-  for (int i = 0; i < count; ++i) {
-    const Vec3 base = center + uniform_vector(random, half_m);
-    const double size = half_m * std::pow(10.0, uniform(random, -3.0, 0.0));
-    const auto first = static_cast<std::uint32_t>(mesh.mesh.vertices.size());
-    for (int corner = 0; corner < 3; ++corner) mesh.mesh.vertices.push_back(base + uniform_vector(random, size));
-    mesh.mesh.triangles.push_back({first, first + 1, first + 2});
-  }
-  return mesh;
-}
 
 /// Rolling ground of shared vertices.
 TexturedMesh ground(int cells, double size_m, const Vec3& center) {

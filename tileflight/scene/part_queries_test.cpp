@@ -17,6 +17,7 @@ namespace {
 
 using geometry::Vec3;
 using imaging::TexturedMesh;
+using test_shapes::soup;
 using test_shapes::uniform;
 using test_shapes::uniform_vector;
 
@@ -41,18 +42,6 @@ struct Both {
     return parts;
   }
 };
-
-TexturedMesh soup(std::mt19937_64& random, int count, const Vec3& center, double half_m) {
-  TexturedMesh mesh;
-  for (int i = 0; i < count; ++i) {
-    const Vec3 base = center + uniform_vector(random, half_m);
-    const double size = half_m * std::pow(10.0, uniform(random, -3.0, 0.0));
-    const auto first = static_cast<std::uint32_t>(mesh.mesh.vertices.size());
-    for (int corner = 0; corner < 3; ++corner) mesh.mesh.vertices.push_back(base + uniform_vector(random, size));
-    mesh.mesh.triangles.push_back({first, first + 1, first + 2});
-  }
-  return mesh;
-}
 
 /// Overlapping tiles of several meshes, one of them empty.
 Tiles soups(std::mt19937_64& random, const Vec3& center) {

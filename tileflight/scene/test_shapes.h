@@ -20,6 +20,19 @@ inline geometry::Vec3 uniform_vector(std::mt19937_64& random, double half) {
   return {x, y, z};
 }
 
+/// Triangles around `center` whose sizes go from `half_m` down to a thousandth of it.
+inline imaging::TexturedMesh soup(std::mt19937_64& random, int count, const geometry::Vec3& center, double half_m) {
+  imaging::TexturedMesh mesh;
+  for (int i = 0; i < count; ++i) {
+    const geometry::Vec3 base = center + uniform_vector(random, half_m);
+    const double size = half_m * std::pow(10.0, uniform(random, -3.0, 0.0));
+    const auto first = static_cast<std::uint32_t>(mesh.mesh.vertices.size());
+    for (int corner = 0; corner < 3; ++corner) mesh.mesh.vertices.push_back(base + uniform_vector(random, size));
+    mesh.mesh.triangles.push_back({first, first + 1, first + 2});
+  }
+  return mesh;
+}
+
 /// Terrain of (cells + 1)^2 shared vertices, a square of side `size_m` around `center`; `height_m(x, y)` is added to
 /// its height.
 template <typename Height>
