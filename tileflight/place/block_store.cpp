@@ -16,35 +16,12 @@ namespace tileflight::place {
 namespace fs = std::filesystem;
 namespace {
 
-using ContentRecord = tiles::ContentRecord;
 using nlohmann::json;
 
-json corner_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
-
-geometry::Vec3 corner_from_json(const json& v) {
-  return {v.at(0).get<double>(), v.at(1).get<double>(), v.at(2).get<double>()};
-}
-
-json content_json(std::size_t index, const ContentRecord& content) {
-  return {{"content", index},
-          {"triangles", content.triangles},
-          {"points", content.points},
-          {"low", corner_json(content.bounds.min())},
-          {"high", corner_json(content.bounds.max())},
-          {"copyrights", content.copyrights},
-          {"warnings", content.warnings},
-          {"failure", content.failure}};
-}
-
-ContentRecord content_from_json(const json& note) {
-  ContentRecord content;
-  content.triangles = note.at("triangles").get<std::int64_t>();
-  content.points = note.at("points").get<std::int64_t>();
-  content.bounds = {corner_from_json(note.at("low")), corner_from_json(note.at("high"))};
-  content.copyrights = note.at("copyrights").get<std::vector<std::string>>();
-  content.warnings = note.at("warnings").get<std::vector<std::string>>();
-  content.failure = note.at("failure").get<std::string>();
-  return content;
+json content_json(std::size_t index, const tiles::ContentRecord& content) {
+  json note = tiles::to_json(content);
+  note["content"] = index;
+  return note;
 }
 
 json block_json(const BlockRecord& block) {
@@ -71,7 +48,7 @@ BlockRecord block_from_json(const json& note) {
                     .contents = {},
                     .files = {}};
   for (const json& content : note.at("contents"))
-    block.contents.emplace(content.at("content").get<std::size_t>(), content_from_json(content));
+    block.contents.emplace(content.at("content").get<std::size_t>(), tiles::content_record_from_json(content));
   for (const json& file : note.at("files")) block.files.push_back({file.at(0).get<std::string>(), file.at(1)});
   return block;
 }

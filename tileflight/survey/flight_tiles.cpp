@@ -38,23 +38,6 @@ bool is_below(const BoundingSphere& sphere, const Vec3& point) {
          sphere.center.z() - sphere.radius_m <= point.z();
 }
 
-json content_record_to_json(const tiles::ContentRecord& record) {
-  return {{"triangles", record.triangles},
-          {"points", record.points},
-          {"copyrights", record.copyrights},
-          {"warnings", record.warnings},
-          {"failure", record.failure}};
-}
-
-tiles::ContentRecord content_record_from_json(const json& note) {
-  return {.triangles = note.at("triangles").get<std::int64_t>(),
-          .points = note.at("points").get<std::int64_t>(),
-          .bounds = {},
-          .copyrights = note.at("copyrights").get<std::vector<std::string>>(),
-          .warnings = note.at("warnings").get<std::vector<std::string>>(),
-          .failure = note.at("failure").get<std::string>()};
-}
-
 }  // namespace
 
 FlightTiles::FlightTiles(const PlannedFlight& mission, const RenderSettings& settings, const Progress& progress)
@@ -195,8 +178,7 @@ void FlightTiles::read_rest() {
 
 json FlightTiles::take_new_records() {
   json records;
-  for (const std::size_t content : new_records_)
-    records[std::to_string(content)] = content_record_to_json(*records_[content]);
+  for (const std::size_t content : new_records_) records[std::to_string(content)] = tiles::to_json(*records_[content]);
   new_records_.clear();
   return records;
 }
@@ -205,25 +187,14 @@ void FlightTiles::add_records(const json& records) {
   try {
     for (const auto& [number, record] : records.items()) {
       const std::size_t content = std::stoul(number);
-      if (content < records_.size() && !records_[content]) records_[content] = content_record_from_json(record);
+      if (content < records_.size() && !records_[content]) records_[content] = tiles::content_record_from_json(record);
     }
   } catch (const std::exception&) {  // damaged: only its attribution is lost
   }
 }
 
 tiles::LoadedTiles FlightTiles::summary() const {
-  tiles::LoadedTiles out;
-  out.local_frame = placement_.local_frame;
-  out.region = placement_.region;
-  out.tiles_wanted = static_cast<std::int64_t>(cut_.contents.size() + cut_.failures.size());
-  out.geometric_error_max_m = cut_.geometric_error_max_m;
-  out.cut_hash = cut_.hash;
-  out.cut_size = static_cast<std::int64_t>(cut_.contents.size());
-  out.warnings = placement_.warnings;
-  base::add_distinct(first_warnings_, out.warnings);
-  out.failures = cut_.failures;
-  tiles::add_records(records_, tree_, *source_, out);
-  return out;
+  return tiles::summarize(placement_, cut_, records_, first_warnings_, tree_, *source_);
 }
 
 }  // namespace tileflight::survey

@@ -1,25 +1,35 @@
 #include "tileflight/tiles/content_records.h"
 
+#include <nlohmann/json.hpp>
+
 #include "tileflight/base/string_lists.h"
 #include "tileflight/tile_contents/attribution.h"
 
 namespace tileflight::tiles {
+namespace {
 
-ContentRecord make_record(const LoadedContent& content) {
-  ContentRecord record;
-  record.failure = content.failure;
-  if (!content.failure.empty()) return record;
-  for (const imaging::TexturedMesh& mesh : content.meshes)
-    record.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
-  for (const geometry::PointCloud& cloud : content.clouds) record.points += static_cast<std::int64_t>(cloud.size());
-  record.copyrights = content.copyrights;
-  record.warnings = content.warnings;
-  return record;
+using nlohmann::json;
+
+geometry::Box3 bounds_of(const LoadedContent& content) {
+  geometry::Box3 box;
+  for (const imaging::TexturedMesh& mesh : content.meshes) {
+    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
+  }
+  for (const geometry::PointCloud& cloud : content.clouds) {
+    for (const geometry::Vec3& point : cloud.positions) box.extend(point);
+  }
+  return box;
 }
 
-void add_records(std::span<const std::optional<ContentRecord>> records, const TilesetTree& tree,
-                 const transport::TileSource& source, LoadedTiles& to) {
-  tile_contents::AttributionCollector attribution;
+json corner_to_json(const geometry::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+geometry::Vec3 corner_from_json(const json& v) {
+  return {v.at(0).get<double>(), v.at(1).get<double>(), v.at(2).get<double>()};
+}
+
+/// Adds what the contents that were read say.
+void add_records(std::span<const std::optional<ContentRecord>> records,
+                 tile_contents::AttributionCollector& attribution, LoadedTiles& to) {
   for (const std::optional<ContentRecord>& record : records) {
     if (!record) continue;
     if (!record->failure.empty()) {
@@ -32,14 +42,67 @@ void add_records(std::span<const std::optional<ContentRecord>> records, const Ti
     for (const std::string& copyright : record->copyrights) attribution.add(copyright);
     base::add_distinct(record->warnings, to.warnings);
   }
-  to.tiles_failed = static_cast<std::int64_t>(to.failures.size());
+}
+
+}  // namespace
+
+ContentRecord make_record(const LoadedContent& content) {
+  ContentRecord record;
+  record.failure = content.failure;
+  if (!content.failure.empty()) return record;
+  for (const imaging::TexturedMesh& mesh : content.meshes)
+    record.triangles += static_cast<std::int64_t>(mesh.mesh.triangles.size());
+  for (const geometry::PointCloud& cloud : content.clouds) record.points += static_cast<std::int64_t>(cloud.size());
+  record.bounds = bounds_of(content);
+  record.copyrights = content.copyrights;
+  record.warnings = content.warnings;
+  return record;
+}
+
+json to_json(const ContentRecord& record) {
+  return {{"triangles", record.triangles},
+          {"points", record.points},
+          {"low", corner_to_json(record.bounds.min())},
+          {"high", corner_to_json(record.bounds.max())},
+          {"copyrights", record.copyrights},
+          {"warnings", record.warnings},
+          {"failure", record.failure}};
+}
+
+ContentRecord content_record_from_json(const json& record) {
+  return {.triangles = record.at("triangles").get<std::int64_t>(),
+          .points = record.at("points").get<std::int64_t>(),
+          .bounds = {corner_from_json(record.at("low")), corner_from_json(record.at("high"))},
+          .copyrights = record.at("copyrights").get<std::vector<std::string>>(),
+          .warnings = record.at("warnings").get<std::vector<std::string>>(),
+          .failure = record.at("failure").get<std::string>()};
+}
+
+LoadedTiles summarize(const Placement& placement, const TileCut& cut,
+                      std::span<const std::optional<ContentRecord>> records,
+                      const std::vector<std::string>& first_warnings, const TilesetTree& tree,
+                      const transport::TileSource& source) {
+  LoadedTiles out;
+  out.local_frame = placement.local_frame;
+  out.region = placement.region;
+  out.tiles_wanted = static_cast<std::int64_t>(cut.contents.size() + cut.failures.size());
+  out.geometric_error_max_m = cut.geometric_error_max_m;
+  out.cut_hash = cut.hash;
+  out.cut_size = static_cast<std::int64_t>(cut.contents.size());
+  out.warnings = placement.warnings;
+  base::add_distinct(first_warnings, out.warnings);
+  out.failures = cut.failures;
+  tile_contents::AttributionCollector attribution;
+  add_records(records, attribution, out);
+  out.tiles_failed = static_cast<std::int64_t>(out.failures.size());
   for (const auto& [uri, tileset] : tree.files_read()) attribution.add(tileset->copyright);
-  base::add_distinct(tree.warnings(), to.warnings);
-  base::add_distinct(source.warnings(), to.warnings);  // including warnings of the reads
-  to.terms = source.terms();
-  to.attribution = source.attribution();
-  base::add_distinct(attribution.sorted_holders(), to.attribution);
-  to.complete = to.tiles_failed == 0;
+  base::add_distinct(tree.warnings(), out.warnings);
+  base::add_distinct(source.warnings(), out.warnings);  // including warnings of the reads
+  out.terms = source.terms();
+  out.attribution = source.attribution();
+  base::add_distinct(attribution.sorted_holders(), out.attribution);
+  out.complete = out.tiles_failed == 0;
+  return out;
 }
 
 InputError incomplete_region(const std::string& what) {

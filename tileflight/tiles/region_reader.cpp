@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "tileflight/base/input_error.h"
-#include "tileflight/base/string_lists.h"
 #include "tileflight/tiles/bounding_volume.h"
 #include "tileflight/transport/uri.h"
 
@@ -41,17 +40,6 @@ std::string nothing_seen(const TilesetTree& tree, const Placement& placement, co
 }
 
 /// Extent of what a content holds.
-geometry::Box3 bounds_of(const LoadedContent& content) {
-  geometry::Box3 box;
-  for (const imaging::TexturedMesh& mesh : content.meshes) {
-    for (const geometry::Vec3& vertex : mesh.mesh.vertices) box.extend(vertex);
-  }
-  for (const geometry::PointCloud& cloud : content.clouds) {
-    for (const geometry::Vec3& point : cloud.positions) box.extend(point);
-  }
-  return box;
-}
-
 transport::TileSource& require_terms(transport::TileSource& source, const std::string& name,
                                      const LoadOptions& options) {
   for (const transport::Use use : options.uses)
@@ -143,7 +131,7 @@ void RegionReader::record(std::size_t content, const LoadedContent& loaded) {
   if (!loaded.failure.empty() && !options_.allow_incomplete) throw incomplete_region(loaded.failure);
   if (records_[content]) return;
   records_[content] = make_record(loaded);
-  if (loaded.failure.empty()) bounds_[content] = records_[content]->bounds = bounds_of(loaded);
+  if (loaded.failure.empty()) bounds_[content] = records_[content]->bounds;
 }
 
 void RegionReader::learn(std::size_t content, const ContentRecord& record) {
@@ -153,17 +141,7 @@ void RegionReader::learn(std::size_t content, const ContentRecord& record) {
 }
 
 LoadedTiles RegionReader::summary() const {
-  LoadedTiles out;
-  out.local_frame = placement_.local_frame;
-  out.region = placement_.region;
-  out.tiles_wanted = static_cast<std::int64_t>(cut_.contents.size() + cut_.failures.size());
-  out.geometric_error_max_m = cut_.geometric_error_max_m;
-  out.cut_hash = cut_.hash;
-  out.cut_size = static_cast<std::int64_t>(cut_.contents.size());
-  out.warnings = placement_.warnings;
-  base::add_distinct(first_warnings_, out.warnings);
-  out.failures = cut_.failures;
-  add_records(records_, tree_, source_, out);
+  LoadedTiles out = summarize(placement_, cut_, records_, first_warnings_, tree_, source_);
   out.bytes_read = counted_.bytes();
   return out;
 }
