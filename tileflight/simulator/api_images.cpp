@@ -7,7 +7,7 @@
 #include "tileflight/base/input_error.h"
 #include "tileflight/simulator/camera_settings.h"
 #include "tileflight/simulator/frames.h"
-#include "tileflight/simulator/png_rgba.h"
+#include "tileflight/imaging/png_rgba.h"
 #include "tileflight/simulator/simulator_impl.h"
 
 namespace tileflight::simulator {
@@ -57,7 +57,7 @@ ImageResponse make_response(const PlannedImage& picture, const RenderLayers& lay
     return response;
   }
   const imaging::RgbImage image = to_colour_pixels(picture.type, layers, picture.view.lens, ids);
-  response.image_data_uint8 = response.compress ? encode_png_rgba(image) : bgr_bytes(image);
+  response.image_data_uint8 = response.compress ? imaging::encode_png_rgba(image) : bgr_bytes(image);
   return response;
 }
 

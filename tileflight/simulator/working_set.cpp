@@ -8,8 +8,6 @@
 #include <exception>
 #include <iterator>
 #include <limits>
-#include <numeric>
-#include <set>
 
 #include "tileflight/base/input_error.h"
 #include "tileflight/base/string_lists.h"
@@ -29,10 +27,6 @@ constexpr std::size_t kMaxPinned = 32;
 constexpr double kMaxOriginDistance_m = 20e3;
 constexpr double kMaxAnchoredExtent_m = 1e5;  ///< above it, sensors may be far from the centre of the place
 constexpr double kMaxHeight_m = 2e4;          ///< vertical search range for surfaces
-/// Scenes that are made ahead (sensors cross a border one after the other, so there are two for each cell on a way),
-/// and those kept beside the present one. They share most of their tiles, and memory limits them, too; so many are kept
-/// that a vehicle that circles makes none twice.
-constexpr std::size_t kScenesAhead = 3, kScenesKept = 32;
 /// Files that are read at once, and those after which reading ahead lets others in: a tenth of a second's.
 constexpr std::size_t kFilesNow = 64, kFilesAhead = 2, kDistantFilesAhead = 16;
 constexpr std::chrono::milliseconds kWaitForOthers{1};
@@ -59,8 +53,6 @@ class Waiting {
  private:
   std::atomic<int>& count_;
 };
-
-std::optional<TileKey> key_of(const tiles::CutContent& content) { return TileKey{content.node, content.content}; }
 
 /// A cut of these contents.
 tiles::TileCut part_of(const tiles::TileCut& cut, std::span<const std::size_t> contents) {
@@ -104,11 +96,11 @@ struct WorkingSet::Attempt {
   Attempt(SensorCells around, const DetailLimit& began_at, const DetailLimit& limit, When made = When::kNow)
       : cells(std::move(around)), wanted(began_at), detail(limit), when(made) {}
 
-  Prepared prepared() && { return {std::move(cells), wanted, detail, pins, worst_px, std::move(scene)}; }
+  PreparedScene prepared() && { return {std::move(cells), wanted, detail, pins, worst_px, std::move(scene)}; }
 };
 
 WorkingSet::WorkingSet(const SimulatorOptions& options, SimulatorLog log, const Progress& progress)
-    : options_(options), log_(std::move(log)), error_px_(options.error_px), detail_{options.error_px} {
+    : options_(options), log_(std::move(log)), error_px_(options.error_px), scenes_({options.error_px}) {
   if (!(options.error_px > 0.0)) throw InputError("error in pixels", "must be above 0");
   if (!(options.max_distance_m > 0.0)) throw InputError("viewing distance", "must be above 0");
   open(progress);
@@ -118,7 +110,7 @@ WorkingSet::WorkingSet(const SimulatorOptions& options, SimulatorLog log, const 
 }
 
 WorkingSet::WorkingSet(const SimulatorOptions& options, std::vector<imaging::TexturedMesh> meshes, SimulatorLog log)
-    : options_(options), log_(std::move(log)), error_px_(options.error_px), detail_{options.error_px} {
+    : options_(options), log_(std::move(log)), error_px_(options.error_px), scenes_({options.error_px}) {
   const Box3 box = bounding_box(meshes);
   placement_.region = {box.center(), box.sizes()};
   if (options.load.origin) placement_.local_frame.emplace(*options.load.origin);
@@ -129,8 +121,10 @@ WorkingSet::WorkingSet(const SimulatorOptions& options, std::vector<imaging::Tex
   frame_.emplace(box.center());
   std::vector<ResidentTile> tiles{{{}, 0.0, meshes.size(), nullptr}};
   auto whole = std::make_shared<const ResidentPart>(place::with_placeholder(std::move(meshes)), *frame_);
-  present_ = Prepared{};
-  present_->scene = std::make_shared<const ResidentScene>(std::move(tiles), std::move(whole), std::move(loaded));
+  PreparedScene only;
+  only.scene = std::make_shared<const ResidentScene>(std::move(tiles), std::move(whole), std::move(loaded));
+  only.detail = scenes_.detail();
+  scenes_.enter(std::move(only));
 }
 
 void WorkingSet::log_line(const std::string& line) const {
@@ -206,18 +200,13 @@ std::vector<std::string> WorkingSet::attribution() const {
 /// Whether it fits into memory.
 bool WorkingSet::load_whole_region(const Progress& progress) {
   Lock lock(loading_mutex_);
-  Attempt attempt({}, wanted_detail(), wanted_detail());
+  Attempt attempt({}, scenes_.detail(), scenes_.detail());
   // An estimate is wrong by much less than this, so a place that fits is not refused.
   const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion({}, attempt.detail));
   if (cut.contents.size() > kSampledContents && estimate_bytes(cut, progress) > 3 * scene_limit_bytes()) return false;
   if (make(attempt, lock, progress) != Outcome::kMade) return false;
   enter(std::move(attempt).prepared());
   return true;
-}
-
-std::shared_ptr<const ResidentScene> WorkingSet::current() const {
-  const std::lock_guard lock(scenes_mutex_);
-  return present_ ? present_->scene : nullptr;
 }
 
 SensorCriterion WorkingSet::sensor_criterion(const DetailLimit& detail) const {
@@ -260,65 +249,31 @@ std::shared_ptr<const ResidentScene> WorkingSet::load_for(std::span<const Sensor
     scene = enter_prepared(cells);  // another caller may have waited for the same
     if (!scene) {
       ++waits_;
-      Prepared next = load(cells, lock, {});
+      PreparedScene next = load(cells, lock, {});
       scene = next.scene;
       enter(std::move(next));
       make_room(nullptr);
     }
   }
-  plan_ahead(viewpoints);
+  if (options_.prefetch) scenes_.plan(viewpoints);
   return scene;
 }
 
 /// The scene for these cells, if it is at hand, which becomes the present one.
 std::shared_ptr<const ResidentScene> WorkingSet::enter_prepared(const SensorCells& cells) {
-  DetailLimit before, now;
-  std::shared_ptr<const ResidentScene> scene;
-  {
-    const std::lock_guard lock(scenes_mutex_);
-    if (!present_ || present_->cells != cells || present_->pins != pins_) {
-      const auto at = std::ranges::find_if(others_, [&](const Prepared& other) {
-        return other.cells == cells && other.wanted == detail_ && other.pins == pins_;
-      });
-      if (at == others_.end()) return nullptr;
-      Prepared left = std::move(*present_);
-      present_ = std::move(*at);
-      others_.erase(at);
-      others_.push_front(std::move(left));
-    }
-    if (present_->scene->loaded().tiles_failed > 0 && may_retry()) return nullptr;
-    before = detail_;
-    now = detail_ = present_->wanted = present_->detail;  // a search that begins there ends there
-    error_px_ = std::max(options_.error_px, present_->worst_px);
-    scene = present_->scene;
-  }
-  tell_detail(before, now);
-  return scene;
+  const std::optional<PreparedScenes::Entered> entered = scenes_.enter(cells, options_.retry_after);
+  if (!entered) return nullptr;
+  tell_detail(*entered);
+  return entered->scene;
 }
 
-/// Makes it the present one.
-void WorkingSet::enter(Prepared next) {
-  DetailLimit before;
-  const DetailLimit now = next.detail;
-  std::list<Prepared> gone;  // freed without the lock
-  {
-    const std::lock_guard lock(scenes_mutex_);
-    before = detail_;
-    detail_ = now;
-    error_px_ = std::max(options_.error_px, next.worst_px);
-    for (auto at = others_.begin(); at != others_.end();) {
-      const auto other = at++;
-      if (other->cells == next.cells) gone.splice(gone.end(), others_, other);
-    }
-    if (present_ && present_->cells != next.cells) others_.push_front(std::move(*present_));
-    present_ = std::move(next);
-    present_->wanted = now;  // a search that begins there ends there
-  }
-  tell_detail(before, now);
-}
+void WorkingSet::enter(PreparedScene next) { tell_detail(scenes_.enter(std::move(next))); }
 
-void WorkingSet::tell_detail(const DetailLimit& before, const DetailLimit& now) const {
-  if (before == now) return;
+/// Says the error of the scene that was entered, if the limit had to be raised for it.
+void WorkingSet::tell_detail(const PreparedScenes::Entered& entered) {
+  error_px_ = std::max(options_.error_px, entered.worst_px);
+  const DetailLimit& now = entered.now;
+  if (entered.before == now) return;
   std::string line =
       "the tiles that the sensors can see do not fit into memory: their screen-space error is raised to ";
   line += std::to_string(now.error_px) + " pixels";
@@ -328,9 +283,9 @@ void WorkingSet::tell_detail(const DetailLimit& before, const DetailLimit& now) 
 }
 
 /// The scene for these cells, coarser if memory is short.
-WorkingSet::Prepared WorkingSet::load(const SensorCells& cells, Lock& lock, const Progress& progress) {
+PreparedScene WorkingSet::load(const SensorCells& cells, Lock& lock, const Progress& progress) {
   const bool first = current() == nullptr;
-  const DetailLimit wanted = wanted_detail();
+  const DetailLimit wanted = scenes_.detail();
   DetailLimit detail = first ? first_detail(cells, progress) : wanted;
   while (true) {
     Attempt attempt(cells, wanted, detail);
@@ -339,7 +294,7 @@ WorkingSet::Prepared WorkingSet::load(const SensorCells& cells, Lock& lock, cons
       log_line(
           "the tiles that the sensors can see do not fit into memory: the oldest region of tfLoadRegion is unloaded");
       pinned_.erase(pinned_.begin());
-      count_pin_change();
+      scenes_.count_pin_change();
       continue;
     }
     const std::optional<DetailLimit> coarser = detail.coarser();
@@ -356,30 +311,15 @@ WorkingSet::Prepared WorkingSet::load(const SensorCells& cells, Lock& lock, cons
 /// Selects and reads what the attempt's scene consists of. Throws InputError.
 WorkingSet::Outcome WorkingSet::make(Attempt& attempt, Lock& lock, const Progress& progress) {
   attempt.number = ++attempts_;
-  {
-    const std::lock_guard scenes(scenes_mutex_);
-    attempt.pins = pins_;
-  }
+  attempt.pins = scenes_.pins();
   attempt.cut = tiles::select_cut(*tree_, refinement_criterion(attempt.cells, attempt.detail));
   if (follows_sensors_) attempt.worst_px = largest_error_px(attempt.cut, attempt.cells);
-  attempt.scene = find_same(attempt.cut);
+  attempt.scene = scenes_.find_same(attempt.cut);
   if (attempt.scene) return Outcome::kMade;
   if (!take_known_tiles(attempt)) return Outcome::kTooLarge;
   const Outcome outcome = read_missing(attempt, lock, progress);
   if (outcome == Outcome::kMade) finish(attempt);
   return outcome;
-}
-
-/// A complete scene of the same tiles.
-std::shared_ptr<const ResidentScene> WorkingSet::find_same(const tiles::TileCut& cut) const {
-  const std::lock_guard lock(scenes_mutex_);
-  const auto is_same = [&](const Prepared& one) {
-    return one.scene->loaded().tiles_failed == 0 &&
-           std::ranges::equal(cut.contents, one.scene->tiles(), {}, key_of, &ResidentTile::key);
-  };
-  if (present_ && is_same(*present_)) return present_->scene;
-  const auto at = std::ranges::find_if(others_, is_same);
-  return at == others_.end() ? nullptr : at->scene;
 }
 
 /// Takes the tiles that are in memory; false if those whose size is known exceed the limit.
@@ -478,10 +418,7 @@ void WorkingSet::finish(Attempt& attempt) {
   loaded.tiles_loaded = loaded.tiles_wanted - loaded.tiles_failed;
   loaded.complete = loaded.tiles_failed == 0;
   for (const std::string& failure : loaded.failures) log_line(failure);
-  if (!loaded.complete) {
-    const std::lock_guard lock(scenes_mutex_);
-    last_failure_ = std::chrono::steady_clock::now();
-  }
+  if (!loaded.complete) scenes_.note_failure();
   ++scenes_built_;
   if (follows_sensors_) {
     attempt.scene = std::make_shared<const ResidentScene>(std::move(attempt.tiles), *frame_, std::move(loaded));
@@ -526,7 +463,7 @@ std::uintmax_t WorkingSet::estimate_bytes(const tiles::TileCut& cut, const Progr
 /// The detail at which to begin the search for one that fits: of the first scene, too large cuts are not read to find
 /// that out, if a sample tells. (Later ones differ little from the one before.)
 DetailLimit WorkingSet::first_detail(const SensorCells& cells, const Progress& progress) {
-  DetailLimit detail = detail_;
+  DetailLimit detail = scenes_.detail();
   while (true) {
     const tiles::TileCut cut = tiles::select_cut(*tree_, refinement_criterion(cells, detail));
     if (cut.contents.size() <= kSampledContents || estimate_bytes(cut, progress) <= scene_limit_bytes() * 3 / 2)
@@ -537,76 +474,16 @@ DetailLimit WorkingSet::first_detail(const SensorCells& cells, const Progress& p
   }
 }
 
-/// Forgets scenes until all fit into memory, with the tiles of the scene in the making: first those that were not used
-/// for longest, then those that lie ahead farthest. `ahead`: the scene in the making has to fit beside those that are
-/// needed before it; false if it does not.
+/// As PreparedScenes::make_room(), beside what is being made.
 bool WorkingSet::make_room(const Attempt* ahead) {
-  std::list<Prepared> gone;  // freed without the lock
-  const std::lock_guard lock(scenes_mutex_);
-  const auto rank = [&](const SensorCells& cells) { return std::ranges::find(ahead_, cells) - ahead_.begin(); };
-  others_.sort([&](const Prepared& a, const Prepared& b) { return rank(a.cells) < rank(b.cells); });
-  const auto first_after = std::ranges::find_if(
-      others_, [&](const Prepared& other) { return ahead == nullptr || rank(other.cells) >= rank(ahead->cells); });
-  std::set<const ResidentPart*> counted;
-  std::uintmax_t bytes = present_ ? count_bytes(*present_, counted) : 0;
-  for (auto at = others_.begin(); at != first_after; ++at) bytes += count_bytes(*at, counted);
-  for (const auto& part : preparing_) bytes += counted.insert(part.get()).second ? part->bytes() : 0;
-  if (ahead != nullptr && bytes > options_.max_memory_bytes) return false;
-  auto kept = static_cast<std::size_t>(std::distance(others_.begin(), first_after));
-  auto at = first_after;
-  for (; at != others_.end(); ++at) {
-    bytes += count_bytes(*at, counted);
-    if (++kept > kScenesKept || bytes > options_.max_memory_bytes) break;
-  }
-  gone.splice(gone.end(), others_, at, others_.end());
-  return true;
-}
-
-/// Of the tiles that were not counted before.
-std::uintmax_t WorkingSet::count_bytes(const Prepared& one, std::set<const ResidentPart*>& counted) const {
-  if (!follows_sensors_) return one.scene->loaded().bytes;
-  std::uintmax_t bytes = 0;
-  for (const ResidentTile& tile : one.scene->tiles())
-    bytes += tile.part && counted.insert(tile.part.get()).second ? tile.part->bytes() : 0;
-  return bytes;
-}
-
-std::uintmax_t WorkingSet::memory_bytes() const {
-  const std::lock_guard lock(scenes_mutex_);
-  std::set<const ResidentPart*> counted;
-  std::uintmax_t bytes = present_ ? count_bytes(*present_, counted) : 0;
-  for (const Prepared& other : others_) bytes += count_bytes(other, counted);
-  return bytes;
-}
-
-/// Asks for the scenes of the cells that the sensors are about to enter.
-void WorkingSet::plan_ahead(std::span<const SensorViewpoint> viewpoints) {
-  if (!options_.prefetch) return;
-  {
-    const std::lock_guard lock(scenes_mutex_);
-    std::optional<std::vector<SensorCells>> next = motion_.predict(viewpoints, kScenesAhead);
-    if (!next || *next == ahead_) return;
-    ahead_ = std::move(*next);
-    is_planned_ = true;
-  }
-  wake_.notify_all();
+  return scenes_.make_room(ahead == nullptr ? nullptr : &ahead->cells, preparing_, options_.max_memory_bytes);
 }
 
 /// Runs in a thread of its own, with the help of no other: clock and pictures have the remaining cores.
 void WorkingSet::prefetch(const std::stop_token& stop) {
   tbb::task_arena alone(1);
-  while (true) {
-    std::vector<SensorCells> ahead;
-    {
-      std::unique_lock lock(scenes_mutex_);
-      is_prefetching_ = false;
-      wake_.notify_all();
-      if (!wake_.wait(lock, stop, [this] { return is_planned_; })) return;
-      ahead = ahead_;
-      is_planned_ = false;
-      is_prefetching_ = true;
-    }
-    for (const SensorCells& cells : ahead) {
+  while (const std::optional<std::vector<SensorCells>> ahead = scenes_.wait_for_plan(stop)) {
+    for (const SensorCells& cells : *ahead) {
       while (alone.execute([&] { return prepare_ahead(cells); }) == Outcome::kInterrupted && is_ahead(cells))
         while (waiting_ > 0 && !stop.stop_requested()) std::this_thread::sleep_for(kWaitForOthers);
     }
@@ -618,18 +495,15 @@ void WorkingSet::prefetch(const std::stop_token& stop) {
 WorkingSet::Outcome WorkingSet::prepare_ahead(const SensorCells& cells) {
   try {
     Lock lock(loading_mutex_);
-    if (is_prepared(cells)) return Outcome::kMade;
+    if (scenes_.holds(cells)) return Outcome::kMade;
     if (is_interrupted(cells)) return Outcome::kInterrupted;
-    const DetailLimit wanted = wanted_detail();
+    const DetailLimit wanted = scenes_.detail();
     for (std::optional<DetailLimit> detail = wanted; detail; detail = detail->coarser()) {
       Attempt attempt(cells, wanted, *detail, When::kAhead);
       const Outcome outcome = make(attempt, lock, {});
       if (outcome == Outcome::kTooLarge && pinned_.empty()) continue;
       if (outcome != Outcome::kMade) return outcome;
-      {
-        const std::lock_guard scenes(scenes_mutex_);
-        others_.push_front(std::move(attempt).prepared());
-      }
+      scenes_.add(std::move(attempt).prepared());
       make_room(nullptr);
       return Outcome::kMade;
     }
@@ -640,39 +514,16 @@ WorkingSet::Outcome WorkingSet::prepare_ahead(const SensorCells& cells) {
   return Outcome::kNoRoom;
 }
 
-/// Whether the scene for these cells is at hand.
-bool WorkingSet::is_prepared(const SensorCells& cells) const {
-  const std::lock_guard lock(scenes_mutex_);
-  const auto serves = [&](const Prepared& one) { return one.cells == cells && one.pins == pins_; };
-  return (present_ && serves(*present_)) ||
-         std::ranges::any_of(others_, [&](const Prepared& one) { return serves(one) && one.wanted == detail_; });
-}
-
 /// Whether making the scene of these cells ahead must end: somebody waits, or they do not lie ahead any more.
 bool WorkingSet::is_interrupted(const SensorCells& cells) const { return waiting_ > 0 || !is_ahead(cells); }
 
 bool WorkingSet::is_ahead(const SensorCells& cells) const {
-  if (prefetcher_.get_stop_token().stop_requested()) return false;
-  const std::lock_guard lock(scenes_mutex_);
-  return std::ranges::find(ahead_, cells) != ahead_.end();
-}
-
-void WorkingSet::wait_until_prefetched() {
-  std::unique_lock lock(scenes_mutex_);
-  wake_.wait(lock, [this] { return !is_planned_ && !is_prefetching_; });
-}
-
-DetailLimit WorkingSet::wanted_detail() const {
-  const std::lock_guard lock(scenes_mutex_);
-  return detail_;
+  return !prefetcher_.get_stop_token().stop_requested() && scenes_.is_ahead(cells);
 }
 
 Vec3 WorkingSet::anchor() const {
   return placement_.region.size.norm() < kMaxAnchoredExtent_m ? placement_.region.center : Vec3(Vec3::Zero());
 }
-
-/// Whether to retry tiles that could not be read; requires scenes_mutex_.
-bool WorkingSet::may_retry() const { return std::chrono::steady_clock::now() - last_failure_ >= options_.retry_after; }
 
 LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m,
                                     std::span<const SensorViewpoint> viewpoints) {
@@ -682,22 +533,16 @@ LoadedRegion WorkingSet::add_region(const Box3& box_local, double error_m,
   const std::vector<PinnedRegion> before = pinned_;
   if (pinned_.size() >= kMaxPinned) pinned_.erase(pinned_.begin());
   pinned_.push_back({{box_local.center(), box_local.sizes(), {}}, error_m});
-  count_pin_change();
-  Attempt attempt(follows_sensors_ ? cells_around(viewpoints) : SensorCells{}, wanted_detail(), wanted_detail());
+  scenes_.count_pin_change();
+  Attempt attempt(follows_sensors_ ? cells_around(viewpoints) : SensorCells{}, scenes_.detail(), scenes_.detail());
   if (make(attempt, lock, {}) != Outcome::kMade) {
     pinned_ = before;
-    count_pin_change();
+    scenes_.count_pin_change();
     throw InputError(transport::redact_source(options_.source),
                      "the region needs more memory than is left: request a smaller region or coarser tiles");
   }
   enter(std::move(attempt).prepared());
   return current()->loaded();
-}
-
-/// Scenes made for other pinned regions are of no use any more.
-void WorkingSet::count_pin_change() {
-  const std::lock_guard lock(scenes_mutex_);
-  ++pins_;
 }
 
 geometry::TriangleMesh WorkingSet::triangles_in(const Box3& box_local, double error_m) const {

@@ -1,15 +1,11 @@
 #pragma once
 
 #include <atomic>
-#include <chrono>
-#include <condition_variable>
 #include <functional>
-#include <list>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <thread>
@@ -17,6 +13,7 @@
 #include <vector>
 
 #include "tileflight/geometry/geodesy.h"
+#include "tileflight/simulator/prepared_scenes.h"
 #include "tileflight/simulator/resident_scene.h"
 #include "tileflight/simulator/sensor_cells.h"
 #include "tileflight/simulator/simulator.h"
@@ -64,13 +61,13 @@ class WorkingSet {
   /// Number of calls of load_for() that had to wait for a scene.
   std::uint64_t waits() const { return waits_; }
   /// Of all tiles in memory: of the current scene, and of others that are kept or made ahead.
-  std::uintmax_t memory_bytes() const;
+  std::uintmax_t memory_bytes() const { return scenes_.memory_bytes(); }
 
   /// Returns a scene with everything that the sensors need, loading it if necessary. Throws InputError if not even the
   /// coarsest tiles fit.
   std::shared_ptr<const ResidentScene> load_for(std::span<const SensorViewpoint> viewpoints);
   /// The scene of the latest load_for().
-  std::shared_ptr<const ResidentScene> current() const;
+  std::shared_ptr<const ResidentScene> current() const { return scenes_.current(); }
   /// Also keeps this region in memory from now on, at this error; only the latest 32 regions are kept. Throws
   /// InputError.
   LoadedRegion add_region(const geometry::Box3& box_local, double error_m, std::span<const SensorViewpoint> viewpoints);
@@ -80,21 +77,12 @@ class WorkingSet {
   /// Height of the highest surface at a horizontal position of the local frame, not above `below_z`.
   std::optional<double> surface_z(double x, double y, double below_z) const;
   /// Waits until no scene is being made ahead, or about to be. For tests.
-  void wait_until_prefetched();
+  void wait_until_prefetched() { scenes_.wait_until_prepared(); }
 
  private:
   struct PinnedRegion {
     tiles::Region region;
     double error_m = 0.0;
-  };
-  /// A scene, and what it was made for.
-  struct Prepared {
-    SensorCells cells;
-    DetailLimit wanted;      ///< limit at which the search for one that fits began
-    DetailLimit detail;      ///< that of the scene
-    std::uint64_t pins = 0;  ///< number of changes of the pinned regions before
-    double worst_px = 0.0;   ///< largest error of a tile
-    std::shared_ptr<const ResidentScene> scene;
   };
   /// What is known of a tile's content.
   struct KnownTile {
@@ -116,9 +104,8 @@ class WorkingSet {
   double largest_error_px(const tiles::TileCut& cut, const SensorCells& cells) const;
 
   // Making scenes. `lock` holds loading_mutex_; a scene that is made ahead gives it up in between.
-  Prepared load(const SensorCells& cells, Lock& lock, const Progress& progress);
+  PreparedScene load(const SensorCells& cells, Lock& lock, const Progress& progress);
   Outcome make(Attempt& attempt, Lock& lock, const Progress& progress);
-  std::shared_ptr<const ResidentScene> find_same(const tiles::TileCut& cut) const;
   bool take_known_tiles(Attempt& attempt);
   Outcome read_missing(Attempt& attempt, Lock& lock, const Progress& progress);
   bool read_batch(Attempt& attempt, std::span<const std::size_t> batch, const Progress& progress);
@@ -127,18 +114,14 @@ class WorkingSet {
   std::uintmax_t estimate_bytes(const tiles::TileCut& cut, const Progress& progress);
   DetailLimit first_detail(const SensorCells& cells, const Progress& progress);
 
-  // Scenes at hand.
   std::shared_ptr<const ResidentScene> enter_prepared(const SensorCells& cells);
-  void enter(Prepared next);
+  void enter(PreparedScene next);
+  void tell_detail(const PreparedScenes::Entered& entered);
   bool make_room(const Attempt* ahead);
-  std::uintmax_t count_bytes(const Prepared& one, std::set<const ResidentPart*>& counted) const;
-  void tell_detail(const DetailLimit& before, const DetailLimit& now) const;
 
   // Prefetching.
-  void plan_ahead(std::span<const SensorViewpoint> viewpoints);
   void prefetch(const std::stop_token& stop);
   Outcome prepare_ahead(const SensorCells& cells);
-  bool is_prepared(const SensorCells& cells) const;
   bool is_interrupted(const SensorCells& cells) const;
   bool is_ahead(const SensorCells& cells) const;
 
@@ -146,9 +129,6 @@ class WorkingSet {
   geometry::TriangleMesh read_triangles(const geometry::Box3& box_local, double error_m, Broken tiles) const;
   void log_line(const std::string& line) const;
   geometry::Vec3 anchor() const;
-  bool may_retry() const;
-  DetailLimit wanted_detail() const;
-  void count_pin_change();
   /// Of one scene. What follows the sensors shares most of its tiles with the next scene, which must fit beside it.
   std::uintmax_t scene_limit_bytes() const { return options_.max_memory_bytes / 6 * (follows_sensors_ ? 4 : 3); }
 
@@ -163,26 +143,15 @@ class WorkingSet {
   std::atomic<double> error_px_{1.0};
   std::atomic<std::uint64_t> scenes_built_{0}, tiles_read_{0}, waits_{0};
 
-  /// Guards what follows, and reading. Locked before scenes_mutex_.
+  PreparedScenes scenes_;
+
+  /// Guards what follows, and reading.
   mutable std::mutex loading_mutex_;
   std::vector<PinnedRegion> pinned_;
   std::map<TileKey, KnownTile> known_tiles_;
   std::vector<std::shared_ptr<const ResidentPart>> preparing_;  ///< of the scene that is being made
   std::uint64_t attempts_ = 0;                                  ///< to make a scene
   std::vector<std::string> attribution_;
-
-  /// Guards what follows; held for moments only.
-  mutable std::mutex scenes_mutex_;
-  std::optional<Prepared> present_;
-  std::list<Prepared> others_;  ///< entered before or made ahead, the latest first
-  DetailLimit detail_;
-  std::uint64_t pins_ = 0;
-  std::chrono::steady_clock::time_point last_failure_{};
-  SensorMotion motion_;
-  std::vector<SensorCells> ahead_;  ///< cells to prepare
-  bool is_planned_ = false;         ///< `ahead_` is not yet being worked on
-  bool is_prefetching_ = false;
-  std::condition_variable_any wake_;
 
   mutable std::atomic<int> waiting_{0};  ///< callers that wait for a scene
   std::jthread prefetcher_;              ///< last member: ends first

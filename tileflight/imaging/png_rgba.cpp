@@ -1,4 +1,4 @@
-#include "tileflight/simulator/png_rgba.h"
+#include "tileflight/imaging/png_rgba.h"
 
 #include <tbb/parallel_for.h>
 #include <zlib.h>
@@ -9,20 +9,20 @@
 #include <stdexcept>
 #include <string_view>
 
-namespace tileflight::simulator {
+namespace tileflight::imaging {
 namespace {
 
-using Bytes = std::vector<std::uint8_t>;
+using PngBytes = std::vector<std::uint8_t>;
 
 constexpr int kStripeRows = 128;
 constexpr int kLevel = 1;
 
-void append_big_endian(Bytes& to, std::uint32_t value) {
+void append_big_endian(PngBytes& to, std::uint32_t value) {
   for (int shift = 24; shift >= 0; shift -= 8) to.push_back(static_cast<std::uint8_t>(value >> shift));
 }
 
 /// W3C PNG specification, section 5.3: length, type, data, CRC over type and data.
-void append_chunk(Bytes& to, std::string_view type, std::span<const std::uint8_t> data) {
+void append_chunk(PngBytes& to, std::string_view type, std::span<const std::uint8_t> data) {
   append_big_endian(to, static_cast<std::uint32_t>(data.size()));
   const std::size_t begin = to.size();
   to.insert(to.end(), type.begin(), type.end());
@@ -32,9 +32,9 @@ void append_chunk(Bytes& to, std::string_view type, std::span<const std::uint8_t
 }
 
 /// Filtered rows of a stripe: the filter's number, then differences to the row above.
-Bytes filter_rows(const imaging::RgbImage& image, int begin, int end) {
+PngBytes filter_rows(const RgbImage& image, int begin, int end) {
   constexpr std::uint8_t kUp = 2;
-  Bytes rows;
+  PngBytes rows;
   rows.reserve(static_cast<std::size_t>(end - begin) * (static_cast<std::size_t>(image.width) * 4 + 1));
   for (int y = begin; y < end; ++y) {
     rows.push_back(kUp);
@@ -49,13 +49,13 @@ Bytes filter_rows(const imaging::RgbImage& image, int begin, int end) {
 }
 
 struct Stripe {
-  Bytes deflated;
+  PngBytes deflated;
   uLong adler = 0;
   z_off_t size = 0;
 };
 
 /// A part of a raw deflate stream that ends on a byte boundary; the last one ends the stream.
-Stripe deflate_rows(const Bytes& rows, bool last) {
+Stripe deflate_rows(const PngBytes& rows, bool last) {
   z_stream stream{};
   if (deflateInit2(&stream, kLevel, Z_DEFLATED, -15, 8, Z_DEFAULT_STRATEGY) != Z_OK)
     throw std::runtime_error("zlib: out of memory");
@@ -74,7 +74,7 @@ Stripe deflate_rows(const Bytes& rows, bool last) {
 }
 
 /// RFC 1950: a header of two bytes, the stream, the checksum of its content.
-Bytes zlib_stream(const imaging::RgbImage& image) {
+PngBytes zlib_stream(const RgbImage& image) {
   const int count = (image.height + kStripeRows - 1) / kStripeRows;
   std::vector<Stripe> stripes(static_cast<std::size_t>(count));
   tbb::parallel_for(0, count, [&](int i) {
@@ -82,7 +82,7 @@ Bytes zlib_stream(const imaging::RgbImage& image) {
     stripes[static_cast<std::size_t>(i)] =
         deflate_rows(filter_rows(image, begin, std::min(image.height, begin + kStripeRows)), i + 1 == count);
   });
-  Bytes all{0x78, 0x01};
+  PngBytes all{0x78, 0x01};
   uLong adler = 1;
   for (const Stripe& stripe : stripes) {
     all.insert(all.end(), stripe.deflated.begin(), stripe.deflated.end());
@@ -94,9 +94,9 @@ Bytes zlib_stream(const imaging::RgbImage& image) {
 
 }  // namespace
 
-Bytes encode_png_rgba(const imaging::RgbImage& image) {
-  Bytes png{0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
-  Bytes header;
+std::vector<std::uint8_t> encode_png_rgba(const RgbImage& image) {
+  PngBytes png{0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  PngBytes header;
   append_big_endian(header, static_cast<std::uint32_t>(image.width));
   append_big_endian(header, static_cast<std::uint32_t>(image.height));
   for (const std::uint8_t value : {8, 6, 0, 0, 0}) header.push_back(value);  // bits, RGBA, deflate, filters, in rows
@@ -106,4 +106,4 @@ Bytes encode_png_rgba(const imaging::RgbImage& image) {
   return png;
 }
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::imaging

@@ -5,11 +5,11 @@
 
 #include "tileflight/imaging/image.h"
 
-namespace tileflight::simulator {
+namespace tileflight::imaging {
 
 /// Encodes an 8-bit RGBA PNG with alpha 255 everywhere, as AirSim's clients expect. Optimized for speed rather than
 /// size: rows are filtered as differences to the row above (filter "up") and deflated in stripes by several threads;
 /// the bytes do not depend on the number of threads.
-std::vector<std::uint8_t> encode_png_rgba(const imaging::RgbImage& image);
+std::vector<std::uint8_t> encode_png_rgba(const RgbImage& image);
 
-}  // namespace tileflight::simulator
+}  // namespace tileflight::imaging
