@@ -40,7 +40,7 @@ double area_of(const SourceTriangle& t) {
   return (t.corner(1) - t.corner(0)).cross(t.corner(2) - t.corner(0)).norm() / 2;
 }
 
-std::optional<double> texels_of(const SourceTriangle& t, const SurfaceAppearance& look) {
+std::optional<double> source_texels(const SourceTriangle& t, const SurfaceAppearance& look) {
   if (!look.texture) return std::nullopt;
   const auto uv = [&](std::size_t k) { return Eigen::Vector2f(t.uv[k].data()); };
   return texels_between({uv(0), uv(1), uv(2)}, look.texture->width, look.texture->height);
@@ -191,7 +191,7 @@ class LargeMeshTiler {
     MeasuredSample sample;
     std::uint64_t number = 0;
     const std::int64_t flat = mesh_.for_each_triangle([&](const SourceTriangle& t) {
-      const float weight = all.add(area_of(t), texels_of(t, mesh_.materials[t.material]));
+      const float weight = all.add(area_of(t), source_texels(t, mesh_.materials[t.material]));
       if (base::splitmix64_hash(number++) % every != 0) return;  // no pattern of the file's order can hide from it
       sample.middles.push_back(middle_of(t));
       sample.weights.push_back(weight);
