@@ -3,9 +3,10 @@
 peak memory and bytes written, a line a run, as a Markdown table and as JSON.
 
     city_growth.py build/release/bin/tileflight /tmp/growth --copies 1 2 4 8
+    city_growth.py build/release/bin/tileflight /tmp/growth --copies 4 --commands extract render --ranks 1 4
 
-The flight crosses each city from corner to corner, 20 frames, 30 degrees down, 155 degrees wide. Results are removed
-after each run, the cities stay.
+Peak memory is that of one process (of ranks of MPI: the largest). The flight crosses each city from corner to corner,
+20 frames, 30 degrees down, 155 degrees wide. Results are removed after each run, the cities stay.
 """
 import argparse
 import json
@@ -31,7 +32,8 @@ CAMERA = """cam0:
 def flight(copies):
     x, y = 0.8 * copies * HALF_X_M, 0.8 * copies * HALF_Y_M
     speed = 2 * (x * x + y * y) ** 0.5 / 19
-    return (f"camera: camera.yaml\nfps: 1\nmax_frames: 20\nspeed_m_s: {speed:.3f}\nacceleration_m_s2: 1000\nwaypoints:\n"
+    return (f"camera: camera.yaml\nfps: 1\nmax_frames: 20\nspeed_m_s: {speed:.3f}\nacceleration_m_s2: 1000\n"
+            f"waypoints:\n"
             f"  - {{position: [{-x:.1f}, {-y:.1f}, {HEIGHT_M}], yaw_deg: 56, pitch_deg: -30}}\n"
             f"  - {{position: [{x:.1f}, {y:.1f}, {HEIGHT_M}], yaw_deg: 56, pitch_deg: -30}}\n")
 
@@ -41,31 +43,39 @@ def bytes_below(path):
 
 
 def run(words, out):
-    """Runs a command; {seconds, cpu_seconds, memory_mb, bytes, exit}."""
+    """Runs a command; {seconds, cpu_seconds, memory_mb, bytes_mb, exit, message}."""
     shutil.rmtree(out, ignore_errors=True)
     started = time.monotonic()
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    message = process.stderr.read()
+    messages = process.stderr.read().strip().splitlines()
     _, status, usage = os.wait4(process.pid, 0)
     result = {"seconds": round(time.monotonic() - started, 1), "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 1),
               "memory_mb": round(usage.ru_maxrss / 1000), "bytes_mb": round(bytes_below(out) / 1e6),
-              "exit": os.waitstatus_to_exitcode(status), "message": message.strip().splitlines()[-1:] and message.strip().splitlines()[-1]}
+              "exit": os.waitstatus_to_exitcode(status), "message": messages[-1] if messages else ""}
     shutil.rmtree(out, ignore_errors=True)
     return result
 
 
+def with_ranks(words, ranks):
+    if ranks == 1:
+        return words
+    return ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "-n", str(ranks), *words]
+
+
 def commands(program, city, work, arguments):
-    out = str(work / "out")
-    source = str(city / "tileset.json")
+    source, flight_file = str(city / "tileset.json"), str(city / "flight.yaml")
+    out = ["--out", str(work / "out"), "--quiet"]
+    memory = ["--memory", str(arguments.memory)]
     return {
         "inspect": [program, "inspect", source],
-        "extract": [program, "extract", source, "--voxel", "1", "--block", str(arguments.block), "--out", out, "--quiet"],
-        "extract-whole": [program, "extract", source, "--voxel", "1", "--out", out, "--quiet"],
-        "coverage": [program, "coverage", source, "--flight", str(city / "flight.yaml"), "--frames", "20", "--width", "160",
-                     "--memory", str(arguments.memory), "--out", out, "--quiet"],
-        "render": [program, "render", source, "--flight", str(city / "flight.yaml"), "--memory", str(arguments.memory),
-                   "--pixel-error", str(arguments.pixel_error), "--out", out, "--quiet"],
+        "extract": [program, "extract", source, "--voxel", "1", "--block", str(arguments.block), *out],
+        "extract-whole": [program, "extract", source, "--voxel", "1", *out],
+        "coverage": [program, "coverage", source, "--flight", flight_file, "--frames", "20", "--width", "160", *memory,
+                     *out],
+        "render": [program, "render", source, "--flight", flight_file, "--pixel-error", str(arguments.pixel_error),
+                   *memory, *out],
     }
+
 
 
 def main():
@@ -74,23 +84,28 @@ def main():
     parser.add_argument("work", type=pathlib.Path, help="folder for cities and results")
     parser.add_argument("--copies", type=int, nargs="+", default=[1, 2, 4, 8], help="copies along each axis")
     parser.add_argument("--commands", nargs="+", default=["inspect", "extract", "coverage", "render"])
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1], help="processes of MPI, of extract and render")
     parser.add_argument("--block", type=float, default=250, help="metres")
     parser.add_argument("--memory", type=float, default=1, help="GB, of coverage and render")
     parser.add_argument("--pixel-error", type=float, default=16, help="of render")
     arguments = parser.parse_args()
+    columns = ["command", "copies", "ranks", "cpu_seconds", "seconds", "memory_mb", "bytes_mb"]
+    print("| " + " | ".join(columns) + " |\n" + "| --- " * len(columns) + "|")
     rows = []
-    print("| command | copies | processor time, s | wall-clock, s | peak memory, MB | written, MB |\n| --- | --- | --- | --- | --- | --- |")
     for count in arguments.copies:
         city = arguments.work / f"city{count * count}"
         maker = pathlib.Path(__file__).with_name("make_city.py")
         subprocess.run([sys.executable, str(maker), str(count), str(city)], check=True)
         (city / "camera.yaml").write_text(CAMERA)
         (city / "flight.yaml").write_text(flight(count))
+        words = commands(arguments.program, city, arguments.work, arguments)
         for name in arguments.commands:
-            row = {"command": name, "copies": count * count, **run(commands(arguments.program, city, arguments.work, arguments)[name], arguments.work / "out")}
-            rows.append(row)
-            note = "" if row["exit"] == 0 else f" (exit {row['exit']}: {row['message']})"
-            print(f"| {name}{note} | {row['copies']} | {row['cpu_seconds']} | {row['seconds']} | {row['memory_mb']} | {row['bytes_mb']} |", flush=True)
+            for ranks in arguments.ranks:
+                row = {"command": name, "copies": count * count, "ranks": ranks}
+                row |= run(with_ranks(words[name], ranks), arguments.work / "out")
+                rows.append(row)
+                failure = "" if row["exit"] == 0 else f" exit {row['exit']}: {row['message']}"
+                print("| " + " | ".join(str(row[column]) for column in columns) + " |" + failure, flush=True)
     (arguments.work / "growth.json").write_text(json.dumps(rows, indent=1))
 
 
