@@ -62,20 +62,22 @@ def with_ranks(words, ranks):
     return ["mpirun", "--allow-run-as-root", "--oversubscribe", "--bind-to", "none", "-n", str(ranks), *words]
 
 
-def commands(program, city, work, arguments):
+def commands(count, city, arguments):
+    program, work = arguments.program, arguments.work
     source, flight_file = str(city / "tileset.json"), str(city / "flight.yaml")
     out = ["--out", str(work / "out"), "--quiet"]
     memory = ["--memory", str(arguments.memory)]
+    size = [2 * count * HALF_X_M, 2 * count * HALF_Y_M, 80]
+    region = ["--center-local", "0,0,19", "--size", ",".join(str(round(s, 1)) for s in size)]
     return {
         "inspect": [program, "inspect", source],
-        "extract": [program, "extract", source, "--voxel", "1", "--block", str(arguments.block), *out],
-        "extract-whole": [program, "extract", source, "--voxel", "1", *out],
+        "extract": [program, "extract", source, *region, "--voxel", "1", "--block", str(arguments.block), *out],
+        "extract-whole": [program, "extract", source, *region, "--voxel", "1", *out],
         "coverage": [program, "coverage", source, "--flight", flight_file, "--frames", "20", "--width", "160", *memory,
                      *out],
         "render": [program, "render", source, "--flight", flight_file, "--pixel-error", str(arguments.pixel_error),
                    *memory, *out],
     }
-
 
 
 def main():
@@ -98,7 +100,7 @@ def main():
         subprocess.run([sys.executable, str(maker), str(count), str(city)], check=True)
         (city / "camera.yaml").write_text(CAMERA)
         (city / "flight.yaml").write_text(flight(count))
-        words = commands(arguments.program, city, arguments.work, arguments)
+        words = commands(count, city, arguments)
         for name in arguments.commands:
             for ranks in arguments.ranks:
                 row = {"command": name, "copies": count * count, "ranks": ranks}
